@@ -1,0 +1,163 @@
+"""What the experimenter does to the true world: one struct per move, told apart by `do`.
+
+Each event starts `at` a time (s after the start) or once the condition `when` has come true, plus `delay` seconds.
+The plant carries out all moves but `kill`, which is the runner's.
+"""
+
+from __future__ import annotations
+
+from typing import ClassVar, Literal
+
+import msgspec
+
+from agents.scenario.conditions import Condition, parse_condition
+from agents.scenario.units import Length, Radians, Rotation, Seconds, Speed, Vector2, Vector3
+
+
+class EventBase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="do"):
+    """When an event starts: `at` or `when`, exactly one of them."""
+
+    by_runner: ClassVar[bool] = False
+    """The runner carries it out, not the plant."""
+
+    at: Seconds | None = None
+    """s after the start"""
+    when: str | None = None
+    """Condition on the true world, e.g. `built(cube_3, cube_4) and resting(cube_6)`."""
+    delay: Seconds = 0.0
+    """s after `at`, or after `when` came true"""
+
+    @property
+    def condition(self) -> Condition | None:
+        """The parsed `when`."""
+        return None if self.when is None else parse_condition(self.when)
+
+    @property
+    def named_objects(self) -> tuple[str, ...]:
+        """Names of the objects that the event itself mentions."""
+        return ()
+
+
+class ObjectEvent(EventBase, frozen=True, kw_only=True):
+    """An event that acts on one object."""
+
+    object: str
+
+    @property
+    def named_objects(self) -> tuple[str, ...]:
+        """The object acted on."""
+        return (self.object,)
+
+
+class Place(ObjectEvent, frozen=True, kw_only=True, tag="place"):
+    """Put the object down somewhere else at once: at `position`, or on top of the object `onto`."""
+
+    position: Vector3 | None = None
+    """m, centre, world"""
+    onto: str | None = None
+    """Object on whose present true pose it is centred."""
+    offset: Vector2 = (0.0, 0.0)
+    """m, along world x and y from the centre of `onto`"""
+    yaw: Radians | None = None
+    """rad; default: as before"""
+
+    @property
+    def named_objects(self) -> tuple[str, ...]:
+        """The object acted on and the one below."""
+        return (self.object,) if self.onto is None else (self.object, self.onto)
+
+
+class Slide(ObjectEvent, frozen=True, kw_only=True, tag="slide"):
+    """Push the object over its support in a straight line."""
+
+    to: Vector2
+    """m, x and y of the centre at the end, world"""
+    yaw: Radians | None = None
+    """rad at the end; default: as before"""
+    speed: Speed = 0.1
+    """m/s"""
+    contents: bool = True
+    """Everything on or in it comes along rigidly."""
+
+
+class Carry(ObjectEvent, frozen=True, kw_only=True, tag="carry"):
+    """Lift the object by `height`, move it over `to`, put it down there."""
+
+    to: Vector3
+    """m, centre at the end, world"""
+    yaw: Radians | None = None
+    """rad at the end; default: as before"""
+    height: Length = 0.15
+    """m above the higher one of start and end"""
+    speed: Speed = 0.2
+    """m/s"""
+    contents: bool = True
+    """Everything on or in it comes along rigidly."""
+
+
+class Lift(ObjectEvent, frozen=True, kw_only=True, tag="lift"):
+    """Raise the object and hold it in the air until `drop`, `place`, `carry` or `slide`."""
+
+    height: Length
+    """m above where it is"""
+    speed: Speed = 0.2
+    """m/s"""
+    contents: bool = True
+    """Everything on or in it comes along rigidly."""
+
+
+class Tilt(ObjectEvent, frozen=True, kw_only=True, tag="tilt"):
+    """Turn the object about its centre and hold it so until `drop`, `place`, `carry` or `slide`."""
+
+    angle: Radians
+    """rad about `axis`"""
+    axis: Vector3 = (1.0, 0.0, 0.0)
+    """Direction of the axis, world."""
+    speed: Speed = 1.0
+    """rad/s"""
+
+
+class Drop(ObjectEvent, frozen=True, kw_only=True, tag="drop"):
+    """Let go of an object that `lift` or `tilt` holds."""
+
+
+class Remove(ObjectEvent, frozen=True, kw_only=True, tag="remove"):
+    """Take the object out of the scene altogether."""
+
+
+class CameraBump(EventBase, frozen=True, kw_only=True, tag="camera_bump"):
+    """Move the true camera; the working memory is not told."""
+
+    translation: Vector3 = (0.0, 0.0, 0.0)
+    """m, in the camera's optical frame (x right, y down, z forward)"""
+    rotation: Rotation = (0.0, 0.0, 0.0)
+    """Rotation vector, rad, in the camera's optical frame."""
+    camera: Literal["overhead", "wrist"] | None = None
+    """Default: the scenario's camera."""
+
+
+class CameraCover(EventBase, frozen=True, kw_only=True, tag="camera_cover"):
+    """Cover the lens: the image is black and the depth unknown for `duration` seconds."""
+
+    duration: Seconds
+    camera: Literal["overhead", "wrist"] | None = None
+    """Default: the scenario's camera."""
+
+
+class Kill(EventBase, frozen=True, kw_only=True, tag="kill"):
+    """Kill an agent's process without warning (SIGKILL); the launcher restarts it.
+
+    In lockstep the agent is dropped and made anew after a back-off. Needs `at`.
+    """
+
+    by_runner: ClassVar[bool] = True
+
+    agent: str
+
+
+Event = Place | Slide | Carry | Lift | Tilt | Drop | Remove | CameraBump | CameraCover | Kill
+EVENTS: dict[str, type[Event]] = {
+    str(kind.__struct_config__.tag): kind
+    for kind in (Place, Slide, Carry, Lift, Tilt, Drop, Remove, CameraBump, CameraCover, Kill)
+}
+"""The kinds of event by their `do`."""

@@ -1,0 +1,142 @@
+"""What must hold in the working memory: one struct per check, told apart by `check`.
+
+A check is judged `at` a time (default: the end). Those with `after` look at the whole window from there on; its
+default is the scenario's `settle`. `objects` defaults to all objects that are then in the true world.
+"""
+
+from __future__ import annotations
+
+import msgspec
+
+from agents.scenario.units import Noise, Radians, Seconds
+
+
+class Expectation(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="check"):
+    """When a check is judged."""
+
+    at: Seconds | None = None
+    """s after the start; default: the end"""
+
+    @property
+    def named_objects(self) -> tuple[str, ...]:
+        """Names of the objects that the check mentions."""
+        return ()
+
+
+class ObjectsExpectation(Expectation, frozen=True, kw_only=True):
+    """A check of each of some objects."""
+
+    objects: tuple[str, ...] | None = None
+    """Default: all objects that are in the true world at that time."""
+
+    @property
+    def named_objects(self) -> tuple[str, ...]:
+        """The objects listed."""
+        return self.objects or ()
+
+
+class BeliefCloserThanPercept(
+    ObjectsExpectation, frozen=True, kw_only=True, tag="belief_closer_than_percept"
+):
+    """The mean position error of the belief is smaller than the percept's, over the window, while seen."""
+
+    after: Seconds | None = None
+
+
+class NoInterpenetration(ObjectsExpectation, frozen=True, kw_only=True, tag="no_interpenetration"):
+    """No two beliefs, and no belief and the table, overlap deeper than `tolerance` anywhere in the window."""
+
+    tolerance: Noise = 0.0005
+    """m"""
+    after: Seconds | None = None
+
+
+class Resting(ObjectsExpectation, frozen=True, kw_only=True, tag="resting"):
+    """The belief stands on the table or on another belief, with a gap of at most `tolerance`, and is still."""
+
+    tolerance: Noise = 0.001
+    """m"""
+
+
+class RestingHeight(ObjectsExpectation, frozen=True, kw_only=True, tag="resting_height"):
+    """The height of the belief differs from the true one by at most `tolerance`."""
+
+    tolerance: Noise = 0.001
+    """m"""
+
+
+class NoDrift(ObjectsExpectation, frozen=True, kw_only=True, tag="no_drift"):
+    """The belief never gets further than `tolerance` from where it was when the window began."""
+
+    tolerance: Noise = 0.001
+    """m"""
+    after: Seconds | None = None
+
+
+class BeliefError(ObjectsExpectation, frozen=True, kw_only=True, tag="belief_error"):
+    """The belief is within `tolerance` of the truth, and within `angle` if that is given."""
+
+    tolerance: Noise = 0.005
+    """m"""
+    angle: Radians | None = None
+    """rad; default: the rotation is not judged"""
+
+
+class Perceived(ObjectsExpectation, frozen=True, kw_only=True, tag="perceived"):
+    """The attribute `perceived` of the objects is `value`."""
+
+    value: bool = True
+
+
+class Attribute(Expectation, frozen=True, kw_only=True, tag="attribute"):
+    """The attribute `name` of `node` equals `value` (numbers: within `tolerance`)."""
+
+    node: str
+    name: str
+    value: bool | int | float | str
+    tolerance: float = 1e-9
+
+
+class Edges(Expectation, frozen=True, kw_only=True, tag="edges"):
+    """All edges `present` are in the graph and none that is `absent`; each is a pair source, destination."""
+
+    type: str = "on"
+    present: tuple[tuple[str, str], ...] = ()
+    absent: tuple[tuple[str, str], ...] = ()
+
+
+class Recovered(Expectation, frozen=True, kw_only=True, tag="recovered"):
+    """The agent, killed by an event, runs again no later than `within` seconds after."""
+
+    agent: str
+    within: Seconds = 10.0
+
+
+Check = (
+    BeliefCloserThanPercept
+    | NoInterpenetration
+    | Resting
+    | RestingHeight
+    | NoDrift
+    | BeliefError
+    | Perceived
+    | Attribute
+    | Edges
+    | Recovered
+)
+CHECKS: dict[str, type[Check]] = {
+    str(kind.__struct_config__.tag): kind
+    for kind in (
+        BeliefCloserThanPercept,
+        NoInterpenetration,
+        Resting,
+        RestingHeight,
+        NoDrift,
+        BeliefError,
+        Perceived,
+        Attribute,
+        Edges,
+        Recovered,
+    )
+}
+"""The kinds of expectation by their `check`."""

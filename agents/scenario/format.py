@@ -1,0 +1,145 @@
+"""The scenario file format: read one with `load_scenario`; everything a reader needs is exported here.
+
+The struct of the file is `Scenario` (model.py), of the moves `Event` (events.py), of what must hold `Check`
+(expectations.py). docs/scenarios.md describes the format for users.
+
+Time: the plant simulates from the moment it runs, but the timeline starts when a `Start` arrives on
+`start_key(keys)`; until then nothing of `events` happens. The runner repeats it once a second, so a plant that was
+restarted carries on at the right time.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from agents.scenario.checks import Inconsistent, check_scenario
+from agents.scenario.conditions import PREDICATES, Condition, Term
+from agents.scenario.events import (
+    EVENTS,
+    CameraBump,
+    CameraCover,
+    Carry,
+    Drop,
+    Event,
+    Kill,
+    Lift,
+    Place,
+    Remove,
+    Slide,
+    Tilt,
+)
+from agents.scenario.expectations import Check
+from agents.scenario.explain import syntax_error, type_error, value_error
+from agents.scenario.layout import start_poses
+from agents.scenario.lines import Path as ValuePath
+from agents.scenario.model import ObjectSpec, RandomSpec, RobotSpec, Scenario, SensorSpec, TableSpec
+from dsr.errors import ConfigError, suggest
+from dsr.keys import Keys
+
+__all__ = [
+    "EVENTS",
+    "PREDICATES",
+    "CameraBump",
+    "CameraCover",
+    "Carry",
+    "Check",
+    "Condition",
+    "Drop",
+    "Event",
+    "Kill",
+    "Lift",
+    "ObjectSpec",
+    "Place",
+    "RandomSpec",
+    "Remove",
+    "RobotSpec",
+    "Scenario",
+    "SensorSpec",
+    "Slide",
+    "Start",
+    "TableSpec",
+    "Term",
+    "Tilt",
+    "find_scenario",
+    "load_scenario",
+    "parse_scenario",
+    "scenario_files",
+    "start_key",
+    "start_poses",
+]
+
+_PACKAGE_ETC = Path(__file__).resolve().parents[2] / "etc"
+
+
+class Start(msgspec.Struct, frozen=True):
+    """The message that starts the timeline, MessagePack."""
+
+    stamp: float
+    """s, time 0 of the scenario"""
+
+
+def start_key(keys: Keys) -> str:
+    """Where the runner sends `Start` to the plant."""
+    return keys.device("scenario/start")
+
+
+def load_scenario(name_or_path: str | Path) -> Scenario:
+    """The scenario of a file, or the built-in one of that name. Raises `ConfigError`."""
+    file = find_scenario(name_or_path)
+    try:
+        text = file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"cannot be read: {error}", file=str(file)) from error
+    return parse_scenario(text, str(file))
+
+
+def find_scenario(name_or_path: str | Path) -> Path:
+    """The file of a scenario: a path ending in `.toml`, or the name of a built-in one."""
+    path = Path(name_or_path)
+    if path.suffix == ".toml":
+        return path
+    known = scenario_files()
+    if str(name_or_path) not in known:
+        raise ConfigError(f"unknown scenario {str(name_or_path)!r}; {suggest(str(name_or_path), known)}")
+    return known[str(name_or_path)]
+
+
+def scenario_files() -> dict[str, Path]:
+    """Built-in scenarios by name: `etc/scenarios` here or where the package is installed from."""
+    folders = (_PACKAGE_ETC / "scenarios", Path("etc/scenarios"))
+    return {file.stem: file for folder in folders for file in sorted(folder.glob("*.toml"))}
+
+
+def parse_scenario(text: str, file: str = "<text>") -> Scenario:
+    """The scenario written in `text`; `file` is named in errors. Raises `ConfigError`."""
+    try:
+        data = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise syntax_error(error, file) from error
+    for path, value in _floats(data, ()):
+        if not math.isfinite(value):
+            raise value_error(f"expected a finite number, got {value}", path, text, file)
+    try:
+        scenario = msgspec.convert(data, Scenario)
+    except msgspec.ValidationError as error:
+        raise type_error(error, data, text, file) from error
+    try:
+        check_scenario(scenario, _PACKAGE_ETC if _PACKAGE_ETC.is_dir() else None)
+    except Inconsistent as error:
+        raise value_error(str(error), error.path, text, file) from error
+    return scenario
+
+
+def _floats(value: Any, path: ValuePath) -> Iterator[tuple[ValuePath, float]]:
+    """All floating-point numbers in parsed TOML with their paths."""
+    if isinstance(value, float):
+        yield path, value
+    items = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    for key, item in items:
+        yield from _floats(item, (*path, key))

@@ -1,0 +1,108 @@
+"""The parts of a scenario file as structs; lengths in metres, angles in radians, times in seconds."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import msgspec
+from msgspec import Meta
+
+from agents.scenario.events import Event
+from agents.scenario.expectations import Check
+from agents.scenario.units import Noise, Radians, Seconds, Size, Vector3
+
+TAGS = 587
+"""Number of tags in the family DICT_APRILTAG_36h11."""
+
+
+class Section(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A table of the file; unknown fields are refused."""
+
+
+class RobotSpec(Section, frozen=True, kw_only=True):
+    """The arm."""
+
+    model: str = "gen3"
+    """`etc/robots/<model>.urdf`"""
+    start: tuple[Radians, ...] = (0.0, 0.0, 3.14159, -0.96, 0.0, -2.1, 1.5708)
+    """rad, joint positions at the start; default: the observe pose of the Gen3"""
+
+
+class TableSpec(Section, frozen=True, kw_only=True):
+    """The table."""
+
+    size: Size = (1.2, 1.2, 0.04)
+    """m"""
+    position: Vector3 = (0.35, 0.0, 0.0)
+    """m, centre of the top surface, world"""
+
+
+class SensorSpec(Section, frozen=True, kw_only=True):
+    """Errors of the camera on top of those that its measuring principle has anyway."""
+
+    depth_bias: tuple[Noise, Noise] = (0.0, 0.0)
+    """m, least and most systematic depth error of an object, drawn uniformly (towards the camera: seen too high)"""
+    depth_jitter: Noise = 0.0
+    """m, standard deviation per object and frame"""
+    grey_noise: Annotated[float, Meta(ge=0, le=100)] = 2.0
+    """grey levels, standard deviation"""
+
+
+class RandomSpec(Section, frozen=True, kw_only=True):
+    """What differs from seed to seed: where the objects start (see `start_poses`)."""
+
+    position: Noise = 0.0
+    """m, uniform +- on x and y"""
+    yaw: Radians = 0.0
+    """rad, uniform +-"""
+
+
+class ObjectSpec(Section, frozen=True, kw_only=True):
+    """An object of the true world."""
+
+    name: str
+    type: Literal["cube", "box"] = "cube"
+    marker_id: Annotated[int, Meta(ge=0, lt=TAGS)] | None = None
+    """AprilTag 36h11 on the +z face; without one it cannot be seen"""
+    size: Size = (0.04, 0.04, 0.04)
+    """m, along its own x, y and z"""
+    mass: Annotated[float, Meta(gt=0, le=100)] = 0.05
+    """kg"""
+    friction: Annotated[float, Meta(ge=0, le=5)] = 0.6
+    """Coulomb coefficient"""
+    color: tuple[Annotated[float, Meta(ge=0, le=1)], ...] | None = None
+    """Red, green, blue, 0 to 1; default: by the plant"""
+    position: Vector3
+    """m, centre, world"""
+    yaw: Radians = 0.0
+    """rad about world z"""
+    known: bool = False
+    """The working memory starts with a node of this object (size, mass, marker), without a pose."""
+
+
+class Scenario(Section, frozen=True, kw_only=True):
+    """One scenario file, checked."""
+
+    name: str
+    title: str
+    system: str = "tabletop"
+    """`etc/systems/<system>.toml`"""
+    duration: Annotated[float, Meta(gt=0, le=3600)]
+    """s, from when all agents are ready"""
+    settle: Seconds = 4.0
+    """s after the start from when on the belief is judged: the default window of checks and metrics"""
+    camera: Literal["overhead", "wrist"] = "overhead"
+    robot: RobotSpec = RobotSpec()
+    table: TableSpec = TableSpec()
+    sensor: SensorSpec = SensorSpec()
+    random: RandomSpec = RandomSpec()
+    objects: list[ObjectSpec] = msgspec.field(name="object", default_factory=list)
+    events: list[Event] = msgspec.field(name="event", default_factory=list)
+    expectations: list[Check] = msgspec.field(name="expect", default_factory=list)
+
+    def object(self, name: str) -> ObjectSpec:
+        """The object called `name`; KeyError if there is none."""
+        for spec in self.objects:
+            if spec.name == name:
+                return spec
+        raise KeyError(name)

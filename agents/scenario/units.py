@@ -1,0 +1,37 @@
+"""Value types of the scenario format: a unit and the range that is plausible for it."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from msgspec import Meta
+
+Seconds = Annotated[float, Meta(ge=0, le=3600)]
+"""s, from 0 to one hour"""
+Metres = Annotated[float, Meta(ge=-10, le=10)]
+"""m, a coordinate or an offset"""
+Length = Annotated[float, Meta(gt=0, le=5)]
+"""m, a size or a clearance"""
+Noise = Annotated[float, Meta(ge=0, le=0.5)]
+"""m, a tolerance, a standard deviation or a range"""
+Radians = Annotated[float, Meta(ge=-6.2832, le=6.2832)]
+"""rad, at most one turn (so degrees are noticed)"""
+Speed = Annotated[float, Meta(gt=0, le=5)]
+"""m/s or rad/s"""
+
+Vector2 = tuple[Metres, Metres]
+Vector3 = tuple[Metres, Metres, Metres]
+Size = tuple[Length, Length, Length]
+Rotation = tuple[Radians, Radians, Radians]
+"""Rotation vector: axis times angle, rad."""
+
+UNITS = {
+    **dict.fromkeys(("at", "after", "delay", "duration", "settle", "within"), "s"),
+    **dict.fromkeys(("position", "size", "to", "offset", "height", "translation", "tolerance"), "m"),
+    **dict.fromkeys(("depth_bias", "depth_jitter"), "m"),
+    **dict.fromkeys(("yaw", "angle", "start", "rotation"), "rad"),
+    "mass": "kg",
+    "speed": "m/s (tilt: rad/s)",
+    "grey_noise": "grey levels",
+}
+"""Unit by field name, for error messages."""
