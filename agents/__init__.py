@@ -1,0 +1,1 @@
+"""The autonomous agents around the working memory, one small package each."""

@@ -1,0 +1,78 @@
+"""The driver interface: what an arm and a camera look like to the agents, whoever plays them.
+
+The simulated plant is one driver (`agents.plant.driver`); a RealSense, a Kinova Kortex or ROS 2 topics
+plug in at the same place. Drivers are named in a system file as `module:Class` and are made with
+`Class(bus, keys)`.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import Any, Protocol
+
+import msgspec
+
+from dsr.blobs import Frame
+from dsr.errors import ConfigError
+from dsr.keys import Keys
+from dsr.transport import Transport
+
+
+class ArmState(msgspec.Struct, frozen=True):
+    """One sample of an arm's joints and gripper."""
+
+    stamp: float
+    """s"""
+    names: tuple[str, ...]
+    """Joint names as in the URDF, without the gripper's."""
+    positions: tuple[float, ...]
+    """rad"""
+    velocities: tuple[float, ...]
+    """rad/s"""
+    gripper_opening: float
+    """m between the finger pads"""
+    gripper_contact: bool
+    """Both pads touch something."""
+
+
+class ArmDriver(Protocol):
+    """An arm with a gripper."""
+
+    def state(self) -> ArmState | None:
+        """The newest sample, or None before the first."""
+
+    def move_joints(self, positions: tuple[float, ...], speed: float = 1.0) -> None:
+        """Go to joint `positions` (rad) at `speed` (0 to 1 of the joint limits)."""
+
+    def move_gripper(self, opening: float) -> None:
+        """Open or close to `opening` m between the pads."""
+
+    def stop(self) -> None:
+        """Hold the present position at once."""
+
+    def close(self) -> None:
+        """Release the device."""
+
+
+class CameraDriver(Protocol):
+    """A colour and depth camera."""
+
+    def frame(self) -> Frame | None:
+        """The newest frame if it was not returned before, else None.
+
+        Arrays: `color` (h, w, 3) uint8 RGB, `depth` (h, w) float32 m (0 where unknown).
+        Meta: `fx fy cx cy` in px, and `stamp` s of the exposure on the frame.
+        """
+
+    def close(self) -> None:
+        """Release the device."""
+
+
+def make_driver(name: str, bus: Transport, keys: Keys, **options: Any) -> Any:
+    """Make the driver `module:Class`; `options` are passed on. Raises `ConfigError` for an unknown name."""
+    module, _, cls = name.partition(":")
+    try:
+        factory = getattr(importlib.import_module(module), cls)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise ConfigError(f"driver {name!r} cannot be loaded ({error}); expected 'module:Class'") from error
+    return factory(bus, keys, **options)

@@ -1,0 +1,219 @@
+"""The add-wins map of creation dots, with last-writer-wins registers keyed by creation dot.
+
+State: for each key (node name or edge key) the live creation dots, each with its registers, and one
+causal context. An entry lives as long as its dot is live; a dot in the context without an entry was
+removed (optimised OR-set without tombstones: Bieniusa et al. 2012; delta-state: Almeida et al. 2018).
+
+Ordering assumption: none. Deltas may be lost, repeated and reordered; a write whose entry has not
+arrived waits in a bounded buffer, outside the context, so that synchronisation repairs an overflow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple
+
+from dsr.crdt.context import CausalContext, Dot, to_ranges
+from dsr.crdt.delta import TOMBSTONE, Add, Delta, Key, Write
+
+MAX_WAITING = 10_000
+
+
+class Register(NamedTuple):
+    """A last-writer-wins value: the greatest (stamp, writer) wins."""
+
+    stamp: int
+    writer: str
+    dot: Dot | None
+    value: Any
+
+
+class Entry:
+    """One incarnation of a node or edge."""
+
+    __slots__ = ("destinations", "dot", "key", "registers", "sources", "type")
+
+    def __init__(self, add: Add) -> None:
+        self.dot = add.dot
+        self.key = add.key
+        self.type = add.type
+        self.sources = add.sources
+        self.destinations = add.destinations
+        self.registers: dict[str, Register] = {}
+
+
+class Observer:
+    """Told about every effective change of a store; the default ignores them."""
+
+    def entry_added(self, entry: Entry) -> None:
+        """`entry` became live."""
+
+    def entry_removed(self, entry: Entry) -> None:
+        """`entry` is not live any more."""
+
+    def register_changed(self, entry: Entry, attribute: str) -> None:
+        """A register got another value (or a tombstone)."""
+
+
+class Store:
+    """The replicated state of one graph."""
+
+    def __init__(self, observer: Observer | None = None) -> None:
+        self.context = CausalContext()
+        self.entries: dict[Dot, Entry] = {}
+        self.by_key: dict[Key, dict[Dot, Entry]] = {}
+        self.fingerprint = 0
+        """Order-independent hash of the live dots."""
+        self.unsettled: dict[tuple[Dot, str], int] = {}
+        """Registers whose newest value has no dot yet, and how often they were passed over since."""
+        self._observer = observer or Observer()
+        self._waiting: dict[Dot, list[Write]] = {}
+        self._waiting_count = 0
+        self.lost_waiting = 0
+        """Writes given up because the buffer for unknown entries was full."""
+
+    def join(self, delta: Delta) -> None:
+        """Join a delta or a synchronisation reply: commutative, associative and idempotent."""
+        if delta.live is not None:
+            self._remove_absent(delta)
+        for dot in delta.removed:
+            self._remove(dot)
+        for add in delta.adds:
+            self._add(add)
+        held_back = [write.dot for write in delta.writes if not self._write(write) and write.dot]
+        self._learn(delta, held_back)
+
+    def _remove_absent(self, delta: Delta) -> None:
+        """Remove what the sender has seen and does not hold; what it has not seen stays."""
+        assert delta.live is not None
+        seen = CausalContext(delta.context)
+        gone = [dot for dot in self.entries if dot in seen and dot not in delta.live]
+        for dot in gone:
+            self._remove(dot)
+
+    def _remove(self, dot: Dot) -> None:
+        """A removal is final for its dot, also when it arrives before the addition."""
+        self.context.add(dot)
+        self._forget_waiting(dot)
+        entry = self.entries.pop(dot, None)
+        if entry is None:
+            return
+        siblings = self.by_key[entry.key]
+        del siblings[dot]
+        if not siblings:
+            del self.by_key[entry.key]
+        self.fingerprint ^= dot_hash(dot)
+        self._observer.entry_removed(entry)
+
+    def _add(self, add: Add) -> None:
+        """A dot already in the context lives already, or was removed: then a late addition is void."""
+        if add.dot in self.context:
+            return
+        self.context.add(add.dot)
+        entry = Entry(add)
+        self.entries[add.dot] = entry
+        self.by_key.setdefault(add.key, {})[add.dot] = entry
+        self.fingerprint ^= dot_hash(add.dot)
+        self._observer.entry_added(entry)
+        for write in self._waiting.pop(add.dot, ()):
+            self._waiting_count -= 1
+            self._write(write)
+            if write.dot:
+                self.context.add(write.dot)
+
+    def _write(self, write: Write) -> bool:
+        """Apply a write; false if its dot must not yet count as seen."""
+        entry = self.entries.get(write.owner)
+        if entry is None:
+            return write.owner in self.context or self._wait(write)
+        current = entry.registers.get(write.attribute)
+        if current is not None:
+            if write.stamp < current.stamp:
+                return True
+            if write.stamp == current.stamp and write.writer <= current.writer:
+                if write.writer == current.writer:
+                    self._settle_same(entry, write, current)
+                return True
+        entry.registers[write.attribute] = Register(write.stamp, write.writer, write.dot, write.value)
+        if write.dot is None:
+            self.unsettled[(write.owner, write.attribute)] = 0
+        self._observer.register_changed(entry, write.attribute)
+        return True
+
+    def _settle_same(self, entry: Entry, write: Write, current: Register) -> None:
+        """The same write again, now durable, or made durable by two replicas: the greatest dot stays."""
+        if write.dot is not None and (current.dot is None or write.dot > current.dot):
+            entry.registers[write.attribute] = current._replace(dot=write.dot)
+
+    def _wait(self, write: Write) -> bool:
+        if write.dot is None:
+            return True
+        if self._waiting_count < MAX_WAITING:
+            self._waiting.setdefault(write.owner, []).append(write)
+            self._waiting_count += 1
+        else:
+            self.lost_waiting += 1
+        return False
+
+    def _forget_waiting(self, dot: Dot) -> None:
+        """Writes for a removed entry are void, so their dots count as seen."""
+        for write in self._waiting.pop(dot, ()):
+            self._waiting_count -= 1
+            if write.dot:
+                self.context.add(write.dot)
+
+    def _learn(self, delta: Delta, held_back: list[Dot]) -> None:
+        """Take over the delta's context, except the dots of writes that could not be applied yet."""
+        if not held_back:
+            for dots in delta.context:
+                self.context.add_range(*dots)
+            return
+        for rid, first, last in delta.context:
+            for _, hole in sorted(dot for dot in held_back if dot[0] == rid and first <= dot[1] <= last):
+                self.context.add_range(rid, first, hole - 1)
+                first = hole + 1
+            self.context.add_range(rid, first, last)
+
+    def missing_for(self, seen: CausalContext) -> Delta:
+        """What a replica that has seen `seen` lacks, plus all live dots: a synchronisation reply."""
+        reply = Delta()
+        for dot, entry in self.entries.items():
+            if dot not in seen:
+                reply.adds.append(Add(dot, entry.key, entry.type, entry.sources, entry.destinations))
+            for attribute, register in entry.registers.items():
+                if register.dot is None or register.dot not in seen:
+                    reply.writes.append(Write(dot, attribute, *register))
+        reply.context = list(self.context.ranges())
+        reply.live = frozenset(self.entries)
+        return reply
+
+    def take_unsettled(self, due: Callable[[Register, int], bool], new_dot: Callable[[], Dot]) -> Delta:
+        """Give a dot to each stream register for which `due(register, times passed over)` holds."""
+        delta = Delta()
+        for (owner, attribute), passes in list(self.unsettled.items()):
+            entry = self.entries.get(owner)
+            register = entry.registers.get(attribute) if entry else None
+            if entry is None or register is None or register.dot is not None:
+                del self.unsettled[(owner, attribute)]
+            elif due(register, passes):
+                del self.unsettled[(owner, attribute)]
+                durable = register._replace(dot=new_dot())
+                entry.registers[attribute] = durable
+                delta.writes.append(Write(owner, attribute, *durable))
+            else:
+                self.unsettled[(owner, attribute)] = passes + 1
+        delta.context = list(to_ranges(write.dot for write in delta.writes if write.dot))
+        return delta
+
+
+def visible_value(entries: Iterable[Entry], attribute: str) -> Any:
+    """The winning value among the incarnations of one key; `TOMBSTONE` if none is set."""
+    registers = [entry.registers[attribute] for entry in entries if attribute in entry.registers]
+    return max(registers, key=lambda r: (r.stamp, r.writer)).value if registers else TOMBSTONE
+
+
+def dot_hash(dot: Dot) -> int:
+    """A 64-bit hash that is the same in every process."""
+    mixed = int.from_bytes(dot[0].encode()[-8:], "little") * 0x9E3779B97F4A7C15 + dot[1] * 0xBF58476D1CE4E5B9
+    mixed &= 0xFFFFFFFFFFFFFFFF
+    return mixed ^ (mixed >> 29)

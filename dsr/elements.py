@@ -1,0 +1,126 @@
+"""Nodes and edges as a user reads them: live, read-only views that copy nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from dsr.crdt.delta import TOMBSTONE
+from dsr.crdt.store import Entry, visible_value
+from dsr.errors import GraphError, suggest
+from dsr.schema import POSE_FIELDS
+from dsr.transforms import Pose
+
+
+class _Element(Mapping[str, Any]):
+    """Attributes of a node or an edge, by name."""
+
+    __slots__ = ("_entries",)
+
+    def __init__(self, entries: tuple[Entry, ...]) -> None:
+        self._entries = entries
+
+    @property
+    def type(self) -> str:
+        """Type name. If two agents created it at once with different types, all replicas see the same one."""
+        entries = self._entries
+        return entries[0].type if len(entries) == 1 else max(entries, key=lambda entry: entry.dot).type
+
+    def _value(self, attribute: str) -> Any:
+        entries = self._entries
+        if len(entries) == 1:
+            register = entries[0].registers.get(attribute)
+            return TOMBSTONE if register is None else register.value
+        return visible_value(entries, attribute)
+
+    def __getitem__(self, attribute: str) -> Any:
+        """The present value. Raises `GraphError` if the attribute is not set."""
+        value = self._value(attribute)
+        if value is TOMBSTONE:
+            raise GraphError(f"{self} has no attribute {attribute!r}; {suggest(attribute, self)}")
+        return value
+
+    def get(self, attribute: str, default: Any = None) -> Any:
+        """The present value, or `default` if the attribute is not set."""
+        value = self._value(attribute)
+        return default if value is TOMBSTONE else value
+
+    def __contains__(self, attribute: object) -> bool:
+        return isinstance(attribute, str) and self._value(attribute) is not TOMBSTONE
+
+    def __iter__(self) -> Iterator[str]:
+        names = {name for entry in self._entries for name in list(entry.registers)}
+        return iter(sorted(name for name in names if self._value(name) is not TOMBSTONE))
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+    def __bool__(self) -> bool:
+        return True
+
+    def __eq__(self, other: object) -> bool:
+        return self is other
+
+    def __hash__(self) -> int:
+        return id(self)
+
+    @property
+    def attributes(self) -> Mapping[str, Any]:
+        """All attributes that are set, as a mapping."""
+        return self
+
+
+class Node(_Element):
+    """A node of the graph; reading it gives the present values."""
+
+    __slots__ = ("name",)
+
+    def __init__(self, name: str, entries: tuple[Entry, ...]) -> None:
+        super().__init__(entries)
+        self.name = name
+
+    def __repr__(self) -> str:
+        return f"{self.type} {self.name!r}"
+
+
+class Edge(_Element):
+    """An edge of the graph; reading it gives the present values.
+
+    A geometric edge holds its transform in one attribute, `pose`, so that it changes as a whole;
+    `translation`, `rotation`, `stamp` and `covariance` read its parts.
+    """
+
+    __slots__ = ("dst", "src", "type_name")
+
+    def __init__(self, key: tuple[str, str, str], entries: tuple[Entry, ...]) -> None:
+        super().__init__(entries)
+        self.src, self.dst, self.type_name = key
+
+    @property
+    def type(self) -> str:
+        """Type name."""
+        return self.type_name
+
+    @property
+    def key(self) -> tuple[str, str, str]:
+        """(source, destination, type): what identifies the edge."""
+        return self.src, self.dst, self.type_name
+
+    @property
+    def pose(self) -> Pose:
+        """Where the destination is in the source, source_from_destination. Raises `GraphError` if unset."""
+        pose = self._value("pose")
+        if not isinstance(pose, Pose):
+            raise GraphError(f"{self} has no pose")
+        return pose
+
+    def _value(self, attribute: str) -> Any:
+        value = super()._value(attribute)
+        if value is TOMBSTONE and attribute in POSE_FIELDS:
+            pose = super()._value("pose")
+            part = getattr(pose, attribute) if isinstance(pose, Pose) else None
+            return TOMBSTONE if part is None else part
+        return value
+
+    def __repr__(self) -> str:
+        return f"{self.type_name} edge {self.src!r} -> {self.dst!r}"

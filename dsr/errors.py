@@ -1,0 +1,88 @@
+"""Every error that `dsr` raises, in one tree.
+
+    DsrError
+    ├── SchemaError             a name, type or value that the schema does not allow
+    ├── GraphError              the graph does not hold what was asked for
+    │   ├── NodeNotFoundError
+    │   └── EdgeNotFoundError
+    ├── TransformError          a frame chain cannot be evaluated
+    │   ├── NoPathError
+    │   └── ExtrapolationError
+    ├── WireError               bytes that are no valid message (the peer's fault)
+    ├── TransportError          the network refuses what was asked (port in use, closed session)
+    ├── ClockDriftError         this process's clock is too far from its peers' to write
+    ├── ConfigError             a wrong file or option: says which file, line and what was expected
+    └── AgentError              an agent broke its declaration or life cycle
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class DsrError(Exception):
+    """Root of all errors raised by this project."""
+
+
+class SchemaError(DsrError):
+    """A name, type or value that the schema does not allow."""
+
+
+class GraphError(DsrError):
+    """The graph does not hold what was asked for."""
+
+
+class NodeNotFoundError(GraphError):
+    """No visible node has this name."""
+
+
+class EdgeNotFoundError(GraphError):
+    """No visible edge has this source, destination and type."""
+
+
+class TransformError(DsrError):
+    """A frame chain cannot be evaluated."""
+
+
+class NoPathError(TransformError):
+    """The two frames are not connected by geometric edges."""
+
+
+class ExtrapolationError(TransformError):
+    """The time asked for lies too far outside the recorded samples."""
+
+
+class WireError(DsrError):
+    """Bytes from the network that are no valid message."""
+
+
+class TransportError(DsrError):
+    """The network refuses what was asked."""
+
+
+class ClockDriftError(DsrError):
+    """This process's clock is too far from its peers' clocks to write."""
+
+
+class ConfigError(DsrError):
+    """A configuration, system or scenario that cannot be used."""
+
+    def __init__(self, message: str, *, file: str | None = None, line: int | None = None) -> None:
+        place = "" if file is None else f"{file}: " if line is None else f"{file}:{line}: "
+        super().__init__(place + message)
+
+
+class AgentError(DsrError):
+    """An agent broke its declaration or its life cycle."""
+
+
+def suggest(name: str, valid: Iterable[str], most: int = 12) -> str:
+    """End of an error message: the closest valid name, or the valid ones (at most `most`)."""
+    names = sorted(valid)
+    close = difflib.get_close_matches(name, names, n=1)
+    if close:
+        return f"did you mean {close[0]!r}?"
+    listed = ", ".join(names[:most])
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return f"valid: {listed}{more}" if names else "none is known"

@@ -1,0 +1,286 @@
+"""The graph: the replicated store plus schema, visibility and indexes; each mutation returns its delta.
+
+Nodes are identified by name. An edge is visible while one of the incarnations that it was bound to is
+alive at both ends. Nothing here does I/O or reads a clock; callers serialise mutations and joins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+from dsr.crdt.context import Dot
+from dsr.crdt.delta import TOMBSTONE, Add, Delta, EdgeKey, Key, Write
+from dsr.crdt.hlc import HybridClock
+from dsr.crdt.store import Entry, Observer, Register, Store
+from dsr.elements import Edge, Node
+from dsr.errors import EdgeNotFoundError, NodeNotFoundError, suggest
+from dsr.schema import Schema
+
+
+class Listener(Protocol):
+    """Told about every visible change, local or remote."""
+
+    def added(self, element: Node | Edge) -> None:
+        """`element` became visible."""
+
+    def removed(self, element: Node | Edge) -> None:
+        """`element` is not visible any more."""
+
+    def updated(self, element: Node | Edge, attribute: str) -> None:
+        """An attribute changed, appeared or went."""
+
+
+class _NoListener:
+    def added(self, element: Node | Edge) -> None: ...
+
+    def removed(self, element: Node | Edge) -> None: ...
+
+    def updated(self, element: Node | Edge, attribute: str) -> None: ...
+
+
+class Graph(Observer):
+    """One replica of a graph."""
+
+    def __init__(self, rid: str, schema: Schema | None = None, listener: Listener | None = None) -> None:
+        self.rid = rid
+        self.schema = schema or Schema()
+        self.store = Store(self)
+        self.hlc = HybridClock()
+        self.nodes: dict[str, Node] = {}
+        self.edges: dict[EdgeKey, Edge] = {}
+        self.nodes_by_type: dict[str, dict[str, Node]] = {}
+        self.edges_by_type: dict[str, dict[EdgeKey, Edge]] = {}
+        self.edges_out: dict[str, dict[EdgeKey, Edge]] = {}
+        self.edges_in: dict[str, dict[EdgeKey, Edge]] = {}
+        self._incident: dict[str, set[EdgeKey]] = {}
+        self._listener: Listener = listener or _NoListener()
+        self._counter = 0
+
+    # ---- reading
+
+    def node(self, name: str) -> Node:
+        """The node `name`. Raises `NodeNotFoundError`."""
+        try:
+            return self.nodes[name]
+        except KeyError:
+            raise NodeNotFoundError(f"no node {name!r}; {suggest(name, self.nodes)}") from None
+
+    def edge(self, src: str, dst: str, type: str) -> Edge:
+        """The edge of this type from `src` to `dst`. Raises `EdgeNotFoundError`."""
+        try:
+            return self.edges[(src, dst, type)]
+        except KeyError:
+            from_here = [f"{e.type} to {e.dst}" for e in list(self.edges_out.get(src, {}).values())]
+            raise EdgeNotFoundError(
+                f"no {type} edge from {src!r} to {dst!r}; from {src!r}: {', '.join(from_here) or 'none'}"
+            ) from None
+
+    # ---- local mutations
+
+    def add_node(self, name: str, type: str, attributes: Mapping[str, Any], now: float) -> Delta:
+        """Create a node; if it is visible already, only write the attributes. Raises `SchemaError`."""
+        self.schema.check_node(name, type)
+        values = self._values(attributes)
+        add = None if name in self.nodes else Add(self._new_dot(), name, type)
+        return self._commit(self._entries_of(name, add), add, values, now)
+
+    def add_edge(self, src: str, dst: str, type: str, attributes: Mapping[str, Any], now: float) -> Delta:
+        """Create an edge; if it is visible already, only write the attributes.
+
+        Raises:
+            SchemaError: for unknown names or wrong values.
+            NodeNotFoundError: if an endpoint is missing.
+        """
+        self.schema.check_edge_type(type)
+        values = self._values(attributes)
+        ends = [tuple(entry.dot for entry in self.node(name)._entries) for name in (src, dst)]
+        key = (src, dst, type)
+        add = None if key in self.edges else Add(self._new_dot(), key, type, ends[0], ends[1])
+        return self._commit(self._entries_of(key, add), add, values, now)
+
+    def update_node(self, name: str, attributes: Mapping[str, Any], now: float) -> Delta:
+        """Write attributes of a visible node. Raises `NodeNotFoundError`, `SchemaError`."""
+        node = self.node(name)
+        return self._commit([entry.dot for entry in node._entries], None, self._values(attributes), now)
+
+    def update_edge(self, key: EdgeKey, attributes: Mapping[str, Any], now: float) -> Delta:
+        """Write attributes of a visible edge. Raises `EdgeNotFoundError`, `SchemaError`."""
+        edge = self.edge(*key)
+        return self._commit([entry.dot for entry in edge._entries], None, self._values(attributes), now)
+
+    def remove_attribute(self, element: Node | Edge, attribute: str, now: float) -> Delta:
+        """Take an attribute away; an empty delta if it is not set."""
+        self.schema.attribute(attribute)
+        if attribute not in element:
+            return Delta()
+        return self._commit([entry.dot for entry in element._entries], None, {attribute: TOMBSTONE}, now)
+
+    def remove_node(self, name: str) -> Delta:
+        """Remove a node and the edges at it, as seen here; an empty delta if it is not visible."""
+        if name not in self.nodes:
+            return Delta()
+        keys: list[Key] = [name, *self._incident.get(name, ())]
+        return self._commit_removal([dot for key in keys for dot in self.store.by_key.get(key, ())])
+
+    def remove_edge(self, key: EdgeKey) -> Delta:
+        """Remove an edge as seen here; an empty delta if it is not visible."""
+        return self._commit_removal(list(self.store.by_key[key])) if key in self.edges else Delta()
+
+    def join(self, delta: Delta) -> None:
+        """Join what another replica sent."""
+        for write in delta.writes:
+            self.hlc.observe(write.stamp)
+        self.store.join(delta)
+
+    def settle(self, patience: int = 3) -> Delta:
+        """Make stream samples durable; to be called about once a second.
+
+        Own samples at once; those of another replica only after `patience` calls without news, which
+        catches the last samples of a writer that died before it could do so itself. The dots of the
+        delta returned are seen here when it is joined.
+        """
+
+        def due(register: Register, passes: int) -> bool:
+            return register.writer == self.rid or passes >= patience
+
+        delta = self.store.take_unsettled(due, self._new_dot)
+        self.store.join(delta)
+        return delta
+
+    def _values(self, attributes: Mapping[str, Any]) -> dict[str, Any]:
+        return {name: self.schema.to_value(name, value) for name, value in attributes.items()}
+
+    def _entries_of(self, key: Key, add: Add | None) -> list[Dot]:
+        return [add.dot] if add else list(self.store.by_key[key])
+
+    def _new_dot(self) -> Dot:
+        self._counter += 1
+        return self.rid, self._counter
+
+    def _commit(self, owners: list[Dot], add: Add | None, values: Mapping[str, Any], now: float) -> Delta:
+        """Write `values` into every incarnation in `owners`, so that the removal of one loses none."""
+        delta = Delta()
+        first = self._counter + (0 if add else 1)
+        if add:
+            delta.adds.append(add)
+        if values:
+            stamp = self.hlc.tick(now)
+            for name, value in values.items():
+                stream = not add and value is not TOMBSTONE and self.schema.attributes[name].stream
+                for owner in owners:
+                    dot = None if stream else self._new_dot()
+                    delta.writes.append(Write(owner, name, stamp, self.rid, dot, value))
+        if self._counter >= first:
+            delta.context.append((self.rid, first, self._counter))
+        self.store.join(delta)
+        return delta
+
+    def _commit_removal(self, dots: list[Dot]) -> Delta:
+        delta = Delta()
+        delta.removed = dots
+        rid, counter = self._new_dot()
+        delta.context.append((rid, counter, counter))
+        self.store.join(delta)
+        return delta
+
+    # ---- what the store reports: keep the visible elements and the indexes
+
+    def entry_added(self, entry: Entry) -> None:
+        """Show the new incarnation and what depends on it."""
+        if isinstance(entry.key, str):
+            self._refresh_node(entry.key)
+            self._refresh_edges_at(entry.key)
+            return
+        for name in entry.key[:2]:
+            self._incident.setdefault(name, set()).add(entry.key)
+        if self._is_dead(entry):
+            self._bury([entry])
+        else:
+            self._refresh_edge(entry.key)
+
+    def entry_removed(self, entry: Entry) -> None:
+        """Hide the incarnation and what depended on it."""
+        if isinstance(entry.key, str):
+            self._refresh_edges_at(entry.key)
+            self._refresh_node(entry.key)
+            at_node = self._incident.get(entry.key, ())
+            self._bury([e for key in at_node for e in self.store.by_key.get(key, {}).values() if self._is_dead(e)])
+            return
+        if entry.key not in self.store.by_key:
+            for name in entry.key[:2]:
+                keys = self._incident.get(name, set())
+                keys.discard(entry.key)
+                if not keys:
+                    self._incident.pop(name, None)
+        self._refresh_edge(entry.key)
+
+    def register_changed(self, entry: Entry, attribute: str) -> None:
+        """Pass on a change of a visible element."""
+        key = entry.key
+        element: Node | Edge | None = self.nodes.get(key) if isinstance(key, str) else self.edges.get(key)
+        if element is not None and entry in element._entries:
+            self._listener.updated(element, attribute)
+
+    def _refresh_node(self, name: str) -> None:
+        entries = tuple(self.store.by_key.get(name, {}).values())
+        old = self.nodes.get(name)
+        if old is not None and entries:
+            self._change_type_index(old, entries)
+        elif old is not None:
+            del self.nodes[name]
+            del self.nodes_by_type[old.type][name]
+            self._listener.removed(old)
+        elif entries:
+            node = self.nodes[name] = Node(name, entries)
+            self.nodes_by_type.setdefault(node.type, {})[name] = node
+            self._listener.added(node)
+
+    def _change_type_index(self, node: Node, entries: tuple[Entry, ...]) -> None:
+        """Another incarnation of a visible node came or went: its type and values may be others now."""
+        before = set(node)
+        del self.nodes_by_type[node.type][node.name]
+        node._entries = entries
+        self.nodes_by_type.setdefault(node.type, {})[node.name] = node
+        for attribute in before | set(node):
+            self._listener.updated(node, attribute)
+
+    def _refresh_edges_at(self, name: str) -> None:
+        for key in list(self._incident.get(name, ())):
+            self._refresh_edge(key)
+
+    def _refresh_edge(self, key: EdgeKey) -> None:
+        entries = tuple(e for e in self.store.by_key.get(key, {}).values() if self._has_ends(e))
+        old = self.edges.get(key)
+        if old is not None and entries:
+            old._entries = entries
+        elif old is not None:
+            for index, name in self._edge_indexes(key):
+                del index[name][key]
+            del self.edges[key]
+            self._listener.removed(old)
+        elif entries:
+            edge = self.edges[key] = Edge(key, entries)
+            for index, name in self._edge_indexes(key):
+                index.setdefault(name, {})[key] = edge
+            self._listener.added(edge)
+
+    def _edge_indexes(self, key: EdgeKey) -> list[tuple[dict[str, dict[EdgeKey, Edge]], str]]:
+        return [(self.edges_out, key[0]), (self.edges_in, key[1]), (self.edges_by_type, key[2])]
+
+    def _has_ends(self, entry: Entry) -> bool:
+        live = self.store.entries
+        return any(dot in live for dot in entry.sources) and any(dot in live for dot in entry.destinations)
+
+    def _is_dead(self, entry: Entry) -> bool:
+        """Whether an end was removed for good: then the edge can never be seen again."""
+        live, seen = self.store.entries, self.store.context
+        return any(
+            all(dot in seen and dot not in live for dot in ends) for ends in (entry.sources, entry.destinations)
+        )
+
+    def _bury(self, dead: list[Entry]) -> None:
+        """Drop edges that no replica can ever show again, so that state does not grow with history."""
+        delta = Delta()
+        delta.removed = [entry.dot for entry in dead]
+        self.store.join(delta)

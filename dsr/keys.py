@@ -1,0 +1,65 @@
+"""The keys under which everything of one graph travels (PROTOCOL: `dsr/v1/<graph>/...`)."""
+
+from __future__ import annotations
+
+import re
+
+from dsr.errors import ConfigError
+
+PROTOCOL = "dsr/v1"
+_NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")
+
+
+def check_name(kind: str, name: str) -> str:
+    """Return `name` if it can be a part of a key, else raise `ConfigError`."""
+    if not _NAME.fullmatch(name):
+        raise ConfigError(f"{kind} {name!r}: expected 1 to 64 letters, digits, '_', '-' or '.'")
+    return name
+
+
+class Keys:
+    """Key builder of one graph; each method names one kind of traffic."""
+
+    def __init__(self, graph: str) -> None:
+        self.graph = check_name("graph name", graph)
+        self.root = f"{PROTOCOL}/{graph}"
+
+    def delta(self, rid: str = "*") -> str:
+        """Durable changes of replica `rid`."""
+        return f"{self.root}/d/{rid}"
+
+    def stream(self, rid: str = "*") -> str:
+        """Bundles of high-rate values of replica `rid`."""
+        return f"{self.root}/rt/{rid}"
+
+    def digest(self, rid: str = "*") -> str:
+        """What replica `rid` has seen."""
+        return f"{self.root}/dig/{rid}"
+
+    def sync(self, rid: str = "*") -> str:
+        """Where replica `rid` answers requests for what is missing."""
+        return f"{self.root}/sync/{rid}"
+
+    def blob(self, name: str) -> str:
+        """Frames and meshes named `name` (may contain slashes)."""
+        return f"{self.root}/blob/{name}"
+
+    def live(self, agent: str = "*", rid: str = "*") -> str:
+        """Liveliness token of a replica."""
+        return f"{self.root}/live/{agent}/{rid}"
+
+    def status(self, agent: str = "*") -> str:
+        """State, rate, latency and last error of an agent, at 1 Hz."""
+        return f"{self.root}/status/{agent}"
+
+    def log(self, agent: str = "*") -> str:
+        """Log records of an agent."""
+        return f"{self.root}/log/{agent}"
+
+    def device(self, name: str) -> str:
+        """Traffic between a driver and its device, e.g. `arm/state` (outside the graph)."""
+        return f"{self.root}/device/{name}"
+
+    def truth(self) -> str:
+        """Ground truth of a simulated reality: for judges and recordings, never for agents."""
+        return f"{self.root}/truth"

@@ -1,0 +1,202 @@
+"""Names, types and units of everything the graph may hold; users register their own."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from typing import Any, Literal
+
+import msgspec
+import numpy as np
+
+from dsr.errors import SchemaError, suggest
+from dsr.transforms import Pose
+
+Kind = Literal["bool", "int", "float", "str", "bytes", "vector", "pose"]
+Value = bool | int | float | str | bytes | tuple[float, ...] | Pose
+
+_NAME = re.compile(r"[A-Za-z0-9_.\-]{1,128}")
+_INT_LIMIT = 1 << 63
+POSE_FIELDS = ("translation", "rotation", "stamp", "covariance")
+
+
+class AttributeType(msgspec.Struct, frozen=True):
+    """What an attribute means and which values it takes."""
+
+    kind: Kind
+    unit: str = ""
+    """SI unit of a number or of each component of a vector."""
+    meaning: str = ""
+    length: int | None = None
+    """Number of components of a vector; None for any."""
+    stream: bool = False
+    """Written many times a second: samples may be dropped on the way, the last one never is."""
+
+
+class Schema:
+    """The vocabulary of a graph: node types, edge types and attributes."""
+
+    def __init__(self) -> None:
+        self.node_types: dict[str, str] = dict(_NODE_TYPES)
+        self.edge_types: dict[str, str] = dict(_EDGE_TYPES)
+        self.geometric: set[str] = {"RT", "Virtual_RT"}
+        self.attributes: dict[str, AttributeType] = dict(_ATTRIBUTES)
+
+    def register_node_type(self, name: str, meaning: str) -> None:
+        """Allow nodes of type `name`."""
+        self.node_types[_checked_name("node type", name)] = meaning
+
+    def register_edge_type(self, name: str, meaning: str, *, geometric: bool = False) -> None:
+        """Allow edges of type `name`; a geometric edge carries a `pose` and takes part in frame chains."""
+        self.edge_types[_checked_name("edge type", name)] = meaning
+        if geometric:
+            self.geometric.add(name)
+
+    def register_attribute(self, name: str, attribute: AttributeType) -> None:
+        """Allow attribute `name`; registering another kind under a known name is an error."""
+        known = self.attributes.get(name)
+        if known is not None and known.kind != attribute.kind:
+            raise SchemaError(f"attribute {name!r} is already a {known.kind}, not a {attribute.kind}")
+        self.attributes[_checked_name("attribute", name)] = attribute
+
+    def check_node(self, name: str, type: str) -> None:
+        """Raise `SchemaError` unless a node `name` of `type` may exist."""
+        _checked_name("node", name)
+        if type not in self.node_types:
+            raise SchemaError(f"node {name!r}: unknown node type {type!r}; {suggest(type, self.node_types)}")
+
+    def check_edge_type(self, type: str) -> None:
+        """Raise `SchemaError` for an unknown edge type."""
+        if type not in self.edge_types:
+            raise SchemaError(f"unknown edge type {type!r}; {suggest(type, self.edge_types)}")
+
+    def attribute(self, name: str) -> AttributeType:
+        """The type of attribute `name`. Raises `SchemaError` if there is none."""
+        try:
+            return self.attributes[name]
+        except KeyError:
+            raise SchemaError(f"unknown attribute {name!r}; {suggest(name, self.attributes)}") from None
+
+    def to_value(self, name: str, value: Any) -> Value:
+        """`value` in the form in which attribute `name` is stored. Raises `SchemaError` if it does not fit."""
+        attribute = self.attribute(name)
+        stored = _CONVERTERS[attribute.kind](value)
+        if stored is None or (attribute.length is not None and len(stored) != attribute.length):
+            unit = f" in {attribute.unit}" if attribute.unit else ""
+            what = f"{attribute.kind} of {attribute.length}" if attribute.length is not None else attribute.kind
+            raise SchemaError(f"attribute {name!r}: expected a finite {what}{unit}, got {value!r}")
+        result: Value = stored
+        return result
+
+
+def _checked_name(what: str, name: str) -> str:
+    if not isinstance(name, str) or not _NAME.fullmatch(name):
+        raise SchemaError(f"{what} name {name!r}: expected 1 to 128 letters, digits, '_', '.' or '-'")
+    return name
+
+
+def _bool(value: Any) -> bool | None:
+    return bool(value) if isinstance(value, bool | np.bool_) else None
+
+
+def _int(value: Any) -> int | None:
+    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+        return None
+    return int(value) if -_INT_LIMIT <= value < _INT_LIMIT else None
+
+
+def _float(value: Any) -> float | None:
+    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+        return None
+    return float(value) if math.isfinite(value) else None
+
+
+def _str(value: Any) -> str | None:
+    return str(value) if isinstance(value, str) else None
+
+
+def _bytes(value: Any) -> bytes | None:
+    return bytes(value) if isinstance(value, bytes | bytearray) else None
+
+
+def _vector(value: Any) -> tuple[float, ...] | None:
+    if isinstance(value, np.ndarray):
+        value = value.tolist() if value.ndim == 1 else None
+    if not isinstance(value, list | tuple):
+        return None
+    numbers = [_float(component) for component in value]
+    return None if None in numbers else tuple(number for number in numbers if number is not None)
+
+
+def _pose(value: Any) -> Pose | None:
+    return value if isinstance(value, Pose) else None
+
+
+_CONVERTERS: dict[str, Any] = {
+    "bool": _bool, "int": _int, "float": _float, "str": _str, "bytes": _bytes, "vector": _vector, "pose": _pose,
+}  # fmt: skip
+
+_NODE_TYPES = {
+    "world": "root of all frames",
+    "robot": "the robot's base",
+    "body": "a part of the robot's body",
+    "mind": "where intentions hang",
+    "arm": "base of an arm",
+    "gripper": "the arm's end effector",
+    "camera": "a camera; its frame is the optical one (z forward, x right, y down)",
+    "table": "a table; its frame is at the centre of the top surface",
+    "cube": "a cube; its frame is at the centre",
+    "box": "a closed box",
+    "container": "a box open at the top",
+    "cup": "a cup",
+    "ball": "a ball",
+    "hand": "a human hand",
+    "finger": "a fingertip",
+    "intention": "a goal that the robot pursues",
+    "action": "a step of a plan",
+    "agent": "a process that takes part",
+}
+
+_EDGE_TYPES = {
+    "RT": "pose of the destination in the source, perceived or measured",
+    "Virtual_RT": "pose of the destination in the source, believed by the simulation",
+    "has": "structure",
+    "next": "plan order",
+    "on": "the source rests on the destination",
+    "in": "the source is inside the destination",
+    "grasping": "the source holds the destination",
+    "sees": "the source should see the destination",
+}
+
+
+def _attributes(kind: Kind, unit: str, meanings: dict[str, str], **options: Any) -> Iterable[tuple[str, AttributeType]]:
+    return [(name, AttributeType(kind, unit, meaning, **options)) for name, meaning in meanings.items()]
+
+
+_ATTRIBUTES: dict[str, AttributeType] = dict([
+    *_attributes("pose", "m, rad", {"pose": "the geometry of an RT or Virtual_RT edge"}, stream=True),
+    *_attributes("pose", "m, rad", {"target_pose": "where the tool point shall go, in the world frame"}),
+    *_attributes("vector", "m", {"size": "extent along x, y, z"}, length=3),
+    *_attributes("vector", "", {"color": "red, green, blue from 0 to 1"}, length=3),
+    *_attributes("vector", "rad", {"target_joints": "where the joints shall go"}),
+    *_attributes("vector", "rad", {"joint_positions": "measured"}, stream=True),
+    *_attributes("vector", "rad/s", {"joint_velocities": "measured"}, stream=True),
+    *_attributes("float", "kg", {"mass": "mass"}),
+    *_attributes("float", "", {"friction": "Coulomb coefficient", "target_speed": "0 to 1 of the limits"}),
+    *_attributes("float", "m", {"target_opening": "wanted distance between the finger pads"}),
+    *_attributes("float", "m", {"opening": "distance between the finger pads"}, stream=True),
+    *_attributes("float", "s", {"since": "when it began"}),
+    *_attributes("float", "s", {"last_seen": "when a camera last saw it"}, stream=True),
+    *_attributes("float", "px", {"fx": "focal length", "fy": "focal length", "cx": "principal point",
+                                 "cy": "principal point"}),
+    *_attributes("int", "px", {"width": "of the image", "height": "of the image"}),
+    *_attributes("int", "", {"marker_id": "AprilTag 36h11 id", "seen": "how many", "pid": "process id",
+                             "priority": "greater is more urgent", "order": "position in a plan"}),
+    *_attributes("bool", "", {"perceived": "a camera sees it now", "plausible": "the percept obeys physics",
+                              "surprising": "percept and belief disagree", "contact": "both pads touch something",
+                              "visible": "the simulator says it should be seen"}),
+    *_attributes("str", "", {"status": "what it is doing", "explanation": "why", "stream": "name of a blob stream",
+                             "source": "what says so", "model": "which product", "joint_names": "comma-separated",
+                             "goal": "what is wanted", "target": "what the action is about", "note": "free text"}),
+])  # fmt: skip

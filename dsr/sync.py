@@ -1,0 +1,226 @@
+"""How replicas stay equal: join, digest and repair, as a protocol without I/O.
+
+Received messages and the time go in; what is to be sent comes out as `Output`s. Rules:
+
+1. Deltas are joined whenever they arrive; nothing relies on their order or on their arrival.
+2. A newcomer asks one peer for everything. It has joined when a reply came, or when nobody is there.
+3. Once a second each replica makes its stream samples durable and publishes a digest of what it has seen.
+4. A replica that still lacks something `GRACE` after a digest told so asks that peer for it (one request
+   at a time). It only ever pulls, so that nobody has to remember what others know.
+5. Equal contexts with different fingerprints cannot be; then the replica asks for everything and says so.
+6. A replica whose clock most of its peers see in their future must not write (`drifting`).
+
+A peer that sends nonsense is counted in `dropped` and logged once; nothing it sends can raise here.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from dsr.crdt.context import CausalContext
+from dsr.crdt.delta import Delta
+from dsr.errors import WireError
+from dsr.graph import Graph
+from dsr.wire import Digest, decode_delta, decode_digest, encode_delta, encode_digest
+
+DIGEST_PERIOD = 1.0
+"""s"""
+GRACE = 0.15
+"""s that a delta on its way may be later than the digest that mentions it."""
+REQUEST_TIMEOUT = 5.0
+"""s"""
+MAX_DRIFT = 0.5
+"""s that a peer's clock may be ahead of ours."""
+SILENCE = 5.0
+"""s after which a peer's last digest counts no more."""
+
+_log = logging.getLogger("dsr.sync")
+
+
+class PublishDigest(NamedTuple):
+    """Tell all peers what was seen here."""
+
+    payload: bytes
+
+
+class PublishDelta(NamedTuple):
+    """Send a delta to all peers."""
+
+    delta: Delta
+
+
+class Ask(NamedTuple):
+    """Request from one peer what is missing; hand in the answer with `receive_reply`, then `request_done`."""
+
+    peer: str
+    payload: bytes
+
+
+Output = PublishDigest | PublishDelta | Ask
+
+
+@dataclass
+class _Peer:
+    """What is known of another replica; times on the monotonic clock."""
+
+    digest: Digest | None = None
+    heard_at: float = 0.0
+    ahead: bool = False
+    """Its physical clock was more than MAX_DRIFT in our future."""
+
+
+@dataclass
+class Synchroniser:
+    """Keeps one graph in step with its peers."""
+
+    graph: Graph
+    joined: bool = False
+    dropped: Counter[str] = field(default_factory=Counter)
+    """Malformed messages, by sender."""
+    repairs: int = 0
+    """Replies joined because a digest told of something missing."""
+    _peers: dict[str, _Peer] = field(default_factory=dict)
+    _asked: str | None = None
+    _asked_at: float = 0.0
+    _next_digest: float = 0.0
+    _wants_everything: bool = False
+
+    # ---- events
+
+    def peer_appeared(self, rid: str, now: float) -> None:
+        """A replica became reachable; it gets a digest at once, so that a healed partition is repaired soon."""
+        if rid != self.graph.rid:
+            self._peers.setdefault(rid, _Peer())
+            self._next_digest = min(self._next_digest, now)
+
+    def peer_gone(self, rid: str) -> None:
+        """A replica became unreachable."""
+        self._peers.pop(rid, None)
+        if self._asked == rid:
+            self._asked = None
+
+    def receive_delta(self, sender: str, payload: bytes) -> None:
+        """A delta or a bundle of stream samples arrived."""
+        try:
+            self.graph.join(decode_delta(payload))
+        except WireError as error:
+            self._drop(sender, error)
+
+    def receive_digest(self, sender: str, payload: bytes, now: float, physical: float) -> None:
+        """A digest arrived at monotonic time `now` and physical time `physical` (s)."""
+        try:
+            digest = decode_digest(payload)
+        except WireError as error:
+            self._drop(sender, error)
+            return
+        if digest.replica == self.graph.rid:
+            return
+        peer = self._peers.setdefault(digest.replica, _Peer())
+        ahead = digest.now - physical > MAX_DRIFT
+        if ahead and not peer.ahead:
+            _log.warning("the clock of %s is %.1f s ahead of ours", digest.replica, digest.now - physical)
+        peer.digest, peer.heard_at, peer.ahead = digest, now, ahead
+
+    def receive_reply(self, sender: str, payload: bytes) -> None:
+        """The answer to `Ask` arrived."""
+        try:
+            self.graph.join(decode_delta(payload))
+        except WireError as error:
+            self._drop(sender, error)
+            return
+        self.repairs += self.joined
+        self.joined = True
+        self._wants_everything = False
+
+    def request_done(self, peer: str) -> None:
+        """No more answers to `Ask` will come."""
+        if self._asked == peer:
+            self._asked = None
+
+    def nobody_there(self) -> None:
+        """The caller knows that this is the first replica: nothing to ask for."""
+        self.joined = self.joined or not self._peers
+
+    def answer(self, sender: str, payload: bytes) -> bytes | None:
+        """The reply to a peer's request; None if the request is malformed."""
+        try:
+            seen = decode_digest(payload).context
+        except WireError as error:
+            self._drop(sender, error)
+            return None
+        return encode_delta(self.graph.store.missing_for(seen))
+
+    def tick(self, now: float, physical: float) -> list[Output]:
+        """What is due at monotonic time `now` and physical time `physical` (s)."""
+        outputs: list[Output] = []
+        if now >= self._next_digest:
+            self._next_digest = now + DIGEST_PERIOD
+            settled = self.graph.settle()
+            if settled:
+                outputs.append(PublishDelta(settled))
+            outputs.append(PublishDigest(self._digest(physical)))
+        peer = self._peer_to_ask(now)
+        if peer is not None:
+            self._asked, self._asked_at = peer, now
+            outputs.append(Ask(peer, self._request(physical)))
+        return outputs
+
+    # ---- state
+
+    @property
+    def peers(self) -> list[str]:
+        """Replica ids of the reachable peers."""
+        return sorted(self._peers)
+
+    def drifting(self, now: float) -> bool:
+        """Whether most peers heard of lately see our clock in their future."""
+        recent = [p.digest for p in self._peers.values() if p.digest and now - p.heard_at < SILENCE]
+        return 2 * sum(self.graph.rid in digest.ahead for digest in recent) > len(recent)
+
+    def lacks_nothing(self) -> bool:
+        """Whether everything that the last digests told of is here."""
+        seen = self.graph.store.context
+        return all(seen.covers(peer.digest.context) for peer in self._peers.values() if peer.digest)
+
+    def _digest(self, physical: float, seen: CausalContext | None = None) -> bytes:
+        ahead = tuple(sorted(rid for rid, peer in self._peers.items() if peer.ahead))
+        store = self.graph.store
+        return encode_digest(Digest(self.graph.rid, physical, seen or store.context, store.fingerprint, ahead))
+
+    def _request(self, physical: float) -> bytes:
+        return self._digest(physical, CausalContext() if self._wants_everything else None)
+
+    def _peer_to_ask(self, now: float) -> str | None:
+        if self._asked is not None:
+            if now - self._asked_at < REQUEST_TIMEOUT:
+                return None
+            self._asked = None
+        if not self.joined:
+            return self._peer_after(now)
+        for rid, peer in sorted(self._peers.items()):
+            if peer.digest and now - peer.heard_at >= GRACE and self._is_behind(rid, peer.digest):
+                return rid
+        return None
+
+    def _peer_after(self, now: float) -> str | None:
+        """The peers in turn, so that one that does not answer is not asked for ever."""
+        rids = self.peers
+        return rids[int(now / REQUEST_TIMEOUT) % len(rids)] if rids else None
+
+    def _is_behind(self, rid: str, digest: Digest) -> bool:
+        store = self.graph.store
+        if not store.context.covers(digest.context):
+            return True
+        if digest.fingerprint != store.fingerprint and digest.context == store.context:
+            _log.error("same history as %s but another state: asking for everything", rid)
+            self._wants_everything = True
+            return True
+        return False
+
+    def _drop(self, sender: str, error: WireError) -> None:
+        self.dropped[sender] += 1
+        if self.dropped[sender] == 1:
+            _log.warning("dropped a message from %s: %s (further ones are only counted)", sender, error)

@@ -1,0 +1,72 @@
+"""What the memory and the drivers need from a network; every real or in-memory link implements it.
+
+Keys are slash-separated (`dsr/v1/<graph>/d/<rid>`); in subscriptions `*` matches one part and `**`
+any number of parts at the end. Handlers are called from the network's thread: they must return at
+once (put the message on a queue) and must not call back into the transport.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable
+from typing import Protocol
+
+MessageHandler = Callable[[str, bytes], None]
+"""Called with (key, payload) of a message."""
+RequestHandler = Callable[[str, bytes], bytes | None]
+"""Called with (key, payload) of a request; returns the reply, or None to stay silent."""
+PresenceHandler = Callable[[str, bool], None]
+"""Called with (key, alive) when an announced key appears or goes."""
+
+
+class Qos(enum.Enum):
+    """How a message travels: what happens to it when a link is slow."""
+
+    RELIABLE = "reliable"
+    """Kept and sent before everything else; the sender waits (deltas)."""
+    STREAM = "stream"
+    """Dropped when the link is congested; a newer one follows (poses, joint states, digests)."""
+    BULK = "bulk"
+    """Dropped when congested, lowest priority, through shared memory when local (camera frames)."""
+
+
+class Subscription(Protocol):
+    """Something that was declared and can be taken back."""
+
+    def close(self) -> None:
+        """Take it back; harmless when repeated."""
+
+
+class Transport(Protocol):
+    """A connection to the network."""
+
+    def publish(self, key: str, payload: bytes, qos: Qos = Qos.RELIABLE) -> None:
+        """Send `payload` to all current subscribers of `key`, except those on this same connection."""
+
+    def subscribe(self, key: str, handler: MessageHandler, *, newest: int | None = None) -> Subscription:
+        """Call `handler` with each message on `key`; with `newest`, a slow handler skips all but the newest n."""
+
+    def serve(self, key: str, handler: RequestHandler) -> Subscription:
+        """Answer requests on `key`. The handler may be called from any thread."""
+
+    def request(
+        self, key: str, payload: bytes, on_reply: MessageHandler, on_done: Callable[[], None], timeout: float
+    ) -> None:
+        """Ask whoever serves `key`; `on_reply` per answer, then `on_done` exactly once (also on time-out)."""
+
+    def announce(self, key: str) -> Subscription:
+        """Let others see `key` as alive until closed, or until this process dies."""
+
+    def watch_presence(self, key: str, handler: PresenceHandler) -> Subscription:
+        """Call `handler` for each announced key that matches: first the present ones, then each change."""
+
+    def close(self) -> None:
+        """Leave the network; harmless when repeated."""
+
+
+def key_matches(pattern: str, key: str) -> bool:
+    """Whether `key` matches `pattern` (`*` is one part, a final `**` any number of parts)."""
+    wanted, parts = pattern.split("/"), key.split("/")
+    if wanted[-1] == "**":
+        wanted, parts = wanted[:-1], parts[: len(wanted) - 1]
+    return len(wanted) == len(parts) and all(w in ("*", p) for w, p in zip(wanted, parts, strict=True))

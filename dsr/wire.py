@@ -1,0 +1,253 @@
+"""The versioned encoding of messages between replicas: MessagePack, so that any language can read it.
+
+Delta:   [version, replica ids, adds, writes, removed, context, live]
+  add      [replica, counter, key, type, sources, destinations]   key: name, or [source, destination, type]
+  write    [owner replica, owner counter, attribute, stamp, writer, dot replica, dot counter, value]
+           dot counter 0: a stream sample; a value of nil: the attribute was taken away
+  removed  [replica, counter, ...] flat; context [replica, first, last, ...] flat; live as removed, or nil
+Digest:  [version, replica id, now, context, fingerprint, [replicas whose clock is ahead]]
+Replicas are indexes into the list of replica ids. A pose is extension type 1: little-endian doubles
+x y z qx qy qz qw stamp, then, if known, the 36 of the covariance row by row.
+
+Rules for changing this file: a reader must refuse what it does not understand, so every change of the
+layout increments `VERSION`; the golden bytes in tests/dsr/test_wire.py change only together with it.
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Iterable, Sequence
+from typing import Annotated, Any
+
+import msgspec
+
+from dsr.crdt.context import CausalContext, Dot, DotRange
+from dsr.crdt.delta import TOMBSTONE, Add, Delta, Key, Write
+from dsr.errors import WireError
+from dsr.transforms import Pose
+
+VERSION = 1
+_POSE_CODE = 1
+_POSE = struct.Struct("<8d")
+_POSE_COVARIANCE = struct.Struct("<44d")
+_MAX_RANGE = 1 << 20
+MAX_NAME = 256
+
+_Index = Annotated[int, msgspec.Meta(ge=0)]
+_Counter = Annotated[int, msgspec.Meta(ge=0, le=(1 << 53))]
+_Stamp = Annotated[int, msgspec.Meta(ge=0, le=(1 << 63) - 1)]
+_Name = Annotated[str, msgspec.Meta(min_length=1, max_length=MAX_NAME)]
+
+
+class _Add(msgspec.Struct, array_like=True, gc=False):
+    replica: _Index
+    counter: _Counter
+    key: Any  # a union of constrained strings and tuples is beyond msgspec 0.22
+    type: _Name
+    sources: list[int]
+    destinations: list[int]
+
+
+class _Write(msgspec.Struct, array_like=True, gc=False):
+    replica: _Index
+    counter: _Counter
+    attribute: _Name
+    stamp: _Stamp
+    writer: _Index
+    dot_replica: _Index
+    dot_counter: _Counter
+    value: Any
+
+
+class _Delta(msgspec.Struct, array_like=True, gc=False):
+    version: int
+    replicas: list[_Name]
+    adds: list[_Add]
+    writes: list[_Write]
+    removed: list[int]
+    context: list[int]
+    live: list[int] | None
+
+
+class _Digest(msgspec.Struct, array_like=True, gc=False):
+    version: int
+    replica: _Name
+    now: float
+    context: list[tuple[_Name, _Counter, _Counter]]
+    fingerprint: int
+    ahead: list[_Name]
+
+
+class Digest(msgspec.Struct, frozen=True):
+    """What a replica has seen and what it thinks of its peers' clocks."""
+
+    replica: str
+    now: float
+    """Physical time of the sender, s."""
+    context: CausalContext
+    fingerprint: int
+    ahead: tuple[str, ...]
+    """Replicas whose physical clock the sender saw too far in its future."""
+
+
+def _encode_extension(value: Any) -> Any:
+    if isinstance(value, Pose):
+        numbers = (*value.t, *value.q, value.stamp)
+        if value.cov is None:
+            return msgspec.msgpack.Ext(_POSE_CODE, _POSE.pack(*numbers))
+        return msgspec.msgpack.Ext(_POSE_CODE, _POSE_COVARIANCE.pack(*numbers, *value.cov))
+    raise TypeError(f"{type(value).__name__} cannot be sent")
+
+
+def _decode_extension(code: int, data: memoryview) -> Pose:
+    layout = _POSE if len(data) == _POSE.size else _POSE_COVARIANCE
+    if code != _POSE_CODE or len(data) != layout.size:
+        raise WireError(f"extension {code} of {len(data)} bytes")
+    numbers = layout.unpack(data)
+    return Pose(numbers[:3], numbers[3:7], numbers[7], numbers[8:] or None)
+
+
+_encoder = msgspec.msgpack.Encoder(enc_hook=_encode_extension)
+_delta_decoder = msgspec.msgpack.Decoder(_Delta, ext_hook=_decode_extension)
+_digest_decoder = msgspec.msgpack.Decoder(_Digest)
+
+
+class _Indexes(dict[str, int]):
+    """Replica ids in order of first use, and their indexes."""
+
+    def __missing__(self, rid: str) -> int:
+        self[rid] = index = len(self)
+        return index
+
+    def flat(self, dots: Iterable[Dot]) -> list[int]:
+        return [number for rid, counter in dots for number in (self[rid], counter)]
+
+
+def encode_delta(delta: Delta) -> bytes:
+    """A delta or synchronisation reply as bytes."""
+    index = _Indexes()
+    adds = [_Add(index[a.dot[0]], a.dot[1], a.key, a.type, index.flat(a.sources), index.flat(a.destinations))
+            for a in delta.adds]  # fmt: skip
+    writes = [_encode_write(index, write) for write in delta.writes]
+    removed = index.flat(delta.removed)
+    context = [number for rid, first, last in delta.context for number in (index[rid], first, last)]
+    live = None if delta.live is None else index.flat(sorted(delta.live))
+    return _encoder.encode(_Delta(VERSION, list(index), adds, writes, removed, context, live))
+
+
+def _encode_write(index: _Indexes, write: Write) -> _Write:
+    (rid, counter), attribute, stamp, writer, dot, value = write
+    dot_rid, dot_counter = dot or (writer, 0)
+    return _Write(
+        index[rid], counter, attribute, stamp, index[writer], index[dot_rid], dot_counter,
+        None if value is TOMBSTONE else value,
+    )  # fmt: skip
+
+
+def decode_delta(payload: bytes) -> Delta:
+    """The delta in `payload`. Raises `WireError` unless all of it is valid."""
+    try:
+        message = _delta_decoder.decode(payload)
+        if message.version != VERSION:
+            raise WireError(f"delta of version {message.version}, this is version {VERSION}")
+        return _to_delta(message)
+    except (msgspec.MsgspecError, ValueError, IndexError, OverflowError, RecursionError) as error:
+        raise WireError(f"malformed delta of {len(payload)} bytes: {error}") from error
+
+
+def _to_delta(message: _Delta) -> Delta:
+    names = message.replicas
+    delta = Delta()
+    for a in message.adds:
+        key = _to_key(a)
+        sources, destinations = tuple(_dots(names, a.sources)), tuple(_dots(names, a.destinations))
+        delta.adds.append(Add((names[a.replica], _positive(a.counter)), key, a.type, sources, destinations))
+    delta.writes = [_to_write(names, write) for write in message.writes]
+    delta.removed = _dots(names, message.removed)
+    delta.context = _ranges(names, message.context)
+    delta.live = None if message.live is None else frozenset(_dots(names, message.live))
+    return delta
+
+
+def _to_key(add: _Add) -> Key:
+    key = add.key
+    names = [key] if isinstance(key, str) else key
+    if not isinstance(names, list) or not all(isinstance(n, str) and 0 < len(n) <= MAX_NAME for n in names):
+        raise ValueError(f"key {key!r:.80}: expected a name or three names of at most {MAX_NAME} characters")
+    if isinstance(key, str):
+        if add.sources or add.destinations:
+            raise ValueError(f"node {key!r} with endpoints")
+        return key
+    if len(names) != 3 or not add.sources or not add.destinations:
+        raise ValueError(f"edge {key!r:.80}: expected three names and creation dots at both ends")
+    return names[0], names[1], names[2]
+
+
+def _to_write(names: list[str], write: _Write) -> Write:
+    writer = names[write.writer]
+    dot = (names[write.dot_replica], write.dot_counter) if write.dot_counter else None
+    owner = (names[write.replica], _positive(write.counter))
+    return Write(owner, write.attribute, write.stamp, writer, dot, _to_value(write.value))
+
+
+def _to_value(value: Any) -> Any:
+    kind = type(value)
+    if kind in (Pose, bool, str, bytes):
+        return value
+    if value is None:
+        return TOMBSTONE
+    if kind is float and math.isfinite(value):
+        return value
+    if kind is int and -(1 << 63) <= value < (1 << 63):
+        return value
+    if kind is list and all(type(number) is float and math.isfinite(number) for number in value):
+        return tuple(value)
+    raise ValueError(f"a value of type {kind.__name__} that no attribute may have: {value!r:.80}")
+
+
+def _positive(counter: int) -> int:
+    if counter < 1:
+        raise ValueError(f"counter {counter}: counters start at 1")
+    return counter
+
+
+def _dots(names: list[str], flat: Sequence[int]) -> list[Dot]:
+    if len(flat) % 2 or any(number < 0 for number in flat):
+        raise ValueError("dots are pairs of a replica's index and a counter")
+    return [(names[flat[i]], _positive(flat[i + 1])) for i in range(0, len(flat), 2)]
+
+
+def _ranges(names: list[str], flat: Sequence[int]) -> list[DotRange]:
+    if len(flat) % 3 or any(number < 0 for number in flat):
+        raise ValueError("a context is triples of a replica's index, first and last counter")
+    return [_checked_range(names[flat[i]], flat[i + 1], flat[i + 2]) for i in range(0, len(flat), 3)]
+
+
+def _checked_range(rid: str, first: int, last: int) -> DotRange:
+    """Refuse ranges that would fill memory: only one that starts at 1 may be long (it is stored as a number)."""
+    if not 1 <= first <= last or (first > 1 and last - first > _MAX_RANGE):
+        raise ValueError(f"dots {first} to {last} of {rid!r}")
+    return rid, first, last
+
+
+def encode_digest(digest: Digest) -> bytes:
+    """A digest as bytes."""
+    context = list(digest.context.ranges())
+    return _encoder.encode(
+        _Digest(VERSION, digest.replica, digest.now, context, digest.fingerprint, list(digest.ahead))
+    )
+
+
+def decode_digest(payload: bytes) -> Digest:
+    """The digest in `payload`. Raises `WireError` unless all of it is valid."""
+    try:
+        message = _digest_decoder.decode(payload)
+        if message.version != VERSION or not math.isfinite(message.now):
+            raise WireError(f"digest of version {message.version} at time {message.now}")
+        context = CausalContext(_checked_range(*dots) for dots in message.context)
+        return Digest(message.replica, message.now, context, message.fingerprint, tuple(message.ahead))
+    except (msgspec.MsgspecError, ValueError, OverflowError) as error:
+        raise WireError(f"malformed digest of {len(payload)} bytes: {error}") from error
+
+
