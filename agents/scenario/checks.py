@@ -6,8 +6,8 @@ from collections.abc import Iterable
 from pathlib import Path as FilePath
 
 from agents.scenario.events import Carry, Event, Kill, Place
-from agents.scenario.expectations import Check, Edges, Recovered
-from agents.scenario.geometry import footprint_overlap
+from agents.scenario.expectations import Check, Edges, Recovered, Windowed
+from agents.scenario.geometry import penetration, upright_box
 from agents.scenario.layout import TOUCH, object_box, overlapping, table_box
 from agents.scenario.lines import Path
 from agents.scenario.model import RobotSpec, Scenario
@@ -17,7 +17,7 @@ from dsr.keys import check_name
 _RESERVED = {"world", "robot", "table", "camera_overhead", "camera_wrist", "arm", "gripper", "body", "mind"}
 
 
-class Inconsistent(ConfigError):
+class InconsistencyError(ConfigError):
     """A value that does not fit the rest of the scenario."""
 
     def __init__(self, path: Path, message: str) -> None:
@@ -26,15 +26,12 @@ class Inconsistent(ConfigError):
 
 
 def check_scenario(scenario: Scenario, etc: FilePath | None) -> None:
-    """Raise `Inconsistent` for the first value that contradicts another, or names a missing file of `etc`."""
-    check_name_at(("name",), scenario.name)
-    _check_files(scenario, etc)
-    _check_robot(scenario.robot)
-    if scenario.settle >= scenario.duration:
-        raise Inconsistent(("settle",), f"settle = {scenario.settle} s; expected less than the duration")
-    low, high = scenario.sensor.depth_bias
-    if low > high:
-        raise Inconsistent(("sensor", "depth_bias"), f"[{low}, {high}] m: expected the smaller bound first")
+    """Raise `InconsistencyError` for the first value that contradicts another or names no file of `etc`."""
+    _check_name(("name",), scenario.name)
+    if etc is not None:
+        _check_file(("system",), scenario.system, etc / "systems", ".toml")
+        _check_file(("robot", "model"), scenario.robot.model, etc / "robots", ".urdf")
+    _check_settings(scenario)
     _check_names(scenario)
     _check_places(scenario)
     for index, event in enumerate(scenario.events):
@@ -43,67 +40,65 @@ def check_scenario(scenario: Scenario, etc: FilePath | None) -> None:
         _check_expectation(check, ("expect", index), scenario)
 
 
-def check_name_at(path: Path, name: str) -> None:
-    """Raise `Inconsistent` if `name` cannot be the name of a node or a scenario."""
+def _require(holds: bool, path: Path, message: str) -> None:
+    if not holds:
+        raise InconsistencyError(path, message)
+
+
+def _check_name(path: Path, name: str) -> None:
     try:
         check_name("name", name)
     except ConfigError as error:
-        raise Inconsistent(path, str(error)) from error
+        raise InconsistencyError(path, str(error)) from error
 
 
-def _check_files(scenario: Scenario, etc: FilePath | None) -> None:
-    if etc is None:
-        return
-    systems = {file.stem for file in (etc / "systems").glob("*.toml")}
-    if systems and scenario.system not in systems:
-        raise Inconsistent(
-            ("system",), f"unknown system {scenario.system!r}; {suggest(scenario.system, systems)}"
-        )
-    models = {file.stem for file in (etc / "robots").glob("*.urdf")}
+def _check_file(path: Path, name: str, folder: FilePath, suffix: str) -> None:
+    """The name must be that of a file in `folder`, if there is any."""
+    known = {file.stem for file in folder.glob(f"*{suffix}")}
+    _require(not known or name in known, path, f"unknown {path[-1]} {name!r}; {suggest(name, known)}")
+
+
+def _check_settings(scenario: Scenario) -> None:
+    _require(
+        scenario.settle < scenario.duration,
+        ("settle",),
+        f"settle = {scenario.settle} s; expected less than the duration, {scenario.duration} s",
+    )
+    low, high = scenario.sensor.depth_bias
+    _require(low <= high, ("sensor", "depth_bias"), f"[{low}, {high}] m: expected the smaller bound first")
     model = scenario.robot.model
-    if models and model not in models:
-        raise Inconsistent(("robot", "model"), f"unknown robot {model!r}; {suggest(model, models)}")
-
-
-def _check_robot(robot: RobotSpec) -> None:
-    if robot.model != "gen3" and robot.start == RobotSpec().start:
-        raise Inconsistent(("robot",), f"robot {robot.model!r} needs `start`: its joint positions in rad")
+    needs_start = model != "gen3" and scenario.robot.start == RobotSpec().start
+    _require(not needs_start, ("robot",), f"robot {model!r} needs `start`: its joint positions in rad")
 
 
 def _check_names(scenario: Scenario) -> None:
-    names: set[str] = set()
+    names = set(_RESERVED)
     markers: dict[int, str] = {}
     for index, spec in enumerate(scenario.objects):
         path: Path = ("object", index, "name")
-        check_name_at(path, spec.name)
-        if spec.name in names | _RESERVED:
-            raise Inconsistent(path, f"the name {spec.name!r} is taken; expected a name used once")
+        _check_name(path, spec.name)
+        _require(spec.name not in names, path, f"the name {spec.name!r} is taken; expected a name used once")
         names.add(spec.name)
-        if spec.marker_id is None:
-            continue
-        if spec.marker_id in markers:
-            other = markers[spec.marker_id]
-            raise Inconsistent(
-                ("object", index, "marker_id"),
-                f"{spec.name!r} has the marker {spec.marker_id} of {other!r}; expected a marker used once",
-            )
-        markers[spec.marker_id] = spec.name
+        if spec.marker_id is not None:
+            other = markers.setdefault(spec.marker_id, spec.name)
+            message = f"{spec.name!r} has the marker {spec.marker_id} of {other!r}; expected one used once"
+            _require(other == spec.name, ("object", index, "marker_id"), message)
 
 
 def _check_places(scenario: Scenario) -> None:
     """No object starts inside another one or inside the table."""
     table = table_box(scenario.table)
     for index, spec in enumerate(scenario.objects):
-        depth = table.top - object_box(spec).bottom
-        if depth > TOUCH and footprint_overlap(object_box(spec), table) > 0:
-            least = table.top + spec.size[2] / 2
-            raise Inconsistent(
-                ("object", index, "position"),
-                f"{spec.name!r} is {depth * 1000:.1f} mm inside the table; expected z >= {least:.4f} m",
-            )
+        depth = penetration(object_box(spec), table)
+        _require(
+            depth <= TOUCH,
+            ("object", index, "position"),
+            f"{spec.name!r} is {depth * 1000:.1f} mm inside the table; "
+            f"expected z >= {table.top + spec.size[2] / 2:.4f} m",
+        )
     if found := overlapping(scenario.objects):
         first, second, depth = found
-        raise Inconsistent(
+        raise InconsistencyError(
             ("object", second, "position"),
             f"{scenario.objects[second].name!r} and {scenario.objects[first].name!r} overlap by "
             f"{depth * 1000:.1f} mm; expected objects that are apart or touch",
@@ -111,70 +106,66 @@ def _check_places(scenario: Scenario) -> None:
 
 
 def _check_event(event: Event, path: Path, scenario: Scenario) -> None:
-    if (event.at is None) == (event.when is None):
-        raise Inconsistent(path, "expected either `at` (s) or `when` (a condition)")
-    if event.at is not None and event.at > scenario.duration:
-        raise Inconsistent(
-            (*path, "at"), f"at = {event.at} s is after the end; expected at most {scenario.duration} s"
-        )
-    _check_condition(event, path, scenario)
-    _check_objects(event.named_objects, path, scenario)
-    if isinstance(event, Place) and (event.position is None) == (event.onto is None):
-        raise Inconsistent(path, "place: expected either `position` (m) or `onto` (an object)")
-    if isinstance(event, Place) and event.onto == event.object:
-        raise Inconsistent((*path, "onto"), f"{event.object!r} cannot be placed onto itself")
-    if isinstance(event, Kill) and event.at is None:
-        raise Inconsistent(path, "kill: expected `at` (s): conditions are judged by the plant")
-    if isinstance(event, Place | Carry):
-        _check_above_table(event, path, scenario)
+    once = (event.at is None) != (event.when is None)
+    _require(once, path, "expected either `at` (s) or `when` (a condition)")
+    _check_time(event.at or 0.0, (*path, "at"), scenario)
+    _check_condition(event, (*path, "when"), scenario)
+    for field, name in event.named_objects.items():
+        _check_objects([name], (*path, field), scenario)
+    if isinstance(event, Place):
+        once = (event.position is None) != (event.onto is None)
+        _require(once, path, "place: expected either `position` (m) or `onto` (an object)")
+        _require(event.onto != event.object, (*path, "onto"), "an object cannot be placed onto itself")
+        _check_above_table(event, event.position, (*path, "position"), scenario)
+    if isinstance(event, Carry):
+        _check_above_table(event, event.to, (*path, "to"), scenario)
+    if isinstance(event, Kill):
+        _require(event.at is not None, path, "kill: expected `at` (s): conditions are judged by the plant")
 
 
 def _check_condition(event: Event, path: Path, scenario: Scenario) -> None:
     try:
         condition = event.condition
     except ConfigError as error:
-        raise Inconsistent((*path, "when"), str(error)) from error
+        raise InconsistencyError(path, str(error)) from error
     if condition:
-        _check_objects(condition.objects, (*path, "when"), scenario)
+        _check_objects(condition.objects, path, scenario)
 
 
-def _check_above_table(event: Place | Carry, path: Path, scenario: Scenario) -> None:
-    key, position = ("position", event.position) if isinstance(event, Place) else ("to", event.to)
+def _check_above_table(
+    event: Place | Carry, position: tuple[float, float, float] | None, path: Path, scenario: Scenario
+) -> None:
     if position is None:
         return
-    spec = scenario.object(event.object)
-    table = table_box(scenario.table)
-    over = all(abs(position[i] - scenario.table.position[i]) < scenario.table.size[i] / 2 for i in (0, 1))
-    if over and table.top - position[2] + spec.size[2] / 2 > TOUCH:
-        least = table.top + spec.size[2] / 2
-        raise Inconsistent(
-            (*path, key), f"{event.object!r} would be put into the table; expected z >= {least:.4f} m"
-        )
+    spec, table = scenario.object(event.object), table_box(scenario.table)
+    depth = penetration(upright_box(position, event.yaw or spec.yaw, spec.size), table)
+    least = table.top + spec.size[2] / 2
+    _require(depth <= TOUCH, path, f"{spec.name!r} would be inside the table; expected z >= {least:.4f} m")
 
 
 def _check_expectation(check: Check, path: Path, scenario: Scenario) -> None:
     _check_objects(check.named_objects, (*path, "objects"), scenario)
     at = scenario.duration if check.at is None else check.at
-    if at > scenario.duration:
-        raise Inconsistent(
-            (*path, "at"), f"at = {at} s is after the end; expected at most {scenario.duration} s"
-        )
-    after = getattr(check, "after", None)
-    if after is not None and after >= at:
-        raise Inconsistent(
-            (*path, "after"), f"after = {after} s; expected less than {at} s, when it is judged"
-        )
-    if isinstance(check, Edges) and not (check.present or check.absent):
-        raise Inconsistent(path, "edges: expected `present` or `absent`: lists of [source, destination]")
-    killed = {event.agent for event in scenario.events if isinstance(event, Kill)}
-    if isinstance(check, Recovered) and check.agent not in killed:
-        raise Inconsistent(
-            (*path, "agent"), f"no event kills {check.agent!r}; {suggest(check.agent, killed)}"
-        )
+    _check_time(at, (*path, "at"), scenario)
+    if isinstance(check, Windowed):
+        after = scenario.settle if check.after is None else check.after
+        message = f"the window begins at {after} s; expected before {at} s, when it is judged"
+        _require(after < at, (*path, "at" if check.after is None else "after"), message)
+    if isinstance(check, Edges):
+        some = bool(check.present or check.absent)
+        _require(some, path, "edges: expected `present` or `absent`: lists of [source, destination]")
+    if isinstance(check, Recovered):
+        killed = {event.agent for event in scenario.events if isinstance(event, Kill)}
+        message = f"no event kills {check.agent!r}; {suggest(check.agent, killed)}"
+        _require(check.agent in killed, (*path, "agent"), message)
+
+
+def _check_time(at: float, path: Path, scenario: Scenario) -> None:
+    message = f"{at} s is after the end; expected at most {scenario.duration} s"
+    _require(at <= scenario.duration, path, message)
 
 
 def _check_objects(names: Iterable[str], path: Path, scenario: Scenario) -> None:
     known = {spec.name for spec in scenario.objects}
     for name in names:
-        if name not in known:
-            raise Inconsistent(path, f"unknown object {name!r}; {suggest(name, known)}")
+        _require(name in known, path, f"unknown object {name!r}; {suggest(name, known)}")

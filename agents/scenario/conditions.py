@@ -16,8 +16,8 @@ PREDICATES = {
 }
 """Name and number of objects of each predicate.
 
-`built(a, b)`: a stands on b and neither moves; `resting(a)`: a is supported and does not move; `lifted(a)`: a is
-more than 10 mm above whatever lies below it.
+`built(a, b)`: a stands on b and neither moves; `resting(a)`: a is supported and does not move; `lifted(a)`:
+a is more than 10 mm above whatever lies below it.
 """
 
 _TERM = re.compile(r"\s*(\w+)\s*\(([^()]*)\)\s*")

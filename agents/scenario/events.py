@@ -1,12 +1,12 @@
 """What the experimenter does to the true world: one struct per move, told apart by `do`.
 
-Each event starts `at` a time (s after the start) or once the condition `when` has come true, plus `delay` seconds.
-The plant carries out all moves but `kill`, which is the runner's.
+Each event starts `at` a time (s after the start) or once the condition `when` has come true, plus `delay`
+seconds. The plant carries out all moves but `kill`, which is the runner's.
 """
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal
+from typing import ClassVar, Literal, get_args
 
 import msgspec
 
@@ -33,9 +33,9 @@ class EventBase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields
         return None if self.when is None else parse_condition(self.when)
 
     @property
-    def named_objects(self) -> tuple[str, ...]:
-        """Names of the objects that the event itself mentions."""
-        return ()
+    def named_objects(self) -> dict[str, str]:
+        """Names of the objects that the event mentions, by field."""
+        return {}
 
 
 class ObjectEvent(EventBase, frozen=True, kw_only=True):
@@ -44,9 +44,9 @@ class ObjectEvent(EventBase, frozen=True, kw_only=True):
     object: str
 
     @property
-    def named_objects(self) -> tuple[str, ...]:
+    def named_objects(self) -> dict[str, str]:
         """The object acted on."""
-        return (self.object,)
+        return {"object": self.object}
 
 
 class Place(ObjectEvent, frozen=True, kw_only=True, tag="place"):
@@ -62,9 +62,9 @@ class Place(ObjectEvent, frozen=True, kw_only=True, tag="place"):
     """rad; default: as before"""
 
     @property
-    def named_objects(self) -> tuple[str, ...]:
+    def named_objects(self) -> dict[str, str]:
         """The object acted on and the one below."""
-        return (self.object,) if self.onto is None else (self.object, self.onto)
+        return {"object": self.object} | ({} if self.onto is None else {"onto": self.onto})
 
 
 class Slide(ObjectEvent, frozen=True, kw_only=True, tag="slide"):
@@ -156,8 +156,5 @@ class Kill(EventBase, frozen=True, kw_only=True, tag="kill"):
 
 
 Event = Place | Slide | Carry | Lift | Tilt | Drop | Remove | CameraBump | CameraCover | Kill
-EVENTS: dict[str, type[Event]] = {
-    str(kind.__struct_config__.tag): kind
-    for kind in (Place, Slide, Carry, Lift, Tilt, Drop, Remove, CameraBump, CameraCover, Kill)
-}
+EVENTS: dict[str, type[Event]] = {str(kind.__struct_config__.tag): kind for kind in get_args(Event)}
 """The kinds of event by their `do`."""

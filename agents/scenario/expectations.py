@@ -1,10 +1,12 @@
 """What must hold in the working memory: one struct per check, told apart by `check`.
 
-A check is judged `at` a time (default: the end). Those with `after` look at the whole window from there on; its
-default is the scenario's `settle`. `objects` defaults to all objects that are then in the true world.
+A check is judged `at` a time (default: the end). Those with `after` look at the whole window from there on;
+its default is the scenario's `settle`. `objects` defaults to all objects that are then in the true world.
 """
 
 from __future__ import annotations
+
+from typing import get_args
 
 import msgspec
 
@@ -23,7 +25,7 @@ class Expectation(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
         return ()
 
 
-class ObjectsExpectation(Expectation, frozen=True, kw_only=True):
+class OfObjects(Expectation, frozen=True, kw_only=True):
     """A check of each of some objects."""
 
     objects: tuple[str, ...] | None = None
@@ -35,45 +37,46 @@ class ObjectsExpectation(Expectation, frozen=True, kw_only=True):
         return self.objects or ()
 
 
-class BeliefCloserThanPercept(
-    ObjectsExpectation, frozen=True, kw_only=True, tag="belief_closer_than_percept"
-):
-    """The mean position error of the belief is smaller than the percept's, over the window, while seen."""
+class Windowed(OfObjects, frozen=True, kw_only=True):
+    """A check of all moments from `after` until it is judged."""
 
     after: Seconds | None = None
+    """s after the start; default: the scenario's `settle`"""
 
 
-class NoInterpenetration(ObjectsExpectation, frozen=True, kw_only=True, tag="no_interpenetration"):
-    """No two beliefs, and no belief and the table, overlap deeper than `tolerance` anywhere in the window."""
+class BeliefCloser(Windowed, frozen=True, kw_only=True, tag="belief_closer_than_percept"):
+    """While seen, the belief is closer to the truth than the percept on average over the window."""
+
+
+class NoInterpenetration(Windowed, frozen=True, kw_only=True, tag="no_interpenetration"):
+    """No belief overlaps another one, or the table, deeper than `tolerance` at any moment of the window."""
 
     tolerance: Noise = 0.0005
     """m"""
-    after: Seconds | None = None
 
 
-class Resting(ObjectsExpectation, frozen=True, kw_only=True, tag="resting"):
-    """The belief stands on the table or on another belief, with a gap of at most `tolerance`, and is still."""
+class NoDrift(Windowed, frozen=True, kw_only=True, tag="no_drift"):
+    """The belief never gets further than `tolerance` from where it was when the window began."""
 
     tolerance: Noise = 0.001
     """m"""
 
 
-class RestingHeight(ObjectsExpectation, frozen=True, kw_only=True, tag="resting_height"):
+class Resting(OfObjects, frozen=True, kw_only=True, tag="resting"):
+    """The belief stands on the table or on another belief, gap at most `tolerance`, and is still."""
+
+    tolerance: Noise = 0.001
+    """m"""
+
+
+class RestingHeight(OfObjects, frozen=True, kw_only=True, tag="resting_height"):
     """The height of the belief differs from the true one by at most `tolerance`."""
 
     tolerance: Noise = 0.001
     """m"""
 
 
-class NoDrift(ObjectsExpectation, frozen=True, kw_only=True, tag="no_drift"):
-    """The belief never gets further than `tolerance` from where it was when the window began."""
-
-    tolerance: Noise = 0.001
-    """m"""
-    after: Seconds | None = None
-
-
-class BeliefError(ObjectsExpectation, frozen=True, kw_only=True, tag="belief_error"):
+class BeliefError(OfObjects, frozen=True, kw_only=True, tag="belief_error"):
     """The belief is within `tolerance` of the truth, and within `angle` if that is given."""
 
     tolerance: Noise = 0.005
@@ -82,7 +85,7 @@ class BeliefError(ObjectsExpectation, frozen=True, kw_only=True, tag="belief_err
     """rad; default: the rotation is not judged"""
 
 
-class Perceived(ObjectsExpectation, frozen=True, kw_only=True, tag="perceived"):
+class Perceived(OfObjects, frozen=True, kw_only=True, tag="perceived"):
     """The attribute `perceived` of the objects is `value`."""
 
     value: bool = True
@@ -95,6 +98,7 @@ class Attribute(Expectation, frozen=True, kw_only=True, tag="attribute"):
     name: str
     value: bool | int | float | str
     tolerance: float = 1e-9
+    """In the unit of the attribute."""
 
 
 class Edges(Expectation, frozen=True, kw_only=True, tag="edges"):
@@ -113,30 +117,16 @@ class Recovered(Expectation, frozen=True, kw_only=True, tag="recovered"):
 
 
 Check = (
-    BeliefCloserThanPercept
+    BeliefCloser
     | NoInterpenetration
+    | NoDrift
     | Resting
     | RestingHeight
-    | NoDrift
     | BeliefError
     | Perceived
     | Attribute
     | Edges
     | Recovered
 )
-CHECKS: dict[str, type[Check]] = {
-    str(kind.__struct_config__.tag): kind
-    for kind in (
-        BeliefCloserThanPercept,
-        NoInterpenetration,
-        Resting,
-        RestingHeight,
-        NoDrift,
-        BeliefError,
-        Perceived,
-        Attribute,
-        Edges,
-        Recovered,
-    )
-}
+CHECKS: dict[str, type[Check]] = {str(kind.__struct_config__.tag): kind for kind in get_args(Check)}
 """The kinds of expectation by their `check`."""

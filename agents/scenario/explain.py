@@ -34,11 +34,12 @@ def value_error(message: str, path: Path, text: str, file: str) -> ConfigError:
     return ConfigError(f"{place}: {message}" if place else message, file=file, line=line_of(text, path))
 
 
-def syntax_error(error: tomllib.TOMLDecodeError, file: str) -> ConfigError:
-    """The TOML parser's message, with its line moved to the front."""
+def syntax_error(error: tomllib.TOMLDecodeError, text: str, file: str) -> ConfigError:
+    """The TOML parser's message, with its line (the last one at the end of the document) moved to the front."""
     message, _, place = str(error).partition(" (at ")
     line = re.search(r"line (\d+)", place)
-    return ConfigError(f"not valid TOML: {message}", file=file, line=int(line[1]) if line else None)
+    number = int(line[1]) if line else len(text.splitlines())
+    return ConfigError(f"not valid TOML: {message}", file=file, line=number)
 
 
 def type_error(error: msgspec.ValidationError, data: dict[str, Any], text: str, file: str) -> ConfigError:

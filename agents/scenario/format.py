@@ -4,8 +4,8 @@ The struct of the file is `Scenario` (model.py), of the moves `Event` (events.py
 (expectations.py). docs/scenarios.md describes the format for users.
 
 Time: the plant simulates from the moment it runs, but the timeline starts when a `Start` arrives on
-`start_key(keys)`; until then nothing of `events` happens. The runner repeats it once a second, so a plant that was
-restarted carries on at the right time.
+`start_key(keys)`; until then nothing of `events` happens. The runner repeats it once a second, so a plant
+that was restarted carries on at the right time.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from typing import Any
 
 import msgspec
 
-from agents.scenario.checks import Inconsistent, check_scenario
+from agents.scenario.checks import InconsistencyError, check_scenario
 from agents.scenario.conditions import PREDICATES, Condition, Term
 from agents.scenario.events import (
     EVENTS,
@@ -121,7 +121,7 @@ def parse_scenario(text: str, file: str = "<text>") -> Scenario:
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
-        raise syntax_error(error, file) from error
+        raise syntax_error(error, text, file) from error
     for path, value in _floats(data, ()):
         if not math.isfinite(value):
             raise value_error(f"expected a finite number, got {value}", path, text, file)
@@ -131,7 +131,7 @@ def parse_scenario(text: str, file: str = "<text>") -> Scenario:
         raise type_error(error, data, text, file) from error
     try:
         check_scenario(scenario, _PACKAGE_ETC if _PACKAGE_ETC.is_dir() else None)
-    except Inconsistent as error:
+    except InconsistencyError as error:
         raise value_error(str(error), error.path, text, file) from error
     return scenario
 

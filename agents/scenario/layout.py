@@ -26,7 +26,7 @@ def start_poses(scenario: Scenario, rng: np.random.Generator) -> list[ObjectSpec
         if overlapping(drawn) is None:
             return drawn
     raise ConfigError(
-        f"scenario {scenario.name!r}: no free places for {len(scenario.objects)} objects in {_ATTEMPTS} draws; "
+        f"scenario {scenario.name!r}: {len(scenario.objects)} objects overlap in each of {_ATTEMPTS} draws; "
         "expected a smaller [random] position or yaw, or more space between the objects"
     )
 

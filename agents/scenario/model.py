@@ -41,7 +41,7 @@ class SensorSpec(Section, frozen=True, kw_only=True):
     """Errors of the camera on top of those that its measuring principle has anyway."""
 
     depth_bias: tuple[Noise, Noise] = (0.0, 0.0)
-    """m, least and most systematic depth error of an object, drawn uniformly (towards the camera: seen too high)"""
+    """m, bounds of the constant depth error of each object, drawn uniformly (towards the camera: too high)"""
     depth_jitter: Noise = 0.0
     """m, standard deviation per object and frame"""
     grey_noise: Annotated[float, Meta(ge=0, le=100)] = 2.0

@@ -1,0 +1,315 @@
+"""A scenario file is read completely or refused with the file, the line and what was expected."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from agents.scenario.format import (
+    CameraCover,
+    Place,
+    load_scenario,
+    parse_scenario,
+    scenario_files,
+    start_poses,
+)
+from agents.scenario.geometry import penetration
+from agents.scenario.layout import object_box
+from dsr.errors import ConfigError
+
+BASE = """\
+name = "small"
+title = "Two cubes"
+duration = 10.0
+
+[[object]]
+name = "a"
+marker_id = 1
+position = [0.3, 0.0, 0.02]
+
+[[object]]
+name = "b"
+marker_id = 2
+position = [
+    0.4,
+    0.0,  # y
+    0.02,
+]
+"""
+
+
+def refusal(text: str) -> str:
+    with pytest.raises(ConfigError) as caught:
+        parse_scenario(text, "x.toml")
+    return str(caught.value)
+
+
+def with_line(line: str, where: str = "duration = 10.0") -> str:
+    return BASE.replace(where, f"{where}\n{line}")
+
+
+def test_a_small_file_gets_documented_defaults():
+    scenario = parse_scenario(BASE)
+    assert scenario.camera == "overhead"
+    assert scenario.object("b").position == (0.4, 0.0, 0.02)
+    assert scenario.object("a").size == (0.04, 0.04, 0.04)
+    assert scenario.robot.model == "gen3" and len(scenario.robot.start) == 7
+    assert scenario.sensor.depth_bias == (0.0, 0.0)
+    assert scenario.events == scenario.expectations == []
+
+
+def test_events_and_conditions_are_read():
+    text = (
+        BASE
+        + """
+[[event]]
+when = "built(a, b) and resting(b)"
+delay = 1.0
+do = "place"
+object = "a"
+position = [0.3, 0.1, 0.02]
+
+[[event]]
+at = 3
+do = "camera_cover"
+duration = 2.0
+"""
+    )
+    place, cover = parse_scenario(text).events
+    assert isinstance(place, Place) and isinstance(cover, CameraCover)
+    assert place.condition is not None and cover.condition is None
+    assert place.condition.holds(lambda term: term.predicate in ("built", "resting"))
+    assert not place.condition.holds(lambda term: term.objects == ("b",))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (with_line("durration = 3"), "x.toml:4: durration: unknown field; did you mean 'duration'?"),
+        (
+            with_line("[sensor]\ndepth_jiter = 0.1"),
+            "x.toml:5: sensor.depth_jiter: unknown field; did you mean",
+        ),
+        (with_line("siz = [1, 1, 1]", "marker_id = 2"), "x.toml:13: object.2.siz: unknown field"),
+        (with_line("camera = 'front'"), "x.toml:4: camera: unknown value 'front'; valid: overhead, wrist"),
+        (
+            with_line("type = 'cub'", "marker_id = 1"),
+            "x.toml:8: object.1.type: unknown value 'cub'; did you mean",
+        ),
+        (BASE.replace("duration = 10.0\n", ""), "x.toml: object missing required field `duration`"),
+        (
+            BASE.replace("duration = 10.0", "duration = 'long'"),
+            "x.toml:3: duration: expected `float`, got `str`",
+        ),
+        (
+            BASE.replace("duration = 10.0", "duration = -1"),
+            "x.toml:3: duration: expected `float` > 0.0 (s), got -1",
+        ),
+        (BASE.replace("duration = 10.0", "duration = nan"), "x.toml:3: duration: expected a finite number"),
+        (BASE.replace("0.4,", "inf,"), "x.toml:13: object.2.position.1: expected a finite number"),
+        (BASE.replace("0.4,", "'left',"), "x.toml:13: object.2.position.1: expected `float`, got `str` (m)"),
+        (
+            BASE.replace("    0.4,\n", ""),
+            "x.toml:13: object.2.position: expected `array` of length 3, got 2 (m)",
+        ),
+        (
+            with_line("size = [40, 40, 40]", "marker_id = 1"),
+            "x.toml:8: object.1.size.1: expected `float` <= 5.0 (m)",
+        ),
+        (
+            with_line("yaw = 90", "marker_id = 1"),
+            "x.toml:8: object.1.yaw: expected `float` <= 6.2832 (rad), got 90",
+        ),
+        (
+            with_line("marker = 4", "marker_id = 1"),
+            "object.1.marker: unknown field; did you mean 'marker_id'?",
+        ),
+        (BASE.replace("marker_id = 2", "marker_id = 587"), "x.toml:12: object.2.marker_id: expected `int` <"),
+        (
+            BASE.replace("marker_id = 2", "marker_id = 1"),
+            "x.toml:12: object.2.marker_id: 'b' has the marker 1 of 'a'",
+        ),
+        (BASE.replace('"b"', '"a"'), "x.toml:11: object.2.name: the name 'a' is taken"),
+        (BASE.replace('"b"', '"table"'), "x.toml:11: object.2.name: the name 'table' is taken"),
+        (BASE.replace('"b"', '"b c"'), "x.toml:11: object.2.name: name 'b c': expected 1 to 64 letters"),
+        (BASE.replace("0.4,", "0.33,"), "x.toml:13: object.2.position: 'b' and 'a' overlap by 10.0 mm"),
+        (
+            BASE.replace("[0.3, 0.0, 0.02]", "[0.3, 0.0, 0.01]"),
+            "x.toml:8: object.1.position: 'a' is 10.0 mm inside",
+        ),
+        (with_line("settle = 20"), "x.toml:4: settle: settle = 20.0 s; expected less than the duration"),
+        (
+            with_line("[sensor]\ndepth_bias = [0.02, 0.01]"),
+            "x.toml:5: sensor.depth_bias: [0.02, 0.01] m: expected",
+        ),
+        (
+            with_line("system = 'tabeltop'"),
+            "x.toml:4: system: unknown system 'tabeltop'; did you mean 'tabletop'?",
+        ),
+        (
+            with_line("[robot]\nmodel = 'gen4'"),
+            "x.toml:5: robot.model: unknown model 'gen4'; did you mean 'gen3'?",
+        ),
+        (with_line("sensor = 3"), "x.toml:4: sensor: expected `object`, got `int`"),
+        ("name = 'x\n", "x.toml:1: not valid TOML: Expected"),
+        ("a = 1\na = 2\n", "x.toml:2: not valid TOML: Cannot overwrite a value"),
+    ],
+)
+def test_wrong_values_are_refused_with_line_and_expectation(text: str, message: str):
+    assert message in refusal(text)
+
+
+@pytest.mark.parametrize(
+    ("event", "message"),
+    [
+        ("do = 'plce'", "x.toml:20: event.1.do: unknown value 'plce'; did you mean 'place'?"),
+        ("at = 1", "x.toml:19: event.1: object missing required field `do`; valid: camera_bump"),
+        ("do = 'drop'\nobject = 'a'", "x.toml:19: event.1: expected either `at` (s) or `when`"),
+        (
+            "do = 'drop'\nobject = 'a'\nat = 1\nwhen = 'resting(a)'",
+            "event.1: expected either `at` (s) or `when`",
+        ),
+        ("do = 'drop'\nobject = 'c'\nat = 1", "x.toml:21: event.1.object: unknown object 'c'; valid: a, b"),
+        ("do = 'drop'\nobject = 'a'\nat = 11", "x.toml:22: event.1.at: 11.0 s is after the end"),
+        (
+            "do = 'drop'\nobject = 'a'\nwhen = 'reste(a)'",
+            "x.toml:22: event.1.when: unknown predicate 'reste'; did you",
+        ),
+        ("do = 'drop'\nobject = 'a'\nwhen = 'built(a)'", "event.1.when: 'built(a)': expected 2 object(s)"),
+        ("do = 'drop'\nobject = 'a'\nwhen = 'resting(c)'", "event.1.when: unknown object 'c'"),
+        (
+            "do = 'drop'\nobject = 'a'\nwhen = 'resting'",
+            "event.1.when: condition 'resting': expected 'predicate(",
+        ),
+        ("do = 'place'\nobject = 'a'\nat = 1", "event.1: place: expected either `position` (m) or `onto`"),
+        (
+            "do = 'place'\nobject = 'a'\nat = 1\nonto = 'a'",
+            "x.toml:23: event.1.onto: an object cannot be placed onto",
+        ),
+        ("do = 'place'\nobject = 'a'\nat = 1\nonto = 'z'", "x.toml:23: event.1.onto: unknown object 'z'"),
+        (
+            "do = 'place'\nobject = 'a'\nat = 1\nposition = [0.3, 0, 0]",
+            "x.toml:23: event.1.position: 'a' would be",
+        ),
+        ("do = 'carry'\nobject = 'a'\nat = 1\nto = [0.3, 0, -0.01]", "x.toml:23: event.1.to: 'a' would be"),
+        (
+            "do = 'slide'\nobject = 'a'\nat = 1\nto = [0.3, 0, 0]",
+            "event.1.to: expected `array` of length 2, got 3",
+        ),
+        (
+            "do = 'slide'\nobject = 'a'\nat = 1\nto = [0.3, 0]\nspeeed = 1",
+            "event.1.speeed: unknown field; did you",
+        ),
+        ("do = 'kill'\nagent = 'x'\nwhen = 'resting(a)'", "x.toml:19: event.1: kill: expected `at` (s)"),
+    ],
+)
+def test_wrong_events_are_refused(event: str, message: str):
+    assert message in refusal(f"{BASE}\n[[event]]\n{event}\n")
+
+
+@pytest.mark.parametrize(
+    ("check", "message"),
+    [
+        ("check = 'restin'", "x.toml:20: expect.1.check: unknown value 'restin'; did you mean 'resting'?"),
+        ("tolerance = 1", "x.toml:19: expect.1: object missing required field `check`; valid: attribute"),
+        (
+            "check = 'resting'\nobjects = ['c']",
+            "x.toml:21: expect.1.objects: unknown object 'c'; valid: a, b",
+        ),
+        (
+            "check = 'resting'\nat = 12",
+            "x.toml:21: expect.1.at: 12.0 s is after the end; expected at most 10.0 s",
+        ),
+        (
+            "check = 'resting'\ntolerance = 1",
+            "x.toml:21: expect.1.tolerance: expected `float` <= 0.5 (m), got 1",
+        ),
+        ("check = 'no_drift'\nafter = 10", "x.toml:21: expect.1.after: the window begins at 10.0 s"),
+        (
+            "check = 'no_drift'\nat = 3",
+            "x.toml:21: expect.1.at: the window begins at 4.0 s; expected before 3.0 s",
+        ),
+        ("check = 'edges'", "x.toml:19: expect.1: edges: expected `present` or `absent`"),
+        ("check = 'recovered'\nagent = 'x'", "x.toml:21: expect.1.agent: no event kills 'x'; none is known"),
+    ],
+)
+def test_wrong_expectations_are_refused(check: str, message: str):
+    assert message in refusal(f"{BASE}\n[[expect]]\n{check}\n")
+
+
+def test_a_name_that_is_no_scenario_lists_the_valid_ones():
+    with pytest.raises(ConfigError, match="unknown scenario 'howering'; did you mean 'hovering'"):
+        load_scenario("howering")
+
+
+def test_a_missing_file_is_named(tmp_path: Path):
+    with pytest.raises(ConfigError, match=r"gone\.toml: cannot be read"):
+        load_scenario(tmp_path / "gone.toml")
+
+
+def test_a_file_that_is_no_text_is_refused(tmp_path: Path):
+    (tmp_path / "x.toml").write_bytes(b"name = '\xff\xfe'")
+    with pytest.raises(ConfigError, match=r"x\.toml: cannot be read"):
+        load_scenario(tmp_path / "x.toml")
+
+
+def test_built_in_scenarios_are_found_from_any_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    assert load_scenario("hovering").name == "hovering"
+
+
+def test_scenarios_of_the_current_folder_are_found_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    Path("etc/scenarios").mkdir(parents=True)
+    Path("etc/scenarios/mine.toml").write_text(BASE)
+    assert load_scenario("mine").name == "small"
+
+
+@pytest.mark.parametrize("name", sorted(scenario_files()))
+def test_built_in_scenarios_are_valid_and_called_like_their_files(name: str):
+    scenario = load_scenario(name)
+    assert scenario.name == name
+    assert scenario.expectations
+
+
+@pytest.mark.parametrize("name", sorted(scenario_files()))
+def test_objects_start_apart_for_every_seed(name: str):
+    scenario = load_scenario(name)
+    for seed in range(10):
+        boxes = [object_box(spec) for spec in start_poses(scenario, np.random.default_rng(seed))]
+        assert all(penetration(a, b) < 0.001 for i, a in enumerate(boxes) for b in boxes[:i])
+
+
+def test_start_poses_repeat_with_the_seed_and_differ_between_seeds():
+    scenario = parse_scenario(with_line("[random]\nposition = 0.01\nyaw = 3.0"))
+    first, again, other = (start_poses(scenario, np.random.default_rng(seed)) for seed in (1, 1, 2))
+    assert first == again != other
+    for drawn, spec in zip(first, scenario.objects, strict=True):
+        assert np.all(np.abs(np.subtract(drawn.position, spec.position)) <= (0.01, 0.01, 0))
+
+
+def test_without_random_the_objects_start_as_written():
+    scenario = parse_scenario(BASE)
+    assert start_poses(scenario, np.random.default_rng(0)) == scenario.objects
+
+
+def test_a_tower_is_moved_as_one():
+    text = (
+        with_line("[random]\nposition = 0.02").replace("0.4,\n", "0.3,\n").replace("    0.02,", "    0.06,")
+    )
+    a, b = start_poses(parse_scenario(text), np.random.default_rng(3))
+    assert a.position[:2] == b.position[:2] != (0.3, 0.0)
+
+
+def test_objects_without_room_for_their_variation_are_refused():
+    text = BASE.replace("0.4,", "0.34,").replace("duration", "random = {yaw = 3.0}\nduration")
+    crowded = text + "".join(
+        f'\n[[object]]\nname = "c{i}"\nposition = [{0.3 + 0.04 * (i % 6)}, {0.04 + 0.04 * (i // 6)}, 0.02]'
+        for i in range(24)
+    )
+    with pytest.raises(
+        ConfigError, match=r"26 objects overlap in each of 200 draws; expected a smaller \[random\]"
+    ):
+        start_poses(parse_scenario(crowded), np.random.default_rng(0))

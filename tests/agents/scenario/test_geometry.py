@@ -1,0 +1,84 @@
+"""Boxes overlap as deep as they have to be moved to come apart."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from agents.scenario.geometry import Box, footprint_overlap, gap_below, penetration, upright_box
+
+CUBE = (0.04, 0.04, 0.04)
+TABLE = upright_box((0.0, 0.0, -0.02), 0.0, (1.2, 1.2, 0.04))
+
+
+def random_box(rng: np.random.Generator) -> Box:
+    return Box(rng.uniform(-0.05, 0.05, 3), Rotation.random(rng=rng).as_matrix(), rng.uniform(0.02, 0.1, 3))
+
+
+@pytest.mark.parametrize("shift", [-0.01, -0.0004, 0.0, 0.002])
+def test_aligned_boxes(shift: float):
+    a, b = upright_box((0, 0, 0.02), 0, CUBE), upright_box((0.04 + shift, 0.005, 0.02), 0, CUBE)
+    assert penetration(a, b) == pytest.approx(-shift, abs=1e-12)
+
+
+def test_a_corner_reaches_in_further_when_turned_by_45_degrees():
+    half_diagonal = 0.02 * math.sqrt(2)
+    a = upright_box((0, 0, 0), math.pi / 4, CUBE)
+    b = upright_box((0.02 + half_diagonal - 0.003, 0, 0), 0, CUBE)
+    assert penetration(a, b) == pytest.approx(0.003, abs=1e-12)
+
+
+def test_crossed_edges_need_the_edge_axes():
+    a = Box(np.zeros(3), Rotation.from_euler("x", 45, degrees=True).as_matrix(), np.array([1.0, 0.1, 0.1]))
+    b = Box(
+        np.array([0, 0, 0.1 * math.sqrt(2) - 0.004]),
+        Rotation.from_euler("ZX", [90, 45], degrees=True).as_matrix(),
+        np.array([1.0, 0.1, 0.1]),
+    )
+    assert penetration(a, b) == pytest.approx(0.004, abs=1e-9)
+    face_normals = np.vstack([a.rotation.T, b.rotation.T])
+    along = [(a.corners @ n, b.corners @ n) for n in face_normals]
+    assert min(min(p.max() - q.min(), q.max() - p.min()) for p, q in along) > 0.01
+
+
+def test_penetration_is_symmetric_and_ignores_the_frame_it_is_computed_in():
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        a, b = random_box(rng), random_box(rng)
+        turn, shift = Rotation.random(rng=rng).as_matrix(), rng.normal(size=3)
+        c, d = (Box(turn @ x.center + shift, turn @ x.rotation, x.size) for x in (a, b))
+        assert penetration(a, b) == pytest.approx(penetration(b, a), abs=1e-12)
+        assert penetration(a, b) == pytest.approx(penetration(c, d), abs=1e-12)
+
+
+def test_overlap_agrees_with_points_sampled_in_both_boxes():
+    rng = np.random.default_rng(1)
+    seen = set()
+    for _ in range(200):
+        a, b = random_box(rng), random_box(rng)
+        points = a.center + (rng.uniform(-0.5, 0.5, (4000, 3)) * a.size) @ a.rotation.T
+        inside = bool((np.abs((points - b.center) @ b.rotation) < b.size / 2).all(axis=1).any())
+        depth = penetration(a, b)
+        if inside:
+            assert depth > 0
+        if depth > 0.01:
+            assert inside
+        seen.add(inside)
+    assert seen == {True, False}
+
+
+def test_footprints_ignore_height():
+    a, b = upright_box((0, 0, 0), 0.3, CUBE), upright_box((0.03, 0, 5), 0.3, CUBE)
+    assert footprint_overlap(a, b) == pytest.approx(0.04 - 0.03 * math.cos(0.3))
+
+
+def test_gap_is_measured_to_the_highest_support():
+    lower, upper = upright_box((0, 0, 0.02), 0, CUBE), upright_box((0.01, 0, 0.063), 0.5, CUBE)
+    beside = upright_box((0.3, 0, 0.0205), 0, CUBE)
+    assert gap_below(lower, [upper, beside], TABLE) == pytest.approx(0)
+    assert gap_below(upper, [lower, beside], TABLE) == pytest.approx(0.003)
+    assert gap_below(beside, [lower, upper], TABLE) == pytest.approx(0.0005)
+    assert gap_below(upright_box((0.7, 0, 0.02), 0, CUBE), [lower], TABLE) == math.inf
