@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dsr import quaternions
-from dsr.quaternions import Quaternion, Vector3
+from dsr.quaternions import Quaternion, Vector3, conjugate, normalised, product, rotate
 
 Covariance = tuple[float, ...]
 """36 floats, a symmetric (6, 6) matrix row by row."""
@@ -68,7 +68,7 @@ class Pose:
         if abs(norm - 1.0) >= _NORM_TOLERANCE:
             raise ValueError(f"rotation {(x, y, z, w)}: norm {norm:.6g}, expected 1 within {_NORM_TOLERANCE}")
         _set_t(self, (tx, ty, tz))
-        _set_q(self, quaternions.normalised((x, y, z, w)))
+        _set_q(self, normalised((x, y, z, w)))
         _set_stamp(self, _float("stamp", stamp))
         _set_cov(self, None if covariance is None else _checked_covariance(covariance))
 
@@ -147,17 +147,17 @@ class Pose:
         """
         if type(other) is not Pose:
             return NotImplemented
-        x, y, z = quaternions.rotate(self.q, other.t)
+        x, y, z = rotate(self.q, other.t)
         tx, ty, tz = self.t
-        q = quaternions.normalised(quaternions.product(self.q, other.q))
+        q = normalised(product(self.q, other.q))
         a, b = self.stamp, other.stamp
         cov = other.cov if self.cov is None else _composed_covariance(self.cov, other)
         return Pose.unchecked((tx + x, ty + y, tz + z), q, b if a == 0.0 or 0.0 != b < a else a, cov)
 
     def inverse(self) -> Pose:
         """child_from_parent, with the same stamp."""
-        q = quaternions.conjugate(self.q)
-        tx, ty, tz = quaternions.rotate(q, self.t)
+        q = conjugate(self.q)
+        tx, ty, tz = rotate(q, self.t)
         cov = None if self.cov is None else _transported(_adjoint(self), self.cov)
         return Pose.unchecked((-tx, -ty, -tz), q, self.stamp, cov)
 
@@ -168,7 +168,7 @@ class Pose:
 
     def distance(self, other: Pose) -> tuple[float, float]:
         """How far the two are apart: between origins in m, and angle in rad (0 to pi)."""
-        between = quaternions.product(quaternions.conjugate(self.q), other.q)
+        between = product(conjugate(self.q), other.q)
         return math.dist(self.t, other.t), math.hypot(*quaternions.to_rotvec(between))
 
     def with_stamp(self, stamp: float) -> Pose:
@@ -266,7 +266,13 @@ def _floats(name: str, values: Iterable[float], count: int) -> tuple[float, ...]
 
 def _float(name: str, value: float) -> float:
     """The value as a finite plain float, or a ValueError that names it."""
-    return _floats(name, (value,), 1)[0]
+    try:
+        result = float(value)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} {value!r}: expected a number") from None
+    if not math.isfinite(result):
+        raise ValueError(f"{name} {value!r}: expected a finite number")
+    return result
 
 
 def _checked_covariance(covariance: ArrayLike) -> Covariance:
