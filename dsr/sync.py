@@ -30,7 +30,7 @@ DIGEST_PERIOD = 1.0
 """s"""
 GRACE = 0.15
 """s that a delta on its way may be later than the digest that mentions it."""
-REQUEST_TIMEOUT = 5.0
+REQUEST_TIMEOUT = 2.0
 """s"""
 MAX_DRIFT = 0.5
 """s that a peer's clock may be ahead of ours."""
@@ -126,6 +126,7 @@ class Synchroniser:
 
     def receive_reply(self, sender: str, payload: bytes) -> None:
         """The answer to `Ask` arrived."""
+        self.request_done(sender)
         try:
             self.graph.join(decode_delta(payload))
         except WireError as error:

@@ -1,0 +1,65 @@
+"""dsr: the working memory that robots think with.
+
+    with dsr.connect("tabletop", agent="counter") as memory:
+        for change in memory.watch(node_type="cube"):
+            pose = memory.transform("world", change.name)
+            memory.update_node("table", seen=len(memory.nodes(type="cube")))
+"""
+
+from dsr.blobs import Frame
+from dsr.clock import Clock, ManualClock, WallClock
+from dsr.connect import connect
+from dsr.elements import Edge, Node
+from dsr.errors import (
+    AgentError,
+    ClockDriftError,
+    ConfigError,
+    DsrError,
+    EdgeNotFoundError,
+    ExtrapolationError,
+    GraphError,
+    NodeNotFoundError,
+    NoPathError,
+    SchemaError,
+    TransformError,
+    TransportError,
+    WireError,
+)
+from dsr.frame_reader import FrameReader
+from dsr.local_transport import Faults, LocalNetwork
+from dsr.memory import Memory
+from dsr.schema import AttributeType, Schema
+from dsr.transforms import Pose
+from dsr.watch import Change, Watch
+
+__all__ = [
+    "AgentError",
+    "AttributeType",
+    "Change",
+    "Clock",
+    "ClockDriftError",
+    "ConfigError",
+    "DsrError",
+    "Edge",
+    "EdgeNotFoundError",
+    "ExtrapolationError",
+    "Faults",
+    "Frame",
+    "FrameReader",
+    "GraphError",
+    "LocalNetwork",
+    "ManualClock",
+    "Memory",
+    "NoPathError",
+    "Node",
+    "NodeNotFoundError",
+    "Pose",
+    "Schema",
+    "SchemaError",
+    "TransformError",
+    "TransportError",
+    "WallClock",
+    "Watch",
+    "WireError",
+    "connect",
+]

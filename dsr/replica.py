@@ -1,0 +1,238 @@
+"""One replica at work: a graph, its synchroniser and a transport, with or without threads of its own.
+
+With threads, one merges what arrives and one sends what was written, so that neither a busy reader nor a
+slow network ever blocks a writer. Without, `poll` and `flush` do the same when called (lockstep, tests).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator
+
+from dsr.clock import Clock
+from dsr.crdt.context import CausalContext, Dot
+from dsr.crdt.delta import Delta, Write
+from dsr.graph import Graph
+from dsr.keys import Keys
+from dsr.sync import REQUEST_TIMEOUT, Ask, Output, PublishDelta, PublishDigest, Synchroniser
+from dsr.transport import Qos, Subscription, Transport
+from dsr.wire import encode_delta
+
+TICK = 0.05
+"""s between two looks at what the synchroniser has due."""
+MAX_OUTBOX = 200_000
+"""Changes that may wait for a congested network; beyond, the synchroniser's repair delivers them."""
+STREAM_BUNDLES = 256
+
+_log = logging.getLogger("dsr.replica")
+
+
+class _Outbox:
+    """Changes that were made here and not sent yet."""
+
+    def __init__(self) -> None:
+        self.delta = Delta()
+        self.stream: dict[tuple[Dot, str], Write] = {}
+        self.overflowed = 0
+
+    def add(self, delta: Delta) -> None:
+        """Sort writes into durable ones and stream samples, of which only the newest is kept."""
+        if any(write.dot is None for write in delta.writes):
+            for write in delta.writes:
+                if write.dot is None:
+                    self.stream[(write.owner, write.attribute)] = write
+            delta.writes = [write for write in delta.writes if write.dot is not None]
+        if len(self.delta) > MAX_OUTBOX:
+            self.overflowed += len(self.delta)
+            self.delta = Delta()
+        self.delta.extend(delta)
+
+    def take(self) -> tuple[Delta, Delta]:
+        """The durable changes and the stream samples; the outbox is empty afterwards."""
+        durable, self.delta = self.delta, Delta()
+        samples = Delta()
+        samples.writes = list(self.stream.values())
+        self.stream.clear()
+        return durable, samples
+
+
+class Replica:
+    """Connects a graph to its peers."""
+
+    def __init__(self, graph: Graph, transport: Transport, clock: Clock, keys: Keys, agent: str) -> None:
+        self.graph = graph
+        self.lock = threading.RLock()
+        """Held while the graph is changed."""
+        self.synchroniser = Synchroniser(graph)
+        self._transport = transport
+        self._clock = clock
+        self._keys = keys
+        self._outbox = _Outbox()
+        self._inbox: deque[Callable[[], None]] = deque()
+        self._arrived = threading.Event()
+        self._written = threading.Event()
+        self._progress = threading.Condition()
+        self._sending = threading.Lock()
+        self._holds = 0
+        self._stopping = False
+        self._threads: list[threading.Thread] = []
+        self._declarations = self._declare(agent)
+
+    def _declare(self, agent: str) -> list[Subscription]:
+        rid, keys, transport, sync = self.graph.rid, self._keys, self._transport, self.synchroniser
+
+        def merge(key: str, payload: bytes) -> None:
+            self._enqueue(lambda: sync.receive_delta(_last(key), payload))
+
+        def digest(key: str, payload: bytes) -> None:
+            self._enqueue(
+                lambda: sync.receive_digest(_last(key), payload, self._clock.monotonic(), self._clock.now())
+            )
+
+        def presence(key: str, alive: bool) -> None:
+            self._enqueue(lambda: self._peer_changed(_last(key), alive))
+
+        return [
+            transport.subscribe(keys.delta(), merge),
+            transport.subscribe(keys.stream(), merge, newest=STREAM_BUNDLES),
+            transport.subscribe(keys.digest(), digest, newest=STREAM_BUNDLES),
+            transport.serve(keys.sync(rid), self._answer),
+            transport.watch_presence(keys.live(), presence),
+            transport.announce(keys.live(agent, rid)),
+        ]
+
+    # ---- writing
+
+    def commit(self, delta: Delta) -> None:
+        """Queue a delta of our own for sending; the caller holds the lock."""
+        self._outbox.add(delta)
+        if not self._holds:
+            self._written.set()
+
+    @contextlib.contextmanager
+    def hold(self) -> Iterator[None]:
+        """Send what is written inside together."""
+        with self.lock:
+            self._holds += 1
+        try:
+            yield
+        finally:
+            with self.lock:
+                self._holds -= 1
+            self._written.set()
+
+    def flush(self) -> None:
+        """Hand everything written so far to the transport."""
+        with self._sending:
+            with self.lock:
+                durable, samples = self._outbox.take()
+            rid = self.graph.rid
+            if durable:
+                self._transport.publish(self._keys.delta(rid), encode_delta(durable), Qos.RELIABLE)
+            if samples:
+                self._transport.publish(self._keys.stream(rid), encode_delta(samples), Qos.STREAM)
+
+    # ---- receiving
+
+    def poll(self) -> None:
+        """Merge what has arrived and do what is due."""
+        while self._inbox:
+            action = self._inbox.popleft()
+            with self.lock:
+                action()
+        with self.lock:
+            outputs = self.synchroniser.tick(self._clock.monotonic(), self._clock.now())
+        for output in outputs:
+            self._perform(output)
+        with self._progress:
+            self._progress.notify_all()
+
+    def wait_until(self, condition: Callable[[], bool], timeout: float) -> bool:
+        """Wait until `condition` holds after some poll (threads needed); false after `timeout` s."""
+        with self._progress:
+            return self._progress.wait_for(condition, timeout)
+
+    def _enqueue(self, action: Callable[[], None]) -> None:
+        self._inbox.append(action)
+        self._arrived.set()
+
+    def _peer_changed(self, rid: str, alive: bool) -> None:
+        if alive:
+            self.synchroniser.peer_appeared(rid, self._clock.monotonic())
+        else:
+            self.synchroniser.peer_gone(rid)
+
+    def _answer(self, key: str, payload: bytes) -> bytes | None:
+        with self.lock:
+            return self.synchroniser.answer(_last(key), payload)
+
+    def _perform(self, output: Output) -> None:
+        match output:
+            case PublishDelta(delta):
+                with self.lock:
+                    self.commit(delta)
+            case PublishDigest(payload):
+                self._transport.publish(self._keys.digest(self.graph.rid), payload, Qos.STREAM)
+            case Ask(peer, payload):
+                self._transport.request(
+                    self._keys.sync(peer),
+                    payload,
+                    lambda _, reply: self._enqueue(lambda: self.synchroniser.receive_reply(peer, reply)),
+                    lambda: self._enqueue(lambda: self.synchroniser.request_done(peer)),
+                    REQUEST_TIMEOUT,
+                )
+
+    # ---- life
+
+    def start(self) -> None:
+        """Run the merging and the sending thread."""
+        for name, run in (("merge", self._run_merging), ("send", self._run_sending)):
+            thread = threading.Thread(target=run, name=f"dsr-{name}", daemon=True)
+            self._threads.append(thread)
+            thread.start()
+
+    def _run_merging(self) -> None:
+        while not self._stopping:
+            self._clock.wait(self._arrived, TICK)
+            self._arrived.clear()
+            self._guarded(self.poll)
+
+    def _run_sending(self) -> None:
+        while not self._stopping:
+            self._clock.wait(self._written, TICK)
+            self._written.clear()
+            if not self._holds:
+                self._guarded(self.flush)
+
+    def _guarded(self, step: Callable[[], None]) -> None:
+        """A fault in one step must not silence the replica: say it and go on."""
+        try:
+            step()
+        except Exception:
+            if not self._stopping:
+                _log.exception("%s failed in replica %s", step.__name__, self.graph.rid)
+
+    def close(self) -> None:
+        """Send what is left and leave; the transport stays open."""
+        if self._stopping:
+            return
+        self._guarded(self.flush)
+        self._stopping = True
+        self._arrived.set()
+        self._written.set()
+        for thread in self._threads:
+            thread.join(timeout=2.0)
+        for declaration in reversed(self._declarations):
+            declaration.close()
+
+    def snapshot(self) -> bytes:
+        """The whole state as an encoded synchronisation reply."""
+        with self.lock:
+            return encode_delta(self.graph.store.missing_for(CausalContext()))
+
+
+def _last(key: str) -> str:
+    return key.rsplit("/", 1)[-1]

@@ -1,0 +1,194 @@
+"""The transport over Zenoh: peers that find each other by endpoint, no router needed. The only importer of zenoh."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import logging
+import threading
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import zenoh
+
+from dsr.errors import TransportError
+from dsr.transport import MessageHandler, PresenceHandler, Qos, RequestHandler, Subscription
+
+_log = logging.getLogger("dsr.zenoh")
+
+_REQUEST_QUEUE = 64
+_SENDING: dict[Qos, dict[str, Any]] = {
+    # One priority each: traffic of one priority shares a queue, and a full one drops or blocks all of it.
+    Qos.RELIABLE: {
+        "congestion_control": zenoh.CongestionControl.BLOCK,
+        "priority": zenoh.Priority.INTERACTIVE_HIGH,
+        "express": True,
+    },
+    Qos.STREAM: {
+        "congestion_control": zenoh.CongestionControl.DROP,
+        "priority": zenoh.Priority.INTERACTIVE_LOW,
+        "express": True,
+    },
+    Qos.BULK: {"congestion_control": zenoh.CongestionControl.DROP, "priority": zenoh.Priority.DATA_LOW},
+}
+
+
+class _Declaration:
+    """A Zenoh declaration, taken back once, whatever state its session is in."""
+
+    def __init__(self, *declared: Any) -> None:
+        self._declared = declared
+
+    def close(self) -> None:
+        """Take it back; harmless when repeated or after the session was closed."""
+        declared, self._declared = self._declared, ()
+        for item in declared:
+            with contextlib.suppress(zenoh.ZError):
+                item.undeclare()
+
+
+class ZenohTransport:
+    """One Zenoh session in peer mode; implements `dsr.transport.Transport`.
+
+    Args:
+        listen: endpoint to be reached at, for example `tcp/127.0.0.1:0`; loopback only, unless told otherwise.
+        connect: endpoints of peers or routers; those that are not there (yet) are tried again and again.
+
+    Raises:
+        TransportError: if an endpoint is malformed or the port is in use.
+    """
+
+    def __init__(self, listen: str, connect: Iterable[str] = ()) -> None:
+        endpoints = list(connect)
+        self.has_peers = bool(endpoints)
+        """Whether there is somebody to connect to."""
+        config = zenoh.Config()
+        for key, value in _settings(listen, endpoints).items():
+            try:
+                config.insert_json5(key, json.dumps(value))
+            except zenoh.ZError as error:
+                raise TransportError(f"Zenoh refuses {key} = {value!r}: {error}") from error
+        try:
+            self._session = zenoh.open(config)
+        except zenoh.ZError as error:
+            raise TransportError(f"cannot listen on {listen} ({_reason(error)}); is the port in use?") from error
+        self._publishers: dict[tuple[str, Qos], zenoh.Publisher] = {}
+        self._lock = threading.Lock()
+
+    def publish(self, key: str, payload: bytes, qos: Qos = Qos.RELIABLE) -> None:
+        """Send to all current subscribers elsewhere; blocks only for `Qos.RELIABLE` on a full link."""
+        publisher = self._publishers.get((key, qos)) or self._declare_publisher(key, qos)
+        try:
+            publisher.put(payload)
+        except zenoh.ZError as error:
+            raise TransportError(f"cannot publish on {key}: {_reason(error)}") from error
+
+    def _declare_publisher(self, key: str, qos: Qos) -> zenoh.Publisher:
+        with self._lock:
+            if (key, qos) not in self._publishers:
+                self._publishers[(key, qos)] = self._declare(
+                    self._session.declare_publisher, key, allowed_destination=zenoh.Locality.REMOTE, **_SENDING[qos]
+                )
+            return self._publishers[(key, qos)]
+
+    def subscribe(self, key: str, handler: MessageHandler, *, newest: int | None = None) -> Subscription:
+        """Call `handler` from a thread per subscription; with `newest`, from a ring that forgets the oldest."""
+        if newest is None:
+
+            def receive(sample: zenoh.Sample) -> None:
+                handler(str(sample.key_expr), sample.payload.to_bytes())
+
+            return _Declaration(self._declare(self._session.declare_subscriber, key, receive))
+        ring = self._declare(self._session.declare_subscriber, key, zenoh.handlers.RingChannel(newest))
+        _run(f"dsr-sub-{key}", lambda: _drain(ring, handler))
+        return _Declaration(ring)
+
+    def serve(self, key: str, handler: RequestHandler) -> Subscription:
+        """Answer requests on `key` from a thread of its own."""
+        queue = self._declare(
+            self._session.declare_queryable, key, zenoh.handlers.FifoChannel(_REQUEST_QUEUE)
+        )
+        _run(f"dsr-serve-{key}", lambda: _answer(queue, key, handler))
+        return _Declaration(queue)
+
+    def request(
+        self, key: str, payload: bytes, on_reply: MessageHandler, on_done: Callable[[], None], timeout: float
+    ) -> None:
+        """Ask whoever serves `key`; both callbacks come from a thread of Zenoh."""
+
+        def receive(reply: zenoh.Reply) -> None:
+            if reply.ok is not None:
+                on_reply(str(reply.ok.key_expr), reply.ok.payload.to_bytes())
+
+        callback = zenoh.handlers.Callback(receive, drop=on_done)
+        self._declare(
+            self._session.get, key, callback, payload=payload, timeout=timeout,
+            target=zenoh.QueryTarget.ALL, consolidation=zenoh.ConsolidationMode.NONE,
+        )  # fmt: skip
+
+    def announce(self, key: str) -> Subscription:
+        """Declare a liveliness token: others see it go when this process dies."""
+        return _Declaration(self._declare(self._session.liveliness().declare_token, key))
+
+    def watch_presence(self, key: str, handler: PresenceHandler) -> Subscription:
+        """Call `handler` for the tokens that are there and for every change."""
+
+        def receive(sample: zenoh.Sample) -> None:
+            handler(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
+
+        return _Declaration(self._declare(self._session.liveliness().declare_subscriber, key, receive, history=True))
+
+    def _declare(self, declare: Callable[..., Any], key: str, *args: Any, **options: Any) -> Any:
+        try:
+            return declare(key, *args, **options)
+        except zenoh.ZError as error:
+            raise TransportError(f"{key}: {_reason(error)}") from error
+
+    def close(self) -> None:
+        """Close the session and all that was declared on it."""
+        with contextlib.suppress(zenoh.ZError):
+            self._session.close()
+
+
+def _settings(listen: str, connect: list[str]) -> dict[str, Any]:
+    return {
+        "mode": "peer",
+        "listen/endpoints": [listen],
+        "listen/exit_on_failure": True,
+        "connect/endpoints": connect,
+        "connect/timeout_ms": 0,
+        "connect/exit_on_failure": False,
+        "connect/retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2},
+        "scouting/multicast/enabled": False,
+        "scouting/gossip/enabled": True,
+        "transport/shared_memory/enabled": True,
+    }
+
+
+def _reason(error: zenoh.ZError) -> str:
+    return str(error).splitlines()[0][:200]
+
+
+def _run(name: str, target: Callable[[], None]) -> None:
+    threading.Thread(target=target, name=name, daemon=True).start()
+
+
+def _drain(ring: Any, handler: MessageHandler) -> None:
+    """Pass on what the ring holds until its subscriber is closed."""
+    with contextlib.suppress(zenoh.ZError):
+        for sample in ring:
+            handler(str(sample.key_expr), sample.payload.to_bytes())
+
+
+def _answer(queue: Any, key: str, handler: RequestHandler) -> None:
+    """Answer queries until the queryable is closed; a query that fails does not end the others."""
+    with contextlib.suppress(zenoh.ZError):
+        for query in queue:
+            with query:
+                try:
+                    payload = query.payload.to_bytes() if query.payload is not None else b""
+                    reply = handler(str(query.key_expr), payload)
+                    if reply is not None:
+                        query.reply(key, reply)
+                except Exception:
+                    _log.exception("a request on %s could not be answered", key)
