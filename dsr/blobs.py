@@ -45,7 +45,9 @@ _decoder = msgspec.msgpack.Decoder(_Header)
 
 def encode_frame(frame: Frame) -> bytes:
     """The frame as one byte string; the arrays are copied once."""
-    entries, chunks, offset = [], [], 0
+    entries: list[tuple[str, str, list[int], int]] = []
+    chunks: list[bytes | memoryview] = []
+    offset = 0
     for name, array in frame.arrays.items():
         if array.dtype.name not in _DTYPES:
             raise ValueError(f"array {name!r} has dtype {array.dtype.name}; expected one of {sorted(_DTYPES)}")

@@ -238,8 +238,10 @@ class Memory:
         watch = Watch(wanted)
         with self._replica.lock:
             if existing:
-                for element in (*self._graph.nodes.values(), *self._graph.edges.values()):
-                    watch.offer_existing(element)
+                for node in self._graph.nodes.values():
+                    watch.offer_existing(node)
+                for edge in self._graph.edges.values():
+                    watch.offer_existing(edge)
             self._watches = [other for other in self._watches if not other.closed] + [watch]
             if self._closed:
                 watch.close()

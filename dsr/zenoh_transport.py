@@ -147,7 +147,7 @@ class ZenohTransport:
     def close(self) -> None:
         """Close the session and all that was declared on it."""
         with contextlib.suppress(zenoh.ZError):
-            self._session.close()
+            self._session.close()  # type: ignore[no-untyped-call]
 
 
 def _settings(listen: str, connect: list[str]) -> dict[str, Any]:

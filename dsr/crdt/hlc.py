@@ -24,8 +24,7 @@ class HybridClock:
 
     def observe(self, stamp: int) -> None:
         """Take note of a stamp received from elsewhere; later stamps of ours are greater."""
-        if stamp > self.latest:
-            self.latest = stamp
+        self.latest = max(self.latest, stamp)
 
 
 def physical_time(stamp: int) -> float:

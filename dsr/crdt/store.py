@@ -169,10 +169,9 @@ class Store:
                 self.context.add_range(*dots)
             return
         for rid, first, last in delta.context:
-            for _, hole in sorted(dot for dot in held_back if dot[0] == rid and first <= dot[1] <= last):
-                self.context.add_range(rid, first, hole - 1)
-                first = hole + 1
-            self.context.add_range(rid, first, last)
+            holes = sorted(counter for owner, counter in held_back if owner == rid and first <= counter <= last)
+            for start, hole in zip([first, *(h + 1 for h in holes)], [*holes, last + 1], strict=True):
+                self.context.add_range(rid, start, hole - 1)
 
     def missing_for(self, seen: CausalContext) -> Delta:
         """What a replica that has seen `seen` lacks, plus all live dots: a synchronisation reply."""
