@@ -10,10 +10,10 @@ import msgspec
 
 from agents.scenario.events import EVENTS
 from agents.scenario.expectations import CHECKS
-from agents.scenario.lines import Path, line_of
 from agents.scenario.model import ObjectSpec, RandomSpec, RobotSpec, Scenario, SensorSpec, TableSpec
 from agents.scenario.units import UNITS
 from dsr.errors import ConfigError, suggest
+from dsr.toml_lines import Path, line_of
 
 _AT = re.compile(r" - at `\$(?P<path>.*)`$")
 _STEP = re.compile(r"\.(\w+)|\[(\d+)\]")
@@ -35,7 +35,7 @@ def value_error(message: str, path: Path, text: str, file: str) -> ConfigError:
 
 
 def syntax_error(error: tomllib.TOMLDecodeError, text: str, file: str) -> ConfigError:
-    """The TOML parser's message, with its line (the last one at the end of the document) moved to the front."""
+    """The TOML parser's message, with its line (of the end, if that came too early) moved to the front."""
     message, _, place = str(error).partition(" (at ")
     line = re.search(r"line (\d+)", place)
     number = int(line[1]) if line else len(text.splitlines())
@@ -52,9 +52,7 @@ def type_error(error: msgspec.ValidationError, data: dict[str, Any], text: str, 
         path += (unknown[1],)
         what = f"unknown field; {suggest(unknown[1], _fields(path[:-1], data))}"
     elif what.startswith("Invalid"):
-        what = (
-            f"unknown value {_value(path, data)!r}; {suggest(str(_value(path, data)), _choices(path, data))}"
-        )
+        what = f"unknown value {_value(path, data)!r}; {suggest(str(_value(path, data)), _choices(path, data))}"
     elif what.endswith(("missing required field `do`", "missing required field `check`")):
         what += f"; {suggest('', _TAGGED[str(path[0])][1])}"
     elif unit := next((UNITS[step] for step in path[::-1] if step in UNITS), None):

@@ -37,10 +37,10 @@ from agents.scenario.events import (
 from agents.scenario.expectations import Check
 from agents.scenario.explain import syntax_error, type_error, value_error
 from agents.scenario.layout import start_poses
-from agents.scenario.lines import Path as ValuePath
 from agents.scenario.model import ObjectSpec, RandomSpec, RobotSpec, Scenario, SensorSpec, TableSpec
 from dsr.errors import ConfigError, suggest
 from dsr.keys import Keys
+from dsr.toml_lines import Path as ValuePath
 
 __all__ = [
     "EVENTS",

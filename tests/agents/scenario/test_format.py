@@ -296,9 +296,7 @@ def test_without_random_the_objects_start_as_written():
 
 
 def test_a_tower_is_moved_as_one():
-    text = (
-        with_line("[random]\nposition = 0.02").replace("0.4,\n", "0.3,\n").replace("    0.02,", "    0.06,")
-    )
+    text = with_line("[random]\nposition = 0.02").replace("0.4,\n", "0.3,\n").replace("    0.02,", "    0.06,")
     a, b = start_poses(parse_scenario(text), np.random.default_rng(3))
     assert a.position[:2] == b.position[:2] != (0.3, 0.0)
 
@@ -309,7 +307,5 @@ def test_objects_without_room_for_their_variation_are_refused():
         f'\n[[object]]\nname = "c{i}"\nposition = [{0.3 + 0.04 * (i % 6)}, {0.04 + 0.04 * (i // 6)}, 0.02]'
         for i in range(24)
     )
-    with pytest.raises(
-        ConfigError, match=r"26 objects overlap in each of 200 draws; expected a smaller \[random\]"
-    ):
+    with pytest.raises(ConfigError, match=r"26 objects overlap in each of 200 draws; expected a smaller \[random\]"):
         start_poses(parse_scenario(crowded), np.random.default_rng(0))

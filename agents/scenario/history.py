@@ -1,0 +1,70 @@
+"""What was true, perceived and believed at each moment of a run."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import msgspec
+
+from agents.scenario.model import Scenario
+from dsr.transforms import Pose
+
+Source = Literal["percept", "belief"]
+
+_SLACK = 1e-6
+"""s, so that rounding does not move a sample out of a window"""
+
+
+class Sample(msgspec.Struct, frozen=True, kw_only=True):
+    """One moment; all poses are world_from_object, by name of the object."""
+
+    time: float
+    """s after the start"""
+    truth: dict[str, Pose]
+    percepts: dict[str, Pose] = {}
+    """The newest of each object, however old."""
+    beliefs: dict[str, Pose] = {}
+    perceived: dict[str, bool] = {}
+    """Of each object that has a node."""
+    edges: frozenset[tuple[str, str, str]] = frozenset()
+    """Type, source, destination."""
+    attributes: dict[tuple[str, str], Any] = {}
+    """By node and name, those that the scenario asks for."""
+
+    def poses(self, source: Source) -> dict[str, Pose]:
+        """The percepts or the beliefs."""
+        return self.percepts if source == "percept" else self.beliefs
+
+
+class History:
+    """The samples of one run, in order of time."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario = scenario
+        self.samples: list[Sample] = []
+        self.agent_starts: list[tuple[float, str]] = []
+        """When an agent was first ready after each of its starts: s after the start, name."""
+
+    def add(self, sample: Sample) -> None:
+        """Append a sample; one that is not newer than the last is ignored."""
+        if not self.samples or sample.time > self.samples[-1].time:
+            self.samples.append(sample)
+
+    def at(self, time: float) -> Sample | None:
+        """The last sample until `time` (s), or None."""
+        index = self._index_after(time)
+        return self.samples[index - 1] if index else None
+
+    def window(self, begin: float, end: float) -> Sequence[Sample]:
+        """The samples between two times (s), both included."""
+        first = bisect_right(self.samples, begin - _SLACK, key=lambda sample: sample.time)
+        return self.samples[first : self._index_after(end)]
+
+    def was_perceived(self, name: str) -> bool:
+        """Whether the object was ever perceived."""
+        return any(sample.perceived.get(name) and name in sample.percepts for sample in self.samples)
+
+    def _index_after(self, time: float) -> int:
+        return bisect_right(self.samples, time + _SLACK, key=lambda sample: sample.time)

@@ -1,0 +1,139 @@
+"""Watches a run from outside, through the working memory and the truth on the bus, and judges it."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any, Literal
+
+from agents.scenario.expectations import Attribute
+from agents.scenario.history import History, Sample
+from agents.scenario.metrics import measure
+from agents.scenario.model import Scenario
+from agents.scenario.result import Result
+from agents.scenario.truth import decode_truth
+from agents.scenario.verdicts import judge_check
+from dsr.errors import TransformError, WireError
+from dsr.keys import Keys
+from dsr.memory import Memory
+from dsr.status import State, decode_status
+from dsr.transforms import Pose
+from dsr.transport import Transport
+
+_log = logging.getLogger("scenario.judge")
+
+
+class Judge:
+    """Collects what is true, perceived and believed.
+
+    Args:
+        scenario: what is expected.
+        memory: a replica of its own; only read.
+        bus: where the plant's truth and the agents' statuses are heard.
+        keys: of the same graph.
+    """
+
+    def __init__(self, scenario: Scenario, memory: Memory, bus: Transport, keys: Keys) -> None:
+        self.history = History(scenario)
+        self.dropped = 0
+        """Messages that were no valid truth or status."""
+        self._memory = memory
+        self._start = 0.0
+        self._truth: bytes | None = None
+        self._running: set[tuple[str, str]] = set()
+        self._subscriptions = [
+            bus.subscribe(keys.truth(), self._on_truth),
+            bus.subscribe(keys.status(), self._on_status),
+        ]
+
+    def begin(self, start: float) -> None:
+        """The scenario starts at `start` (s); nothing before it counts."""
+        self._start = start
+        self.history = History(self.history.scenario)
+
+    def sample(self) -> None:
+        """Note the present state of the memory beside the newest truth, if that is new."""
+        payload, self._truth = self._truth, None
+        if payload is None:
+            return
+        try:
+            truth = decode_truth(payload)
+        except WireError as error:
+            self._drop(error)
+            return
+        if truth.stamp >= self._start:
+            self.history.add(self._look(truth.stamp - self._start, truth.poses()))
+
+    def result(self, seed: int, mode: Literal["live", "lockstep"], sensor: Literal["pixels", "poses"]) -> Result:
+        """The verdicts and numbers of the finished run."""
+        scenario = self.history.scenario
+        verdicts = [judge_check(check, self.history) for check in scenario.expectations]
+        metrics, notes = measure(self.history)
+        return Result(
+            scenario=scenario.name,
+            seed=seed,
+            mode=mode,
+            sensor=sensor,
+            passed=all(verdict.passed for verdict in verdicts),
+            expectations=verdicts,
+            metrics=metrics,
+            notes=notes,
+        )
+
+    def close(self) -> None:
+        """Stop listening; harmless when repeated."""
+        for subscription in self._subscriptions:
+            subscription.close()
+
+    def _look(self, time: float, truth: dict[str, Pose]) -> Sample:
+        names = [spec.name for spec in self.history.scenario.objects if spec.name in self._memory]
+        return Sample(
+            time=time,
+            truth=truth,
+            percepts=_present({name: self._percept(name) for name in names}),
+            beliefs=_present({name: self._belief(name) for name in names}),
+            perceived={name: bool(self._memory.node(name).get("perceived", False)) for name in names},
+            edges=frozenset((edge.type, edge.src, edge.dst) for edge in self._relations()),
+            attributes=self._attributes(),
+        )
+
+    def _percept(self, name: str) -> Pose | None:
+        try:
+            return self._memory.transform("world", name)
+        except TransformError:
+            return None
+
+    def _belief(self, name: str) -> Pose | None:
+        edge = self._memory.get_edge("world", name, "Virtual_RT")
+        return edge.pose if edge else None
+
+    def _relations(self) -> list[Any]:
+        kinds = {getattr(check, "type", None) for check in self.history.scenario.expectations}
+        return [edge for kind in kinds - {None} for edge in self._memory.edges(kind)]
+
+    def _attributes(self) -> dict[tuple[str, str], Any]:
+        wanted = [check for check in self.history.scenario.expectations if isinstance(check, Attribute)]
+        nodes = {(check.node, check.name): self._memory.get_node(check.node) for check in wanted}
+        return _present({key: node.get(key[1], None) for key, node in nodes.items() if node})
+
+    def _on_truth(self, key: str, payload: bytes) -> None:
+        self._truth = payload
+
+    def _on_status(self, key: str, payload: bytes) -> None:
+        try:
+            status = decode_status(payload)
+        except WireError as error:
+            self._drop(error)
+            return
+        started = (status.agent, status.rid)
+        if status.state in (State.READY, State.DEGRADED) and started not in self._running:
+            self._running.add(started)
+            self.history.agent_starts.append((status.stamp - self._start, status.agent))
+
+    def _drop(self, error: WireError) -> None:
+        self.dropped += 1
+        if self.dropped == 1:
+            _log.warning("dropped a message: %s (logged once)", error)
+
+
+def _present(values: dict[Any, Any]) -> dict[Any, Any]:
+    return {key: value for key, value in values.items() if value is not None}

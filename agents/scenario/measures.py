@@ -1,0 +1,122 @@
+"""Numbers about percepts and beliefs: errors, gaps, overlaps, drift."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from itertools import combinations
+
+import msgspec
+import numpy as np
+
+from agents.scenario.geometry import Box, gap_below, penetration
+from agents.scenario.history import Sample, Source
+from agents.scenario.layout import table_box
+from agents.scenario.model import Scenario
+from dsr.transforms import Pose
+
+
+class Error(msgspec.Struct, frozen=True):
+    """How far a pose is from the true one."""
+
+    position: float
+    """m"""
+    rotation: float
+    """rad"""
+
+
+class Overlap(msgspec.Struct, frozen=True):
+    """Two things that reach into each other."""
+
+    depth: float
+    """m"""
+    first: str
+    second: str
+
+
+def pose_error(sample: Sample, source: Source, name: str) -> Error | None:
+    """Error of the percept or belief at one moment; None if it or the truth is missing."""
+    pose, true = sample.poses(source).get(name), sample.truth.get(name)
+    return Error(*pose.distance(true)) if pose and true else None
+
+
+def mean_error(samples: Iterable[Sample], source: Source, name: str) -> Error | None:
+    """Errors averaged over the samples in which the object has a belief and, for percepts, is perceived."""
+    used = [
+        error
+        for sample in samples
+        if name in sample.beliefs and (source == "belief" or sample.perceived.get(name))
+        if (error := pose_error(sample, source, name))
+    ]
+    if not used:
+        return None
+    return Error(_mean(error.position for error in used), _mean(error.rotation for error in used))
+
+
+def height_error(sample: Sample, name: str) -> float | None:
+    """World z of the belief minus the true one, m; None if one is missing."""
+    belief, true = sample.beliefs.get(name), sample.truth.get(name)
+    return float(belief.translation[2] - true.translation[2]) if belief and true else None
+
+
+def belief_gap(scenario: Scenario, sample: Sample, name: str) -> float | None:
+    """Height of the belief above the table or belief that is under it, m; None without a belief."""
+    boxes = pose_boxes(scenario, sample.beliefs)
+    box = boxes.pop(name, None)
+    return None if box is None else gap_below(box, boxes.values(), table_box(scenario.table))
+
+
+def drift(samples: Sequence[Sample], name: str) -> float | None:
+    """Largest distance (m) of the belief from where it is in the first sample; None if ever missing."""
+    poses = [sample.beliefs.get(name) for sample in samples]
+    positions = [pose.translation for pose in poses if pose is not None]
+    if not positions or len(positions) < len(poses):
+        return None
+    return float(np.linalg.norm(np.array(positions) - positions[0], axis=1).max())
+
+
+def pose_boxes(scenario: Scenario, poses: dict[str, Pose]) -> dict[str, Box]:
+    """The boxes that the scenario's objects fill at `poses`."""
+    return {
+        spec.name: Box(pose.translation, pose.rotation_matrix, np.array(spec.size))
+        for spec in scenario.objects
+        if (pose := poses.get(spec.name))
+    }
+
+
+class OverlapMeter:
+    """Finds the deepest overlap of percepts or beliefs; pairs that did not move are not computed again."""
+
+    def __init__(self, scenario: Scenario, source: Source) -> None:
+        self._scenario = scenario
+        self._source: Source = source
+        self._table = table_box(scenario.table)
+        self._known: dict[tuple[str, str], tuple[tuple[object, ...], float]] = {}
+
+    def deepest(self, samples: Iterable[Sample], wanted: Callable[[str], bool]) -> Overlap | None:
+        """The deepest overlap of a wanted object with another one or the table; None if nothing overlaps."""
+        found = (overlap for sample in samples for overlap in self._overlaps(sample, wanted))
+        return max(found, key=lambda overlap: overlap.depth, default=None)
+
+    def _overlaps(self, sample: Sample, wanted: Callable[[str], bool]) -> Iterable[Overlap]:
+        poses = sample.poses(self._source)
+        boxes = pose_boxes(self._scenario, poses)
+        pairs = [(name, "table") for name in boxes] + list(combinations(boxes, 2))
+        for first, second in pairs:
+            if wanted(first) or wanted(second):
+                other = self._table if second == "table" else boxes[second]
+                where = tuple((pose.t, pose.q) for name in (first, second) if (pose := poses.get(name)))
+                known = self._known.get((first, second))
+                if known is None or known[0] != where:
+                    known = self._known[first, second] = (where, _depth(boxes[first], other))
+                if known[1] > 0:
+                    yield Overlap(known[1], first, second)
+
+
+def _depth(first: Box, second: Box) -> float:
+    """As `penetration`, at once 0 for boxes that are too far apart to touch."""
+    reach = (np.linalg.norm(first.size) + np.linalg.norm(second.size)) / 2
+    return penetration(first, second) if np.linalg.norm(first.center - second.center) < reach else 0.0
+
+
+def _mean(values: Iterable[float]) -> float:
+    return float(np.mean(list(values)))

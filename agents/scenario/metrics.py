@@ -1,0 +1,52 @@
+"""The numbers of a run, by name and with the unit at the end, and notes about what could not be measured.
+
+Errors are averaged over all samples from the scenario's `settle` to the end in which the object has a belief
+(percepts: and is perceived); gap and height error are those at the end; drift is the largest distance of the
+belief from where it was at `settle`.
+"""
+
+from __future__ import annotations
+
+from agents.scenario.history import History, Sample, Source
+from agents.scenario.measures import OverlapMeter, belief_gap, drift, height_error, mean_error
+
+
+def measure(history: History) -> tuple[dict[str, float], list[str]]:
+    """Metrics and notes of a finished run."""
+    scenario = history.scenario
+    window = history.window(scenario.settle, scenario.duration)
+    if not window:
+        return {}, [f"no truth was received after {scenario.settle} s: nothing could be measured"]
+    metrics: dict[str, float] = {}
+    notes: list[str] = []
+    for spec in scenario.objects:
+        metrics |= _object_metrics(history, list(window), spec.name)
+        notes += _notes(history, window[-1], spec.name)
+    for source in ("percept", "belief"):
+        worst = OverlapMeter(scenario, source).deepest(window, lambda name: True)
+        metrics[f"{source}_overlap_max_m"] = worst.depth if worst else 0.0
+    metrics["objects_perceived"] = sum(history.was_perceived(spec.name) for spec in scenario.objects)
+    metrics["samples"] = len(history.samples)
+    return metrics, notes
+
+
+def _object_metrics(history: History, window: list[Sample], name: str) -> dict[str, float]:
+    found: dict[str, float | None] = {}
+    sources: tuple[Source, Source] = ("percept", "belief")
+    for source in sources:
+        if error := mean_error(window, source, name):
+            found[f"{source}_error_{name}_m"] = error.position
+            found[f"{source}_error_{name}_rad"] = error.rotation
+    gap = belief_gap(history.scenario, window[-1], name)
+    found[f"belief_gap_{name}_m"] = gap
+    found[f"belief_height_error_{name}_m"] = height_error(window[-1], name)
+    found[f"belief_drift_{name}_m"] = drift(window, name)
+    return {key: value for key, value in found.items() if value is not None and value != float("inf")}
+
+
+def _notes(history: History, last: Sample, name: str) -> list[str]:
+    if not history.was_perceived(name):
+        return [f"{name} was never seen: it has no percept metrics"]
+    if name in last.truth and name not in last.beliefs:
+        return [f"{name} has no belief at the end"]
+    return []

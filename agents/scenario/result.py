@@ -1,0 +1,46 @@
+"""The outcome of a run, as it is written to `result.json`."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Literal
+
+import msgspec
+
+
+class Verdict(msgspec.Struct, frozen=True):
+    """The outcome of one expectation."""
+
+    text: str
+    """What was expected."""
+    passed: bool
+    actual: str
+    """What was found."""
+
+
+class Result(msgspec.Struct, frozen=True, kw_only=True):
+    """The outcome of one run."""
+
+    scenario: str
+    seed: int
+    mode: Literal["live", "lockstep"]
+    sensor: Literal["pixels", "poses"]
+    passed: bool
+    """Every expectation holds."""
+    expectations: list[Verdict]
+    metrics: dict[str, float]
+    """SI units, the unit at the end of the name; only what could be measured, always finite."""
+    notes: list[str]
+    """What could not be measured, and why."""
+
+    def __post_init__(self) -> None:
+        wrong = [name for name, value in self.metrics.items() if not math.isfinite(value)]
+        if wrong:
+            raise ValueError(f"metrics that are not finite: {', '.join(wrong)}")
+
+
+def write_result(result: Result, file: Path) -> None:
+    """Write `result` as JSON, making the folder if it is missing."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_bytes(msgspec.json.format(msgspec.json.encode(result), indent=2) + b"\n")

@@ -1,0 +1,36 @@
+"""The true world as the plant tells it to judges and recordings."""
+
+from __future__ import annotations
+
+import msgspec
+
+from dsr.errors import WireError
+from dsr.transforms import Pose
+
+_Seven = tuple[float, float, float, float, float, float, float]
+
+
+class Truth(msgspec.Struct, frozen=True):
+    """One instant of the true world."""
+
+    stamp: float
+    """s"""
+    objects: dict[str, _Seven]
+    """By name: position (m) and quaternion (x, y, z, w) in the world frame."""
+
+    def poses(self) -> dict[str, Pose]:
+        """world_from_object of each object."""
+        return {name: Pose(seven[:3], seven[3:], self.stamp) for name, seven in self.objects.items()}
+
+
+_decoder = msgspec.msgpack.Decoder(Truth)
+
+
+def decode_truth(payload: bytes) -> Truth:
+    """The truth in a message; raises `WireError`. Fields unknown here are ignored."""
+    try:
+        truth = _decoder.decode(payload)
+        truth.poses()
+    except (msgspec.MsgspecError, ValueError) as error:
+        raise WireError(f"truth: {error}") from error
+    return truth
