@@ -1,0 +1,1 @@
+"""The arm: its kinematic chain, its cameras and its targets, between a driver and the working memory."""

@@ -1,0 +1,229 @@
+"""Reads the joints of a robot description (URDF); shapes and inertias are left to simulators.
+
+https://wiki.ros.org/urdf/XML/joint. SI units, radians.
+"""
+
+from __future__ import annotations
+
+import math
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Literal, cast, get_args
+
+from dsr.errors import ConfigError, suggest
+from dsr.quaternions import Vector3, from_rotvec, product
+from dsr.transforms import Pose
+
+JointKind = Literal["revolute", "continuous", "prismatic", "fixed"]
+_KINDS: tuple[str, ...] = get_args(JointKind)
+_MOST_BYTES = 10_000_000
+_ORIGIN: Vector3 = (0.0, 0.0, 0.0)
+_X_AXIS: Vector3 = (1.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint between two links."""
+
+    name: str
+    kind: JointKind
+    parent: str
+    child: str
+    origin: Pose
+    """parent_from_child at position 0"""
+    axis: Vector3
+    """Unit vector in the child's frame that it turns about or slides along."""
+    lower: float
+    upper: float
+    """rad or m; infinite for a continuous joint"""
+    velocity: float
+    """rad/s or m/s, the most; infinite if not given"""
+
+    @property
+    def moves(self) -> bool:
+        """Whether it has a position."""
+        return self.kind != "fixed"
+
+    def pose(self, position: float) -> Pose:
+        """parent_from_child at `position` (rad or m)."""
+        if self.kind == "fixed":
+            return self.origin
+        x, y, z = self.axis
+        step = (x * position, y * position, z * position)
+        if self.kind == "prismatic":
+            return self.origin @ Pose.unchecked(step, (0.0, 0.0, 0.0, 1.0))
+        return self.origin @ Pose.unchecked(_ORIGIN, from_rotvec(step))
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A tree of links."""
+
+    name: str
+    root: str
+    joints: tuple[Joint, ...]
+
+    @cached_property
+    def parents(self) -> dict[str, Joint]:
+        """The joint above each link but the root."""
+        return {joint.child: joint for joint in self.joints}
+
+    def between(self, base: str, tip: str) -> tuple[Joint, ...]:
+        """The joints on the way from link `base` down to link `tip`. Raises `ConfigError` if there is no way."""
+        self.check_link(base)
+        self.check_link(tip)
+        way: list[Joint] = []
+        link = tip
+        while link != base:
+            if link == self.root:
+                raise ConfigError(f"robot {self.name!r}: link {tip!r} does not hang below link {base!r}")
+            way.append(self.parents[link])
+            link = way[-1].parent
+        return tuple(reversed(way))
+
+    def below(self, link: str) -> Iterator[Joint]:
+        """All joints that hang, directly or not, below `link`."""
+        for joint in self.joints:
+            if joint.parent == link:
+                yield joint
+                yield from self.below(joint.child)
+
+    def check_link(self, link: str) -> None:
+        """Raise `ConfigError` unless there is a link of this name."""
+        if link != self.root and link not in self.parents:
+            raise ConfigError(f"robot {self.name!r} has no link {link!r}; {suggest(link, [self.root, *self.parents])}")
+
+
+def load_robot(file: Path) -> Robot:
+    """The robot described in a URDF file. Raises `ConfigError`."""
+    try:
+        data = file.read_bytes()
+    except OSError as error:
+        raise ConfigError(f"cannot be read ({error})", file=str(file)) from error
+    return parse_robot(data, str(file))
+
+
+def parse_robot(data: bytes, file: str = "<urdf>") -> Robot:
+    """The robot described by URDF `data` that came from `file`. Raises `ConfigError`."""
+    if len(data) > _MOST_BYTES or b"<!DOCTYPE" in data or b"<!ENTITY" in data:
+        raise ConfigError(f"expected at most {_MOST_BYTES} bytes without DOCTYPE and ENTITY", file=file)
+    try:
+        root = ET.fromstring(data)
+        if root.tag != "robot":
+            raise ValueError(f"the outer element is <{root.tag}>, expected <robot>")
+        joints = tuple(_joint(element) for element in root.findall("joint"))
+        links = [_attribute(element, "name") for element in root.findall("link")]
+        return Robot(root.get("name", ""), _root_link(links, joints), joints)
+    except ET.ParseError as error:
+        raise ConfigError(f"not valid XML: {error}", file=file, line=error.position[0]) from error
+    except ValueError as error:
+        raise ConfigError(str(error), file=file) from error
+
+
+def _root_link(links: list[str], joints: tuple[Joint, ...]) -> str:
+    """The link that no joint carries; ValueError unless the joints make all links one tree."""
+    for kind, names in (("link", links), ("joint", [joint.name for joint in joints])):
+        if twice := {name for name in names if names.count(name) > 1}:
+            raise ValueError(f"several {kind}s are called {min(twice)!r}")
+    carried = {joint.child: joint.parent for joint in joints}
+    if unknown := {*carried, *carried.values()} - set(links):
+        raise ValueError(f"a joint connects link {min(unknown)!r}, which there is not; {suggest(min(unknown), links)}")
+    roots = [link for link in links if link not in carried]
+    if len(roots) != 1 or len(carried) != len(joints):
+        raise ValueError(f"the links are no tree: {len(roots)} have no parent ({', '.join(roots)}), expected 1")
+    if lost := [link for link in links if not _reaches(link, roots[0], carried)]:
+        raise ValueError(f"the links are no tree: {lost[0]!r} is in a loop")
+    return roots[0]
+
+
+def _reaches(link: str, root: str, carried: dict[str, str]) -> bool:
+    for _ in range(len(carried)):
+        link = carried.get(link, root)
+    return link == root
+
+
+def _joint(element: ET.Element) -> Joint:
+    name = _attribute(element, "name")
+    kind = _attribute(element, "type")
+    if kind not in _KINDS:
+        raise ValueError(f"joint {name!r}: type {kind!r} is not supported; {suggest(kind, _KINDS)}")
+    limit = element.find("limit")
+    lower, upper = _limits(name, kind, limit)
+    return Joint(
+        name=name,
+        kind=cast(JointKind, kind),
+        parent=_attribute(_child(element, "parent"), "link"),
+        child=_attribute(_child(element, "child"), "link"),
+        origin=_origin(element.find("origin")),
+        axis=_X_AXIS if kind == "fixed" else _axis(name, element.find("axis")),
+        lower=lower,
+        upper=upper,
+        velocity=math.inf if limit is None else _number(limit, "velocity", math.inf),
+    )
+
+
+def _limits(name: str, kind: str, limit: ET.Element | None) -> tuple[float, float]:
+    if kind in ("continuous", "fixed"):
+        return -math.inf, math.inf
+    if limit is None:
+        raise ValueError(f"joint {name!r}: a {kind} joint needs a <limit>")
+    lower, upper = _number(limit, "lower", 0.0), _number(limit, "upper", 0.0)
+    if lower > upper:
+        raise ValueError(f"joint {name!r}: lower limit {lower} is above upper limit {upper}")
+    return lower, upper
+
+
+def _origin(element: ET.Element | None) -> Pose:
+    """Pose of an <origin>; rpy is Rz(yaw) Ry(pitch) Rx(roll)."""
+    if element is None:
+        return Pose.identity()
+    roll, pitch, yaw = _vector(element, "rpy", _ORIGIN)
+    turned = product(from_rotvec((0.0, 0.0, yaw)), from_rotvec((0.0, pitch, 0.0)))
+    return Pose(_vector(element, "xyz", _ORIGIN), product(turned, from_rotvec((roll, 0.0, 0.0))))
+
+
+def _axis(name: str, element: ET.Element | None) -> Vector3:
+    x, y, z = _X_AXIS if element is None else _vector(element, "xyz", _X_AXIS)
+    norm = math.hypot(x, y, z)
+    if norm < 1e-9:
+        raise ValueError(f"joint {name!r}: its axis has no length")
+    return x / norm, y / norm, z / norm
+
+
+def _child(element: ET.Element, tag: str) -> ET.Element:
+    child = element.find(tag)
+    if child is None:
+        raise ValueError(f"joint {element.get('name')!r} has no <{tag}>")
+    return child
+
+
+def _attribute(element: ET.Element, name: str) -> str:
+    value = element.get(name)
+    if not value:
+        raise ValueError(f"a <{element.tag}> has no {name!r}")
+    return value
+
+
+def _number(element: ET.Element, name: str, default: float) -> float:
+    return _finite(element, name, element.get(name, "").split(), (default,))[0]
+
+
+def _vector(element: ET.Element, name: str, default: Vector3) -> Vector3:
+    x, y, z = _finite(element, name, element.get(name, "").split(), default)
+    return x, y, z
+
+
+def _finite(element: ET.Element, name: str, words: list[str], default: tuple[float, ...]) -> tuple[float, ...]:
+    """The words as finite numbers, as many as the default has; the default if there are none."""
+    if not words:
+        return default
+    try:
+        numbers = tuple(float(word) for word in words)
+    except ValueError:
+        numbers = ()
+    if len(numbers) != len(default) or not all(map(math.isfinite, numbers)):
+        raise ValueError(f"<{element.tag} {name}={element.get(name)!r}>: expected {len(default)} finite numbers")
+    return numbers

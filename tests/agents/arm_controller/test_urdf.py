@@ -1,0 +1,74 @@
+"""URDF reading: what it means, and what it says about files that mean nothing."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import pytest
+
+from agents.arm_controller.urdf import load_robot, parse_robot
+from dsr.errors import ConfigError
+
+SLIDER = b"""<robot name="slider">
+  <link name="rail"/><link name="sled"/><link name="hand"/>
+  <joint name="slide" type="prismatic"><parent link="rail"/><child link="sled"/>
+    <origin xyz="0 0 1" rpy="0 0 1.5707963267948966"/><axis xyz="2 0 0"/><limit lower="0" upper="0.5"/></joint>
+  <joint name="turn" type="revolute"><parent link="sled"/><child link="hand"/>
+    <axis xyz="0 0 1"/><limit lower="-1" upper="1" velocity="2"/></joint>
+</robot>"""
+
+
+def test_joint_moves_its_child_along_its_axis_in_the_child_frame():
+    slide = parse_robot(SLIDER).parents["sled"]
+    assert slide.pose(0.3).t == pytest.approx((0.0, 0.3, 1.0))
+    assert (slide.lower, slide.upper, slide.velocity) == (0.0, 0.5, math.inf)
+
+
+def test_revolute_joint_turns_about_its_axis():
+    turn = parse_robot(SLIDER).parents["hand"]
+    assert turn.pose(0.4).rotvec == pytest.approx((0.0, 0.0, 0.4))
+
+
+def test_roll_pitch_yaw_turn_about_fixed_axes_in_that_order():
+    text = SLIDER.replace(b'rpy="0 0 1.5707963267948966"', b'rpy="1.5707963267948966 1.5707963267948966 0"')
+    y_axis = parse_robot(text).parents["sled"].origin.rotation_matrix @ (0, 1, 0)
+    assert y_axis == pytest.approx((1, 0, 0))
+
+
+def test_between_gives_the_joints_from_base_to_tip_and_names_what_is_wrong():
+    robot = parse_robot(SLIDER)
+    assert [joint.name for joint in robot.between("rail", "hand")] == ["slide", "turn"]
+    with pytest.raises(ConfigError, match="no link 'hand2'; did you mean 'hand'"):
+        robot.between("hand2", "hand")
+    with pytest.raises(ConfigError, match="'rail' does not hang below link 'sled'"):
+        robot.between("sled", "rail")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (b"</robot>", b"", "not valid XML"),
+        (b"robot", b"sdf", "expected <robot>"),
+        (b'xyz="2 0 0"', b'xyz="0 0 0"', "'slide': its axis has no length"),
+        (b'xyz="0 0 1" rpy', b'xyz="0 nan 1" rpy', "expected 3 finite numbers"),
+        (b'xyz="0 0 1" rpy', b'xyz="0 1" rpy', "expected 3 finite numbers"),
+        (b'type="revolute"', b'type="revolut"', "did you mean 'revolute'"),
+        (b'lower="0"', b'lower="1"', "lower limit 1.0 is above"),
+        (b'<parent link="rail"/>', b"", "'slide' has no <parent>"),
+        (b'<parent link="sled"/>', b'<parent link="sledge"/>', "'sledge', which there is not; did you mean 'sled'"),
+        (b'<parent link="rail"/>', b'<parent link="hand"/>', "the links are no tree: 'sled' is in a loop"),
+        (b'<link name="hand"/>', b'<link name="hand"/><link name="lost"/>', "2 have no parent"),
+        (b'<link name="rail"/>', b'<link name="rail"/><link name="rail"/>', "several links are called 'rail'"),
+        (b"<robot", b'<!DOCTYPE r [<!ENTITY a "b">]><robot', "without DOCTYPE"),
+    ],
+)
+def test_wrong_file_is_refused_with_its_reason(old: bytes, new: bytes, message: str):
+    with pytest.raises(ConfigError, match=message) as error:
+        parse_robot(SLIDER.replace(old, new), "arm.urdf")
+    assert str(error.value).startswith("arm.urdf:")
+
+
+def test_missing_file_is_a_configuration_error(tmp_path: Path):
+    with pytest.raises(ConfigError, match="cannot be read"):
+        load_robot(tmp_path / "none.urdf")
