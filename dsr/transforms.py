@@ -45,6 +45,7 @@ class Pose:
     """
 
     __slots__ = ("cov", "q", "stamp", "t")
+    __array_ufunc__ = None  # lets `pose @ array` be a TypeError instead of numpy's attempt at it
 
     t: Vector3
     """Translation, m."""
