@@ -1,0 +1,42 @@
+"""Messages from the bus that wait for an agent's next tick, bounded in number."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple
+
+from dsr.clock import Clock
+from dsr.transport import Transport
+
+
+class Message(NamedTuple):
+    """A message as it arrived."""
+
+    stamp: float
+    """s, when it arrived"""
+    key: str
+    payload: bytes
+
+
+class Inbox:
+    """Collects the messages on one key until they are taken; beyond `most`, the oldest are dropped and counted."""
+
+    def __init__(self, bus: Transport, key: str, clock: Clock, most: int) -> None:
+        self.dropped = 0
+        """Messages lost because nobody took them in time."""
+        self._clock = clock
+        self._waiting: deque[Message] = deque(maxlen=most)
+        self._subscription = bus.subscribe(key, self._receive)
+
+    def take(self) -> list[Message]:
+        """All messages since the last call, oldest first."""
+        return [self._waiting.popleft() for _ in range(len(self._waiting))]
+
+    def close(self) -> None:
+        """Stop collecting."""
+        self._subscription.close()
+
+    def _receive(self, key: str, payload: bytes) -> None:
+        if len(self._waiting) == self._waiting.maxlen:
+            self.dropped += 1
+        self._waiting.append(Message(self._clock.now(), key, payload))

@@ -1,0 +1,127 @@
+"""The recorder: writes what travels in the graph, and what its sensors see, to an MCAP file."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import ClassVar
+
+import msgspec
+
+from agents.inbox import Inbox, Message
+from agents.recorder.channels import SNAPSHOT
+from agents.recorder.images import pack
+from agents.recorder.mcap_file import Record, RecordingWriter
+from agents.recorder.reader import FILE_NAME
+from agents.segments import next_segment
+from dsr.agent import Access, Agent
+from dsr.blobs import decode_frame, encode_frame
+from dsr.errors import WireError
+
+_MOST_WAITING = 20_000
+_MOST_IMAGES_WAITING = 64
+_LARGE = 1 << 16  # bytes; larger blobs are images or meshes
+
+
+class RecorderConfig(msgspec.Struct, frozen=True):
+    """What is recorded, and where."""
+
+    folder: str = "runs/recorder"
+    """Gets `recording.mcap`, or `recording-2.mcap` if that exists, and so on."""
+    frames_hz: float = 2.0
+    """Camera frames a second and camera that are kept; 0 for none."""
+    jpeg_quality: int = 90
+    """Of recorded colour images, 1 to 100."""
+    flush_period: float = 0.4
+    """s, at most so much is lost when the recorder is killed"""
+    snapshot_period: float = 30.0
+    """s between two messages that hold the whole graph, from which reading may begin"""
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.frames_hz) and self.frames_hz >= 0):
+            raise ValueError(f"frames_hz {self.frames_hz}: expected 0 or more")
+        if not 1 <= self.jpeg_quality <= 100:
+            raise ValueError(f"jpeg_quality {self.jpeg_quality}: expected 1 to 100")
+
+
+class Recorder(Agent):
+    """Hears everything on the graph's keys and writes it down, images thinned out; writes nothing to the graph."""
+
+    name = "recorder"
+    rate_hz = 10.0
+    reads: ClassVar[Access] = Access(nodes=("*",), edges=("*",), attributes=("*",))
+    Config = RecorderConfig
+    config: RecorderConfig
+    _writer: RecordingWriter | None = None
+    _inboxes: tuple[Inbox, ...] = ()
+
+    def setup(self) -> None:
+        """Open the file and begin to listen."""
+        keys = self.keys
+        self._images: dict[str, Message] = {}
+        self._image_stamps: dict[str, float] = {}
+        self._last_flush = self._last_snapshot = -math.inf
+        path = next_segment(Path(self.config.folder), FILE_NAME)
+        self._writer = RecordingWriter(path, {"graph": keys.graph, "root": keys.root, "segment": path.name})
+        wanted = (keys.delta(), keys.stream(), keys.truth(), keys.log(), keys.status())
+        images = Inbox(self.bus, keys.blob("**"), self.clock, _MOST_IMAGES_WAITING)
+        self._inboxes = (images, *(Inbox(self.bus, key, self.clock, _MOST_WAITING) for key in wanted))
+        self.log.info("recording to %s", path)
+
+    def tick(self, now: float) -> None:
+        """Write what arrived since the last tick, in the order of arrival."""
+        assert self._writer is not None
+        if self.memory.joined and now - self._last_snapshot >= self.config.snapshot_period:
+            self._writer.write(Record(now, SNAPSHOT, self.memory.snapshot()))
+            self._last_snapshot = now
+        for message in self._take(now):
+            topic = message.key.removeprefix(self.keys.root + "/")
+            self._writer.write(Record(message.stamp, topic, message.payload))
+        if now - self._last_flush >= self.config.flush_period:
+            self._writer.flush()
+            self._last_flush = now
+        self._report_losses()
+
+    def teardown(self) -> None:
+        """Write what is left and close the file, so that it has an index."""
+        for inbox in self._inboxes:
+            inbox.close()
+        if self._writer is not None:
+            self.tick(self.clock.now())
+            self._writer.close()
+
+    def _take(self, now: float) -> list[Message]:
+        """What arrived and is to be recorded, oldest first."""
+        arrived = [message for inbox in self._inboxes for message in inbox.take()]
+        small = [message for message in arrived if not self._set_aside(message)]
+        return sorted([*small, *self._due_images(now)], key=lambda message: message.stamp)
+
+    def _set_aside(self, message: Message) -> bool:
+        """Keep the newest image of each stream until it is due; false for anything that is recorded at once."""
+        if len(message.payload) < _LARGE or not message.key.startswith(self.keys.blob("")):
+            return False
+        self._images[message.key] = message
+        return True
+
+    def _due_images(self, now: float) -> list[Message]:
+        if self.config.frames_hz == 0.0:
+            self._images.clear()
+            return []
+        period = 1.0 / self.config.frames_hz
+        due = [key for key in self._images if now - self._image_stamps.get(key, -math.inf) >= period - 1e-6]
+        for key in due:
+            self._image_stamps[key] = now
+        return [self._packed(self._images.pop(key)) for key in due]
+
+    def _packed(self, message: Message) -> Message:
+        """The message with its images compressed; one that is no frame stays as it is."""
+        try:
+            frame = decode_frame(message.payload)
+        except WireError:
+            return message
+        return message._replace(payload=encode_frame(pack(frame, self.config.jpeg_quality)))
+
+    def _report_losses(self) -> None:
+        dropped = sum(inbox.dropped for inbox in self._inboxes)
+        if dropped:
+            self.degraded = f"{dropped} messages were not recorded: they came faster than they could be written"

@@ -1,0 +1,172 @@
+"""MCAP files of messages: writing them so that a kill loses little, reading them as far as they go.
+
+The format is described at https://mcap.dev/spec. Everything else here is independent of it.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple, cast
+
+import zstandard
+from mcap.exceptions import McapError
+from mcap.records import Channel, Chunk, Header, Message, Metadata
+from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
+from mcap.writer import CompressionType, Writer
+
+from agents.recorder.channels import ChannelKind, kind_of
+from dsr.errors import DsrError
+
+PROFILE = "dsr"
+_MAGIC = b"\x89MCAP0\r\n"
+_METADATA = "dsr"
+_CHUNK_SIZE = 1 << 20
+_LARGEST_RECORD = 1 << 30  # a greater length is damage, not data
+_DAMAGE = (McapError, CRCValidationError, zstandard.ZstdError, struct.error, UnicodeDecodeError, MemoryError)
+
+
+class RecordingError(DsrError):
+    """A file that is no recording of ours."""
+
+
+class Record(NamedTuple):
+    """One recorded message."""
+
+    stamp: float
+    """s, when it arrived"""
+    topic: str
+    """The key without the graph's root, such as `d/arm_controller-5f0c12aa`."""
+    payload: bytes
+
+
+class RecordingWriter:
+    """Appends messages to a new MCAP file.
+
+    Args:
+        path: the file; it must not exist.
+        metadata: stored at the beginning.
+    """
+
+    def __init__(self, path: Path, metadata: Mapping[str, str]) -> None:
+        self.path = path
+        self._file = path.open("xb")
+        self._writer = cast(Any, Writer(self._file, chunk_size=_CHUNK_SIZE, compression=CompressionType.ZSTD))
+        self._schemas: dict[ChannelKind, int] = {}
+        self._channels: dict[str, int] = {}
+        self._writer.start(profile=PROFILE, library="dsr")
+        self._writer.add_metadata(_METADATA, dict(metadata))
+        self._writer.flush()
+
+    def write(self, record: Record) -> None:
+        """Add a message; it is safe after the next `flush`."""
+        time = round(record.stamp * 1e9)
+        self._writer.add_message(self._channel(record.topic), time, record.payload, time)
+
+    def flush(self) -> None:
+        """Hand everything so far to the operating system: a kill of this process does not lose it."""
+        self._writer.flush()
+
+    def close(self) -> None:
+        """Write the index and close the file."""
+        try:
+            self._writer.finish()
+        finally:
+            self._file.close()
+
+    def _channel(self, topic: str) -> int:
+        if topic not in self._channels:
+            kind = kind_of(topic)
+            if kind not in self._schemas:
+                self._schemas[kind] = self._writer.register_schema(kind.schema, "text", kind.text.encode())
+            self._channels[topic] = self._writer.register_channel(topic, kind.encoding, self._schemas[kind])
+        return self._channels[topic]
+
+
+class RecordingFile:
+    """Reads one MCAP file from its beginning; iterate over it once, then look at what was found.
+
+    Raises:
+        RecordingError: if the file cannot be read or is no recording of ours.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.complete = False
+        """Whether reading came to the proper end of the file."""
+        self.problems: list[str] = []
+        """What was cut off or damaged."""
+        self.metadata: dict[str, str] = {}
+        self.read_bytes = 0
+        """How far reading came."""
+        try:
+            self.size = path.stat().st_size
+            with path.open("rb") as file:
+                start = file.read(len(_MAGIC))
+        except OSError as error:
+            raise RecordingError(f"{path}: cannot be read ({error})") from error
+        if start != _MAGIC[: len(start)]:
+            raise RecordingError(f"{path}: no MCAP file, it begins with {start!r}, expected {_MAGIC!r}")
+
+    def __iter__(self) -> Iterator[Record]:
+        """The messages in the order they were written; damaged parts are left out."""
+        with self.path.open("rb") as file:
+            source = _WholeReads(file)
+            try:
+                yield from self._messages(source)
+                self.complete = True
+            except _CutError:
+                self.problems.append(f"cut off after {source.position} of {self.size} bytes")
+            except _DAMAGE as error:
+                self.problems.append(f"not readable from byte {source.position} on ({_text(error)})")
+            self.read_bytes = source.position
+
+    def _messages(self, source: _WholeReads) -> Iterator[Record]:
+        topics: dict[int, str] = {}
+        reader = StreamReader(source, emit_chunks=True, record_size_limit=_LARGEST_RECORD)  # type: ignore[arg-type]
+        for record in reader.records:
+            if isinstance(record, Chunk):
+                yield from self._unpack(record, topics, source.position)
+            elif isinstance(record, Header) and record.profile != PROFILE:
+                raise RecordingError(f"{self.path}: an MCAP file of profile {record.profile!r}, expected {PROFILE!r}")
+            elif isinstance(record, Metadata) and record.name == _METADATA:
+                self.metadata = record.metadata
+
+    def _unpack(self, chunk: Chunk, topics: dict[int, str], end: int) -> Iterator[Record]:
+        """The messages of a chunk; `topics` by channel are known from it and the ones before."""
+        try:
+            records = breakup_chunk(chunk, validate_crc=True)
+        except _DAMAGE as error:
+            self.problems.append(f"the part before byte {end} is damaged ({_text(error)})")
+            return
+        for record in records:
+            if isinstance(record, Channel):
+                topics[record.id] = record.topic
+            elif isinstance(record, Message) and record.channel_id in topics:
+                yield Record(record.log_time / 1e9, topics[record.channel_id], record.data)
+
+
+class _CutError(Exception):
+    """The file ends within a record."""
+
+
+class _WholeReads:
+    """A file whose `read` gives all the bytes asked for or raises `_CutError`."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self.position = 0
+        """Bytes read so far."""
+
+    def read(self, count: int) -> bytes:
+        """The next `count` bytes."""
+        data = self._file.read(count)
+        if len(data) < count:
+            raise _CutError
+        self.position += count
+        return data
+
+
+def _text(error: BaseException) -> str:
+    return str(error) or type(error).__name__

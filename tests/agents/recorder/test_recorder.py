@@ -1,0 +1,202 @@
+"""The recorder keeps all that travels in a graph, on a manual clock and a network in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import msgpack
+import numpy as np
+import pytest
+
+from agents.recorder.agent import Recorder
+from agents.recorder.images import unpack
+from agents.recorder.reader import Record, read_recording
+from dsr import Frame, Memory, Pose
+from dsr.agent import make_agent
+from dsr.blobs import decode_frame
+from dsr.clock import ManualClock
+from dsr.errors import ConfigError
+from dsr.keys import Keys
+from dsr.local_transport import LocalNetwork
+
+KEYS = Keys("tabletop")
+
+
+class World:
+    """A writer and a recorder on one network."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.clock = ManualClock()
+        self.network = LocalNetwork(self.clock)
+        self.memory = self.connect("writer")
+        self.recorder: Recorder | None = None
+
+    def connect(self, name: str) -> Memory:
+        return Memory("tabletop", name, transport=self.network.connect(name), clock=self.clock)
+
+    def start_recorder(self, **config: Any) -> Recorder:
+        memory = self.connect("recorder")
+        agent = make_agent(
+            Recorder,
+            name="recorder",
+            config={"folder": str(self.folder), **config},
+            bus=memory.transport,
+            keys=KEYS,
+            clock=self.clock,
+            memory=memory,
+        )
+        agent.setup()
+        assert isinstance(agent, Recorder)
+        self.recorder = agent
+        return agent
+
+    def step(self, seconds: float = 0.1) -> None:
+        memories = [self.memory] + ([self.recorder.memory] if self.recorder else [])
+        for memory in memories:
+            memory.poll()
+            memory.flush()
+        self.network.deliver()
+        for memory in memories:
+            memory.poll()
+        if self.recorder:
+            self.recorder.tick(self.clock.now())
+        self.clock.advance(seconds)
+
+    def run(self, seconds: float) -> None:
+        for _ in range(round(seconds * 10)):
+            self.step()
+
+    def records(self) -> list[Record]:
+        return list(read_recording(self.folder))
+
+
+@pytest.fixture
+def world(tmp_path: Path) -> Iterator[World]:
+    yield World(tmp_path)
+
+
+def rebuilt(records: list[Record]) -> Memory:
+    """The graph that a reader of the recording ends up with."""
+    memory = Memory("tabletop", "reader", transport=LocalNetwork().connect("reader"), clock=ManualClock())
+    for record in records:
+        if record.topic == "snapshot" or record.topic.startswith(("d/", "rt/")):
+            memory.restore(record.payload)
+    return memory
+
+
+def test_the_graph_can_be_rebuilt_even_from_a_late_recording(world: World) -> None:
+    world.memory.add_node("world", "world")
+    world.memory.add_node("cube_3", "cube", mass=0.05)
+    world.run(1.0)
+    recorder = world.start_recorder()
+    world.run(3.0)
+    world.memory.add_edge("world", "cube_3", "RT", pose=Pose((0.4, 0.1, 0.02), stamp=1e9))
+    world.run(0.5)
+    world.memory.update_edge("world", "cube_3", "RT", pose=Pose((0.5, 0.1, 0.02), stamp=1e9 + 1))
+    world.memory.update_node("cube_3", mass=0.06)
+    world.run(0.5)
+    recorder.teardown()
+    memory = rebuilt(world.records())
+    assert memory.node("cube_3")["mass"] == 0.06
+    assert memory.edge("world", "cube_3", "RT").pose.translation[0] == 0.5
+
+
+def test_the_snapshot_comes_first_and_again_after_its_period(world: World) -> None:
+    world.memory.add_node("world", "world")
+    world.run(0.5)
+    recorder = world.start_recorder(snapshot_period=2.0)
+    world.run(8.0)
+    recorder.teardown()
+    stamps = [record.stamp for record in world.records() if record.topic == "snapshot"]
+    assert len(stamps) >= 3
+    assert np.diff(stamps) == pytest.approx(2.0, abs=0.11)
+
+
+def test_other_traffic_is_recorded_as_it_is(world: World) -> None:
+    recorder = world.start_recorder()
+    truth = msgpack.packb({"stamp": 1.0, "objects": {"cube_3": [0, 0, 0, 0, 0, 0, 1]}})
+    bus = world.memory.transport
+    for key, payload in ((KEYS.truth(), truth), (KEYS.log("x"), b"\x01"), (KEYS.status("x"), b"not even MessagePack")):
+        bus.publish(key, payload)
+    bus.publish(KEYS.device("arm/state"), b"not recorded")
+    world.run(1.0)
+    recorder.teardown()
+    found = {record.topic: record.payload for record in world.records()}
+    assert found["truth"] == truth and found["log/x"] == b"\x01" and found["status/x"] == b"not even MessagePack"
+    assert not any("device" in topic for topic in found)
+
+
+def camera_frame(stamp: float) -> Frame:
+    depth = np.full((120, 160), 0.8, np.float32)
+    return Frame(stamp, {"color": np.full((120, 160, 3), 90, np.uint8), "depth": depth}, {"fx": 200.0})
+
+
+@pytest.mark.parametrize(("frames_hz", "expected"), [(2.0, 10), (10.0, 50), (0.0, 0)])
+def test_images_are_thinned_and_small_blobs_are_not(world: World, frames_hz: float, expected: int) -> None:
+    recorder = world.start_recorder(frames_hz=frames_hz)
+    for _ in range(50):
+        world.memory.put_frame("camera", camera_frame(world.clock.now()))
+        ids = {"ids": np.array([3], np.int32)}
+        world.memory.put_frame("camera/detections", Frame(world.clock.now(), ids, {}))
+        world.step()
+    recorder.teardown()
+    topics = [record.topic for record in world.records()]
+    assert abs(topics.count("blob/camera") - expected) <= 1
+    assert topics.count("blob/camera/detections") == 50
+
+
+def test_recorded_images_can_be_looked_at(world: World) -> None:
+    recorder = world.start_recorder()
+    world.memory.put_frame("camera", camera_frame(7.0))
+    world.run(1.0)
+    recorder.teardown()
+    (payload,) = [record.payload for record in world.records() if record.topic == "blob/camera"]
+    frame = unpack(decode_frame(payload))
+    assert frame.stamp == 7.0 and frame.arrays["color"].shape == (120, 160, 3)
+    np.testing.assert_allclose(frame.arrays["depth"], 0.8, atol=1e-3)
+
+
+def test_a_large_blob_that_is_no_frame_is_kept_as_it_is(world: World) -> None:
+    recorder = world.start_recorder()
+    world.memory.transport.publish(KEYS.blob("mesh/1f2e"), b"m" * 100_000)
+    world.run(1.0)
+    recorder.teardown()
+    assert [record.payload for record in world.records() if record.topic == "blob/mesh/1f2e"] == [b"m" * 100_000]
+
+
+def test_nothing_flushed_half_a_second_ago_is_lost_by_a_kill(world: World) -> None:
+    world.start_recorder()
+    for index in range(50):
+        world.memory.transport.publish(KEYS.log("x"), bytes([index]))
+        world.step()
+    logs = [record for record in world.records() if record.topic == "log/x"]
+    assert logs[-1].stamp >= world.clock.now() - 0.6
+
+
+def test_a_restarted_recorder_writes_a_new_segment(world: World) -> None:
+    world.start_recorder()
+    world.memory.add_node("world", "world")
+    world.run(1.0)
+    world.start_recorder()
+    world.memory.add_node("table", "table")
+    world.run(3.0)
+    assert sorted(file.name for file in world.folder.iterdir()) == ["recording-2.mcap", "recording.mcap"]
+    assert {node.name for node in rebuilt(world.records()).nodes()} == {"world", "table"}
+
+
+def test_an_overflow_is_counted_and_shown(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("agents.recorder.agent._MOST_WAITING", 5)
+    recorder = world.start_recorder()
+    for _ in range(8):
+        world.memory.transport.publish(KEYS.log("x"), b"")
+    world.step()
+    assert "3 messages were not recorded" in recorder.degraded
+
+
+@pytest.mark.parametrize("config", [{"frames_hz": -1.0}, {"frames_hz": float("nan")}, {"jpeg_quality": 0}])
+def test_a_wrong_configuration_is_refused(world: World, config: dict[str, float]) -> None:
+    with pytest.raises(ConfigError, match=next(iter(config))):
+        world.start_recorder(**config)
