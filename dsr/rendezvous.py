@@ -13,7 +13,7 @@ import socket
 import tempfile
 from pathlib import Path
 
-from dsr.errors import TransportError
+from dsr.errors import ConfigError, TransportError
 from dsr.keys import check_name
 
 _SUFFIX = ".endpoint"
@@ -67,6 +67,17 @@ def endpoints(graph: str, *, but: str = "") -> list[str]:
 def graphs() -> list[str]:
     """Names of the graphs in which at least one process of this user takes part."""
     return [folder.name for folder in sorted(runtime_dir().iterdir()) if folder.is_dir() and endpoints(folder.name)]
+
+
+def running_graph(name: str | None = None) -> str:
+    """`name`, or else the only graph that runs here. Raises `ConfigError` if there is none, or a choice."""
+    if name is not None:
+        return check_name("graph name", name)
+    found = graphs()
+    if len(found) != 1:
+        which = f"{len(found)} graphs run here: {', '.join(found)}" if found else "no graph runs on this machine"
+        raise ConfigError(f"{which}; name one with --graph, or start a system: dsr run tabletop")
+    return found[0]
 
 
 def _read_live(path: Path) -> str | None:

@@ -1,0 +1,88 @@
+"""What an agent says it reads and writes; a guard that holds it to that, and a check over a whole system."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field
+
+from dsr.errors import AgentError, ConfigError, suggest
+from dsr.schema import POSE_FIELDS, Schema
+
+EVERYTHING = "*"
+"""In a declaration: every name."""
+_POSE = frozenset({"pose", *POSE_FIELDS})
+
+
+@dataclass(frozen=True)
+class Access:
+    """Types and attributes that an agent reads, or writes.
+
+    Args:
+        nodes: node types.
+        edges: edge types; the pose of a geometric edge needs no further declaration.
+        attributes: attributes of those nodes and edges.
+        exclusive: those of the names above that no other agent of the system may write.
+
+    Raises:
+        AgentError: if `exclusive` holds a name that is not declared.
+    """
+
+    nodes: Collection[str] = ()
+    edges: Collection[str] = ()
+    attributes: Collection[str] = ()
+    exclusive: Collection[str] = field(default=(), kw_only=True)
+
+    def __post_init__(self) -> None:
+        undeclared = [name for name in self.exclusive if not self.includes(name)]
+        if undeclared:
+            raise AgentError(f"exclusive names {undeclared} are not among the nodes, edges and attributes")
+
+    def includes(self, name: str) -> bool:
+        """Whether `name` is declared as a node type, an edge type or an attribute."""
+        return any(name in names or EVERYTHING in names for names in (self.nodes, self.edges, self.attributes))
+
+    def check_names(self, schema: Schema) -> None:
+        """Raise `AgentError` for a declared name that `schema` does not know."""
+        known = ((self.nodes, schema.node_types), (self.edges, schema.edge_types), (self.attributes, schema.attributes))
+        for declared, valid in known:
+            for name in declared:
+                if name != EVERYTHING and name not in valid:
+                    raise AgentError(f"declared name {name!r} is not in the schema; {suggest(name, valid)}")
+
+
+class WriteGuard:
+    """Called with every write that an agent is about to make; refuses what it did not declare."""
+
+    def __init__(self, agent: str, writes: Access) -> None:
+        self._agent = agent
+        self._types = {"node": frozenset(writes.nodes), "edge": frozenset(writes.edges)}
+        self._attributes = frozenset(writes.attributes)
+
+    def __call__(self, element: str, kind: str, attributes: Iterable[str]) -> None:
+        """Raise `AgentError` unless writing these attributes of a "node" or an "edge" of type `kind` is declared."""
+        types = self._types[element]
+        if kind not in types and EVERYTHING not in types:
+            raise AgentError(
+                f"agent {self._agent!r} writes {element}s of type {kind!r}, which it does not declare; "
+                f"declared: {', '.join(sorted(types)) or 'none'}"
+            )
+        if EVERYTHING in self._attributes:
+            return
+        for name in attributes:
+            if name not in self._attributes and not (element == "edge" and name in _POSE):
+                raise AgentError(
+                    f"agent {self._agent!r} writes attribute {name!r} of a {kind}, which it does not declare; "
+                    f"declared: {', '.join(sorted(self._attributes)) or 'none'}"
+                )
+
+
+def check_writers(writes: Mapping[str, Access]) -> None:
+    """Raise `ConfigError` if an agent writes what another one (both by name) claims for itself alone."""
+    for owner, access in writes.items():
+        for name in access.exclusive:
+            for other, theirs in writes.items():
+                if other != owner and theirs.includes(name):
+                    raise ConfigError(
+                        f"agents {owner!r} and {other!r} cannot run together: {owner!r} must be the only writer "
+                        f"of {name!r}, and {other!r} writes it too"
+                    )

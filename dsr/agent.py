@@ -1,0 +1,107 @@
+"""An agent: declared reads and writes, setup, tick, teardown. Subclass `Agent`; `main` makes it a program.
+
+The same class runs as a process on the wall clock (`main`, dsr/runner.py) and in lockstep with others on a
+manual clock (dsr/lockstep.py). It must therefore start no threads and never block: everything happens in `tick`.
+"""
+
+from __future__ import annotations
+
+import logging
+import zlib
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import msgspec
+import numpy as np
+
+from dsr.access import Access
+from dsr.clock import Clock
+from dsr.config import convert
+from dsr.errors import AgentError
+from dsr.keys import Keys, check_name
+from dsr.transport import Transport
+
+if TYPE_CHECKING:
+    from dsr.memory import Memory
+
+__all__ = ["Access", "Agent", "NoConfig", "main", "make_agent"]
+
+
+class NoConfig(msgspec.Struct, frozen=True):
+    """The configuration of an agent that has nothing to configure."""
+
+
+class Agent:
+    """Base of all agents. The class attributes declare it; the runtime sets the instance's before `setup`."""
+
+    name: str = ""
+    """Unique within a graph; the class gives the default."""
+    rate_hz: float = 10.0
+    """Ticks a second."""
+    reads: ClassVar[Access] = Access()
+    writes: ClassVar[Access] = Access()
+    """What it may write: anything else raises `AgentError`."""
+    uses_memory: ClassVar[bool] = True
+    """False for one that only needs the bus: it gets no `memory`."""
+    most_failures: ClassVar[int] = 25
+    """It gives up after this many failed ticks in a row."""
+    Config: ClassVar[type[Any]] = NoConfig
+    """A frozen msgspec Struct whose fields all have defaults."""
+
+    memory: Memory
+    bus: Transport
+    """For traffic outside the graph: devices, truth."""
+    keys: Keys
+    clock: Clock
+    config: Any
+    log: logging.Logger
+    seed: int
+    """Seed for its random numbers: the run's, mixed with the agent's name."""
+    degraded: str = ""
+    """Why it does not work as well as it should, shown in its status; empty if it does."""
+
+    def setup(self) -> None:
+        """Prepare. Nodes that it needs may not be there yet: that is for `tick` to cope with."""
+
+    def tick(self, now: float) -> None:
+        """Do a step of work at time `now` (s), `rate_hz` times a second."""
+
+    def teardown(self) -> None:
+        """Release what `setup` took; also called when `setup` or a tick failed."""
+
+
+def make_agent(
+    kind: type[Agent],
+    *,
+    name: str,
+    config: Mapping[str, Any] | None = None,
+    bus: Transport,
+    keys: Keys,
+    clock: Clock,
+    memory: Memory | None,
+    seed: int = 0,
+) -> Agent:
+    """An agent of class `kind`, ready for `setup`. Raises `ConfigError` for a wrong `config` or name."""
+    if kind.uses_memory and memory is None:
+        raise AgentError(f"agent {name!r} needs a memory")
+    agent = kind()
+    agent.name = check_name("agent name", name)
+    agent.bus, agent.keys, agent.clock = bus, keys, clock
+    agent.config = convert(dict(config or {}), kind.Config, f"configuration of agent {name!r}")
+    agent.log = logging.getLogger(f"agent.{name}")
+    agent.seed = _mix(seed, name)
+    if memory is not None:
+        agent.memory = memory
+    return agent
+
+
+def _mix(seed: int, name: str) -> int:
+    """A seed of its own for each agent, so that no two draw the same noise."""
+    return int(np.random.SeedSequence([seed, zlib.crc32(name.encode())]).generate_state(1)[0])
+
+
+def main(kind: type[Agent]) -> None:
+    """Run an agent of class `kind` as this process, with the command line's arguments; does not return."""
+    from dsr.agent_process import run_command_line
+
+    raise SystemExit(run_command_line(kind))

@@ -1,0 +1,167 @@
+"""An agent as a process of its own: command line, connection, tick loop on the wall clock, signals, exit code."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import inspect
+import logging
+import os
+import signal
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from dsr.access import WriteGuard
+from dsr.agent import Agent, make_agent
+from dsr.clock import WALL_CLOCK
+from dsr.config import TomlFile
+from dsr.connect import connect, open_transport
+from dsr.errors import ConfigError, DsrError
+from dsr.keys import Keys
+from dsr.lifeline import follow_launcher
+from dsr.logs import BusLogHandler, log_to_terminal
+from dsr.memory import Memory, new_rid
+from dsr.rendezvous import running_graph
+from dsr.runner import Runner, Schedule
+from dsr.transport import Transport
+
+EXIT_FAILED = 1
+EXIT_USAGE = 2
+"""Wrong arguments or configuration: starting again would not help."""
+
+_log = logging.getLogger("dsr.agent")
+
+
+def run_command_line(kind: type[Agent], arguments: Sequence[str] | None = None) -> int:
+    """Run an agent with command line `arguments` until a signal; returns the exit code."""
+    options = _parser(kind).parse_args(arguments)
+    log_to_terminal(options.name, options.log_level)
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    follow_launcher(os.environ, stop)
+    try:
+        run_process(
+            kind,
+            graph=running_graph(options.graph),
+            name=options.name,
+            config=read_config(options.config),
+            router=options.connect,
+            seed=options.seed,
+            stop=stop,
+        )
+    except ConfigError as error:
+        _log.error("%s", error)
+        return EXIT_USAGE
+    except DsrError as error:
+        _log.error("%s", error)
+        return EXIT_FAILED
+    except Exception:
+        _log.exception("the agent failed")
+        return EXIT_FAILED
+    return 0
+
+
+def run_process(
+    kind: type[Agent],
+    *,
+    graph: str,
+    name: str,
+    config: dict[str, Any],
+    router: str | None,
+    seed: int,
+    stop: threading.Event,
+) -> None:
+    """Join `graph` as agent `name` and tick until `stop` is set; raises what ends the agent otherwise."""
+    with contextlib.ExitStack() as resources:
+        memory, bus, rid = _join(kind, graph, name, [router] if router else [], resources)
+        handler = BusLogHandler(bus, Keys(graph), name, WALL_CLOCK)
+        logging.getLogger().addHandler(handler)
+        resources.callback(logging.getLogger().removeHandler, handler)
+        agent = make_agent(
+            kind, name=name, config=config, bus=bus, keys=Keys(graph), clock=WALL_CLOCK, memory=memory, seed=seed
+        )
+        runner = Runner(agent, rid=rid, pid=os.getpid())
+        resources.callback(runner.teardown)
+        runner.setup()
+        _run_ticks(runner, stop)
+
+
+def _join(
+    kind: type[Agent], graph: str, name: str, routers: list[str], resources: contextlib.ExitStack
+) -> tuple[Memory | None, Transport, str]:
+    """The memory if the agent uses it, its bus and the replica id; given back when `resources` are closed."""
+    if kind.uses_memory:
+        memory = connect(graph, agent=name, connect=routers, guard=WriteGuard(name, kind.writes))
+        resources.callback(memory.close)
+        return memory, memory.transport, memory.rid
+    rid = new_rid(name)
+    bus, registration = open_transport(graph, rid, routers)
+    resources.callback(registration.close)
+    resources.callback(bus.close)
+    return None, bus, rid
+
+
+def _run_ticks(runner: Runner, stop: threading.Event) -> None:
+    clock = runner.agent.clock
+    schedule = Schedule(clock.monotonic(), runner.agent.rate_hz)
+    while not clock.wait(stop, schedule.due - clock.monotonic()):
+        runner.missed += schedule.take(clock.monotonic())
+        runner.tick(clock.now())
+
+
+def _parser(kind: type[Agent]) -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog=f"python -m {kind.__module__.removesuffix('.agent')}",
+        description=inspect.cleandoc(kind.__doc__ or kind.__name__),
+        epilog=_explain(kind),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    add("--graph", help="name of the graph to join; default: the only one that runs on this machine")
+    add("--name", default=kind.name or kind.__name__.lower(), help="the agent's name; default: %(default)s")
+    add("--config", default="{}", metavar="JSON", help="a JSON object, or @FILE of a JSON or TOML file")
+    add("--connect", metavar="ENDPOINT", help="also join the Zenoh router at tcp/HOST:7447")
+    add("--seed", type=int, default=0, help="seed of all its random numbers; default: %(default)s")
+    add("--log-level", default="info", choices=["debug", "info", "warning", "error"], help="default: %(default)s")
+    return parser
+
+
+def _explain(kind: type[Agent]) -> str:
+    """The end of the help: what the agent reads, writes and can be configured with."""
+    lines = [f"Runs {kind.rate_hz:g} times a second until it gets SIGINT or SIGTERM."]
+    for verb, access in (("reads", kind.reads), ("writes", kind.writes)):
+        for what in ("nodes", "edges", "attributes"):
+            if names := getattr(access, what):
+                lines.append(f"  {verb} {what}: {', '.join(names)}")
+    defaults = msgspec.to_builtins(kind.Config())
+    lines += ["", "Configuration (--config) and its defaults:" if defaults else "It has no configuration."]
+    lines += [f"  {name} = {value!r}" for name, value in defaults.items()]
+    if defaults:
+        name, value = next(iter(defaults.items()))
+        lines += ["", f"Example: --config '{msgspec.json.encode({name: value}).decode()}'"]
+    return "\n".join(lines)
+
+
+def read_config(text: str) -> dict[str, Any]:
+    """The configuration in `text`: a JSON object, or @ and the name of a JSON or TOML file. Raises `ConfigError`."""
+    if not text.startswith("@"):
+        return _json(text, "--config")
+    file = Path(text[1:])
+    if file.suffix == ".toml":
+        return TomlFile(file).data
+    try:
+        return _json(file.read_text(encoding="utf-8"), str(file))
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"cannot be read ({error})", file=str(file)) from error
+
+
+def _json(text: str, source: str) -> dict[str, Any]:
+    try:
+        return msgspec.json.decode(text, type=dict[str, Any])
+    except (msgspec.MsgspecError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{source}: expected a JSON object such as '{{\"rate\": 5}}' ({error})") from error

@@ -1,0 +1,248 @@
+"""Starts the agents of a system as processes, waits until they are ready, restarts what crashes, stops it all.
+
+    with Launcher(load_system("tabletop"), folder) as launcher:
+        launcher.wait_ready()
+        launcher.run(stop)
+
+Nothing happens behind the caller's back: `poll`, which the waiting methods call, does the supervision.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import logging
+import os
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import IO
+
+import msgspec
+
+from dsr.clock import WALL_CLOCK
+from dsr.connect import connect
+from dsr.errors import AgentError, TransportError
+from dsr.rendezvous import runtime_dir
+from dsr.status import Heard, State, StatusBoard
+from dsr.supervised import Supervised
+from dsr.system import AgentSpec, System
+
+POLL_PERIOD = 0.05
+"""s between two looks at the processes."""
+STOP_PATIENCE = 5.0
+"""s that agents get to tear down until they are killed."""
+_MOST_NAMES = 100
+
+_log = logging.getLogger("dsr.launcher")
+
+
+class AgentRow(msgspec.Struct, frozen=True):
+    """What the status table shows of one agent."""
+
+    agent: str
+    state: str
+    """A `State`, or "silent" (not heard for a while), "restarting", "ended"."""
+    pid: int | None
+    heard: Heard | None
+    """The newest status of the running process."""
+    restarts: int
+    last_error: str
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether it had a good tick."""
+        return self.state in (State.READY, State.DEGRADED)
+
+
+class Launcher:
+    """Runs a system. A context manager: entering starts the processes, leaving stops them.
+
+    Args:
+        system: what to run. If somebody else already launched a system on that graph, a fresh name is taken:
+            see `graph`.
+        folder: gets the log file of each agent; made if missing.
+        seed: of the run.
+        router: endpoint of a Zenoh router to join, `tcp/HOST:7447`; None for this machine alone.
+        log_level: of the agents.
+    """
+
+    def __init__(
+        self, system: System, folder: Path, *, seed: int = 0, router: str | None = None, log_level: str = "info"
+    ) -> None:
+        self.folder = folder
+        self.clock = WALL_CLOCK
+        self._requested = system
+        self.system = system
+        self._seed = seed
+        self._router = router
+        self._log_level = log_level
+        self._resources = contextlib.ExitStack()
+        self._processes: dict[str, Supervised] = {}
+
+    @property
+    def graph(self) -> str:
+        """The graph's name."""
+        return self.system.graph
+
+    def __enter__(self) -> Launcher:
+        try:
+            self.start()
+        except BaseException:
+            self.stop()
+            raise
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+
+    def start(self) -> None:
+        """Claim the graph's name, join its network and start all agents."""
+        name = self._resources.enter_context(_claimed_name(self._requested.graph))
+        self.system = self._requested.on_graph(name)
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self.memory = connect(name, agent="launcher", connect=[self._router] if self._router else ())
+        self._resources.callback(self.memory.close)
+        self.board = StatusBoard(self.memory.transport, self.memory.keys, self.clock)
+        self._resources.callback(self.board.close)
+        for spec in self.system.agents:
+            process = Supervised(
+                self._command(spec),
+                self.folder / f"{spec.name}.log",
+                clock=self.clock,
+                environment=self._environment(),
+                restart=spec.restart,
+            )
+            self._processes[spec.name] = process
+            process.start()
+
+    def _command(self, spec: AgentSpec) -> list[str]:
+        command = [sys.executable, "-m", spec.module, "--graph", self.graph, "--name", spec.name]
+        command += ["--config", msgspec.json.encode(spec.config).decode(), "--seed", str(self._seed)]
+        command += ["--log-level", self._log_level]
+        return command + (["--connect", self._router] if self._router else [])
+
+    def _environment(self) -> dict[str, str]:
+        places = [str(self.system.folder) if self.system.folder else "", os.environ.get("PYTHONPATH", "")]
+        return {**os.environ, "PYTHONPATH": os.pathsep.join(place for place in places if place)}
+
+    def poll(self) -> None:
+        """Notice what ended and start it again when due. Call it every `POLL_PERIOD` or so."""
+        for name, process in self._processes.items():
+            before = process.pid
+            process.poll()
+            if before is not None and process.pid is None:
+                _log.warning("agent %s ended with %s", name, _exit_text(process.exit_code))
+            elif before is None and process.pid is not None:
+                _log.warning("agent %s was started again (restart %d)", name, process.restarts)
+
+    def rows(self) -> list[AgentRow]:
+        """The state of every agent, in the system's order."""
+        return [self._row(name, process) for name, process in self._processes.items()]
+
+    def _row(self, name: str, process: Supervised) -> AgentRow:
+        heard = self.board.get(name)
+        if heard is not None and heard.status.pid != process.pid:
+            heard = None
+        if process.pid is None:
+            state = "ended" if process.ended else "restarting"
+        elif heard is None:
+            state = str(State.STARTING)
+        else:
+            state = "silent" if self.board.is_silent(name) else str(heard.status.state)
+        error = heard.status.last_error if heard else ""
+        if process.pid is None and process.exit_code:
+            error = _exit_text(process.exit_code)
+        return AgentRow(name, state, process.pid, heard, process.restarts, error)
+
+    def wait_ready(self, progress: Callable[[list[AgentRow]], None] = lambda rows: None) -> None:
+        """Wait until every agent had a good tick; `progress` sees the rows about 20 times a second.
+
+        Raises:
+            AgentError: if one ended for good or took longer than its time limit, with the end of its log.
+        """
+        started = self.clock.monotonic()
+        while True:
+            self.poll()
+            rows = self.rows()
+            progress(rows)
+            waiting = [row for row in rows if not row.is_ready]
+            if not waiting:
+                return
+            for row in waiting:
+                self._check_waiting(row, self.clock.monotonic() - started)
+            self.clock.wait(threading.Event(), POLL_PERIOD)
+
+    def _check_waiting(self, row: AgentRow, waited: float) -> None:
+        limit = self.system.agent(row.agent).ready_timeout
+        process = self._processes[row.agent]
+        if process.ended:
+            why = f"ended with {_exit_text(process.exit_code)}"
+        elif waited > limit:
+            why = f"was not ready within {limit:g} s (state: {row.state}, {row.restarts} restarts)"
+        else:
+            return
+        raise AgentError(f"agent {row.agent!r} {why}; the end of {process.log_file}:\n{process.last_lines()}")
+
+    def run(self, stop: threading.Event, progress: Callable[[list[AgentRow]], None] = lambda rows: None) -> None:
+        """Supervise until `stop` is set or every agent has ended; `progress` sees the rows about 20 times a second."""
+        while not self.clock.wait(stop, POLL_PERIOD):
+            self.poll()
+            progress(self.rows())
+            if all(process.ended for process in self._processes.values()):
+                return
+
+    def stop(self) -> None:
+        """Stop all agents, killing those that do not end in `STOP_PATIENCE`; harmless when repeated."""
+        for process in self._processes.values():
+            process.terminate()
+        deadline = self.clock.monotonic() + STOP_PATIENCE
+        left = dict(self._processes)
+        while left and self.clock.monotonic() < deadline:
+            left = {name: process for name, process in left.items() if not process.has_ended()}
+            self.clock.wait(threading.Event(), POLL_PERIOD if left else 0.0)
+        for name, process in left.items():
+            _log.warning("agent %s did not stop and was killed", name)
+            process.kill()
+        self._resources.close()
+
+
+def _exit_text(code: int | None) -> str:
+    return f"signal {-code}" if code is not None and code < 0 else f"exit code {code}"
+
+
+@contextlib.contextmanager
+def _claimed_name(graph: str) -> Iterator[str]:
+    """`graph`, or `graph-2` and so on if other launchers hold that name; ours as long as the context is open."""
+    names = [graph, *(f"{graph}-{number}" for number in range(2, _MOST_NAMES))]
+    for name in names:
+        path = runtime_dir() / f"{name}.launcher"
+        if lock := _lock(path):
+            break
+    else:
+        raise TransportError(f"{len(names)} systems called {graph!r} run already")
+    if name != graph:
+        _log.warning("a system %r is running already; this one is %r", graph, name)
+    try:
+        yield name
+    finally:
+        path.unlink(missing_ok=True)
+        lock.close()
+
+
+def _lock(path: Path) -> IO[str] | None:
+    """The locked file, or None if another process holds it. The lock goes with the process, however it dies."""
+    while True:
+        file = path.open("a", encoding="utf-8")
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if path.exists() and path.stat().st_ino == os.fstat(file.fileno()).st_ino:
+                return file
+        except BlockingIOError:
+            file.close()
+            return None
+        file.close()  # its last holder removed it meanwhile

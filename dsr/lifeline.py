@@ -1,0 +1,38 @@
+"""A process that was launched ends, with all it started, when its launcher is gone: even by `kill -9`.
+
+The launcher holds the writing end of the process's standard input and never writes. When the launcher dies, the
+kernel closes that end and the process reads an end of file. This works on every POSIX system and whichever thread
+of the launcher started the process (`PR_SET_PDEATHSIG` follows the thread instead).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import sys
+import threading
+from collections.abc import Mapping
+
+from dsr.clock import WALL_CLOCK
+
+LAUNCHED = "DSR_LAUNCHED"
+"""Environment variable that tells a process that its standard input is its lifeline."""
+_GRACE = 3.0  # s to end in an orderly way
+
+
+def follow_launcher(environment: Mapping[str, str], stop: threading.Event) -> None:
+    """If this process was launched, set `stop` when the launcher is gone; end the hard way if that is not enough."""
+    if environment.get(LAUNCHED):
+        threading.Thread(target=_wait_for_end, args=(stop,), name="lifeline", daemon=True).start()
+
+
+def _wait_for_end(stop: threading.Event) -> None:
+    with contextlib.suppress(OSError):
+        while os.read(sys.stdin.fileno(), 1):
+            pass
+    stop.set()
+    WALL_CLOCK.wait(threading.Event(), _GRACE)
+    if os.getpgrp() == os.getpid():
+        os.killpg(os.getpgrp(), signal.SIGKILL)
+    os._exit(1)

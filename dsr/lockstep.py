@@ -1,0 +1,204 @@
+"""Lockstep: all agents of a system in one process, on a manual clock, as fast as the machine allows.
+
+Each agent has its own replica of the memory and its own link to an in-memory network. At every instant at which
+agents are due, they tick in the declared order; after each, what it sent is delivered. With the same agents and
+the same seed, two runs are equal bit for bit.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections import Counter
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from types import TracebackType
+
+from dsr.access import WriteGuard, check_writers
+from dsr.agent import make_agent
+from dsr.clock import ManualClock
+from dsr.errors import AgentError, ConfigError, DsrError, suggest
+from dsr.keys import Keys
+from dsr.local_transport import LocalNetwork
+from dsr.memory import Memory
+from dsr.runner import Runner, Schedule
+from dsr.system import AgentSpec
+from dsr.transport import Transport
+
+_ROUNDS = 3
+"""Exchanges that a newcomer needs: who is there, request and reply, merge."""
+
+
+@dataclass(frozen=True)
+class _Seat:
+    """One running agent."""
+
+    runner: Runner
+    schedule: Schedule
+    bus: Transport
+    memory: Memory | None
+
+
+class Lockstep:
+    """Runs agents in lockstep. A context manager.
+
+    Args:
+        agents: in the order in which they tick when due at the same time.
+        graph: name of the graph.
+        clock: moved forward by this class only.
+        seed: of the run; each agent gets one of its own from it.
+        strict: an exception in a tick ends the run, rather than being counted as in a process.
+
+    Raises:
+        ConfigError: for a wrong configuration, or writers that exclude each other.
+    """
+
+    def __init__(
+        self,
+        agents: Iterable[AgentSpec],
+        *,
+        graph: str = "lockstep",
+        clock: ManualClock | None = None,
+        seed: int = 0,
+        strict: bool = False,
+    ) -> None:
+        self._specs = {spec.name: spec for spec in agents}
+        check_writers({name: spec.kind.writes for name, spec in self._specs.items()})
+        self.clock = clock or ManualClock()
+        self.network = LocalNetwork(self.clock, seed=seed)
+        self.keys = Keys(graph)
+        self._seed = seed
+        self._strict = strict
+        self.memory = self._join("observer", "observer", None)
+        """A replica of its own, for whoever watches the run."""
+        self.bus = self.memory.transport
+        """Its link, for traffic outside the graph."""
+        self._seats: dict[str, _Seat] = {}
+        self._starts: Counter[str] = Counter()
+        try:
+            for spec in self._specs.values():
+                self._start(spec)
+        except BaseException:
+            self.close()
+            raise
+
+    def __enter__(self) -> Lockstep:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def run_for(self, seconds: float, on_step: Callable[[float], bool | None] | None = None) -> bool:
+        """`run_until` that many seconds from now."""
+        return self.run_until(self.clock.now() + seconds, on_step)
+
+    def run_until(self, end: float, on_step: Callable[[float], bool | None] | None = None) -> bool:
+        """Run all ticks due before `end` (s) and set the clock to it.
+
+        `on_step(now)` is called after each instant with ticks; if it returns True the run pauses there.
+        Returns whether it did.
+        """
+        while self._seats:
+            due = min(seat.schedule.due for seat in self._seats.values())
+            if due >= end:
+                break
+            self.clock.advance_to(max(due, self.clock.now()))
+            self._step(due)
+            if on_step is not None and on_step(due):
+                return True
+        self.clock.advance_to(max(end, self.clock.now()))
+        return False
+
+    def runner(self, name: str) -> Runner:
+        """The running agent called `name` with its counts. Raises `AgentError` if it is not running."""
+        return self._seat(name).runner
+
+    def restart(self, name: str) -> None:
+        """Start an agent that was killed, as a new replica. Raises `AgentError` if it is running."""
+        if name in self._seats:
+            raise AgentError(f"agent {name!r} is running")
+        self._start(self._spec(name))
+
+    def kill(self, name: str) -> None:
+        """End an agent as `kill -9` would: nothing that it has not sent is sent any more."""
+        seat = self._seat(name)
+        del self._seats[name]
+        seat.bus.close()
+        with contextlib.suppress(DsrError):  # it can no longer reach anybody, only release what it took
+            seat.runner.agent.teardown()
+
+    def close(self) -> None:
+        """Tear all agents down, last one first; harmless when repeated."""
+        while self._seats:
+            _, seat = self._seats.popitem()
+            seat.runner.teardown()
+            if seat.memory is not None:
+                seat.memory.close()
+            seat.bus.close()
+        self.memory.close()
+
+    def _start(self, spec: AgentSpec) -> None:
+        name = spec.name
+        self._starts[name] += 1
+        rid = f"{name}-{self._starts[name]}"
+        memory = self._join(name, rid, WriteGuard(name, spec.kind.writes)) if spec.kind.uses_memory else None
+        bus = memory.transport if memory else self.network.connect(rid)
+        agent = make_agent(
+            spec.kind,
+            name=name,
+            config=spec.config,
+            bus=bus,
+            keys=self.keys,
+            clock=self.clock,
+            memory=memory,
+            seed=self._seed,
+        )
+        runner = Runner(agent, rid=rid, strict=self._strict)
+        try:
+            runner.setup()
+        except Exception:
+            runner.teardown()
+            raise
+        self._seats[name] = seat = _Seat(runner, Schedule(self.clock.now(), agent.rate_hz), bus, memory)
+        self._pass_on(seat)
+
+    def _spec(self, name: str) -> AgentSpec:
+        if name not in self._specs:
+            raise ConfigError(f"no agent {name!r}; {suggest(name, self._specs)}")
+        return self._specs[name]
+
+    def _seat(self, name: str) -> _Seat:
+        if name not in self._seats:
+            raise AgentError(f"agent {self._spec(name).name!r} is not running")
+        return self._seats[name]
+
+    def _join(self, name: str, rid: str, guard: WriteGuard | None) -> Memory:
+        """A new replica that holds what the others know."""
+        transport = self.network.connect(rid)
+        memory = Memory(self.keys.graph, name, transport=transport, clock=self.clock, guard=guard, rid=rid)
+        for _ in range(_ROUNDS):
+            self.network.deliver()
+            memory.poll()
+        memory.wait_joined(0.0, alone=not memory.peers)
+        return memory
+
+    def _step(self, now: float) -> None:
+        """Tick every agent that is due at `now`."""
+        self.network.deliver()
+        for name in self._specs:
+            seat = self._seats.get(name)
+            if seat is not None and seat.schedule.due <= now:
+                seat.schedule.take(now)
+                if seat.memory is not None:
+                    seat.memory.poll()
+                seat.runner.tick(now)
+                self._pass_on(seat)
+        self.memory.poll()
+        self.network.deliver()
+
+    def _pass_on(self, seat: _Seat) -> None:
+        """Deliver what an agent sent."""
+        if seat.memory is not None:
+            seat.memory.flush()
+        self.network.deliver()

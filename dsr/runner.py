@@ -1,0 +1,160 @@
+"""The life of one agent, whatever drives it: setup, ticks, teardown; counts what goes wrong and tells its status."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import traceback
+from collections import deque
+
+from dsr.agent import Agent
+from dsr.errors import AgentError
+from dsr.status import PERIOD, State, Status, encode_status
+from dsr.transport import Qos
+
+_SAMPLES = 200
+_RATE_WINDOW = 3.0  # s
+
+
+class Schedule:
+    """When the ticks of a rate are due: start + n / rate, without drift; ticks that came too late are left out."""
+
+    def __init__(self, start: float, rate_hz: float) -> None:
+        if not (math.isfinite(rate_hz) and rate_hz > 0):
+            raise AgentError(f"rate {rate_hz} Hz: expected a positive number")
+        self._start = start
+        self._rate = rate_hz
+        self._next = 0
+
+    @property
+    def due(self) -> float:
+        """Time of the next tick, s."""
+        return self._start + self._next / self._rate
+
+    def take(self, now: float) -> int:
+        """Take the next tick at time `now`; returns how many due ones are left out after it."""
+        following = max(self._next + 1, math.floor((now - self._start) * self._rate) + 1)
+        missed = following - self._next - 1
+        self._next = following
+        return missed
+
+
+class Runner:
+    """Runs one agent and keeps the numbers of its status.
+
+    Args:
+        agent: made by `make_agent`.
+        rid: the replica id, or what stands for it.
+        pid: the process that it runs in, 0 in lockstep.
+        strict: let an exception in a tick out, rather than counting it.
+    """
+
+    def __init__(self, agent: Agent, *, rid: str, pid: int = 0, strict: bool = False) -> None:
+        self.agent = agent
+        self.state = State.STARTING
+        self.missed = 0
+        self._rid = rid
+        self._pid = pid
+        self._strict = strict
+        self._errors = 0
+        self._errors_in_a_row = 0
+        self._last_error = ""
+        self._known_errors: set[str] = set()
+        self._ticks: deque[tuple[float, float]] = deque(maxlen=_SAMPLES)  # (end, duration), s
+        self._last_status = -math.inf
+
+    def setup(self) -> None:
+        """Set the agent up; raises whatever it raises, `AgentError` for declared names that do not exist."""
+        self._publish()
+        try:
+            self.agent.setup()
+            if self.agent.uses_memory:
+                self.agent.reads.check_names(self.agent.memory.schema)
+                self.agent.writes.check_names(self.agent.memory.schema)
+        except Exception as error:
+            self._count(error)
+            self._enter(State.FAILED)
+            raise
+
+    def tick(self, now: float) -> None:
+        """Do one tick. A failure is logged and counted; `AgentError` after too many in a row."""
+        begun = self.agent.clock.monotonic()
+        try:
+            with self.agent.memory.batch() if self.agent.uses_memory else contextlib.nullcontext():
+                self.agent.tick(now)
+        except Exception as error:
+            if self._strict:
+                raise
+            self._count(error)
+        else:
+            self._errors_in_a_row = 0
+        ended = self.agent.clock.monotonic()
+        self._ticks.append((ended, ended - begun))
+        self._after_tick(ended)
+
+    def teardown(self) -> None:
+        """Tear the agent down; a failure is only logged."""
+        try:
+            self.agent.teardown()
+        except Exception as error:
+            self._count(error)
+        if self.state is not State.FAILED:
+            self._enter(State.STOPPED)
+
+    def _after_tick(self, ended: float) -> None:
+        if self._errors_in_a_row > self.agent.most_failures:
+            self._enter(State.FAILED)
+            raise AgentError(f"{self._errors_in_a_row} ticks failed in a row; the last: {self._last_error}")
+        if self._errors_in_a_row == 0:
+            self._enter(State.DEGRADED if self.agent.degraded else State.READY)
+        elif self.state is not State.STARTING:
+            self._enter(State.DEGRADED)
+        if ended - self._last_status >= PERIOD:
+            self._publish()
+
+    def _enter(self, state: State) -> None:
+        if state is not self.state:
+            self.state = state
+            self._publish()
+
+    def _count(self, error: Exception) -> None:
+        """Note a failure; log it with its traceback if this kind is new."""
+        self._errors += 1
+        self._errors_in_a_row += 1
+        self._last_error = f"{type(error).__name__}: {error}"
+        where = traceback.extract_tb(error.__traceback__)[-1:]
+        kind = f"{type(error).__name__} at {where[0].filename}:{where[0].lineno}" if where else self._last_error
+        if kind not in self._known_errors:
+            self._known_errors.add(kind)
+            self.agent.log.error("%s (logged once)", self._last_error, exc_info=error)
+
+    def status(self) -> Status:
+        """The agent's present condition."""
+        durations = sorted(duration for _, duration in self._ticks)
+        return Status(
+            agent=self.agent.name,
+            rid=self._rid,
+            pid=self._pid,
+            state=self.state,
+            rate_hz=self._rate(),
+            tick_ms_p50=_quantile(durations, 0.5) * 1e3,
+            tick_ms_p95=_quantile(durations, 0.95) * 1e3,
+            missed=self.missed,
+            errors=self._errors,
+            last_error=self._last_error or self.agent.degraded,
+            stamp=self.agent.clock.now(),
+        )
+
+    def _rate(self) -> float:
+        """Ticks a second over the last few seconds."""
+        ends = [end for end, _ in self._ticks if end > self._ticks[-1][0] - _RATE_WINDOW]
+        return (len(ends) - 1) / (ends[-1] - ends[0]) if len(ends) > 1 else 0.0
+
+    def _publish(self) -> None:
+        self._last_status = self.agent.clock.monotonic()
+        agent = self.agent
+        agent.bus.publish(agent.keys.status(agent.name), encode_status(self.status()), Qos.STREAM)
+
+
+def _quantile(ordered: list[float], fraction: float) -> float:
+    return ordered[min(int(fraction * len(ordered)), len(ordered) - 1)] if ordered else 0.0

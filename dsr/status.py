@@ -1,0 +1,132 @@
+"""How agents are doing: the status that each publishes once a second, and a board that collects them."""
+
+from __future__ import annotations
+
+import enum
+import logging
+import threading
+from typing import NamedTuple
+
+import msgspec
+
+from dsr.clock import Clock
+from dsr.errors import WireError
+from dsr.keys import Keys
+from dsr.transport import Transport
+
+PERIOD = 1.0
+"""s between two statuses of an agent."""
+SILENT_AFTER = 3.0
+"""s without a word from an agent until it counts as silent (it hangs, or its process is gone)."""
+
+_log = logging.getLogger("dsr.status")
+
+
+class State(enum.StrEnum):
+    """Where an agent is in its life."""
+
+    STARTING = "starting"
+    READY = "ready"
+    """It was set up and its last tick succeeded."""
+    DEGRADED = "degraded"
+    """It works, but not as it should: see the last error."""
+    STOPPED = "stopped"
+    FAILED = "failed"
+    """It gave up; its process ends."""
+
+
+class Status(msgspec.Struct, frozen=True, kw_only=True):
+    """The condition of one agent, as it travels (a MessagePack map)."""
+
+    agent: str
+    rid: str
+    """Replica id: new with each start of the agent."""
+    pid: int
+    state: State
+    rate_hz: float = 0.0
+    """Measured ticks a second."""
+    tick_ms_p50: float = 0.0
+    """Median duration of the last ticks."""
+    tick_ms_p95: float = 0.0
+    missed: int = 0
+    """Ticks left out because an earlier one took too long."""
+    errors: int = 0
+    """Failed ticks since the start."""
+    last_error: str = ""
+    stamp: float = 0.0
+    """s"""
+
+
+_encoder = msgspec.msgpack.Encoder()
+_decoder = msgspec.msgpack.Decoder(Status)
+
+
+def encode_status(status: Status) -> bytes:
+    """The status as a message for `Keys.status`."""
+    return _encoder.encode(status)
+
+
+def decode_status(payload: bytes) -> Status:
+    """The status of a message; raises `WireError`."""
+    try:
+        return _decoder.decode(payload)
+    except msgspec.MsgspecError as error:
+        raise WireError(f"status: {error}") from error
+
+
+class Heard(NamedTuple):
+    """The newest status of an agent, and how it arrived."""
+
+    status: Status
+    at: float
+    """s, on the listener's monotonic clock."""
+    latency: float
+    """s from its stamp until it arrived; with clocks apart, off by their difference."""
+
+
+class StatusBoard:
+    """The newest status of every agent of one graph, as heard on the bus."""
+
+    def __init__(self, bus: Transport, keys: Keys, clock: Clock) -> None:
+        self.malformed = 0
+        """Messages dropped because they were no valid status."""
+        self._clock = clock
+        self._newest: dict[str, Heard] = {}
+        self._lock = threading.Lock()
+        self._subscription = bus.subscribe(keys.status(), self._receive)
+
+    def agents(self) -> list[str]:
+        """Names of the agents that were heard."""
+        with self._lock:
+            return sorted(self._newest)
+
+    def get(self, agent: str) -> Heard | None:
+        """The newest status of `agent`, or None before the first."""
+        with self._lock:
+            return self._newest.get(agent)
+
+    def is_silent(self, agent: str) -> bool:
+        """Whether `agent` was not heard for `SILENT_AFTER` seconds although it never said that it stops."""
+        heard = self.get(agent)
+        if heard is None:
+            return True
+        stopped = heard.status.state in (State.STOPPED, State.FAILED)
+        return not stopped and self._clock.monotonic() - heard.at > SILENT_AFTER
+
+    def close(self) -> None:
+        """Stop listening; harmless when repeated."""
+        self._subscription.close()
+
+    def _receive(self, key: str, payload: bytes) -> None:
+        try:
+            status = decode_status(payload)
+            if status.agent != key.rpartition("/")[2]:
+                raise WireError(f"status: agent {status.agent!r} sent it on {key!r}")
+        except WireError as error:
+            self.malformed += 1
+            if self.malformed == 1:
+                _log.warning("dropped a message on %s: %s (further ones are only counted)", key, error)
+            return
+        heard = Heard(status, self._clock.monotonic(), self._clock.now() - status.stamp)
+        with self._lock:
+            self._newest[status.agent] = heard

@@ -1,0 +1,147 @@
+"""Which agents make up a system: read from `etc/systems/*.toml` and checked before anything starts."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import importlib
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from dsr.access import check_writers
+from dsr.agent import Agent
+from dsr.config import TomlFile, convert
+from dsr.errors import ConfigError, DsrError, suggest
+from dsr.keys import check_name
+
+_ETC = Path(__file__).resolve().parents[1] / "etc"
+
+
+@dataclass(frozen=True)
+class AgentSpec:
+    """One agent of a system: what to run under which name and configuration."""
+
+    name: str
+    kind: type[Agent]
+    config: Mapping[str, Any] = field(default_factory=dict)
+    module: str = ""
+    """Starts it as a process: `python -m <module>`; empty for one that only runs in lockstep."""
+    restart: bool = True
+    """Start it again when it crashed."""
+    ready_timeout: float = 30.0
+    """s it may take until its first good tick."""
+
+
+@dataclass(frozen=True)
+class System:
+    """The agents that work on one graph."""
+
+    graph: str
+    agents: tuple[AgentSpec, ...]
+    folder: Path | None = None
+    """Where its file lies: agents of one's own may lie beside it."""
+
+    def __post_init__(self) -> None:
+        check_name("graph name", self.graph)
+        check_writers({spec.name: spec.kind.writes for spec in self.agents})
+
+    def agent(self, name: str) -> AgentSpec:
+        """The agent called `name`. Raises `ConfigError`."""
+        for spec in self.agents:
+            if spec.name == name:
+                return spec
+        raise ConfigError(f"no agent {name!r}; {suggest(name, (spec.name for spec in self.agents))}")
+
+    def with_config(self, agent: str, **fields: Any) -> System:
+        """A copy in which `agent` is configured with `fields` too. Raises `ConfigError`."""
+        spec = self.agent(agent)
+        changed = dataclasses.replace(spec, config={**spec.config, **fields})
+        convert(changed.config, spec.kind.Config, f"configuration of agent {agent!r}")
+        agents = tuple(changed if other is spec else other for other in self.agents)
+        return dataclasses.replace(self, agents=agents)
+
+    def without(self, *names: str) -> System:
+        """A copy without the agents called `names`. Raises `ConfigError` for a name that is not there."""
+        gone = [self.agent(name) for name in names]
+        return dataclasses.replace(self, agents=tuple(spec for spec in self.agents if spec not in gone))
+
+    def on_graph(self, graph: str) -> System:
+        """A copy that works on another graph."""
+        return dataclasses.replace(self, graph=graph)
+
+
+class _AgentTable(msgspec.Struct, frozen=True):
+    name: str
+    agent_class: str = msgspec.field(name="class")
+    config: dict[str, Any] = {}
+    restart: bool = True
+    ready_timeout: float = 30.0
+
+
+class _SystemFile(msgspec.Struct, frozen=True):
+    graph: str
+    agent: list[_AgentTable]
+
+
+def load_system(name_or_path: str | Path) -> System:
+    """The system of a file, or the one of that name in `etc/systems`.
+
+    Raises:
+        ConfigError: naming file and line: for unknown fields, classes that cannot be loaded, names used twice,
+            configurations that their agent refuses, two agents that must not write the same thing.
+    """
+    file = find_system(name_or_path)
+    source = TomlFile(file)
+    tables = source.convert(_SystemFile)
+    folder = file.resolve().parent
+    specs: list[AgentSpec] = []
+    for index, table in enumerate(tables.agent):
+        path = ("agent", index)
+        if table.name in {spec.name for spec in specs}:
+            raise source.error(f"two agents are called {table.name!r}", (*path, "name"))
+        with _located(source, (*path, "class")):
+            kind = load_class(table.agent_class, folder)
+        if table.config:
+            source.convert(kind.Config, (*path, "config"))
+        module = table.agent_class.partition(":")[0]
+        specs.append(AgentSpec(table.name, kind, table.config, module, table.restart, table.ready_timeout))
+    with _located(source, ()):
+        return System(tables.graph, tuple(specs), folder)
+
+
+@contextlib.contextmanager
+def _located(source: TomlFile, path: tuple[str | int, ...]) -> Iterator[None]:
+    try:
+        yield
+    except DsrError as error:
+        raise source.error(str(error), path) from error
+
+
+def load_class(name: str, folder: Path | None = None) -> type[Agent]:
+    """The agent class `module:Class`; modules in `folder` are found too. Raises `ConfigError`."""
+    module, _, cls = name.partition(":")
+    if folder is not None and str(folder) not in sys.path:
+        sys.path.append(str(folder))
+    try:
+        kind = getattr(importlib.import_module(module), cls)
+    except (ImportError, AttributeError, ValueError) as error:
+        raise ConfigError(f"class {name!r} cannot be loaded ({error}); expected 'module:Class'") from error
+    if not (isinstance(kind, type) and issubclass(kind, Agent)):
+        raise ConfigError(f"class {name!r} is no dsr.agent.Agent")
+    return kind
+
+
+def find_system(name_or_path: str | Path) -> Path:
+    """The file of a system: a path that ends in `.toml`, or the name of one in `etc/systems`."""
+    path = Path(name_or_path)
+    if path.suffix == ".toml":
+        return path
+    known = {file.stem: file for folder in (_ETC, Path("etc")) for file in folder.glob("systems/*.toml")}
+    if str(name_or_path) not in known:
+        raise ConfigError(f"unknown system {str(name_or_path)!r}; {suggest(str(name_or_path), known)}")
+    return known[str(name_or_path)]

@@ -1,0 +1,91 @@
+"""Where a value stands in a TOML text, so that an error can name the line."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from typing import Any
+
+Path = tuple[str | int, ...]
+"""Keys and indexes from the root, e.g. `("object", 2, "mass")`."""
+
+_TOKEN = re.compile(
+    r'"""(?:\\.|[^\\])*?"""|\'\'\'.*?\'\'\'|"(?:\\.|[^"\\\n])*"|\'[^\'\n]*\'|#[^\n]*|[\[\]{}\n]', re.DOTALL
+)
+
+
+def line_of(text: str, path: Path) -> int | None:
+    """The line (from 1) of the value at `path`, or of the closest table around it; None if nothing fits."""
+    places = value_lines(text)
+    for length in range(len(path), 0, -1):
+        if path[:length] in places:
+            return places[path[:length]]
+    return None
+
+
+def value_lines(text: str) -> dict[Path, int]:
+    """Line of each table header and key of a valid TOML text; inline tables count as one value."""
+    continued = _continuation_lines(text)
+    table: Path = ()
+    counts: dict[Path, int] = {}
+    places: dict[Path, int] = {}
+    for number, line in enumerate(text.splitlines(), start=1):
+        if number in continued:
+            continue
+        if line.lstrip().startswith("["):
+            table = _table_path(line, counts)
+            places.setdefault(table, number)
+        elif key := _key_path(line):
+            for length in range(1, len(key) + 1):
+                places.setdefault(table + key[:length], number)
+    return places
+
+
+def _continuation_lines(text: str) -> set[int]:
+    """Lines on which a value that began above goes on."""
+    line, depth, continued = 1, 0, set()
+    for token in _TOKEN.findall(text):
+        if token == "\n":
+            line += 1
+            if depth:
+                continued.add(line)
+        elif token in "[{":
+            depth += 1
+        elif token in "]}":
+            depth -= 1
+        else:
+            continued.update(range(line + 1, line + token.count("\n") + 1))
+            line += token.count("\n")
+    return continued
+
+
+def _table_path(header: str, counts: dict[Path, int]) -> Path:
+    """Path of `[a.b]` or `[[a]]`; `counts` holds the number of elements of each array so far."""
+    parsed = tomllib.loads(header)
+    path: Path = ()
+    while parsed:
+        (key, value), *_ = parsed.items()
+        path += (key,)
+        if isinstance(value, list):
+            counts[path] = counts.get(path, 0) + 1
+            value = value[0]
+        if path in counts:
+            path += (counts[path] - 1,)
+        parsed = value
+    return path
+
+
+def _key_path(line: str) -> Path:
+    """Path of the key of `a.b = ...`; empty for other lines."""
+    key, equals, _ = line.partition("=")
+    if not equals or key.lstrip().startswith("#"):
+        return ()
+    try:
+        parsed: Any = tomllib.loads(f"{key} = 0")
+    except tomllib.TOMLDecodeError:
+        return ()
+    path: Path = ()
+    while isinstance(parsed, dict):
+        (name, parsed), *_ = parsed.items()
+        path += (name,)
+    return path
