@@ -36,6 +36,8 @@ MAX_DRIFT = 0.5
 """s that a peer's clock may be ahead of ours."""
 SILENCE = 5.0
 """s after which a peer's last digest counts no more."""
+FORGET = 30.0
+"""s after which a silent peer counts as gone; its next digest brings it back."""
 
 _log = logging.getLogger("dsr.sync")
 
@@ -70,6 +72,8 @@ class _Peer:
     heard_at: float = 0.0
     ahead: bool = False
     """Its physical clock was more than MAX_DRIFT in our future."""
+    asked: int = 0
+    """How often it was asked for something."""
 
 
 @dataclass
@@ -159,6 +163,7 @@ class Synchroniser:
         outputs: list[Output] = []
         if now >= self._next_digest:
             self._next_digest = now + DIGEST_PERIOD
+            self._forget_silent(now)
             settled = self.graph.settle()
             if settled:
                 outputs.append(PublishDelta(settled))
@@ -166,6 +171,7 @@ class Synchroniser:
         peer = self._peer_to_ask(now)
         if peer is not None:
             self._asked, self._asked_at = peer, now
+            self._peers[peer].asked += 1
             outputs.append(Ask(peer, self._request(physical)))
         return outputs
 
@@ -186,6 +192,12 @@ class Synchroniser:
         seen = self.graph.store.context
         return all(seen.covers(peer.digest.context) for peer in self._peers.values() if peer.digest)
 
+    def _forget_silent(self, now: float) -> None:
+        """Drop peers that fell silent, for whom no word of their going may ever come."""
+        for rid, peer in list(self._peers.items()):
+            if peer.digest and now - peer.heard_at > FORGET:
+                self.peer_gone(rid)
+
     def _digest(self, physical: float, seen: CausalContext | None = None) -> bytes:
         ahead = tuple(sorted(rid for rid, peer in self._peers.items() if peer.ahead))
         store = self.graph.store
@@ -200,16 +212,16 @@ class Synchroniser:
                 return None
             self._asked = None
         if not self.joined:
-            return self._peer_after(now)
-        for rid, peer in sorted(self._peers.items()):
-            if peer.digest and now - peer.heard_at >= GRACE and self._is_behind(rid, peer.digest):
-                return rid
-        return None
+            return self._least_asked(list(self._peers))
+        return self._least_asked([
+            rid
+            for rid, peer in self._peers.items()
+            if peer.digest and GRACE <= now - peer.heard_at < SILENCE and self._is_behind(rid, peer.digest)
+        ])
 
-    def _peer_after(self, now: float) -> str | None:
+    def _least_asked(self, rids: list[str]) -> str | None:
         """The peers in turn, so that one that does not answer is not asked for ever."""
-        rids = self.peers
-        return rids[int(now / REQUEST_TIMEOUT) % len(rids)] if rids else None
+        return min(rids, key=lambda rid: (self._peers[rid].asked, rid), default=None)
 
     def _is_behind(self, rid: str, digest: Digest) -> bool:
         store = self.graph.store

@@ -1,0 +1,160 @@
+"""Wire format: golden bytes, readable by plain MessagePack, and nothing malformed gets through."""
+
+from __future__ import annotations
+
+import random
+import struct
+
+import msgpack
+import pytest
+
+from dsr import Pose, WireError
+from dsr.crdt.context import CausalContext
+from dsr.crdt.delta import TOMBSTONE, Add, Delta, Write
+from dsr.wire import Digest, decode_delta, decode_digest, encode_delta, encode_digest
+
+
+
+def sample() -> Delta:
+    delta = Delta()
+    delta.adds = [
+        Add(("a", 1), "cube_3", "cube"),
+        Add(("a", 2), ("cube_3", "table", "on"), "on", (("a", 1),), (("b", 7),)),
+    ]
+    pose = Pose((1, 2, 3), (0, 0, 0, 1), 4.5)
+    delta.writes = [
+        Write(("a", 1), "mass", 99, "a", ("a", 3), 0.25),
+        Write(("a", 2), "pose", 100, "a", None, pose),
+        Write(("a", 1), "note", 101, "b", ("a", 4), TOMBSTONE),
+        Write(("a", 1), "size", 102, "b", ("b", 1), (0.5, 1.0)),
+        Write(("a", 1), "perceived", 103, "b", ("b", 2), True),
+    ]
+    delta.removed = [("b", 5)]
+    delta.context = [("a", 1, 4), ("b", 1, 2)]
+    return delta
+
+
+GOLDEN = bytes.fromhex(
+    "9701"  # version
+    "92a161a162"  # replicas a, b
+    "92"  # adds
+    "960001a6637562655f33a46375626590" + "90"
+    "96000293a6637562655f33a57461626c65a26f6ea26f6e9200019201" + "07"
+    "95"  # writes
+    "980001a46d617373630000" + "03cb3fd0000000000000"
+    "980002a4706f736564000000c74001" + struct.pack("<8d", 1, 2, 3, 0, 0, 0, 1, 4.5).hex()
+    + "980001a46e6f746565010004c0"
+    "980001a473697a656601010192cb3fe0000000000000cb3ff0000000000000"
+    "980001a970657263656976656467010102c3"
+    "920105"  # removed
+    "96000104010102"  # context
+    "c0"  # no list of live dots
+)
+
+
+def as_tuple(delta: Delta) -> tuple[object, ...]:
+    return delta.adds, delta.writes, delta.removed, delta.context, delta.live
+
+
+def test_golden_bytes() -> None:
+    assert encode_delta(sample()).hex() == GOLDEN.hex()
+
+
+def test_round_trip() -> None:
+    assert as_tuple(decode_delta(encode_delta(sample()))) == as_tuple(sample())
+    reply = sample()
+    reply.live = frozenset({("a", 1), ("b", 9)})
+    assert decode_delta(encode_delta(reply)).live == reply.live
+
+
+def test_plain_messagepack_reads_it() -> None:
+    version, replicas, adds, writes, *_ = msgpack.unpackb(encode_delta(sample()))
+    assert (version, replicas, adds[0][2]) == (1, ["a", "b"], "cube_3")
+    assert writes[1][7] == msgpack.ExtType(1, struct.pack("<8d", 1, 2, 3, 0, 0, 0, 1, 4.5))
+
+
+def test_covariance_travels() -> None:
+    covariance = [[1.0 * (row == column) for column in range(6)] for row in range(6)]
+    delta = Delta()
+    delta.writes = [Write(("a", 1), "pose", 1, "a", None, Pose((0, 0, 0), covariance=covariance))]
+    pose = decode_delta(encode_delta(delta)).writes[0].value
+    assert pose.covariance.tolist() == covariance
+
+
+def test_digest_round_trip() -> None:
+    digest = Digest("a", 12.5, CausalContext([("a", 1, 5), ("b", 3, 4)]), 2**63 + 1, ("c",))
+    again = decode_digest(encode_digest(digest))
+    assert (again.replica, again.now, again.context, again.fingerprint, again.ahead) == (
+        "a", 12.5, digest.context, 2**63 + 1, ("c",),
+    )  # fmt: skip
+
+
+def message(**changes: object) -> bytes:
+    fields: dict[str, object] = {
+        "version": 1, "replicas": ["a"], "adds": [], "writes": [], "removed": [], "context": [], "live": None,
+    }  # fmt: skip
+    return msgpack.packb(list({**fields, **changes}.values()))
+
+
+def ext(*numbers: float) -> msgpack.ExtType:
+    return msgpack.ExtType(1, struct.pack(f"<{len(numbers)}d", *numbers))
+
+
+def written(value: object) -> bytes:
+    return message(writes=[[0, 1, "x", 1, 0, 0, 0, value]])
+
+
+def test_the_unchanged_message_is_valid() -> None:
+    assert not decode_delta(message())
+    assert decode_delta(written(1.5)).writes[0].value == 1.5
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [
+        b"", b"\xc1", b"hello", msgpack.packb({"a": 1}), message()[:-1],
+        message(version=2), message(replicas=[""]), message(replicas=["x" * 300]), message(replicas=[3]),
+        message(adds=[[1, 1, "n", "cube", [], []]]), message(adds=[[0, 0, "n", "cube", [], []]]),
+        message(adds=[[0, 1, ["a", "b"], "on", [0, 1], [0, 1]]]), message(adds=[[0, 1, "n", "cube", [0, 1], []]]),
+        message(adds=[[0, 1, ["a", "b", "on"], "on", [], []]]), message(adds=[[0, 1, "", "cube", [], []]]),
+        message(removed=[0]), message(removed=[0, 0]), message(removed=[7, 1]), message(removed=[0, -1]),
+        message(context=[0, 1]), message(context=[0, 5, 4]), message(context=[0, 2, 2**40]), message(context=[0, 0, 4]),
+        message(live=[0]), message(live=[9, 9]),
+        written(float("nan")), written(float("inf")), written({"a": 1}), written([1.0, "x"]), written([[1.0]]),
+        written([1.0, float("nan")]), written(2**63), written(msgpack.ExtType(2, b"")),
+        written(ext(1, 2, 3, 0, 0, 0, 2, 0)), written(ext(1, 2, float("nan"), 0, 0, 0, 1, 0)), written(ext(1, 2)),
+        message(writes=[[0, 1, "x", -1, 0, 0, 0, 1]]), message(writes=[[0, 1, "", 1, 0, 0, 0, 1]]),
+        message(writes=[[0, 1, "x", 1, 5, 0, 0, 1]]), message(writes=[[0, 1, "x", 1, 0, 5, 1, 1]]),
+        message(writes=[[-1, 1, "x", 1, 0, 0, 0, 1]]),
+    ],
+    ids=lambda payload: payload[:24].hex(),
+)  # fmt: skip
+def test_malformed_deltas_are_refused(payload: bytes) -> None:
+    with pytest.raises(WireError):
+        decode_delta(payload)
+
+
+@pytest.mark.parametrize(
+    "payload",
+    [b"", b"\x00", message(), msgpack.packb([2, "a", 1.0, [], 0, []]), msgpack.packb([1, "a", float("nan"), [], 0, []]),
+     msgpack.packb([1, "a", 1.0, [["a", 2, 2**40]], 0, []]), msgpack.packb([1, "a", 1.0, [["a", 0, 2]], 0, []])],
+)  # fmt: skip
+def test_malformed_digests_are_refused(payload: bytes) -> None:
+    with pytest.raises(WireError):
+        decode_digest(payload)
+
+
+def test_mutated_messages_raise_nothing_else() -> None:
+    generator = random.Random(5)
+    originals = [encode_delta(sample()), encode_digest(Digest("a", 1.0, CausalContext([("a", 1, 3)]), 5, ()))]
+    refused = 0
+    for _ in range(20_000):
+        payload = bytearray(generator.choice(originals))
+        for _ in range(generator.randrange(1, 4)):
+            payload[generator.randrange(len(payload))] = generator.randrange(256)
+        for decode in (decode_delta, decode_digest):
+            try:
+                decode(bytes(payload))
+            except WireError:
+                refused += 1
+    assert refused > 20_000
