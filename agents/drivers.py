@@ -68,7 +68,7 @@ class CameraDriver(Protocol):
         """Release the device."""
 
 
-def make_driver(name: str, bus: Transport, keys: Keys, **options: Any) -> Any:
+def make_driver(name: str, bus: Transport, keys: Keys, /, **options: Any) -> Any:
     """Make the driver `module:Class`; `options` are passed on. Raises `ConfigError` for an unknown name."""
     module, _, cls = name.partition(":")
     try:

@@ -6,7 +6,7 @@ import re
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeVar, get_args
+from typing import Any, TypeVar, get_args, get_origin
 
 import msgspec
 
@@ -79,6 +79,9 @@ def _refuse_unknown(data: Any, kind: Any, path: ValuePath, prefix: str) -> None:
     if isinstance(data, list):
         for index, item in enumerate(data):
             _refuse_unknown(item, kind, (*path, index), prefix)
+    elif get_origin(kind) is dict and isinstance(data, Mapping):
+        for key, value in data.items():
+            _refuse_unknown(value, get_args(kind)[1], (*path, key), prefix)
     elif struct is not None and isinstance(data, Mapping):
         fields = {field.encode_name: field.type for field in msgspec.structs.fields(struct)}
         for key, value in data.items():

@@ -74,3 +74,12 @@ def test_plain_data_is_checked_the_same_way() -> None:
     with pytest.raises(MisfitError, match="the wheel: unknown field 'r'; valid: radius") as caught:
         convert({"r": 1}, Wheel, "the wheel")
     assert caught.value.path == ("r",)
+
+
+def test_structs_by_name_are_checked_like_others() -> None:
+    class Fleet(msgspec.Struct):
+        cars: dict[str, Car] = {}
+
+    assert convert({"cars": {"a": {"name": "b"}}}, Fleet).cars == {"a": Car("b")}
+    with pytest.raises(ConfigError, match=re.escape("unknown field 'nam' in cars.a; did you mean 'name'?")):
+        convert({"cars": {"a": {"nam": "b"}}}, Fleet)
