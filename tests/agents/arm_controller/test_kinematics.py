@@ -62,11 +62,11 @@ def draw(chain: Chain, rng: np.random.Generator) -> np.ndarray:
     return rng.uniform(np.maximum(chain.lower, -np.pi), np.minimum(chain.upper, np.pi))
 
 
-def test_gen3_stands_upright_at_zero():
+def test_gen3_stands_upright_at_zero() -> None:
     assert gen3("end_effector_link").forward([0.0] * 7).t == pytest.approx((0.0, -0.02485, 1.187385), abs=1e-6)
 
 
-def test_gen3_looks_down_at_its_observe_pose():
+def test_gen3_looks_down_at_its_observe_pose() -> None:
     pose = gen3("end_effector_link").forward(OBSERVE)
     assert pose.t == pytest.approx((0.271, 0.001, 0.719), abs=5e-4)
     assert pose.rotation_matrix[:, 2] == pytest.approx((0, 0, -1), abs=0.1)
@@ -74,7 +74,7 @@ def test_gen3_looks_down_at_its_observe_pose():
     assert tool.t == pytest.approx(tuple(pose.apply((0, 0, 0.12))))
 
 
-def test_wrist_camera_looks_along_the_hand_with_the_gripper_below_in_the_image():
+def test_wrist_camera_looks_along_the_hand_with_the_gripper_below_in_the_image() -> None:
     hand = gen3("end_effector_link").forward(OBSERVE)
     camera = gen3("camera_wrist_link").forward(OBSERVE)
     hand_from_camera = hand.inverse() @ camera
@@ -82,7 +82,7 @@ def test_wrist_camera_looks_along_the_hand_with_the_gripper_below_in_the_image()
     assert hand_from_camera.rotation_matrix == pytest.approx(np.diag((-1.0, -1.0, 1.0)), abs=1e-12)
 
 
-def test_forward_is_the_product_of_the_joints():
+def test_forward_is_the_product_of_the_joints() -> None:
     robot = load_robot(ETC / "robots" / "gen3.urdf")
     joints = robot.between("base_link", "tool_link")
     q = dict(zip((joint.name for joint in joints if joint.moves), draw(gen3("tool_link"), rng(3)), strict=True))
@@ -96,7 +96,7 @@ def rng(seed: int = 0) -> np.random.Generator:
     return np.random.default_rng(seed)
 
 
-def test_jacobian_is_the_derivative_of_forward(chain: Chain):
+def test_jacobian_is_the_derivative_of_forward(chain: Chain) -> None:
     q, step = draw(chain, rng()), 1e-6
     jacobian = chain.jacobian(q)
     here = chain.forward(q)
@@ -107,7 +107,7 @@ def test_jacobian_is_the_derivative_of_forward(chain: Chain):
         assert jacobian[:, joint] == pytest.approx(turned, abs=1e-5)
 
 
-def test_inverse_reaches_what_is_reachable_within_limits(chain: Chain):
+def test_inverse_reaches_what_is_reachable_within_limits(chain: Chain) -> None:
     random = rng(1)
     solved = 0
     for _ in range(30):
@@ -124,20 +124,20 @@ def test_inverse_reaches_what_is_reachable_within_limits(chain: Chain):
     assert solved >= 29
 
 
-def test_inverse_from_nearby_takes_a_short_way(chain: Chain):
+def test_inverse_from_nearby_takes_a_short_way(chain: Chain) -> None:
     random = rng(2)
     middle = np.where(chain.turning, 0.3, (np.maximum(chain.lower, -9) + np.minimum(chain.upper, 9)) / 2)
     solution = chain.inverse(chain.forward(middle + 0.02), middle, rng=random)
     assert np.abs(np.array(solution.positions) - middle).max() < 0.3
 
 
-def test_continuous_joints_stay_within_half_a_turn_of_the_start():
+def test_continuous_joints_stay_within_half_a_turn_of_the_start() -> None:
     chain, start = gen3("tool_link"), HOME + np.array((4, 0, 0, 0, -2, 0, 0)) * math.pi
     solution = chain.inverse(chain.forward(HOME), start, rng=rng())
     assert solution.positions == pytest.approx(tuple(start), abs=1e-3)
 
 
-def test_posture_pulls_where_the_target_leaves_freedom():
+def test_posture_pulls_where_the_target_leaves_freedom() -> None:
     chain, posture = gen3("tool_link"), HOME + 0.3 * np.eye(7)[2]
     target = chain.forward(HOME + 0.05)
     near = chain.inverse(target, HOME, rng=rng(), posture=posture)
@@ -146,28 +146,28 @@ def test_posture_pulls_where_the_target_leaves_freedom():
     assert away < 0.9 * away_plain
 
 
-def test_what_is_out_of_reach_is_said_to_be_with_the_residual():
+def test_what_is_out_of_reach_is_said_to_be_with_the_residual() -> None:
     chain = gen3("tool_link")
     with pytest.raises(UnreachableError, match=r"out of reach.* mm") as error:
         chain.inverse(Pose((1.5, 0.0, 0.3)), HOME, rng=rng())
     assert 0.3 < error.value.position < 1.0
 
 
-def test_inverse_is_repeatable():
+def test_inverse_is_repeatable() -> None:
     chain = gen3("tool_link")
     target = chain.forward(draw(chain, rng(7)))
     first, second = (chain.inverse(target, HOME, rng=rng(5)) for _ in range(2))
     assert first == second
 
 
-def test_difference_goes_the_short_way_round_only_for_continuous_joints():
+def test_difference_goes_the_short_way_round_only_for_continuous_joints() -> None:
     chain = gen3("tool_link")
     a, b = np.zeros(7), np.array((6.0, 2.2, -6.0, 2.5, 3.0, -2.0, 0.0))
     turn = 2 * math.pi
     assert chain.difference(a, b) == pytest.approx((6.0 - turn, 2.2, turn - 6.0, 2.5, 3.0, -2.0, 0.0))
 
 
-def test_half_a_turn_between_start_and_target_is_no_obstacle():
+def test_half_a_turn_between_start_and_target_is_no_obstacle() -> None:
     chain = CHAINS["gantry"]()
     target = chain.forward((0.1, 0.2, 0.5, math.pi, 0.0, 0.0))
     solution = chain.inverse(target, np.zeros(6), rng=rng(), restarts=0)

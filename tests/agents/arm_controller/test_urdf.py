@@ -19,24 +19,24 @@ SLIDER = b"""<robot name="slider">
 </robot>"""
 
 
-def test_joint_moves_its_child_along_its_axis_in_the_child_frame():
+def test_joint_moves_its_child_along_its_axis_in_the_child_frame() -> None:
     slide = parse_robot(SLIDER).parents["sled"]
     assert slide.pose(0.3).t == pytest.approx((0.0, 0.3, 1.0))
     assert (slide.lower, slide.upper, slide.velocity) == (0.0, 0.5, math.inf)
 
 
-def test_revolute_joint_turns_about_its_axis():
+def test_revolute_joint_turns_about_its_axis() -> None:
     turn = parse_robot(SLIDER).parents["hand"]
     assert turn.pose(0.4).rotvec == pytest.approx((0.0, 0.0, 0.4))
 
 
-def test_roll_pitch_yaw_turn_about_fixed_axes_in_that_order():
+def test_roll_pitch_yaw_turn_about_fixed_axes_in_that_order() -> None:
     text = SLIDER.replace(b'rpy="0 0 1.5707963267948966"', b'rpy="1.5707963267948966 1.5707963267948966 0"')
     y_axis = parse_robot(text).parents["sled"].origin.rotation_matrix @ (0, 1, 0)
     assert y_axis == pytest.approx((1, 0, 0))
 
 
-def test_between_gives_the_joints_from_base_to_tip_and_names_what_is_wrong():
+def test_between_gives_the_joints_from_base_to_tip_and_names_what_is_wrong() -> None:
     robot = parse_robot(SLIDER)
     assert [joint.name for joint in robot.between("rail", "hand")] == ["slide", "turn"]
     with pytest.raises(ConfigError, match="no link 'hand2'; did you mean 'hand'"):
@@ -63,12 +63,12 @@ def test_between_gives_the_joints_from_base_to_tip_and_names_what_is_wrong():
         (b"<robot", b'<!DOCTYPE r [<!ENTITY a "b">]><robot', "without DOCTYPE"),
     ],
 )
-def test_wrong_file_is_refused_with_its_reason(old: bytes, new: bytes, message: str):
+def test_wrong_file_is_refused_with_its_reason(old: bytes, new: bytes, message: str) -> None:
     with pytest.raises(ConfigError, match=message) as error:
         parse_robot(SLIDER.replace(old, new), "arm.urdf")
     assert str(error.value).startswith("arm.urdf:")
 
 
-def test_missing_file_is_a_configuration_error(tmp_path: Path):
+def test_missing_file_is_a_configuration_error(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="cannot be read"):
         load_robot(tmp_path / "none.urdf")

@@ -1,0 +1,149 @@
+"""The arm controller: joints and cameras into the graph, targets from the graph to the driver."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from agents.arm_controller.body import Body
+from agents.arm_controller.cameras import CameraFeed
+from agents.arm_controller.config import ArmControllerConfig
+from agents.arm_controller.grip import Grip
+from agents.arm_controller.joints import Joints, JointsError, read_joints, to_driver
+from agents.arm_controller.kinematics import Chain
+from agents.arm_controller.motion import Motion
+from agents.arm_controller.report import NO_DRIVER
+from agents.arm_controller.urdf import Robot, load_robot
+from agents.drivers import ArmDriver, ArmState, make_driver
+from dsr.agent import Access, Agent
+from dsr.errors import ConfigError
+
+SILENCE = 0.5
+"""s without a new sample after which the driver counts as gone"""
+_ROOT = Path(__file__).resolve().parents[2]
+
+
+class ArmController(Agent):
+    """Stands between one arm with its cameras and the working memory.
+
+    Writes at 50 Hz the kinematic chain as RT edges, joint values and gripper opening, and forwards camera
+    frames. Follows `target_joints`, `target_pose` (the tool point in the world frame) and `target_speed` of
+    the arm's node and `target_opening` of the gripper's; both nodes' `status` says how that goes, and
+    `explanation` why it does not.
+    """
+
+    name = "arm_controller"
+    rate_hz = 50.0
+    reads = Access(
+        nodes=("arm", "gripper"),
+        edges=("RT",),
+        attributes=("target_joints", "target_pose", "target_speed", "target_opening"),
+    )
+    writes = Access(
+        nodes=("world", "robot", "body", "mind", "arm", "gripper", "camera"),
+        edges=("RT", "has"),
+        attributes=(
+            *("joint_names", "joint_positions", "joint_velocities", "opening", "contact"),
+            *("status", "explanation", "target_joints", "target_pose"),
+            *("fx", "fy", "cx", "cy", "width", "height", "stream"),
+        ),
+        exclusive=("joint_names", "joint_positions", "joint_velocities", "opening", "contact"),
+    )
+    Config = ArmControllerConfig
+    config: ArmControllerConfig
+
+    def setup(self) -> None:
+        """Make the drivers and put the robot into the graph. Raises `ConfigError`."""
+        config = self.config
+        robot = load_robot(_ROOT / config.urdf)
+        self._chain = Chain(robot.between(config.base_link, config.tool_link))
+        self._check_config()
+        self._body = Body(self.memory, robot, config)
+        self._body.build()
+        self._driver: ArmDriver = make_driver(config.driver, self.bus, self.keys, **config.options)
+        self._feeds = self._make_feeds()
+        self._state: ArmState | None = None
+        self._heard = self.clock.now()
+        self._complained = False
+        self._motion = Motion(
+            self.memory,
+            self._chain,
+            config,
+            send=self._send,
+            stop=self._driver.stop,
+            log=self.log,
+            rng=np.random.default_rng(self.seed),
+        )
+        widest = _widest_opening(robot, config.end_effector_link)
+        self._grip = Grip(self.memory, config, widest, send=self._driver.move_gripper, log=self.log)
+
+    def tick(self, now: float) -> None:
+        """Forward what the devices measured since the last tick, and follow the targets."""
+        joints = self._new_sample()
+        if joints is not None:
+            self._heard = now
+            self._body.write(joints)
+            self._follow_targets(joints)
+        elif now - self._heard > SILENCE and not self.degraded:
+            self.degraded = f"no sample of the arm for {SILENCE} s"
+            self._motion.report.say(NO_DRIVER, self.degraded)
+        for feed in self._feeds:
+            feed.forward()
+
+    def teardown(self) -> None:
+        """Stop the arm if it moves, and release the devices."""
+        closers = (getattr(self, name, None) for name in ("_motion", "_grip", "_driver"))
+        for closer in (*closers, *getattr(self, "_feeds", ())):
+            if closer is not None:
+                closer.close()
+
+    def _check_config(self) -> None:
+        config, joints = self.config, len(self._chain)
+        if not 0.0 < config.default_speed <= 1.0:
+            raise ConfigError(f"default_speed {config.default_speed}: expected more than 0, at most 1")
+        if config.posture and len(config.posture) != joints:
+            raise ConfigError(f"posture of {len(config.posture)} positions: expected {joints} or none")
+
+    def _make_feeds(self) -> list[CameraFeed]:
+        feeds = []
+        for node, camera in self.config.cameras.items():
+            options = {"name": camera.name or node, **camera.options}
+            driver = make_driver(camera.driver, self.bus, self.keys, **options)
+            feeds.append(CameraFeed(self.memory, node, driver, self.log))
+        return feeds
+
+    def _new_sample(self) -> Joints | None:
+        """The driver's newest sample if it was not seen before and describes this arm."""
+        state = self._driver.state()
+        if state is None or (self._state is not None and state.stamp == self._state.stamp):
+            return None
+        try:
+            joints = read_joints(state, self._chain.names)
+        except JointsError as error:
+            if not self._complained:
+                self.log.error("samples of the arm are dropped (logged once): %s", error)
+            self._complained = True
+            return None
+        self._state = state
+        return joints
+
+    def _follow_targets(self, joints: Joints) -> None:
+        if self.degraded:
+            self.degraded = ""
+            self.log.info("samples of the arm arrive again")
+            self._motion.resume(joints)
+            self._grip.resume()
+        self._motion.tick(joints)
+        self._grip.tick(joints)
+
+    def _send(self, positions: tuple[float, ...], speed: float) -> None:
+        assert self._state is not None
+        self._driver.move_joints(to_driver(positions, self._chain.names, self._state), speed)
+
+
+def _widest_opening(robot: Robot, end_effector: str) -> float:
+    """Between the pads (m) with the sliding joints beyond the end effector at their upper limits; inf without any."""
+    strokes = [joint.upper for joint in robot.below(end_effector) if joint.kind == "prismatic"]
+    return sum(strokes) if strokes else math.inf

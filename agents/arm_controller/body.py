@@ -1,0 +1,135 @@
+"""The robot in the graph: its nodes, the RT edges of its kinematic chain, and what its joints measure."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from agents.arm_controller.config import ArmControllerConfig, CameraConfig
+from agents.arm_controller.joints import Joints
+from agents.arm_controller.urdf import Joint, Robot
+from dsr import Memory
+from dsr.errors import ConfigError, suggest
+from dsr.transforms import Pose
+
+
+@dataclass(frozen=True)
+class _Segment:
+    """A moving RT edge: fixed joints folded into one pose, then the joint."""
+
+    parent: str
+    child: str
+    fixed: Pose
+    joint: Joint
+
+    def pose(self, position: float, stamp: float) -> Pose:
+        """parent_from_child at joint `position` (rad or m) and time `stamp` (s)."""
+        return (self.fixed @ self.joint.pose(position)).with_stamp(stamp)
+
+
+@dataclass
+class _Plan:
+    """What belongs into the graph."""
+
+    nodes: dict[str, str] = field(default_factory=dict)
+    """Type by name."""
+    fixed: dict[tuple[str, str], Pose] = field(default_factory=dict)
+    """RT edges of the robot's own construction."""
+    mounts: dict[tuple[str, str], Pose] = field(default_factory=dict)
+    """RT edges that a calibration may know better: written only where there is none."""
+    segments: list[_Segment] = field(default_factory=list)
+
+
+class Body:
+    """Writes one robot into the memory.
+
+    Args:
+        memory: where to.
+        robot: its description.
+        config: names, mounts and cameras. Raises `ConfigError` for links and parents that do not exist.
+    """
+
+    def __init__(self, memory: Memory, robot: Robot, config: ArmControllerConfig) -> None:
+        self._memory = memory
+        self._config = config
+        self._plan = _plan(robot, config)
+        self._contact: bool | None = None
+        joints = [segment.joint.name for segment in self._plan.segments]
+        self._joint_names = ",".join(joints)
+
+    def write(self, joints: Joints) -> None:
+        """Write one sample as a bundle: the moving edges with its stamp, and the measured attributes."""
+        config, memory = self._config, self._memory
+        if not self._is_complete():
+            self.build()
+        with memory.batch():
+            for segment, position in zip(self._plan.segments, joints.positions, strict=True):
+                memory.add_edge(segment.parent, segment.child, "RT", pose=segment.pose(position, joints.stamp))
+            memory.update_node(config.arm, joint_positions=joints.positions, joint_velocities=joints.velocities)
+            memory.update_node(config.gripper, opening=joints.opening)
+            if joints.contact != self._contact:
+                memory.update_node(config.gripper, contact=joints.contact)
+                self._contact = joints.contact
+
+    def build(self) -> None:
+        """Put all nodes and fixed edges in place; mounts that are there already are left as they are."""
+        memory, config, plan = self._memory, self._config, self._plan
+        with memory.batch():
+            for name, kind in plan.nodes.items():
+                memory.add_node(name, kind)
+            memory.update_node(config.arm, joint_names=self._joint_names)
+            for part in ("body", "mind"):
+                memory.add_edge(config.robot, part, "has")
+            for (parent, child), pose in plan.fixed.items():
+                memory.add_edge(parent, child, "RT", pose=pose)
+            for (parent, child), pose in plan.mounts.items():
+                if memory.get_edge(parent, child, "RT") is None:
+                    memory.add_edge(parent, child, "RT", pose=pose)
+        self._contact = None
+
+    def _is_complete(self) -> bool:
+        """Whether nobody removed a part since `build`."""
+        memory, plan = self._memory, self._plan
+        edges = (*plan.fixed, *plan.mounts)
+        return all(name in memory for name in plan.nodes) and all(memory.get_edge(*edge, "RT") for edge in edges)
+
+
+def _plan(robot: Robot, config: ArmControllerConfig) -> _Plan:
+    plan = _Plan(nodes={"world": "world", config.robot: "robot", "body": "body", "mind": "mind", config.arm: "arm"})
+    plan.mounts["world", config.robot] = config.mount.pose()
+    plan.mounts[config.robot, config.arm] = config.arm_mount.pose()
+    parent, fixed = config.arm, Pose.identity()
+    for joint in robot.between(config.base_link, config.end_effector_link):
+        if joint.moves:
+            link = f"{config.arm}_link_{len(plan.segments) + 1}"
+            plan.nodes[link] = "body"
+            plan.segments.append(_Segment(parent, link, fixed, joint))
+            parent, fixed = link, Pose.identity()
+        else:
+            fixed = fixed @ joint.origin
+    plan.nodes[config.gripper] = "gripper"
+    plan.fixed[parent, config.gripper] = fixed
+    for name, camera in config.cameras.items():
+        parent, pose = _camera_mount(name, camera, robot, config, plan.nodes)
+        plan.nodes[name] = "camera"
+        plan.mounts[parent, name] = pose
+    return plan
+
+
+def _camera_mount(
+    name: str, camera: CameraConfig, robot: Robot, config: ArmControllerConfig, nodes: dict[str, str]
+) -> tuple[str, Pose]:
+    """The node that carries a camera, and parent_from_camera."""
+    if camera.link:
+        pose = Pose.identity()
+        for joint in robot.between(config.end_effector_link, camera.link):
+            if joint.moves:
+                raise ConfigError(
+                    f"camera {name!r}: joint {joint.name!r} moves link {camera.link!r}; expected a fixed one"
+                )
+            pose = pose @ joint.origin
+        return config.gripper, pose
+    if camera.parent not in nodes:
+        raise ConfigError(
+            f"camera {name!r}: its parent {camera.parent!r} is no node of the robot; {suggest(camera.parent, nodes)}"
+        )
+    return camera.parent, camera.mount.pose()

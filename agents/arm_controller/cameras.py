@@ -1,0 +1,64 @@
+"""Camera frames from a driver to the working memory."""
+
+from __future__ import annotations
+
+import logging
+import math
+
+from agents.drivers import CameraDriver
+from dsr import Frame, Memory
+
+_INTRINSICS = ("fx", "fy", "cx", "cy")
+
+
+class CameraFeed:
+    """Forwards the frames of one camera, and keeps its node's intrinsics up to date.
+
+    Args:
+        memory: where to.
+        node: name of the camera's node, which is also that of the stream.
+        driver: where from.
+        log: for frames without intrinsics.
+    """
+
+    def __init__(self, memory: Memory, node: str, driver: CameraDriver, log: logging.Logger) -> None:
+        self._memory = memory
+        self._node = node
+        self._driver = driver
+        self._log = log
+        self._described: dict[str, float | int | str] = {}
+        self._complained = False
+
+    def forward(self) -> None:
+        """Publish the newest frame, if there is a new one."""
+        frame = self._driver.frame()
+        if frame is None:
+            return
+        self._describe(frame)
+        self._memory.put_frame(self._node, frame)
+
+    def close(self) -> None:
+        """Release the device."""
+        self._driver.close()
+
+    def _describe(self, frame: Frame) -> None:
+        """Write the intrinsics if they are not what the node says."""
+        description = describe(frame)
+        if description is None:
+            if not self._complained:
+                self._log.warning("camera %r: frames lack an image or some of %s", self._node, ", ".join(_INTRINSICS))
+            self._complained = True
+        elif description != self._described or self._node not in self._memory:
+            self._memory.add_node(self._node, "camera", stream=self._node, **description)
+            self._described = description
+
+
+def describe(frame: Frame) -> dict[str, float | int | str] | None:
+    """Attributes of a camera that takes such frames: intrinsics and image size in px; None if not all are known."""
+    images = [array for array in frame.arrays.values() if array.ndim >= 2]
+    numbers = [frame.meta.get(name) for name in _INTRINSICS]
+    lens = [float(number) for number in numbers if isinstance(number, int | float) and math.isfinite(number)]
+    if not images or len(lens) < len(_INTRINSICS):
+        return None
+    height, width = images[0].shape[:2]
+    return {**dict(zip(_INTRINSICS, lens, strict=True)), "width": width, "height": height}

@@ -1,0 +1,77 @@
+"""What can be configured about an arm and its cameras."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+
+from dsr.errors import ConfigError
+from dsr.transforms import Pose
+
+
+class Mount(msgspec.Struct, frozen=True):
+    """Where something is fixed in its parent's frame."""
+
+    translation: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """m"""
+    rotation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
+    """Quaternion (x, y, z, w)"""
+
+    def pose(self) -> Pose:
+        """parent_from_child. Raises `ConfigError` for a rotation that is none."""
+        try:
+            return Pose(self.translation, self.rotation)
+        except ValueError as error:
+            raise ConfigError(f"mount: {error}") from error
+
+
+class CameraConfig(msgspec.Struct, frozen=True):
+    """A camera; its optical frame (z forward, x right, y down) is on a link of the arm or on another node."""
+
+    driver: str = "agents.plant.driver:PlantCamera"
+    name: str = ""
+    """Which of the driver's cameras; the node's name if empty."""
+    link: str = ""
+    """URDF link of the optical frame, fixed to the end effector; if given, `parent` and `mount` are not used."""
+    parent: str = "world"
+    """Node that carries it."""
+    mount: Mount = Mount()
+    """parent_from_camera as it is believed to be; a calibration may change the edge later."""
+    options: dict[str, Any] = {}
+    """Passed on to the driver."""
+
+
+class ArmControllerConfig(msgspec.Struct, frozen=True):
+    """One arm with a gripper, and the cameras of the same robot."""
+
+    driver: str = "agents.plant.driver:PlantArm"
+    options: dict[str, Any] = {}
+    """Passed on to the driver."""
+    urdf: str = "etc/robots/gen3.urdf"
+    """Robot description; relative to the folder that holds `etc`."""
+    base_link: str = "base_link"
+    end_effector_link: str = "end_effector_link"
+    """The flange, node `gripper`."""
+    tool_link: str = "tool_link"
+    """The point that goes to `target_pose`."""
+    robot: str = "robot"
+    arm: str = "arm"
+    gripper: str = "gripper"
+    """Names of nodes; those of the links are made from that of the arm."""
+    mount: Mount = Mount()
+    """world_from_robot"""
+    arm_mount: Mount = Mount()
+    """robot_from_arm"""
+    cameras: dict[str, CameraConfig] = {}
+    """By name of their node."""
+    default_speed: float = 0.5
+    """0 to 1 of the joint limits, where no `target_speed` is given."""
+    posture: tuple[float, ...] = ()
+    """rad, preferred joint positions where a `target_pose` leaves a choice; the present ones if empty."""
+    joint_tolerance: float = 0.003
+    """rad, how close a reached target is"""
+    still_speed: float = 0.01
+    """rad/s below which a joint stands still"""
+    opening_tolerance: float = 0.0015
+    """m, how close a reached gripper opening is"""

@@ -1,0 +1,90 @@
+"""Opens and closes the gripper to the opening that its node names, and says in the node how that goes."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+
+from agents.arm_controller.config import ArmControllerConfig
+from agents.arm_controller.joints import Joints
+from agents.arm_controller.report import IDLE, MOVING, REACHED, STOPPED, UNREACHABLE, Report, StallDetector
+from dsr import Memory
+
+_STILL = 0.0002  # m per sample; less is no motion
+_SLACK = 1e-6  # m
+
+
+class Grip:
+    """Follows `target_opening` of one gripper.
+
+    Fingers that stand still before the opening is reached, for example at an object, are `stopped`.
+
+    Args:
+        memory: holds the gripper's node.
+        config: names and tolerances.
+        widest: m, the largest opening.
+        send: moves the fingers to an opening (m).
+        log: for openings that cannot be reached.
+    """
+
+    def __init__(
+        self,
+        memory: Memory,
+        config: ArmControllerConfig,
+        widest: float,
+        *,
+        send: Callable[[float], None],
+        log: logging.Logger,
+    ) -> None:
+        self.report = Report(memory, config.gripper, log)
+        self._memory = memory
+        self._config = config
+        self._widest = widest
+        self._send = send
+        self._watch = memory.watch(node_type="gripper", attribute="target_opening")
+        self._stall = StallDetector()
+        self._goal: float | None = None
+        self._last = 0.0
+
+    def tick(self, joints: Joints) -> None:
+        """Take a new opening if there is one, else see how far the fingers are."""
+        changed = any(change.name == self._config.gripper for change in self._watch.poll())
+        if changed:
+            self._follow()
+        elif self._goal is not None:
+            self._supervise(self._goal, joints)
+        elif not self.report.status:
+            self.report.say(IDLE)
+        self._last = joints.opening
+
+    def resume(self) -> None:
+        """Follow the opening again, because the driver may have forgotten it."""
+        self.report.say(IDLE)
+        self._follow()
+
+    def close(self) -> None:
+        """No longer look for targets."""
+        self._watch.close()
+
+    def _follow(self) -> None:
+        node = self._memory.get_node(self._config.gripper)
+        opening = None if node is None else node.get("target_opening")
+        self._goal = None
+        self._stall.reset()
+        if opening is None:
+            return
+        if not -_SLACK <= opening <= self._widest + _SLACK:
+            self.report.say(UNREACHABLE, f"target_opening {opening} m: expected 0 to {self._widest} m")
+            return
+        self._goal = min(max(opening, 0.0), self._widest)
+        self._send(self._goal)
+        self.report.say(MOVING)
+
+    def _supervise(self, goal: float, joints: Joints) -> None:
+        moving = abs(joints.opening - self._last) > _STILL
+        if abs(joints.opening - goal) <= self._config.opening_tolerance:
+            self._goal = None
+            self.report.say(REACHED)
+        elif self._stall.is_stalled(moving, joints.stamp):
+            self._goal = None
+            self.report.say(STOPPED)

@@ -1,0 +1,54 @@
+"""Samples of a driver in the order of the kinematic chain, and commands back in the driver's order."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import msgspec
+
+from agents.drivers import ArmState
+
+
+class JointsError(ValueError):
+    """A driver's sample that does not describe this arm."""
+
+
+class Joints(msgspec.Struct, frozen=True):
+    """One sample of the arm, joints in the order of the chain."""
+
+    stamp: float
+    """s"""
+    positions: tuple[float, ...]
+    """rad"""
+    velocities: tuple[float, ...]
+    """rad/s"""
+    opening: float
+    """m between the finger pads"""
+    contact: bool
+    """Both pads touch something."""
+
+
+def read_joints(state: ArmState, names: Sequence[str]) -> Joints:
+    """The sample of the joints called `names`. Raises `JointsError` if one is missing or not finite."""
+    count = len(state.names)
+    if len(state.positions) != count or len(state.velocities) != count:
+        raise JointsError(f"{count} joint names, {len(state.positions)} positions, {len(state.velocities)} velocities")
+    if missing := set(names) - set(state.names):
+        raise JointsError(f"the driver does not know joint {min(missing)!r}, only {', '.join(state.names)}")
+    if not all(map(math.isfinite, (state.stamp, state.gripper_opening, *state.positions, *state.velocities))):
+        raise JointsError(f"not all numbers of the sample at {state.stamp} s are finite")
+    order = [state.names.index(name) for name in names]
+    return Joints(
+        stamp=state.stamp,
+        positions=tuple(state.positions[index] for index in order),
+        velocities=tuple(state.velocities[index] for index in order),
+        opening=state.gripper_opening,
+        contact=state.gripper_contact,
+    )
+
+
+def to_driver(positions: Sequence[float], names: Sequence[str], state: ArmState) -> tuple[float, ...]:
+    """Positions of the joints `names` in the order of `state`; joints that are not among them stay."""
+    wanted = dict(zip(names, positions, strict=True))
+    return tuple(wanted.get(name, measured) for name, measured in zip(state.names, state.positions, strict=True))

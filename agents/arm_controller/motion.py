@@ -1,0 +1,159 @@
+"""Moves the arm to the target that its node names, and says in the node how that goes.
+
+The target is what is wanted, not an event: it is followed again after the driver or this process was away.
+Writing `target_joints` or `target_pose` (or the same value again) is a new target and takes the other one
+away; removing the target, or `target_speed` 0, stops the arm.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+
+import numpy as np
+
+from agents.arm_controller.config import ArmControllerConfig
+from agents.arm_controller.joints import Joints
+from agents.arm_controller.kinematics import Chain, UnreachableError
+from agents.arm_controller.report import IDLE, MOVING, REACHED, STOPPED, UNREACHABLE, Report, StallDetector
+from dsr import Memory, Node
+from dsr.errors import TransformError
+
+Positions = tuple[float, ...]
+Send = Callable[[Positions, float], None]
+"""Called with joint positions in the chain's order (rad) and a speed (0 to 1)."""
+
+LIMIT_SLACK = 0.02
+"""rad beyond a limit that a target may be, because data sheets round; it is then cut to the limit"""
+_TARGETS = ("target_joints", "target_pose")
+
+
+class TargetError(ValueError):
+    """A target that this arm cannot have."""
+
+
+class Motion:
+    """Follows the targets of one arm.
+
+    Args:
+        memory: holds the arm's node.
+        chain: from the arm's base to the tool point.
+        config: names and tolerances.
+        send: moves the joints.
+        stop: holds them at once.
+        log: for targets that cannot be reached.
+        rng: starting points of the inverse kinematics.
+    """
+
+    def __init__(
+        self,
+        memory: Memory,
+        chain: Chain,
+        config: ArmControllerConfig,
+        *,
+        send: Send,
+        stop: Callable[[], None],
+        log: logging.Logger,
+        rng: np.random.Generator,
+    ) -> None:
+        self.report = Report(memory, config.arm, log)
+        self._memory = memory
+        self._chain = chain
+        self._config = config
+        self._send = send
+        self._stop = stop
+        self._rng = rng
+        self._watch = memory.watch(node_type="arm", attribute=(*_TARGETS, "target_speed"))
+        self._stall = StallDetector()
+        self._active = ""  # the attribute that is followed
+        self._goal: Positions | None = None  # while on the way
+
+    def tick(self, joints: Joints) -> None:
+        """Take a new target if there is one, else see how far the arm is."""
+        changes = [change for change in self._watch.poll() if change.name == self._config.arm]
+        changed = frozenset[str]().union(*(change.attributes for change in changes))
+        node = self._memory.get_node(self._config.arm)
+        if node is not None and self._choose(node, changed):
+            self._follow(node, joints)
+        elif self._goal is not None:
+            self._supervise(self._goal, joints)
+        elif not self.report.status:
+            self.report.say(IDLE)
+
+    def resume(self, joints: Joints) -> None:
+        """Follow the target again, because the driver may have forgotten it."""
+        node = self._memory.get_node(self._config.arm)
+        if self._active and node is not None:
+            self._follow(node, joints)
+        else:
+            self.report.say(IDLE)
+
+    def close(self) -> None:
+        """Stop what is under way, and no longer look for targets."""
+        self._watch.close()
+        if self._goal is not None:
+            self._stop()
+
+    def _choose(self, node: Node, changed: frozenset[str]) -> bool:
+        """Decide which attribute is followed after those `changed`; true if it is to be followed anew."""
+        written = [name for name in _TARGETS if name in changed and name in node]
+        if written:
+            self._active = written[0]
+            for other in _TARGETS:
+                if other != self._active and other in node:
+                    self._memory.remove_attribute(self._config.arm, other)
+            return True
+        return bool(self._active) and bool(changed & {self._active, "target_speed"})
+
+    def _follow(self, node: Node, joints: Joints) -> None:
+        self._stall.reset()
+        speed = node.get("target_speed", self._config.default_speed)
+        if self._active not in node or speed == 0.0:
+            if self._active not in node:
+                self._active = ""
+            self._halt(STOPPED)
+            return
+        try:
+            goal = self._goal_of(node, speed, joints)
+        except (TargetError, UnreachableError, TransformError) as error:
+            self._halt(UNREACHABLE, f"{self._active}: {error}")
+            return
+        self._goal = goal
+        self._send(goal, speed)
+        self.report.say(MOVING)
+
+    def _goal_of(self, node: Node, speed: float, joints: Joints) -> Positions:
+        """Joint positions (rad) that the node's target asks for."""
+        if not 0.0 < speed <= 1.0:
+            raise TargetError(f"target_speed {speed}: expected a number from 0 to 1")
+        if self._active == "target_joints":
+            return self._checked(node["target_joints"])
+        base_from_tool = self._memory.transform(self._config.arm, "world") @ node["target_pose"]
+        posture = self._config.posture or None
+        return self._chain.inverse(base_from_tool, joints.positions, rng=self._rng, posture=posture).positions
+
+    def _checked(self, positions: Positions) -> Positions:
+        """The positions, cut to the limits. Raises `TargetError` if they are not for this arm."""
+        chain = self._chain
+        if len(positions) != len(chain):
+            raise TargetError(f"{len(positions)} positions, expected {len(chain)} ({', '.join(chain.names)})")
+        for joint, position in zip(chain.joints, positions, strict=True):
+            if not joint.lower - LIMIT_SLACK <= position <= joint.upper + LIMIT_SLACK:
+                raise TargetError(f"{position} rad for {joint.name!r}: expected {joint.lower} to {joint.upper} rad")
+        cut: Positions = tuple(np.clip(positions, chain.lower, chain.upper).tolist())
+        return cut
+
+    def _halt(self, status: str, explanation: str = "") -> None:
+        self._goal = None
+        self._stop()
+        self.report.say(status, explanation)
+
+    def _supervise(self, goal: Positions, joints: Joints) -> None:
+        """Notice that the goal is reached, or that the arm no longer gets closer."""
+        away = float(np.abs(self._chain.difference(joints.positions, goal)).max())
+        moving = max(map(abs, joints.velocities)) > self._config.still_speed
+        if away <= self._config.joint_tolerance and not moving:
+            self._goal = None
+            self.report.say(REACHED)
+        elif self._stall.is_stalled(moving, joints.stamp):
+            self._halt(STOPPED, f"stands still {away:.4f} rad short of its target")

@@ -1,0 +1,61 @@
+"""Tells the working memory what the robot knows beforehand: the table, and the objects it was told about."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+
+from agents.scenario.format import ObjectSpec, TableSpec, load_scenario
+from dsr.agent import Access, Agent
+from dsr.transforms import Pose
+
+
+class SceneSetupConfig(msgspec.Struct, frozen=True):
+    """Which scene."""
+
+    scenario: str = ""
+    """Name or file of the scenario that describes it; empty for a table of the usual size with nothing on it."""
+
+
+class SceneSetup(Agent):
+    """Adds the table with its pose, and a node for each object marked `known`, without a pose: that is perceived.
+
+    What is there already stays as it is, so that starting again changes nothing.
+    """
+
+    name = "scene_setup"
+    rate_hz = 1.0
+    writes = Access(
+        nodes=("world", "table", "cube", "box"),
+        edges=("RT",),
+        attributes=("size", "mass", "friction", "marker_id", "color"),
+    )
+    Config = SceneSetupConfig
+    config: SceneSetupConfig
+
+    def setup(self) -> None:
+        """Write the scene. Raises `ConfigError` for a scenario that cannot be used."""
+        table, objects = TableSpec(), list[ObjectSpec]()
+        if self.config.scenario:
+            scenario = load_scenario(self.config.scenario)
+            table, objects = scenario.table, scenario.objects
+        with self.memory.batch():
+            self._add("world", "world")
+            self._add("table", "table", size=table.size)
+            if self.memory.get_edge("world", "table", "RT") is None:
+                self.memory.add_edge("world", "table", "RT", pose=Pose(table.position))
+            for spec in objects:
+                if spec.known:
+                    self._add(spec.name, spec.type, **_properties(spec))
+
+    def _add(self, name: str, kind: str, **attributes: Any) -> None:
+        if name not in self.memory:
+            self.memory.add_node(name, kind, **attributes)
+
+
+def _properties(spec: ObjectSpec) -> dict[str, Any]:
+    """Attributes of an object that can be known without seeing it."""
+    known = {"size": spec.size, "mass": spec.mass, "friction": spec.friction}
+    optional = {"marker_id": spec.marker_id, "color": spec.color}
+    return {**known, **{name: value for name, value in optional.items() if value is not None}}

@@ -1,0 +1,180 @@
+"""An arm controller in lockstep with fake devices, on a manual clock."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from agents.arm_controller import ArmController
+from agents.arm_controller.kinematics import Chain
+from agents.arm_controller.urdf import load_robot
+from agents.drivers import ArmState
+from dsr import Frame, LocalNetwork, ManualClock, Memory
+from dsr.access import WriteGuard
+from dsr.agent import make_agent
+from dsr.keys import Keys
+from dsr.runner import Runner
+
+PERIOD = 0.02
+GEN3 = Path(__file__).parents[3] / "etc" / "robots" / "gen3.urdf"
+HOME = (0.0, 0.0, np.pi, -0.96, 0.0, -2.05, np.pi / 2)
+"""Looking down at the table."""
+SPEED = 1.0
+"""rad/s of the fake arm at full speed; its fingers take one sample."""
+
+
+class FakeArm:
+    """Goes straight to where it is sent, one step per `advance`; lists what it was told."""
+
+    def __init__(self) -> None:
+        self.names = tuple(f"joint_{number}" for number in range(1, 8))
+        self.positions = np.array(HOME)
+        self.velocities = np.zeros(7)
+        self.opening = 0.085
+        self.obstacle = 0.0
+        self.stuck = False
+        self.present: ArmState | None = None
+        self.told: list[tuple[Any, ...]] = []
+        self.closed = False
+        self._goal = self.positions
+        self._speed = 0.0
+
+    def advance(self, now: float) -> None:
+        step = np.clip(self._goal - self.positions, -self._speed * PERIOD, self._speed * PERIOD)
+        step = np.zeros(7) if self.stuck else step
+        self.positions = self.positions + step
+        self.velocities = step / PERIOD
+        self.present = self.sample(now)
+
+    def sample(self, now: float) -> ArmState:
+        contact = 0 < self.opening == self.obstacle
+        return ArmState(now, self.names, tuple(self.positions), tuple(self.velocities), self.opening, contact)
+
+    def state(self) -> ArmState | None:
+        return self.present
+
+    def move_joints(self, positions: tuple[float, ...], speed: float = 1.0) -> None:
+        self.told.append(("move_joints", positions, speed))
+        self._goal, self._speed = np.array(positions), speed * SPEED
+
+    def move_gripper(self, opening: float) -> None:
+        self.told.append(("move_gripper", opening))
+        self.opening = max(opening, self.obstacle)
+
+    def stop(self) -> None:
+        self.told.append(("stop",))
+        self._goal = self.positions
+
+    def close(self) -> None:
+        self.closed = True
+
+
+class FakeCamera:
+    """Returns the frame it was given, once."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.next: Frame | None = None
+        self.closed = False
+
+    def frame(self) -> Frame | None:
+        frame, self.next = self.next, None
+        return frame
+
+    def close(self) -> None:
+        self.closed = True
+
+
+class Bench:
+    """One arm controller, its devices, and the memory of another agent that talks to it."""
+
+    def __init__(self, config: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr("agents.arm_controller.agent.make_driver", self.driver)
+        self.clock = ManualClock()
+        self.network = LocalNetwork(self.clock)
+        self.arm = FakeArm()
+        self.cameras: dict[str, FakeCamera] = {}
+        self.config = config
+        self.memory = self.connect("mission")
+        self.start()
+
+    def connect(self, agent: str) -> Memory:
+        guard = WriteGuard(agent, ArmController.writes) if agent == "arm_controller" else None
+        return Memory("test", agent, transport=self.network.connect(agent), clock=self.clock, guard=guard)
+
+    def start(self) -> None:
+        """Start the controller, or another one in its place."""
+        self.own = self.connect("arm_controller")
+        self.exchange(0.0)
+        self.agent = make_agent(
+            ArmController,
+            name="arm_controller",
+            config=self.config,
+            bus=self.own.transport,
+            keys=Keys("test"),
+            clock=self.clock,
+            memory=self.own,
+        )
+        self.runner = Runner(self.agent, rid=self.own.rid)
+        self.runner.setup()
+        self.exchange(0.0)
+
+    def driver(self, name: str, bus: object, keys: object, /, **options: Any) -> Any:
+        """Stands in for `make_driver`."""
+        if name == "fake:Arm":
+            return self.arm
+        return self.cameras.setdefault(options["name"], FakeCamera(options["name"]))
+
+    def run(self, seconds: float, *, silent: bool = False) -> None:
+        """Let time pass; a silent arm gives no new samples."""
+        for _ in range(round(seconds / PERIOD)):
+            self.exchange(PERIOD)
+            if not silent:
+                self.arm.advance(self.clock.now())
+            self.runner.tick(self.clock.now())
+            assert self.runner.status().last_error in ("", self.agent.degraded)
+        self.exchange(0.0)
+
+    def exchange(self, seconds: float) -> None:
+        memories = (self.memory, self.own)
+        self.clock.advance(seconds)
+        for _ in range(3):
+            for memory in memories:
+                memory.flush()
+            self.network.deliver()
+            for memory in memories:
+                memory.poll()
+
+    @property
+    def status(self) -> str:
+        return str(self.memory.node("arm").get("status", ""))
+
+
+@pytest.fixture
+def make_bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Bench]]:
+    benches: list[Bench] = []
+
+    def make(**config: Any) -> Bench:
+        benches.append(Bench({"driver": "fake:Arm", **config}, monkeypatch))
+        return benches[-1]
+
+    yield make
+    for bench in benches:
+        bench.runner.teardown()
+        bench.own.close()
+        bench.memory.close()
+
+
+@pytest.fixture
+def bench(make_bench: Callable[..., Bench]) -> Bench:
+    return make_bench()
+
+
+@pytest.fixture
+def tool() -> Chain:
+    """The Gen3 up to the tool point."""
+    return Chain(load_robot(GEN3).between("base_link", "tool_link"))
