@@ -1,0 +1,65 @@
+"""A private physics client: the functions of pybullet, bound to a world of its own."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from typing import Any
+
+import pybullet
+
+from dsr.transforms import Pose
+
+
+class Bullet:
+    """A physics world without a window; every function of pybullet is a method that acts on it alone."""
+
+    def __init__(self) -> None:
+        self.client: int = pybullet.connect(pybullet.DIRECT)
+
+    def __getattr__(self, name: str) -> Any:
+        bound = partial(getattr(pybullet, name), physicsClientId=self.client)
+        setattr(self, name, bound)
+        return bound
+
+    def pose(self, body: int) -> Pose:
+        """world_from_body, the frame at the body's centre of mass."""
+        position, rotation = self.getBasePositionAndOrientation(body)
+        return Pose(position, rotation)
+
+    def link_pose(self, body: int, link: int) -> Pose:
+        """world_from_link as the URDF defines the link's frame."""
+        state = self.getLinkState(body, link, computeForwardKinematics=True)
+        return Pose(state[4], state[5])
+
+    def set_pose(self, body: int, pose: Pose) -> None:
+        """Teleport the body; its velocity stays."""
+        self.resetBasePositionAndOrientation(body, pose.t, pose.q)
+
+    def close(self) -> None:
+        """End the world; harmless when repeated."""
+        if self.client >= 0:
+            with silent_libraries():
+                pybullet.disconnect(self.client)
+            self.client = -1
+
+
+@contextmanager
+def silent_libraries() -> Iterator[None]:
+    """Keep what native libraries print off standard output and standard error."""
+    sys.stdout.flush()
+    sys.stderr.flush()
+    saved = [os.dup(number) for number in (1, 2)]
+    null = os.open(os.devnull, os.O_WRONLY)
+    try:
+        for number in (1, 2):
+            os.dup2(null, number)
+        yield
+    finally:
+        for number, copy in zip((1, 2), saved, strict=True):
+            os.dup2(copy, number)
+            os.close(copy)
+        os.close(null)

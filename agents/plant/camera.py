@@ -1,0 +1,67 @@
+"""A simulated colour and depth camera: where it is, what it sees, and what becomes of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from agents.plant.noise import Color, Depth, SensorModel, shift_bodies
+from agents.plant.renderer import Intrinsics, Renderer
+from agents.plant.world import World
+from dsr.blobs import Frame
+from dsr.transforms import Pose
+
+OVERHEAD = Pose((0.35, 0.0, 0.65), (math.sqrt(0.5), -math.sqrt(0.5), 0.0, 0.0))
+"""world_from_camera of the overhead camera's optical frame: looking straight down, the image's right is world -y and
+its upper side world +x. At 640 x 480 and the default field of view it covers x 0.09 to 0.61, y -0.35 to 0.35 m."""
+
+
+class Camera:
+    """A camera on a mount that may move.
+
+    Args:
+        name: as in the scenario, `overhead` or `wrist`.
+        lens: image size and intrinsics.
+        mount: gives world_from_camera when nothing bumped it.
+        sensor: its errors.
+    """
+
+    def __init__(self, name: str, lens: Intrinsics, mount: Callable[[], Pose], sensor: SensorModel) -> None:
+        self.name = name
+        self.lens = lens
+        self.sensor = sensor
+        self.covers = 0
+        """How many things cover the lens; with any, images are black and depths unknown."""
+        self._mount = mount
+        self._displacement = Pose.identity()
+
+    @property
+    def pose(self) -> Pose:
+        """world_from_camera, the optical frame (z forward, x right, y down)."""
+        return self._mount() @ self._displacement
+
+    def bump(self, displacement: Pose) -> None:
+        """Move it by `displacement`, given in its own optical frame; its mount is not told."""
+        self._displacement = self._displacement @ displacement
+
+    def photograph(self, world: World, renderer: Renderer, stamp: float) -> Frame:
+        """A frame as a driver delivers it: `color`, `depth` and the intrinsics."""
+        lens = self.lens
+        meta: dict[str, float | int | str] = {"fx": lens.fx, "fy": lens.fy, "cx": lens.cx, "cy": lens.cy}
+        if self.covers:
+            shape = (lens.height, lens.width)
+            color, depth = np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.float32)
+        else:
+            color, depth = self._expose(world, renderer)
+        return Frame(stamp, {"color": color, "depth": depth}, meta)
+
+    def _expose(self, world: World, renderer: Renderer) -> tuple[Color, Depth]:
+        """Colour and depth with all errors."""
+        errors = {world.body(name): error for name, error in self.sensor.errors().items() if name in world}
+        picture = renderer.render(self.pose, self.lens, bodies=self.sensor.is_per_object)
+        depth = picture.depth
+        if picture.bodies is not None:
+            depth = shift_bodies(depth, picture.bodies, errors, self.lens)
+        return self.sensor.color(picture.color), self.sensor.depth(depth, self.lens)

@@ -1,0 +1,35 @@
+"""What can be configured of the plant."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import msgspec
+
+from agents.plant.camera import OVERHEAD
+from agents.plant.renderer import RendererName
+
+SensorKind = Literal["pixels", "poses"]
+
+
+class PlantConfig(msgspec.Struct, frozen=True):
+    """Configuration of the agent `plant`."""
+
+    scenario: str = ""
+    """Path of a scenario file, or the name of a built-in one."""
+    sensor: SensorKind = "pixels"
+    """`pixels`: rendered images. `poses`: true poses of the visible tags with measured noise, no images."""
+    start: float = 0.0
+    """s, time 0 of the scenario; 0.0 waits for the `Start` message of the runner"""
+    width: int = 640
+    height: int = 480
+    """px"""
+    fov: float = 0.98
+    """rad, horizontal field of view; 0.98 gives a focal length of 600 px at 640 px"""
+    overhead: tuple[float, float, float, float, float, float, float] = (*OVERHEAD.t, *OVERHEAD.q)
+    """world_from_camera of the overhead camera (optical frame): m, then a quaternion (x, y, z, w)"""
+    camera_hz: float = 10.0
+    state_hz: float = 50.0
+    truth_hz: float = 20.0
+    renderer: RendererName = "auto"
+    """`auto` and `egl` use EGL where it works, `tiny` always renders in software."""

@@ -1,0 +1,132 @@
+"""Drivers for the simulated arm and cameras: what the agents talk to (see agents/drivers.py)."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import Generic, TypeVar
+
+import msgspec
+
+from agents.drivers import ArmState
+from agents.plant.messages import (
+    Command,
+    MoveGripper,
+    MoveJoints,
+    Stop,
+    TagReadings,
+    arm_command_key,
+    arm_state_key,
+    frame_key,
+    readings_key,
+)
+from dsr.blobs import Frame, decode_frame
+from dsr.errors import WireError
+from dsr.keys import Keys
+from dsr.transport import Qos, Transport
+
+log = logging.getLogger("agents.plant.driver")
+
+T = TypeVar("T")
+
+
+class Newest(Generic[T]):
+    """The newest message on a key; those that cannot be decoded are counted and dropped."""
+
+    def __init__(self, bus: Transport, key: str, decode: Callable[[bytes], T]) -> None:
+        self._key = key
+        self._decode = decode
+        self._payload: bytes | None = None
+        self.dropped = 0
+        """Messages that could not be decoded."""
+        self._subscription = bus.subscribe(key, self._keep, newest=1)
+
+    def take(self) -> T | None:
+        """The newest message if there is one since the last call."""
+        payload, self._payload = self._payload, None
+        if payload is None:
+            return None
+        try:
+            return self._decode(payload)
+        except (WireError, msgspec.MsgspecError) as error:
+            if self.dropped == 0:
+                log.warning("message on %s dropped (logged once): %s", self._key, error)
+            self.dropped += 1
+            return None
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._subscription.close()
+
+    def _keep(self, key: str, payload: bytes) -> None:
+        self._payload = payload
+
+
+class PlantArm:
+    """The simulated arm, an `ArmDriver`."""
+
+    def __init__(self, bus: Transport, keys: Keys) -> None:
+        self._bus = bus
+        self._key = arm_command_key(keys)
+        self._states = Newest(bus, arm_state_key(keys), msgspec.msgpack.Decoder(ArmState).decode)
+        self._state: ArmState | None = None
+
+    def state(self) -> ArmState | None:
+        """The newest sample, or None before the first."""
+        self._state = self._states.take() or self._state
+        return self._state
+
+    def move_joints(self, positions: tuple[float, ...], speed: float = 1.0) -> None:
+        """Go to joint `positions` (rad) at `speed` (0 to 1 of the joint limits)."""
+        self._send(MoveJoints(tuple(map(float, positions)), speed))
+
+    def move_gripper(self, opening: float) -> None:
+        """Open or close to `opening` m between the pads."""
+        self._send(MoveGripper(opening))
+
+    def stop(self) -> None:
+        """Hold the present position at once."""
+        self._send(Stop())
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._states.close()
+
+    def _send(self, command: Command) -> None:
+        self._bus.publish(self._key, msgspec.msgpack.encode(command), Qos.RELIABLE)
+
+
+class PlantCamera:
+    """A simulated camera, a `CameraDriver`.
+
+    Args:
+        bus: where the plant is heard.
+        keys: of the plant's graph.
+        name: `overhead` or `wrist`.
+    """
+
+    def __init__(self, bus: Transport, keys: Keys, name: str = "overhead") -> None:
+        self._frames = Newest(bus, frame_key(keys, name), decode_frame)
+
+    def frame(self) -> Frame | None:
+        """The newest frame if it was not returned before, else None."""
+        return self._frames.take()
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._frames.close()
+
+
+class PlantPoses:
+    """A simulated camera that tells poses of tags instead of images; arguments as of `PlantCamera`."""
+
+    def __init__(self, bus: Transport, keys: Keys, name: str = "overhead") -> None:
+        self._readings = Newest(bus, readings_key(keys, name), msgspec.msgpack.Decoder(TagReadings).decode)
+
+    def readings(self) -> TagReadings | None:
+        """The newest readings if they were not returned before, else None."""
+        return self._readings.take()
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._readings.close()

@@ -1,0 +1,89 @@
+"""The experimenter: carries out the events of a scenario in the true world, in time or when a condition holds."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable
+
+from agents.plant.moves import MOVES, Steps
+from agents.plant.stage import Stage
+from agents.plant.truths import is_true
+from agents.plant.world import RATE_HZ
+from agents.scenario.format import Condition, Event
+from dsr.errors import DsrError
+
+log = logging.getLogger("agents.plant.experimenter")
+
+CONDITION_EVERY = RATE_HZ // 20
+"""Physics steps between two looks at the conditions."""
+CONDITION_LOOKS = 4
+"""Looks in a row at which a condition must hold, so that a passing contact does not count."""
+
+
+class Experimenter:
+    """Events of a scenario, waiting and under way.
+
+    Args:
+        events: all of the scenario; those of the runner are left out.
+        stage: where they take place.
+    """
+
+    def __init__(self, events: Iterable[Event], stage: Stage) -> None:
+        self._stage = stage
+        mine = [event for event in events if not event.by_runner]
+        self._scheduled = [(event.at + event.delay, event) for event in mine if event.at is not None]
+        self._waiting = [_Waiting(event, event.condition) for event in mine if event.condition is not None]
+        self._running: list[Steps] = []
+        self._steps = 0
+
+    @property
+    def is_done(self) -> bool:
+        """Whether nothing is left to do."""
+        return not (self._scheduled or self._waiting or self._running)
+
+    def step(self, elapsed: float) -> None:
+        """Act for the next step of physics, `elapsed` s after the start of the scenario."""
+        if self._steps % CONDITION_EVERY == 0:
+            self._look(elapsed)
+        self._steps += 1
+        due = [event for start, event in self._scheduled if start <= elapsed]
+        self._scheduled = [(start, event) for start, event in self._scheduled if start > elapsed]
+        self._running += [MOVES[type(event)](event, self._stage) for event in due]
+        self._running = [steps for steps in self._running if self._advance(steps)]
+        self._stage.act()
+
+    def _look(self, elapsed: float) -> None:
+        """Schedule the events whose condition has come true."""
+        for waiting in self._waiting:
+            waiting.look(self._stage)
+        ready = [waiting.event for waiting in self._waiting if waiting.is_ready]
+        self._waiting = [waiting for waiting in self._waiting if not waiting.is_ready]
+        self._scheduled += [(elapsed + event.delay, event) for event in ready]
+
+    def _advance(self, steps: Steps) -> bool:
+        """Whether the move goes on; one that cannot be carried out is logged and given up."""
+        try:
+            next(steps)
+        except StopIteration:
+            return False
+        except DsrError as error:
+            log.warning("move given up: %s", error)
+            return False
+        return True
+
+
+class _Waiting:
+    """An event with its condition, and at how many looks in a row that held."""
+
+    def __init__(self, event: Event, condition: Condition) -> None:
+        self.event = event
+        self._condition = condition
+        self._looks = 0
+
+    @property
+    def is_ready(self) -> bool:
+        return self._looks >= CONDITION_LOOKS
+
+    def look(self, stage: Stage) -> None:
+        holds = self._condition.holds(lambda term: is_true(term, stage))
+        self._looks = self._looks + 1 if holds else 0

@@ -1,0 +1,119 @@
+"""What travels between the plant and its drivers, as MessagePack maps."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import msgspec
+from msgspec import Meta
+
+from dsr.errors import WireError
+from dsr.keys import Keys
+from dsr.transforms import Pose
+
+Seven = tuple[float, float, float, float, float, float, float]
+"""A pose: translation (m), then a quaternion (x, y, z, w)."""
+
+
+class MoveJoints(msgspec.Struct, frozen=True, tag="move_joints"):
+    """Go to joint positions."""
+
+    positions: tuple[float, ...]
+    """rad"""
+    speed: Annotated[float, Meta(gt=0, le=1)] = 1.0
+    """Share of the joints' limits."""
+
+
+class MoveGripper(msgspec.Struct, frozen=True, tag="move_gripper"):
+    """Open or close the gripper."""
+
+    opening: Annotated[float, Meta(ge=0)]
+    """m"""
+
+
+class Stop(msgspec.Struct, frozen=True, tag="stop"):
+    """Hold the present position."""
+
+
+Command = MoveJoints | MoveGripper | Stop
+
+
+class Truth(msgspec.Struct, frozen=True):
+    """One instant of the true world: for judges and recordings, never for agents."""
+
+    stamp: float
+    """s"""
+    objects: dict[str, Seven]
+    """world_from_object by name, at the centre; removed objects are not there."""
+    robot: tuple[float, ...]
+    """rad, joint positions"""
+    gripper: float
+    """m between the pads"""
+    held: str | None
+    """Object in the gripper."""
+    camera: dict[str, Seven]
+    """world_from_camera (optical frame) by name, of the cameras in use"""
+
+
+class TagReading(msgspec.Struct, frozen=True):
+    """The measured pose of one tagged object."""
+
+    marker_id: int
+    pose: Seven
+    """camera_from_object, at the object's centre"""
+    sigma_translation: float
+    """m, standard deviation of each coordinate"""
+    sigma_rotation: float
+    """rad, standard deviation about each axis"""
+
+
+class TagReadings(msgspec.Struct, frozen=True):
+    """The tagged objects that a camera sees at one instant."""
+
+    stamp: float
+    """s"""
+    readings: list[TagReading]
+
+
+_command_decoder: msgspec.msgpack.Decoder[Command] = msgspec.msgpack.Decoder(Command)
+
+
+def decode_command(payload: bytes, joints: int) -> Command:
+    """The command for an arm with that many joints; raises `WireError` for anything else."""
+    try:
+        command = _command_decoder.decode(payload)
+    except msgspec.MsgspecError as error:
+        raise WireError(f"arm command: {error}") from error
+    numbers = msgspec.structs.astuple(command)
+    values = [*numbers[0], numbers[1]] if isinstance(command, MoveJoints) else numbers
+    if not all(map(math.isfinite, values)):
+        raise WireError(f"arm command {command}: expected finite numbers")
+    if isinstance(command, MoveJoints) and len(command.positions) != joints:
+        raise WireError(f"arm command with {len(command.positions)} positions: expected {joints}")
+    return command
+
+
+def seven(pose: Pose) -> Seven:
+    """The seven numbers of a pose."""
+    return (*pose.t, *pose.q)
+
+
+def arm_state_key(keys: Keys) -> str:
+    """Where the arm tells its state (`agents.drivers.ArmState`)."""
+    return keys.device("arm/state")
+
+
+def arm_command_key(keys: Keys) -> str:
+    """Where the arm takes commands (`Command`)."""
+    return keys.device("arm/command")
+
+
+def frame_key(keys: Keys, camera: str) -> str:
+    """Where a camera sends frames (`dsr.blobs.Frame`)."""
+    return keys.device(f"camera/{camera}")
+
+
+def readings_key(keys: Keys, camera: str) -> str:
+    """Where a camera sends `TagReadings` instead of frames."""
+    return keys.device(f"camera/{camera}/poses")

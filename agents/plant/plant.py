@@ -1,0 +1,159 @@
+"""The agent `plant`: lets the simulated reality run with the clock and connects it to the drivers."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import msgspec
+
+from agents.plant.config import PlantConfig
+from agents.plant.messages import arm_command_key, arm_state_key, decode_command, frame_key, readings_key
+from agents.plant.reality import Reality
+from agents.plant.world import RATE_HZ, STEP
+from agents.scenario.format import Start, load_scenario, start_key
+from dsr.agent import Agent
+from dsr.blobs import encode_frame
+from dsr.errors import WireError
+from dsr.transport import Qos, Subscription
+
+MOST_STEPS = RATE_HZ // 4
+"""Steps in one tick; a plant that is later than that lets its world wait."""
+_COMMANDS_KEPT = 256
+_ROUNDING = 1e-3  # steps; stamps of today are exact to 6e-5 steps
+
+
+class Plant(Agent):
+    """The simulated reality: publishes what real drivers publish and takes what they take.
+
+    It never reads the working memory. The world runs from the first tick on; the scenario's timeline starts
+    with the runner's `Start` message, or at the configured time.
+    """
+
+    name = "plant"
+    rate_hz = 60.0
+    uses_memory = False
+    Config = PlantConfig
+    config: PlantConfig
+
+    def setup(self) -> None:
+        """Build the world and let the objects settle. Raises `ConfigError`."""
+        scenario = load_scenario(self.config.scenario)
+        self._reality = Reality(scenario, self.config, self.seed)
+        self._duration = scenario.duration
+        self._epoch: float | None = None
+        self._steps = 0
+        self._start: float | None = self.config.start or None
+        self._start_message: bytes | None = None
+        self._commands: deque[bytes] = deque(maxlen=_COMMANDS_KEPT)
+        self.dropped = 0
+        """Messages that could not be understood."""
+        self._state_due, self._truth_due, self._camera_due = (
+            _Every(hz) for hz in (self.config.state_hz, self.config.truth_hz, self.config.camera_hz)
+        )
+        self._subscriptions: list[Subscription] = [
+            self.bus.subscribe(arm_command_key(self.keys), lambda _, payload: self._commands.append(payload)),
+            self.bus.subscribe(start_key(self.keys), self._keep_start),
+        ]
+
+    def tick(self, now: float) -> None:
+        """Let the world run until `now`, then publish what is due."""
+        if self._epoch is None:
+            self._epoch = now
+            self._replay()
+        self._take_start()
+        self._take_commands()
+        self._advance(now)
+        self._publish()
+
+    def teardown(self) -> None:
+        """Free the world."""
+        for subscription in getattr(self, "_subscriptions", ()):
+            subscription.close()
+        if hasattr(self, "_reality"):
+            self._reality.close()
+
+    @property
+    def stamp(self) -> float:
+        """s, the time that the world has reached"""
+        assert self._epoch is not None
+        return self._epoch + self._steps * STEP
+
+    def _advance(self, now: float) -> None:
+        behind = max(0, math.floor((now - self.stamp) * RATE_HZ + _ROUNDING))
+        if behind > MOST_STEPS:
+            assert self._epoch is not None
+            self._epoch += (behind - MOST_STEPS) * STEP
+            self.log.warning("%.2f s late: the world waited that long", (behind - MOST_STEPS) * STEP)
+        for _ in range(min(behind, MOST_STEPS)):
+            self._reality.step(self._elapsed())
+            self._steps += 1
+
+    def _elapsed(self) -> float | None:
+        """Seconds since the start of the scenario; None before it."""
+        return None if self._start is None or self.stamp < self._start else self.stamp - self._start
+
+    def _take_start(self) -> None:
+        """Start the timeline when told to, for the first time only."""
+        payload, self._start_message = self._start_message, None
+        if payload is None or self._start is not None:
+            return
+        try:
+            self._start = msgspec.msgpack.decode(payload, type=Start).stamp
+        except msgspec.MsgspecError as error:
+            self._drop(f"start: {error}")
+        else:
+            self._replay()
+
+    def _replay(self) -> None:
+        """After a start in the past, as of a plant that was restarted, do what was to happen until now."""
+        passed = min(self._elapsed() or 0.0, self._duration)
+        for step in range(math.floor(passed * RATE_HZ + _ROUNDING)):
+            if self._reality.experimenter.is_done:
+                return
+            self._reality.step(step * STEP)
+
+    def _take_commands(self) -> None:
+        while self._commands:
+            try:
+                self._reality.obey(decode_command(self._commands.popleft(), len(self._reality.arm.names)))
+            except WireError as error:
+                self._drop(str(error))
+
+    def _drop(self, reason: str) -> None:
+        if self.dropped == 0:
+            self.log.warning("message dropped (logged once): %s", reason)
+        self.dropped += 1
+
+    def _publish(self) -> None:
+        reality, stamp, keys = self._reality, self.stamp, self.keys
+        if self._state_due(self._steps):
+            self.bus.publish(arm_state_key(keys), msgspec.msgpack.encode(reality.arm_state(stamp)), Qos.STREAM)
+        if self._truth_due(self._steps):
+            self.bus.publish(keys.truth(), msgspec.msgpack.encode(reality.truth(stamp)), Qos.STREAM)
+        if self._camera_due(self._steps):
+            self._publish_sight(stamp)
+
+    def _publish_sight(self, stamp: float) -> None:
+        reality, camera = self._reality, self._reality.camera.name
+        if self.config.sensor == "pixels":
+            self.bus.publish(frame_key(self.keys, camera), encode_frame(reality.frame(stamp)), Qos.BULK)
+        else:
+            payload = msgspec.msgpack.encode(reality.readings(stamp))
+            self.bus.publish(readings_key(self.keys, camera), payload, Qos.STREAM)
+
+    def _keep_start(self, key: str, payload: bytes) -> None:
+        self._start_message = payload
+
+
+class _Every:
+    """True once in each period of a rate, counted in steps of physics."""
+
+    def __init__(self, rate_hz: float) -> None:
+        self._rate = rate_hz
+        self._last = -1
+
+    def __call__(self, steps: int) -> bool:
+        period = math.floor(steps * self._rate / RATE_HZ + 1e-9)
+        passed, self._last = period > self._last, period
+        return passed

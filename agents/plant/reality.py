@@ -1,0 +1,115 @@
+"""The simulated reality as a whole, without network and clock: steps of physics in, sensor samples out."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterable
+
+import numpy as np
+
+from agents.drivers import ArmState
+from agents.plant.arm import Arm
+from agents.plant.bullet import Bullet
+from agents.plant.camera import Camera
+from agents.plant.config import PlantConfig
+from agents.plant.experimenter import Experimenter
+from agents.plant.messages import Command, MoveGripper, MoveJoints, TagReadings, Truth, seven
+from agents.plant.noise import SensorModel
+from agents.plant.poses import read_tags
+from agents.plant.renderer import Intrinsics, Renderer
+from agents.plant.stage import Stage
+from agents.plant.world import World
+from agents.scenario.format import Scenario, start_poses
+from dsr.blobs import Frame
+from dsr.transforms import Pose
+
+
+class Reality:
+    """World, arm, cameras and experimenter of one scenario; objects lie still when it is made.
+
+    Args:
+        scenario: what there is and what happens.
+        config: cameras and renderer.
+        seed: of the objects' places and the sensors' errors: the same seed gives the same run.
+
+    Raises:
+        ConfigError: for a scenario that cannot be played, for example if objects do not come to rest.
+    """
+
+    def __init__(self, scenario: Scenario, config: PlantConfig, seed: int) -> None:
+        with contextlib.ExitStack() as resources:
+            self._build(scenario, config, seed, resources)
+            self._resources = resources.pop_all()
+
+    def step(self, elapsed: float | None) -> None:
+        """Advance physics by one step, `elapsed` s after the start of the scenario (None: before it)."""
+        self.arm.step()
+        if elapsed is not None:
+            self.experimenter.step(elapsed)
+        self.world.step()
+
+    def obey(self, command: Command) -> None:
+        """Do what a driver asks of the arm."""
+        if isinstance(command, MoveJoints):
+            self.arm.move_joints(command.positions, command.speed)
+        elif isinstance(command, MoveGripper):
+            self.arm.move_gripper(command.opening)
+        else:
+            self.arm.stop()
+
+    def arm_state(self, stamp: float) -> ArmState:
+        """What the arm's sensors say."""
+        arm = self.arm
+        return ArmState(stamp, arm.names, arm.positions, arm.velocities, arm.opening, arm.contact)
+
+    def truth(self, stamp: float) -> Truth:
+        """Where everything is."""
+        return Truth(
+            stamp=stamp,
+            objects={name: seven(pose) for name, pose in self.world.poses().items()},
+            robot=self.arm.positions,
+            gripper=self.arm.opening,
+            held=self.arm.held,
+            camera={self.camera.name: seven(self.camera.pose)},
+        )
+
+    def frame(self, stamp: float) -> Frame:
+        """What the camera sees, as images; only with the sensor `pixels`."""
+        assert self._renderer is not None
+        return self.camera.photograph(self.world, self._renderer, stamp)
+
+    def readings(self, stamp: float) -> TagReadings:
+        """What the camera sees, as poses."""
+        return read_tags(self.camera, self.world, stamp)
+
+    def close(self) -> None:
+        """Free the physics engine and the files; harmless when repeated."""
+        self._resources.close()
+
+    def _build(self, scenario: Scenario, config: PlantConfig, seed: int, resources: contextlib.ExitStack) -> None:
+        layout, *sensors = (np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(3))
+        bullet = Bullet()
+        resources.callback(bullet.close)
+        self._renderer = Renderer(bullet, config.renderer) if config.sensor == "pixels" else None
+        if self._renderer is not None:
+            resources.callback(self._renderer.close)
+        self.world = World(bullet, scenario.table, start_poses(scenario, layout))
+        resources.callback(self.world.close)
+        self.world.settle()
+        self.arm = Arm(self.world, scenario.robot.model, scenario.robot.start)
+        cameras = self._make_cameras(scenario, config, sensors)
+        self.camera = cameras[scenario.camera]
+        """The one that the scenario uses."""
+        stage = Stage(self.world, self.arm, cameras, default_camera=scenario.camera)
+        self.experimenter = Experimenter(scenario.events, stage)
+
+    def _make_cameras(
+        self, scenario: Scenario, config: PlantConfig, rngs: Iterable[np.random.Generator]
+    ) -> dict[str, Camera]:
+        overhead = Pose(config.overhead[:3], config.overhead[3:])
+        lens = Intrinsics.from_fov(config.width, config.height, config.fov)
+        mounts = {"overhead": lambda: overhead, "wrist": self.arm.camera_pose}
+        return {
+            name: Camera(name, lens, mount, SensorModel(scenario.sensor, self.world.specs, rng))
+            for (name, mount), rng in zip(mounts.items(), rngs, strict=True)
+        }

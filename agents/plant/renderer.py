@@ -1,0 +1,179 @@
+"""Pictures of a physics world: through EGL where that works, else by pybullet's own software renderer."""
+
+from __future__ import annotations
+
+import functools
+import importlib.util
+import logging
+import subprocess
+import sys
+from typing import ClassVar, Literal
+
+import msgspec
+import numpy as np
+import pybullet
+from numpy.typing import NDArray
+
+from agents.plant.bullet import Bullet, silent_libraries
+from dsr.transforms import Pose
+
+log = logging.getLogger("agents.plant.renderer")
+
+RendererName = Literal["auto", "egl", "tiny"]
+
+NEAR, FAR = 0.02, 8.0
+"""m, the planes between which the renderer sees"""
+_GL_FROM_OPTICAL = np.diag([1.0, -1.0, -1.0, 1.0])
+_LIGHT = {
+    "lightDirection": [0.5, -0.8, 2.0],
+    "lightDistance": 3.0,
+    "lightAmbientCoeff": 0.7,
+    "lightDiffuseCoeff": 0.35,
+    "lightSpecularCoeff": 0.0,
+    "shadow": 0,
+}
+_TINY_SHIFT = (-0.5, 0.5)  # px, where TinyRenderer's principal point is to be asked for, measured
+_BODY_MASK = (1 << 24) - 1
+_PROBE = """
+import importlib.util, pybullet
+spec = importlib.util.find_spec("eglRenderer")
+client = pybullet.connect(pybullet.DIRECT)
+plugin = pybullet.loadPlugin(spec.origin, "_eglRendererPlugin")
+image = pybullet.getCameraImage(16, 16, renderer=pybullet.ER_BULLET_HARDWARE_OPENGL)
+raise SystemExit(0 if plugin >= 0 and len(image[2]) else 3)
+"""
+
+
+class Intrinsics(msgspec.Struct, frozen=True):
+    """A pinhole camera; pixel (0, 0) is centred on the upper left one."""
+
+    width: int
+    height: int
+    """px"""
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    """px"""
+
+    @staticmethod
+    def from_fov(width: int, height: int, fov: float) -> Intrinsics:
+        """Square pixels, the axis through the middle; `fov` is the horizontal field of view in rad."""
+        focal = width / 2 / np.tan(fov / 2)
+        return Intrinsics(width, height, float(focal), float(focal), (width - 1) / 2, (height - 1) / 2)
+
+    def project(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Pixels (n, 2) of points (n, 3) m in the optical frame."""
+        focal, center = np.array([self.fx, self.fy]), np.array([self.cx, self.cy])
+        pixels: NDArray[np.float64] = points[:, :2] / points[:, 2:] * focal + center
+        return pixels
+
+
+class Picture(msgspec.Struct, frozen=True):
+    """What an ideal camera sees."""
+
+    color: NDArray[np.uint8]
+    """(h, w, 3) RGB"""
+    depth: NDArray[np.float32]
+    """(h, w) m along the optical axis"""
+    bodies: NDArray[np.int32] | None
+    """(h, w) the physics engine's number of the body seen, negative for none; None if not asked for"""
+
+
+class Renderer:
+    """Renders the world of one physics client.
+
+    EGL serves one client of a process at a time: a second renderer, or one where EGL does not work, falls
+    back to the software renderer.
+
+    Args:
+        bullet: the physics client, still without bodies: EGL does not draw those that were there before it.
+        wanted: `auto` and `egl` prefer EGL, `tiny` is the software renderer.
+    """
+
+    _egl_taken: ClassVar[bool] = False
+
+    def __init__(self, bullet: Bullet, wanted: RendererName = "auto") -> None:
+        self._bullet = bullet
+        self._plugin = self._load_egl() if wanted != "tiny" and not Renderer._egl_taken and egl_works() else -1
+        if self._plugin < 0 and wanted != "tiny":
+            log.warning("EGL is not available: rendering in software, about three times slower")
+
+    @property
+    def name(self) -> str:
+        """`egl` or `tiny`."""
+        return "egl" if self._plugin >= 0 else "tiny"
+
+    def render(self, world_from_camera: Pose, lens: Intrinsics, *, bodies: bool = False) -> Picture:
+        """The world seen from `world_from_camera` (optical frame), with body numbers if `bodies`."""
+        egl = self._plugin >= 0
+        _, _, color, depth, segments = self._bullet.getCameraImage(
+            lens.width,
+            lens.height,
+            _column_major(_GL_FROM_OPTICAL @ world_from_camera.inverse().matrix),
+            _column_major(_projection(lens, (0.0, 0.0) if egl else _TINY_SHIFT)),
+            renderer=pybullet.ER_BULLET_HARDWARE_OPENGL if egl else pybullet.ER_TINY_RENDERER,
+            flags=0 if bodies else pybullet.ER_NO_SEGMENTATION_MASK,
+            **_LIGHT,
+        )
+        shape = (lens.height, lens.width)
+        rgb = np.reshape(np.asarray(color, np.uint8), (*shape, 4))[..., :3]
+        return Picture(
+            np.ascontiguousarray(rgb),
+            _metric(np.reshape(np.asarray(depth, np.float32), shape)),
+            _body_numbers(np.reshape(np.asarray(segments, np.int32), shape)) if bodies else None,
+        )
+
+    def close(self) -> None:
+        """Give EGL back; harmless when repeated."""
+        if self._plugin >= 0:
+            Renderer._egl_taken = False
+            self._plugin = -1
+
+    def _load_egl(self) -> int:
+        spec = importlib.util.find_spec("eglRenderer")
+        assert spec is not None  # egl_works() said so
+        with silent_libraries():
+            plugin: int = self._bullet.loadPlugin(spec.origin, "_eglRendererPlugin")
+            for _ in range(2):  # it still prints while it warms up
+                self._bullet.getCameraImage(16, 16, renderer=pybullet.ER_BULLET_HARDWARE_OPENGL)
+        Renderer._egl_taken = plugin >= 0
+        return plugin
+
+
+@functools.cache
+def egl_works() -> bool:
+    """Whether EGL renders here; tried in a process of its own, because the plugin ends the process if not."""
+    if importlib.util.find_spec("eglRenderer") is None:
+        return False
+    try:
+        probe = subprocess.run([sys.executable, "-c", _PROBE], capture_output=True, timeout=30, check=False)
+    except (OSError, subprocess.TimeoutExpired):
+        return False
+    return probe.returncode == 0
+
+
+def _projection(lens: Intrinsics, shift: tuple[float, float]) -> NDArray[np.float64]:
+    """(4, 4) OpenGL projection of the camera, with the principal point `shift` px away."""
+    cx, cy = lens.cx + shift[0], lens.cy + shift[1]
+    matrix = np.zeros((4, 4))
+    matrix[0, 0], matrix[0, 2] = 2 * lens.fx / lens.width, 1 - (2 * cx + 1) / lens.width
+    matrix[1, 1], matrix[1, 2] = 2 * lens.fy / lens.height, (2 * cy + 1) / lens.height - 1
+    matrix[2, 2], matrix[2, 3] = -(FAR + NEAR) / (FAR - NEAR), -2 * FAR * NEAR / (FAR - NEAR)
+    matrix[3, 2] = -1
+    return matrix
+
+
+def _metric(buffer: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Depth in m of an OpenGL depth buffer (0 near, 1 far); 0 where nothing was seen."""
+    depth = np.float32(FAR * NEAR) / (np.float32(FAR) - np.float32(FAR - NEAR) * buffer)
+    return np.where(buffer < 1.0, depth, np.float32(0.0))
+
+
+def _body_numbers(segments: NDArray[np.int32]) -> NDArray[np.int32]:
+    return np.where(segments >= 0, segments & _BODY_MASK, -1)
+
+
+def _column_major(matrix: NDArray[np.float64]) -> list[float]:
+    values: list[float] = matrix.T.ravel().tolist()
+    return values

@@ -1,0 +1,115 @@
+"""What the experimenter can lay hands on, and what is in those hands now."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+
+from agents.plant.arm import Arm
+from agents.plant.camera import Camera
+from agents.plant.world import GRAVITY, STEP, World
+from dsr import quaternions
+from dsr.quaternions import Vector3
+from dsr.transforms import Pose
+
+
+class Grip:
+    """An object in the experimenter's hand, and those that come along rigidly with it."""
+
+    def __init__(self, world: World, leader: str, riders: Iterable[str]) -> None:
+        self._world = world
+        self.pose = world.pose(leader)
+        """world_from_leader"""
+        self._next = self.pose
+        leader_from_world = self.pose.inverse()
+        self._offsets = {leader: Pose.identity()}
+        self._offsets |= {rider: leader_from_world @ world.pose(rider) for rider in riders}
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The leader, then its riders."""
+        return tuple(self._offsets)
+
+    def move_to(self, pose: Pose) -> None:
+        """Let the leader be at `pose` (world) after the next step of physics."""
+        self._next = pose
+
+    def drop(self, name: str) -> None:
+        """Let a rider go its own way."""
+        self._offsets.pop(name, None)
+
+    def act(self) -> None:
+        """Set poses and velocities for the next step of physics, against gravity."""
+        for name, offset in self._offsets.items():
+            here, there = self.pose @ offset, self._next @ offset
+            turn = quaternions.product(there.q, quaternions.conjugate(here.q))
+            x, y, z = _per_step(here.t, there.t)
+            spin = _per_step((0.0, 0.0, 0.0), quaternions.to_rotvec(turn))
+            self._world.drive(name, here, (x, y, z + GRAVITY * STEP), spin)
+        self.pose = self._next
+
+    def rest(self) -> None:
+        """Put all objects where they are now, at rest."""
+        for name, offset in self._offsets.items():
+            self._world.put(name, self.pose @ offset)
+
+
+class Stage:
+    """The true world with its arm and cameras, as the experimenter's moves see it.
+
+    Args:
+        world: the objects.
+        arm: loses what the experimenter takes.
+        cameras: by name.
+        default_camera: the one meant when a move names none.
+    """
+
+    def __init__(self, world: World, arm: Arm, cameras: Mapping[str, Camera], default_camera: str) -> None:
+        self.world = world
+        self.arm = arm
+        self._cameras = cameras
+        self._default_camera = default_camera
+        self._grips: dict[str, Grip] = {}
+
+    def camera(self, name: str | None) -> Camera:
+        """The camera called `name`, or the scenario's."""
+        return self._cameras[name or self._default_camera]
+
+    def take(self, name: str, *, contents: bool) -> Grip:
+        """Take an object into the hand, with everything on or in it if `contents`."""
+        held = self._grips.get(name)
+        if held is not None and contents and len(held.names) > 1:
+            return held
+        self.free(name)
+        grip = Grip(self.world, name, self.world.riders(name) if contents else ())
+        for taken in grip.names:
+            self.free(taken)
+        self._grips[name] = grip
+        return grip
+
+    def release(self, name: str) -> None:
+        """Let go of what `take` took, at rest; harmless when it is not held."""
+        grip = self._grips.pop(name, None)
+        if grip is not None:
+            grip.rest()
+
+    def free(self, name: str) -> None:
+        """Take an object out of whatever holds it: the experimenter's hand or the gripper."""
+        self._grips.pop(name, None)
+        for grip in self._grips.values():
+            grip.drop(name)
+        if self.arm.held == name:
+            self.arm.let_go()
+
+    def is_held(self, name: str) -> bool:
+        """Whether the experimenter or the gripper holds the object."""
+        return self.arm.held == name or any(name in grip.names for grip in self._grips.values())
+
+    def act(self) -> None:
+        """Move what is held, for the next step of physics."""
+        for grip in self._grips.values():
+            grip.act()
+
+
+def _per_step(start: Vector3, end: Vector3) -> Vector3:
+    """The rate, per second, that covers the way in one step of physics."""
+    return (end[0] - start[0]) / STEP, (end[1] - start[1]) / STEP, (end[2] - start[2]) / STEP

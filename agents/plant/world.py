@@ -1,0 +1,194 @@
+"""The bodies of the true world: floor, table, objects, and how they move under physics."""
+
+from __future__ import annotations
+
+import math
+import tempfile
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pybullet
+
+from agents.plant.bullet import Bullet
+from agents.plant.meshes import Color, Size, write_box
+from agents.scenario.format import ObjectSpec, TableSpec
+from dsr import quaternions
+from dsr.errors import ConfigError, suggest
+from dsr.quaternions import Vector3
+from dsr.transforms import Pose
+
+RATE_HZ = 240
+"""Physics steps a second."""
+STEP = 1 / RATE_HZ
+GRAVITY = 9.81
+"""m/s^2"""
+FLOOR_BELOW_TABLE = 0.72
+"""m, from the table top down to the floor"""
+STILL_SPEED = 0.005
+"""m/s at the centre, below which a body counts as still"""
+STILL_SPIN = 0.1
+"""rad/s, below which a body counts as still"""
+
+_SETTLE_STEPS = 3 * RATE_HZ
+_STILL_STEPS = 12
+_UPWARD = 0.5  # least z of a contact normal that carries weight
+_FLOOR_SIZE = (6.0, 6.0, 0.1)
+_FLOOR_COLOR = (0.45, 0.45, 0.47)
+_TABLE_COLOR = (0.62, 0.52, 0.40)
+_PALETTE = ((0.80, 0.32, 0.28), (0.30, 0.52, 0.80), (0.36, 0.66, 0.36), (0.85, 0.66, 0.24), (0.56, 0.40, 0.72))
+
+
+class World:
+    """Table, floor and objects in a physics client; textures live in a folder that `close` removes.
+
+    Args:
+        bullet: the physics client, empty.
+        table: size and place of the table.
+        objects: the objects with their poses at the start.
+    """
+
+    def __init__(self, bullet: Bullet, table: TableSpec, objects: Iterable[ObjectSpec]) -> None:
+        self.bullet = bullet
+        self._textures = tempfile.TemporaryDirectory(prefix="dsr-plant-")
+        self._folder = Path(self._textures.name)
+        bullet.setGravity(0, 0, -GRAVITY)
+        bullet.setPhysicsEngineParameter(fixedTimeStep=STEP, deterministicOverlappingPairs=1)
+        x, y, top = table.position
+        self.table = self._add_block("table", table.size, _TABLE_COLOR, (x, y, top))
+        self.floor = self._add_block("floor", _FLOOR_SIZE, _FLOOR_COLOR, (x, y, top - FLOOR_BELOW_TABLE))
+        self.specs = {spec.name: spec for spec in objects}
+        self._shapes = {spec.name: self._make_shapes(spec, index) for index, spec in enumerate(self.specs.values())}
+        self._bodies: dict[str, int] = {}
+        for spec in self.specs.values():
+            self._add(spec.name, upright(spec.position, spec.yaw))
+
+    def __iter__(self) -> Iterator[str]:
+        """Names of the objects that are in the scene."""
+        return iter(self._bodies)
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._bodies
+
+    def body(self, name: str) -> int:
+        """The physics engine's number of an object; `ConfigError` if it is not in the scene."""
+        if name not in self._bodies:
+            raise ConfigError(f"no object {name!r} in the scene; {suggest(name, self._bodies)}")
+        return self._bodies[name]
+
+    def name_of(self, body: int) -> str | None:
+        """The object with that number; None for table, floor and robot."""
+        return next((name for name, known in self._bodies.items() if known == body), None)
+
+    def pose(self, name: str) -> Pose:
+        """world_from_object, at the object's centre."""
+        return self.bullet.pose(self.body(name))
+
+    def poses(self) -> dict[str, Pose]:
+        """world_from_object of all objects in the scene."""
+        return {name: self.bullet.pose(body) for name, body in self._bodies.items()}
+
+    def put(self, name: str, pose: Pose) -> None:
+        """Teleport an object, at rest; one that was removed comes back."""
+        if name not in self._bodies:
+            self._add(name, pose)
+        self.drive(name, pose, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+    def drive(self, name: str, pose: Pose, velocity: Vector3, spin: Vector3) -> None:
+        """Put an object at `pose`, moving at `velocity` m/s and turning at `spin` rad/s (world)."""
+        self.bullet.set_pose(self.body(name), pose)
+        self.bullet.resetBaseVelocity(self.body(name), velocity, spin)
+
+    def remove(self, name: str) -> None:
+        """Take an object out of the scene."""
+        self.bullet.removeBody(self.body(name))
+        del self._bodies[name]
+
+    def is_still(self, name: str) -> bool:
+        """Whether the object neither moves nor turns, at this instant."""
+        velocity, spin = self.bullet.getBaseVelocity(self.body(name))
+        return bool(np.linalg.norm(velocity) < STILL_SPEED and np.linalg.norm(spin) < STILL_SPIN)
+
+    def supports(self, name: str) -> set[int]:
+        """Bodies that carry the object: those that push it upwards."""
+        contacts = self.bullet.getContactPoints(bodyA=self.body(name))
+        return {contact[2] for contact in contacts if contact[7][2] > _UPWARD}
+
+    def has_below(self, name: str, reach: float) -> bool:
+        """Whether anything lies within `reach` m under the object."""
+        body = self.body(name)
+        others = [self.table, self.floor, *(other for other in self._bodies.values() if other != body)]
+        return any(
+            point[7][2] > _UPWARD for other in others for point in self.bullet.getClosestPoints(body, other, reach)
+        )
+
+    def riders(self, name: str) -> list[str]:
+        """Objects that stand on or lie in this one, directly or on one another."""
+        found = [name]
+        for base in found:
+            found += [other for other in self._bodies if other not in found and self._rides(other, base)]
+        return found[1:]
+
+    def step(self) -> None:
+        """Advance physics by `STEP`."""
+        self.bullet.stepSimulation()
+
+    def settle(self) -> None:
+        """Advance physics until all objects lie still. Raises `ConfigError` when that takes too long."""
+        still = 0
+        for _ in range(_SETTLE_STEPS):
+            self.step()
+            still = still + 1 if all(map(self.is_still, self)) else 0
+            if still == _STILL_STEPS:
+                return
+        moving = [name for name in self if not self.is_still(name)]
+        raise ConfigError(
+            f"objects {moving} still move after {_SETTLE_STEPS * STEP:g} s; expected all to come to rest: "
+            "start them on the table or on one another, without overlap, and centred over their support"
+        )
+
+    def close(self) -> None:
+        """Remove the textures; harmless when repeated."""
+        self._textures.cleanup()
+
+    def _rides(self, name: str, base: str) -> bool:
+        inside = self.pose(base).inverse().apply(self.pose(name).t)
+        within = bool(np.all(np.abs(inside) < np.array(self.specs[base].size) / 2))
+        return within or self.body(base) in self.supports(name)
+
+    def _add_block(self, name: str, size: Size, color: Color, top_center: Vector3) -> int:
+        """A body that nothing moves, given by the centre of its top face."""
+        x, y, z = top_center
+        shape = self.bullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=[side / 2 for side in size])
+        visual = self._visual(name, size, color, None)
+        body: int = self.bullet.createMultiBody(0, shape, visual, [x, y, z - size[2] / 2])
+        self.bullet.changeDynamics(body, -1, lateralFriction=1.0)
+        return body
+
+    def _make_shapes(self, spec: ObjectSpec, index: int) -> tuple[int, int]:
+        shape = self.bullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=[side / 2 for side in spec.size])
+        color = spec.color or _PALETTE[index % len(_PALETTE)]
+        return shape, self._visual(spec.name, spec.size, color, spec.marker_id)
+
+    def _visual(self, name: str, size: Size, color: Color, marker_id: int | None) -> int:
+        file = write_box(self._folder, name, size, color, marker_id)
+        number: int = self.bullet.createVisualShape(pybullet.GEOM_MESH, fileName=str(file))
+        return number
+
+    def _add(self, name: str, pose: Pose) -> None:
+        shape, visual = self._shapes[name]
+        spec = self.specs[name]
+        body = self.bullet.createMultiBody(spec.mass, shape, visual, pose.t, pose.q)
+        self.bullet.changeDynamics(body, -1, lateralFriction=spec.friction)
+        self._bodies[name] = body
+
+
+def upright(position: Vector3, yaw: float) -> Pose:
+    """The pose at `position` m, turned by `yaw` rad about the vertical only."""
+    return Pose(position, quaternions.from_rotvec((0.0, 0.0, yaw)))
+
+
+def yaw_of(pose: Pose) -> float:
+    """The angle of the pose's x axis about the vertical, rad."""
+    x_axis = quaternions.rotate(pose.q, (1.0, 0.0, 0.0))
+    return math.atan2(x_axis[1], x_axis[0])

@@ -1,0 +1,101 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from agents.plant.arm import Arm
+from agents.plant.reality import Reality
+from agents.plant.world import World
+from agents.scenario.format import ObjectSpec, RobotSpec
+from dsr.errors import ConfigError
+
+MakeReality = Callable[..., Reality]
+MakeCube = Callable[..., ObjectSpec]
+Play = Callable[..., None]
+
+ABOVE = (-0.4483, 0.2902, 3.3772, -2.2089, -0.1101, -0.653, -0.1347)
+AT = (-0.3031, 0.6584, 3.2044, -2.3157, -0.2255, -0.1727, -0.0312)
+"""Joint positions, rad, with the tool point 150 and 20 mm above the table at (0.30, 0.08), pointing down."""
+
+
+def test_stands_still_at_its_start(make_reality: MakeReality, play: Play) -> None:
+    start = RobotSpec().start
+    reality = make_reality()
+    play(reality, 0.5)
+    assert reality.arm.positions == pytest.approx([*start[:5], max(start[5], -2.09), start[6]], abs=1e-3)
+    assert reality.arm.opening == pytest.approx(0.085, abs=1e-3)
+    assert not reality.arm.contact
+
+
+def test_reaches_its_target_within_the_velocity_limits(make_reality: MakeReality) -> None:
+    reality = make_reality()
+    reality.arm.move_joints(ABOVE)
+    fastest = np.zeros(7)
+    for _ in range(600):
+        reality.step(None)
+        fastest = np.maximum(fastest, np.abs(reality.arm.velocities))
+    assert reality.arm.positions == pytest.approx(ABOVE, abs=1e-3)
+    assert (fastest < np.array([1.3963] * 4 + [1.2218] * 3) * 1.02).all()
+    assert fastest.max() > 1.0
+
+
+def test_speed_scales_the_motion(make_reality: MakeReality, play: Play) -> None:
+    reality = make_reality()
+    start = np.array(reality.arm.positions)
+    reality.arm.move_joints(start + 0.5, speed=0.1)
+    play(reality, 1.0)
+    assert 0.05 < np.abs(reality.arm.positions - start).max() < 0.15
+
+
+def test_stop_holds_the_present_position(make_reality: MakeReality, play: Play) -> None:
+    reality = make_reality()
+    reality.arm.move_joints(ABOVE)
+    play(reality, 0.5)
+    reality.arm.stop()
+    play(reality, 0.1)
+    here = reality.arm.positions
+    play(reality, 0.5)
+    assert reality.arm.positions == pytest.approx(here, abs=1e-3)
+
+
+def test_targets_are_cut_to_the_limits(make_reality: MakeReality, play: Play) -> None:
+    reality = make_reality()
+    positions = list(RobotSpec().start)
+    positions[5] = -3.0
+    reality.arm.move_joints(positions)
+    play(reality, 1.5)
+    assert reality.arm.positions[5] == pytest.approx(-2.09, abs=1e-3)
+
+
+def test_grasps_carries_and_lets_go(make_reality: MakeReality, cube: MakeCube, play: Play) -> None:
+    reality = make_reality(cube(4, 0.30, 0.08), robot=RobotSpec(start=AT))
+    arm, world = reality.arm, reality.world
+    arm.move_gripper(0.0)
+    play(reality, 1.0)
+    assert arm.held == "cube_4" and arm.contact
+    assert arm.opening == pytest.approx(0.04, abs=1e-3)
+    arm.move_joints(ABOVE)
+    play(reality, 1.5)
+    assert world.pose("cube_4").t == pytest.approx((0.30, 0.08, 0.15), abs=0.004)
+    arm.move_gripper(0.085)
+    play(reality, 1.5)
+    assert arm.held is None and not arm.contact
+    assert world.pose("cube_4").t[2] == pytest.approx(0.02, abs=1e-3)
+
+
+def test_closing_on_nothing_holds_nothing(make_reality: MakeReality, play: Play) -> None:
+    reality = make_reality()
+    reality.arm.move_gripper(0.0)
+    play(reality, 1.5)
+    assert reality.arm.held is None
+    assert reality.arm.opening == pytest.approx(0.0, abs=1e-3)
+
+
+def test_unknown_model_and_wrong_start_are_refused(make_world: Callable[..., World]) -> None:
+    world = make_world()
+    with pytest.raises(ConfigError, match=r"unknown robot model 'gen4'; did you mean 'gen3'"):
+        Arm(world, "gen4", ABOVE)
+    with pytest.raises(ConfigError, match="has 7 joints and 2 fingers; expected 6 joints"):
+        Arm(world, "gen3", ABOVE[:6])

@@ -1,0 +1,41 @@
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+import pytest
+
+from agents.plant.messages import MoveGripper, MoveJoints, Stop, decode_command
+from dsr.errors import WireError
+
+
+@pytest.mark.parametrize("command", [MoveJoints((0.1, 0.2)), MoveJoints((0.1, 0.2), 0.5), MoveGripper(0.04), Stop()])
+def test_commands_survive_the_wire(command: Any) -> None:
+    assert decode_command(msgspec.msgpack.encode(command), joints=2) == command
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        MoveJoints((0.1,)),
+        MoveJoints((0.1, float("nan"))),
+        MoveJoints((0.1, 0.2), float("inf")),
+        MoveJoints((0.1, 0.2), 0.0),
+        MoveGripper(float("nan")),
+        MoveGripper(-0.1),
+        {"type": "dance"},
+        {"type": "move_joints"},
+        {"type": "move_joints", "positions": "0.1 0.2"},
+        [1, 2],
+        None,
+    ],
+)
+def test_wrong_commands_are_refused(command: Any) -> None:
+    with pytest.raises(WireError, match="arm command"):
+        decode_command(msgspec.msgpack.encode(command), joints=2)
+
+
+@pytest.mark.parametrize("payload", [b"", b"\xc1", b"{}"])
+def test_noise_is_refused(payload: bytes) -> None:
+    with pytest.raises(WireError, match="arm command"):
+        decode_command(payload, joints=2)

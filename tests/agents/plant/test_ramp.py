@@ -1,0 +1,67 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from agents.plant.ramp import ACCELERATION, Ramp
+
+STEP = 1 / 240
+LIMITS = (1.4, 0.5)
+
+
+def run(ramp: Ramp, steps: int) -> np.ndarray:
+    positions = []
+    for _ in range(steps):
+        ramp.step(STEP)
+        positions.append(ramp.positions.copy())
+    return np.array(positions)
+
+
+@pytest.mark.parametrize("speed", [1.0, 0.3])
+def test_stays_within_limits_and_arrives_exactly(speed: float) -> None:
+    ramp = Ramp((0.0, 1.0), LIMITS)
+    ramp.aim((1.0, 0.7), speed)
+    positions = np.vstack([[0.0, 1.0], run(ramp, 1200)])
+    velocities = np.diff(positions, axis=0) / STEP
+    assert (np.abs(velocities) <= np.array(LIMITS) * speed + 1e-9).all()
+    assert (np.abs(np.diff(velocities, axis=0)) <= ACCELERATION * STEP + 1e-9).all()
+    assert positions[-1].tolist() == [1.0, 0.7]
+
+
+def test_from_rest_the_way_is_straight() -> None:
+    ramp = Ramp((0.0, 0.0), LIMITS)
+    ramp.aim((1.0, 0.25))
+    positions = run(ramp, 480)
+    assert positions[:, 1] == pytest.approx(positions[:, 0] / 4, abs=2e-3)
+    assert positions[-1].tolist() == [1.0, 0.25]
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_arrives_wherever_it_is_sent_on_its_way(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    ramp = Ramp((0.0, 0.0), LIMITS)
+    for _ in range(5):
+        target = rng.uniform(-1, 1, 2) if rng.random() < 0.7 else ramp.positions.copy()
+        ramp.aim(target, speed=rng.uniform(0.2, 1.0))
+        run(ramp, int(rng.integers(1, 200)))
+    run(ramp, 240 * 20)
+    assert ramp.positions == pytest.approx(target, abs=1e-9)
+    assert ramp.velocities == pytest.approx(0.0, abs=1e-9)
+
+
+def test_turns_round_without_a_jump() -> None:
+    ramp = Ramp((0.0, 0.0), LIMITS)
+    ramp.aim((1.0, 0.0))
+    run(ramp, 100)
+    ramp.aim((0.0, 0.0))
+    velocities = np.diff(run(ramp, 600), axis=0) / STEP
+    assert (np.abs(np.diff(velocities, axis=0)) <= ACCELERATION * STEP + 1e-9).all()
+    assert ramp.positions == pytest.approx((0.0, 0.0), abs=1e-6)
+
+
+def test_stops_at_once() -> None:
+    ramp = Ramp((0.0, 0.0), LIMITS)
+    ramp.aim((1.0, 0.1))
+    here = run(ramp, 100)[-1]
+    ramp.stop()
+    assert (run(ramp, 10) == here).all()

@@ -1,0 +1,68 @@
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from agents.plant.world import FLOOR_BELOW_TABLE, World, upright, yaw_of
+from agents.scenario.format import ObjectSpec
+from dsr.errors import ConfigError
+
+MakeWorld = Callable[..., World]
+MakeCube = Callable[..., ObjectSpec]
+
+
+def test_objects_settle_at_their_resting_height(make_world: MakeWorld, cube: MakeCube) -> None:
+    world = make_world(cube(3, 0.3, 0.0, 0.025), cube(4, 0.4, 0.1, 0.02), cube(5, 0.4, 0.1, 0.06))
+    world.settle()
+    assert world.pose("cube_3").t == pytest.approx((0.3, 0.0, 0.02), abs=2e-4)
+    assert world.pose("cube_5").t == pytest.approx((0.4, 0.1, 0.06), abs=2e-4)
+    assert all(map(world.is_still, world))
+
+
+def test_what_never_comes_to_rest_is_named(make_world: MakeWorld, cube: MakeCube) -> None:
+    world = make_world(cube(3, 0.3, 0.0), cube(4, 0.3, 0.1, 60.0))
+    with pytest.raises(ConfigError, match=r"\['cube_4'\] still move after 3 s"):
+        world.settle()
+
+
+def test_what_stands_beside_the_table_falls_to_the_floor(make_world: MakeWorld, cube: MakeCube) -> None:
+    world = make_world(cube(3, 1.2, 0.0))
+    world.settle()
+    assert world.pose("cube_3").t[2] == pytest.approx(0.02 - FLOOR_BELOW_TABLE, abs=1e-3)
+
+
+def test_riders_are_all_above_and_inside_but_not_beside(make_world: MakeWorld, cube: MakeCube) -> None:
+    world = make_world(cube(3, 0.3, 0.0), cube(4, 0.3, 0.0, 0.06), cube(5, 0.31, 0.0, 0.10), cube(6, 0.3, 0.041))
+    world.settle()
+    assert world.riders("cube_3") == ["cube_4", "cube_5"]
+    assert world.riders("cube_4") == ["cube_5"]
+    assert world.riders("cube_6") == []
+
+
+def test_removed_object_is_gone_until_put_back(make_world: MakeWorld, cube: MakeCube) -> None:
+    world = make_world(cube(3, 0.3, 0.0), cube(4, 0.3, 0.1))
+    world.remove("cube_3")
+    assert list(world) == ["cube_4"]
+    with pytest.raises(ConfigError, match="no object 'cube_3' in the scene"):
+        world.pose("cube_3")
+    world.put("cube_3", upright((0.5, 0.0, 0.02), 0.7))
+    world.settle()
+    assert world.pose("cube_3").t == pytest.approx((0.5, 0.0, 0.02), abs=2e-4)
+    assert yaw_of(world.pose("cube_3")) == pytest.approx(0.7, abs=1e-3)
+
+
+def test_has_below_looks_down_only(make_world: MakeWorld, cube: MakeCube) -> None:
+    world = make_world(cube(3, 0.3, 0.0, 0.035), cube(4, 0.3, 0.041, 0.035))
+    assert world.has_below("cube_3", 0.016)
+    assert not world.has_below("cube_3", 0.014)
+
+
+def test_textures_are_removed(make_world: MakeWorld, cube: MakeCube, monkeypatch: pytest.MonkeyPatch) -> None:
+    world = make_world(cube(3, 0.3, 0.0))
+    folder = Path(world._textures.name)
+    assert (folder / "cube_3.obj").exists()
+    world.close()
+    world.close()
+    assert not folder.exists()
