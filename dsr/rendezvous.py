@@ -12,6 +12,7 @@ import os
 import socket
 import tempfile
 from pathlib import Path
+from typing import IO
 
 from dsr.errors import ConfigError, TransportError
 from dsr.keys import check_name
@@ -39,28 +40,47 @@ class Registration:
     """This process's entry in a graph's meeting place, valid until `close` or death."""
 
     def __init__(self, graph: str, rid: str, endpoint: str) -> None:
-        self._folder = runtime_dir() / check_name("graph name", graph)
-        self._folder.mkdir(mode=0o700, exist_ok=True)
-        self._path = self._folder / f"{rid}{_SUFFIX}"
-        self._file = self._path.open("w", encoding="utf-8")
-        fcntl.flock(self._file, fcntl.LOCK_EX)
-        self._file.write(endpoint)
-        self._file.flush()
+        self._graph = graph
+        folder = runtime_dir() / check_name("graph name", graph)
+        lock = None
+        while lock is None:
+            folder.mkdir(mode=0o700, exist_ok=True)
+            with contextlib.suppress(FileNotFoundError):  # the last process left the graph just now
+                lock = lock_file(folder / f"{rid}{_SUFFIX}")
+        self._lock = lock
+        self._lock.write(endpoint)
+        self._lock.flush()
 
     def close(self) -> None:
         """Take the entry back."""
-        self._path.unlink(missing_ok=True)
-        self._file.close()
-        with contextlib.suppress(OSError):
-            self._folder.rmdir()
+        Path(self._lock.name).unlink(missing_ok=True)
+        self._lock.close()
+        endpoints(self._graph)
+
+
+def lock_file(path: Path) -> IO[str] | None:
+    """The new or empty file `path`, locked, or None if another process holds it. The lock goes with this process."""
+    while True:
+        file = path.open("a", encoding="utf-8")
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if path.exists() and path.stat().st_ino == os.fstat(file.fileno()).st_ino:
+                return file
+        except BlockingIOError:
+            file.close()
+            return None
+        file.close()  # it was removed before we had the lock
 
 
 def endpoints(graph: str, *, but: str = "") -> list[str]:
     """Endpoints of the live processes in `graph`, without that of replica `but`; leftovers are removed."""
+    folder = runtime_dir() / check_name("graph name", graph)
     found = []
-    for path in sorted((runtime_dir() / check_name("graph name", graph)).glob(f"*{_SUFFIX}")):
+    for path in sorted(folder.glob(f"*{_SUFFIX}")):
         if path.stem != but and (endpoint := _read_live(path)):
             found.append(endpoint)
+    with contextlib.suppress(OSError):  # it is not empty
+        folder.rmdir()
     return found
 
 

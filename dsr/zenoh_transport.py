@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import json
 import logging
@@ -12,9 +13,11 @@ from typing import Any
 import zenoh
 
 from dsr.errors import TransportError
+from dsr.shared_memory import remove_leftovers
 from dsr.transport import MessageHandler, PresenceHandler, Qos, RequestHandler, Subscription
 
 _log = logging.getLogger("dsr.zenoh")
+atexit.register(remove_leftovers)
 
 _REQUEST_QUEUE = 64
 _SENDING: dict[Qos, dict[str, Any]] = {
@@ -166,7 +169,8 @@ def _settings(listen: str, connect: list[str]) -> dict[str, Any]:
 
 
 def _reason(error: zenoh.ZError) -> str:
-    return str(error).splitlines()[0][:200]
+    """The message without the place in Zenoh's sources."""
+    return str(error).splitlines()[0].split(" at /")[0][:200]
 
 
 def _run(name: str, target: Callable[[], None]) -> None:

@@ -1,0 +1,49 @@
+"""A network of memories in one process, on a clock that only the test moves."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from dsr import Faults, LocalNetwork, ManualClock, Memory
+
+
+class Net:
+    """Memories that share one graph."""
+
+    def __init__(self) -> None:
+        self.clock = ManualClock()
+        self.network = LocalNetwork(self.clock, seed=1)
+        self.memories: list[Memory] = []
+
+    def join(self, agent: str, **options: object) -> Memory:
+        """One more replica."""
+        clock = options.pop("clock", self.clock)
+        memory = Memory("g", agent, transport=self.network.connect(agent), clock=clock, **options)  # type: ignore[arg-type]
+        self.memories.append(memory)
+        return memory
+
+    def pump(self, seconds: float = 0.0, faults: Faults | None = None) -> None:
+        """Let `seconds` pass and all messages arrive."""
+        self.network.faults = faults or Faults()
+        for _ in range(max(1, round(seconds / 0.05))):
+            self.clock.advance(0.05 if seconds else 0.0)
+            for memory in self.memories:
+                memory.flush()
+            self.network.deliver()
+            for memory in self.memories:
+                memory.poll()
+
+
+@pytest.fixture
+def net() -> Net:
+    return Net()
+
+
+@pytest.fixture(autouse=True)
+def private_runtime_dir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Tests meet nobody but themselves."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    yield tmp_path

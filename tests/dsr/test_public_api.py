@@ -1,0 +1,13 @@
+"""The public names of `dsr`, one by one: adding or removing one is a decision, not an accident."""
+
+import dsr
+
+
+def test_public_names() -> None:
+    assert set(dsr.__all__) == {
+        "AgentError", "AttributeType", "Change", "Clock", "ClockDriftError", "ConfigError", "DsrError", "Edge",
+        "EdgeNotFoundError", "ExtrapolationError", "Faults", "Frame", "FrameReader", "GraphError", "LocalNetwork",
+        "ManualClock", "Memory", "NoPathError", "Node", "NodeNotFoundError", "Pose", "Schema", "SchemaError",
+        "TransformError", "TransportError", "WallClock", "Watch", "WireError", "connect",
+    }  # fmt: skip
+    assert all(hasattr(dsr, name) for name in dsr.__all__)

@@ -1,0 +1,116 @@
+"""Subscriptions: filtered, conflated, and nothing that came or went is missed."""
+
+from __future__ import annotations
+
+import threading
+
+import pytest
+
+from dsr import Change, Pose
+from tests.dsr.conftest import Net
+
+
+def summary(changes: list[Change]) -> list[tuple[str, str, tuple[str, ...]]]:
+    return [(change.kind, change.name, tuple(sorted(change.attributes))) for change in changes]
+
+
+def test_begins_with_what_is_there(net: Net) -> None:
+    memory = net.join("a")
+    memory.add_node("cube_3", "cube", mass=1.0)
+    assert summary(memory.watch().poll()) == [("added", "cube_3", ("mass",))]
+    assert memory.watch(existing=False).poll() == []
+
+
+def test_a_thousand_updates_are_one_change(net: Net) -> None:
+    memory = net.join("a")
+    memory.add_node("cube_3", "cube")
+    watch = memory.watch(existing=False)
+    for index in range(1000):
+        memory.update_node("cube_3", mass=float(index), seen=index)
+    assert summary(watch.poll()) == [("updated", "cube_3", ("mass", "seen"))]
+    assert watch.poll() == []
+
+
+def test_a_thousand_creations_are_a_thousand_changes(net: Net) -> None:
+    memory, reader = net.join("a"), net.join("b")
+    watch = reader.watch(node_type="cube")
+    for index in range(1000):
+        memory.add_node(f"c{index}", "cube")
+    net.pump()
+    assert [change.name for change in watch.poll()] == [f"c{index}" for index in range(1000)]
+
+
+def test_what_came_and_went_is_told(net: Net) -> None:
+    memory = net.join("a")
+    watch = memory.watch()
+    memory.add_node("x", "cube", mass=1.0)
+    memory.remove_node("x")
+    assert summary(watch.poll()) == [("added", "x", ("mass",)), ("removed", "x", ())]
+    memory.add_node("x", "cube")
+    watch.poll()
+    memory.remove_node("x")
+    memory.add_node("x", "cube")
+    assert [kind for kind, *_ in summary(watch.poll())] == ["removed", "added"]
+
+
+def test_filters_by_type_and_attribute(net: Net) -> None:
+    memory = net.join("a")
+    nodes, edges = memory.watch(node_type=("cube", "box")), memory.watch(edge_type="RT")
+    mass = memory.watch(node_type="cube", attribute="mass")
+    both = memory.watch(node_type="cube", edge_type="RT")
+    memory.add_node("world", "world")
+    memory.add_node("c", "cube", seen=1)
+    memory.add_edge("world", "c", "RT", pose=Pose())
+    memory.add_edge("world", "c", "has")
+    assert [change.name for change in nodes.poll()] == ["c"]
+    assert [(c.element, c.src, c.dst, c.type) for c in edges.poll()] == [("edge", "world", "c", "RT")]
+    assert mass.poll() == [] and len(both.poll()) == 2
+    memory.update_node("c", mass=1.0, seen=2)
+    assert summary(mass.poll()) == [("updated", "c", ("mass",))]
+
+
+def test_an_edge_goes_with_its_node(net: Net) -> None:
+    memory = net.join("a")
+    memory.add_node("world", "world")
+    memory.add_node("c", "cube")
+    memory.add_edge("world", "c", "has")
+    watch = memory.watch(edge_type="has", existing=False)
+    memory.remove_node("c")
+    assert summary(watch.poll()) == [("removed", "c", ())]
+
+
+def test_iteration_waits_and_ends_with_the_memory(net: Net) -> None:
+    memory = net.join("a")
+    names: list[str] = []
+    watch = memory.watch()
+    reader = threading.Thread(target=lambda: names.extend(change.name for change in watch))
+    reader.start()
+    memory.add_node("x", "cube")
+    memory.add_node("y", "cube")
+    while len(names) < 2 and reader.is_alive():
+        reader.join(0.01)
+    memory.close()
+    reader.join(5.0)
+    assert not reader.is_alive() and sorted(names) == ["x", "y"]
+
+
+def test_a_slow_reader_costs_the_writer_no_memory(net: Net) -> None:
+    memory = net.join("a")
+    memory.add_node("x", "cube")
+    watch = memory.watch()
+    for index in range(5000):
+        memory.update_node("x", seen=index)
+    assert len(watch._pending) == 1
+
+
+def test_next_gives_up_after_its_timeout(net: Net) -> None:
+    assert net.join("a").watch().next(timeout=0.0) is None
+
+
+@pytest.mark.parametrize("attribute", ["mass", ["mass", "seen"]])
+def test_a_closed_watch_is_silent(net: Net, attribute: str | list[str]) -> None:
+    memory = net.join("a")
+    with memory.watch(attribute=attribute) as watch:
+        pass
+    memory.add_node("x", "cube", mass=1.0)
+    assert watch.next() is None

@@ -1,0 +1,188 @@
+"""The memory over real Zenoh sessions, in separate processes: joining, races, deaths, bad messages."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import dsr
+from dsr import rendezvous
+from dsr.clock import WALL_CLOCK
+from dsr.zenoh_transport import ZenohTransport
+
+ROOT = Path(__file__).parents[2]
+PATIENCE = 20.0
+"""s: far beyond what is expected, because machines are shared."""
+
+
+class Peer:
+    """A process that runs tests/dsr/peer.py."""
+
+    def __init__(self, agent: str, graph: str = "g") -> None:
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "tests.dsr.peer", graph, agent],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT,
+        )  # fmt: skip
+        self.hello = self._read()
+        self.rid = self.hello["rid"]
+
+    def _read(self) -> Any:
+        assert self.process.stdout is not None
+        return json.loads(self.process.stdout.readline())
+
+    def send(self, name: str, *args: object, **arguments: object) -> None:
+        assert self.process.stdin is not None
+        self.process.stdin.write(json.dumps([name, {"args": args, **arguments}]) + "\n")
+        self.process.stdin.flush()
+
+    def do(self, name: str, *args: object, **arguments: object) -> Any:
+        self.send(name, *args, **arguments)
+        return self._read()
+
+    def state(self) -> Any:
+        return self.do("state")
+
+    def kill(self) -> None:
+        self.process.kill()
+        self.process.wait()
+
+
+@pytest.fixture
+def peers() -> Iterator[Callable[[str], Peer]]:
+    started: list[Peer] = []
+
+    def start(agent: str) -> Peer:
+        started.append(Peer(agent))
+        return started[-1]
+
+    yield start
+    for peer in started:
+        peer.process.send_signal(signal.SIGCONT)
+        peer.kill()
+        for stream in (peer.process.stdin, peer.process.stdout):
+            assert stream is not None
+            stream.close()
+
+
+def eventually(condition: Callable[[], bool]) -> bool:
+    """Whether `condition` comes true within `PATIENCE`."""
+    deadline = WALL_CLOCK.monotonic() + PATIENCE
+    pause = threading.Event()
+    while not condition():
+        if WALL_CLOCK.monotonic() > deadline:
+            return False
+        pause.wait(0.02)
+    return True
+
+
+def graph_of(peer: Peer) -> Any:
+    state = peer.state()
+    return state["nodes"], state["edges"]
+
+
+def test_writes_reach_the_other_process_and_a_late_one_gets_all(peers: Callable[[str], Peer]) -> None:
+    a, b = peers("a"), peers("b")
+    a.do("add_node", "world", "world")
+    a.do("many", prefix="n", count=1000)
+    a.do("add_edge", "world", "n1", "RT", translation=[1, 2, 3])
+    assert eventually(lambda: graph_of(b) == graph_of(a))
+    late = peers("late")
+    assert late.hello["joined"] and graph_of(late) == graph_of(a)
+    assert a.state()["dropped"] == {}
+
+
+def test_concurrent_writes_and_creations_converge(peers: Callable[[str], Peer]) -> None:
+    a, b = peers("a"), peers("b")
+    a.do("add_node", "world", "world")
+    a.do("add_node", "cube", "cube")
+    a.do("add_edge", "world", "cube", "RT", translation=[0, 0, 0])
+    assert eventually(lambda: graph_of(b) == graph_of(a))
+    for index in range(20):
+        for offset, peer in enumerate((a, b)):
+            peer.send("update_edge", "world", "cube", "RT", translation=[index, offset, 0])
+            peer.send("update_node", "cube", **({"mass": index + 0.5} if offset else {"seen": index}))
+            peer.send("add_node", f"n{index}", "ball" if offset else "cup")
+        for peer in (a, b):
+            for _ in range(3):
+                peer._read()
+    a.send("remove_node", "n3")
+    b.send("update_node", "n3", mass=1.0)
+    assert (a._read(), b._read()) == (None, None)
+    assert eventually(lambda: graph_of(b) == graph_of(a))
+    nodes, edges = graph_of(a)
+    assert nodes["cube"] == ["cube", {"mass": 19.5, "seen": 19}] and "n3" not in nodes and len(nodes) == 21
+    assert edges["('world', 'cube', 'RT')"][0][0] == 19
+
+
+def test_the_first_process_dies_while_another_joins(peers: Callable[[str], Peer]) -> None:
+    first, second = peers("first"), peers("second")
+    first.do("many", prefix="n", count=300)
+    assert eventually(lambda: len(second.state()["nodes"]) == 300)
+    first.kill()
+    third = peers("third")
+    assert len(third.state()["nodes"]) == 300
+    second.do("add_node", "after", "cube")
+    assert eventually(lambda: "after" in third.state()["nodes"])
+    assert eventually(lambda: second.state()["peers"] == [third.rid])
+
+
+def test_a_stopped_process_blocks_nobody_and_catches_up(peers: Callable[[str], Peer]) -> None:
+    a, b, stopped = peers("a"), peers("b"), peers("stopped")
+    assert eventually(lambda: len(a.state()["peers"]) == 2)
+    stopped.process.send_signal(signal.SIGSTOP)
+    for index in range(5):
+        a.do("many", prefix=f"n{index}_", count=200)
+    assert eventually(lambda: len(b.state()["nodes"]) == 1000)
+    stopped.process.send_signal(signal.SIGCONT)
+    assert eventually(lambda: len(stopped.state()["nodes"]) == 1000)
+
+
+def test_malformed_messages_on_every_key_are_dropped(peers: Callable[[str], Peer]) -> None:
+    a, b = peers("a"), peers("b")
+    b.do("add_node", "x", "cube")
+    for key in ("d", "rt", "dig"):
+        a.do("raw", key=f"dsr/v1/g/{key}/evil", payload="c1ffff")
+    for key in ("blob/camera", "status/x", "log/x", "live/x/y", "truth", "nonsense"):
+        a.do("raw", key=f"dsr/v1/g/{key}", payload="c1ffff")
+    assert eventually(lambda: b.state()["dropped"] == {"evil": 3})
+    b.do("add_node", "y", "cube")
+    assert eventually(lambda: set(a.state()["nodes"]) == {"x", "y"})
+
+
+def test_a_port_in_use_is_a_clear_error() -> None:
+    endpoint = f"tcp/127.0.0.1:{rendezvous.free_port()}"
+    first = ZenohTransport(endpoint)
+    with pytest.raises(dsr.TransportError, match="in use"):
+        ZenohTransport(endpoint)
+    first.close()
+    with pytest.raises(dsr.TransportError):
+        ZenohTransport("nonsense")
+
+
+def test_nothing_is_left_behind() -> None:
+    with dsr.connect("tidy", agent="a") as memory:
+        assert rendezvous.graphs() == ["tidy"] and memory.joined
+    assert rendezvous.graphs() == [] and list(rendezvous.runtime_dir().rglob("*")) == []
+
+
+def test_the_file_of_a_dead_process_is_removed(peers: Callable[[str], Peer]) -> None:
+    dead = peers("a")
+    assert len(rendezvous.endpoints("g")) == 1
+    dead.kill()
+    assert rendezvous.endpoints("g") == [] and rendezvous.graphs() == []
+
+
+@pytest.mark.parametrize("name", ["", "a/b", "x" * 65, "a b", "a*"])
+def test_names_that_cannot_be_keys_are_refused(name: str) -> None:
+    with pytest.raises(dsr.ConfigError, match="expected 1 to 64"):
+        dsr.connect(name, agent="a")
+    with pytest.raises(dsr.ConfigError, match="agent name"):
+        dsr.connect("g", agent=name)
