@@ -10,7 +10,6 @@ Nothing happens behind the caller's back: `poll`, which the waiting methods call
 from __future__ import annotations
 
 import contextlib
-import fcntl
 import logging
 import os
 import sys
@@ -18,14 +17,13 @@ import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import TracebackType
-from typing import IO
 
 import msgspec
 
 from dsr.clock import WALL_CLOCK
 from dsr.connect import connect
 from dsr.errors import AgentError, TransportError
-from dsr.rendezvous import runtime_dir
+from dsr.rendezvous import lock_file, runtime_dir
 from dsr.status import Heard, State, StatusBoard
 from dsr.supervised import Supervised
 from dsr.system import AgentSpec, System
@@ -221,7 +219,7 @@ def _claimed_name(graph: str) -> Iterator[str]:
     names = [graph, *(f"{graph}-{number}" for number in range(2, _MOST_NAMES))]
     for name in names:
         path = runtime_dir() / f"{name}.launcher"
-        if lock := _lock(path):
+        if lock := lock_file(path):
             break
     else:
         raise TransportError(f"{len(names)} systems called {graph!r} run already")
@@ -232,17 +230,3 @@ def _claimed_name(graph: str) -> Iterator[str]:
     finally:
         path.unlink(missing_ok=True)
         lock.close()
-
-
-def _lock(path: Path) -> IO[str] | None:
-    """The locked file, or None if another process holds it. The lock goes with the process, however it dies."""
-    while True:
-        file = path.open("a", encoding="utf-8")
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if path.exists() and path.stat().st_ino == os.fstat(file.fileno()).st_ino:
-                return file
-        except BlockingIOError:
-            file.close()
-            return None
-        file.close()  # its last holder removed it meanwhile

@@ -1,0 +1,10 @@
+"""Runs the toy agent Counter."""
+
+from toy_agents import Counter
+
+from dsr.agent import main
+
+__all__ = ["Counter"]
+
+if __name__ == "__main__":
+    main(Counter)

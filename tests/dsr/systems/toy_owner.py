@@ -1,0 +1,10 @@
+"""Runs the toy agent Owner."""
+
+from toy_agents import Owner
+
+from dsr.agent import main
+
+__all__ = ["Owner"]
+
+if __name__ == "__main__":
+    main(Owner)
