@@ -1,0 +1,1 @@
+"""The belief simulator: a physics simulation kept in step with perception."""

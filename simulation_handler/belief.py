@@ -1,0 +1,126 @@
+"""The belief: a physics simulation that perception keeps in step with the world.
+
+Each step, what was perceived is fused over time (tracking), made physically plausible (placement) and put into
+the simulation where it differs from what is there (correction); then time passes. What is not seen obeys
+physics alone.
+"""
+
+from __future__ import annotations
+
+import math
+
+from dsr.quaternions import Vector3
+from dsr.transforms import Pose
+from simulation_handler.bodies import FLOOR, Bodies
+from simulation_handler.config import BeliefConfig
+from simulation_handler.correction import Correction
+from simulation_handler.relations import Relation, Relations
+from simulation_handler.simulator import TIME_STEP
+from simulation_handler.tracking import make_percept
+
+_MOST_STEPS = 48  # of physics in one step of the belief; time beyond is lost
+
+
+class Belief:
+    """Where the objects are and what they rest on, as far as perception and physics tell."""
+
+    def __init__(self, config: BeliefConfig | None = None) -> None:
+        self.config = config or BeliefConfig()
+        self._bodies = Bodies(self.config)
+        self._correction = Correction(self._bodies, self.config)
+        self._relations = Relations(self.config.relation_delay)
+        self._now: float | None = None
+
+    def close(self) -> None:
+        """Free the simulation."""
+        self._bodies.sim.close()
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._bodies.objects
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all objects, also of those whose place is unknown yet."""
+        return tuple(self._bodies.objects)
+
+    def set_fixture(self, name: str, size: Vector3, pose: Pose) -> None:
+        """Add a box that never moves, such as a table, or put it elsewhere.
+
+        Args:
+            name: not that of an object.
+            size: (3,) edge lengths, m.
+            pose: world_from_centre.
+        """
+        self._bodies.set_fixture(name, size, pose)
+
+    def add_object(self, name: str, size: Vector3, *, mass: float | None = None, friction: float | None = None) -> None:
+        """Let a box-shaped object exist; it takes part in the simulation once it has a place.
+
+        Args:
+            name: not in use yet.
+            size: (3,) edge lengths, m.
+            mass: kg.
+            friction: Coulomb coefficient.
+
+        Raises:
+            SimulationError: for a name in use.
+        """
+        self._bodies.add_object(name, size, mass, friction)
+
+    def recall(self, name: str, world_pose: Pose, *, held: bool = False) -> None:
+        """Believe again that an object is at `world_pose`, and `held` there by something unknown or not."""
+        item = self._bodies.object(name)
+        self._bodies.put(item, world_pose.t, world_pose.q)
+        self._bodies.set_pinned(item, held)
+        item.track.forget()
+
+    def remove(self, name: str) -> None:
+        """Forget an object or a fixture; what rested on it falls. Harmless if there is none."""
+        self._bodies.remove(name)
+        self._relations.forget(name)
+
+    def observe(self, name: str, world_pose: Pose, stamp: float, seen_from: Vector3 | None = None) -> None:
+        """Take in a percept.
+
+        Args:
+            name: of a known object.
+            world_pose: world_from_object, with covariance if there is one.
+            stamp: s, when it was seen; one that is not newer than the last is ignored.
+            seen_from: (3,) of the camera in the world, m.
+        """
+        self._bodies.object(name).track.add(make_percept(world_pose, stamp, seen_from, self.config))
+
+    def step(self, now: float) -> None:
+        """Bring the belief to time `now` (s)."""
+        self._correction.leave_to_physics(now)
+        self._correction.follow_perception(now)
+        if self._now is not None and now > self._now:
+            self._bodies.sim.step(min(round((now - self._now) / TIME_STEP), _MOST_STEPS))
+        self._now = now
+        self._relations.update(self._bodies.sim.contacts(), now)
+
+    def pose(self, name: str) -> Pose | None:
+        """world_from_object at the last step, with covariance; None while its place is unknown."""
+        item = self._bodies.object(name)
+        if name not in self._bodies.sim:
+            return None
+        position, rotation = self._bodies.sim.pose(name)
+        return Pose(position, rotation, self._now or 0.0, item.covariance(rotation))
+
+    def supports(self) -> dict[Relation, float]:
+        """(object, what it rests on) and since when (s); nothing is said of the floor."""
+        return {relation: since for relation, since in self._relations.current().items() if FLOOR not in relation}
+
+    def perceived(self, name: str, now: float) -> bool:
+        """Whether the object was seen lately, at time `now` (s)."""
+        return self._bodies.object(name).estimate_at(now) is not None
+
+    def plausible(self, name: str) -> bool:
+        """Whether the newest percepts fit a pose that physics allows, up to their noise."""
+        item = self._bodies.object(name)
+        if item.pinned:
+            return False
+        if item.track.estimate is None or name not in self._bodies.sim:
+            return True
+        apart = math.dist(item.track.estimate.position, self._bodies.sim.position(name))
+        return apart <= self.config.hover_tolerance

@@ -1,0 +1,98 @@
+"""The objects and fixtures of the belief, with their bodies in the simulation."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from dsr.errors import suggest
+from dsr.quaternions import Quaternion, Vector3
+from dsr.transforms import Pose
+from simulation_handler.config import BeliefConfig
+from simulation_handler.geometry import Solid
+from simulation_handler.objects import BelievedObject
+from simulation_handler.simulator import SimulationError, Simulator
+from simulation_handler.tracking import Track
+
+FLOOR = "_floor"
+_FLOOR_SIZE = (20.0, 20.0, 0.2)
+
+
+class Bodies:
+    """Keeps objects, fixtures and the simulator in step with each other."""
+
+    def __init__(self, config: BeliefConfig) -> None:
+        self.sim = Simulator()
+        self.objects: dict[str, BelievedObject] = {}
+        self.fixtures: dict[str, Solid] = {}
+        self._config = config
+        self.set_fixture(FLOOR, _FLOOR_SIZE, Pose((0.0, 0.0, config.floor_z - 0.5 * _FLOOR_SIZE[2])))
+
+    def set_fixture(self, name: str, size: Vector3, pose: Pose) -> None:
+        """Add a box that never moves (world_from_centre), or put it elsewhere; what was on it wakes."""
+        solid = Solid(name, size, pose.t, pose.q, fixed=True)
+        if self.fixtures.get(name) == solid:
+            return
+        if name in self.objects:
+            raise SimulationError(f"{name!r} is an object of the belief and cannot be a fixture")
+        if name in self.sim:
+            self.sim.remove(name)
+        self.sim.add_box(name, size, pose.t, pose.q, friction=self._config.default_friction)
+        self.fixtures[name] = solid
+
+    def add_object(self, name: str, size: Vector3, mass: float | None, friction: float | None) -> BelievedObject:
+        """Let an object exist, without a place yet."""
+        if name in self.objects or name in self.fixtures:
+            raise SimulationError(f"{name!r} is already part of the belief")
+        mass = self._config.default_mass if mass is None else mass
+        friction = self._config.default_friction if friction is None else friction
+        self.objects[name] = BelievedObject(name, size, mass, friction, Track(self._config))
+        return self.objects[name]
+
+    def remove(self, name: str) -> None:
+        """Forget an object or a fixture; harmless if there is none."""
+        if name in self.sim:
+            self.sim.remove(name)
+        self.objects.pop(name, None)
+        self.fixtures.pop(name, None)
+
+    def object(self, name: str) -> BelievedObject:
+        """The object of that name. Raises `SimulationError` if there is none."""
+        try:
+            return self.objects[name]
+        except KeyError:
+            raise SimulationError(f"no object {name!r} in the belief; {suggest(name, self.objects)}") from None
+
+    def pose(self, name: str) -> Pose:
+        """world_from_object of a body."""
+        return Pose.unchecked(*self.sim.pose(name))
+
+    def solid(self, name: str) -> Solid:
+        """The object at its believed pose."""
+        return Solid(name, self.objects[name].size, *self.sim.pose(name))
+
+    def scene(self, leaving_out: Collection[str]) -> dict[str, Solid]:
+        """All fixtures, and all other bodies at their believed poses."""
+        present = (name for name in self.objects if name in self.sim and name not in leaving_out)
+        return self.fixtures | {name: self.solid(name) for name in present}
+
+    def put(self, item: BelievedObject, position: Vector3, rotation: Quaternion) -> None:
+        """Put the body of an object somewhere, at rest; the first time makes it."""
+        if item.name in self.sim:
+            self.sim.place(item.name, position, rotation)
+        else:
+            self.sim.add_box(item.name, item.size, position, rotation, mass=item.mass, friction=item.friction)
+        item.put = Pose.unchecked(position, rotation)
+
+    def set_pinned(self, item: BelievedObject, pinned: bool) -> None:
+        """Hold the body of an object where it is, or let it go."""
+        if item.pinned != pinned:
+            self.sim.pin(item.name, pinned)
+            item.pinned = pinned
+
+    def has_left(self, item: BelievedObject) -> bool:
+        """Whether physics has moved an object from where it was put."""
+        return item.name in self.sim and item.has_left(self.pose(item.name), self._config)
+
+    def never_placed(self) -> dict[str, Vector3]:
+        """Edge lengths (m) of the objects that exist and whose place was never known, by name."""
+        return {name: item.size for name, item in self.objects.items() if name not in self.sim}

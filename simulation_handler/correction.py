@@ -1,0 +1,121 @@
+"""Perception corrects the simulation: bodies are moved to the plausible pose nearest to what is perceived."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+import numpy as np
+
+from dsr.transforms import Pose
+from simulation_handler.bodies import Bodies
+from simulation_handler.config import BeliefConfig
+from simulation_handler.geometry import Solid, face_down
+from simulation_handler.objects import BelievedObject
+from simulation_handler.placement import Placement, place, separate
+from simulation_handler.supports import explain
+
+_UNSEEN_VARIANCE = 2.5e-5  # m^2, sideways, of an object left to physics: it gives way to what is seen
+
+Scene = dict[str, Solid]
+"""Solids at their poses of this moment, by name."""
+
+
+class Correction:
+    """Keeps the bodies where perception has them, as far as physics allows."""
+
+    def __init__(self, bodies: Bodies, config: BeliefConfig) -> None:
+        self._bodies = bodies
+        self._config = config
+
+    def leave_to_physics(self, now: float) -> None:
+        """Of unseen objects that physics has moved, earlier percepts say nothing any more."""
+        for item in self._bodies.objects.values():
+            if item.track.estimate is not None and not item.track.is_fresh(now) and self._bodies.has_left(item):
+                item.track.forget()
+                item.placement = item.put = None
+
+    def follow_perception(self, now: float) -> None:
+        """Move the bodies of objects that are perceived elsewhere than they are believed to be.
+
+        They are placed from the lowest up, so that each finds its support at its final height.
+        """
+        seen = [item for item in self._bodies.objects.values() if item.estimate_at(now) is not None]
+        astray = {item.name for item in seen if self._bodies.has_left(item)}
+        changed = [item for item in seen if item.track.take_change() or item.name in astray]
+        if not changed:
+            return
+        scene = self._bodies.scene(leaving_out={item.name for item in changed})
+        moving = []
+        for item in sorted(changed, key=lambda item: (item.percept().bottom, item.name)):
+            if item.name in astray:
+                item.strike(now)
+            if self._replace(item, scene, now) or item.name in astray:
+                moving.append(item)
+        self._realise(moving, scene, now)
+
+    def _replace(self, item: BelievedObject, scene: Scene, now: float) -> bool:
+        """Find the plausible pose of a perceived object and put it into the scene; whether it is a new one."""
+        item.notice_restart()
+        placement = self._placed(item, scene)
+        if self._is_unexplained(item, placement, now) and self._explain(item, scene):
+            placement = self._placed(item, scene)
+        is_new = item.placement is None or self._differs(item.placement, placement)
+        if is_new:
+            item.adopt(placement)
+        item.learn_bias(placement)
+        scene[item.name] = placement.solid if is_new or item.pinned else self._bodies.solid(item.name)
+        return is_new
+
+    def _placed(self, item: BelievedObject, scene: Scene) -> Placement:
+        others = list(scene.values()) if item.prop is None else [*scene.values(), item.prop]
+        return place(item.percept(), item.percept_covariance(self._config), others, self._config)
+
+    def _is_unexplained(self, item: BelievedObject, placement: Placement, now: float) -> bool:
+        """Whether the object has hovered for so long that something must be beneath it."""
+        if placement.rests or item.track.moving:
+            item.hovering_since = None
+        elif item.hovering_since is None:
+            item.hovering_since = now
+        return item.hovering_since is not None and now - item.hovering_since >= self._config.explain_after
+
+    def _explain(self, item: BelievedObject, scene: Scene) -> bool:
+        """Put beneath a hovering object what can explain it; false if nothing can."""
+        percept = item.percept()
+        flat, tilt = face_down(percept.rotation)
+        if tilt > self._config.tilt_tolerance:
+            return False
+        tolerance = self._config.explain_sigmas * math.sqrt(item.percept_covariance(self._config)[2, 2])
+        explanation = explain(percept.turned(flat), self._bodies.never_placed(), scene.values(), tolerance)
+        if explanation is None:
+            return False
+        for solid in explanation.stack:
+            self._bodies.put(self._bodies.object(solid.name), solid.position, solid.rotation)
+            self._bodies.object(solid.name).track.forget()
+            scene[solid.name] = solid
+        item.prop = explanation.prop
+        return True
+
+    def _differs(self, old: Placement, new: Placement) -> bool:
+        """Whether a placement changed by more than the dead band."""
+        before = Pose.unchecked(old.solid.position, old.solid.rotation)
+        metres, radians = before.distance(Pose.unchecked(new.solid.position, new.solid.rotation))
+        moved = metres > self._config.dead_band or radians > self._config.dead_band_angle
+        return moved or old.supports != new.supports
+
+    def _realise(self, moving: Iterable[BelievedObject], scene: Scene, now: float) -> None:
+        """Put bodies where they are believed to be, and out of each other's way."""
+        items = {item.name: item for item in moving}
+        softness = {name: self._softness(item, now) for name, item in self._bodies.objects.items()}
+        pushed = separate(list(scene.values()), softness)
+        for name in sorted(items.keys() | pushed.keys()):
+            solid = scene[name]
+            self._bodies.put(self._bodies.object(name), pushed.get(name, solid.position), solid.rotation)
+        for item in items.values():
+            self._bodies.set_pinned(item, item.strikes >= self._config.strikes or not item.is_carried())
+
+    def _softness(self, item: BelievedObject, now: float) -> float:
+        """Sideways variance of a body's position, m^2: how easily it gives way to others."""
+        if item.placement is None or item.estimate_at(now) is None:
+            return _UNSEEN_VARIANCE
+        return float(np.trace(item.placement.covariance[:2, :2]))

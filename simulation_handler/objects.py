@@ -1,0 +1,113 @@
+"""What the belief keeps of each object: what perception says of it, and where its body was put because of that."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsr import quaternions
+from dsr.quaternions import Quaternion, Vector3
+from dsr.transforms import Pose
+from simulation_handler.config import BeliefConfig
+from simulation_handler.geometry import Solid
+from simulation_handler.placement import Placement
+from simulation_handler.supports import UNKNOWN
+from simulation_handler.tracking import Array, Estimate, Track
+
+_PERCEPTS_TO_LEARN = 10
+_STRIKE_MEMORY = 1.0  # s
+
+
+@dataclass
+class BelievedObject:
+    """An object that exists, seen or not."""
+
+    name: str
+    size: Vector3
+    """Edge lengths, m."""
+    mass: float
+    """kg"""
+    friction: float
+    """Coulomb coefficient."""
+    track: Track
+    placement: Placement | None = None
+    """Where perception last led to."""
+    put: Pose | None = None
+    """Where its body was last put; physics may have moved it since."""
+    pinned: bool = False
+    """Its body is held: it hovers, and nothing known carries it."""
+    bias: float | None = None
+    """m along the viewing ray, the systematic error of its percepts; learned when it rests on something."""
+    hovering_since: float | None = None
+    """s"""
+    prop: Solid | None = None
+    """An unknown support that explains why it hovers."""
+    strikes: int = 0
+    """How often physics moved it from where it is seen, lately."""
+    last_strike: float = 0.0
+    """s"""
+    restarts: int = 0
+    """Of its track, when it was last looked at."""
+
+    def estimate_at(self, now: float) -> Estimate | None:
+        """What perception says at `now` (s); None while it is not seen."""
+        return self.track.estimate if self.track.is_fresh(now) else None
+
+    def percept(self) -> Solid:
+        """The object as perception has it, without the systematic error that is known."""
+        estimate = self.track.estimate
+        assert estimate is not None
+        x, y, z = estimate.corrected(self.bias or 0.0).tolist()
+        return Solid(self.name, self.size, (x, y, z), estimate.rotation)
+
+    def percept_covariance(self, config: BeliefConfig) -> Array:
+        """(3, 3) m^2 of the position of `percept`."""
+        assert self.track.estimate is not None
+        return self.track.estimate.total_covariance(config.depth_bias if self.bias is None else config.learned_bias)
+
+    def is_carried(self) -> bool:
+        """Whether a body of the simulation carries it, so that it needs no holding."""
+        return self.placement is not None and any(name != UNKNOWN for name in self.placement.supports)
+
+    def adopt(self, placement: Placement) -> None:
+        """Take over a new placement."""
+        if self.placement is not None and self.placement.supports != placement.supports:
+            self.strikes = 0
+        self.placement = placement
+        if UNKNOWN not in placement.supports:
+            self.prop = None
+
+    def learn_bias(self, placement: Placement) -> None:
+        """Learn the systematic error of its percepts, if it has been resting on something known for a while."""
+        estimate = self.track.estimate
+        if self.is_carried() and estimate is not None and estimate.count >= _PERCEPTS_TO_LEARN:
+            self.bias = estimate.bias_given(placement.solid.position[2])
+
+    def strike(self, now: float) -> None:
+        """Physics moved it from where it is seen."""
+        self.strikes = self.strikes + 1 if now - self.last_strike <= _STRIKE_MEMORY else 1
+        self.last_strike = now
+
+    def notice_restart(self) -> None:
+        """If it has moved since it was last looked at, what physics did to it before counts no more."""
+        if self.restarts != self.track.restarts:
+            self.restarts, self.strikes = self.track.restarts, 0
+
+    def has_left(self, pose: Pose, config: BeliefConfig) -> bool:
+        """Whether its body, now at `pose`, is no longer where it was put."""
+        if self.put is None or self.pinned:
+            return False
+        metres, radians = self.put.distance(pose)
+        return metres > config.divergence or radians > config.divergence_angle
+
+    def covariance(self, rotation: Quaternion) -> Array | None:
+        """(6, 6) covariance of the believed pose in the object's frame (m, rad), once it was perceived."""
+        if self.placement is None or self.track.estimate is None:
+            return None
+        turn = np.array(quaternions.to_matrix(rotation)).T
+        covariance = np.zeros((6, 6))
+        covariance[:3, :3] = turn @ self.placement.covariance @ turn.T
+        covariance[3:, 3:] = turn @ self.track.estimate.rotation_covariance @ turn.T
+        symmetric: Array = 0.5 * (covariance + covariance.T)
+        return symmetric

@@ -1,0 +1,168 @@
+"""From a noisy estimate to a pose that physics allows: face down, on its support, beside its neighbours.
+
+A percept that hovers or intersects by no more than its noise is put onto the support under it before it
+enters the simulation: interpenetrating bodies would be thrown apart, hovering ones would fall.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsr.quaternions import Vector3
+from simulation_handler.config import BeliefConfig
+from simulation_handler.geometry import (
+    Point,
+    Solid,
+    area,
+    contains,
+    face_down,
+    hull,
+    intersection,
+    overlap,
+)
+from simulation_handler.tracking import Array
+
+_LEVEL = 0.002  # m, tops that differ by less carry an object together
+_GAP = 5e-5  # m left between bodies that were pushed apart
+_SIDE_BY_SIDE = 0.001  # m of common height above which two bodies are neighbours rather than a stack
+_SLIVER = 0.1  # share of the smaller footprint below which an overlap does not carry
+_SWEEPS = 25
+_HEIGHT_STD = 0.0003  # m, what is left of the height's uncertainty on a support
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where an object is believed to be, given what was perceived."""
+
+    solid: Solid
+    supports: tuple[str, ...]
+    """Names of the bodies it rests on; empty if nothing within reach carries it."""
+    covariance: Array
+    """(3, 3) m^2 of the position, given its support"""
+
+    @property
+    def rests(self) -> bool:
+        """Whether something carries it."""
+        return bool(self.supports)
+
+
+def place(percept: Solid, covariance: Array, others: Sequence[Solid], config: BeliefConfig) -> Placement:
+    """The physically plausible pose nearest to an estimate.
+
+    Args:
+        percept: the object as it is perceived.
+        covariance: (3, 3) m^2 of its position, longest along the viewing ray.
+        others: all other solids at their believed poses.
+        config: tolerances.
+
+    Tilt within the tolerance is removed and yaw kept. The height is that of the highest support within reach;
+    the rest of the position follows by conditioning the Gaussian estimate on this height,
+    x' = x + S_xz / S_zz (z' - z), so that the depth error is undone along the viewing ray.
+    An object that nothing can carry stays as it is perceived, only not inside what is below it.
+    """
+    flat, tilt = face_down(percept.rotation)
+    upright = tilt <= config.tilt_tolerance
+    solid = posed = percept.turned(flat) if upright else percept
+    for _ in range(2):  # the support is looked for where the object is once its height is right
+        supports, level = find_support(solid, posed.bottom, others, config.hover_tolerance)
+        if level is not None:
+            solid = posed.moved(_conditioned(posed.position, covariance, level + posed.half_height))
+    if level is None:
+        return Placement(percept, (), covariance)
+    return Placement(solid, supports if upright else (), _given_height(covariance))
+
+
+def find_support(
+    solid: Solid, bottom: float, others: Iterable[Solid], reach: float
+) -> tuple[tuple[str, ...], float | None]:
+    """What carries `solid` if its lowest point is perceived at height `bottom` (m), and the height of that.
+
+    Of all tops within `reach` of its bottom (or, of fixed solids, inside which it cannot be), the highest
+    level that is under its centre of mass: within the hull of the areas in which it touches that level.
+    Slivers do not carry: they come from sideways noise.
+    """
+    touching = [(other.top, other.name, shared) for other in others if (shared := _common(solid, bottom, other, reach))]
+    touching.sort(reverse=True)
+    while touching:
+        level = touching[0][0]
+        carrying = [entry for entry in touching if level - entry[0] <= _LEVEL]
+        carried = hull([point for entry in carrying for point in entry[2]])
+        if contains(carried, solid.position[:2]):
+            return tuple(sorted(entry[1] for entry in carrying)), level
+        touching = touching[len(carrying) :]
+    return (), None
+
+
+def _common(solid: Solid, bottom: float, other: Solid, reach: float) -> Sequence[Point]:
+    """The area in which `solid` would touch the top of `other`; empty if that is out of reach."""
+    gap = bottom - other.top
+    inside_fixed = other.fixed and gap < 0.0 and bottom + solid.half_height > other.bottom
+    if not (abs(gap) <= reach or inside_fixed) or not _near(solid, other):
+        return ()
+    common = intersection(solid.footprint, other.footprint)
+    return common if area(common) >= _SLIVER * min(area(solid.footprint), area(other.footprint)) else ()
+
+
+def _near(a: Solid, b: Solid) -> bool:
+    """Whether the footprints can overlap at all."""
+    reach = a.radius + b.radius
+    return abs(a.position[0] - b.position[0]) <= reach and abs(a.position[1] - b.position[1]) <= reach
+
+
+def _conditioned(position: Vector3, covariance: Array, height: float) -> Vector3:
+    """Mean of a Gaussian position (3,) m, given that its height is `height` m."""
+    x, y, z = (position + covariance[:, 2] / covariance[2, 2] * (height - position[2])).tolist()
+    return x, y, z
+
+
+def _given_height(covariance: Array) -> Array:
+    column = covariance[:, 2]
+    rest: Array = covariance - np.outer(column, column) / column[2]
+    rest[2, 2] += _HEIGHT_STD**2
+    return rest
+
+
+def separate(solids: Sequence[Solid], weights: Mapping[str, float]) -> dict[str, Vector3]:
+    """Push apart what overlaps sideways: new positions of the solids that had to give way.
+
+    Args:
+        solids: at their desired poses.
+        weights: how easily each gives way, by name, relative to the others; 0 for never.
+    """
+    placed = {solid.name: solid for solid in solids}
+    pairs = _neighbours(solids, weights)
+    moved: set[str] = set()
+    for _ in range(_SWEEPS):
+        pushed = [pair for pair in pairs if _push_apart(placed, pair, weights)]
+        if not pushed:
+            break
+        moved.update(name for pair in pushed for name in pair)
+    return {name: placed[name].position for name in sorted(moved) if weights.get(name, 0.0) > 0.0}
+
+
+def _neighbours(solids: Sequence[Solid], weights: Mapping[str, float]) -> list[tuple[str, str]]:
+    """Pairs that share a height and are, or could soon be, in each other's way."""
+    return [
+        (a.name, b.name)
+        for i, a in enumerate(solids)
+        for b in solids[i + 1 :]
+        if weights.get(a.name, 0.0) + weights.get(b.name, 0.0) > 0.0
+        and _near(a, b)
+        and min(a.top, b.top) - max(a.bottom, b.bottom) > _SIDE_BY_SIDE
+    ]
+
+
+def _push_apart(placed: dict[str, Solid], pair: tuple[str, str], weights: Mapping[str, float]) -> bool:
+    """Move the two so that they do not overlap; false if they did not."""
+    a, b = placed[pair[0]], placed[pair[1]]
+    depth, (x, y) = overlap(a.footprint, b.footprint)
+    if depth <= 0.0:
+        return False
+    share = weights.get(a.name, 0.0) / (weights.get(a.name, 0.0) + weights.get(b.name, 0.0))
+    for solid, push in ((a, share * (depth + _GAP)), (b, (share - 1.0) * (depth + _GAP))):
+        px, py, pz = solid.position
+        placed[solid.name] = solid.moved((px + push * x, py + push * y, pz))
+    return True

@@ -1,0 +1,49 @@
+"""Which object rests on which, from contacts, with hysteresis."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from simulation_handler.simulator import Contact
+
+Relation = tuple[str, str]
+"""(object, what it rests on)"""
+_STEEP = 0.7  # vertical part of a contact normal from which one body carries the other
+
+
+class Relations:
+    """Relations `on` that begin when a contact has lasted and end when it has been gone for some time."""
+
+    def __init__(self, delay: float) -> None:
+        """`delay`: s that a contact must last, or be gone."""
+        self._delay = delay
+        self._since: dict[Relation, float] = {}
+        self._last_seen: dict[Relation, float] = {}
+        self._holding: set[Relation] = set()
+
+    def update(self, contacts: Iterable[Contact], now: float) -> None:
+        """Take in the contacts at time `now` (s)."""
+        for contact in contacts:
+            if contact.steepness >= _STEEP:
+                relation = (contact.upper, contact.lower)
+                self._since.setdefault(relation, now)
+                self._last_seen[relation] = now
+        for relation, since in list(self._since.items()):
+            gone = now - self._last_seen[relation]
+            if gone > 0.0 and (relation not in self._holding or gone >= self._delay):
+                self._drop(relation)
+            elif now - since >= self._delay:
+                self._holding.add(relation)
+
+    def forget(self, name: str) -> None:
+        """End all relations of a body that is no more."""
+        for relation in [relation for relation in self._since if name in relation]:
+            self._drop(relation)
+
+    def current(self) -> dict[Relation, float]:
+        """Relations that hold, with the time of their first contact (s), sorted."""
+        return {relation: self._since[relation] for relation in sorted(self._holding)}
+
+    def _drop(self, relation: Relation) -> None:
+        del self._since[relation], self._last_seen[relation]
+        self._holding.discard(relation)

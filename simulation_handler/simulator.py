@@ -1,0 +1,218 @@
+"""Rigid bodies under gravity: a typed wrapper over one pybullet client, bodies by name.
+
+Everything is in the world frame, SI units, quaternions (x, y, z, w). The same calls in the same order give
+bit-identical results, also in another process.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from types import TracebackType
+from typing import NamedTuple
+
+import pybullet
+
+from dsr.errors import DsrError, suggest
+from dsr.quaternions import Quaternion, Vector3
+
+TIME_STEP = 1.0 / 240.0
+"""s, of one physics step."""
+GRAVITY = 9.81
+"""m/s^2, towards -z."""
+_WAKE_REACH = 0.003  # m, bodies this close to a moved one are woken
+_SLEEP_SPEED = 0.02  # m/s or rad/s, below which a body may fall asleep
+
+
+class SimulationError(DsrError):
+    """A body that does not exist, exists twice, or cannot be simulated."""
+
+
+class Contact(NamedTuple):
+    """Two bodies that touch."""
+
+    upper: str
+    """The body that the contact pushes up (for a side contact, the first one)."""
+    lower: str
+    distance: float
+    """m between the surfaces; negative where they interpenetrate."""
+    steepness: float
+    """Vertical part of the contact's unit normal, 0 for a side contact to 1 for one body on another."""
+
+
+class Simulator:
+    """A world of named rigid bodies with gravity, contact and sleeping."""
+
+    def __init__(self) -> None:
+        self._client: int = pybullet.connect(pybullet.DIRECT)
+        self._ids: dict[str, int] = {}
+        self._names: dict[int, str] = {}
+        self._masses: dict[str, float] = {}
+        self._shapes: dict[Vector3, int] = {}
+        pybullet.setGravity(0.0, 0.0, -GRAVITY, physicsClientId=self._client)
+        pybullet.setPhysicsEngineParameter(
+            fixedTimeStep=TIME_STEP, deterministicOverlappingPairs=1, physicsClientId=self._client
+        )
+
+    def __enter__(self) -> Simulator:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._ids
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all bodies, in the order they were added."""
+        return tuple(self._ids)
+
+    def add_box(
+        self,
+        name: str,
+        size: Vector3,
+        position: Vector3,
+        rotation: Quaternion = (0.0, 0.0, 0.0, 1.0),
+        *,
+        mass: float = 0.0,
+        friction: float = 0.5,
+    ) -> None:
+        """Add a solid box.
+
+        Args:
+            name: not in use yet.
+            size: (3,) edge lengths, m.
+            position: (3,) of its centre, m.
+            rotation: (4,) of the box in the world.
+            mass: kg; 0 for one that never moves.
+            friction: Coulomb coefficient; that of a contact is the product of both bodies'.
+
+        Raises:
+            SimulationError: for a name in use, or a size or mass that no body can have.
+        """
+        if name in self._ids:
+            raise SimulationError(f"body {name!r} is already in the simulation")
+        if not all(0.0 < edge < math.inf for edge in size) or not 0.0 <= mass < math.inf:
+            raise SimulationError(f"body {name!r}: size {size} m, mass {mass} kg; expected finite positive values")
+        body: int = pybullet.createMultiBody(
+            mass, self._box_shape(size), basePosition=position, baseOrientation=rotation,
+            physicsClientId=self._client,
+        )  # fmt: skip
+        pybullet.changeDynamics(
+            body, -1, lateralFriction=friction, restitution=0.0, sleepThreshold=_SLEEP_SPEED,
+            activationState=pybullet.ACTIVATION_STATE_ENABLE_SLEEPING, physicsClientId=self._client,
+        )  # fmt: skip
+        self._ids[name], self._names[body], self._masses[name] = body, name, mass
+
+    def remove(self, name: str) -> None:
+        """Take a body out; what rested on it will fall."""
+        body = self._id(name)
+        self._wake_around(body)
+        pybullet.removeBody(body, physicsClientId=self._client)
+        del self._ids[name], self._names[body], self._masses[name]
+
+    def position(self, name: str) -> Vector3:
+        """(3,) of the body's centre, m."""
+        return self.pose(name)[0]
+
+    def pose(self, name: str) -> tuple[Vector3, Quaternion]:
+        """Position (3,) m of the body's centre, and rotation (4,)."""
+        position, rotation = pybullet.getBasePositionAndOrientation(self._id(name), physicsClientId=self._client)
+        return position, rotation
+
+    def speed(self, name: str) -> tuple[float, float]:
+        """How fast the body moves (m/s) and turns (rad/s)."""
+        linear, angular = pybullet.getBaseVelocity(self._id(name), physicsClientId=self._client)
+        return math.hypot(*linear), math.hypot(*angular)
+
+    def place(self, name: str, position: Vector3, rotation: Quaternion) -> None:
+        """Put a body somewhere, at rest, and wake what touched it there and what touches it here."""
+        body = self._id(name)
+        self._wake_around(body)
+        pybullet.resetBasePositionAndOrientation(body, position, rotation, physicsClientId=self._client)
+        pybullet.resetBaseVelocity(body, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), physicsClientId=self._client)
+        self._wake_around(body)
+
+    def pin(self, name: str, pinned: bool) -> None:
+        """Hold a body where it is, whatever pushes it; or let it go again."""
+        body = self._id(name)
+        mass = 0.0 if pinned else self._masses[name]
+        pybullet.changeDynamics(body, -1, mass=mass, physicsClientId=self._client)
+        self._wake_around(body)
+
+    def step(self, count: int = 1) -> None:
+        """Let `count` times 1/240 s pass."""
+        for _ in range(count):
+            pybullet.stepSimulation(physicsClientId=self._client)
+
+    def contacts(self, within: float = 0.001) -> list[Contact]:
+        """Pairs of bodies whose surfaces are closer than `within` m: the deepest point of each pair, sorted."""
+        deepest: dict[tuple[str, str], Contact] = {}
+        for point in pybullet.getContactPoints(physicsClientId=self._client):
+            contact = self._contact(point[1], point[2], point[7][2], point[8])
+            if contact.distance >= within:
+                continue
+            known = deepest.get(contact[:2])
+            if known is None or contact.distance < known.distance:
+                deepest[contact[:2]] = contact
+        return sorted(deepest.values())
+
+    def snapshot(self) -> int:
+        """Keep the whole state (poses, velocities, contacts) in memory; returns a handle for `restore`."""
+        handle: int = pybullet.saveState(physicsClientId=self._client)
+        return handle
+
+    def restore(self, handle: int) -> None:
+        """Go back to a snapshot. Raises `SimulationError` if bodies were added or removed since."""
+        try:
+            pybullet.restoreState(handle, physicsClientId=self._client)
+        except pybullet.error as error:
+            raise SimulationError(f"snapshot {handle} does not fit the bodies that are there now") from error
+
+    def discard(self, handle: int) -> None:
+        """Forget a snapshot."""
+        pybullet.removeState(handle, physicsClientId=self._client)
+
+    def close(self) -> None:
+        """Free everything; harmless when repeated."""
+        if self._client >= 0:
+            pybullet.disconnect(physicsClientId=self._client)
+            self._client = -1
+            self._ids.clear()
+
+    def _id(self, name: str) -> int:
+        try:
+            return self._ids[name]
+        except KeyError:
+            raise SimulationError(f"no body {name!r} in the simulation; {suggest(name, self._ids)}") from None
+
+    def _box_shape(self, size: Vector3) -> int:
+        """One shape per size for the life of the client: pybullet never frees the shape of a removed body."""
+        if size not in self._shapes:
+            self._shapes[size] = pybullet.createCollisionShape(
+                pybullet.GEOM_BOX, halfExtents=[0.5 * edge for edge in size], physicsClientId=self._client
+            )
+        return self._shapes[size]
+
+    def _contact(self, a: int, b: int, normal_z: float, distance: float) -> Contact:
+        """Contact of bodies a and b with the normal that pushes a away from b."""
+        if normal_z < 0.0:
+            a, b = b, a
+        return Contact(self._names[a], self._names[b], distance, abs(normal_z))
+
+    def _wake_around(self, body: int) -> None:
+        """Wake a body and all that is near it: pybullet lets sleepers hang in the air."""
+        low, high = pybullet.getAABB(body, physicsClientId=self._client)
+        near = pybullet.getOverlappingObjects(
+            [edge - _WAKE_REACH for edge in low], [edge + _WAKE_REACH for edge in high], physicsClientId=self._client
+        )
+        self._wake({body, *(other for other, _ in near or ())})
+
+    def _wake(self, bodies: Iterable[int]) -> None:
+        for body in sorted(bodies):
+            pybullet.changeDynamics(
+                body, -1, activationState=pybullet.ACTIVATION_STATE_WAKE_UP, physicsClientId=self._client
+            )

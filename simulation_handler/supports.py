@@ -1,0 +1,78 @@
+"""Why an object hovers: what must be beneath it, though nothing was ever seen there.
+
+First the objects that are known to exist and were never seen, then a stack of things like itself that nobody
+told about. What neither explains is held where it is perceived.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+from dsr.quaternions import Vector3
+from simulation_handler.geometry import Solid
+from simulation_handler.placement import find_support
+
+UNKNOWN = ""
+"""Name of a support that is no object of the graph."""
+_MOST_BENEATH = 4
+_MOST_CANDIDATES = 8
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """What is put beneath a hovering object."""
+
+    stack: tuple[Solid, ...] = ()
+    """Objects that were never seen, lowest first."""
+    prop: Solid | None = None
+    """An unknown support, if no known objects explain it."""
+
+
+def explain(
+    hovering: Solid, unseen: Mapping[str, Vector3], others: Iterable[Solid], tolerance: float
+) -> Explanation | None:
+    """What could carry an object that is steadily perceived above anything that could.
+
+    Args:
+        hovering: the object as it is perceived, face down.
+        unseen: edge lengths (m) of the objects that exist and were never seen, by name.
+        others: all other solids.
+        tolerance: m by which the heights may miss.
+    """
+    level = find_support(hovering, hovering.bottom, [o for o in others if o.top < hovering.bottom], float("inf"))[1]
+    if level is None:
+        return None
+    gap = hovering.bottom - level
+    if names := _stack_of(gap, unseen, tolerance):
+        return Explanation(stack=_piled([(name, unseen[name]) for name in names], hovering, level))
+    height = 2.0 * hovering.half_height
+    count = round(gap / height)
+    if count < 1 or abs(gap - count * height) > tolerance:
+        return None
+    return Explanation(prop=_piled([(UNKNOWN, (*hovering.size[:2], count * height))], hovering, level)[0])
+
+
+def _stack_of(gap: float, unseen: Mapping[str, Vector3], tolerance: float) -> tuple[str, ...]:
+    """The fewest, then best fitting, then first by name, whose heights add up to `gap` (m)."""
+    names = sorted(unseen)[:_MOST_CANDIDATES]
+    for count in range(1, min(_MOST_BENEATH, len(names)) + 1):
+        misses = [
+            (abs(gap - sum(unseen[name][2] for name in chosen)), chosen)
+            for chosen in itertools.combinations(names, count)
+        ]
+        miss, best = min(misses)
+        if miss <= tolerance:
+            return best
+    return ()
+
+
+def _piled(parts: Sequence[tuple[str, Vector3]], above: Solid, level: float) -> tuple[Solid, ...]:
+    """Solids on each other from height `level` (m) upwards, in line with the one above."""
+    pile = []
+    for name, size in parts:
+        x, y, _ = above.position
+        pile.append(Solid(name, size, (x, y, level + 0.5 * size[2]), above.rotation))
+        level += size[2]
+    return tuple(pile)
