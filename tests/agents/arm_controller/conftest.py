@@ -37,6 +37,7 @@ class FakeArm:
         self.opening = 0.085
         self.obstacle = 0.0
         self.stuck = False
+        self.drift = 0.0
         self.present: ArmState | None = None
         self.told: list[tuple[Any, ...]] = []
         self.closed = False
@@ -47,7 +48,7 @@ class FakeArm:
         step = np.clip(self._goal - self.positions, -self._speed * PERIOD, self._speed * PERIOD)
         step = np.zeros(7) if self.stuck else step
         self.positions = self.positions + step
-        self.velocities = step / PERIOD
+        self.velocities = step / PERIOD + self.drift
         self.present = self.sample(now)
 
     def sample(self, now: float) -> ArmState:

@@ -50,6 +50,29 @@ def test_tool_reaches_a_pose_in_the_world(make_bench: Callable[..., Bench], tool
     assert (bench.memory.transform("world", "gripper") @ gripper_from_tool).distance(wanted)[0] < 0.15e-3
 
 
+def test_configured_posture_is_preferred(make_bench: Callable[..., Bench], tool: Chain) -> None:
+    posture = np.array(HOME) + 0.4 * np.eye(7)[2]
+    target = tool.forward(np.array(HOME) + 0.1)
+    away = []
+    for config in ({"posture": posture.tolist()}, {}):
+        bench = make_bench(**config)
+        bench.memory.update_node("arm", target_pose=target)
+        bench.run(2.0)
+        away.append(np.linalg.norm(tool.difference(bench.arm.positions, posture)))
+    assert away[0] < 0.9 * away[1]
+
+
+def test_passing_by_the_target_is_not_reaching_it(bench: Bench) -> None:
+    bench.run(0.1)
+    bench.arm.drift = 0.05
+    bench.memory.update_node("arm", target_joints=HOME)
+    bench.run(0.2)
+    assert bench.status == "moving"
+    bench.arm.drift = 0.0
+    bench.run(0.1)
+    assert bench.status == "reached"
+
+
 def test_the_same_target_again_is_a_new_one(bench: Bench) -> None:
     bench.memory.update_node("arm", target_joints=AWAY)
     bench.run(2.0)
@@ -169,10 +192,22 @@ def test_silence_of_the_driver_is_reported_once_and_the_target_is_followed_after
 
 def test_silence_from_the_start_is_reported_and_targets_wait(bench: Bench) -> None:
     bench.memory.update_node("arm", target_joints=AWAY)
+    bench.memory.update_node("gripper", target_opening=0.03)
     bench.run(1.0, silent=True)
     assert bench.status == "no_driver"
     bench.run(2.0)
     assert bench.status == "reached"
+    assert bench.memory.node("gripper")["opening"] == 0.03
+
+
+def test_a_driver_that_forgot_the_gripper_is_told_again(bench: Bench) -> None:
+    bench.memory.update_node("gripper", target_opening=0.03)
+    bench.run(0.2)
+    bench.run(1.0, silent=True)
+    bench.arm.opening = 0.085
+    bench.run(0.2)
+    gripper = bench.memory.node("gripper")
+    assert (gripper["opening"], gripper["status"]) == (0.03, "reached")
 
 
 def test_idle_arm_is_idle_again_after_silence(bench: Bench) -> None:
