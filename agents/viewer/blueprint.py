@@ -1,0 +1,71 @@
+"""How the views are arranged; saved in the recording, so that it opens like this everywhere."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import rerun.blueprint as rrb
+
+from agents.viewer import events, graph_view, scene, series
+
+TIMELINE = "stamp"
+_EYE = (1.1, -0.62, 0.52)
+_TARGET = (0.22, 0.06, 0.22)
+_BACKGROUND = (24, 27, 32)
+
+
+def make_blueprint(cameras: Sequence[str], with_truth: bool) -> rrb.Blueprint:
+    """The arrangement: the scene large, around it what explains it.
+
+    Args:
+        cameras: that send images.
+        with_truth: errors against the truth are known.
+    """
+    return rrb.Blueprint(
+        rrb.Horizontal(
+            rrb.Vertical(_scene(), _graph(), row_shares=[5, 3]),
+            rrb.Vertical(_images(cameras), _numbers(with_truth), _log(), row_shares=[4, 3, 3]),
+            column_shares=[5, 3],
+        ),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following"),
+    )
+
+
+def _scene() -> rrb.View:
+    return rrb.Spatial3DView(
+        origin=scene.ENTITY,
+        name="Scene: percepts (orange wire), beliefs (blue)",
+        line_grid=False,
+        background=rrb.Background(color=_BACKGROUND),
+        eye_controls=rrb.EyeControls3D(position=_EYE, look_target=_TARGET, eye_up=(0.0, 0.0, 1.0)),
+    )
+
+
+def _graph() -> rrb.View:
+    return rrb.GraphView(origin=graph_view.ENTITY, name="Working memory")
+
+
+def _images(cameras: Sequence[str]) -> rrb.Container | rrb.View:
+    views = [rrb.Spatial2DView(origin=scene.camera_entity(camera), name=camera) for camera in cameras]
+    return rrb.Tabs(*views) if views else rrb.TextLogView(origin="none", name="no camera image yet")
+
+
+def _numbers(with_truth: bool) -> rrb.Container:
+    errors = rrb.TimeSeriesView(
+        origin=series.ERRORS,
+        name="Error of percepts (orange), beliefs (blue) [mm]",
+        plot_legend=rrb.PlotLegend(visible=False),
+    )
+    distances = rrb.TimeSeriesView(origin=series.DISTANCES, name="Between them [mm]")
+    rates = rrb.TimeSeriesView(origin=series.RATES, name="Agents [Hz]")
+    return rrb.Tabs(*([errors] if with_truth else []), distances, rates, active_tab=0)
+
+
+def _log() -> rrb.View:
+    """The lines say when and who, in less room than columns would take."""
+    columns = rrb.TextLogColumns(
+        timeline_columns=[rrb.encodings.TimelineColumn(TIMELINE, visible=False)], text_log_columns=["LogLevel", "Body"]
+    )
+    return rrb.TextLogView(origin=events.ENTITY, name="Events", columns=columns)

@@ -1,0 +1,98 @@
+"""Camera images with what was detected in them."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Iterable
+
+import cv2
+import numpy as np
+import rerun as rr
+
+from agents.viewer import palette
+from agents.viewer.model import Camera
+from agents.viewer.scene import camera_entity
+from dsr import Frame, FrameReader, Memory
+
+
+class ImageView:
+    """Logs the newest image of each camera as a JPEG, and its detections as outlines.
+
+    Args:
+        recording: where to.
+        memory: whose streams of frames.
+        rate_hz: images a second and camera, at most.
+        quality: of the JPEG, 1 to 100.
+    """
+
+    def __init__(
+        self, recording: rr.RecordingStream, memory: Memory, rate_hz: float, quality: int, log: logging.Logger
+    ) -> None:
+        self.unusable = 0
+        """Frames that were left out because their arrays are not as expected."""
+        self._recording = recording
+        self._memory = memory
+        self._period = 1.0 / rate_hz
+        self._quality = quality
+        self._log = log
+        self._readers: dict[str, FrameReader] = {}
+        self._last: dict[str, float] = {}
+
+    @property
+    def cameras(self) -> list[str]:
+        """Cameras that have sent an image."""
+        return sorted(self._last)
+
+    def draw(self, cameras: Iterable[Camera], now: float) -> None:
+        """Log what is new at time `now` (s)."""
+        for camera in cameras:
+            if now - self._last.get(camera.name, -math.inf) >= self._period - 1e-6:
+                frame = self._reader(camera.stream).latest()
+                if frame is not None and self._draw_image(camera.name, frame):
+                    self._last[camera.name] = now
+            detections = self._reader(f"{camera.stream}/detections").latest()
+            if detections is not None:
+                self._draw_detections(camera.name, detections)
+
+    def close(self) -> None:
+        """Stop receiving frames."""
+        for reader in self._readers.values():
+            reader.close()
+
+    def _reader(self, stream: str) -> FrameReader:
+        if stream not in self._readers:
+            self._readers[stream] = self._memory.frames(stream)
+        return self._readers[stream]
+
+    def _draw_image(self, camera: str, frame: Frame) -> bool:
+        color = frame.arrays.get("color")
+        if color is None or color.dtype != np.uint8 or color.ndim != 3 or color.shape[2] != 3 or not color.size:
+            self._skip(camera, "color", "a (height, width, 3) uint8 image")
+            return False
+        bgr = cv2.cvtColor(color, cv2.COLOR_RGB2BGR)
+        _, data = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, self._quality])
+        self._recording.log(camera_entity(camera), rr.EncodedImage(contents=data.tobytes(), media_type="image/jpeg"))
+        return True
+
+    def _draw_detections(self, camera: str, frame: Frame) -> None:
+        corners, ids = frame.arrays.get("corners"), frame.arrays.get("ids")
+        if corners is None or ids is None or corners.shape != (len(ids), 4, 2) or not np.isfinite(corners).all():
+            self._skip(camera, "corners and ids", "finite (n, 4, 2) px, and (n,)")
+            return
+        outlines = np.concatenate([corners, corners[:, :1]], axis=1)
+        self._recording.log(
+            f"{camera_entity(camera)}/detections",
+            rr.LineStrips2D(
+                outlines,
+                colors=[palette.PERCEPT] * len(ids),
+                radii=[1.5] * len(ids),
+                labels=[f"tag {number}" for number in ids],
+                show_labels=True,
+            ),
+        )
+
+    def _skip(self, camera: str, arrays: str, expected: str) -> None:
+        self.unusable += 1
+        if self.unusable == 1:
+            self._log.warning("camera %r: %s cannot be drawn, expected %s (logged once)", camera, arrays, expected)

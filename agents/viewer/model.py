@@ -1,0 +1,145 @@
+"""What the 3D view shows, read from the working memory as plain values."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import msgspec
+
+from dsr import Memory, Node, Pose, TransformError
+
+WORLD = "world"
+OBJECT_TYPES = ("cube", "box", "container", "cup", "ball", "hand", "finger")
+BELIEF_FIRST = ("Virtual_RT", "RT")
+_BODY_TYPES = ("robot", "arm", "body", "gripper")
+_FRAME_TYPES = (WORLD, "robot", "gripper", "camera", "table")
+_DEFAULT_SIZE = {"table": (1.0, 1.0, 0.02), "hand": (0.08, 0.08, 0.08), "finger": (0.016, 0.016, 0.016)}
+_OTHER_SIZE = (0.04, 0.04, 0.04)
+
+Vector = tuple[float, float, float]
+
+
+class Place(msgspec.Struct, frozen=True):
+    """A pose in the world, comparable by its numbers."""
+
+    translation: Vector
+    """m"""
+    rotation: tuple[float, float, float, float]
+    """Quaternion (x, y, z, w)"""
+
+
+class Solid(msgspec.Struct, frozen=True):
+    """An object at a place."""
+
+    name: str
+    type: str
+    place: Place
+    size: Vector
+    """m, extent along its own x, y, z"""
+    seen: bool = True
+    """A camera perceives it now."""
+
+
+class Camera(msgspec.Struct, frozen=True):
+    """A camera at a place, with its lens."""
+
+    name: str
+    stream: str
+    place: Place | None
+    lens: tuple[float, float, float, float] | None
+    """fx, fy, cx, cy in px"""
+    resolution: tuple[int, int] | None
+    """Width and height in px"""
+
+
+class Gripper(msgspec.Struct, frozen=True):
+    """A gripper and how far it is open."""
+
+    place: Place
+    opening: float
+    """m"""
+
+
+class Scene(msgspec.Struct, frozen=True):
+    """Everything at one instant."""
+
+    tables: list[Solid]
+    percepts: list[Solid]
+    beliefs: list[Solid]
+    frames: list[Place]
+    links: list[tuple[Vector, Vector]]
+    """Segments of robots, from joint to joint"""
+    grippers: list[Gripper]
+    cameras: list[Camera]
+
+
+def read_scene(memory: Memory) -> Scene:
+    """The scene as the memory has it now; what is not connected to the world is left out."""
+    objects = _nodes(memory, OBJECT_TYPES)
+    percepts = [solid for node in objects if (solid := _solid(memory, node, ("RT",)))]
+    believed = [node for node in objects if memory.edges("Virtual_RT", dst=node.name)]
+    return Scene(
+        tables=[solid for node in _nodes(memory, ("table",)) if (solid := _solid(memory, node, BELIEF_FIRST))],
+        percepts=percepts,
+        beliefs=[solid for node in believed if (solid := _solid(memory, node, BELIEF_FIRST))],
+        frames=[place for node in _nodes(memory, _FRAME_TYPES) if (place := _place(memory, node.name))],
+        links=_links(memory),
+        grippers=[gripper for node in _nodes(memory, ("gripper",)) if (gripper := _gripper(memory, node))],
+        cameras=[_camera(memory, node) for node in _nodes(memory, ("camera",))],
+    )
+
+
+def place_of(pose: Pose) -> Place:
+    """The place of a world_from_something."""
+    return Place(pose.t, pose.q)
+
+
+def _nodes(memory: Memory, types: Iterable[str]) -> list[Node]:
+    return sorted((node for type in types for node in memory.nodes(type)), key=lambda node: node.name)
+
+
+def _place(memory: Memory, name: str, types: tuple[str, ...] = ("RT",)) -> Place | None:
+    try:
+        return place_of(memory.transform(WORLD, name, types=types))
+    except TransformError:
+        return None
+
+
+def _solid(memory: Memory, node: Node, types: tuple[str, ...]) -> Solid | None:
+    place = _place(memory, node.name, types)
+    if place is None:
+        return None
+    x, y, z = node.get("size", _DEFAULT_SIZE.get(node.type, _OTHER_SIZE))
+    return Solid(node.name, node.type, place, (x, y, z), bool(node.get("perceived", True)))
+
+
+def _links(memory: Memory) -> list[tuple[Vector, Vector]]:
+    """From frame to frame along the RT edges between parts of a robot."""
+    links = []
+    for dst in _nodes(memory, _BODY_TYPES):
+        for edge in memory.edges("RT", dst=dst.name):
+            src = memory.get_node(edge.src)
+            if src is not None and src.type in _BODY_TYPES:
+                ends = _place(memory, src.name), _place(memory, dst.name)
+                if ends[0] and ends[1]:
+                    links.append((ends[0].translation, ends[1].translation))
+    return links
+
+
+def _gripper(memory: Memory, node: Node) -> Gripper | None:
+    place = _place(memory, node.name)
+    return None if place is None else Gripper(place, float(node.get("opening", 0.0)))
+
+
+def _camera(memory: Memory, node: Node) -> Camera:
+    values: list[Any] = [node.get(name) for name in ("fx", "fy", "cx", "cy", "width", "height")]
+    known = None not in values
+    fx, fy, cx, cy, width, height = values
+    return Camera(
+        name=node.name,
+        stream=node.get("stream") or node.name,
+        place=_place(memory, node.name),
+        lens=(fx, fy, cx, cy) if known else None,
+        resolution=(width, height) if known else None,
+    )

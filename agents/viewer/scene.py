@@ -1,0 +1,166 @@
+"""The 3D view: frames, table, robot and cameras; percepts and beliefs drawn apart."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import msgspec
+import numpy as np
+import rerun as rr
+
+from agents.viewer import palette
+from agents.viewer.model import Camera, Gripper, Place, Scene, Solid, Vector
+from dsr import Pose
+
+ENTITY = "world"
+_LINK_RADIUS = 0.038  # m, as all lengths below
+_LEAST_LINK = 0.01
+_AXIS = 0.08
+_PALM = ((0.0, 0.0, 0.04), (0.09, 0.05, 0.08))  # centre and size in the gripper's frame, z forward
+_FINGER = (0.012, 0.022, 0.055)
+_FINGER_AHEAD = 0.1075
+_FRUSTUM = 0.12
+
+
+def camera_entity(camera: str) -> str:
+    """The entity of a camera's images; the one above it is the camera's frame."""
+    return f"{ENTITY}/cameras/{camera}/image"
+
+
+class SceneView:
+    """Logs scenes, each part only when it changed."""
+
+    def __init__(self, recording: rr.RecordingStream) -> None:
+        self._recording = recording
+        self._shown: dict[str, Any] = {}
+        recording.log(ENTITY, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+
+    def draw(self, scene: Scene) -> None:
+        """Log what is not as it was before."""
+        self._update("table", scene.tables, _tables)
+        self._update("robot/links", scene.links, _links)
+        self._update("robot/grippers", scene.grippers, _grippers)
+        self._update("frames", scene.frames, _axes)
+        self._update("percepts", scene.percepts, _percepts)
+        self._update("beliefs", scene.beliefs, _beliefs)
+        self._update("names", list({solid.name: solid for solid in scene.percepts + scene.beliefs}.values()), _names)
+        for camera in scene.cameras:
+            self._draw_camera(camera)
+
+    def _update(self, entity: str, content: Any, draw: Callable[[Any], Any]) -> None:
+        if self._shown.get(entity) != content:
+            self._shown[entity] = content
+            self._recording.log(f"{ENTITY}/{entity}", draw(content))
+
+    def _draw_camera(self, camera: Camera) -> None:
+        if camera.place is not None:
+            self._update(f"cameras/{camera.name}", camera.place, _transform)
+        if camera.lens is not None:
+            self._update(f"cameras/{camera.name}/image", (camera.lens, camera.resolution), lambda lens: _pinhole(*lens))
+
+
+def _transform(place: Place) -> rr.Transform3D:
+    return rr.Transform3D(translation=place.translation, quaternion=rr.Quaternion(xyzw=place.rotation))
+
+
+def _pinhole(lens: tuple[float, float, float, float], resolution: tuple[int, int]) -> rr.Pinhole:
+    fx, fy, cx, cy = lens
+    return rr.Pinhole(
+        image_from_camera=[[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]],
+        resolution=resolution,
+        camera_xyz=rr.ViewCoordinates.RDF,
+        image_plane_distance=_FRUSTUM,
+        color=palette.CAMERA,
+        line_width=0.002,
+    )
+
+
+def _boxes(solids: list[Solid], **style: Any) -> rr.Boxes3D:
+    return rr.Boxes3D(
+        centers=np.array([solid.place.translation for solid in solids]).reshape(-1, 3),
+        sizes=np.array([solid.size for solid in solids]).reshape(-1, 3),
+        quaternions=np.array([solid.place.rotation for solid in solids]).reshape(-1, 4),
+        **style,
+    )
+
+
+def _percepts(percepts: list[Solid]) -> rr.Boxes3D:
+    colors = [palette.PERCEPT if solid.seen else palette.UNSEEN_PERCEPT for solid in percepts]
+    return _boxes(percepts, colors=colors, fill_mode="majorwireframe", radii=[0.0012] * len(percepts))
+
+
+def _beliefs(beliefs: list[Solid]) -> rr.Boxes3D:
+    return _boxes(beliefs, colors=[palette.BELIEF] * len(beliefs), fill_mode="solid")
+
+
+def _names(solids: list[Solid]) -> rr.Points3D:
+    """A name above each object; all but invisible points carry them."""
+    above = [(x, y, z + 1.6 * max(solid.size)) for solid in solids for x, y, z in [solid.place.translation]]
+    return rr.Points3D(
+        np.array(above).reshape(-1, 3),
+        labels=[solid.name for solid in solids],
+        show_labels=True,
+        radii=[0.0001] * len(solids),
+        colors=[palette.NAME] * len(solids),
+    )
+
+
+def _tables(tables: list[Solid]) -> rr.Boxes3D:
+    """A table's frame is in the middle of its top surface."""
+    centres = [_moved(table.place, (0.0, 0.0, -table.size[2] / 2)) for table in tables]
+    lowered = [msgspec.structs.replace(table, place=centre) for table, centre in zip(tables, centres, strict=True)]
+    return _boxes(lowered, colors=[palette.TABLE] * len(lowered), fill_mode="solid")
+
+
+def _links(links: list[tuple[Vector, Vector]]) -> rr.Capsules3D:
+    long = [(start, end) for start, end in links if math.dist(start, end) > _LEAST_LINK]
+    return rr.Capsules3D(
+        lengths=[math.dist(start, end) for start, end in long],
+        radii=[_LINK_RADIUS] * len(long),
+        translations=np.array([start for start, _ in long]).reshape(-1, 3),
+        quaternions=np.array([_along_z(start, end) for start, end in long]).reshape(-1, 4),
+        colors=[palette.ROBOT if index % 2 == 0 else palette.JOINT for index in range(len(long))],
+        fill_mode="solid",
+    )
+
+
+def _along_z(start: Vector, end: Vector) -> tuple[float, float, float, float]:
+    """The shortest rotation that turns the z axis into the direction from `start` to `end`, as (x, y, z, w)."""
+    x, y, z = (np.array(end) - np.array(start)) / math.dist(start, end)
+    if z < -0.999999:
+        return 1.0, 0.0, 0.0, 0.0
+    norm = math.sqrt(2.0 * (1.0 + z))
+    return -y / norm, x / norm, 0.0, (1.0 + z) / norm
+
+
+def _grippers(grippers: list[Gripper]) -> rr.Boxes3D:
+    """A palm and two fingers each, which move along x."""
+    parts = [part for gripper in grippers for part in _gripper_parts(gripper)]
+    return _boxes(parts, colors=[palette.JOINT] * len(parts), fill_mode="solid")
+
+
+def _gripper_parts(gripper: Gripper) -> list[Solid]:
+    parts = [Solid("palm", "gripper", _moved(gripper.place, _PALM[0]), _PALM[1])]
+    for side in (-1.0, 1.0):
+        offset = side * (gripper.opening + _FINGER[0]) / 2
+        parts.append(Solid("finger", "gripper", _moved(gripper.place, (offset, 0.0, _FINGER_AHEAD)), _FINGER))
+    return parts
+
+
+def _moved(place: Place, offset: Vector) -> Place:
+    """The place at `offset` (m) in the frame of `place`."""
+    moved = Pose.unchecked(place.translation, place.rotation) @ Pose(offset)
+    return Place(moved.t, moved.q)
+
+
+def _axes(frames: list[Place]) -> rr.Arrows3D:
+    """x, y, z of each frame in red, green and blue."""
+    rotations = [Pose.unchecked(frame.translation, frame.rotation).rotation_matrix for frame in frames]
+    return rr.Arrows3D(
+        origins=np.repeat(np.array([frame.translation for frame in frames]).reshape(-1, 3), 3, axis=0),
+        vectors=_AXIS * np.array([matrix.T for matrix in rotations]).reshape(-1, 3),
+        colors=list(palette.AXES) * len(frames),
+        radii=[0.0015] * (3 * len(frames)),
+    )

@@ -1,0 +1,92 @@
+"""The rerun window: the native viewer as a process of its own, reachable from this machine only."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import socket
+import subprocess
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+from dsr import DsrError
+
+_PATIENCE = 2.0  # s to close in an orderly way
+
+
+class WindowError(DsrError):
+    """The viewer's window cannot be opened."""
+
+
+class Window:
+    """A running rerun viewer; a context manager that closes it.
+
+    Args:
+        log_file: gets its output.
+        memory_limit: what it may use until it forgets the oldest data, such as "1GB".
+
+    Raises:
+        WindowError: if there is no display or no viewer, or it cannot be started.
+    """
+
+    def __init__(self, log_file: Path, memory_limit: str) -> None:
+        if not has_display(os.environ):
+            raise WindowError("there is no display")
+        self.log_file = log_file
+        port = _free_port()
+        self.url = f"rerun+http://127.0.0.1:{port}/proxy"
+        command = [str(_binary()), "--bind", "127.0.0.1", "--port", str(port), "--memory-limit", memory_limit]
+        command += ["--expect-data-soon", "--hide-welcome-screen"]
+        try:
+            with log_file.open("ab") as log:
+                self._process = subprocess.Popen(
+                    command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT, env=_environment()
+                )
+        except OSError as error:
+            raise WindowError(f"{command[0]} cannot be started ({error})") from error
+
+    def __enter__(self) -> Window:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def exit_code(self) -> int | None:
+        """Of the viewer, None while it runs."""
+        return self._process.poll()
+
+    def close(self) -> None:
+        """Close the window; harmless when repeated."""
+        self._process.terminate()
+        try:
+            self._process.wait(_PATIENCE)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+
+def has_display(environment: Mapping[str, str], platform: str = sys.platform) -> bool:
+    """Whether a window can be shown."""
+    return not platform.startswith("linux") or bool(environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY"))
+
+
+def _binary() -> Path:
+    """The native program itself: killing the script that wraps it would leave it behind."""
+    package = importlib.util.find_spec("rerun_cli")
+    if package is None or package.origin is None:
+        raise WindowError("the package rerun_cli, a part of rerun-sdk, is not installed")
+    return Path(package.origin).parent / ("rerun.exe" if os.name == "nt" else "rerun")
+
+
+def _environment() -> dict[str, str]:
+    """Of the viewer: without usage analytics, which rerun leaves out, files included, where `CI` is set."""
+    return {**os.environ, "CI": "1"}
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
