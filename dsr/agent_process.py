@@ -22,7 +22,7 @@ from dsr.config import TomlFile
 from dsr.connect import connect, open_transport
 from dsr.errors import ConfigError, DsrError
 from dsr.keys import Keys
-from dsr.lifeline import follow_launcher
+from dsr.lifeline import LAUNCHED, follow_launcher
 from dsr.logs import BusLogHandler, log_to_terminal
 from dsr.memory import Memory, new_rid
 from dsr.rendezvous import running_graph
@@ -85,7 +85,7 @@ def run_process(
         agent = make_agent(
             kind, name=name, config=config, bus=bus, keys=Keys(graph), clock=WALL_CLOCK, memory=memory, seed=seed
         )
-        runner = Runner(agent, rid=rid, pid=os.getpid())
+        runner = Runner(agent, rid=rid, pid=os.getpid(), restarts=int(os.environ.get(LAUNCHED, "0")))
         resources.callback(runner.teardown)
         runner.setup()
         _run_ticks(runner, stop)

@@ -61,7 +61,7 @@ class Launcher:
     Args:
         system: what to run. If somebody else already launched a system on that graph, a fresh name is taken:
             see `graph`.
-        folder: gets the log file of each agent; made if missing.
+        folder: gets the log file of each agent, and stands for "{run}" in their configurations; made if missing.
         seed: of the run.
         router: endpoint of a Zenoh router to join, `tcp/HOST:7447`; None for this machine alone.
         log_level: of the agents.
@@ -101,7 +101,7 @@ class Launcher:
     def start(self) -> None:
         """Claim the graph's name, join its network and start all agents."""
         name = self._resources.enter_context(_claimed_name(self._requested.graph))
-        self.system = self._requested.on_graph(name)
+        self.system = self._requested.on_graph(name).in_folder(self.folder)
         self.folder.mkdir(parents=True, exist_ok=True)
         self.memory = connect(name, agent="launcher", connect=[self._router] if self._router else ())
         self._resources.callback(self.memory.close)
@@ -196,6 +196,12 @@ class Launcher:
 
     def stop(self) -> None:
         """Stop all agents, killing those that do not end in `STOP_PATIENCE`; harmless when repeated."""
+        try:
+            self._end_processes()
+        finally:
+            self._resources.close()
+
+    def _end_processes(self) -> None:
         for process in self._processes.values():
             process.terminate()
         deadline = self.clock.monotonic() + STOP_PATIENCE
@@ -206,7 +212,6 @@ class Launcher:
         for name, process in left.items():
             _log.warning("agent %s did not stop and was killed", name)
             process.kill()
-        self._resources.close()
 
 
 def _exit_text(code: int | None) -> str:

@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from dsr.clock import WALL_CLOCK
 
 LAUNCHED = "DSR_LAUNCHED"
-"""Environment variable that tells a process that its standard input is its lifeline."""
+"""Environment variable of a launched process: its standard input is its lifeline; how often it was started before."""
 _GRACE = 3.0  # s to end in an orderly way
 
 

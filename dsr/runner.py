@@ -46,15 +46,17 @@ class Runner:
         agent: made by `make_agent`.
         rid: the replica id, or what stands for it.
         pid: the process that it runs in, 0 in lockstep.
+        restarts: how often it was started before.
         strict: let an exception in a tick out, rather than counting it.
     """
 
-    def __init__(self, agent: Agent, *, rid: str, pid: int = 0, strict: bool = False) -> None:
+    def __init__(self, agent: Agent, *, rid: str, pid: int = 0, restarts: int = 0, strict: bool = False) -> None:
         self.agent = agent
         self.state = State.STARTING
         self.missed = 0
         self._rid = rid
         self._pid = pid
+        self._restarts = restarts
         self._strict = strict
         self._errors = 0
         self._errors_in_a_row = 0
@@ -141,6 +143,7 @@ class Runner:
             tick_ms_p95=_quantile(durations, 0.95) * 1e3,
             missed=self.missed,
             errors=self._errors,
+            restarts=self._restarts,
             last_error=self._last_error or self.agent.degraded,
             stamp=self.agent.clock.now(),
         )

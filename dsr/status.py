@@ -52,6 +52,8 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     """Ticks left out because an earlier one took too long."""
     errors: int = 0
     """Failed ticks since the start."""
+    restarts: int = 0
+    """How often its launcher started it again."""
     last_error: str = ""
     stamp: float = 0.0
     """s"""

@@ -52,7 +52,7 @@ class Supervised:
         """It is not running and will not be started again."""
         self._command = list(command)
         self._clock = clock
-        self._environment = {**environment, LAUNCHED: "1", "PYTHONUNBUFFERED": "1"}
+        self._environment = {**environment, "PYTHONUNBUFFERED": "1"}
         self._restart = restart
         self._process: subprocess.Popen[bytes] | None = None
         self._started = 0.0
@@ -72,7 +72,7 @@ class Supervised:
                 stdin=subprocess.PIPE,
                 stdout=log,
                 stderr=subprocess.STDOUT,
-                env=self._environment,
+                env={**self._environment, LAUNCHED: str(self.restarts)},
                 start_new_session=True,
             )
         self._started = self._clock.monotonic()

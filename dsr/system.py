@@ -19,6 +19,8 @@ from dsr.config import TomlFile, convert
 from dsr.errors import ConfigError, DsrError, suggest
 from dsr.keys import check_name
 
+RUN_FOLDER = "{run}"
+"""Stands in a system file for the folder of the run."""
 _ETC = Path(__file__).resolve().parents[1] / "etc"
 
 
@@ -73,6 +75,20 @@ class System:
     def on_graph(self, graph: str) -> System:
         """A copy that works on another graph."""
         return dataclasses.replace(self, graph=graph)
+
+    def in_folder(self, folder: Path) -> System:
+        """A copy in whose configurations "{run}" is replaced by `folder`."""
+        agents = (dataclasses.replace(spec, config=_replace(spec.config, str(folder))) for spec in self.agents)
+        return dataclasses.replace(self, agents=tuple(agents))
+
+
+def _replace(value: Any, folder: str) -> Any:
+    """A configuration with its strings filled in."""
+    if isinstance(value, str):
+        return value.replace(RUN_FOLDER, folder)
+    if isinstance(value, Mapping):
+        return {key: _replace(item, folder) for key, item in value.items()}
+    return [_replace(item, folder) for item in value] if isinstance(value, list) else value
 
 
 class _AgentTable(msgspec.Struct, frozen=True):

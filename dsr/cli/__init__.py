@@ -1,0 +1,1 @@
+"""The `dsr` command: start systems, and look into a running working memory."""

@@ -1,0 +1,96 @@
+"""What the commands share: options, joining the running graph as a reader, output for people and for programs."""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from datetime import datetime
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+import numpy as np
+import typer
+from rich.console import Console
+
+from dsr.access import Access, WriteGuard
+from dsr.clock import WALL_CLOCK
+from dsr.connect import connect
+from dsr.errors import ConfigError
+from dsr.memory import Memory
+from dsr.rendezvous import endpoints, graphs, running_graph
+from dsr.transforms import Pose
+
+GraphOption = Annotated[
+    str | None, typer.Option("--graph", "-g", help="Which graph; default: the only one that runs on this machine.")
+]
+RouterOption = Annotated[
+    str | None, typer.Option("--connect", metavar="ENDPOINT", help="Join the Zenoh router at tcp/HOST:7447 too.")
+]
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
+
+console = Console(highlight=False)
+errors = Console(stderr=True, highlight=False)
+
+
+@contextlib.contextmanager
+def reading(graph: str | None, router: str | None) -> Iterator[Memory]:
+    """A replica of the running graph, that writes nothing. Raises `ConfigError` if there is none."""
+    name = running_graph(graph) if graph is None or router is None else graph
+    if router is None and not endpoints(name):
+        raise ConfigError(f"no graph {name!r} runs on this machine; running: {', '.join(graphs()) or 'none'}")
+    guard = WriteGuard("dsr", Access())
+    with connect(name, agent="dsr", connect=[router] if router else (), guard=guard) as memory:
+        yield memory
+
+
+def print_json(value: Any) -> None:
+    """Print plain data as indented JSON."""
+    typer.echo(msgspec.json.format(msgspec.json.encode(value), indent=2).decode())
+
+
+def plain(value: Any) -> Any:
+    """An attribute's value as JSON can hold it."""
+    if isinstance(value, Pose):
+        return {
+            "translation": [float(number) for number in value.translation],
+            "rotation": [float(number) for number in value.rotation],
+            "stamp": value.stamp,
+            **({} if value.covariance is None else {"covariance": np.asarray(value.covariance).tolist()}),
+        }
+    if isinstance(value, bytes):
+        return {"bytes": len(value)}
+    return list(value) if isinstance(value, tuple) else value
+
+
+def readable(value: Any) -> str:
+    """An attribute's value for people: four digits, no more."""
+    if isinstance(value, Pose):
+        spread = "" if value.covariance is None else f" ± {position_deviation(value) * 1e3:.1f} mm"
+        return f"{readable(tuple(value.translation))}{spread}, {readable(tuple(value.rotation))}"
+    if isinstance(value, float | np.floating):
+        number = float(value)
+        return f"{number:.4g}" if abs(number) < 1e6 else f"{number:.3f}"
+    if isinstance(value, bytes):
+        return f"{len(value)} bytes"
+    if isinstance(value, tuple):
+        return f"({', '.join(f'{number:.4g}' for number in value)})"
+    return str(value)
+
+
+def position_deviation(pose: Pose) -> float:
+    """Standard deviation of the position, m: the root of the mean variance along the three axes."""
+    if pose.covariance is None:
+        return 0.0
+    return float(np.sqrt(np.trace(np.asarray(pose.covariance)[:3, :3]) / 3))
+
+
+def new_run_folder(name: str, runs: Path = Path("runs")) -> Path:
+    """A new folder `runs/<name>-<date>-<time>`, numbered if there is one already."""
+    stem = f"{name}-{datetime.fromtimestamp(WALL_CLOCK.now()):%Y%m%d-%H%M%S}"
+    folders = [runs / stem, *(runs / f"{stem}-{number}" for number in range(2, 100))]
+    for folder in folders:
+        with contextlib.suppress(FileExistsError):
+            folder.mkdir(parents=True)
+            return folder
+    raise ConfigError(f"{folders[-1]} and all before it exist already")

@@ -1,0 +1,161 @@
+"""`dsr ls`, `dsr show`, `dsr tree`: what the working memory holds at this moment."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+from rich.tree import Tree
+
+from dsr.cli.common import GraphOption, JsonOption, RouterOption, console, plain, print_json, readable, reading
+from dsr.elements import Edge, Node
+from dsr.errors import TransformError
+from dsr.memory import Memory
+
+app = typer.Typer()
+
+_STRUCTURE = ("RT", "has", "next")
+"""Edge types along which `dsr tree` goes down."""
+_BELIEF = ("Virtual_RT", "RT")
+
+
+@app.command()
+def ls(
+    kind: Annotated[str | None, typer.Option("--type", "-t", help="Only nodes of this type.")] = None,
+    graph: GraphOption = None,
+    as_json: JsonOption = False,
+    router: RouterOption = None,
+) -> None:
+    """List the nodes: where they were perceived and where they are believed to be, in the world frame (m)."""
+    with reading(graph, router) as memory:
+        rows = [_summary(memory, node) for node in sorted(memory.nodes(kind), key=lambda node: (node.type, node.name))]
+    if as_json:
+        print_json(rows)
+        return
+    table = Table("node", "type", "perceived at (m)", "believed at (m)", "attributes")
+    for row in rows:
+        places = [_place(row[key]) for key in ("perceived_at_m", "believed_at_m")]
+        table.add_row(escape(row["name"]), row["type"], *places, " ".join(row["attributes"]))
+    console.print(table)
+
+
+def _summary(memory: Memory, node: Node) -> dict[str, Any]:
+    believed = any(edge.type == "Virtual_RT" for edge in memory.edges(dst=node.name))
+    return {
+        "name": node.name,
+        "type": node.type,
+        "perceived_at_m": _position(memory, node.name, ("RT",)),
+        "believed_at_m": _position(memory, node.name, _BELIEF) if believed else None,
+        "attributes": sorted(node),
+    }
+
+
+def _position(memory: Memory, name: str, types: tuple[str, ...]) -> list[float] | None:
+    try:
+        return [float(number) for number in memory.transform("world", name, types=types).translation]
+    except TransformError:
+        return None
+
+
+def _place(position: list[float] | None) -> str:
+    return "  ".join(f"{number:7.4f}" for number in position) if position else ""
+
+
+@app.command()
+def show(
+    name: Annotated[str, typer.Argument(help="Name of a node.")],
+    graph: GraphOption = None,
+    as_json: JsonOption = False,
+    router: RouterOption = None,
+) -> None:
+    """Show everything about a node: its attributes with units, and the edges from and to it."""
+    with reading(graph, router) as memory:
+        node = memory.node(name)
+        edges = [*memory.edges(src=name), *memory.edges(dst=name)]
+        if as_json:
+            print_json(
+                {
+                    "name": node.name,
+                    "type": node.type,
+                    "attributes": _plain(node),
+                    "edges": [{"src": e.src, "dst": e.dst, "type": e.type, "attributes": _plain(e)} for e in edges],
+                }
+            )
+            return
+        console.print(f"[bold]{escape(node.name)}[/]: {memory.schema.node_types.get(node.type, node.type)}")
+        console.print(_attribute_table(memory, node))
+        for edge in edges:
+            values = "  ".join(f"{key} {readable(edge[key])}" for key in edge)
+            console.print(f"{escape(edge.src)} [cyan]--{edge.type}-->[/] {escape(edge.dst)}  {escape(values)}")
+
+
+def _plain(element: Node | Edge) -> dict[str, Any]:
+    return {name: plain(element[name]) for name in element}
+
+
+def _attribute_table(memory: Memory, node: Node) -> Table:
+    table = Table("attribute", "value", "unit", "meaning")
+    for name in node:
+        known = memory.schema.attributes.get(name)
+        unit, meaning = (known.unit, known.meaning) if known else ("", "")
+        table.add_row(name, escape(readable(node[name])), unit, meaning)
+    return table
+
+
+@app.command()
+def tree(graph: GraphOption = None, as_json: JsonOption = False, router: RouterOption = None) -> None:
+    """Show how nodes hang together: frames under their parents, parts under wholes, plan steps in order."""
+    with reading(graph, router) as memory:
+        roots = build_forest(memory)
+        name = memory.graph_name
+    if as_json:
+        print_json(roots)
+        return
+    drawing = Tree(f"graph [bold]{name}[/]")
+    for root in roots:
+        _draw(drawing, root)
+    console.print(drawing)
+
+
+def build_forest(memory: Memory) -> list[dict[str, Any]]:
+    """The nodes as nested dictionaries, each node once, below the first parent that leads to it."""
+    seen: set[str] = set()
+    names = sorted(node.name for node in memory.nodes())
+    roots = [name for name in names if not any(edge.type in _STRUCTURE for edge in memory.edges(dst=name))]
+    forest = [_branch(memory, name, "", seen) for name in roots]
+    return forest + [_branch(memory, name, "", seen) for name in names if name not in seen]  # those in cycles
+
+
+def _branch(memory: Memory, name: str, edge_type: str, seen: set[str]) -> dict[str, Any]:
+    seen.add(name)
+    edges = [edge for kind in _STRUCTURE for edge in memory.edges(kind, src=name)]
+    children = []
+    for edge in sorted(edges, key=lambda edge: edge.dst):
+        if edge.dst not in seen:
+            children.append(_branch(memory, edge.dst, edge.type, seen))
+    node = memory.get_node(name)
+    others = [f"{e.type} {e.dst}" for e in memory.edges(src=name) if e.type not in (*_STRUCTURE, "Virtual_RT")]
+    believed = any(edge.type == "Virtual_RT" for edge in memory.edges(dst=name))
+    return {
+        "name": name,
+        "type": node.type if node else "",
+        "edge": edge_type,
+        "believed": believed,
+        "relations": sorted(others),
+        "children": children,
+    }
+
+
+def _draw(parent: Tree, branch: dict[str, Any]) -> None:
+    label = f"[bold]{escape(branch['name'])}[/] [dim]{branch['type']}[/]"
+    if branch["edge"]:
+        label = f"[cyan]{branch['edge']}[/] {label}"
+    if branch["believed"]:
+        label += "  [green]believed[/]"
+    if branch["relations"]:
+        label += f"  [magenta]{escape(', '.join(branch['relations']))}[/]"
+    below = parent.add(label)
+    for child in branch["children"]:
+        _draw(below, child)

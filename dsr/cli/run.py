@@ -1,0 +1,69 @@
+"""`dsr run`: start a system, show how its agents are doing, stop it all on Ctrl-C."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.live import Live
+from rich.markup import escape
+
+from dsr.cli.common import RouterOption, console, new_run_folder
+from dsr.cli.status_table import status_table
+from dsr.launcher import AgentRow, Launcher
+from dsr.system import find_system, load_system
+
+app = typer.Typer()
+
+
+@app.command()
+def run(
+    system: Annotated[str, typer.Argument(help="A TOML file, or the name of one in etc/systems.")],
+    graph: Annotated[str | None, typer.Option("--graph", "-g", help="Name of the graph; default: the file's.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
+    folder: Annotated[Path | None, typer.Option(help="For logs and recordings; default: a new one in runs/.")] = None,
+    router: RouterOption = None,
+    log_level: Annotated[str, typer.Option(help="Of the agents: debug, info, warning or error.")] = "info",
+) -> None:
+    """Start the agents of a system as processes and supervise them until Ctrl-C.
+
+    Agents that crash are started again. Look into the working memory from another terminal: dsr ls, dsr tree,
+    dsr watch, dsr top. The exit code is 1 if the agents do not become ready, or all end by themselves.
+    """
+    chosen = load_system(system)
+    chosen = chosen.on_graph(graph) if graph else chosen
+    place = folder or new_run_folder(find_system(system).stem)
+    with Launcher(chosen, place, seed=seed, router=router, log_level=log_level) as launcher:
+        message = f"graph [bold]{launcher.graph}[/], logs and recordings in [bold]{place}[/], Ctrl-C stops"
+        console.print(message, soft_wrap=True)
+        view = _View(launcher)
+        with view.live:
+            try:
+                launcher.wait_ready(view.show)
+                launcher.run(threading.Event(), view.show)
+            except KeyboardInterrupt:
+                view.live.update("")
+                raise typer.Exit(0) from None
+    raise typer.Exit(1)
+
+
+class _View:
+    """Shows the agents' rows: a live table in a terminal, else a line for each change of state."""
+
+    def __init__(self, launcher: Launcher) -> None:
+        self._title = f"graph {launcher.graph}"
+        self._states: dict[str, str] = {}
+        self.live = Live(console=console, refresh_per_second=4, transient=True)
+
+    def show(self, rows: list[AgentRow]) -> None:
+        """Show the newest rows."""
+        if console.is_terminal:
+            self.live.update(status_table(rows, self._title))
+            return
+        for row in rows:
+            if self._states.get(row.agent) != row.state:
+                self._states[row.agent] = row.state
+                error = f" ({escape(row.last_error)})" if row.last_error else ""
+                console.print(f"{row.agent}: {row.state}{error}", soft_wrap=True)

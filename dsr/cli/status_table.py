@@ -1,0 +1,64 @@
+"""The table of agents: state, rate, latency, restarts, last error."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+from rich.box import SIMPLE_HEAD
+from rich.markup import escape
+from rich.table import Table
+
+from dsr.launcher import AgentRow
+
+_COLOURS = {
+    "ready": "green",
+    "degraded": "yellow",
+    "starting": "cyan",
+    "restarting": "yellow",
+    "silent": "red",
+    "failed": "red",
+    "ended": "red",
+}
+
+
+def status_table(rows: Iterable[AgentRow], title: str) -> Table:
+    """The rows for people."""
+    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
+    for column in ("agent", "state"):
+        table.add_column(column, no_wrap=True)
+    for column in ("Hz", "tick ms", "95 %", "latency ms", "missed", "errors", "restarts"):
+        table.add_column(column, justify="right", no_wrap=column != "latency ms")
+    table.add_column("last error", overflow="ellipsis", no_wrap=True)
+    for row in rows:
+        state = f"[{_COLOURS.get(row.state, 'white')}]{row.state}[/]"
+        table.add_row(row.agent, state, *_numbers(row), escape(row.last_error))
+    return table
+
+
+def _numbers(row: AgentRow) -> list[str]:
+    if row.heard is None:
+        return [""] * 6 + [str(row.restarts)]
+    status = row.heard.status
+    times = (status.rate_hz, status.tick_ms_p50, status.tick_ms_p95, row.heard.latency * 1e3)
+    return [*(f"{number:.1f}" for number in times), *map(str, (status.missed, status.errors, row.restarts))]
+
+
+def status_json(rows: Iterable[AgentRow]) -> list[dict[str, Any]]:
+    """The rows for programs."""
+    return [
+        {
+            "agent": row.agent,
+            "state": row.state,
+            "pid": row.pid,
+            "rate_hz": row.heard.status.rate_hz if row.heard else None,
+            "tick_ms_p50": row.heard.status.tick_ms_p50 if row.heard else None,
+            "tick_ms_p95": row.heard.status.tick_ms_p95 if row.heard else None,
+            "latency_ms": row.heard.latency * 1e3 if row.heard else None,
+            "missed": row.heard.status.missed if row.heard else None,
+            "errors": row.heard.status.errors if row.heard else None,
+            "restarts": row.restarts,
+            "last_error": row.last_error,
+        }
+        for row in rows
+    ]

@@ -1,0 +1,71 @@
+"""`dsr watch`: what changes in the working memory, line by line."""
+
+from __future__ import annotations
+
+import threading
+from datetime import datetime
+from typing import Annotated, Any
+
+import msgspec
+import typer
+
+from dsr.cli.common import GraphOption, RouterOption, plain, readable, reading
+from dsr.clock import WALL_CLOCK
+from dsr.elements import Edge, Node
+from dsr.memory import Memory
+from dsr.watch import Change
+
+app = typer.Typer()
+
+
+@app.command()
+def watch(
+    graph: GraphOption = None,
+    node_type: Annotated[list[str] | None, typer.Option("--type", "-t", help="Only nodes of this type.")] = None,
+    edge_type: Annotated[list[str] | None, typer.Option("--edge", "-e", help="Only edges of this type.")] = None,
+    attribute: Annotated[list[str] | None, typer.Option("--attribute", "-a", help="Only this attribute.")] = None,
+    period: Annotated[float, typer.Option(min=0.0, help="s between two looks; changes between are joined.")] = 0.2,
+    changes_only: Annotated[bool, typer.Option("--new", help="Leave out what is there already.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object a line.")] = False,
+    router: RouterOption = None,
+) -> None:
+    """Print every change of nodes and edges until Ctrl-C. Options may be repeated.
+
+    Example: dsr watch --type cube --attribute perceived
+    """
+    with reading(graph, router) as memory:
+        changes = memory.watch(
+            node_type=node_type, edge_type=edge_type, attribute=attribute, existing=not changes_only
+        )
+        try:
+            while True:
+                for change in changes.poll():
+                    typer.echo(_json_line(memory, change) if as_json else _text_line(memory, change))
+                WALL_CLOCK.wait(threading.Event(), period)
+        except KeyboardInterrupt:
+            return
+
+
+def _values(memory: Memory, change: Change) -> dict[str, Any]:
+    """The present values of what changed."""
+    element: Node | Edge | None
+    if change.element == "node":
+        element = memory.get_node(change.name)
+    else:
+        element = memory.get_edge(change.src, change.dst, change.type)
+    return {name: element[name] for name in sorted(change.attributes) if name in element} if element else {}
+
+
+def _json_line(memory: Memory, change: Change) -> str:
+    values = {name: plain(value) for name, value in _values(memory, change).items()}
+    ends = {"src": change.src, "dst": change.dst} if change.element == "edge" else {"name": change.name}
+    line = {"stamp": memory.clock.now(), "kind": change.kind, "element": change.element, "type": change.type}
+    return msgspec.json.encode({**line, **ends, "attributes": values}).decode()
+
+
+def _text_line(memory: Memory, change: Change) -> str:
+    time = datetime.fromtimestamp(memory.clock.now())
+    name = change.name if change.element == "node" else f"{change.src} -> {change.dst}"
+    values = "  ".join(f"{attribute} {readable(value)}" for attribute, value in _values(memory, change).items())
+    clock = f"{time:%H:%M:%S}.{time.microsecond // 1000:03d}"
+    return f"{clock} {change.kind:<7} {change.type} {name}  {values}".rstrip()

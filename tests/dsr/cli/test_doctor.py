@@ -1,0 +1,79 @@
+"""`dsr doctor`."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import shutil
+import subprocess
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from dsr.cli import doctor
+from dsr.cli.doctor import app
+
+
+def without(module: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Make `module` look as if it were not installed."""
+    find = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name, *a: None if name == module else find(name, *a))
+
+
+def test_zenoh_sessions_meet_and_leave_nothing_behind(private_runtime_dir: Path) -> None:
+    assert doctor.check_zenoh().state == "ok"
+    assert list((private_runtime_dir / "dsr").iterdir()) == []
+
+
+def test_here_all_that_is_needed_is_there() -> None:
+    checks = [doctor.check_python(), doctor.check_packages(), doctor.check_runtime_folder()]
+    assert [check.state for check in checks] == ["ok"] * 3
+
+
+def test_a_missing_package_is_named_with_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+    without("mcap", monkeypatch)
+    check = doctor.check_packages()
+    assert check.state == "missing"
+    assert "pip install mcap" in check.detail
+
+
+@pytest.mark.parametrize(("compiler", "expected"), [("/usr/bin/c++", "ten minutes"), (None, "apt install g++")])
+def test_without_pybullet_the_compiler_matters(
+    monkeypatch: pytest.MonkeyPatch, compiler: str | None, expected: str
+) -> None:
+    without("pybullet", monkeypatch)
+    monkeypatch.setattr(shutil, "which", lambda name: compiler)
+    check = doctor.check_pybullet()
+    assert check.state == "missing" and expected in check.detail
+
+
+def test_without_egl_or_a_display_things_are_limited(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(subprocess, "run", lambda *a, **k: SimpleNamespace(returncode=3))
+    monkeypatch.setattr(os, "environ", {})
+    assert doctor.check_egl().state == "limited"
+    assert doctor.check_display().state == "limited"
+
+
+def test_a_runtime_folder_that_cannot_be_written_is_reported(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(doctor, "runtime_dir", lambda: tmp_path / "none")
+    results = {check.name: check for check in only(doctor.check_runtime_folder, monkeypatch)}
+    assert results["runtime folder"].state == "missing"
+
+
+def only(check: Any, monkeypatch: pytest.MonkeyPatch) -> list[doctor.Check]:
+    """Run all checks, the others replaced by one that succeeds."""
+    for name in [name for name in vars(doctor) if name.startswith("check_") and name != check.__name__]:
+        monkeypatch.setattr(doctor, name, lambda: doctor.Check("other", "ok", ""))
+    return list(doctor.run_checks())
+
+
+@pytest.mark.parametrize(("state", "code"), [("ok", 0), ("limited", 0), ("missing", 1)])
+def test_the_exit_code_tells_whether_something_is_missing(
+    monkeypatch: pytest.MonkeyPatch, state: Any, code: int
+) -> None:
+    monkeypatch.setattr(doctor, "run_checks", lambda: [doctor.Check("x", state, "detail")])
+    assert CliRunner().invoke(app).exit_code == code
+    assert '"detail"' in CliRunner().invoke(app, ["--json"]).output

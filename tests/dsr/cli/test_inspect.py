@@ -1,0 +1,91 @@
+"""`dsr ls`, `dsr show`, `dsr tree`."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+import dsr
+from dsr import ConfigError, Memory, NodeNotFoundError, SchemaError
+
+
+def test_ls_tells_where_things_were_perceived_and_are_believed_to_be(
+    memory: Memory, cli_json: Callable[..., Any]
+) -> None:
+    rows = {row["name"]: row for row in cli_json("ls")}
+    assert set(rows) == {"world", "table", "camera_overhead", "cube_3"}
+    assert rows["cube_3"]["perceived_at_m"] == pytest.approx([0.4, 0.0, 0.03])
+    assert rows["cube_3"]["believed_at_m"] == pytest.approx([0.4, 0.0, 0.02])
+    assert rows["table"]["believed_at_m"] is None
+    assert rows["cube_3"]["attributes"] == ["perceived", "size"]
+
+
+def test_ls_of_one_type_for_people(memory: Memory, cli: Callable[..., str]) -> None:
+    text = cli("ls", "--type", "cube")
+    assert "cube_3" in text and "0.0300" in text and "table" not in text
+
+
+def test_an_unknown_type_is_an_error_with_the_valid_ones(memory: Memory, cli: Callable[..., str]) -> None:
+    with pytest.raises(SchemaError, match="did you mean 'cube'"):
+        cli("ls", "--type", "cubee")
+
+
+def test_show_tells_attributes_with_units_and_edges(
+    memory: Memory, cli: Callable[..., str], cli_json: Callable[..., Any]
+) -> None:
+    text = cli("show", "cube_3")
+    assert "(0.04, 0.04, 0.04)" in text
+    assert "camera_overhead --RT--> cube_3" in text
+    shown = cli_json("show", "cube_3")
+    assert shown["attributes"] == {"perceived": True, "size": [0.04, 0.04, 0.04]}
+    assert {(edge["src"], edge["type"], edge["dst"]) for edge in shown["edges"]} == {
+        ("cube_3", "on", "table"),
+        ("camera_overhead", "RT", "cube_3"),
+        ("world", "Virtual_RT", "cube_3"),
+    }
+    (belief,) = [edge for edge in shown["edges"] if edge["type"] == "Virtual_RT"]
+    assert belief["attributes"]["pose"]["translation"] == [0.4, 0.0, 0.02]
+
+
+def test_show_of_an_unknown_node_suggests_one(memory: Memory, cli: Callable[..., str]) -> None:
+    with pytest.raises(NodeNotFoundError, match="did you mean 'cube_3'"):
+        cli("show", "cube3")
+
+
+def test_tree_goes_from_the_world_down_to_the_cube(
+    memory: Memory, cli: Callable[..., str], cli_json: Callable[..., Any]
+) -> None:
+    (world,) = cli_json("tree")
+    assert [child["name"] for child in world["children"]] == ["camera_overhead", "table"]
+    (cube,) = world["children"][0]["children"]
+    assert (cube["name"], cube["edge"], cube["believed"], cube["relations"]) == ("cube_3", "RT", True, ["on table"])
+    text = cli("tree")
+    assert text.index("world") < text.index("camera_overhead") < text.index("cube_3")
+
+
+def test_tree_shows_each_node_once_even_in_a_circle(memory: Memory, cli_json: Callable[..., Any]) -> None:
+    memory.add_node("body", "body")
+    memory.add_node("mind", "mind")
+    memory.add_edge("body", "mind", "has")
+    memory.add_edge("mind", "body", "has")
+
+    def names(branches: list[dict[str, Any]]) -> list[str]:
+        return [name for branch in branches for name in (branch["name"], *names(branch["children"]))]
+
+    assert sorted(names(cli_json("tree"))) == sorted(node.name for node in memory.nodes())
+
+
+def test_reading_a_graph_that_does_not_run_says_so_and_starts_none(cli: Callable[..., str]) -> None:
+    with pytest.raises(ConfigError, match="no graph runs"):
+        cli("ls")
+    with pytest.raises(ConfigError, match="no graph 'kitchen' runs on this machine; running: none"):
+        cli("ls", "--graph", "kitchen")
+
+
+def test_of_two_graphs_one_must_be_chosen(memory: Memory, cli: Callable[..., str]) -> None:
+    with dsr.connect("other", agent="owner"):
+        with pytest.raises(ConfigError, match="2 graphs run here: other, scene"):
+            cli("ls")
+        assert "cube_3" in cli("ls", "--graph", "scene")

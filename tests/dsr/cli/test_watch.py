@@ -1,0 +1,44 @@
+"""`dsr watch`, as a process: it ends with Ctrl-C."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from dsr import Memory
+
+
+@contextmanager
+def watching(*options: str) -> Iterator[subprocess.Popen[str]]:
+    command = [sys.executable, "-m", "dsr.cli.main", "watch", "--period", "0.01", *options]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        yield process
+        process.kill()
+
+
+def test_changes_come_line_by_line_until_ctrl_c(memory: Memory) -> None:
+    with watching("--type", "cube") as process:
+        assert process.stdout and process.stderr
+        first = process.stdout.readline()
+        assert "added" in first and "cube cube_3  perceived True  size (0.04, 0.04, 0.04)" in first
+        memory.update_node("cube_3", perceived=False)
+        assert process.stdout.readline().rstrip().endswith("updated cube cube_3  perceived False")
+        memory.remove_node("cube_3")
+        assert process.stdout.readline().rstrip().endswith("removed cube cube_3")
+        process.send_signal(signal.SIGINT)
+        assert process.wait(20) == 0
+        assert process.stderr.read() == ""
+
+
+def test_programs_get_json_lines(memory: Memory) -> None:
+    with watching("--edge", "on", "--json") as process:
+        assert process.stdout
+        line = json.loads(process.stdout.readline())
+        assert (line["kind"], line["element"], line["src"], line["dst"]) == ("added", "edge", "cube_3", "table")
+        assert line["attributes"] == {"source": "contact"}
+        process.terminate()
+        assert process.wait(20) == 0
