@@ -26,7 +26,7 @@ def measure(history: History) -> tuple[dict[str, float], list[str]]:
         worst = OverlapMeter(scenario, source).deepest(window, lambda name: True)
         metrics[f"{source}_overlap_max_m"] = worst.depth if worst else 0.0
     metrics["objects_perceived"] = sum(history.was_perceived(spec.name) for spec in scenario.objects)
-    metrics["samples"] = len(history.samples)
+    metrics["samples"] = len(window)
     return metrics, notes
 
 

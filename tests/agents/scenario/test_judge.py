@@ -169,7 +169,7 @@ def test_metrics_of_a_known_run():
     assert metrics["belief_drift_b_m"] == 0.0
     assert metrics["percept_overlap_max_m"] == metrics["belief_overlap_max_m"] == 0.0
     assert metrics["objects_perceived"] == 2
-    assert metrics["samples"] == 101
+    assert metrics["samples"] == 81
 
 
 def test_a_belief_outside_the_table_has_no_gap_metric_instead_of_an_infinite_one():

@@ -1,0 +1,139 @@
+"""The commands `dsr scenario list | check | run` and `dsr demo`."""
+
+from __future__ import annotations
+
+import enum
+import os
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from agents.scenario.format import load_scenario, scenario_files
+from agents.scenario.report import ProgressBar, show_result
+from agents.scenario.result import write_result
+from agents.scenario.runner import run_live, run_lockstep
+from agents.scenario.staging import make_run
+from dsr.cli.common import JsonOption, console, new_run_folder, print_json
+from dsr.errors import ConfigError
+
+_INTERRUPTED = 130
+
+
+class SensorChoice(enum.StrEnum):
+    """Values of `--sensor`."""
+
+    PIXELS = "pixels"
+    POSES = "poses"
+
+
+Seed = Annotated[int, typer.Option(min=0, help="Varies where the objects start and the sensor's noise.")]
+JsonFile = Annotated[Path | None, typer.Option("--json", help="Also write the result to this file.")]
+NoViewer = Annotated[bool, typer.Option("--no-viewer", help="Do not open the rerun viewer.")]
+
+app = typer.Typer(
+    name="scenario",
+    no_args_is_help=True,
+    help="Play scenarios: a simulated world, an experimenter, and what must then hold in the working memory. "
+    "A scenario is a TOML file; docs/scenarios.md describes the format.",
+)
+demo = typer.Typer(name="demo", invoke_without_command=True)
+
+
+@app.command("list")
+def list_scenarios(as_json: JsonOption = False) -> None:
+    """List the built-in scenarios and those in ./etc/scenarios."""
+    scenarios = {name: load_scenario(file) for name, file in sorted(scenario_files().items())}
+    if as_json:
+        rows = [{"name": name, "title": s.title, "duration_s": s.duration} for name, s in scenarios.items()]
+        print_json(rows)
+        return
+    table = Table("name", "objects", "duration", "what it shows")
+    for name, scenario in scenarios.items():
+        table.add_row(name, str(len(scenario.objects)), f"{scenario.duration:g} s", scenario.title)
+    console.print(table)
+    console.print("Run one: [bold]dsr scenario run NAME[/]  (in one process, faster: [bold]--lockstep[/])")
+
+
+@app.command()
+def check(files: Annotated[list[str], typer.Argument(help="Scenario files, or names of built-in ones.")]) -> None:
+    """Check scenario files without running them; tells file, line and what was expected."""
+    wrong = 0
+    for file in files:
+        try:
+            scenario = load_scenario(file)
+        except ConfigError as error:
+            wrong += 1
+            console.print(f"[red]✗[/] {escape(str(error))}", soft_wrap=True)
+        else:
+            counts = f"{len(scenario.objects)} objects, {len(scenario.events)} events"
+            console.print(f"[green]✓[/] {file}: {counts}, {len(scenario.expectations)} expectations")
+    raise typer.Exit(1 if wrong else 0)
+
+
+@app.command()
+def run(
+    scenario: Annotated[str, typer.Argument(help="A built-in scenario (see `dsr scenario list`) or a TOML file.")],
+    lockstep: Annotated[
+        bool, typer.Option("--lockstep", help="All agents in this process, faster than real time, repeatable.")
+    ] = False,
+    seed: Seed = 0,
+    sensor: Annotated[
+        SensorChoice, typer.Option(help="Rendered images, or true poses with the noise measured on images.")
+    ] = SensorChoice.PIXELS,
+    json: JsonFile = None,
+    no_viewer: NoViewer = False,
+) -> None:
+    """Run a scenario and judge it; the exit code is 0 only if all its expectations hold.
+
+    Without --lockstep every agent is a process of its own, as on a robot: watch it with `dsr top` or `dsr watch`
+    from another terminal. The run leaves a folder in runs/ with the recording, the agents' logs and result.json.
+    """
+    _play(scenario, lockstep=lockstep, seed=seed, sensor=sensor, json=json, viewer=not no_viewer)
+
+
+@demo.callback()
+def run_demo(seed: Seed = 0, json: JsonFile = None, no_viewer: NoViewer = False) -> None:
+    """Show what this is about: four cubes are seen hovering; the belief of them rests on the table.
+
+    Starts plant, arm controller, scene estimator, simulation handler, viewer and recorder as processes, and
+    compares with the truth. The exit code is 0 only if the expectations of the scenario hold. Ctrl-C stops all.
+    """
+    _play("hovering", lockstep=False, seed=seed, sensor=SensorChoice.PIXELS, json=json, viewer=not no_viewer)
+
+
+def _play(scenario: str, *, lockstep: bool, seed: int, sensor: SensorChoice, json: Path | None, viewer: bool) -> None:
+    """Run, show and write the result; ends the program with its exit code."""
+    window = viewer and not lockstep and has_display(os.environ)
+    plan = make_run(scenario, seed=seed, sensor=sensor.value, window=window)
+    folder = new_run_folder(plan.scenario.name)
+    plan = msgspec.structs.replace(plan, folder=folder)
+    try:
+        with ProgressBar(plan.scenario, console) as bar:
+            result = run_lockstep(plan, bar) if lockstep else run_live(plan, bar)
+    except KeyboardInterrupt:
+        console.print(f"stopped; what was recorded until then is in {folder}")
+        raise typer.Exit(_INTERRUPTED) from None
+    for file in [folder / "result.json", *([json] if json else [])]:
+        write_result(result, file)
+    show_result(result, plan.scenario, console)
+    _show_files(folder)
+    raise typer.Exit(0 if result.passed else 1)
+
+
+def has_display(environment: Mapping[str, str]) -> bool:
+    """Whether a window can be opened."""
+    return bool(environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY"))
+
+
+def _show_files(folder: Path) -> None:
+    """Say what the run left and how to open it."""
+    console.print(f"result     {folder / 'result.json'}")
+    for recording in sorted(folder.glob("*.rrd")):
+        console.print(f"recording  {recording}   open it with [bold]rerun {recording}[/]")
+    for recording in sorted(folder.glob("*.mcap")):
+        console.print(f"recording  {recording}   every change of the memory, with sensor data, as MCAP")

@@ -1,0 +1,104 @@
+"""What a person sees of a run in the terminal: progress, then what came out."""
+
+from __future__ import annotations
+
+from types import TracebackType
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+from agents.scenario.model import Scenario
+from agents.scenario.result import Result
+from dsr.launcher import AgentRow
+
+STILL_RESTS = 0.001
+"""m, the largest gap under a belief that the table calls resting"""
+
+
+class ProgressBar:
+    """Shows first which agents are not ready yet, then the time of the scenario. A context manager."""
+
+    def __init__(self, scenario: Scenario, console: Console) -> None:
+        self._progress = Progress(
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TextColumn("{task.completed:5.1f} of {task.total:.0f} {task.fields[unit]}"),
+            TimeRemainingColumn(),
+            console=console,
+            transient=True,
+        )
+        self._duration = scenario.duration
+        self._name = scenario.name
+        self._task = self._progress.add_task("starting", total=scenario.duration, unit="s")
+
+    def __enter__(self) -> ProgressBar:
+        self._progress.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._progress.stop()
+
+    def starting(self, rows: list[AgentRow]) -> None:
+        """Show how many agents are ready and which are not."""
+        waiting = [row.agent for row in rows if not row.is_ready]
+        text = f"starting {', '.join(waiting)}" if waiting else "all agents are ready"
+        done = len(rows) - len(waiting)
+        self._progress.update(self._task, description=text, completed=done, total=len(rows), unit="agents")
+
+    def running(self, elapsed: float) -> None:
+        """Show the time of the scenario."""
+        done = min(max(elapsed, 0.0), self._duration)
+        self._progress.update(self._task, description=self._name, completed=done, total=self._duration, unit="s")
+
+
+def show_result(result: Result, scenario: Scenario, console: Console) -> None:
+    """Print the table of objects, the expectations and the notes."""
+    console.print(_object_table(result, scenario))
+    console.print(_expectation_table(result))
+    for note in result.notes:
+        console.print(f"[yellow]note[/] {note}")
+    held = sum(verdict.passed for verdict in result.expectations)
+    color, word = ("green", "passed") if result.passed else ("red", "FAILED")
+    console.print(f"[bold {color}]{word}[/]: {held} of {len(result.expectations)} expectations hold")
+
+
+def _object_table(result: Result, scenario: Scenario) -> Table:
+    title = f"{result.scenario}, seed {result.seed}, {result.mode}, sensor {result.sensor}"
+    table = Table(title=title, caption="mean distance from the truth", title_justify="left")
+    table.add_column("object")
+    for column in ("percept error", "belief error", "gap below", "moved"):
+        table.add_column(column, justify="right")
+    table.add_column("resting")
+    for spec in scenario.objects:
+        table.add_row(spec.name, *_object_cells(result.metrics, spec.name))
+    return table
+
+
+def _object_cells(metrics: dict[str, float], name: str) -> list[str]:
+    gap, drift = metrics.get(f"belief_gap_{name}_m"), metrics.get(f"belief_drift_{name}_m")
+    rests = gap is not None and abs(gap) <= STILL_RESTS
+    return [
+        _millimetres(metrics.get(f"percept_error_{name}_m")),
+        _millimetres(metrics.get(f"belief_error_{name}_m")),
+        _millimetres(gap),
+        _millimetres(drift),
+        "[green]yes[/]" if rests else "[red]no[/]",
+    ]
+
+
+def _expectation_table(result: Result) -> Table:
+    table = Table(title_justify="left")
+    table.add_column("")
+    table.add_column("expected")
+    table.add_column("found")
+    for verdict in result.expectations:
+        mark = "[green]✓[/]" if verdict.passed else "[red]✗[/]"
+        table.add_row(mark, verdict.text, verdict.actual)
+    return table
+
+
+def _millimetres(metres: float | None) -> str:
+    return "-" if metres is None else f"{metres * 1000:.2f} mm"

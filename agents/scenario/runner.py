@@ -1,0 +1,169 @@
+"""Runs a scenario under the eyes of the judge: in lockstep, or live with every agent a process."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Callable
+from typing import Protocol
+
+import msgspec
+
+from agents.scenario.events import Kill
+from agents.scenario.format import Start, start_key
+from agents.scenario.judge import Judge
+from agents.scenario.model import Scenario
+from agents.scenario.result import Result
+from agents.scenario.staging import Run, staged_system, without
+from dsr.errors import AgentError
+from dsr.keys import Keys
+from dsr.launcher import POLL_PERIOD, AgentRow, Launcher
+from dsr.lockstep import Lockstep
+from dsr.status import State
+from dsr.transport import Transport
+
+LEAD = 0.5
+"""s between all agents being ready and the start"""
+RESTART_AFTER = 1.0
+"""s that a killed agent stays away in lockstep, about as long as a process needs"""
+_READY_WITHIN = 10.0  # s of simulated time
+_START_PERIOD = 1.0  # s between two messages that tell the start
+_TAIL = 0.2  # s, so that the last sample arrives
+
+
+class Observer(Protocol):
+    """Follows the progress of a run."""
+
+    def starting(self, rows: list[AgentRow]) -> None:
+        """Agents are being started."""
+
+    def running(self, elapsed: float) -> None:
+        """`elapsed` s of the scenario have passed; negative before the start."""
+
+
+class Silent:
+    """An observer that does nothing."""
+
+    def starting(self, rows: list[AgentRow]) -> None:
+        """Ignored."""
+
+    def running(self, elapsed: float) -> None:
+        """Ignored."""
+
+
+class Conductor:
+    """Does what the runner has to do at each moment: tells the start, kills agents, lets the judge look.
+
+    Args:
+        scenario: what is played.
+        start: s, time 0 of the scenario.
+        judge: takes a sample at each step.
+        bus: to the plant.
+        keys: of the graph.
+        kill: ends an agent without warning.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        start: float,
+        judge: Judge,
+        bus: Transport,
+        keys: Keys,
+        kill: Callable[[str], None],
+    ) -> None:
+        self._start = start
+        self._judge = judge
+        self._bus = bus
+        self._start_key = start_key(keys)
+        self._kill = kill
+        kills = [event for event in scenario.events if isinstance(event, Kill)]
+        self._kills = sorted(((event.at or 0.0) + event.delay, event.agent) for event in kills)
+        self._tell_at = start - LEAD
+        judge.begin(start)
+
+    def step(self, now: float) -> float:
+        """Do what is due at `now` (s); returns the time of the scenario."""
+        if now >= self._tell_at:
+            self._tell_at = now + _START_PERIOD
+            self._bus.publish(self._start_key, msgspec.msgpack.encode(Start(self._start)))
+        elapsed = now - self._start
+        while self._kills and self._kills[0][0] <= elapsed:
+            self._kill(self._kills.pop(0)[1])
+        self._judge.sample()
+        return elapsed
+
+
+def run_lockstep(run: Run, observer: Observer | None = None) -> Result:
+    """Run in one process as fast as the machine allows; the same seed gives the same metrics.
+
+    Raises:
+        ConfigError: if the scenario does not fit its system.
+        AgentError: if an agent cannot be started.
+    """
+    observer = observer or Silent()
+    scenario = run.scenario
+    system = without(staged_system(run), "viewer")
+    with Lockstep(system.agents, graph=system.graph, seed=run.seed) as lockstep:
+        away: list[tuple[float, str]] = []
+
+        def kill(agent: str) -> None:
+            lockstep.kill(agent)
+            away.append((lockstep.clock.now() + RESTART_AFTER, agent))
+
+        judge = Judge(scenario, lockstep.memory, lockstep.bus, lockstep.keys)
+        _get_ready(lockstep, [spec.name for spec in system.agents])
+        start = lockstep.clock.now() + LEAD
+        conductor = Conductor(scenario, start, judge, lockstep.bus, lockstep.keys, kill)
+
+        def on_step(now: float) -> None:
+            observer.running(conductor.step(now))
+            while away and away[0][0] <= now:
+                lockstep.restart(away.pop(0)[1])
+
+        lockstep.run_until(start + scenario.duration + _TAIL, on_step)
+        return judge.result(run.seed, "lockstep", run.sensor)
+
+
+def _get_ready(lockstep: Lockstep, agents: list[str]) -> None:
+    """Run until every agent had a good tick."""
+    end = lockstep.clock.now() + _READY_WITHIN
+    while waiting := [name for name in agents if lockstep.runner(name).state not in (State.READY, State.DEGRADED)]:
+        if lockstep.clock.now() > end:
+            errors = "; ".join(f"{name}: {lockstep.runner(name).status().last_error}" for name in waiting)
+            raise AgentError(f"not ready after {_READY_WITHIN} s: {errors}")
+        lockstep.run_for(POLL_PERIOD)
+
+
+def run_live(run: Run, observer: Observer | None = None) -> Result:
+    """Run with every agent a process of its own, on the wall clock. Ctrl-C stops them all.
+
+    Raises:
+        ConfigError: if the scenario does not fit its system.
+        AgentError: if an agent cannot be started.
+    """
+    if run.folder is None:
+        raise ValueError("a live run needs a folder for the agents' logs")
+    observer = observer or Silent()
+    with Launcher(staged_system(run), run.folder, seed=run.seed) as launcher:
+        memory = launcher.memory
+        judge = Judge(run.scenario, memory, memory.transport, memory.keys)
+        launcher.wait_ready(observer.starting)
+        start = launcher.clock.now() + LEAD
+        conductor = Conductor(
+            run.scenario, start, judge, memory.transport, memory.keys, lambda agent: _kill_process(launcher, agent)
+        )
+        while (elapsed := conductor.step(launcher.clock.now())) < run.scenario.duration + _TAIL:
+            observer.running(elapsed)
+            launcher.poll()
+            launcher.clock.wait(threading.Event(), POLL_PERIOD)
+        judge.close()
+        return judge.result(run.seed, "live", run.sensor)
+
+
+def _kill_process(launcher: Launcher, agent: str) -> None:
+    """Kill the agent's process; if it is just being restarted there is nothing to kill."""
+    pid = next((row.pid for row in launcher.rows() if row.agent == agent), None)
+    if pid is not None:
+        os.kill(pid, signal.SIGKILL)

@@ -1,0 +1,67 @@
+"""The system of agents that plays a scenario: that of `etc/systems`, configured for it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+
+from agents.scenario.format import find_scenario, load_scenario
+from agents.scenario.model import Scenario
+from dsr.system import System, load_system
+
+Sensor = Literal["pixels", "poses"]
+"""What the plant's camera delivers: rendered images, or the poses that would be measured in them."""
+
+
+class Run(msgspec.Struct, frozen=True, kw_only=True):
+    """What is to be run."""
+
+    scenario: Scenario
+    file: Path
+    """Where the scenario comes from; agents read it again."""
+    seed: int = 0
+    sensor: Sensor = "pixels"
+    folder: Path | None = None
+    """Gets recording, logs and result; None for nothing of that."""
+    window: bool = False
+    """Open the viewer's window."""
+
+
+def make_run(name_or_path: str | Path, **options: Any) -> Run:
+    """The run of a built-in scenario or a file. Raises `ConfigError`."""
+    file = find_scenario(name_or_path)
+    return Run(scenario=load_scenario(file), file=file.resolve(), **options)
+
+
+def staged_system(run: Run) -> System:
+    """The system of the scenario, configured for this run. Raises `ConfigError`.
+
+    An agent that the system does not have needs no configuration; without a folder nothing is recorded.
+    """
+    system = load_system(run.scenario.system)
+    for agent, fields in _settings(run).items():
+        if agent in _names(system):
+            system = system.with_config(agent, **fields)
+    return system if run.folder else without(system, "recorder", "viewer")
+
+
+def without(system: System, *agents: str) -> System:
+    """The system without those of `agents` that it has."""
+    return system.without(*_names(system).intersection(agents))
+
+
+def _settings(run: Run) -> dict[str, dict[str, Any]]:
+    """What each agent has to know about the run."""
+    folder = str(run.folder)
+    return {
+        "plant": {"scenario": str(run.file), "sensor": run.sensor},
+        "scene_setup": {"scenario": str(run.file)},
+        "recorder": {"folder": folder},
+        "viewer": {"folder": folder, "spawn": run.window},
+    }
+
+
+def _names(system: System) -> set[str]:
+    return {spec.name for spec in system.agents}
