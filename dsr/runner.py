@@ -106,7 +106,8 @@ class Runner:
     def _after_tick(self, ended: float) -> None:
         if self._errors_in_a_row > self.agent.most_failures:
             self._enter(State.FAILED)
-            raise AgentError(f"{self._errors_in_a_row} ticks failed in a row; the last: {self._last_error}")
+            failed = f"agent {self.agent.name!r}: {self._errors_in_a_row} ticks failed in a row"
+            raise AgentError(f"{failed}; the last: {self._last_error}")
         if self._errors_in_a_row == 0:
             self._enter(State.DEGRADED if self.agent.degraded else State.READY)
         elif self.state is not State.STARTING:
