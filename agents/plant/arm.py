@@ -42,8 +42,9 @@ class Arm:
     def __init__(self, world: World, model: str, start: Sequence[float]) -> None:
         self._world = world
         self._bullet = world.bullet
-        self._body = _load(self._bullet, model)
-        joints = [self._bullet.getJointInfo(self._body, i) for i in range(self._bullet.getNumJoints(self._body))]
+        self.body = _load(self._bullet, model)
+        """The physics engine's number of the robot."""
+        joints = [self._bullet.getJointInfo(self.body, i) for i in range(self._bullet.getNumJoints(self.body))]
         self._links = {info[12].decode(): info[0] for info in joints}
         moving = [info for info in joints if info[2] == pybullet.JOINT_REVOLUTE]
         fingers = [info for info in joints if info[2] == pybullet.JOINT_PRISMATIC]
@@ -53,7 +54,6 @@ class Arm:
                 f"expected {len(start)} joints as in the start pose, and 2 fingers"
             )
         self.names = tuple(info[1].decode() for info in moving)
-        self.body = self._body
         self._joints = [info[0] for info in moving]
         self._limits = [(info[8], info[9]) if info[8] < info[9] else (-math.inf, math.inf) for info in moving]
         self._forces = [info[10] for info in moving]
@@ -73,17 +73,17 @@ class Arm:
     @property
     def positions(self) -> tuple[float, ...]:
         """rad, measured."""
-        return tuple(state[0] for state in self._bullet.getJointStates(self._body, self._joints))
+        return tuple(state[0] for state in self._bullet.getJointStates(self.body, self._joints))
 
     @property
     def velocities(self) -> tuple[float, ...]:
         """rad/s, measured."""
-        return tuple(state[1] for state in self._bullet.getJointStates(self._body, self._joints))
+        return tuple(state[1] for state in self._bullet.getJointStates(self.body, self._joints))
 
     @property
     def opening(self) -> float:
         """Measured distance between the pads, m."""
-        return float(sum(state[0] for state in self._bullet.getJointStates(self._body, self._fingers)))
+        return float(sum(state[0] for state in self._bullet.getJointStates(self.body, self._fingers)))
 
     @property
     def contact(self) -> bool:
@@ -121,7 +121,7 @@ class Arm:
         """Prepare the next step of physics."""
         self._ramp.step(STEP)
         self._bullet.setJointMotorControlArray(
-            self._body,
+            self.body,
             self._joints,
             pybullet.POSITION_CONTROL,
             targetPositions=self._ramp.positions.tolist(),
@@ -133,25 +133,29 @@ class Arm:
         if self._held is None and self._target_opening < self.opening:
             self._try_to_hold()
 
+    def link_pose(self, name: str) -> Pose:
+        """world_from_link of a link of the URDF; `ConfigError` if it has none of that name."""
+        if name not in self._links:
+            raise ConfigError(f"the robot has no link {name!r}; {suggest(name, self._links)}")
+        return self._bullet.link_pose(self.body, self._links[name])
+
     def camera_pose(self) -> Pose:
-        """world_from_camera of the wrist camera's optical frame; `ConfigError` if the model has none."""
-        if CAMERA_LINK not in self._links:
-            raise ConfigError(f"the robot has no link {CAMERA_LINK!r} for a wrist camera")
-        return self._bullet.link_pose(self._body, self._links[CAMERA_LINK])
+        """world_from_camera of the wrist camera's optical frame."""
+        return self.link_pose(CAMERA_LINK)
 
     def _within_limits(self, positions: Sequence[float]) -> list[float]:
         return [min(max(q, low), high) for q, (low, high) in zip(positions, self._limits, strict=True)]
 
     def _reset(self, start: Sequence[float]) -> None:
         for joint, position in zip(self._joints, start, strict=True):
-            self._bullet.resetJointState(self._body, joint, position)
+            self._bullet.resetJointState(self.body, joint, position)
         for finger in self._fingers:
-            self._bullet.resetJointState(self._body, finger, self.widest / 2)
+            self._bullet.resetJointState(self.body, finger, self.widest / 2)
 
     def _drive_fingers(self) -> None:
         for finger in self._fingers:
             self._bullet.setJointMotorControl2(
-                self._body,
+                self.body,
                 finger,
                 pybullet.POSITION_CONTROL,
                 targetPosition=self._target_opening / 2,
@@ -161,7 +165,7 @@ class Arm:
 
     def _touched(self, finger: int) -> set[int]:
         """Bodies that the finger touches."""
-        return {contact[2] for contact in self._bullet.getContactPoints(bodyA=self._body, linkIndexA=finger)}
+        return {contact[2] for contact in self._bullet.getContactPoints(bodyA=self.body, linkIndexA=finger)}
 
     def _try_to_hold(self) -> None:
         """Count the steps for which both pads have touched one object; after enough, fix it to the palm."""
@@ -172,10 +176,10 @@ class Arm:
             self._hold(names[0])
 
     def _hold(self, name: str) -> None:
-        palm = self._bullet.getLinkState(self._body, self._palm, computeForwardKinematics=True)
+        palm = self._bullet.getLinkState(self.body, self._palm, computeForwardKinematics=True)
         palm_from_object = Pose(palm[0], palm[1]).inverse() @ self._world.pose(name)
         constraint: int = self._bullet.createConstraint(
-            self._body,
+            self.body,
             self._palm,
             self._world.body(name),
             -1,

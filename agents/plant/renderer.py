@@ -30,7 +30,7 @@ _LIGHT = {
     "lightAmbientCoeff": 0.7,
     "lightDiffuseCoeff": 0.35,
     "lightSpecularCoeff": 0.0,
-    "shadow": 0,
+    "shadow": 0,  # EGL draws shadows all the same
 }
 _TINY_SHIFT = (-0.5, 0.5)  # px, where TinyRenderer's principal point is to be asked for, measured
 _BODY_MASK = (1 << 24) - 1

@@ -99,3 +99,15 @@ def test_unknown_model_and_wrong_start_are_refused(make_world: Callable[..., Wor
         Arm(world, "gen4", ABOVE)
     with pytest.raises(ConfigError, match="has 7 joints and 2 fingers; expected 6 joints"):
         Arm(world, "gen3", ABOVE[:6])
+
+
+def test_wrist_camera_moves_with_the_arm(make_reality: MakeReality, play: Play) -> None:
+    reality = make_reality(robot=RobotSpec(start=AT), camera="wrist")
+    tool_from_camera = reality.arm.link_pose("tool_link").inverse() @ reality.camera.pose
+    assert reality.camera.pose.rotation_matrix[:, 2] == pytest.approx((0.0, 0.0, -1.0), abs=0.01)
+    reality.arm.move_joints(ABOVE)
+    play(reality, 1.5)
+    metres, radians = (reality.arm.link_pose("tool_link").inverse() @ reality.camera.pose).distance(tool_from_camera)
+    assert metres < 1e-5 and radians < 1e-5
+    with pytest.raises(ConfigError, match=r"no link 'tool_lnk'; did you mean 'tool_link'"):
+        reality.arm.link_pose("tool_lnk")

@@ -188,8 +188,7 @@ def test_impossible_move_is_given_up_and_the_others_go_on(
 
 def test_experimenter_takes_an_object_out_of_the_gripper(make_reality: MakeReality, cube: MakeCube, play: Play) -> None:
     reality = make_reality(cube(3, 0.4, 0.0), events=[Place(at=1.5, object="cube_3", position=(0.5, 0.1, 0.02))])
-    tool = reality.arm._links["tool_link"]
-    reality.world.put("cube_3", reality.world.bullet.link_pose(reality.arm.body, tool))
+    reality.world.put("cube_3", reality.arm.link_pose("tool_link"))
     reality.arm.move_gripper(0.0)
     grip = reality.experimenter._stage.take("cube_3", contents=False)
     play(reality, 1.0)
