@@ -18,6 +18,7 @@ from dsr.agent import Agent
 from dsr.config import TomlFile, convert
 from dsr.errors import ConfigError, DsrError, suggest
 from dsr.keys import check_name
+from dsr.native_output import silenced
 
 RUN_FOLDER = "{run}"
 """Stands in a system file for the folder of the run."""
@@ -115,19 +116,25 @@ def load_system(name_or_path: str | Path) -> System:
     source = TomlFile(file)
     tables = source.convert(_SystemFile)
     folder = file.resolve().parent
-    specs: list[AgentSpec] = []
-    for index, table in enumerate(tables.agent):
-        path = ("agent", index)
-        if table.name in {spec.name for spec in specs}:
-            raise source.error(f"two agents are called {table.name!r}", (*path, "name"))
-        with _located(source, (*path, "class")):
-            kind = load_class(table.agent_class, folder)
-        if table.config:
-            source.convert(kind.Config, (*path, "config"))
-        module = table.agent_class.partition(":")[0]
-        specs.append(AgentSpec(table.name, kind, table.config, module, table.restart, table.ready_timeout))
+    specs = [_read_agent(source, index, table, folder) for index, table in enumerate(tables.agent)]
+    for index, spec in enumerate(specs):
+        if spec.name in {other.name for other in specs[:index]}:
+            raise source.error(f"two agents are called {spec.name!r}", ("agent", index, "name"))
     with _located(source, ()):
         return System(tables.graph, tuple(specs), folder)
+
+
+def _read_agent(source: TomlFile, index: int, table: _AgentTable, folder: Path) -> AgentSpec:
+    """The agent of one table, with its class loaded and its configuration checked."""
+    path = ("agent", index)
+    with _located(source, (*path, "name")):
+        check_name("agent name", table.name)
+    with _located(source, (*path, "class")):
+        kind = load_class(table.agent_class, folder)
+    if table.config:
+        source.convert(kind.Config, (*path, "config"))
+    module = table.agent_class.partition(":")[0]
+    return AgentSpec(table.name, kind, table.config, module, table.restart, table.ready_timeout)
 
 
 @contextlib.contextmanager
@@ -144,9 +151,11 @@ def load_class(name: str, folder: Path | None = None) -> type[Agent]:
     if folder is not None and str(folder) not in sys.path:
         sys.path.append(str(folder))
     try:
-        kind = getattr(importlib.import_module(module), cls)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise ConfigError(f"class {name!r} cannot be loaded ({error}); expected 'module:Class'") from error
+        with silenced():  # pybullet introduces itself
+            kind = getattr(importlib.import_module(module), cls)
+    except Exception as error:  # whatever the module does when it is imported
+        reason = f"{type(error).__name__}: {error}"
+        raise ConfigError(f"class {name!r} cannot be loaded ({reason}); expected 'module:Class'") from error
     if not (isinstance(kind, type) and issubclass(kind, Agent)):
         raise ConfigError(f"class {name!r} is no dsr.agent.Agent")
     return kind

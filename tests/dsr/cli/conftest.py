@@ -11,6 +11,7 @@ from typer.testing import CliRunner
 
 import dsr
 from dsr import Memory, Pose
+from dsr.cli.common import console
 from dsr.cli.main import app
 
 
@@ -31,11 +32,12 @@ def memory() -> Iterator[Memory]:
 
 
 @pytest.fixture
-def cli() -> Callable[..., str]:
+def cli(monkeypatch: pytest.MonkeyPatch) -> Callable[..., str]:
     """Runs a command in this process; returns what it printed."""
+    monkeypatch.setattr(console, "width", 160)
 
     def run(*arguments: str) -> str:
-        result = CliRunner().invoke(app, list(arguments), env={"COLUMNS": "160"}, catch_exceptions=False)
+        result = CliRunner().invoke(app, list(arguments), catch_exceptions=False)
         assert result.exit_code == 0, result.output
         return result.output
 

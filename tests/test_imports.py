@@ -1,0 +1,131 @@
+"""Who may import whom, and who may read the time: the rules of DESIGN and ARCHITECTURE, read off the sources."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("dsr", "agents", "simulation_handler", "surprise", "planner")
+FILES = sorted(path.relative_to(ROOT) for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
+
+ONE_PLACE = {
+    "zenoh": ("dsr/zenoh_transport.py",),
+    "rerun": ("agents/viewer/",),
+    "mcap": ("agents/recorder/",),
+    "pybullet": ("simulation_handler/", "agents/plant/"),
+}
+"""Libraries that only these files or folders import."""
+SHARED_BY_AGENTS = ("agents.drivers", "agents.inbox", "agents.segments", "agents.scenario.format")
+"""Modules within `agents` that all its packages may import."""
+TIME = {
+    "time": {"time", "time_ns", "monotonic", "monotonic_ns", "perf_counter", "perf_counter_ns", "sleep"},
+    "datetime": {"now", "utcnow", "today"},
+}
+SEEDED_RANDOM = {"default_rng", "Generator", "SeedSequence", "BitGenerator", "PCG64", "Philox"}
+"""What may be used of `numpy.random`: all else has global state."""
+
+
+def parse(file: Path) -> ast.Module:
+    return ast.parse((ROOT / file).read_text(encoding="utf-8"))
+
+
+def imports(file: Path) -> Iterator[str]:
+    """Full names of all that a file imports, at any depth: `from a.b import c` gives `a.b.c`."""
+    for node in ast.walk(parse(file)):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            yield from (f"{'.' * node.level}{node.module or ''}.{alias.name}" for alias in node.names)
+
+
+def group(file: Path) -> str:
+    """What a file belongs to: a package, or one of the packages within `agents`."""
+    return "/".join(file.parts[:2]) if file.parts[0] == "agents" else file.parts[0]
+
+
+def is_in(name: str, package: str) -> bool:
+    return name == package or name.startswith(f"{package}.")
+
+
+@pytest.mark.parametrize("file", FILES, ids=str)
+def test_dependencies_point_towards_dsr(file: Path) -> None:
+    foreign = [name for name in imports(file) if any(is_in(name, package) for package in PACKAGES)]
+    own = group(file).replace("/", ".")
+    allowed = [own] if own == "dsr" else [own, "dsr"]
+    if file.parts[0] == "agents":
+        allowed += SHARED_BY_AGENTS
+    assert [name for name in foreign if not any(is_in(name, package) for package in allowed)] == []
+
+
+@pytest.mark.parametrize("file", FILES, ids=str)
+def test_imports_are_absolute(file: Path) -> None:
+    assert [name for name in imports(file) if name.startswith(".")] == []
+
+
+@pytest.mark.parametrize("library", ONE_PLACE)
+def test_a_library_is_imported_in_one_place(library: str) -> None:
+    importers = [file.as_posix() for file in FILES if any(is_in(name, library) for name in imports(file))]
+    assert importers, f"nobody imports {library} any more"
+    assert [name for name in importers if not name.startswith(ONE_PLACE[library])] == []
+
+
+def test_mcap_is_imported_by_one_file_only() -> None:
+    assert len([file for file in FILES if any(is_in(name, "mcap") for name in imports(file))]) == 1
+
+
+def test_the_simulated_reality_never_reads_the_working_memory() -> None:
+    """Otherwise prediction would be compared with itself."""
+    forbidden = ("dsr.memory", "dsr.Memory", "dsr.connect", "dsr.graph", "dsr.replica", "dsr.sync", "dsr.crdt")
+    for file in FILES:
+        if group(file) == "agents/plant":
+            assert [name for name in imports(file) if any(is_in(name, part) for part in forbidden)] == [], file
+            attributes = {node.attr for node in ast.walk(parse(file)) if isinstance(node, ast.Attribute)}
+            assert "memory" not in attributes, file
+
+
+@pytest.mark.parametrize("file", [file for file in FILES if file.as_posix() != "dsr/clock.py"], ids=str)
+def test_only_the_clock_reads_the_time_and_nobody_uses_global_random_state(file: Path) -> None:
+    found = [f"line {node.lineno}: {offence}" for node in ast.walk(parse(file)) if (offence := offence_of(node))]
+    assert found == []
+
+
+def offence_of(node: ast.AST) -> str:
+    """What a piece of syntax does that it must not, or nothing."""
+    if isinstance(node, ast.ImportFrom):
+        names = {alias.name for alias in node.names}
+        if node.module == "random" or (node.module == "time" and names & TIME["time"]):
+            return f"from {node.module} import {', '.join(sorted(names))}"
+    if isinstance(node, ast.Import) and "random" in {alias.name for alias in node.names}:
+        return "import random"
+    if isinstance(node, ast.Attribute):
+        owner = ast.unparse(node.value)
+        if node.attr in TIME.get(owner.rpartition(".")[2], ()):
+            return ast.unparse(node)
+        if owner in ("np.random", "numpy.random") and node.attr not in SEEDED_RANDOM:
+            return ast.unparse(node)
+    return ""
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "import time\ntime.time()",
+        "from time import sleep",
+        "import datetime\ndatetime.datetime.now()",
+        "import random",
+        "from random import choice",
+        "import numpy as np\nnp.random.normal()",
+        "import numpy as np\nnp.random.seed(1)",
+    ],
+)
+def test_the_search_for_time_and_random_state_finds_them(code: str) -> None:
+    assert any(offence_of(node) for node in ast.walk(ast.parse(code)))
+
+
+def test_seeded_random_numbers_and_given_times_are_fine() -> None:
+    code = "import numpy as np\nnp.random.default_rng(3)\nfrom datetime import datetime\ndatetime.fromtimestamp(1.0)"
+    assert not any(offence_of(node) for node in ast.walk(ast.parse(code)))
