@@ -31,17 +31,21 @@ class Window:
     """
 
     def __init__(self, log_file: Path, memory_limit: str) -> None:
-        if not has_display(os.environ):
+        if not has_display(os.environ, sys.platform):
             raise WindowError("there is no display")
         self.log_file = log_file
-        port = _free_port()
-        self.url = f"rerun+http://127.0.0.1:{port}/proxy"
-        command = [str(_binary()), "--bind", "127.0.0.1", "--port", str(port), "--memory-limit", memory_limit]
+        port = free_port()
+        self.url = viewer_url(port)
+        command = [str(native_viewer()), "--bind", "127.0.0.1", "--port", str(port), "--memory-limit", memory_limit]
         command += ["--expect-data-soon", "--hide-welcome-screen"]
         try:
             with log_file.open("ab") as log:
                 self._process = subprocess.Popen(
-                    command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT, env=_environment()
+                    command,
+                    stdin=subprocess.DEVNULL,
+                    stdout=log,
+                    stderr=subprocess.STDOUT,
+                    env=private_environment(os.environ),
                 )
         except OSError as error:
             raise WindowError(f"{command[0]} cannot be started ({error})") from error
@@ -67,12 +71,12 @@ class Window:
             self._process.wait()
 
 
-def has_display(environment: Mapping[str, str], platform: str = sys.platform) -> bool:
+def has_display(environment: Mapping[str, str], platform: str) -> bool:
     """Whether a window can be shown."""
     return not platform.startswith("linux") or bool(environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY"))
 
 
-def _binary() -> Path:
+def native_viewer() -> Path:
     """The native program itself: killing the script that wraps it would leave it behind."""
     package = importlib.util.find_spec("rerun_cli")
     if package is None or package.origin is None:
@@ -80,12 +84,18 @@ def _binary() -> Path:
     return Path(package.origin).parent / ("rerun.exe" if os.name == "nt" else "rerun")
 
 
-def _environment() -> dict[str, str]:
-    """Of the viewer: without usage analytics, which rerun leaves out, files included, where `CI` is set."""
-    return {**os.environ, "CI": "1"}
+def private_environment(environment: Mapping[str, str]) -> dict[str, str]:
+    """For the viewer: without usage analytics, which rerun leaves out, its files included, where `CI` is set."""
+    return {**environment, "CI": "1"}
 
 
-def _free_port() -> int:
+def viewer_url(port: int) -> str:
+    """Where the viewer on this machine that listens on `port` takes data."""
+    return f"rerun+http://127.0.0.1:{port}/proxy"
+
+
+def free_port() -> int:
+    """A TCP port of this machine that nobody listens on."""
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         port: int = probe.getsockname()[1]

@@ -144,7 +144,7 @@ def test_a_killed_writer_leaves_what_it_flushed(tmp_path: Path) -> None:
                 print(number, flush=True)
     """)
     command = [sys.executable, "-c", script, str(tmp_path / "a.mcap")]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=Path(__file__).parents[3]) as process:
         assert process.stdout is not None
         flushed = [int(process.stdout.readline()) for _ in range(20)][-1]
         os.kill(process.pid, signal.SIGKILL)

@@ -1,0 +1,264 @@
+"""The viewer shows what is in the memory, on a manual clock, and its file can be read back."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import msgpack
+import msgspec
+import numpy as np
+import pytest
+
+from agents.viewer import palette
+from agents.viewer.blueprint import make_blueprint
+from dsr import Frame, Pose
+from dsr.logs import LogRecord
+from dsr.status import State, Status, encode_status
+
+
+def rgba(color: palette.Color) -> int:
+    red, green, blue = color
+    return red << 24 | green << 16 | blue << 8 | 255
+
+
+def test_percepts_and_beliefs_are_drawn_apart(stage: Any) -> None:
+    stage.start_viewer()
+    stage.build_table("cube_3", "cube_4")
+    stage.run()
+    shown = stage.finish()
+    for what, height in (("percepts", 0.03), ("beliefs", 0.02)):
+        centres = shown.values(f"/world/{what}", "Boxes3D:centers")[-1]
+        np.testing.assert_allclose(centres, [(0, 0, height), (0.1, 0, height)], atol=1e-6)
+    assert shown.values("/world/percepts", "Boxes3D:colors")[-1] == [rgba(palette.PERCEPT)] * 2
+    assert shown.values("/world/beliefs", "Boxes3D:colors")[-1] == [rgba(palette.BELIEF)] * 2
+    fills = [shown.values(f"/world/{what}", "Boxes3D:fill_mode")[-1] for what in ("percepts", "beliefs")]
+    assert fills[0] != fills[1]
+
+
+def test_an_object_that_is_gone_is_not_drawn_any_more(stage: Any) -> None:
+    stage.start_viewer()
+    stage.build_table("cube_3", "cube_4")
+    stage.run()
+    stage.memory.remove_node("cube_3")
+    stage.run()
+    assert [len(boxes) for boxes in stage.finish().values("/world/beliefs", "Boxes3D:centers")][-1] == 1
+
+
+def test_the_table_lies_below_its_frame(stage: Any) -> None:
+    stage.start_viewer()
+    stage.build_table()
+    stage.run()
+    shown = stage.finish()
+    np.testing.assert_allclose(shown.values("/world/table", "Boxes3D:centers")[-1], [(0, 0, -0.02)], atol=1e-6)
+    np.testing.assert_allclose(shown.values("/world/table", "Boxes3D:half_sizes")[-1], [(0.5, 0.4, 0.02)], atol=1e-6)
+
+
+def test_links_of_the_robot_join_its_frames(stage: Any) -> None:
+    stage.start_viewer()
+    stage.build_table()
+    memory = stage.memory
+    for name, kind in (("arm", "arm"), ("arm_link_1", "body"), ("gripper", "gripper")):
+        memory.add_node(name, kind)
+    memory.add_edge("world", "arm", "RT", pose=Pose())
+    memory.add_edge("arm", "arm_link_1", "RT", pose=Pose((0.0, 0.0, 0.3)))
+    memory.add_edge("arm_link_1", "gripper", "RT", pose=Pose((0.2, 0.0, 0.0)))
+    memory.update_node("gripper", opening=0.06)
+    stage.run()
+    shown = stage.finish()
+    assert sorted(shown.values("/world/robot/links", "Capsules3D:lengths")[-1]) == pytest.approx([0.2, 0.3])
+    fingers = np.array(shown.values("/world/robot/grippers", "Boxes3D:centers")[-1])[1:]
+    assert abs(fingers[0, 0] - fingers[1, 0]) == pytest.approx(0.072)
+
+
+def test_the_graph_is_logged_only_when_it_changes(stage: Any) -> None:
+    stage.start_viewer()
+    stage.build_table("cube_3")
+    stage.run()
+    for _ in range(5):
+        stage.memory.update_edge("world", "cube_3", "Virtual_RT", pose=Pose((0.2, 0.0, 0.02), stamp=stage.clock.now()))
+        stage.run(0.2)
+    stage.memory.add_edge("cube_3", "table", "on", source="contact", since=1.0)
+    stage.run()
+    shown = stage.finish()
+    nodes = shown.values("/graph", "GraphNodes:node_ids")
+    assert len(nodes) <= 3  # what came before the first tick, the rest of the table, the relation
+    assert {"world", "table", "camera", "cube_3", "table on"} <= set(nodes[-1])
+    edges = [tuple(edge.values()) for edge in shown.values("/graph", "GraphEdges:edges")[-1]]
+    assert ("cube_3", "table on") in edges and ("table on", "table") in edges
+
+
+def test_images_and_detections_are_shown(stage: Any) -> None:
+    stage.start_viewer(images_hz=5.0)
+    stage.build_table()
+    stage.run(0.5)
+    corners = np.array([[[10, 10], [50, 10], [50, 50], [10, 50]]], np.float32)
+    for _ in range(20):
+        stage.memory.put_frame("camera", Frame(1.0, {"color": np.full((48, 64, 3), 90, np.uint8)}, {}))
+        detections = {"corners": corners, "ids": np.array([3], np.int32)}
+        stage.memory.put_frame("camera/detections", Frame(1.0, detections, {}))
+        stage.run(0.1)
+    shown = stage.finish()
+    image = "/world/cameras/camera/image"
+    images = shown.values(image, "EncodedImage:blob")
+    assert 9 <= len(images) <= 11
+    assert bytes(images[0][0])[:3] == b"\xff\xd8\xff"
+    assert shown.values(f"{image}/detections", "LineStrips2D:labels")[-1] == ["tag 3"]
+    np.testing.assert_allclose(shown.values(image, "Pinhole:resolution")[-1], [(640, 480)])
+
+
+@pytest.mark.parametrize(
+    "arrays",
+    [
+        {"color": np.zeros((4, 4), np.uint8)},
+        {"color": np.zeros((4, 4, 3), np.float32)},
+        {"color": np.zeros((0, 4, 3), np.uint8)},
+        {},
+    ],
+)
+def test_an_unusable_image_is_counted_and_left_out(stage: Any, arrays: dict[str, np.ndarray]) -> None:
+    viewer = stage.start_viewer()
+    stage.build_table()
+    stage.run(0.5)
+    stage.memory.put_frame("camera", Frame(1.0, arrays, {}))
+    bad = {"corners": np.full((1, 4, 2), np.nan, np.float32), "ids": np.zeros(1, np.int32)}
+    stage.memory.put_frame("camera/detections", Frame(1.0, bad, {}))
+    stage.run(0.5)
+    assert viewer._images.unusable == 2
+    assert not stage.finish().values("/world/cameras/camera/image", "EncodedImage:blob")
+
+
+def test_distances_and_errors_are_in_millimetres(stage: Any) -> None:
+    stage.start_viewer()
+    stage.build_table("cube_3")
+    stage.run(0.5)
+    truth = {"stamp": 1.0, "objects": {"cube_3": [0.0, 0.0, 0.021, 0.0, 0.0, 0.0, 1.0]}, "robot": []}
+    stage.memory.transport.publish(stage.keys.truth(), msgpack.packb(truth))
+    stage.run(0.5)
+    shown = stage.finish()
+    for entity, expected in (("percept_to_belief_mm", 10.0), ("error_mm/percept", 9.0), ("error_mm/belief", 1.0)):
+        values = shown.values(f"/series/{entity}/cube_3", "Scalars:scalars")
+        assert values[-1] == pytest.approx([expected], abs=1e-6)
+
+
+def test_an_object_out_of_sight_has_no_percept_error(stage: Any) -> None:
+    stage.start_viewer()
+    stage.build_table("cube_3")
+    stage.memory.update_node("cube_3", perceived=False)
+    stage.run()
+    shown = stage.finish()
+    assert "/series/percept_to_belief_mm/cube_3" not in shown.entities
+    assert shown.values("/world/percepts", "Boxes3D:colors")[-1] == [rgba(palette.UNSEEN_PERCEPT)]
+
+
+def test_rates_and_log_lines_of_agents_are_shown(stage: Any) -> None:
+    stage.start_viewer()
+    status = Status(agent="arm", rid="arm-1", pid=1, state=State.READY, rate_hz=49.5)
+    record = LogRecord(stage.clock.now(), "WARNING", "arm", "a joint is near its limit")
+    stage.memory.transport.publish(stage.keys.status("arm"), encode_status(status))
+    stage.memory.transport.publish(stage.keys.log("arm"), msgspec.msgpack.encode(record))
+    stage.run()
+    shown = stage.finish()
+    assert shown.values("/series/rate_hz/arm", "Scalars:scalars") == [[49.5]]
+    assert shown.texts("/log/arm") == ["arm: a joint is near its limit"]
+    assert shown.values("/log/arm", "TextLog:level") == [["WARN"]]
+
+
+@pytest.mark.parametrize("payload", [b"", b"\xc1", b"\x93\x01\x02\x03", b"\x80"])
+def test_malformed_messages_are_counted_and_dropped(stage: Any, payload: bytes) -> None:
+    viewer = stage.start_viewer()
+    for key in (stage.keys.status("x"), stage.keys.log("x"), stage.keys.truth()):
+        stage.memory.transport.publish(key, payload)
+    stage.run(0.3)
+    assert (viewer._series.malformed, viewer._events.malformed) == (2, 1)
+
+
+def test_what_happens_in_the_graph_is_told(stage: Any) -> None:
+    stage.start_viewer()
+    stage.build_table("cube_3", "cube_4")
+    stage.run(0.5)
+    stage.memory.add_edge("cube_3", "table", "on", source="contact", since=1.0)
+    stage.memory.update_node("cube_3", plausible=False, perceived=True)
+    stage.run(0.5)
+    stage.memory.remove_edge("cube_3", "table", "on")
+    stage.memory.remove_node("cube_4")
+    stage.run(0.5)
+    texts = stage.finish().texts()
+    assert texts.count("graph: perceived: cube_3, cube_4") == 1
+    for line in ("cube_3 on table", "cube_3 not plausible", "cube_3 no more on table", "cube_4 gone"):
+        assert f"graph: {line}" in texts
+
+
+def test_a_restart_writes_a_new_file_of_the_same_recording(stage: Any, tmp_path: Path) -> None:
+    stage.start_viewer()
+    stage.build_table("cube_3")
+    stage.run()
+    stage.start_viewer()
+    stage.run()
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["recording-2.rrd", "recording.rrd"]
+
+
+def test_the_file_holds_the_arrangement(stage: Any) -> None:
+    stage.start_viewer()
+    stage.run()
+    assert stage.finish().blueprints >= 1
+    for cameras in ([], ["camera_overhead"], ["camera_overhead", "camera_wrist"]):
+        for with_truth in (True, False):
+            make_blueprint(cameras, with_truth)
+
+
+def test_without_a_display_the_file_is_written_all_the_same(stage: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setattr(sys, "platform", "linux")
+    stage.start_viewer(spawn=True)
+    stage.build_table("cube_3")
+    stage.run()
+    assert "/world/beliefs" in stage.finish().entities
+
+
+@pytest.mark.parametrize("program", ["exit 3", "sleep 0.3"])
+def test_a_window_that_fails_or_is_closed_does_not_matter(
+    stage: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, program: str
+) -> None:
+    fake = tmp_path / "fake_rerun"
+    fake.write_text(f"#!/bin/sh\n{program}\n")
+    fake.chmod(0o755)
+    monkeypatch.setenv("DISPLAY", ":77")
+    monkeypatch.setattr("agents.viewer.window.native_viewer", lambda: fake)
+    viewer = stage.start_viewer(spawn=True)
+    stage.build_table("cube_3")
+    assert viewer._window is not None
+    viewer._window._process.wait()
+    stage.run()
+    assert viewer._window is None
+    assert "/world/beliefs" in stage.finish().entities
+
+
+def test_a_killed_viewer_leaves_a_readable_file(tmp_path: Path, shown: Callable[[Path], Any]) -> None:
+    script = textwrap.dedent("""
+        import sys, time
+        from pathlib import Path
+        sys.path.insert(0, sys.argv[2])
+        from conftest import Stage
+        stage = Stage(Path(sys.argv[1]))
+        stage.start_viewer()
+        stage.build_table("cube_3")
+        for step in range(10_000):
+            stage.run(0.1)
+            time.sleep(0.02)
+            if step == 50:
+                print("running", flush=True)
+    """)
+    command = [sys.executable, "-c", script, str(tmp_path), str(Path(__file__).parent)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, cwd=Path(__file__).parents[3]) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == b"running\n"
+        os.kill(process.pid, signal.SIGKILL)
+    assert {"/graph", "/world/percepts", "/world/beliefs"} <= shown(tmp_path / "recording.rrd").entities
