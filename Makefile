@@ -1,0 +1,25 @@
+# make demo    show it: sets up .venv, starts everything, compares belief with truth
+# make test    ruff, mypy, all tests
+# make lint    ruff and mypy only
+# make clean   remove what these made, except the recordings in runs/
+#
+# PYTHON=/path/to/python3.11 chooses the interpreter; ARGS go to the demo: make demo ARGS="--seed 3"
+
+.PHONY: demo test lint setup clean
+
+demo: setup
+	@.venv/bin/dsr demo $(ARGS)
+
+test: lint
+	.venv/bin/python -m pytest -n 2
+
+lint: setup
+	.venv/bin/ruff check .
+	.venv/bin/mypy
+
+setup:
+	@PYTHON="$(PYTHON)" .ci/setup
+
+clean:
+	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis build dist dsr.egg-info
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +
