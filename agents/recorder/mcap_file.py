@@ -117,7 +117,8 @@ class RecordingFile:
                 yield from self._messages(source)
                 self.complete = True
             except _CutError:
-                self.problems.append(f"cut off after {source.position} of {self.size} bytes")
+                cut = f"cut off after {source.position} of {self.size} bytes"
+                self.problems.append("never closed" if source.position == self.size else cut)
             except _DAMAGE as error:
                 self.problems.append(f"not readable from byte {source.position} on ({_text(error)})")
             self.read_bytes = source.position

@@ -9,8 +9,8 @@ import rerun.blueprint as rrb
 from agents.viewer import events, graph_view, scene, series
 
 TIMELINE = "stamp"
-_EYE = (1.1, -0.62, 0.52)
-_TARGET = (0.22, 0.06, 0.22)
+_EYE = (1.2, -0.8, 0.66)
+_TARGET = (0.2, 0.03, 0.27)
 _BACKGROUND = (24, 27, 32)
 
 

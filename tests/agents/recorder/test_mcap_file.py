@@ -54,7 +54,7 @@ def test_a_cut_file_gives_a_prefix_and_says_so(tmp_path: Path, seed: int) -> Non
     assert len(found) % FLUSH_EVERY == 0
     assert all(map(close, found, RECORDS))
     assert not recording.reports[0].complete
-    assert "cut off after" in str(recording.reports[0])
+    assert "recovered; cut off after" in str(recording.reports[0])
 
 
 def test_a_cut_loses_only_what_was_not_flushed(tmp_path: Path) -> None:
@@ -67,7 +67,9 @@ def test_a_cut_loses_only_what_was_not_flushed(tmp_path: Path) -> None:
         writer.write(record)
     writer.close()
     (tmp_path / "a.mcap").write_bytes(flushed)
-    assert len(list(read_recording(tmp_path / "a.mcap"))) == 100
+    recording = read_recording(tmp_path / "a.mcap")
+    assert len(list(recording)) == 100
+    assert recording.reports[0].problems == ("never closed",)
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -153,6 +155,7 @@ def test_a_killed_writer_leaves_what_it_flushed(tmp_path: Path) -> None:
     assert len(found) >= flushed
     assert [record.payload for record in found] == [str(number).encode() * 100 for number in range(len(found))]
     assert not recording.reports[0].complete
+    assert recording.reports[0].problems
 
 
 def test_an_unknown_topic_is_refused(tmp_path: Path) -> None:
