@@ -117,8 +117,7 @@ class RecordingFile:
                 yield from self._messages(source)
                 self.complete = True
             except _CutError:
-                cut = f"cut off after {source.position} of {self.size} bytes"
-                self.problems.append("never closed" if source.position == self.size else cut)
+                self.problems.append(f"never closed or cut off, after {self.size} bytes")
             except _DAMAGE as error:
                 self.problems.append(f"not readable from byte {source.position} on ({_text(error)})")
             self.read_bytes = source.position

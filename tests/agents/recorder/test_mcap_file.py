@@ -54,7 +54,7 @@ def test_a_cut_file_gives_a_prefix_and_says_so(tmp_path: Path, seed: int) -> Non
     assert len(found) % FLUSH_EVERY == 0
     assert all(map(close, found, RECORDS))
     assert not recording.reports[0].complete
-    assert "recovered; cut off after" in str(recording.reports[0])
+    assert "recovered; never closed or cut off" in str(recording.reports[0])
 
 
 def test_a_cut_loses_only_what_was_not_flushed(tmp_path: Path) -> None:
@@ -69,7 +69,7 @@ def test_a_cut_loses_only_what_was_not_flushed(tmp_path: Path) -> None:
     (tmp_path / "a.mcap").write_bytes(flushed)
     recording = read_recording(tmp_path / "a.mcap")
     assert len(list(recording)) == 100
-    assert recording.reports[0].problems == ("never closed",)
+    assert str(len(flushed)) in str(recording.reports[0])
 
 
 @pytest.mark.parametrize("seed", range(40))
