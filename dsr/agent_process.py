@@ -116,7 +116,7 @@ def _run_ticks(runner: Runner, stop: threading.Event) -> None:
 
 def _parser(kind: type[Agent]) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
-        prog=f"python -m {kind.__module__.removesuffix('.agent')}",
+        prog=None if kind.__module__ == "__main__" else f"python -m {kind.__module__.removesuffix('.agent')}",
         description=inspect.cleandoc(kind.__doc__ or kind.__name__),
         epilog=_explain(kind),
         formatter_class=argparse.RawDescriptionHelpFormatter,

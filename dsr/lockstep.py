@@ -69,7 +69,7 @@ class Lockstep:
         self._seed = seed
         self._strict = strict
         self.memory = self._join("observer", "observer", None)
-        """A replica of its own, for whoever watches the run."""
+        """A replica of its own, for whoever sets the scene and watches the run."""
         self.bus = self.memory.transport
         """Its link, for traffic outside the graph."""
         self._seats: dict[str, _Seat] = {}
@@ -185,6 +185,7 @@ class Lockstep:
 
     def _step(self, now: float) -> None:
         """Tick every agent that is due at `now`."""
+        self.memory.flush()
         self.network.deliver()
         for name in self._specs:
             seat = self._seats.get(name)

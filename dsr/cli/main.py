@@ -43,7 +43,7 @@ _debug = False
 
 
 def mount(entry_point: EntryPoint) -> None:
-    """Add the command of another package: a typer app, under the entry point's name."""
+    """Add the command of another package, a typer app, under the entry point's name."""
     try:
         command = entry_point.load()
     except ImportError as error:

@@ -1,0 +1,133 @@
+"""What the documents show works as written."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import re
+import shlex
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+
+import dsr
+from dsr import Memory, Pose
+from dsr.cli import main as command_line
+from dsr.launcher import Launcher
+from dsr.lockstep import Lockstep
+from dsr.system import AgentSpec, load_system
+
+ROOT = Path(__file__).parents[1]
+DOCUMENTS = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])
+BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+NAMED_BLOCK = re.compile(r"^`([\w.]+)`:\n```\w+\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+
+
+def blocks(language: str) -> list[Any]:
+    """All blocks of code in a language, each with where it stands as its id."""
+    return [
+        pytest.param(code, id=f"{file.name}-{number}")
+        for file in DOCUMENTS
+        for number, (kind, code) in enumerate(BLOCK.findall(file.read_text(encoding="utf-8")))
+        if kind == language
+    ]
+
+
+def commands() -> list[Any]:
+    """All lines of shell blocks that call `dsr`."""
+    lines = {line for block in blocks("sh") for line in block.values[0].splitlines() if line.startswith("dsr ")}
+    return sorted(lines)
+
+
+@pytest.fixture
+def agents_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """The files that docs/agents.md shows, importable during the test."""
+    for name, code in NAMED_BLOCK.findall((ROOT / "docs/agents.md").read_text(encoding="utf-8")):
+        (tmp_path / name).write_text(code, encoding="utf-8")
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "runtime"))
+    (tmp_path / "runtime").mkdir()
+    monkeypatch.syspath_prepend(str(tmp_path))
+    yield tmp_path
+    for file in tmp_path.glob("*.py"):
+        sys.modules.pop(file.stem, None)
+
+
+@pytest.fixture(scope="module")
+def group() -> Any:
+    """The `dsr` command with all that pyproject.toml adds to it."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    for name, value in project["entry-points"]["dsr.commands"].items():
+        command_line.mount(EntryPoint(name, value, "dsr.commands"))
+    return typer.main.get_command(command_line.app)
+
+
+def set_scene(memory: Memory) -> None:
+    memory.add_node("table", "table")
+    memory.add_node("cube_3", "cube", perceived=True, size=(0.04, 0.04, 0.04))
+    memory.add_node("cube_4", "cube", perceived=True, size=(0.02, 0.02, 0.02))
+
+
+@pytest.mark.parametrize("code", blocks("python"))
+def test_python_is_valid(code: str) -> None:
+    compile(code, "document", "exec")
+
+
+@pytest.mark.parametrize("line", commands())
+def test_commands_exist_with_these_arguments(line: str, group: Any) -> None:
+    _, *words = shlex.split(line, comments=True)
+    while hasattr(group, "resolve_command"):
+        context = group.make_context("dsr", [], resilient_parsing=True)
+        _, group, words = group.resolve_command(context, words)
+    group.make_context("dsr", words, resilient_parsing=False)  # raises for what it does not know
+
+
+def test_the_agent_has_twenty_lines(agents_folder: Path) -> None:
+    lines = (agents_folder / "counter.py").read_text().splitlines()
+    assert len([line for line in lines if line.strip() and not line.startswith('"""')]) <= 20
+
+
+def test_the_test_of_the_agent_passes(agents_folder: Path) -> None:
+    command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "test_counter.py"]
+    result = subprocess.run(command, cwd=agents_folder, env=environment(), capture_output=True, text=True, check=False)
+    assert result.returncode == 0 and "1 passed" in result.stdout, result.stdout
+
+
+def environment() -> dict[str, str]:
+    return {**os.environ, "PYTHONPATH": str(ROOT)}
+
+
+def test_the_agent_works_as_a_process_that_finds_the_graph(agents_folder: Path) -> None:
+    with dsr.connect("tabletop", agent="scene") as memory:
+        set_scene(memory)
+        memory.add_node("world", "world")
+        for cube in ("cube_3", "cube_4"):
+            memory.add_edge("world", cube, "RT", pose=Pose())
+        with subprocess.Popen([sys.executable, "counter.py"], cwd=agents_folder, env=environment()) as process:
+            changes = memory.watch(node_type="table", attribute="seen")
+            change = changes.next(timeout=30)
+            assert change is not None and memory.node("table")["seen"] == 2
+            process.terminate()
+            assert process.wait(20) == 0
+
+
+def test_the_system_runs(agents_folder: Path) -> None:
+    with Launcher(load_system(agents_folder / "counting.toml"), agents_folder / "run") as launcher:
+        set_scene(launcher.memory)
+        launcher.wait_ready()
+        changes = launcher.memory.watch(node_type="table", attribute="seen")
+        while launcher.memory.node("table").get("seen") != 1:
+            assert changes.next(timeout=30) is not None
+
+
+def test_names_of_ones_own_can_be_registered(agents_folder: Path) -> None:
+    thermometer = importlib.import_module("own_names").Thermometer
+    with Lockstep([AgentSpec("thermometer", thermometer)], strict=True) as lockstep:
+        lockstep.run_for(0.2)
+        assert lockstep.memory.node("heater_1")["temperature"] == 293.15
