@@ -60,9 +60,6 @@ def run_command_line(kind: type[Agent], arguments: Sequence[str] | None = None) 
     except DsrError as error:
         _log.error("%s", error)
         return EXIT_FAILED
-    except Exception:
-        _log.exception("the agent failed")
-        return EXIT_FAILED
     return 0
 
 

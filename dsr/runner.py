@@ -8,7 +8,7 @@ import traceback
 from collections import deque
 
 from dsr.agent import Agent
-from dsr.errors import AgentError
+from dsr.errors import AgentError, DsrError
 from dsr.status import PERIOD, State, Status, encode_status
 from dsr.transport import Qos
 
@@ -66,7 +66,7 @@ class Runner:
         self._last_status = -math.inf
 
     def setup(self) -> None:
-        """Set the agent up; raises whatever it raises, `AgentError` for declared names that do not exist."""
+        """Set the agent up. A failure is logged and raised as a `DsrError`; so are declared names that do not exist."""
         self._publish()
         try:
             self.agent.setup()
@@ -76,7 +76,9 @@ class Runner:
         except Exception as error:
             self._count(error)
             self._enter(State.FAILED)
-            raise
+            if isinstance(error, DsrError):
+                raise
+            raise AgentError(f"set-up failed: {self._last_error}") from error
 
     def tick(self, now: float) -> None:
         """Do one tick. A failure is logged and counted; `AgentError` after too many in a row."""

@@ -158,6 +158,25 @@ def test_agents_end_when_their_launcher_is_killed_with_9(tmp_path: Path) -> None
     (tmp_path / "dsr" / "counters.launcher").unlink()  # what a kill leaves: an empty file that the next one takes over
 
 
+def test_an_agent_that_cannot_end_in_an_orderly_way_ends_with_its_children_when_the_launcher_is_gone(
+    tmp_path: Path,
+) -> None:
+    system = tmp_path / "deaf.toml"
+    system.write_text('graph = "deaf"\n[[agent]]\nname = "deaf"\nclass = "toy_deaf:Deaf"\n')
+    for module in SYSTEMS.glob("toy_*.py"):
+        (tmp_path / module.name).symlink_to(module)
+    with subprocess.Popen(
+        [sys.executable, "-c", LAUNCH, str(system), str(tmp_path / "run")], stdout=subprocess.PIPE, text=True
+    ) as launcher:
+        assert launcher.stdout is not None
+        group = int(launcher.stdout.readline())
+        assert len(members_of(group)) == 2
+        launcher.kill()
+    wait_for(lambda: members_of(group) == [])
+    assert graphs() == []
+    (tmp_path / "dsr" / "deaf.launcher").unlink()
+
+
 def test_the_back_off_doubles_up_to_its_limit_and_a_success_is_final(tmp_path: Path) -> None:
     clock = ManualClock()
     process = Supervised([sys.executable, "-c", "exit(3)"], tmp_path / "log", clock=clock, environment=os.environ)
