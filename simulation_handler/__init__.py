@@ -1,1 +1,9 @@
-"""The belief simulator: a physics simulation kept in step with perception."""
+"""The belief simulator: a physics simulation kept in step with perception.
+
+Read in the order of the data: `reading` (graph to belief), `tracking` (percepts over time), `placement` (onto
+contact), `correction` (into the simulation), `simulator`, `relations`, `writing` (belief to graph).
+"""
+
+from simulation_handler.agent import SimulationHandler
+
+__all__ = ["SimulationHandler"]

@@ -74,6 +74,10 @@ class Belief:
         self._bodies.set_pinned(item, held)
         item.track.forget()
 
+    def recall_support(self, relation: Relation, since: float, now: float) -> None:
+        """Believe again that an object has been resting on another one `since` (s)."""
+        self._relations.recall(relation, since, now)
+
     def remove(self, name: str) -> None:
         """Forget an object or a fixture; what rested on it falls. Harmless if there is none."""
         self._bodies.remove(name)

@@ -41,7 +41,7 @@ class BeliefConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     perceived_max_age: float = 0.7
     """s without a percept after which an object is unseen and left to physics (Sallami et al., Table I)."""
 
-    dead_band: float = 0.0003
+    dead_band: float = 0.0002
     """m that the estimate of a resting object must change before its body is moved."""
     dead_band_angle: float = 0.005
     """rad, likewise."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 
 import numpy as np
@@ -40,7 +39,7 @@ class Correction:
 
         They are placed from the lowest up, so that each finds its support at its final height.
         """
-        seen = [item for item in self._bodies.objects.values() if item.estimate_at(now) is not None]
+        seen = [item for item in self._bodies.objects.values() if self._is_led_by_perception(item, now)]
         astray = {item.name for item in seen if self._bodies.has_left(item)}
         changed = [item for item in seen if item.track.take_change() or item.name in astray]
         if not changed:
@@ -53,6 +52,11 @@ class Correction:
             if self._replace(item, scene, now) or item.name in astray:
                 moving.append(item)
         self._realise(moving, scene, now)
+
+    def _is_led_by_perception(self, item: BelievedObject, now: float) -> bool:
+        """Whether it is seen; of one without a place even an old percept says the most."""
+        has_place = item.name in self._bodies.sim
+        return (item.estimate_at(now) if has_place else item.track.estimate) is not None
 
     def _replace(self, item: BelievedObject, scene: Scene, now: float) -> bool:
         """Find the plausible pose of a perceived object and put it into the scene; whether it is a new one."""
@@ -85,8 +89,13 @@ class Correction:
         flat, tilt = face_down(percept.rotation)
         if tilt > self._config.tilt_tolerance:
             return False
-        tolerance = self._config.explain_sigmas * math.sqrt(item.percept_covariance(self._config)[2, 2])
-        explanation = explain(percept.turned(flat), self._bodies.never_placed(), scene.values(), tolerance)
+        explanation = explain(
+            percept.turned(flat),
+            item.percept_covariance(self._config),
+            self._bodies.never_placed(),
+            scene.values(),
+            self._config.explain_sigmas,
+        )
         if explanation is None:
             return False
         for solid in explanation.stack:

@@ -69,10 +69,10 @@ def place(percept: Solid, covariance: Array, others: Sequence[Solid], config: Be
     for _ in range(2):  # the support is looked for where the object is once its height is right
         supports, level = find_support(solid, posed.bottom, others, config.hover_tolerance)
         if level is not None:
-            solid = posed.moved(_conditioned(posed.position, covariance, level + posed.half_height))
+            solid = posed.moved(given_height(posed.position, covariance, level + posed.half_height))
     if level is None:
         return Placement(percept, (), covariance)
-    return Placement(solid, supports if upright else (), _given_height(covariance))
+    return Placement(solid, supports if upright else (), _covariance_given_height(covariance))
 
 
 def find_support(
@@ -112,13 +112,13 @@ def _near(a: Solid, b: Solid) -> bool:
     return abs(a.position[0] - b.position[0]) <= reach and abs(a.position[1] - b.position[1]) <= reach
 
 
-def _conditioned(position: Vector3, covariance: Array, height: float) -> Vector3:
-    """Mean of a Gaussian position (3,) m, given that its height is `height` m."""
+def given_height(position: Vector3, covariance: Array, height: float) -> Vector3:
+    """Mean of a Gaussian position (3,) m, once its height is known to be `height` m."""
     x, y, z = (position + covariance[:, 2] / covariance[2, 2] * (height - position[2])).tolist()
     return x, y, z
 
 
-def _given_height(covariance: Array) -> Array:
+def _covariance_given_height(covariance: Array) -> Array:
     column = covariance[:, 2]
     rest: Array = covariance - np.outer(column, column) / column[2]
     rest[2, 2] += _HEIGHT_STD**2

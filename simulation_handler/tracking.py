@@ -22,6 +22,7 @@ from simulation_handler.config import BeliefConfig
 
 Array = NDArray[np.float64]
 
+_ROUNDING = 1e-9
 _EYE = np.eye(3)
 _RECENT = 8  # percepts whose mean shows a move too small for the gate of a single one
 _MOST_SIGMAS = 2.0  # standard deviations of the bias beyond which it explains nothing
@@ -55,6 +56,9 @@ def make_percept(pose: Pose, stamp: float, seen_from: Vector3 | None, config: Be
         stamp: s, when it was seen.
         seen_from: (3,) of the camera in the world, m; None means from right above.
         config: the noise that is added, and the defaults.
+
+    Raises:
+        ValueError: for a covariance that none is: with a negative variance in some direction.
     """
     position = np.array(pose.t)
     ray = _DOWNWARDS if seen_from is None else _unit(position - seen_from)
@@ -64,6 +68,8 @@ def make_percept(pose: Pose, stamp: float, seen_from: Vector3 | None, config: Be
         turning = config.default_rotation_noise**2 * _EYE
     else:
         cov, turn = np.array(pose.cov).reshape(6, 6), np.array(quaternions.to_matrix(pose.q))
+        if np.linalg.eigvalsh(cov)[0] < -_ROUNDING * np.trace(cov):
+            raise ValueError(f"covariance with eigenvalues {np.linalg.eigvalsh(cov)}: expected none below 0")
         noise, turning = turn @ cov[:3, :3] @ turn.T, turn @ cov[3:, 3:] @ turn.T
     return Percept(
         stamp, position, pose.q,
@@ -94,7 +100,7 @@ class Estimate:
 
     def agrees(self, innovations: Sequence[tuple[Array, Array]], percept: Percept) -> bool:
         """Whether the mean of some innovations is within the gate, each of them as noisy as `percept`."""
-        shift, turn = np.mean(innovations, axis=0)
+        shift, turn = np.mean(innovations, axis=0) if len(innovations) > 1 else innovations[0]
         limit, share = self._config.gate**2, 1.0 / len(innovations)
         position_covariance = self.position_covariance + share * percept.position_covariance
         rotation_covariance = self.rotation_covariance + share * percept.rotation_covariance
@@ -112,6 +118,17 @@ class Estimate:
         step = quaternions.from_rotvec((x, y, z))
         self.rotation = quaternions.normalised(quaternions.product(step, self.rotation))
         self.ray = percept.ray
+
+    def inherit(self, old: Estimate) -> None:
+        """Keep the position of an older estimate if that has not changed, and likewise the rotation."""
+        between = quaternions.product(self.rotation, quaternions.conjugate(old.rotation))
+        turn = np.array(quaternions.to_rotvec(between))
+        shift = self.position - old.position
+        limit = self._config.gate**2
+        if _mahalanobis2(shift, self.position_covariance + old.position_covariance) <= limit:
+            self.position, self.position_covariance, self.count = old.position, old.position_covariance, old.count
+        if _mahalanobis2(turn, self.rotation_covariance + old.rotation_covariance) <= limit:
+            self.rotation, self.rotation_covariance = old.rotation, old.rotation_covariance
 
     def corrected(self, bias: float) -> Array:
         """(3,) m, the position without a systematic error of `bias` m along the viewing ray."""
@@ -183,7 +200,7 @@ class Track:
         self._pending.append(percept)
         needed = self._config.confirm_frames if self.estimate is not None or self._believed else 1
         if len(self._pending) >= needed:
-            self._restart(list(self._pending))
+            self._restart(list(self._pending), self.estimate)
 
     def take_change(self) -> bool:
         """Whether the estimate changed since the last call."""
@@ -209,17 +226,19 @@ class Track:
         self.moving = False
         self.changed = True
         if len(self._recent) == _RECENT and not estimate.agrees(self._innovations, percept):
-            self._restart(list(self._recent))
+            self._restart(list(self._recent)[_RECENT // 2 :])  # the older half may be from before the move
         else:
             estimate.fuse(percept)
 
-    def _restart(self, percepts: Sequence[Percept]) -> None:
-        """Begin a new estimate from these percepts if they agree, else from the newest."""
+    def _restart(self, percepts: Sequence[Percept], old: Estimate | None = None) -> None:
+        """Begin anew from these percepts if they agree, else from the newest; keep what still holds of `old`."""
         agreeing = _fused(percepts, self._config)
         self.moving = agreeing is None
-        self.estimate = agreeing or Estimate(percepts[-1], self._config)
         if agreeing is not None:
             self._pending.clear()
+            if old is not None:
+                agreeing.inherit(old)
+        self.estimate = agreeing or Estimate(percepts[-1], self._config)
         self._recent.clear()
         self._innovations.clear()
         self.changed = True

@@ -1,0 +1,53 @@
+"""The simulation handler: keeps an internal physics simulation in step with the working memory, both ways."""
+
+from __future__ import annotations
+
+from dsr.agent import Access, Agent
+from simulation_handler.belief import Belief
+from simulation_handler.config import BeliefConfig
+from simulation_handler.reading import FIXTURES, OBJECTS, Reading
+from simulation_handler.writing import Writing
+
+
+class SimulationHandler(Agent):
+    """Reads percepts (RT edges from cameras), lets physics correct them, and writes what it then believes.
+
+    Writes Virtual_RT edges from the world to each object, with covariance, relations `on` from contact, and
+    `plausible`: whether what is perceived of an object is possible by what else is known. After a restart it
+    goes on from the Virtual_RT edges that it finds.
+    """
+
+    name = "simulation_handler"
+    rate_hz = 20.0
+    reads = Access(
+        nodes=(*FIXTURES, *OBJECTS, "world", "camera"),
+        edges=("RT", "Virtual_RT", "on"),
+        attributes=("size", "mass", "friction", "plausible", "source", "since"),
+    )
+    writes = Access(
+        nodes=OBJECTS,
+        edges=("Virtual_RT", "on"),
+        attributes=("plausible", "source", "since"),
+        exclusive=("Virtual_RT", "plausible"),
+    )
+    Config = BeliefConfig
+    config: BeliefConfig
+
+    def setup(self) -> None:
+        """Begin with an empty simulation; the first tick fills it."""
+        self._belief = Belief(self.config)
+        self._reading = Reading(self.memory, self._belief, self.log)
+        self._writing = Writing(self.memory, self._belief)
+
+    def tick(self, now: float) -> None:
+        """Bring the belief to time `now` (s), and the graph into step with it."""
+        self._reading.update(now)
+        self._belief.step(now)
+        self._writing.update(now)
+        self.degraded = "; ".join(self._reading.problems.values())
+
+    def teardown(self) -> None:
+        """Free the simulation."""
+        belief = getattr(self, "_belief", None)
+        if belief is not None:
+            belief.close()

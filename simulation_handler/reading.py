@@ -1,0 +1,155 @@
+"""From the graph to the belief: which objects there are, and what was perceived of them since the last look."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import math
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import numpy as np
+
+from dsr.elements import Edge, Node
+from dsr.errors import DsrError, SchemaError
+from dsr.memory import Memory
+from dsr.quaternions import Vector3
+from dsr.transforms import Pose
+from simulation_handler.belief import Belief
+
+WORLD = "world"
+FIXTURES = ("table",)
+"""Node types of what never moves by itself."""
+OBJECTS = ("cube", "box")
+"""Node types of what the belief follows."""
+CONTACT = "contact"
+"""Source of the relations that the belief writes."""
+_MOST_AHEAD = 0.5  # s that a percept's stamp may be ahead of this machine's clock
+
+Properties = tuple[Vector3, float | None, float | None]
+"""Size (m), mass (kg) and friction of an object; None where its node does not say."""
+
+
+class Reading:
+    """Keeps a belief in step with the graph's nodes and percepts. What cannot be used is counted, and logged once."""
+
+    def __init__(self, memory: Memory, belief: Belief, log: logging.Logger) -> None:
+        self._memory = memory
+        self._belief = belief
+        self._log = log
+        self._known: dict[str, Properties] = {}
+        self._used: dict[tuple[str, str], float] = {}  # (camera, object) -> stamp of the newest percept taken in
+        self.skipped: Counter[str] = Counter()
+        """How often something of a node could not be used, by its name."""
+        self.problems: dict[str, str] = {}
+        """Why, in the last update."""
+
+    def update(self, now: float) -> None:
+        """Take in what the graph holds at time `now` (s)."""
+        self.problems.clear()
+        for node in self._nodes(FIXTURES):
+            with self._skipping(node.name):
+                self._note_fixture(node)
+        present = {node.name: node for node in self._nodes(OBJECTS)}
+        for name in sorted(self._known.keys() - present.keys()):
+            self._forget(name)
+        for name, node in present.items():
+            with self._skipping(name):
+                self._note_object(node, now)
+        for name in sorted(self._known):
+            for edge in self._memory.edges("RT", dst=name):
+                with self._skipping(name):
+                    self._note_percept(edge, now)
+
+    def _nodes(self, types: Iterable[str]) -> list[Node]:
+        return sorted((node for type in types for node in self._memory.nodes(type)), key=lambda node: node.name)
+
+    def _note_fixture(self, node: Node) -> None:
+        """Put a table where its node says: the frame is at the centre of its top."""
+        size = _size(node)
+        top = self._memory.transform(WORLD, node.name)
+        self._belief.set_fixture(node.name, size, top @ Pose((0.0, 0.0, -0.5 * size[2])))
+
+    def _note_object(self, node: Node, now: float) -> None:
+        """Let an object take part in the belief, or change what it is like."""
+        name, properties = node.name, _properties(node)
+        known = self._known.get(name)
+        if properties == known:
+            return
+        pose = self._belief.pose(name) if known else None
+        if known:
+            self._belief.remove(name)
+        size, mass, friction = properties
+        self._belief.add_object(name, size, mass=mass, friction=friction)
+        self._known[name] = properties
+        if pose is not None:
+            self._belief.recall(name, pose)
+        elif not known:
+            self._recall(node, now)
+
+    def _recall(self, node: Node, now: float) -> None:
+        """Believe of an object what the graph says that it was believed before, by an earlier run of this agent."""
+        edge = self._memory.get_edge(WORLD, node.name, "Virtual_RT")
+        if edge is None:
+            return
+        self._belief.recall(node.name, edge.pose, held=node.get("plausible") is False)
+        for relation in self._memory.edges("on", src=node.name):
+            if relation.get("source") == CONTACT:
+                self._belief.recall_support((relation.src, relation.dst), relation.get("since", now), now)
+
+    def _note_percept(self, edge: Edge, now: float) -> None:
+        """Take in the pose of an RT edge from a camera, unless it was taken in before.
+
+        A stamp of 0 means "always": such an edge is a percept of this moment, whenever that is.
+        """
+        pose = edge.get("pose")
+        if pose is None:
+            return
+        stamp, key = pose.stamp or now, (edge.src, edge.dst)
+        if stamp <= self._used.get(key, -math.inf):
+            return
+        if stamp > now + _MOST_AHEAD:
+            raise SchemaError(f"percept of {edge.dst!r} from {edge.src!r} is stamped {stamp - now:.1f} s ahead")
+        world_from_camera = self._memory.transform(WORLD, edge.src, at=pose.stamp or None)
+        self._used[key] = stamp
+        self._belief.observe(edge.dst, world_from_camera @ pose, stamp, world_from_camera.t)
+
+    def _forget(self, name: str) -> None:
+        self._belief.remove(name)
+        del self._known[name]
+        for key in [key for key in self._used if key[1] == name]:
+            del self._used[key]
+
+    @contextlib.contextmanager
+    def _skipping(self, name: str) -> Iterator[None]:
+        """Skip what cannot be used of the node `name`."""
+        try:
+            yield
+        except (DsrError, ValueError, np.linalg.LinAlgError) as error:
+            self.problems[name] = str(error)
+            self.skipped[name] += 1
+            if self.skipped[name] == 1:
+                self._log.warning("%s cannot be used (logged once): %s", name, error)
+
+
+def _properties(node: Node) -> Properties:
+    mass, friction = _number(node, "mass"), _number(node, "friction")
+    if mass == 0.0:
+        raise SchemaError(f"{node}: mass 0 kg; expected more")
+    return _size(node), mass, friction
+
+
+def _size(node: Node) -> Vector3:
+    size: Any = node.get("size")
+    if not isinstance(size, tuple) or len(size) != 3 or not all(0.0 < edge < math.inf for edge in size):
+        raise SchemaError(f"{node}: size {size}; expected three positive lengths in m")
+    return size
+
+
+def _number(node: Node, attribute: str) -> float | None:
+    """A value that cannot be negative; None if the node has none."""
+    value: float | None = node.get(attribute)
+    if value is not None and not 0.0 <= value < math.inf:
+        raise SchemaError(f"{node}: {attribute} {value}; expected a number of at least 0")
+    return value

@@ -1,0 +1,167 @@
+"""Percepts over time: noise averaged, wrong frames ignored, moves followed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dsr.transforms import Pose
+from simulation_handler.config import BeliefConfig
+from simulation_handler.tracking import Percept, Track, make_percept
+from tests.simulation_handler.worlds import CAMERA, SyntheticCamera, cube_at
+
+CONFIG = BeliefConfig()
+HERE = cube_at(0.4, 0.1)
+
+
+class Watcher:
+    """Feeds a track with percepts of a true pose, ten a second."""
+
+    def __init__(self, seed: int = 0, *, believed: bool = False) -> None:
+        self.camera = SyntheticCamera(seed, bias=(0.0, 0.0))
+        self.camera.tilt_outliers = 0.0
+        self.track = Track(CONFIG)
+        self.now = 100.0
+        if believed:
+            self.track.forget()
+
+    def see(self, truth: Pose, times: int = 1) -> None:
+        for _ in range(times):
+            self.now += 0.1
+            percept = self.camera.percept("cube", truth, self.now)
+            self.track.add(make_percept(percept, self.now, CAMERA, CONFIG))
+
+    def error(self, truth: Pose) -> float:
+        estimate = self.track.estimate
+        assert estimate is not None
+        return float(np.linalg.norm(estimate.position - truth.t))
+
+
+def test_averaging_brings_the_estimate_closer() -> None:
+    errors = []
+    for seed in range(10):
+        watcher = Watcher(seed)
+        watcher.see(HERE, 1)
+        first = watcher.error(HERE)
+        watcher.see(HERE, 99)
+        errors.append((first, watcher.error(HERE)))
+    before, after = np.mean(errors, axis=0)
+    assert after < before / 5
+    assert after < 0.0006
+
+
+def test_the_covariance_shrinks_with_the_noise_but_not_with_the_bias() -> None:
+    watcher = Watcher()
+    watcher.see(HERE, 1)
+    once = watcher.track.estimate
+    watcher.see(HERE, 50)
+    often = watcher.track.estimate
+    assert once is often is not None
+    noise, total = often.position_covariance, often.total_covariance(CONFIG.depth_bias)
+    assert np.sqrt(np.linalg.eigvalsh(noise)[-1]) < 0.001
+    assert np.sqrt(often.ray @ total @ often.ray) == pytest.approx(CONFIG.depth_bias, rel=0.01)
+
+
+@pytest.mark.parametrize("wrong", [cube_at(0.3, 0.2), cube_at(0.4, 0.1, 0.2), cube_at(0.4, 0.1, yaw=0.5)])
+def test_one_or_two_wrong_frames_change_nothing(wrong: Pose) -> None:
+    watcher = Watcher()
+    watcher.see(HERE, 20)
+    for times in (1, 2):
+        watcher.track.take_change()
+        watcher.see(wrong, times)
+        assert not watcher.track.take_change()
+        watcher.see(HERE, 1)
+    assert watcher.track.restarts == 1
+    assert watcher.error(HERE) < 0.002
+
+
+@pytest.mark.parametrize("there", [cube_at(0.415, 0.1), cube_at(0.2, -0.1), cube_at(0.4, 0.1, 0.06)])
+def test_a_move_is_followed_after_three_frames(there: Pose) -> None:
+    watcher = Watcher()
+    watcher.see(HERE, 50)
+    watcher.see(there, CONFIG.confirm_frames)
+    assert watcher.error(there) < 0.004
+    assert not watcher.track.moving
+
+
+def test_a_turn_in_place_keeps_the_position_that_was_averaged() -> None:
+    watcher = Watcher()
+    watcher.see(HERE, 50)
+    assert watcher.track.estimate is not None
+    position = watcher.track.estimate.position
+    watcher.see(cube_at(0.4, 0.1, yaw=0.785), 3)
+    turned = watcher.track.estimate
+    assert turned.position == pytest.approx(position, abs=1e-9)
+    assert Pose(rotation=turned.rotation).distance(cube_at(0, 0, yaw=0.785))[1] < 0.03
+
+
+def test_a_move_of_three_millimetres_is_followed_within_a_second() -> None:
+    watcher = Watcher()
+    watcher.see(HERE, 100)
+    watcher.see(cube_at(0.403, 0.1), 10)
+    assert watcher.track.estimate is not None
+    assert watcher.track.estimate.position[0] == pytest.approx(0.403, abs=0.001)
+
+
+def test_an_object_on_its_way_is_followed_frame_by_frame() -> None:
+    watcher = Watcher()
+    watcher.see(HERE, 20)
+    for step in range(1, 11):
+        there = cube_at(0.4 - 0.03 * step, 0.1)
+        watcher.see(there)
+        if step >= CONFIG.confirm_frames:
+            assert watcher.track.moving
+            assert watcher.error(there) < 0.015
+    watcher.see(there, 3)
+    assert not watcher.track.moving
+
+
+def test_a_belief_is_not_replaced_by_a_single_frame() -> None:
+    watcher = Watcher(believed=True)
+    watcher.see(HERE, CONFIG.confirm_frames - 1)
+    assert watcher.track.estimate is None
+    watcher.see(HERE)
+    assert watcher.track.estimate is not None
+
+
+def test_a_percept_that_is_not_newer_is_ignored() -> None:
+    watcher = Watcher()
+    watcher.see(HERE)
+    watcher.track.take_change()
+    watcher.now -= 0.1
+    watcher.see(HERE)
+    assert not watcher.track.take_change()
+
+
+def test_freshness_ages_out() -> None:
+    watcher = Watcher()
+    assert not watcher.track.is_fresh(watcher.now)
+    watcher.see(HERE)
+    assert watcher.track.is_fresh(watcher.now + 0.6)
+    assert not watcher.track.is_fresh(watcher.now + 0.8)
+
+
+def percept_of(pose: Pose) -> Percept:
+    return make_percept(pose, 1.0, CAMERA, CONFIG)
+
+
+def test_covariance_is_turned_from_the_object_into_the_world() -> None:
+    covariance = np.diag([1e-4, 1e-6, 1e-6, 1e-2, 1e-4, 1e-4])
+    percept = percept_of(Pose.from_rotvec((0.4, 0.1, 0.02), (0.0, 0.0, np.pi / 2), covariance=covariance))
+    floor = CONFIG.position_noise**2
+    assert np.diag(percept.position_covariance) == pytest.approx([1e-6 + floor, 1e-4 + floor, 1e-6 + floor])
+    assert np.argmax(np.diag(percept.rotation_covariance)) == 1
+
+
+def test_without_covariance_the_default_is_longest_along_the_ray() -> None:
+    percept = percept_of(Pose((0.4, 0.1, 0.02)))
+    values, vectors = np.linalg.eigh(percept.position_covariance)
+    assert abs(vectors[:, -1] @ percept.ray) == pytest.approx(1.0)
+    assert values[-1] > 2 * values[0]
+
+
+def test_an_indefinite_covariance_is_refused() -> None:
+    covariance = np.diag([1e-6] * 6)
+    covariance[0, 1] = covariance[1, 0] = 1e-4
+    with pytest.raises(ValueError, match="eigenvalues"):
+        percept_of(Pose((0.4, 0.1, 0.02), covariance=covariance))

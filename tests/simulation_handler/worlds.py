@@ -1,0 +1,97 @@
+"""Synthetic worlds: true poses, an overhead camera with the noise that the belief has to overcome, a belief."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dsr.transforms import Pose
+from simulation_handler.belief import Belief
+
+CAMERA = (0.35, 0.0, 0.65)
+CUBE = (0.04, 0.04, 0.04)
+TABLE = (1.2, 1.2, 0.04)
+PERIOD = 0.05
+
+
+class SyntheticCamera:
+    """Percepts of true poses: a constant depth bias per object along the viewing ray, noise, now and then a tilt."""
+
+    depth_noise = 0.003
+    lateral_noise = 0.001
+    yaw_noise = np.deg2rad(1.0)
+    tilt_noise = np.deg2rad(1.0)
+    tilt_outlier = np.deg2rad(12.0)
+    tilt_outliers = 0.03
+
+    def __init__(self, seed: int = 0, bias: tuple[float, float] = (0.005, 0.015)) -> None:
+        self.rng = np.random.default_rng(seed)
+        self.bias_range = bias
+        self.bias: dict[str, float] = {}
+
+    def percept(self, name: str, truth: Pose, stamp: float) -> Pose:
+        """world_from_object as it is perceived, with the covariance of the noise (without the bias)."""
+        bias = self.bias.setdefault(name, self.rng.uniform(*self.bias_range))
+        position = np.array(truth.t)
+        ray = (position - CAMERA) / np.linalg.norm(position - CAMERA)
+        noise = self.lateral_noise * self.rng.normal(size=3)
+        noise += (self.depth_noise * self.rng.normal() - noise @ ray - bias / -ray[2]) * ray
+        tilts = self.tilt_noise * self.rng.normal(size=2)
+        if self.rng.random() < self.tilt_outliers:
+            tilts = tilts + self.tilt_outlier
+        turn = Pose.from_rotvec((0, 0, 0), (tilts[0], tilts[1], self.yaw_noise * self.rng.normal()))
+        rotation = (Pose((0, 0, 0), truth.q) @ turn).q
+        turned = np.array(Pose((0, 0, 0), rotation).rotation_matrix).T @ ray
+        covariance = np.zeros((6, 6))
+        covariance[:3, :3] = self.lateral_noise**2 * np.eye(3)
+        covariance[:3, :3] += (self.depth_noise**2 - self.lateral_noise**2) * np.outer(turned, turned)
+        covariance[3:, 3:] = np.diag([self.tilt_noise**2, self.tilt_noise**2, self.yaw_noise**2])
+        return Pose(position + noise, rotation, stamp, covariance)
+
+
+class World:
+    """True poses, a camera at 10 Hz and a belief at 20 Hz."""
+
+    def __init__(self, truths: dict[str, Pose], seed: int = 0) -> None:
+        self.truths = dict(truths)
+        self.seen = set(truths)
+        self.camera = SyntheticCamera(seed)
+        self.belief = Belief()
+        self.belief.set_fixture("table", TABLE, Pose((0.35, 0.0, -0.02)))
+        self.percepts: dict[str, Pose] = {}
+        self.now, self.ticks = 1000.0, 0
+        for name in truths:
+            self.belief.add_object(name, CUBE, mass=0.05)
+
+    def run(self, seconds: float) -> None:
+        """Let time pass."""
+        for _ in range(round(seconds / PERIOD)):
+            self.tick()
+
+    def tick(self) -> None:
+        """One step of the belief, with new percepts at every other one."""
+        self.now += PERIOD
+        self.ticks += 1
+        if self.ticks % 2:
+            for name in sorted(self.seen):
+                self.see(name, self.camera.percept(name, self.truths[name], self.now))
+        self.belief.step(self.now)
+
+    def see(self, name: str, percept: Pose) -> None:
+        """Let the belief perceive an object."""
+        self.percepts[name] = percept
+        self.belief.observe(name, percept, percept.stamp, CAMERA)
+
+    def error(self, name: str) -> float:
+        """Distance of the belief from the truth, m."""
+        pose = self.belief.pose(name)
+        assert pose is not None
+        return pose.distance(self.truths[name])[0]
+
+    def percept_error(self, name: str) -> float:
+        """Distance of the newest percept from the truth, m."""
+        return self.percepts[name].distance(self.truths[name])[0]
+
+
+def cube_at(x: float, y: float, z: float = 0.02, yaw: float = 0.0) -> Pose:
+    """Pose of a cube that lies flat."""
+    return Pose.from_rotvec((x, y, z), (0.0, 0.0, yaw))
