@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from textwrap import shorten
 from types import TracebackType
 
 from rich.console import Console
@@ -14,6 +15,7 @@ from dsr.launcher import AgentRow
 
 STILL_RESTS = 0.001
 """m, the largest gap under a belief that the table calls resting"""
+_LONGEST = 150  # characters of a finding; the result's file holds all
 
 
 class ProgressBar:
@@ -96,7 +98,7 @@ def _expectation_table(result: Result) -> Table:
     table.add_column("found")
     for verdict in result.expectations:
         mark = "[green]✓[/]" if verdict.passed else "[red]✗[/]"
-        table.add_row(mark, verdict.text, verdict.actual)
+        table.add_row(mark, verdict.text, shorten(verdict.actual, _LONGEST, placeholder=" ..."))
     return table
 
 

@@ -63,7 +63,7 @@ def _written(key: str, value: Any) -> str:
         return f"{math.degrees(value):g} deg"
     if isinstance(value, tuple):
         return ", ".join(" -> ".join(item) if isinstance(item, tuple) else str(item) for item in value)
-    return str(value)
+    return str(value).lower() if isinstance(value, bool) else str(value)
 
 
 def _time(check: Expectation, history: History) -> float:
@@ -76,11 +76,11 @@ def _samples(check: Windowed, history: History) -> Sequence[Sample]:
 
 
 def _each(check: OfObjects, sample: Sample, find: Callable[[str], Finding]) -> Finding:
-    """The findings about all objects of the check, together; without any object it does not hold."""
+    """The findings about all objects of the check, the failed ones first; without any object it does not hold."""
     names = list(sample.truth) if check.objects is None else check.objects
     if not names:
         return False, "there was no object to judge"
-    findings = [(name, *find(name)) for name in names]
+    findings = sorted(((name, *find(name)) for name in names), key=lambda finding: finding[1])
     return all(ok for _, ok, _ in findings), "; ".join(f"{name}: {what}" for name, _, what in findings)
 
 

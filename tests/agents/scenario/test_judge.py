@@ -108,7 +108,7 @@ def test_a_moving_belief_does_not_rest_and_drifts():
         return believing({"a": TRUE["a"], "b": Pose((0.4 + 0.0005 * time, 0.0, 0.02))})(time)
 
     passed, actual = verdict("check = 'no_drift'", sliding)
-    assert not passed and actual == "a: 0.00 mm; b: 4.00 mm"
+    assert not passed and actual == "b: 4.00 mm; a: 0.00 mm"
     assert verdict("check = 'no_drift'\nafter = 9.0", sliding)[0]
     assert verdict("check = 'resting'", sliding)[0]
     assert not verdict("check = 'resting'\ntolerance = 0.0004", sliding)[0]
@@ -150,7 +150,7 @@ def test_an_object_never_seen_fails_the_comparison_and_has_no_percept_metrics():
 
     assert verdict("check = 'belief_closer_than_percept'", hidden) == (
         False,
-        "a: belief 0.00 mm, percept 10.00 mm; b: never seen",
+        "b: never seen; a: belief 0.00 mm, percept 10.00 mm",
     )
     assert verdict("check = 'belief_closer_than_percept'\nobjects = ['a']", hidden)[0]
     metrics, notes = measure(run(scenario_with(), hidden))
@@ -196,7 +196,7 @@ def test_edges_attributes_and_perceived():
     assert not verdict("check = 'attribute'\nnode = 'a'\nname = 'mass'\nvalue = 0.06", linked)[0]
     assert verdict("check = 'attribute'\nnode = 'b'\nname = 'mass'\nvalue = 0.05", linked) == (False, "not set")
     assert verdict("check = 'perceived'\nobjects = ['a']", linked)[0]
-    assert verdict("check = 'perceived'", linked) == (False, "a: true; b: false")
+    assert verdict("check = 'perceived'", linked) == (False, "b: false; a: true")
     assert verdict("check = 'perceived'\nvalue = false\nobjects = ['b']", linked)[0]
 
 
