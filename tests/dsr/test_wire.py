@@ -14,7 +14,6 @@ from dsr.crdt.delta import TOMBSTONE, Add, Delta, Write
 from dsr.wire import Digest, decode_delta, decode_digest, encode_delta, encode_digest
 
 
-
 def sample() -> Delta:
     delta = Delta()
     delta.adds = [
