@@ -98,6 +98,7 @@ class Viewer(Agent):
         folder = Path(self.config.folder)
         path = next_segment(folder, FILE_NAME)
         recording = rr.RecordingStream(_APPLICATION, recording_id=f"{self.keys.graph} {folder.resolve().name}")
+        self._resources.callback(recording.disconnect)  # after the window is closed: one that hangs would hold it up
         sinks: list[rr.FileSink | rr.GrpcSink] = [rr.FileSink(path)]
         if self.config.spawn:
             try:
@@ -106,7 +107,6 @@ class Viewer(Agent):
             except WindowError as error:
                 self.log.warning("no window (%s); recording to %s only", error, path)
         recording.set_sinks(*sinks)
-        self._resources.callback(recording.disconnect)
         self.log.info("recording to %s", path)
         return recording
 

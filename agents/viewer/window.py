@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import os
 import socket
 import subprocess
 import sys
+import threading
 from collections.abc import Mapping
 from pathlib import Path
 
 from dsr import DsrError
+from dsr.clock import WALL_CLOCK
 
+_START_PATIENCE = 10.0  # s to take connections
+_PERIOD = 0.1  # s between two attempts
 _PATIENCE = 2.0  # s to close in an orderly way
 
 
@@ -49,12 +54,25 @@ class Window:
                 )
         except OSError as error:
             raise WindowError(f"{command[0]} cannot be started ({error})") from error
+        if not self._wait_for_server(port):
+            self.close()
+            raise WindowError(f"the viewer does not start, see {log_file}")
 
     def __enter__(self) -> Window:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _wait_for_server(self, port: int) -> bool:
+        """Whether the viewer takes connections in time; it does so before its window appears."""
+        for _ in range(int(_START_PATIENCE / _PERIOD)):
+            if self.exit_code is not None:
+                return False
+            with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), _PERIOD):
+                return True
+            WALL_CLOCK.wait(threading.Event(), _PERIOD)
+        return False
 
     @property
     def exit_code(self) -> int | None:

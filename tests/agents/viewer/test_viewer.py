@@ -223,22 +223,52 @@ def test_without_a_display_the_file_is_written_all_the_same(stage: Any, monkeypa
     assert "/world/beliefs" in stage.finish().entities
 
 
-@pytest.mark.parametrize("program", ["exit 3", "sleep 0.3"])
-def test_a_window_that_fails_or_is_closed_does_not_matter(
-    stage: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, program: str
-) -> None:
-    fake = tmp_path / "fake_rerun"
-    fake.write_text(f"#!/bin/sh\n{program}\n")
+SERVER = """
+import socket, sys, threading, time
+server = socket.create_server(("127.0.0.1", int(sys.argv[sys.argv.index("--port") + 1])))
+"""
+
+
+def use_program(monkeypatch: pytest.MonkeyPatch, folder: Path, code: str) -> None:
+    """Let a Python program stand in for the rerun viewer."""
+    fake = folder / "fake_rerun"
+    fake.write_text(f"#!{sys.executable}\n{code}")
     fake.chmod(0o755)
     monkeypatch.setenv("DISPLAY", ":77")
     monkeypatch.setattr("agents.viewer.window.native_viewer", lambda: fake)
+
+
+def test_a_window_that_does_not_start_does_not_matter(
+    stage: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    use_program(monkeypatch, tmp_path, "raise SystemExit(3)")
     viewer = stage.start_viewer(spawn=True)
     stage.build_table("cube_3")
+    stage.run()
+    assert viewer._window is None
+    assert "/world/beliefs" in stage.finish().entities
+
+
+def test_a_window_that_is_closed_does_not_matter(stage: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    use_program(monkeypatch, tmp_path, f"{SERVER}for _ in range(2): connection = server.accept()\ntime.sleep(0.2)")
+    viewer = stage.start_viewer(spawn=True)
+    stage.build_table("cube_3")
+    stage.run()
     assert viewer._window is not None
     viewer._window._process.wait()
     stage.run()
     assert viewer._window is None
     assert "/world/beliefs" in stage.finish().entities
+
+
+def test_a_window_that_hangs_holds_nothing_up(stage: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    use_program(monkeypatch, tmp_path, f"{SERVER}time.sleep(1000)")
+    viewer = stage.start_viewer(spawn=True)
+    stage.build_table("cube_3")
+    stage.run(3.0)
+    assert viewer._window is not None and viewer._window.exit_code is None
+    assert "/world/beliefs" in stage.finish().entities
+    assert viewer._window.exit_code is not None
 
 
 def test_a_killed_viewer_leaves_a_readable_file(tmp_path: Path, shown: Callable[[Path], Any]) -> None:

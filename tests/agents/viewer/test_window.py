@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -16,7 +17,13 @@ from agents.viewer.window import Window, WindowError, has_display
 def program(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """A stand-in for the viewer that writes down how it was called and ignores requests to end."""
     file = tmp_path / "rerun"
-    file.write_text("#!/bin/sh\ntrap '' TERM\necho args $* CI=$CI\nwhile true; do sleep 0.1; done\n")
+    file.write_text(f"""#!{sys.executable}
+import os, signal, socket, sys, time
+signal.signal(signal.SIGTERM, signal.SIG_IGN)
+print("args", *sys.argv[1:], "CI=" + os.environ["CI"], flush=True)
+server = socket.create_server(("127.0.0.1", int(sys.argv[sys.argv.index("--port") + 1])))
+time.sleep(1000)
+""")
     file.chmod(0o755)
     monkeypatch.setattr(window, "native_viewer", lambda: file)
     monkeypatch.setattr(window, "_PATIENCE", 0.3)
@@ -26,14 +33,24 @@ def program(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 
 def test_it_listens_on_this_machine_only_and_ends_even_if_it_hangs(program: Path, tmp_path: Path) -> None:
     opened = Window(tmp_path / "log", "1GB")
-    while b"args" not in (tmp_path / "log").read_bytes():
-        assert opened.exit_code is None
+    assert opened.exit_code is None
     opened.close()
     opened.close()
     assert opened.exit_code is not None
     said = (tmp_path / "log").read_text()
     assert "--bind 127.0.0.1" in said and "--memory-limit 1GB" in said and "CI=1" in said
     assert f"--port {opened.url.split(':')[2].split('/')[0]}" in said
+
+
+def test_a_viewer_that_never_listens_is_an_error_and_does_not_stay(
+    program: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(window, "_START_PATIENCE", 1.0)
+    program.write_text(f"#!{sys.executable}\nimport os, time\nprint(os.getpid(), flush=True)\ntime.sleep(1000)")
+    with pytest.raises(WindowError, match="does not start"):
+        Window(tmp_path / "log", "1GB")
+    with pytest.raises(ProcessLookupError):
+        os.kill(int((tmp_path / "log").read_text() or "999999999"), 0)
 
 
 def test_a_viewer_that_cannot_be_started_is_an_error(program: Path, tmp_path: Path) -> None:
