@@ -13,6 +13,7 @@ from dsr.errors import WireError
 
 DEPTH_UNIT = 1e-4
 """m, resolution of a packed depth image; 6.55 m and more become unknown (0)"""
+_LONGEST_SIDE = 65_500  # px, that a JPEG can have
 _FASTEST = [cv2.IMWRITE_PNG_COMPRESSION, 1]
 
 Image = NDArray[Any]
@@ -50,7 +51,8 @@ def unpack(frame: Frame) -> Frame:
 
 
 def _is_image(array: Image, dtype: type, axes: int) -> bool:
-    return array.dtype == dtype and array.ndim == axes and array.size > 0 and (axes == 2 or array.shape[2] == 3)
+    has_layout = array.dtype == dtype and array.ndim == axes and (axes == 2 or array.shape[2] == 3)
+    return has_layout and array.size > 0 and max(array.shape) <= _LONGEST_SIDE
 
 
 def _to_units(depth: Image) -> Image:

@@ -39,12 +39,11 @@ class EventView:
         """Log what an agent said."""
         try:
             record = decode_log(message.payload)
-        except WireError as error:
+            self._say(record.agent, record.text, record.stamp, _LEVELS.get(record.level, rr.TextLogLevel.INFO))
+        except (WireError, ValueError, OverflowError) as error:  # the latter two for a stamp that is no time
             self.malformed += 1
             if self.malformed == 1:
                 self._log.warning("dropped a message on %s: %s (logged once)", message.key, error)
-            return
-        self._say(record.agent, record.text, record.stamp, _LEVELS.get(record.level, rr.TextLogLevel.INFO))
 
     def draw_changes(self, changes: Iterable[Change], memory: Memory, now: float) -> None:
         """Log nodes that came or went, relations between objects, and judgements about them that changed."""
@@ -73,7 +72,7 @@ class EventView:
     def _say(self, who: str, text: str, stamp: float, level: rr.TextLogLevel) -> None:
         """Log a line that begins with the time of day (UTC, as rerun shows it) and who says it."""
         time = datetime.fromtimestamp(stamp, UTC).strftime("%H:%M:%S")
-        self._recording.log(f"{ENTITY}/{who}", rr.TextLog(f"{time}  {who}: {text}", level=level))
+        self._recording.log([ENTITY, who], rr.TextLog(f"{time}  {who}: {text}", level=level))
 
 
 def _sentence(names: list[str], predicate: str) -> str:

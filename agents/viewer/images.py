@@ -5,15 +5,19 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Iterable
+from typing import Any
 
 import cv2
 import numpy as np
 import rerun as rr
+from numpy.typing import NDArray
 
 from agents.viewer import palette
 from agents.viewer.model import Camera
 from agents.viewer.scene import camera_entity
 from dsr import Frame, FrameReader, Memory
+
+_LONGEST_SIDE = 65_500  # px, that a JPEG can have
 
 
 class ImageView:
@@ -67,7 +71,7 @@ class ImageView:
 
     def _draw_image(self, camera: str, frame: Frame) -> bool:
         color = frame.arrays.get("color")
-        if color is None or color.dtype != np.uint8 or color.ndim != 3 or color.shape[2] != 3 or not color.size:
+        if color is None or not _is_image(color):
             self._skip(camera, "color", "a (height, width, 3) uint8 image")
             return False
         bgr = cv2.cvtColor(color, cv2.COLOR_RGB2BGR)
@@ -77,7 +81,7 @@ class ImageView:
 
     def _draw_detections(self, camera: str, frame: Frame) -> None:
         corners, ids = frame.arrays.get("corners"), frame.arrays.get("ids")
-        if corners is None or ids is None or corners.shape != (len(ids), 4, 2) or not np.isfinite(corners).all():
+        if corners is None or ids is None or corners.shape != (ids.size, 4, 2) or not np.isfinite(corners).all():
             self._skip(camera, "corners and ids", "finite (n, 4, 2) px, and (n,)")
             return
         outlines = np.concatenate([corners, corners[:, :1]], axis=1)
@@ -85,9 +89,9 @@ class ImageView:
             f"{camera_entity(camera)}/detections",
             rr.LineStrips2D(
                 outlines,
-                colors=[palette.PERCEPT] * len(ids),
-                radii=[1.5] * len(ids),
-                labels=[f"tag {number}" for number in ids],
+                colors=[palette.PERCEPT] * ids.size,
+                radii=[1.5] * ids.size,
+                labels=[f"tag {number}" for number in ids.ravel()],
                 show_labels=True,
             ),
         )
@@ -96,3 +100,9 @@ class ImageView:
         self.unusable += 1
         if self.unusable == 1:
             self._log.warning("camera %r: %s cannot be drawn, expected %s (logged once)", camera, arrays, expected)
+
+
+def _is_image(array: NDArray[Any]) -> bool:
+    """Whether it is an RGB image that a JPEG can hold."""
+    has_layout = array.dtype == np.uint8 and array.ndim == 3 and array.shape[2] == 3
+    return has_layout and array.size > 0 and max(array.shape) <= _LONGEST_SIDE

@@ -48,7 +48,7 @@ class SeriesView:
         """Log the distance of each object's percept to its belief, and of both to the truth if it is published."""
         percepts = {solid.name: solid for solid in scene.percepts if solid.seen}
         beliefs = {solid.name: solid for solid in scene.beliefs}
-        for name in percepts.keys() & beliefs.keys():
+        for name in sorted(percepts.keys() & beliefs.keys()):
             apart = math.dist(percepts[name].place.translation, beliefs[name].place.translation)
             self._log_scalar(f"{DISTANCES}/{name}", name, apart * 1e3)
         self._draw_errors("percept", percepts, palette.PERCEPT)
@@ -61,7 +61,7 @@ class SeriesView:
         except WireError as error:
             self._drop(message, error)
         else:
-            self._log_scalar(f"{RATES}/{status.agent}", status.agent, status.rate_hz)
+            self._log_scalar(f"{RATES}/{rr.escape_entity_path_part(status.agent)}", status.agent, status.rate_hz)
 
     def note_truth(self, message: Message) -> None:
         """Remember where the objects are in truth, from a simulated reality."""
@@ -73,7 +73,7 @@ class SeriesView:
             self._truth = {name: seven[:3] for name, seven in truth.objects.items()}
 
     def _draw_errors(self, what: str, solids: dict[str, Solid], color: Color) -> None:
-        for name in solids.keys() & self._truth.keys():
+        for name in sorted(solids.keys() & self._truth.keys()):
             error = math.dist(solids[name].place.translation, self._truth[name])
             self._log_scalar(f"{ERRORS}/{what}/{name}", f"{name} {what}", error * 1e3, color)
 

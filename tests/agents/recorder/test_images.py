@@ -39,7 +39,7 @@ def test_depths_out_of_range_become_unknown() -> None:
     np.testing.assert_allclose(found, [[0, 0, 0, 0, 6.5]], atol=DEPTH_UNIT)
 
 
-@pytest.mark.parametrize("shape", [(0, 0, 3), (4, 4), (4, 4, 4)])
+@pytest.mark.parametrize("shape", [(0, 0, 3), (4, 4), (4, 4, 4), (66_000, 1, 3)])
 def test_a_colour_array_that_is_no_image_stays(shape: tuple[int, ...]) -> None:
     color = np.zeros(shape, np.uint8)
     assert pack(Frame(0.0, {"color": color}, {}), 90).arrays["color"] is color

@@ -119,6 +119,7 @@ def test_images_and_detections_are_shown(stage: Any) -> None:
         {"color": np.zeros((4, 4), np.uint8)},
         {"color": np.zeros((4, 4, 3), np.float32)},
         {"color": np.zeros((0, 4, 3), np.uint8)},
+        {"color": np.zeros((66_000, 1, 3), np.uint8)},
         {},
     ],
 )
@@ -177,6 +178,26 @@ def test_malformed_messages_are_counted_and_dropped(stage: Any, payload: bytes) 
         stage.memory.transport.publish(key, payload)
     stage.run(0.3)
     assert (viewer._series.malformed, viewer._events.malformed) == (2, 1)
+
+
+@pytest.mark.parametrize("stamp", [float("nan"), float("inf"), 1e300])
+def test_a_log_line_of_no_time_is_dropped(stage: Any, stamp: float) -> None:
+    viewer = stage.start_viewer()
+    record = LogRecord(stamp, "INFO", "arm", "hello")
+    stage.memory.transport.publish(stage.keys.log("arm"), msgspec.msgpack.encode(record))
+    stage.run(0.3)
+    assert viewer._events.malformed == 1
+
+
+def test_an_odd_agent_name_is_shown_as_it_is(stage: Any) -> None:
+    stage.start_viewer()
+    record = LogRecord(stage.clock.now(), "LOUD", "an agent/of mine", "hello")
+    status = Status(agent="an agent/of mine", rid="x", pid=1, state=State.READY)
+    stage.memory.transport.publish(stage.keys.log("x"), msgspec.msgpack.encode(record))
+    stage.memory.transport.publish(stage.keys.status("x"), encode_status(status))
+    stage.run(0.3)
+    entities = stage.finish().entities
+    assert {r"/log/an\ agent\/of\ mine", r"/series/rate_hz/an\ agent\/of\ mine"} <= entities
 
 
 def test_what_happens_in_the_graph_is_told(stage: Any) -> None:
