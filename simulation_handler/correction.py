@@ -39,18 +39,13 @@ class Correction:
 
         They are placed from the lowest up, so that each finds its support at its final height.
         """
-        seen = [item for item in self._bodies.objects.values() if self._is_led_by_perception(item, now)]
-        astray = {item.name for item in seen if self._bodies.has_left(item)}
-        changed = [item for item in seen if item.track.take_change() or item.name in astray]
+        led = [item for item in self._bodies.objects.values() if self._is_led_by_perception(item, now)]
+        changed = [item for item in led if item.track.take_change()]
         if not changed:
             return
         scene = self._bodies.scene(leaving_out={item.name for item in changed})
-        moving = []
-        for item in sorted(changed, key=lambda item: (item.percept().bottom, item.name)):
-            if item.name in astray:
-                item.strike(now)
-            if self._replace(item, scene, now) or item.name in astray:
-                moving.append(item)
+        by_height = sorted(changed, key=lambda item: (item.percept().bottom, item.name))
+        moving = [item for item in by_height if self._replace(item, scene, now)]
         self._realise(moving, scene, now)
 
     def _is_led_by_perception(self, item: BelievedObject, now: float) -> bool:
@@ -59,8 +54,11 @@ class Correction:
         return (item.estimate_at(now) if has_place else item.track.estimate) is not None
 
     def _replace(self, item: BelievedObject, scene: Scene, now: float) -> bool:
-        """Find the plausible pose of a perceived object and put it into the scene; whether it is a new one."""
+        """Find the plausible pose of a perceived object and put it into the scene; whether its body must move."""
         item.notice_restart()
+        is_astray = self._bodies.has_left(item)
+        if is_astray:
+            item.strike(now)
         placement = self._placed(item, scene)
         if self._is_unexplained(item, placement, now) and self._explain(item, scene):
             placement = self._placed(item, scene)
@@ -68,8 +66,9 @@ class Correction:
         if is_new:
             item.adopt(placement)
         item.learn_bias(placement)
-        scene[item.name] = placement.solid if is_new or item.pinned else self._bodies.solid(item.name)
-        return is_new
+        must_move = is_new or is_astray
+        scene[item.name] = placement.solid if must_move or item.pinned else self._bodies.solid(item.name)
+        return must_move
 
     def _placed(self, item: BelievedObject, scene: Scene) -> Placement:
         others = list(scene.values()) if item.prop is None else [*scene.values(), item.prop]

@@ -27,7 +27,7 @@ from simulation_handler.tracking import Array
 
 _LEVEL = 0.002  # m, tops that differ by less carry an object together
 _GAP = 5e-5  # m left between bodies that were pushed apart
-_SIDE_BY_SIDE = 0.001  # m of common height above which two bodies are neighbours rather than a stack
+_SIDE_BY_SIDE = 0.25  # share of the lower one's height above which two bodies are neighbours, not a stack
 _SLIVER = 0.1  # share of the smaller footprint below which an overlap does not carry
 _SWEEPS = 25
 _HEIGHT_STD = 0.0003  # m, what is left of the height's uncertainty on a support
@@ -149,10 +149,13 @@ def _neighbours(solids: Sequence[Solid], weights: Mapping[str, float]) -> list[t
         (a.name, b.name)
         for i, a in enumerate(solids)
         for b in solids[i + 1 :]
-        if weights.get(a.name, 0.0) + weights.get(b.name, 0.0) > 0.0
-        and _near(a, b)
-        and min(a.top, b.top) - max(a.bottom, b.bottom) > _SIDE_BY_SIDE
+        if weights.get(a.name, 0.0) + weights.get(b.name, 0.0) > 0.0 and _near(a, b) and _are_side_by_side(a, b)
     ]
+
+
+def _are_side_by_side(a: Solid, b: Solid) -> bool:
+    common = min(a.top, b.top) - max(a.bottom, b.bottom)
+    return common > _SIDE_BY_SIDE * 2.0 * min(a.half_height, b.half_height)
 
 
 def _push_apart(placed: dict[str, Solid], pair: tuple[str, str], weights: Mapping[str, float]) -> bool:

@@ -81,11 +81,15 @@ class World:
         self.percepts[name] = percept
         self.belief.observe(name, percept, percept.stamp, CAMERA)
 
-    def error(self, name: str) -> float:
-        """Distance of the belief from the truth, m."""
+    def pose(self, name: str) -> Pose:
+        """Where an object is believed to be."""
         pose = self.belief.pose(name)
         assert pose is not None
-        return pose.distance(self.truths[name])[0]
+        return pose
+
+    def error(self, name: str) -> float:
+        """Distance of the belief from the truth, m."""
+        return self.pose(name).distance(self.truths[name])[0]
 
     def percept_error(self, name: str) -> float:
         """Distance of the newest percept from the truth, m."""

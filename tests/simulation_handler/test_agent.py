@@ -1,0 +1,275 @@
+"""The agent between a graph and its belief, in lockstep."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from dsr.elements import Edge
+from dsr.lockstep import Lockstep
+from dsr.memory import Memory
+from dsr.system import AgentSpec
+from dsr.transforms import Pose
+from simulation_handler import SimulationHandler
+from tests.simulation_handler.worlds import CUBE, TABLE, SyntheticCamera, cube_at
+
+NAME = "simulation_handler"
+OVERHEAD = Pose((0.35, 0.0, 0.65), (1.0, 0.0, 0.0, 0.0))
+"""world_from_camera, looking down."""
+
+
+class Table:
+    """A graph with a camera over a table; percepts of true poses come in at 10 Hz."""
+
+    def __init__(self, **config: float) -> None:
+        self.lockstep = Lockstep([AgentSpec(NAME, SimulationHandler, config)], strict=True)
+        self.memory: Memory = self.lockstep.memory
+        self.camera = SyntheticCamera(1)
+        self.truths: dict[str, Pose] = {}
+        self.memory.add_node("world", "world")
+        self.memory.add_node("table", "table", size=TABLE)
+        self.memory.add_edge("world", "table", "RT", pose=Pose((0.35, 0.0, 0.0)))
+        self.memory.add_node("camera", "camera")
+        self.memory.add_edge("world", "camera", "RT", pose=OVERHEAD)
+        self.memory.flush()
+
+    def add(self, name: str, truth: Pose) -> None:
+        """A cube that is seen from now on."""
+        self.truths[name] = truth
+        self.memory.add_node(name, "cube", size=CUBE, mass=0.05)
+
+    def run(self, seconds: float) -> None:
+        """Let time pass, with percepts."""
+        for _ in range(round(seconds / 0.1)):
+            for name, truth in self.truths.items():
+                self.perceive(name, self.camera.percept(name, truth, self.lockstep.clock.now()))
+            self.lockstep.run_for(0.1)
+
+    def perceive(self, name: str, world_pose: Pose) -> None:
+        """Write a percept as the scene estimator does."""
+        camera_from_cube = (OVERHEAD.inverse() @ world_pose).with_stamp(world_pose.stamp)
+        self.memory.add_edge("camera", name, "RT", pose=camera_from_cube)
+        self.memory.flush()
+
+    def belief(self, name: str) -> Edge:
+        """What the agent wrote of an object."""
+        return self.memory.edge("world", name, "Virtual_RT")
+
+    def error(self, name: str) -> float:
+        """Distance of the belief from the truth, m."""
+        return self.belief(name).pose.distance(self.truths[name])[0]
+
+    def relations(self) -> set[tuple[str, str]]:
+        """Who rests on what."""
+        return {(edge.src, edge.dst) for edge in self.memory.edges("on")}
+
+
+@pytest.fixture
+def table() -> Iterator[Table]:
+    scene = Table()
+    yield scene
+    scene.lockstep.close()
+
+
+def test_percepts_become_a_resting_belief(table: Table) -> None:
+    table.add("cube_1", cube_at(0.4, 0.1, yaw=0.5))
+    table.add("cube_2", cube_at(0.4, 0.1, 0.06))
+    table.run(3.0)
+    for name in ("cube_1", "cube_2"):
+        assert table.error(name) < 0.001
+        assert table.belief(name).pose.covariance is not None
+        assert table.memory.node(name)["plausible"] is True
+    assert table.relations() == {("cube_1", "table"), ("cube_2", "cube_1")}
+    edge = table.memory.edge("cube_2", "cube_1", "on")
+    assert edge["source"] == "contact"
+    assert edge["since"] < table.lockstep.clock.now() - 2.0
+    assert table.lockstep.runner(NAME).agent.degraded == ""
+
+
+def test_a_resting_scene_is_quiet(table: Table) -> None:
+    for index in range(4):
+        table.add(f"cube_{index}", cube_at(0.3 + 0.1 * index, 0.1))
+    table.run(8.0)
+    watch = table.memory.watch(edge_type=["Virtual_RT", "on"], existing=False)
+    written = 0
+    for _ in range(50):
+        table.run(0.1)
+        written += len(watch.poll())
+    assert 4 * 5 <= written <= 4 * 8, "about once a second and object"
+
+
+def test_an_unseen_object_keeps_its_belief_and_what_moves_is_followed(table: Table) -> None:
+    table.add("cube_1", cube_at(0.4, 0.1))
+    table.add("cube_2", cube_at(0.4, -0.1))
+    table.run(2.0)
+    hidden = {"cube_1": table.truths.pop("cube_1")}
+    table.truths["cube_2"] = cube_at(0.3, -0.1)
+    table.run(2.0)
+    assert table.error("cube_2") < 0.002
+    table.truths |= hidden
+    assert table.error("cube_1") < 0.002
+
+
+def test_relations_end_when_the_object_is_put_elsewhere(table: Table) -> None:
+    table.add("cube_1", cube_at(0.4, 0.1))
+    table.add("cube_2", cube_at(0.4, 0.1, 0.06))
+    table.run(2.0)
+    table.truths["cube_2"] = cube_at(0.3, -0.1)
+    table.run(1.0)
+    assert table.relations() == {("cube_1", "table"), ("cube_2", "table")}
+
+
+def test_relations_of_others_are_left_alone(table: Table) -> None:
+    table.add("cube_1", cube_at(0.4, 0.1))
+    table.add("cube_2", cube_at(0.4, -0.1))
+    table.memory.add_edge("cube_1", "cube_2", "on", source="plan")
+    table.run(1.0)
+    assert ("cube_1", "cube_2") in table.relations()
+
+
+def test_after_a_kill_the_belief_goes_on_from_the_graph(table: Table) -> None:
+    table.add("cube_1", cube_at(0.4, 0.1))
+    table.add("cube_2", cube_at(0.4, 0.1, 0.06))
+    table.add("cube_3", cube_at(0.3, -0.1, 0.1))
+    table.run(3.0)
+    before = {name: table.belief(name).pose for name in table.truths}
+    relations = table.relations()
+    assert table.memory.node("cube_3")["plausible"] is False
+    table.lockstep.kill(NAME)
+    seen, table.truths = table.truths, {}
+    table.lockstep.restart(NAME)
+    watch = table.memory.watch(edge_type="on", existing=False)
+    for _ in range(20):
+        table.run(0.1)
+        assert all(table.belief(name).pose.distance(pose)[0] < 0.0005 for name, pose in before.items())
+    assert table.belief("cube_1").pose.stamp > before["cube_1"].stamp + 1.0, "alive"
+    assert table.relations() == relations
+    assert not [change for change in watch.poll() if change.kind != "updated"]
+    table.truths = seen
+    table.run(1.0)
+    assert table.error("cube_2") < 0.001
+
+
+def test_a_late_start_believes_the_last_percept(table: Table) -> None:
+    table.lockstep.kill(NAME)
+    table.add("cube_1", cube_at(0.4, 0.1))
+    table.run(1.0)
+    table.truths.clear()
+    table.run(3.0)
+    table.lockstep.restart(NAME)
+    table.run(1.0)
+    assert table.belief("cube_1").pose.translation[2] == pytest.approx(0.02, abs=0.0005)
+
+
+def test_an_object_removed_from_the_graph_is_removed_from_the_belief(table: Table) -> None:
+    table.add("cube_1", cube_at(0.4, 0.1))
+    table.add("cube_2", cube_at(0.4, 0.1, 0.06))
+    table.run(2.0)
+    table.memory.remove_node("cube_1")
+    table.truths = {"cube_2": cube_at(0.4, 0.1)}
+    table.run(1.0)
+    assert table.relations() == {("cube_2", "table")}
+    assert table.error("cube_2") < 0.002
+    table.add("cube_1", cube_at(0.3, -0.1))
+    table.run(1.0)
+    assert table.error("cube_1") < 0.003
+
+
+def test_a_table_that_moves_and_an_object_that_changes_size(table: Table) -> None:
+    table.add("cube_1", cube_at(0.4, 0.1))
+    table.run(1.0)
+    table.memory.update_edge("world", "table", "RT", pose=Pose((0.35, 0.0, -0.1)))
+    table.memory.update_node("cube_1", size=(0.06, 0.06, 0.06))
+    table.truths["cube_1"] = cube_at(0.4, 0.1, -0.07)
+    table.run(2.0)
+    assert table.error("cube_1") < 0.002
+    assert table.relations() == {("cube_1", "table")}
+
+
+def test_a_pose_without_stamp_always_holds(table: Table) -> None:
+    table.memory.add_node("box_1", "box", size=(0.1, 0.1, 0.1))
+    table.memory.add_edge("world", "box_1", "RT", pose=Pose((0.3, 0.1, 0.05)))
+    table.run(2.0)
+    assert table.belief("box_1").pose.t == pytest.approx((0.3, 0.1, 0.05), abs=0.0005)
+    assert table.relations() == {("box_1", "table")}
+
+
+def bad_percept(pose: Pose, now: float, kind: str) -> Pose:
+    covariance = np.diag([1e-6] * 6)
+    covariance[0, 1] = covariance[1, 0] = 1e-3
+    return pose.with_stamp(now + 5.0) if kind == "future" else pose.with_stamp(now).with_covariance(covariance)
+
+
+@pytest.mark.parametrize("kind", ["future", "indefinite"])
+def test_bad_percepts_are_skipped(table: Table, kind: str, caplog: pytest.LogCaptureFixture) -> None:
+    table.add("cube_1", cube_at(0.4, 0.1))
+    table.run(1.0)
+    now = table.lockstep.clock.now()
+    table.truths.clear()
+    with caplog.at_level(logging.WARNING):
+        for step in range(5):
+            table.perceive("cube_1", bad_percept(cube_at(0.2, 0.1), now + 0.1 * step, kind))
+            table.run(0.1)
+    assert [record.getMessage() for record in caplog.records if "logged once" in record.getMessage()] != []
+    assert len(caplog.records) == 1
+    table.truths["cube_1"] = cube_at(0.4, 0.1)
+    assert table.error("cube_1") < 0.002
+
+
+@pytest.mark.parametrize(
+    "attributes",
+    [{}, {"size": (0.04, 0.0, 0.04)}, {"size": (0.04, -1.0, 0.04)}, {"size": CUBE, "mass": 0.0},
+     {"size": CUBE, "mass": -1.0}, {"size": CUBE, "friction": -0.1}],
+)  # fmt: skip
+def test_bad_nodes_are_skipped_and_said_once(
+    table: Table, attributes: dict[str, object], caplog: pytest.LogCaptureFixture
+) -> None:
+    table.memory.add_node("cube_9", "cube", **attributes)
+    table.add("cube_1", cube_at(0.4, 0.1))
+    with caplog.at_level(logging.WARNING):
+        table.run(1.0)
+    assert [record.getMessage() for record in caplog.records if "cube_9" in record.getMessage()] != []
+    assert len(caplog.records) == 1
+    agent = table.lockstep.runner(NAME).agent
+    assert isinstance(agent, SimulationHandler)
+    assert "cube_9" in agent.degraded
+    assert table.error("cube_1") < 0.003
+    table.memory.update_node("cube_9", size=CUBE, mass=0.05, friction=0.5)
+    table.truths["cube_9"] = cube_at(0.3, -0.1)
+    table.run(1.0)
+    assert table.error("cube_9") < 0.003
+    assert agent.degraded == ""
+
+
+def test_percepts_of_a_camera_that_hangs_nowhere_are_skipped(table: Table) -> None:
+    table.memory.add_node("stray", "camera")
+    table.memory.add_node("cube_1", "cube", size=CUBE)
+    table.memory.add_edge("stray", "cube_1", "RT", pose=Pose((0.0, 0.0, 0.5), stamp=table.lockstep.clock.now()))
+    table.run(0.5)
+    assert table.memory.get_edge("world", "cube_1", "Virtual_RT") is None
+    assert "no path" in table.lockstep.runner(NAME).agent.degraded
+
+
+def test_without_a_world_it_waits() -> None:
+    with Lockstep([AgentSpec(NAME, SimulationHandler)], strict=True) as lockstep:
+        lockstep.memory.add_node("cube_1", "cube", size=CUBE)
+        lockstep.memory.flush()
+        lockstep.run_for(0.5)
+        assert lockstep.runner(NAME).agent.degraded == ""
+
+
+def test_two_runs_are_equal_bit_for_bit() -> None:
+    results = []
+    for _ in range(2):
+        scene = Table()
+        for index in range(5):
+            scene.add(f"cube_{index}", cube_at(0.3 + 0.05 * index, 0.1, yaw=0.2 * index))
+        scene.run(1.0)
+        scene.truths["cube_0"] = cube_at(0.4, 0.1, 0.06)
+        scene.run(1.0)
+        results.append([scene.belief(name).pose for name in scene.truths])
+        scene.lockstep.close()
+    assert results[0] == results[1]
