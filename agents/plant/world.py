@@ -96,8 +96,10 @@ class World:
 
     def drive(self, name: str, pose: Pose, velocity: Vector3, spin: Vector3) -> None:
         """Put an object at `pose`, moving at `velocity` m/s and turning at `spin` rad/s (world)."""
-        self.bullet.set_pose(self.body(name), pose)
-        self.bullet.resetBaseVelocity(self.body(name), velocity, spin)
+        body = self.body(name)
+        self.bullet.set_pose(body, pose)
+        self.bullet.resetBaseVelocity(body, velocity, spin)
+        self.bullet.setCollisionFilterGroupMask(body, -1, 1, -1)  # forgets the anchored contacts
 
     def remove(self, name: str) -> None:
         """Take an object out of the scene."""
@@ -179,7 +181,7 @@ class World:
         shape, visual = self._shapes[name]
         spec = self.specs[name]
         body = self.bullet.createMultiBody(spec.mass, shape, visual, pose.t, pose.q)
-        self.bullet.changeDynamics(body, -1, lateralFriction=spec.friction)
+        self.bullet.changeDynamics(body, -1, lateralFriction=spec.friction, frictionAnchor=1)  # else stacks creep
         self._bodies[name] = body
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from agents.plant.world import FLOOR_BELOW_TABLE, World, upright, yaw_of
+from agents.plant.world import FLOOR_BELOW_TABLE, RATE_HZ, World, upright, yaw_of
 from agents.scenario.format import ObjectSpec
 from dsr.errors import ConfigError
 
@@ -19,6 +19,23 @@ def test_objects_settle_at_their_resting_height(make_world: MakeWorld, cube: Mak
     assert world.pose("cube_3").t == pytest.approx((0.3, 0.0, 0.02), abs=2e-4)
     assert world.pose("cube_5").t == pytest.approx((0.4, 0.1, 0.06), abs=2e-4)
     assert all(map(world.is_still, world))
+
+
+def test_a_stack_stays_where_it_is(make_world: MakeWorld, cube: MakeCube) -> None:
+    world = make_world(cube(3, 0.3, 0.0), cube(4, 0.303, 0.0, 0.06), cube(5, 0.302, 0.002, 0.10))
+    world.settle()
+    before = world.poses()
+    for _ in range(10 * RATE_HZ):
+        world.step()
+    assert all(world.pose(name).distance(pose)[0] < 1e-4 for name, pose in before.items())
+
+
+def test_a_moved_object_is_not_pulled_back(make_world: MakeWorld, cube: MakeCube) -> None:
+    world = make_world(cube(3, 0.3, 0.0), cube(4, 0.4, 0.0))
+    world.settle()
+    world.put("cube_3", upright((0.303, 0.001, 0.02), 0.0))
+    world.settle()
+    assert world.pose("cube_3").t == pytest.approx((0.303, 0.001, 0.02), abs=2e-4)
 
 
 def test_what_never_comes_to_rest_is_named(make_world: MakeWorld, cube: MakeCube) -> None:
