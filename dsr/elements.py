@@ -12,6 +12,11 @@ from dsr.schema import POSE_FIELDS
 from dsr.transforms import Pose
 
 
+def type_of(entries: tuple[Entry, ...]) -> str:
+    """The type that the incarnations of one element have together: that of the greatest creation dot."""
+    return entries[0].type if len(entries) == 1 else max(entries, key=lambda entry: entry.dot).type
+
+
 class _Element(Mapping[str, Any]):
     """Attributes of a node or an edge, by name."""
 
@@ -23,8 +28,7 @@ class _Element(Mapping[str, Any]):
     @property
     def type(self) -> str:
         """Type name. If two agents created it at once with different types, all replicas see the same one."""
-        entries = self._entries
-        return entries[0].type if len(entries) == 1 else max(entries, key=lambda entry: entry.dot).type
+        return type_of(self._entries)
 
     def _value(self, attribute: str) -> Any:
         entries = self._entries

@@ -13,7 +13,7 @@ from dsr.crdt.context import Dot
 from dsr.crdt.delta import TOMBSTONE, Add, Delta, EdgeKey, Key, Write
 from dsr.crdt.hlc import HybridClock
 from dsr.crdt.store import Entry, Observer, Register, Store
-from dsr.elements import Edge, Node
+from dsr.elements import Edge, Node, type_of
 from dsr.errors import EdgeNotFoundError, NodeNotFoundError, suggest
 from dsr.schema import Schema
 
@@ -54,6 +54,7 @@ class Graph(Observer):
         self.edges_out: dict[str, dict[EdgeKey, Edge]] = {}
         self.edges_in: dict[str, dict[EdgeKey, Edge]] = {}
         self._incident: dict[str, set[EdgeKey]] = {}
+        self._unattached: dict[Dot, Entry] = {}
         self._listener: Listener = listener or _NoListener()
         self._counter = 0
 
@@ -132,6 +133,8 @@ class Graph(Observer):
         for write in delta.writes:
             self.hlc.observe(write.stamp)
         self.store.join(delta)
+        if self._unattached:
+            self._attach_or_bury()
 
     def settle(self, patience: int = 3) -> Delta:
         """Make stream samples durable; to be called about once a second.
@@ -196,8 +199,10 @@ class Graph(Observer):
             self._incident.setdefault(name, set()).add(entry.key)
         if self._is_dead(entry):
             self._bury([entry])
-        else:
+        elif self._has_ends(entry):
             self._refresh_edge(entry.key)
+        else:
+            self._unattached[entry.dot] = entry
 
     def entry_removed(self, entry: Entry) -> None:
         """Hide the incarnation and what depended on it."""
@@ -226,7 +231,7 @@ class Graph(Observer):
         entries = tuple(self.store.by_key.get(name, {}).values())
         old = self.nodes.get(name)
         if old is not None and entries:
-            self._change_type_index(old, entries)
+            self._change_node(old, entries)
         elif old is not None:
             del self.nodes[name]
             del self.nodes_by_type[old.type][name]
@@ -236,14 +241,27 @@ class Graph(Observer):
             self.nodes_by_type.setdefault(node.type, {})[name] = node
             self._listener.added(node)
 
-    def _change_type_index(self, node: Node, entries: tuple[Entry, ...]) -> None:
-        """Another incarnation of a visible node came or went: its type and values may be others now."""
-        before = set(node)
+    def _change_node(self, node: Node, entries: tuple[Entry, ...]) -> None:
+        """Another incarnation came or went; for the listener, a node of another type is another node."""
+        type = type_of(entries)
+        if type == node.type:
+            self._change_incarnations(node, entries)
+            return
         del self.nodes_by_type[node.type][node.name]
+        self._listener.removed(node)
         node._entries = entries
-        self.nodes_by_type.setdefault(node.type, {})[node.name] = node
-        for attribute in before | set(node):
+        self.nodes_by_type.setdefault(type, {})[node.name] = node
+        self._listener.added(node)
+        for attribute in node:
             self._listener.updated(node, attribute)
+
+    def _change_incarnations(self, element: Node | Edge, entries: tuple[Entry, ...]) -> None:
+        """Another incarnation of a visible element came or went: its values may be others now."""
+        before = dict(element)
+        element._entries = entries
+        for attribute in before.keys() | set(element):
+            if before.get(attribute) is not element.get(attribute):
+                self._listener.updated(element, attribute)
 
     def _refresh_edges_at(self, name: str) -> None:
         for key in list(self._incident.get(name, ())):
@@ -253,10 +271,12 @@ class Graph(Observer):
         entries = tuple(e for e in self.store.by_key.get(key, {}).values() if self._has_ends(e))
         old = self.edges.get(key)
         if old is not None and entries:
-            old._entries = entries
+            self._change_incarnations(old, entries)
         elif old is not None:
             for index, name in self._edge_indexes(key):
                 del index[name][key]
+                if not index[name]:
+                    del index[name]
             del self.edges[key]
             self._listener.removed(old)
         elif entries:
@@ -278,6 +298,15 @@ class Graph(Observer):
         return any(
             all(dot in seen and dot not in live for dot in ends) for ends in (entry.sources, entry.destinations)
         )
+
+    def _attach_or_bury(self) -> None:
+        """Look again at edges that came before their ends: an end may have come, or turn out to be removed."""
+        for dot, entry in list(self._unattached.items()):
+            if self._has_ends(entry) or dot not in self.store.entries:
+                del self._unattached[dot]
+            elif self._is_dead(entry):
+                del self._unattached[dot]
+                self._bury([entry])
 
     def _bury(self, dead: list[Entry]) -> None:
         """Drop edges that no replica can ever show again, so that state does not grow with history."""
