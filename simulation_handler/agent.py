@@ -8,6 +8,8 @@ from simulation_handler.config import BeliefConfig
 from simulation_handler.reading import FIXTURES, OBJECTS, Reading
 from simulation_handler.writing import Writing
 
+_MOST_PROBLEMS = 3  # told in its status
+
 
 class SimulationHandler(Agent):
     """Reads percepts (RT edges from cameras), lets physics correct them, and writes what it then believes.
@@ -44,7 +46,7 @@ class SimulationHandler(Agent):
         self._reading.update(now)
         self._belief.step(now)
         self._writing.update(now)
-        self.degraded = "; ".join(self._reading.problems.values())
+        self.degraded = "; ".join(list(self._reading.problems.values())[:_MOST_PROBLEMS])
 
     def teardown(self) -> None:
         """Free the simulation."""

@@ -71,10 +71,8 @@ def make_percept(pose: Pose, stamp: float, seen_from: Vector3 | None, config: Be
         if np.linalg.eigvalsh(cov)[0] < -_ROUNDING * np.trace(cov):
             raise ValueError(f"covariance with eigenvalues {np.linalg.eigvalsh(cov)}: expected none below 0")
         noise, turning = turn @ cov[:3, :3] @ turn.T, turn @ cov[3:, 3:] @ turn.T
-    return Percept(
-        stamp, position, pose.q,
-        noise + config.position_noise**2 * _EYE, turning + config.rotation_noise**2 * _EYE, ray,
-    )  # fmt: skip
+    noise = noise + config.position_noise**2 * _EYE + config.depth_noise**2 * np.outer(ray, ray)
+    return Percept(stamp, position, pose.q, noise, turning + config.rotation_noise**2 * _EYE, ray)
 
 
 def _unit(vector: Array) -> Array:
@@ -198,8 +196,7 @@ class Track:
             self._fuse(self.estimate, percept)
             return
         self._pending.append(percept)
-        needed = self._config.confirm_frames if self.estimate is not None or self._believed else 1
-        if len(self._pending) >= needed:
+        if len(self._pending) >= self._needed():
             self._restart(list(self._pending), self.estimate)
 
     def take_change(self) -> bool:
@@ -218,6 +215,13 @@ class Track:
         """Whether it was seen lately."""
         return now - self.last_stamp <= self._config.perceived_max_age
 
+    def _needed(self) -> int:
+        """How many percepts in a row must disagree: one for what was never seen or may be on its way."""
+        confirm_frames = self._config.confirm_frames
+        if self.estimate is None:
+            return confirm_frames if self._believed else 1
+        return confirm_frames if self.estimate.count > confirm_frames + 1 else 1
+
     def _fuse(self, estimate: Estimate, percept: Percept) -> None:
         """Take in a percept that agrees; start anew if the recent ones together do not (a small move)."""
         self._recent.append(percept)
@@ -233,12 +237,11 @@ class Track:
     def _restart(self, percepts: Sequence[Percept], old: Estimate | None = None) -> None:
         """Begin anew from these percepts if they agree, else from the newest; keep what still holds of `old`."""
         agreeing = _fused(percepts, self._config)
-        self.moving = agreeing is None
-        if agreeing is not None:
-            self._pending.clear()
-            if old is not None:
-                agreeing.inherit(old)
+        self.moving = agreeing is None or len(percepts) < self._config.confirm_frames
+        if agreeing is not None and old is not None:
+            agreeing.inherit(old)
         self.estimate = agreeing or Estimate(percepts[-1], self._config)
+        self._pending.clear()
         self._recent.clear()
         self._innovations.clear()
         self.changed = True

@@ -148,8 +148,8 @@ def percept_of(pose: Pose) -> Percept:
 def test_covariance_is_turned_from_the_object_into_the_world() -> None:
     covariance = np.diag([1e-4, 1e-6, 1e-6, 1e-2, 1e-4, 1e-4])
     percept = percept_of(Pose.from_rotvec((0.4, 0.1, 0.02), (0.0, 0.0, np.pi / 2), covariance=covariance))
-    floor = CONFIG.position_noise**2
-    assert np.diag(percept.position_covariance) == pytest.approx([1e-6 + floor, 1e-4 + floor, 1e-6 + floor])
+    added = CONFIG.position_noise**2 * np.eye(3) + CONFIG.depth_noise**2 * np.outer(percept.ray, percept.ray)
+    assert percept.position_covariance - added == pytest.approx(np.diag([1e-6, 1e-4, 1e-6]), abs=1e-12)
     assert np.argmax(np.diag(percept.rotation_covariance)) == 1
 
 
