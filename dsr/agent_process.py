@@ -104,11 +104,16 @@ def _join(
 
 
 def _run_ticks(runner: Runner, stop: threading.Event) -> None:
+    """Tick on schedule, and tell the status in between if the ticks are far apart."""
     clock = runner.agent.clock
     schedule = Schedule(clock.monotonic(), runner.agent.rate_hz)
-    while not clock.wait(stop, schedule.due - clock.monotonic()):
-        runner.missed += schedule.take(clock.monotonic())
-        runner.tick(clock.now())
+    while not clock.wait(stop, min(schedule.due, runner.status_due) - clock.monotonic()):
+        now = clock.monotonic()
+        if now >= schedule.due:
+            runner.missed += schedule.take(now)
+            runner.tick(clock.now())
+        elif now >= runner.status_due:
+            runner.tell()
 
 
 def _parser(kind: type[Agent]) -> argparse.ArgumentParser:

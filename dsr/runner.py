@@ -63,11 +63,11 @@ class Runner:
         self._last_error = ""
         self._known_errors: set[str] = set()
         self._ticks: deque[tuple[float, float]] = deque(maxlen=_SAMPLES)  # (end, duration), s
-        self._last_status = -math.inf
+        self._told = -math.inf
 
     def setup(self) -> None:
         """Set the agent up. A failure is logged and raised as a `DsrError`; so are declared names that do not exist."""
-        self._publish()
+        self.tell()
         try:
             self.agent.setup()
             if self.agent.uses_memory:
@@ -114,13 +114,24 @@ class Runner:
             self._enter(State.DEGRADED if self.agent.degraded else State.READY)
         elif self.state is not State.STARTING:
             self._enter(State.DEGRADED)
-        if ended - self._last_status >= PERIOD:
-            self._publish()
+        if ended >= self.status_due:
+            self.tell()
+
+    @property
+    def status_due(self) -> float:
+        """When the next status is due, s on the monotonic clock."""
+        return self._told + PERIOD
+
+    def tell(self) -> None:
+        """Publish the status."""
+        agent = self.agent
+        self._told = agent.clock.monotonic()
+        agent.bus.publish(agent.keys.status(agent.name), encode_status(self.status()), Qos.STREAM)
 
     def _enter(self, state: State) -> None:
         if state is not self.state:
             self.state = state
-            self._publish()
+            self.tell()
 
     def _count(self, error: Exception) -> None:
         """Note a failure; log it with its traceback if this kind is new."""
@@ -147,19 +158,15 @@ class Runner:
             missed=self.missed,
             errors=self._errors,
             restarts=self._restarts,
-            last_error=self._last_error or self.agent.degraded,
+            last_error=self.agent.degraded or self._last_error,
             stamp=self.agent.clock.now(),
         )
 
     def _rate(self) -> float:
-        """Ticks a second over the last few seconds."""
-        ends = [end for end, _ in self._ticks if end > self._ticks[-1][0] - _RATE_WINDOW]
+        """Ticks a second over the last few seconds, and at least over the last two ticks."""
+        ends = [end for end, _ in self._ticks]
+        ends = [end for end in ends if end > ends[-1] - _RATE_WINDOW or end in ends[-2:]]
         return (len(ends) - 1) / (ends[-1] - ends[0]) if len(ends) > 1 else 0.0
-
-    def _publish(self) -> None:
-        self._last_status = self.agent.clock.monotonic()
-        agent = self.agent
-        agent.bus.publish(agent.keys.status(agent.name), encode_status(self.status()), Qos.STREAM)
 
 
 def _quantile(ordered: list[float], fraction: float) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 import typer
+from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 from rich.tree import Tree
@@ -19,6 +20,8 @@ app = typer.Typer()
 _STRUCTURE = ("RT", "has", "next")
 """Edge types along which `dsr tree` goes down."""
 _BELIEF = ("Virtual_RT", "RT")
+_NOTES = {("perceived", False): "not seen", ("plausible", False): "implausible", ("surprising", True): "surprising"}
+"""What `dsr ls` says about a node with this value of this attribute."""
 
 
 @app.command()
@@ -34,10 +37,13 @@ def ls(
     if as_json:
         print_json(rows)
         return
-    table = Table("node", "type", "perceived at (m)", "believed at (m)", "attributes")
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    for column in ("node", "type", "perceived at (m)", "believed at (m)"):
+        table.add_column(column, no_wrap=True)
+    table.add_column("notes")
     for row in rows:
         places = [_place(row[key]) for key in ("perceived_at_m", "believed_at_m")]
-        table.add_row(escape(row["name"]), row["type"], *places, " ".join(row["attributes"]))
+        table.add_row(row["name"], row["type"], *places, ", ".join(row["notes"]))
     console.print(table)
 
 
@@ -49,6 +55,7 @@ def _summary(memory: Memory, node: Node) -> dict[str, Any]:
         "perceived_at_m": _position(memory, node.name, ("RT",)),
         "believed_at_m": _position(memory, node.name, _BELIEF) if believed else None,
         "attributes": sorted(node),
+        "notes": [note for (name, value), note in _NOTES.items() if node.get(name) is value],
     }
 
 
@@ -60,7 +67,7 @@ def _position(memory: Memory, name: str, types: tuple[str, ...]) -> list[float] 
 
 
 def _place(position: list[float] | None) -> str:
-    return "  ".join(f"{number:7.4f}" for number in position) if position else ""
+    return " ".join(f"{round(number, 4) + 0.0:7.4f}" for number in position) if position else ""
 
 
 @app.command()
@@ -84,11 +91,11 @@ def show(
                 }
             )
             return
-        console.print(f"[bold]{escape(node.name)}[/]: {memory.schema.node_types.get(node.type, node.type)}")
+        console.print(f"[bold]{node.name}[/]: {memory.schema.node_types.get(node.type, node.type)}")
         console.print(_attribute_table(memory, node))
         for edge in edges:
             values = "  ".join(f"{key} {readable(edge[key])}" for key in edge)
-            console.print(f"{escape(edge.src)} [cyan]--{edge.type}-->[/] {escape(edge.dst)}  {escape(values)}")
+            console.print(f"{edge.src} [cyan]--{edge.type}-->[/] {edge.dst}  {escape(values)}")
 
 
 def _plain(element: Node | Edge) -> dict[str, Any]:
@@ -149,13 +156,13 @@ def _branch(memory: Memory, name: str, edge_type: str, seen: set[str]) -> dict[s
 
 
 def _draw(parent: Tree, branch: dict[str, Any]) -> None:
-    label = f"[bold]{escape(branch['name'])}[/] [dim]{branch['type']}[/]"
+    label = f"[bold]{branch['name']}[/] [dim]{branch['type']}[/]"
     if branch["edge"]:
         label = f"[cyan]{branch['edge']}[/] {label}"
     if branch["believed"]:
         label += "  [green]believed[/]"
     if branch["relations"]:
-        label += f"  [magenta]{escape(', '.join(branch['relations']))}[/]"
+        label += f"  [magenta]{', '.join(branch['relations'])}[/]"
     below = parent.add(label)
     for child in branch["children"]:
         _draw(below, child)

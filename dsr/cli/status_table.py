@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from rich.box import SIMPLE_HEAD
+from rich.console import Group
 from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from dsr.launcher import AgentRow
 
@@ -22,18 +23,20 @@ _COLOURS = {
 }
 
 
-def status_table(rows: Iterable[AgentRow], title: str) -> Table:
-    """The rows for people."""
-    table = Table(title=title, title_justify="left", box=SIMPLE_HEAD, pad_edge=False)
+def status_table(rows: Iterable[AgentRow], title: str) -> Group:
+    """The rows for people: the numbers in a table, the last errors below it."""
+    table = Table(title=title, title_justify="left", box=None, pad_edge=False, collapse_padding=True)
     for column in ("agent", "state"):
         table.add_column(column, no_wrap=True)
-    for column in ("Hz", "tick ms", "95 %", "latency ms", "missed", "errors", "restarts"):
-        table.add_column(column, justify="right", no_wrap=column != "latency ms")
-    table.add_column("last error", overflow="ellipsis", no_wrap=True)
+    for column in ("Hz", "tick ms", "95 %", "lag ms", "missed", "errors", "restarts"):
+        table.add_column(column, justify="right", no_wrap=True)
+    problems = []
     for row in rows:
-        state = f"[{_COLOURS.get(row.state, 'white')}]{row.state}[/]"
-        table.add_row(row.agent, state, *_numbers(row), escape(row.last_error))
-    return table
+        colour = _COLOURS.get(row.state, "white")
+        table.add_row(row.agent, f"[{colour}]{row.state}[/]", *_numbers(row))
+        if row.last_error:
+            problems.append(Text.from_markup(f"[{colour}]{row.agent}[/]: {escape(row.last_error)}"))
+    return Group(table, *problems)
 
 
 def _numbers(row: AgentRow) -> list[str]:

@@ -216,6 +216,16 @@ def test_an_agent_can_say_that_it_is_degraded() -> None:
     assert heard.statuses[-1].last_error == "no hand model: looking for skin colour"
 
 
+@pytest.mark.parametrize("rate", [0.1, 2.0, 60.0])
+def test_the_rate_is_measured_for_slow_and_fast_agents(rate: float) -> None:
+    heard = Heard()
+    heard.runner.setup()
+    for _ in range(10):
+        heard.clock.advance(1 / rate)
+        heard.runner.tick(heard.clock.now())
+    assert heard.runner.status().rate_hz == pytest.approx(rate, rel=1e-3)
+
+
 def test_a_misspelt_declaration_fails_the_setup() -> None:
     class Misspelt(Agent):
         reads = Access(nodes=("cub",))

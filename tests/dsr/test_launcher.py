@@ -117,6 +117,14 @@ def test_a_time_limit_ends_the_waiting_for_one_that_crashes_again_and_again(tmp_
         launcher.wait_ready()
 
 
+def test_one_that_seldom_ticks_is_heard_all_the_same(tmp_path: Path) -> None:
+    with Launcher(one("sleepy"), tmp_path) as launcher:
+        launcher.wait_ready()
+        first = launcher.rows()[0].heard
+        assert first is not None
+        wait_for(lambda: (heard := launcher.rows()[0].heard) is not None and heard.at > first.at)
+
+
 def test_one_that_does_not_stop_is_killed_with_its_children(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("dsr.launcher.STOP_PATIENCE", 0.5)
     with Launcher(one("deaf"), tmp_path) as launcher:

@@ -20,6 +20,11 @@ def test_ls_tells_where_things_were_perceived_and_are_believed_to_be(
     assert rows["cube_3"]["believed_at_m"] == pytest.approx([0.4, 0.0, 0.02])
     assert rows["table"]["believed_at_m"] is None
     assert rows["cube_3"]["attributes"] == ["perceived", "size"]
+    assert rows["cube_3"]["notes"] == []
+    memory.update_node("cube_3", perceived=False)
+    while not (notes := next(row["notes"] for row in cli_json("ls") if row["name"] == "cube_3")):
+        pass
+    assert notes == ["not seen"]
 
 
 def test_ls_of_one_type_for_people(memory: Memory, cli: Callable[..., str]) -> None:

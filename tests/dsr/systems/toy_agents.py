@@ -31,6 +31,13 @@ class Counter(Agent):
         self.memory.update_node(self.config.node, mass=self.memory.node(self.config.node)["mass"] + self.config.step)
 
 
+class Sleepy(Agent):
+    """Ticks once in ten minutes."""
+
+    name = "sleepy"
+    rate_hz = 1 / 600
+
+
 class Owner(Agent):
     """Claims the mass for itself."""
 

@@ -1,0 +1,10 @@
+"""Runs the toy agent Sleepy."""
+
+from toy_agents import Sleepy
+
+from dsr.agent import main
+
+__all__ = ["Sleepy"]
+
+if __name__ == "__main__":
+    main(Sleepy)
