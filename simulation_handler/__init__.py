@@ -1,7 +1,8 @@
 """The belief simulator: a physics simulation kept in step with perception.
 
-Read in the order of the data: `reading` (graph to belief), `tracking` (percepts over time), `placement` (onto
-contact), `correction` (into the simulation), `simulator`, `relations`, `writing` (belief to graph).
+Read in the order of the data: `reading` (graph to belief), `percepts`, `estimate` and `tracking` (percepts over
+time), `placement` and `supports` (onto contact), `correction` (into the simulation), `simulator`, `relations`,
+`writing` (belief to graph).
 """
 
 from simulation_handler.agent import SimulationHandler

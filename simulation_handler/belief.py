@@ -14,9 +14,9 @@ from dsr.transforms import Pose
 from simulation_handler.bodies import FLOOR, Bodies
 from simulation_handler.config import BeliefConfig
 from simulation_handler.correction import Correction
+from simulation_handler.percepts import make_percept
 from simulation_handler.relations import Relation, Relations
 from simulation_handler.simulator import TIME_STEP
-from simulation_handler.tracking import make_percept
 
 _MOST_STEPS = 48  # of physics in one step of the belief; time beyond is lost
 

@@ -45,7 +45,7 @@ class Correction:
             return
         scene = self._bodies.scene(leaving_out={item.name for item in changed})
         by_height = sorted(changed, key=lambda item: (item.percept().bottom, item.name))
-        moving = [item for item in by_height if self._replace(item, scene, now)]
+        moving = [item for item in by_height if self._reconsider(item, scene, now)]
         self._realise(moving, scene, now)
 
     def _is_led_by_perception(self, item: BelievedObject, now: float) -> bool:
@@ -53,7 +53,7 @@ class Correction:
         has_place = item.name in self._bodies.sim
         return (item.estimate_at(now) if has_place else item.track.estimate) is not None
 
-    def _replace(self, item: BelievedObject, scene: Scene, now: float) -> bool:
+    def _reconsider(self, item: BelievedObject, scene: Scene, now: float) -> bool:
         """Find the plausible pose of a perceived object and put it into the scene; whether its body must move."""
         item.notice_restart()
         is_astray = self._bodies.has_left(item)

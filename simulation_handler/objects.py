@@ -10,10 +10,12 @@ from dsr import quaternions
 from dsr.quaternions import Quaternion, Vector3
 from dsr.transforms import Pose
 from simulation_handler.config import BeliefConfig
+from simulation_handler.estimate import Estimate
 from simulation_handler.geometry import Solid
+from simulation_handler.percepts import Array
 from simulation_handler.placement import Placement
 from simulation_handler.supports import UNKNOWN
-from simulation_handler.tracking import Array, Estimate, Track
+from simulation_handler.tracking import Track
 
 _PERCEPTS_TO_LEARN = 10
 _STRIKE_MEMORY = 1.0  # s

@@ -23,7 +23,7 @@ from simulation_handler.geometry import (
     intersection,
     overlap,
 )
-from simulation_handler.tracking import Array
+from simulation_handler.percepts import Array
 
 _LEVEL = 0.002  # m, tops that differ by less carry an object together
 _GAP = 5e-5  # m left between bodies that were pushed apart

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 from dsr.quaternions import Vector3
 from simulation_handler.geometry import Solid
+from simulation_handler.percepts import Array
 from simulation_handler.placement import find_support, given_height
-from simulation_handler.tracking import Array
 
 UNKNOWN = ""
 """Name of a support that is no object of the graph."""

@@ -7,7 +7,8 @@ import pytest
 
 from dsr.transforms import Pose
 from simulation_handler.config import BeliefConfig
-from simulation_handler.tracking import Percept, Track, make_percept
+from simulation_handler.percepts import Percept, make_percept
+from simulation_handler.tracking import Track
 from tests.simulation_handler.worlds import CAMERA, SyntheticCamera, cube_at
 
 CONFIG = BeliefConfig()
