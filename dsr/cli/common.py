@@ -29,6 +29,9 @@ RouterOption = Annotated[
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 
+_ZERO, _LARGE = 1e-6, 1e6
+"""Numbers below are shown as 0; above (stamps) with three decimals."""
+
 console = Console(highlight=False)
 errors = Console(stderr=True, highlight=False)
 
@@ -69,13 +72,18 @@ def readable(value: Any) -> str:
         spread = "" if value.covariance is None else f" ± {position_deviation(value) * 1e3:.1f} mm"
         return f"{readable(tuple(value.translation))}{spread}, {readable(tuple(value.rotation))}"
     if isinstance(value, float | np.floating):
-        number = float(value)
-        return f"{number:.4g}" if abs(number) < 1e6 else f"{number:.3f}"
+        return _short(float(value))
     if isinstance(value, bytes):
         return f"{len(value)} bytes"
     if isinstance(value, tuple):
-        return f"({', '.join(f'{number:.4g}' for number in value)})"
+        return f"({', '.join(_short(float(number)) for number in value)})"
     return str(value)
+
+
+def _short(number: float) -> str:
+    if abs(number) < _ZERO:
+        return "0"
+    return f"{number:.4g}" if abs(number) < _LARGE else f"{number:.3f}"
 
 
 def position_deviation(pose: Pose) -> float:
