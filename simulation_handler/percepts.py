@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,8 @@ from simulation_handler.config import BeliefConfig
 Array = NDArray[np.float64]
 
 _ROUNDING = 1e-9
+_LONG = 2.0  # ratio of standard deviations from which the longest axis is taken for the viewing ray
+_ALIGNED = 0.95  # cosine of the angle between the two up to which that can be
 _EYE = np.eye(3)
 _DOWNWARDS = np.array((0.0, 0.0, -1.0))
 
@@ -33,7 +36,7 @@ class Percept:
     rotation_covariance: Array
     """(3, 3) rad^2"""
     ray: Array
-    """(3,) unit vector from the camera to the object"""
+    """(3,) unit vector, the direction away from the camera in which the systematic error is"""
 
 
 def make_percept(pose: Pose, stamp: float, seen_from: Vector3 | None, config: BeliefConfig) -> Percept:
@@ -56,12 +59,35 @@ def make_percept(pose: Pose, stamp: float, seen_from: Vector3 | None, config: Be
         noise = lateral**2 * _EYE + (depth**2 - lateral**2) * np.outer(ray, ray)
         turning = config.default_rotation_noise**2 * _EYE
     else:
-        cov, turn = np.array(pose.cov).reshape(6, 6), np.array(quaternions.to_matrix(pose.q))
-        if np.linalg.eigvalsh(cov)[0] < -_ROUNDING * np.trace(cov):
-            raise ValueError(f"covariance with eigenvalues {np.linalg.eigvalsh(cov)}: expected none below 0")
-        noise, turning = turn @ cov[:3, :3] @ turn.T, turn @ cov[3:, 3:] @ turn.T
+        noise, turning = _in_world(pose)
+        noise, ray = _without_bias(noise, ray, config.depth_bias)
     noise = noise + config.position_noise**2 * _EYE + config.depth_noise**2 * np.outer(ray, ray)
     return Percept(stamp, position, pose.q, noise, turning + config.rotation_noise**2 * _EYE, ray)
+
+
+def _in_world(pose: Pose) -> tuple[Array, Array]:
+    """Covariances (3, 3) of position and rotation, from the object's frame into the world's."""
+    cov, turn = np.array(pose.cov).reshape(6, 6), np.array(quaternions.to_matrix(pose.q))
+    least = np.linalg.eigvalsh(cov)[0]
+    if least < -_ROUNDING * np.trace(cov):
+        raise ValueError(f"covariance with eigenvalue {least}: expected none below 0")
+    return turn @ cov[:3, :3] @ turn.T, turn @ cov[3:, 3:] @ turn.T
+
+
+def _without_bias(covariance: Array, ray: Array, bias: float) -> tuple[Array, Array]:
+    """The part of a position's covariance that changes from frame to frame, and the direction of the rest.
+
+    A sensor that knows of its systematic depth error (`bias`, m) reports a covariance that is long along the
+    viewing ray; that part must neither be averaged away nor widen the gate for changes.
+    """
+    variances, axes = np.linalg.eigh(covariance)
+    along = float(axes[:, 2] @ ray)
+    if variances[2] > _LONG**2 * variances[1] and abs(along) > _ALIGNED:
+        ray = axes[:, 2] * math.copysign(1.0, along)
+    if variances[2] > bias**2:
+        variances[2] = max(variances[2] - bias**2, variances[1])
+        covariance = axes @ np.diag(variances) @ axes.T
+    return covariance, ray
 
 
 def _unit(vector: Array) -> Array:

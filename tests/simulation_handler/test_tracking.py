@@ -146,11 +146,27 @@ def percept_of(pose: Pose) -> Percept:
     return make_percept(pose, 1.0, CAMERA, CONFIG)
 
 
+def added(percept: Percept) -> np.ndarray:
+    """What the configuration adds to a percept's covariance."""
+    along = np.outer(percept.ray, percept.ray)
+    return CONFIG.position_noise**2 * np.eye(3) + CONFIG.depth_noise**2 * along
+
+
+def test_the_bias_that_a_covariance_includes_is_no_noise() -> None:
+    position, tag = np.array((0.5, 0.1, 0.02)), np.array((0.5, 0.1, 0.04))
+    ray = (tag - CAMERA) / np.linalg.norm(tag - CAMERA)
+    along = np.outer(ray, ray)
+    covariance = np.diag([1e-8] * 6)
+    covariance[:3, :3] += (CONFIG.depth_bias**2 + 4e-6) * along
+    percept = percept_of(Pose(position, covariance=covariance))
+    assert percept.ray == pytest.approx(ray, abs=1e-9)
+    assert percept.position_covariance - added(percept) == pytest.approx(4e-6 * along, abs=2e-8)
+
+
 def test_covariance_is_turned_from_the_object_into_the_world() -> None:
-    covariance = np.diag([1e-4, 1e-6, 1e-6, 1e-2, 1e-4, 1e-4])
+    covariance = np.diag([2.5e-5, 1e-6, 1e-6, 1e-2, 1e-4, 1e-4])
     percept = percept_of(Pose.from_rotvec((0.4, 0.1, 0.02), (0.0, 0.0, np.pi / 2), covariance=covariance))
-    added = CONFIG.position_noise**2 * np.eye(3) + CONFIG.depth_noise**2 * np.outer(percept.ray, percept.ray)
-    assert percept.position_covariance - added == pytest.approx(np.diag([1e-6, 1e-4, 1e-6]), abs=1e-12)
+    assert percept.position_covariance - added(percept) == pytest.approx(np.diag([1e-6, 2.5e-5, 1e-6]), abs=1e-12)
     assert np.argmax(np.diag(percept.rotation_covariance)) == 1
 
 
@@ -164,5 +180,5 @@ def test_without_covariance_the_default_is_longest_along_the_ray() -> None:
 def test_an_indefinite_covariance_is_refused() -> None:
     covariance = np.diag([1e-6] * 6)
     covariance[0, 1] = covariance[1, 0] = 1e-4
-    with pytest.raises(ValueError, match="eigenvalues"):
+    with pytest.raises(ValueError, match="eigenvalue"):
         percept_of(Pose((0.4, 0.1, 0.02), covariance=covariance))
