@@ -35,6 +35,26 @@ class ArmState(msgspec.Struct, frozen=True):
     """Both pads touch something."""
 
 
+class TagReading(msgspec.Struct, frozen=True):
+    """The measured pose of one tagged object."""
+
+    marker_id: int
+    pose: tuple[float, float, float, float, float, float, float]
+    """camera_from_object, at the object's centre: translation (m), then a quaternion (x, y, z, w)"""
+    sigma_translation: float
+    """m, standard deviation of each coordinate"""
+    sigma_rotation: float
+    """rad, standard deviation about each axis"""
+
+
+class TagReadings(msgspec.Struct, frozen=True):
+    """The tagged objects that a camera sees at one instant."""
+
+    stamp: float
+    """s"""
+    readings: list[TagReading]
+
+
 class ArmDriver(Protocol):
     """An arm with a gripper."""
 
@@ -63,6 +83,16 @@ class CameraDriver(Protocol):
         Arrays: `color` (h, w, 3) uint8 RGB, `depth` (h, w) float32 m (0 where unknown).
         Meta: `fx fy cx cy` in px, and `stamp` s of the exposure on the frame.
         """
+
+    def close(self) -> None:
+        """Release the device."""
+
+
+class TagDriver(Protocol):
+    """A camera that detects tags by itself, or a simulated one that skips the images."""
+
+    def readings(self) -> TagReadings | None:
+        """The newest readings if they were not returned before, else None."""
 
     def close(self) -> None:
         """Release the device."""

@@ -8,13 +8,12 @@ from typing import Generic, TypeVar
 
 import msgspec
 
-from agents.drivers import ArmState
+from agents.drivers import ArmState, TagReadings
 from agents.plant.messages import (
     Command,
     MoveGripper,
     MoveJoints,
     Stop,
-    TagReadings,
     arm_command_key,
     arm_state_key,
     frame_key,

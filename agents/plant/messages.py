@@ -56,26 +56,6 @@ class Truth(msgspec.Struct, frozen=True):
     """world_from_camera (optical frame) by name, of the cameras in use"""
 
 
-class TagReading(msgspec.Struct, frozen=True):
-    """The measured pose of one tagged object."""
-
-    marker_id: int
-    pose: Seven
-    """camera_from_object, at the object's centre"""
-    sigma_translation: float
-    """m, standard deviation of each coordinate"""
-    sigma_rotation: float
-    """rad, standard deviation about each axis"""
-
-
-class TagReadings(msgspec.Struct, frozen=True):
-    """The tagged objects that a camera sees at one instant."""
-
-    stamp: float
-    """s"""
-    readings: list[TagReading]
-
-
 _command_decoder: msgspec.msgpack.Decoder[Command] = msgspec.msgpack.Decoder(Command)
 
 

@@ -7,8 +7,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.drivers import TagReading, TagReadings
 from agents.plant.camera import Camera
-from agents.plant.messages import TagReading, TagReadings, seven
+from agents.plant.messages import seven
 from agents.plant.tags import TAG_RATIO
 from agents.plant.world import World
 from agents.scenario.format import ObjectSpec

@@ -7,13 +7,13 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from agents.drivers import ArmState
+from agents.drivers import ArmState, TagReadings
 from agents.plant.arm import Arm
 from agents.plant.bullet import Bullet
 from agents.plant.camera import Camera
 from agents.plant.config import PlantConfig
 from agents.plant.experimenter import Experimenter
-from agents.plant.messages import Command, MoveGripper, MoveJoints, TagReadings, Truth, seven
+from agents.plant.messages import Command, MoveGripper, MoveJoints, Truth, seven
 from agents.plant.noise import SensorModel
 from agents.plant.poses import read_tags
 from agents.plant.renderer import Intrinsics, Renderer

@@ -1,0 +1,127 @@
+"""Writes what the cameras see: RT edges from camera to object, and which objects are perceived now."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+
+from agents.drivers import TagDriver, make_driver
+from agents.scene_estimator.config import SceneEstimatorConfig
+from agents.scene_estimator.objects import TaggedObjects
+from agents.scene_estimator.sighting import FrameReader, Outlines, Sighting, read_sensor
+from agents.scene_estimator.stillness import stood_still
+from dsr.agent import Access, Agent
+from dsr.blobs import Frame
+from dsr.errors import WireError
+
+
+class SceneEstimator(Agent):
+    """Detects AprilTags in the frames of all cameras that have any, and publishes poses with covariance.
+
+    Objects that no camera has seen for `max_age` are not `perceived`; their last percept stays.
+    """
+
+    name = "scene_estimator"
+    rate_hz = 20.0
+    reads = Access(nodes=("camera", "cube", "box"), edges=("RT",), attributes=("marker_id", "size"))
+    writes = Access(
+        nodes=("cube", "box"), edges=("RT",), attributes=("marker_id", "size", "perceived", "last_seen")
+    )
+    Config = SceneEstimatorConfig
+    config: SceneEstimatorConfig
+
+    def setup(self) -> None:
+        """Listen to the cameras. Raises `ConfigError` for a driver that cannot be made."""
+        config = self.config
+        self.skipped: Counter[str] = Counter()
+        """Frames that were not used, by reason."""
+        self._objects = TaggedObjects(self.memory, config, self.log)
+        self._frame_reader = FrameReader(self._objects.size, config.tag_ratio, config.noise)
+        self._streams = {camera: self.memory.frames(camera) for camera in config.cameras}
+        self._sensors: dict[str, TagDriver] = {
+            camera: make_driver(sensor.driver, self.bus, self.keys, **sensor.options)
+            for camera, sensor in config.tag_sensors.items()
+        }
+        self._last_seen: dict[str, float] = {}
+
+    def tick(self, now: float) -> None:
+        """Look at each camera's newest frame, then at who was not seen for long."""
+        self._objects.update()
+        for camera, stamp, sightings in self._look():
+            if camera not in self.memory:
+                self.skipped["no camera node yet"] += 1
+            elif not self._camera_stood_still(camera, stamp):
+                self._skip("camera moved", f"{camera} moved, or its pose is not known then")
+            else:
+                self._publish(camera, sightings)
+        self._age(now)
+
+    def _look(self) -> Iterator[tuple[str, float, list[Sighting]]]:
+        """(camera, stamp, sightings) of everything new."""
+        for camera, stream in self._streams.items():
+            frame = stream.latest()
+            if frame is not None and (seen := self._read(camera, frame)) is not None:
+                yield camera, frame.stamp, seen
+        for camera, sensor in self._sensors.items():
+            readings = sensor.readings()
+            if readings is not None:
+                try:
+                    yield camera, readings.stamp, read_sensor(readings, self.config.noise)
+                except WireError as error:
+                    self._skip("malformed", f"{camera}: {error}")
+
+    def _read(self, camera: str, frame: Frame) -> list[Sighting] | None:
+        try:
+            sightings, outlines = self._frame_reader.read(frame)
+        except WireError as error:
+            self._skip("malformed", f"{camera}: {error}")
+            return None
+        self._show(camera, frame.stamp, outlines)
+        return sightings
+
+    def _show(self, camera: str, stamp: float, outlines: Outlines) -> None:
+        """Publish where in the image the tags were found, for viewers."""
+        self.memory.put_frame(f"{camera}/detections", Frame(stamp, dict(outlines._asdict()), {}))
+
+    def _camera_stood_still(self, camera: str, stamp: float) -> bool:
+        return stood_still(self.memory, camera, stamp, self.config.max_camera_speed, self.config.max_camera_turn)
+
+    def _publish(self, camera: str, sightings: list[Sighting]) -> None:
+        with self.memory.batch():
+            unknown = [sighting for sighting in sightings if self._objects.find(sighting.marker_id) is None]
+            self._objects.consider(camera, unknown)
+            for sighting in sightings:
+                node = self._objects.find(sighting.marker_id)
+                if node is not None:
+                    self.memory.add_edge(camera, node.name, "RT", pose=sighting.pose)
+                    self._note_seen(node.name, sighting.pose.stamp)
+
+    def _note_seen(self, name: str, stamp: float) -> None:
+        self._last_seen[name] = max(stamp, self._last_seen.get(name, 0.0))
+        perceived = self.memory.node(name).get("perceived") is True
+        changed = {} if perceived else {"perceived": True}
+        self.memory.update_node(name, last_seen=self._last_seen[name], **changed)
+
+    def _age(self, now: float) -> None:
+        """Also those that an earlier run of this agent saw: their nodes say when."""
+        for kind in ("cube", "box"):
+            for node in self.memory.nodes(kind):
+                if node.get("perceived") and now - self._seen_at(node.name, now) > self.config.max_age:
+                    self.memory.update_node(node.name, perceived=False)
+
+    def _seen_at(self, name: str, now: float) -> float:
+        """When it was seen, s; what nobody has ever told about gets a fresh start."""
+        return self._last_seen.setdefault(name, self.memory.node(name).get("last_seen", now))
+
+    def _skip(self, reason: str, detail: str) -> None:
+        self.skipped[reason] += 1
+        if self.skipped[reason] == 1:
+            self.log.warning("frame skipped: %s (further ones are only counted)", detail)
+
+    def teardown(self) -> None:
+        """Stop listening."""
+        for stream in self._streams.values():
+            stream.close()
+        for sensor in self._sensors.values():
+            sensor.close()
+        self._objects.close()

@@ -1,0 +1,42 @@
+"""What can be configured about the scene estimator."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+
+from agents.scene_estimator.pose import NoiseModel
+
+
+class TagSensor(msgspec.Struct, frozen=True):
+    """A device that detects tags by itself, read beside the camera's frames."""
+
+    driver: str
+    """`module:Class` of a `TagDriver`."""
+    options: dict[str, Any] = {}
+    """Passed to the driver."""
+
+
+class SceneEstimatorConfig(msgspec.Struct, frozen=True):
+    """Which cameras, what the tags are like, and when a percept can be trusted."""
+
+    cameras: tuple[str, ...] = ("camera_overhead", "camera_wrist")
+    """Camera nodes whose frames are looked at, when there are any."""
+    tag_sensors: dict[str, TagSensor] = {}
+    """By camera node."""
+    tag_ratio: float = 0.8
+    """Side of a tag's black square over that of the face it is on."""
+    default_size: float = 0.04
+    """m, edge of a cube that is seen for the first time."""
+    insert_after: int = 3
+    """Frames in a row, after the first, in which an unknown tag must be seen to become a node."""
+    insert_within: float = 0.03
+    """m, how far it may seem to move meanwhile."""
+    max_age: float = 0.7
+    """s after which an object that was not seen again is not `perceived` any more (Sallami et al., Sec. V)."""
+    max_camera_speed: float = 0.02
+    """m/s; while the camera moves faster, nothing is published."""
+    max_camera_turn: float = 0.05
+    """rad/s, likewise."""
+    noise: NoiseModel = NoiseModel()

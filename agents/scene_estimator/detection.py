@@ -1,0 +1,70 @@
+"""Finds AprilTags (family 36h11) in a grey image, with corners of sub-pixel accuracy.
+
+Pixel coordinates put integers at pixel centres, so that an ideal camera has cx = (width - 1) / 2.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+APRILTAG_BIAS = 0.42
+"""px in u and v that OpenCV's apriltag refinement adds (measured on exact renders)."""
+APRILTAG_STD = 0.1
+"""px, error of a corner by apriltag refinement once the bias is off; grey noise hardly matters."""
+SUBPIX_STD = 0.4
+"""px, error of a corner by sub-pixel refinement on tags of 20 to 30 px."""
+_MIN_CONTRAST = 20
+"""Grey levels between black and white; OpenCV's default of 5 finds edges in sensor noise, at 25 times the cost."""
+
+
+@dataclass(frozen=True)
+class Tag:
+    """A tag seen in an image."""
+
+    marker_id: int
+    corners: NDArray[np.float64]
+    """(4, 2) px, from the top left one as printed, clockwise."""
+    corner_std: float
+    """px, standard deviation of each coordinate."""
+
+
+class TagDetector:
+    """Detects by apriltag refinement; what only the sub-pixel detector finds (small tags) is added."""
+
+    def __init__(self) -> None:
+        self._apriltag = _detector(cv2.aruco.CORNER_REFINE_APRILTAG, aprilTagMinWhiteBlackDiff=_MIN_CONTRAST)
+        self._subpix = _detector(cv2.aruco.CORNER_REFINE_SUBPIX, relativeCornerRefinmentWinSize=0.5)
+
+    def detect(self, color: NDArray[np.uint8]) -> list[Tag]:
+        """Tags in an RGB image (h, w, 3), by marker id. An id that shows twice says nothing and is left out."""
+        grey = cv2.cvtColor(color, cv2.COLOR_RGB2GRAY)
+        tags = _tags(self._apriltag, grey, APRILTAG_BIAS, APRILTAG_STD)
+        found = {tag.marker_id for tag in tags}
+        tags += [tag for tag in _tags(self._subpix, grey, 0.0, SUBPIX_STD) if tag.marker_id not in found]
+        times_seen = Counter(tag.marker_id for tag in tags)
+        unique = (tag for tag in tags if times_seen[tag.marker_id] == 1)
+        return sorted(unique, key=lambda tag: tag.marker_id)
+
+
+def _detector(refinement: int, **settings: float) -> cv2.aruco.ArucoDetector:
+    parameters = cv2.aruco.DetectorParameters()
+    parameters.cornerRefinementMethod = refinement
+    for name, value in settings.items():
+        setattr(parameters, name, value)
+    return cv2.aruco.ArucoDetector(
+        cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11), parameters
+    )
+
+
+def _tags(detector: cv2.aruco.ArucoDetector, grey: Any, bias: float, std: float) -> list[Tag]:
+    quads, ids, _ = detector.detectMarkers(grey)
+    if ids is None:
+        return []
+    corners = (np.asarray(quad, dtype=np.float64).reshape(4, 2) - bias for quad in quads)
+    return [Tag(int(marker), quad, std) for marker, quad in zip(ids.ravel(), corners, strict=True)]

@@ -1,0 +1,73 @@
+"""Which node carries which tag; tags seen steadily that nobody knows become new cubes."""
+
+from __future__ import annotations
+
+import logging
+
+from agents.scene_estimator.config import SceneEstimatorConfig
+from agents.scene_estimator.sighting import Sighting
+from dsr.elements import Node
+from dsr.memory import Memory
+from dsr.transforms import Pose
+
+
+class TaggedObjects:
+    """The working memory's objects by marker id."""
+
+    def __init__(self, memory: Memory, config: SceneEstimatorConfig, log: logging.Logger) -> None:
+        self._memory = memory
+        self._config = config
+        self._log = log
+        self._watch = memory.watch(attribute="marker_id")
+        self._names: dict[int, str] = {}
+        self._candidates: dict[tuple[str, int], list[Pose]] = {}
+        self._refused: set[str] = set()
+
+    def update(self) -> None:
+        """Take note of tags that were written to or removed from nodes."""
+        if self._watch.poll():
+            tagged = [node for node in self._memory.nodes() if isinstance(node.get("marker_id"), int)]
+            self._names = {node["marker_id"]: node.name for node in sorted(tagged, key=lambda node: node.name)}
+
+    def find(self, marker_id: int) -> Node | None:
+        """The node that carries the tag, or None."""
+        name = self._names.get(marker_id)
+        return None if name is None else self._memory.get_node(name)
+
+    def size(self, marker_id: int) -> float:
+        """Height of the object under the tagged face, m; that of an unknown one is the default."""
+        node = self.find(marker_id)
+        size = None if node is None else node.get("size")
+        if isinstance(size, tuple) and len(size) == 3 and size[2] > 0.0:
+            return float(size[2])
+        return self._config.default_size
+
+    def consider(self, camera: str, unknown: list[Sighting]) -> list[Node]:
+        """Count how steadily unknown tags are seen; the nodes made of those that were seen often enough."""
+        seen = {(camera, sighting.marker_id): sighting.pose for sighting in unknown}
+        for key in [key for key in self._candidates if key[0] == camera and key not in seen]:
+            del self._candidates[key]
+        return [node for key, pose in seen.items() if self._is_steady(key, pose) and (node := self._insert(key[1]))]
+
+    def _is_steady(self, key: tuple[str, int], pose: Pose) -> bool:
+        before = self._candidates.get(key, [])
+        steady = all(pose.distance(other)[0] <= self._config.insert_within for other in before)
+        self._candidates[key] = [*before, pose] if steady else [pose]
+        return len(self._candidates[key]) > self._config.insert_after
+
+    def _insert(self, marker_id: int) -> Node | None:
+        name = f"cube_{marker_id}"
+        if name in self._memory:
+            if name not in self._refused:
+                self._log.warning("tag %d is seen, but %s is known to carry another one or none", marker_id, name)
+                self._refused.add(name)
+            return None
+        self._log.info("tag %d is new: inserting %s", marker_id, name)
+        edge = self._config.default_size
+        node = self._memory.add_node(name, "cube", marker_id=marker_id, size=(edge, edge, edge), perceived=True)
+        self._names[marker_id] = name
+        return node
+
+    def close(self) -> None:
+        """Stop watching."""
+        self._watch.close()

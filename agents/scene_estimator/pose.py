@@ -1,0 +1,133 @@
+"""Pose of a tag with its covariance: depth gives the plane it lies in, the corners place it there.
+
+The corners' rays are cut with the plane fitted to the depth within the tag. Near the camera the tag's known
+size tells its distance better than depth does; further away it is the other way round. The orientation is
+that of the plane at all distances: flips cannot occur, and the error is a fraction of that of perspective.
+Without depth, perspective is all there is.
+"""
+
+from __future__ import annotations
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.scene_estimator.depth_plane import DepthPlane, fit_depth_plane
+from agents.scene_estimator.detection import Tag
+from agents.scene_estimator.geometry import Array, Intrinsics, skew, tag_corners
+from agents.scene_estimator.perspective import pose_from_perspective
+from dsr import quaternions
+from dsr.transforms import Pose
+
+_SIZE_RATIO = 1.5
+"""Seen over true size of a tag; outside 1/1.5 to 1.5 the depth is that of something else."""
+
+
+class NoiseModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What is known about the sensor's errors."""
+
+    depth_bias_std: float = 0.01
+    """m, systematic error of depth along the ray: not visible in the residuals, does not average out."""
+    inverse_depth_floor: float = 3e-4
+    """1/m, least standard deviation of a pixel's inverse depth."""
+    depth_correlation: float = 1.0
+    """px, over which neighbouring depth errors are alike."""
+    size_below: float = 0.5
+    """m, distance below which the tag's size tells the distance instead of depth."""
+
+
+def estimate_tag_pose(
+    tag: Tag, depth: NDArray[np.float32] | None, intrinsics: Intrinsics, tag_size: float, noise: NoiseModel
+) -> Pose | None:
+    """`camera_from_tag` (x right, y up as printed, z off the face) with covariance; None if it cannot be told.
+
+    Args:
+        tag: its corners, px.
+        depth: (h, w) m, of the same exposure and intrinsics; None without a depth camera.
+        intrinsics: px.
+        tag_size: side of the black square, m.
+        noise: error model of the sensor.
+    """
+    plane = None if depth is None else _plane(tag, depth, intrinsics, tag_size, noise)
+    if plane is None:
+        return pose_from_perspective(tag, intrinsics, tag_size)
+    return _pose_on_plane(tag, plane, intrinsics, tag_size, noise)
+
+
+def _plane(
+    tag: Tag, depth: NDArray[np.float32], intrinsics: Intrinsics, tag_size: float, noise: NoiseModel
+) -> DepthPlane | None:
+    """The tag's plane, unless the depth there contradicts the tag's size."""
+    plane = fit_depth_plane(
+        tag.corners,
+        depth,
+        intrinsics,
+        noise_floor=noise.inverse_depth_floor,
+        correlation=noise.depth_correlation,
+    )
+    if plane is None:
+        return None
+    points = plane.points(intrinsics.rays(tag.corners))
+    side = float(np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1).mean())
+    return plane if 1.0 / _SIZE_RATIO < side / tag_size < _SIZE_RATIO else None
+
+
+def _pose_on_plane(
+    tag: Tag, plane: DepthPlane, intrinsics: Intrinsics, tag_size: float, noise: NoiseModel
+) -> Pose:
+    """Centre from the corners' points on the plane, axes by Procrustes; errors propagated to first order."""
+    points = plane.points(intrinsics.rays(tag.corners))
+    centre = points.mean(axis=0)
+    offsets, square = points - centre, tag_corners(tag_size)
+    by_input = _point_derivatives(points, plane, intrinsics)
+    moved = by_input.mean(axis=0)
+    turned = _rotation_derivative(offsets, by_input, plane)
+    if np.linalg.norm(centre) < noise.size_below:
+        spread = (offsets**2).sum()
+        scale = np.sqrt((square**2).sum() / spread)
+        moved = scale * (moved - np.outer(centre, np.einsum("ni,nij->j", offsets, by_input) / spread))
+        centre = scale * centre
+    rotation = _axes(offsets, square, plane.normal)
+    to_tag = np.concatenate([rotation.T @ moved, rotation.T @ turned])
+    inputs = _input_covariance(tag, plane, noise.depth_bias_std / points[:, 2].mean())
+    quaternion = quaternions.from_matrix(rotation.tolist())
+    return Pose(centre, quaternion, covariance=to_tag @ inputs @ to_tag.T)
+
+
+def _axes(offsets: Array, square: Array, normal: Array) -> Array:
+    """(3, 3) rotation with z = normal that best turns the tag's corners (4, 3) onto the offsets (4, 3)."""
+    x = square[:, 0] @ offsets + square[:, 1] @ np.cross(offsets, normal)
+    x -= normal * (normal @ x)
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(normal, x), normal])
+
+
+def _point_derivatives(points: Array, plane: DepthPlane, intrinsics: Intrinsics) -> Array:
+    """(4, 3, 11) of the corners' points by the corners' pixels u0, v0, u1, ... and the plane p.
+
+    With X = z r and z = 1 / (p . r): dX = z (I - X p^T) dr - X X^T dp.
+    """
+    by_ray = points[:, 2, None, None] * (np.eye(3) - points[:, :, None] * plane.p)
+    by_pixel = by_ray[:, :, :2] / (intrinsics.fx, intrinsics.fy)
+    derivatives = np.zeros((4, 3, 11))
+    for corner in range(4):
+        derivatives[corner, :, 2 * corner : 2 * corner + 2] = by_pixel[corner]
+    derivatives[:, :, 8:] = -points[:, :, None] * points[:, None, :]
+    return derivatives
+
+
+def _rotation_derivative(offsets: Array, by_input: Array, plane: DepthPlane) -> Array:
+    """(3, 11) rotation vector in camera axes: turn of the corners about the normal, tilt with the plane."""
+    normal = plane.normal
+    lever = np.cross(normal, offsets) / (offsets**2).sum()
+    derivative = np.outer(normal, np.einsum("ni,nij->j", lever, by_input))
+    derivative[:, 8:] -= skew(normal) / np.linalg.norm(plane.p)
+    return derivative
+
+
+def _input_covariance(tag: Tag, plane: DepthPlane, relative_bias: float) -> Array:
+    """(11, 11) of pixels and plane. A relative bias of the depth scales p: the tag moves along its ray."""
+    covariance = np.zeros((11, 11))
+    covariance[:8, :8] = tag.corner_std**2 * np.eye(8)
+    covariance[8:, 8:] = plane.covariance + relative_bias**2 * np.outer(plane.p, plane.p)
+    return covariance
