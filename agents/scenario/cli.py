@@ -132,8 +132,8 @@ def has_display(environment: Mapping[str, str]) -> bool:
 
 def _show_files(folder: Path) -> None:
     """Say what the run left and how to open it."""
-    console.print(f"result     {folder / 'result.json'}")
+    console.print(f"result     {folder / 'result.json'}", soft_wrap=True)
     for recording in sorted(folder.glob("*.rrd")):
-        console.print(f"recording  {recording}   open it with [bold]rerun {recording}[/]")
+        console.print(f"recording  {recording}   open it with [bold]rerun {recording}[/]", soft_wrap=True)
     for recording in sorted(folder.glob("*.mcap")):
-        console.print(f"recording  {recording}   every change of the memory, with sensor data, as MCAP")
+        console.print(f"recording  {recording}   all changes of the memory and sensor data, as MCAP", soft_wrap=True)
