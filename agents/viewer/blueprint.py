@@ -9,8 +9,8 @@ import rerun.blueprint as rrb
 from agents.viewer import events, graph_view, scene, series
 
 TIMELINE = "stamp"
-_EYE = (1.2, -0.8, 0.66)
-_TARGET = (0.2, 0.03, 0.27)
+_OVERVIEW = rrb.EyeControls3D(position=(1.3, -0.85, 0.78), look_target=(0.2, 0.03, 0.3), eye_up=(0.0, 0.0, 1.0))
+_CLOSE_UP = rrb.EyeControls3D(position=(0.66, -0.2, 0.14), look_target=(0.35, 0.0, 0.01), eye_up=(0.0, 0.0, 1.0))
 _BACKGROUND = (24, 27, 32)
 
 
@@ -23,7 +23,7 @@ def make_blueprint(cameras: Sequence[str], with_truth: bool) -> rrb.Blueprint:
     """
     return rrb.Blueprint(
         rrb.Horizontal(
-            rrb.Vertical(_scene(), _graph(), row_shares=[5, 3]),
+            rrb.Vertical(_scenes(), _graph(), row_shares=[5, 3]),
             rrb.Vertical(_images(cameras), _numbers(with_truth), _log(), row_shares=[4, 3, 3]),
             column_shares=[5, 3],
         ),
@@ -33,13 +33,17 @@ def make_blueprint(cameras: Sequence[str], with_truth: bool) -> rrb.Blueprint:
     )
 
 
-def _scene() -> rrb.View:
+def _scenes() -> rrb.Container:
+    """All of it, and its objects from nearby."""
+    all_of_it = _scene("Scene: percepts orange, beliefs blue", ["$origin/**"], _OVERVIEW)
+    objects = [f"$origin/{part}" for part in ("table", "percepts", "beliefs", "names")]
+    return rrb.Horizontal(all_of_it, _scene("Objects", objects, _CLOSE_UP), column_shares=[1, 1])
+
+
+def _scene(name: str, contents: list[str], eye: rrb.EyeControls3D) -> rrb.View:
+    background = rrb.Background(color=_BACKGROUND)
     return rrb.Spatial3DView(
-        origin=scene.ENTITY,
-        name="Scene: percepts (orange wire), beliefs (blue)",
-        line_grid=False,
-        background=rrb.Background(color=_BACKGROUND),
-        eye_controls=rrb.EyeControls3D(position=_EYE, look_target=_TARGET, eye_up=(0.0, 0.0, 1.0)),
+        origin=scene.ENTITY, name=name, contents=contents, line_grid=False, background=background, eye_controls=eye
     )
 
 
@@ -55,10 +59,10 @@ def _images(cameras: Sequence[str]) -> rrb.Container | rrb.View:
 def _numbers(with_truth: bool) -> rrb.Container:
     errors = rrb.TimeSeriesView(
         origin=series.ERRORS,
-        name="Error of percepts (orange), beliefs (blue) [mm]",
+        name="Error against the truth [mm]",
         plot_legend=rrb.PlotLegend(visible=False),
     )
-    distances = rrb.TimeSeriesView(origin=series.DISTANCES, name="Between them [mm]")
+    distances = rrb.TimeSeriesView(origin=series.DISTANCES, name="Percept to belief [mm]")
     rates = rrb.TimeSeriesView(origin=series.RATES, name="Agents [Hz]")
     return rrb.Tabs(*([errors] if with_truth else []), distances, rates, active_tab=0)
 

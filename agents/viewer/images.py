@@ -17,6 +17,7 @@ from agents.viewer.model import Camera
 from agents.viewer.scene import camera_entity
 from dsr import Frame, FrameReader, Memory
 
+_LABEL_BELOW = 8.0  # px
 _LONGEST_SIDE = 65_500  # px, that a JPEG can have
 
 
@@ -84,17 +85,14 @@ class ImageView:
         if corners is None or ids is None or corners.shape != (ids.size, 4, 2) or not np.isfinite(corners).all():
             self._skip(camera, "corners and ids", "finite (n, 4, 2) px, and (n,)")
             return
+        entity = f"{camera_entity(camera)}/detections"
+        colors = [palette.PERCEPT] * ids.size
         outlines = np.concatenate([corners, corners[:, :1]], axis=1)
-        self._recording.log(
-            f"{camera_entity(camera)}/detections",
-            rr.LineStrips2D(
-                outlines,
-                colors=[palette.PERCEPT] * ids.size,
-                radii=[1.5] * ids.size,
-                labels=[f"tag {number}" for number in ids.ravel()],
-                show_labels=True,
-            ),
-        )
+        self._recording.log(entity, rr.LineStrips2D(outlines, colors=colors, radii=[1.5] * ids.size))
+        below = np.column_stack([corners[:, :, 0].mean(axis=1), corners[:, :, 1].max(axis=1) + _LABEL_BELOW])
+        labels = [f"tag {number}" for number in ids.ravel()]
+        names = rr.Points2D(below, labels=labels, show_labels=True, colors=colors, radii=[0.1] * ids.size)
+        self._recording.log(f"{entity}/names", names)
 
     def _skip(self, camera: str, arrays: str, expected: str) -> None:
         self.unusable += 1

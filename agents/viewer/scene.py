@@ -118,7 +118,7 @@ def _links(links: list[tuple[Vector, Vector]]) -> rr.Capsules3D:
     long = [(start, end) for start, end in links if math.dist(start, end) > _LEAST_LINK]
     return rr.Capsules3D(
         lengths=[math.dist(start, end) for start, end in long],
-        radii=[_LINK_RADIUS] * len(long),
+        radii=[_LINK_RADIUS - 0.001 * (index % 2) for index in range(len(long))],
         translations=np.array([start for start, _ in long]).reshape(-1, 3),
         quaternions=np.array([_along_z(start, end) for start, end in long]).reshape(-1, 4),
         colors=[palette.ROBOT if index % 2 == 0 else palette.JOINT for index in range(len(long))],

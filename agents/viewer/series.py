@@ -81,7 +81,7 @@ class SeriesView:
         if entity not in self._named:
             self._named.add(entity)
             colors = None if color is None else [color]
-            self._recording.log(entity, rr.SeriesLines(names=[name], colors=colors, widths=[1.5]), static=True)
+            self._recording.log(entity, rr.SeriesLines(names=[name], colors=colors, widths=[1.2]), static=True)
         self._recording.log(entity, rr.Scalars(value))
 
     def _drop(self, message: Message, error: Exception) -> None:

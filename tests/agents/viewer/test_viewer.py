@@ -109,7 +109,8 @@ def test_images_and_detections_are_shown(stage: Any) -> None:
     images = shown.values(image, "EncodedImage:blob")
     assert 9 <= len(images) <= 11
     assert bytes(images[0][0])[:3] == b"\xff\xd8\xff"
-    assert shown.values(f"{image}/detections", "LineStrips2D:labels")[-1] == ["tag 3"]
+    assert shown.values(f"{image}/detections/names", "Points2D:labels")[-1] == ["tag 3"]
+    assert len(shown.values(f"{image}/detections", "LineStrips2D:strips")[-1]) == 1
     np.testing.assert_allclose(shown.values(image, "Pinhole:resolution")[-1], [(640, 480)])
 
 
