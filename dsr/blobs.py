@@ -88,6 +88,9 @@ def _array(body: memoryview, name: str, dtype: str, shape: list[int], offset: in
     size = math.prod(shape) * np.dtype(dtype).itemsize
     if offset < 0 or offset + size > len(body):
         raise WireError(f"frame array {name!r} needs {size} bytes at {offset}, the frame holds {len(body)}")
-    array = np.frombuffer(body[offset : offset + size], dtype=dtype).reshape(shape)
+    try:
+        array = np.frombuffer(body[offset : offset + size], dtype=dtype).reshape(shape)
+    except ValueError as error:  # an empty array with a side beyond all bounds
+        raise WireError(f"frame array {name!r} of shape {shape}: {error}") from error
     array.flags.writeable = False
     return array

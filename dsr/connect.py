@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable
 
 from dsr import rendezvous
 from dsr.clock import WALL_CLOCK, Clock
-from dsr.errors import TransportError
 from dsr.memory import Guard, Memory, new_rid
 from dsr.schema import Schema
 from dsr.zenoh_transport import ZenohTransport
@@ -41,24 +41,36 @@ def connect(
         TransportError: if the network cannot be used, or peers are there but none answers in time.
     """
     rid = new_rid(agent)
-    transport, registration = open_transport(graph, rid, connect)
-    memory = Memory(graph, agent, transport=transport, clock=clock, schema=schema, guard=guard, rid=rid, threaded=True)
-    memory.on_close(transport.close)
-    memory.on_close(registration.close)
-    try:
-        memory.wait_joined(timeout, alone=not transport.has_peers)
-    except TransportError:
-        memory.close()
-        raise
+    routers = list(connect)
+    with contextlib.ExitStack() as resources:
+        transport, registration = open_transport(graph, rid, routers, has_memory=True)
+        resources.callback(transport.close)
+        resources.callback(registration.close)
+        memory = Memory(
+            graph, agent, transport=transport, clock=clock, schema=schema, guard=guard, rid=rid, threaded=True
+        )
+        memory.on_close(resources.pop_all().close)
+        resources.callback(memory.close)
+        memory.wait_joined(timeout, elders=lambda: _living_replicas(graph, registration.elders), alone=not routers)
+        resources.pop_all()
     return memory
 
 
-def open_transport(graph: str, rid: str, connect: Iterable[str] = ()) -> tuple[ZenohTransport, rendezvous.Registration]:
+def _living_replicas(graph: str, elders: list[rendezvous.Member]) -> list[str]:
+    """Replica ids of those among `elders` that hold a memory and still live, in the same order."""
+    living = rendezvous.members(graph) if elders else []
+    return [elder.rid for elder in elders if elder.has_memory and elder in living]
+
+
+def open_transport(
+    graph: str, rid: str, connect: Iterable[str] = (), *, has_memory: bool = False
+) -> tuple[ZenohTransport, rendezvous.Registration]:
     """A Zenoh transport that meets the graph's other processes; the registration makes it be found by later ones."""
     endpoint = f"tcp/127.0.0.1:{rendezvous.free_port()}"
-    registration = rendezvous.Registration(graph, rid, endpoint)
+    registration = rendezvous.Registration(graph, rid, endpoint, has_memory=has_memory)
     try:
-        return ZenohTransport(endpoint, [*rendezvous.endpoints(graph, but=rid), *connect]), registration
-    except TransportError:
+        elders = [elder.endpoint for elder in registration.elders]
+        return ZenohTransport(endpoint, [*elders, *connect]), registration
+    except BaseException:
         registration.close()
         raise

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections import deque
 
 from dsr.blobs import Frame, decode_frame
 from dsr.errors import WireError
@@ -16,18 +17,17 @@ class FrameReader:
 
     def __init__(self, transport: Transport, key: str) -> None:
         self._key = key
-        self._payload: bytes | None = None
+        self._newest: deque[bytes] = deque(maxlen=1)
         self._subscription = transport.subscribe(key, self._receive, newest=1)
         self.dropped = 0
         """Malformed frames so far."""
 
     def latest(self) -> Frame | None:
         """The newest frame if it was not returned before, else None."""
-        payload, self._payload = self._payload, None
-        if payload is None:
-            return None
         try:
-            return decode_frame(payload)
+            return decode_frame(self._newest.pop())
+        except IndexError:
+            return None
         except WireError as error:
             self.dropped += 1
             if self.dropped == 1:
@@ -39,4 +39,4 @@ class FrameReader:
         self._subscription.close()
 
     def _receive(self, _key: str, payload: bytes) -> None:
-        self._payload = payload
+        self._newest.append(payload)

@@ -71,6 +71,18 @@ class FrameTree:
             self._histories[type, child] = {**histories, parent: history}
         self._choose_newest(type, child)
 
+    def follow(self, type: str, parent: str, child: str, pose: Pose) -> None:
+        """Let `pose` be the newest sample of an edge: those of later stamps lost against it, and are forgotten.
+
+        What a graph shows is the write that won, whatever its stamp; so all replicas have the same transforms.
+        """
+        history = self._histories.get((type, child), {}).get(parent)
+        if history is None or pose.stamp >= history.newest.stamp:
+            self.update(type, parent, child, pose)
+        else:
+            history.end_with(pose)
+            self._choose_newest(type, child)
+
     def remove(self, type: str, parent: str, child: str) -> None:
         """Forget an edge and its past; harmless if there is none."""
         histories = self._histories.get((type, child), {})

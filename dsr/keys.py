@@ -7,13 +7,13 @@ import re
 from dsr.errors import ConfigError
 
 PROTOCOL = "dsr/v1"
-_NAME = re.compile(r"[A-Za-z0-9_.-]{1,64}")
+_NAME = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_.-]{0,63}")
 
 
 def check_name(kind: str, name: str) -> str:
     """Return `name` if it can be a part of a key, else raise `ConfigError`."""
-    if not _NAME.fullmatch(name):
-        raise ConfigError(f"{kind} {name!r}: expected 1 to 64 letters, digits, '_', '-' or '.'")
+    if not isinstance(name, str) or not _NAME.fullmatch(name):
+        raise ConfigError(f"{kind} {name!r}: expected 1 to 64 letters, digits, '_', '-' or '.', the first not a '.'")
     return name
 
 

@@ -57,6 +57,11 @@ class PoseHistory:
         else:
             self._insert(pose)
 
+    def end_with(self, pose: Pose) -> None:
+        """Insert a sample and forget those of later stamps."""
+        earlier = bisect_left(self._samples, pose.stamp, key=_stamp_of)
+        self._samples = [*self._samples[:earlier], pose]
+
     def _insert(self, pose: Pose) -> None:
         samples = self._samples
         place = bisect_left(samples, pose.stamp, key=_stamp_of)

@@ -2,6 +2,7 @@
 
 Each process leaves a file with its endpoint in `<runtime dir>/dsr/<graph>/` and keeps it locked. The lock
 goes with the process, however it dies, so a file that can be locked is a leftover and is removed.
+They register one at a time, and each connects to those before it: two that connect to each other at once may fail both.
 """
 
 from __future__ import annotations
@@ -11,13 +12,16 @@ import fcntl
 import os
 import socket
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
-from typing import IO
+from typing import IO, NamedTuple
 
 from dsr.errors import ConfigError, TransportError
+from dsr.forking import leave_to_parent
 from dsr.keys import check_name
 
 _SUFFIX = ".endpoint"
+_WITH_MEMORY, _WITHOUT_MEMORY = "memory", "no-memory"
 
 
 def runtime_dir() -> Path:
@@ -36,26 +40,64 @@ def runtime_dir() -> Path:
     return folder
 
 
-class Registration:
-    """This process's entry in a graph's meeting place, valid until `close` or death."""
+class Member(NamedTuple):
+    """A live process of a graph."""
 
-    def __init__(self, graph: str, rid: str, endpoint: str) -> None:
+    rid: str
+    endpoint: str
+    has_memory: bool
+    """Whether it holds a replica; others only use the network."""
+
+
+class Registration:
+    """This process's entry in a graph's meeting place, valid until `close` or death.
+
+    Raises `TransportError` if the runtime folder cannot be written.
+    """
+
+    def __init__(self, graph: str, rid: str, endpoint: str, *, has_memory: bool = False) -> None:
         self._graph = graph
         folder = runtime_dir() / check_name("graph name", graph)
-        lock = None
-        while lock is None:
-            folder.mkdir(mode=0o700, exist_ok=True)
-            with contextlib.suppress(FileNotFoundError):  # the last process left the graph just now
-                lock = lock_file(folder / f"{rid}{_SUFFIX}")
-        self._lock = lock
-        self._lock.write(endpoint)
-        self._lock.flush()
+        try:
+            with _one_at_a_time(folder.parent):
+                self.elders = members(graph)
+                """Those who were there before, oldest first."""
+                self._lock = _new_entry(folder, rid)
+                self._lock.write(f"{endpoint} {_WITH_MEMORY if has_memory else _WITHOUT_MEMORY}")
+                self._lock.flush()
+        except OSError as error:
+            raise TransportError(f"cannot register in the runtime folder {folder}: {error.strerror}") from error
+        leave_to_parent(self)
+
+    def abandon(self) -> None:
+        """Let go of the lock in a forked child: it would keep the entry of a dead parent valid."""
+        self._lock.close()
 
     def close(self) -> None:
         """Take the entry back."""
         Path(self._lock.name).unlink(missing_ok=True)
         self._lock.close()
         endpoints(self._graph)
+
+
+@contextlib.contextmanager
+def _one_at_a_time(folder: Path) -> Iterator[None]:
+    """Hold the lock of `folder` itself: nothing is left behind, and it goes with a process that dies."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+def _new_entry(folder: Path, rid: str) -> IO[str]:
+    while True:
+        folder.mkdir(mode=0o700, exist_ok=True)
+        with contextlib.suppress(FileNotFoundError):  # the last process left the graph just now
+            entry = lock_file(folder / f"{rid}{_SUFFIX}")
+            if entry is not None:
+                return entry
 
 
 def lock_file(path: Path) -> IO[str] | None:
@@ -72,16 +114,18 @@ def lock_file(path: Path) -> IO[str] | None:
         file.close()  # it was removed before we had the lock
 
 
-def endpoints(graph: str, *, but: str = "") -> list[str]:
-    """Endpoints of the live processes in `graph`, without that of replica `but`; leftovers are removed."""
+def members(graph: str) -> list[Member]:
+    """The live processes in `graph`, oldest first; leftovers are removed."""
     folder = runtime_dir() / check_name("graph name", graph)
-    found = []
-    for path in sorted(folder.glob(f"*{_SUFFIX}")):
-        if path.stem != but and (endpoint := _read_live(path)):
-            found.append(endpoint)
+    found = [entry for path in folder.glob(f"*{_SUFFIX}") if (entry := _read_live(path))]
     with contextlib.suppress(OSError):  # it is not empty
         folder.rmdir()
-    return found
+    return [member for _, member in sorted(found)]
+
+
+def endpoints(graph: str) -> list[str]:
+    """Endpoints of the live processes in `graph`, oldest first."""
+    return [member.endpoint for member in members(graph)]
 
 
 def graphs() -> list[str]:
@@ -100,14 +144,16 @@ def running_graph(name: str | None = None) -> str:
     return found[0]
 
 
-def _read_live(path: Path) -> str | None:
-    """The endpoint in a file whose writer lives; a file that nobody locks is removed."""
+def _read_live(path: Path) -> tuple[int, Member] | None:
+    """When a living process wrote its file, in ns, and what it says; a file that nobody locks is removed."""
     try:
         with path.open(encoding="utf-8") as file:
             if _is_locked(file.fileno()):
-                return file.read().strip() or None
+                endpoint, _, kind = file.read().partition(" ")
+                member = Member(path.stem, endpoint, kind == _WITH_MEMORY)
+                return (os.fstat(file.fileno()).st_mtime_ns, member) if kind else None
             path.unlink(missing_ok=True)
-    except OSError:
+    except (OSError, UnicodeDecodeError):
         return None
     return None
 

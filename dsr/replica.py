@@ -25,6 +25,8 @@ TICK = 0.05
 """s between two looks at what the synchroniser has due."""
 MAX_OUTBOX = 200_000
 """Changes that may wait for a congested network; beyond, the synchroniser's repair delivers them."""
+MAX_INBOX = 10_000
+"""Messages that may wait to be merged; the synchroniser's repair makes up for those beyond."""
 STREAM_BUNDLES = 256
 
 _log = logging.getLogger("dsr.replica")
@@ -34,28 +36,36 @@ class _Outbox:
     """Changes that were made here and not sent yet."""
 
     def __init__(self) -> None:
-        self.delta = Delta()
-        self.stream: dict[tuple[Dot, str], Write] = {}
         self.overflowed = 0
+        self._empty()
+
+    def _empty(self) -> None:
+        self._delta = Delta()
+        self._writes: dict[tuple[Dot, str], Write] = {}
+        self._samples: dict[tuple[Dot, str], Write] = {}
 
     def add(self, delta: Delta) -> None:
-        """Sort writes into durable ones and stream samples, of which only the newest is kept."""
-        if any(write.dot is None for write in delta.writes):
-            for write in delta.writes:
-                if write.dot is None:
-                    self.stream[(write.owner, write.attribute)] = write
-            delta.writes = [write for write in delta.writes if write.dot is not None]
-        if len(self.delta) > MAX_OUTBOX:
-            self.overflowed += len(self.delta)
-            self.delta = Delta()
-        self.delta.extend(delta)
+        """Sort writes into durable ones and stream samples; of each attribute only the winning one is kept.
+
+        The dots of the others stay in the delta's context: they count as seen with the one that won.
+        """
+        for write in delta.writes:
+            waiting = self._samples if write.dot is None else self._writes
+            known = waiting.setdefault((write.owner, write.attribute), write)
+            if (known.stamp, known.writer) < (write.stamp, write.writer):
+                waiting[write.owner, write.attribute] = write
+        delta.writes = []
+        if len(self._delta) + len(self._writes) > MAX_OUTBOX:
+            self.overflowed += 1
+            self._empty()
+        else:
+            self._delta.extend(delta)
 
     def take(self) -> tuple[Delta, Delta]:
         """The durable changes and the stream samples; the outbox is empty afterwards."""
-        durable, self.delta = self.delta, Delta()
-        samples = Delta()
-        samples.writes = list(self.stream.values())
-        self.stream.clear()
+        durable, samples = self._delta, Delta()
+        durable.writes, samples.writes = list(self._writes.values()), list(self._samples.values())
+        self._empty()
         return durable, samples
 
 
@@ -70,12 +80,15 @@ class Replica:
         self._transport = transport
         self._clock = clock
         self._keys = keys
+        self.skipped = 0
+        """Messages passed over because merging could not keep up."""
         self._outbox = _Outbox()
         self._inbox: deque[Callable[[], None]] = deque()
         self._arrived = threading.Event()
         self._written = threading.Event()
         self._progress = threading.Condition()
         self._sending = threading.Lock()
+        self._merging = threading.Lock()
         self._holds = 0
         self._stopping = False
         self._threads: list[threading.Thread] = []
@@ -85,7 +98,10 @@ class Replica:
         rid, keys, transport, sync = self.graph.rid, self._keys, self._transport, self.synchroniser
 
         def merge(key: str, payload: bytes) -> None:
-            self._enqueue(lambda: sync.receive_delta(_last(key), payload))
+            if len(self._inbox) < MAX_INBOX:
+                self._enqueue(lambda: sync.receive_delta(_last(key), payload))
+            else:
+                self.skipped += 1
 
         def digest(key: str, payload: bytes) -> None:
             self._enqueue(
@@ -125,9 +141,11 @@ class Replica:
             self._written.set()
 
     def flush(self) -> None:
-        """Hand everything written so far to the transport."""
+        """Hand everything written so far to the transport; nothing while writes are held together."""
         with self._sending:
             with self.lock:
+                if self._holds and not self._stopping:
+                    return
                 durable, samples = self._outbox.take()
             rid = self.graph.rid
             if durable:
@@ -138,15 +156,16 @@ class Replica:
     # ---- receiving
 
     def poll(self) -> None:
-        """Merge what has arrived and do what is due."""
-        while self._inbox:
-            action = self._inbox.popleft()
+        """Merge what has arrived by now and do what is due."""
+        with self._merging:
+            for _ in range(len(self._inbox)):
+                action = self._inbox.popleft()
+                with self.lock:
+                    action()
             with self.lock:
-                action()
-        with self.lock:
-            outputs = self.synchroniser.tick(self._clock.monotonic(), self._clock.now())
-        for output in outputs:
-            self._perform(output)
+                outputs = self.synchroniser.tick(self._clock.monotonic(), self._clock.now())
+            for output in outputs:
+                self._perform(output)
         with self._progress:
             self._progress.notify_all()
 
@@ -204,8 +223,7 @@ class Replica:
         while not self._stopping:
             self._clock.wait(self._written, TICK)
             self._written.clear()
-            if not self._holds:
-                self._guarded(self.flush)
+            self._guarded(self.flush)
 
     def _guarded(self, step: Callable[[], None]) -> None:
         """A fault in one step must not silence the replica: say it and go on."""
@@ -219,8 +237,8 @@ class Replica:
         """Send what is left and leave; the transport stays open."""
         if self._stopping:
             return
-        self._guarded(self.flush)
         self._stopping = True
+        self._guarded(self.flush)
         self._arrived.set()
         self._written.set()
         for thread in self._threads:

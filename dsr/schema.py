@@ -90,6 +90,31 @@ class Schema:
         return result
 
 
+def with_pose(attributes: dict[str, Any]) -> dict[str, Any]:
+    """`attributes` with the parts of a pose, if they were given one by one, joined. Raises `SchemaError`."""
+    parts = {name: attributes[name] for name in POSE_FIELDS if name in attributes}
+    if not parts:
+        return attributes
+    others = {name: value for name, value in attributes.items() if name not in parts}
+    if "pose" in others or "translation" not in parts:
+        raise SchemaError(f"give either pose, or translation with rotation, not {', '.join(sorted(attributes))}")
+    try:
+        return {**others, "pose": Pose(**parts)}
+    except ValueError as error:
+        raise SchemaError(str(error)) from error
+
+
+def checked_names(given: str | Iterable[str] | None, valid: Iterable[str], what: str) -> frozenset[str] | None:
+    """The names asked for. Raises `SchemaError` for one that is not valid; a remote schema may know more names."""
+    if given is None:
+        return None
+    names = frozenset([given] if isinstance(given, str) else given)
+    for name in names:
+        if name not in valid:
+            raise SchemaError(f"unknown {what} {name!r}; {suggest(name, valid)}")
+    return names
+
+
 def _checked_name(what: str, name: str) -> str:
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         raise SchemaError(f"{what} name {name!r}: expected 1 to 128 letters, digits, '_', '.' or '-'")

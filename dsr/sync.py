@@ -3,7 +3,8 @@
 Received messages and the time go in; what is to be sent comes out as `Output`s. Rules:
 
 1. Deltas are joined whenever they arrive; nothing relies on their order or on their arrival.
-2. A newcomer asks one peer for everything. It has joined when a reply came, or when nobody is there.
+2. A newcomer asks one peer for everything, if it can the oldest. It has joined when a reply came, or when nobody
+   is there.
 3. Once a second each replica makes its stream samples durable and publishes a digest of what it has seen.
 4. A replica that still lacks something `GRACE` after a digest told so asks that peer for it (one request
    at a time). It only ever pulls, so that nobody has to remember what others know.
@@ -17,6 +18,7 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -34,6 +36,8 @@ REQUEST_TIMEOUT = 2.0
 """s"""
 MAX_DRIFT = 0.5
 """s that a peer's clock may be ahead of ours."""
+ELDER_PATIENCE = 1.0
+"""s that a newcomer waits for the oldest peer to be reachable before it asks another one."""
 SILENCE = 5.0
 """s after which a peer's last digest counts no more."""
 FORGET = 30.0
@@ -86,11 +90,14 @@ class Synchroniser:
     """Malformed messages, by sender."""
     repairs: int = 0
     """Replies joined because a digest told of something missing."""
+    elders: Sequence[str] = ()
+    """Replicas that are known to have been there before us, oldest first; set it before joining."""
     _peers: dict[str, _Peer] = field(default_factory=dict)
     _asked: str | None = None
     _asked_at: float = 0.0
     _next_digest: float = 0.0
     _wants_everything: bool = False
+    _joining_since: float | None = None
 
     # ---- events
 
@@ -184,13 +191,8 @@ class Synchroniser:
 
     def drifting(self, now: float) -> bool:
         """Whether most peers heard of lately see our clock in their future."""
-        recent = [p.digest for p in self._peers.values() if p.digest and now - p.heard_at < SILENCE]
+        recent = [p.digest for p in list(self._peers.values()) if p.digest and now - p.heard_at < SILENCE]
         return 2 * sum(self.graph.rid in digest.ahead for digest in recent) > len(recent)
-
-    def lacks_nothing(self) -> bool:
-        """Whether everything that the last digests told of is here."""
-        seen = self.graph.store.context
-        return all(seen.covers(peer.digest.context) for peer in self._peers.values() if peer.digest)
 
     def _forget_silent(self, now: float) -> None:
         """Drop peers that fell silent, for whom no word of their going may ever come."""
@@ -212,16 +214,25 @@ class Synchroniser:
                 return None
             self._asked = None
         if not self.joined:
-            return self._least_asked(list(self._peers))
+            return self._peer_to_join(now)
         return self._least_asked([
             rid
             for rid, peer in self._peers.items()
             if peer.digest and GRACE <= now - peer.heard_at < SILENCE and self._is_behind(rid, peer.digest)
         ])
 
+    def _peer_to_join(self, now: float) -> str | None:
+        """The oldest peer first, which is waited for a while: a younger one may be a newcomer itself."""
+        if self._joining_since is None:
+            self._joining_since = now
+        if self.elders and self.elders[0] not in self._peers and now - self._joining_since < ELDER_PATIENCE:
+            return None
+        present = [rid for rid in self.elders if rid in self._peers]
+        return self._least_asked(present) or self._least_asked(list(self._peers))
+
     def _least_asked(self, rids: list[str]) -> str | None:
         """The peers in turn, so that one that does not answer is not asked for ever."""
-        return min(rids, key=lambda rid: (self._peers[rid].asked, rid), default=None)
+        return min(rids, key=lambda rid: self._peers[rid].asked, default=None)
 
     def _is_behind(self, rid: str, digest: Digest) -> bool:
         store = self.graph.store

@@ -57,20 +57,23 @@ class Filter(msgspec.Struct, frozen=True):
 class _Pending:
     """Undelivered changes of one element: its comings and goings, and the attributes touched."""
 
-    __slots__ = ("attributes", "element", "kinds")
+    __slots__ = ("attributes", "element", "kinds", "type")
 
     def __init__(self, element: Node | Edge) -> None:
         self.element = element
+        self.type = element.type
         self.kinds: list[ChangeKind] = []
         self.attributes: set[str] = set()
 
     def push(self, kind: ChangeKind) -> None:
         """Add a change; what came, went and came again needs no more than its first and last state."""
-        if kind == "updated" and self.kinds:
+        if kind == "updated" and self.kinds and self.kinds[-1] != "removed":
             return
+        if kind == "added":
+            self.attributes.clear()
         self.kinds.append(kind)
         if len(self.kinds) == 3:
-            del self.kinds[:2]
+            del self.kinds[: 1 if self.kinds[0] == "updated" else 2]
 
 
 class Watch:
@@ -133,7 +136,7 @@ class Watch:
             pending = self._pending.get(key)
             if pending is None:
                 pending = self._pending[key] = _Pending(element)
-            pending.element = element
+            pending.element, pending.type = element, element.type
             pending.push(kind)
             if attribute is not None:
                 pending.attributes.add(attribute)
@@ -157,5 +160,5 @@ def _to_change(pending: _Pending, kind: ChangeKind) -> Change:
     element = pending.element
     attributes = frozenset() if kind == "removed" else frozenset(pending.attributes)
     if isinstance(element, Node):
-        return Change(kind, "node", element.name, element.type, attributes)
-    return Change(kind, "edge", element.dst, element.type, attributes, element.src, element.dst)
+        return Change(kind, "node", element.name, pending.type, attributes)
+    return Change(kind, "edge", element.dst, pending.type, attributes, element.src, element.dst)

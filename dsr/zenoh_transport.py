@@ -62,11 +62,8 @@ class ZenohTransport:
     """
 
     def __init__(self, listen: str, connect: Iterable[str] = ()) -> None:
-        endpoints = list(connect)
-        self.has_peers = bool(endpoints)
-        """Whether there is somebody to connect to."""
         config = zenoh.Config()
-        for key, value in _settings(listen, endpoints).items():
+        for key, value in _settings(listen, list(connect)).items():
             try:
                 config.insert_json5(key, json.dumps(value))
             except zenoh.ZError as error:
@@ -164,7 +161,13 @@ def _settings(listen: str, connect: list[str]) -> dict[str, Any]:
         "connect/retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2},
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": True,
+        "scouting/gossip/autoconnect": {"router": [], "peer": []},
         "transport/shared_memory/enabled": True,
+        # For frames, not for deltas: what a peer that was stopped for long finds in shared memory may be overwritten.
+        "transport/shared_memory/transport_optimization/message_size_threshold": 1 << 17,
+        # A stopped peer holds up the others no longer than this; its link is closed, and repaired when it goes on.
+        "transport/link/tx/queue/congestion_control/block/wait_before_close": 1_000_000,  # us
+        "transport/unicast/open_timeout": 1000,  # ms
     }
 
 

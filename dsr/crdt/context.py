@@ -45,25 +45,29 @@ class CausalContext:
         known = self.vector.get(rid, 0)
         if last <= known or last < first:
             return
-        if first <= known + 1:
-            self.vector[rid] = last
-        else:
+        if first > known + 1:
             self.cloud.setdefault(rid, set()).update(range(first, last + 1))
+            return
+        self.vector[rid] = last
         if rid in self.cloud:
-            self._compact(rid)
+            self._compact(rid, known)
 
-    def _compact(self, rid: str) -> None:
-        """Move into the vector what has become contiguous with it."""
+    def _compact(self, rid: str, known: int) -> None:
+        """Move into the vector, which went up from `known`, what has become contiguous with it.
+
+        The cost follows what moves, not the size of the cloud: a snapshot adds its dots one by one.
+        """
         beyond = self.cloud[rid]
-        known = self.vector.get(rid, 0)
-        while known + 1 in beyond:
-            known += 1
-        if known:
-            self.vector[rid] = known
-        beyond = {counter for counter in beyond if counter > known}
-        if beyond:
-            self.cloud[rid] = beyond
+        last = self.vector[rid]
+        if last - known < len(beyond):
+            beyond.difference_update(range(known + 1, last + 1))
         else:
+            beyond = self.cloud[rid] = {counter for counter in beyond if counter > last}
+        while last + 1 in beyond:
+            last += 1
+            beyond.remove(last)
+        self.vector[rid] = last
+        if not beyond:
             del self.cloud[rid]
 
     def merge(self, other: CausalContext) -> None:

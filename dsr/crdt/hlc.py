@@ -8,6 +8,9 @@ as integers.
 from __future__ import annotations
 
 LOGICAL_BITS = 10
+_HORIZON = 1 << 62
+"""A stamp in the year 2112. A greater one, which only a broken clock can have made, wins where it was written but
+leaves the clocks of others alone: else they would run out of stamps."""
 
 
 class HybridClock:
@@ -24,7 +27,7 @@ class HybridClock:
 
     def observe(self, stamp: int) -> None:
         """Take note of a stamp received from elsewhere; later stamps of ours are greater."""
-        self.latest = max(self.latest, stamp)
+        self.latest = max(self.latest, min(stamp, _HORIZON))
 
 
 def physical_time(stamp: int) -> float:

@@ -82,6 +82,9 @@ class Store:
             self._add(add)
         held_back = [write.dot for write in delta.writes if not self._write(write) and write.dot]
         self._learn(delta, held_back)
+        if delta.live is not None:
+            for owner in [owner for owner in self._waiting if owner in self.context]:
+                self._forget_waiting(owner)
 
     def _remove_absent(self, delta: Delta) -> None:
         """Remove what the sender has seen and does not hold; what it has not seen stays."""

@@ -20,6 +20,8 @@ from dsr import (
     TransportError,
     WireError,
 )
+from dsr.crdt.delta import Delta, Write
+from dsr.wire import encode_delta
 from tests.dsr.conftest import Net
 
 
@@ -320,3 +322,131 @@ def test_cost_of_a_change_does_not_depend_on_the_other_watches_or_nodes(net: Net
     touched = [memory.edges("on"), memory.edges(dst="c2"), memory.edges(src="c1")]
     assert [len(found) for found in touched] == [1, 2, 1]
     assert memory._graph.edges_by_type["on"].keys() == {("c1", "c2", "on")}
+
+
+def test_a_value_that_lost_leaves_no_trace_in_the_transforms(net: Net) -> None:
+    """Two agents write one edge at once, and the write that wins has the older stamp."""
+    a, b = net.join("a"), net.join("b")
+    tabletop(a)
+    net.pump()
+    for memory, x in ((a, 1.0), (b, 2.0)):
+        memory.update_edge("world", "cube_3", "RT", pose=Pose((x, 0, 0), stamp=200.0 - x))
+    net.pump(0.1)
+    shown = [memory.edge("world", "cube_3", "RT").pose for memory in (a, b)]
+    assert shown[0] == shown[1] == Pose((2, 0, 0), stamp=198.0)
+    assert [memory.transform("world", "cube_3") for memory in (a, b)] == shown
+
+
+def test_frames_follow_when_one_of_two_incarnations_goes(net: Net) -> None:
+    a, b, late = net.join("a"), net.join("b"), net.join("late")
+    for name in ("world", "cube_3"):
+        a.add_node(name, name.split("_")[0])
+    net.pump()
+    net.network.partition(["a"], ["b", "late"])
+    a.add_edge("world", "cube_3", "RT", pose=Pose((1, 0, 0), stamp=1.0))
+    net.clock.advance(0.001)
+    b.add_edge("world", "cube_3", "RT", pose=Pose((2, 0, 0), stamp=2.0))
+    net.pump(0.1)
+    net.network.partition(["a", "b"], ["late"])
+    net.pump(2.0)
+    watch = b.watch(edge_type="RT", existing=False)
+    assert b.transform("world", "cube_3").t[0] == 2.0
+    late.remove_edge("world", "cube_3", "RT")  # it has seen only the one that b made
+    net.network.heal()
+    net.pump(2.0)
+    assert [change.attributes for change in watch.poll()] == [{"pose"}]
+    for memory in (a, b, late):
+        assert memory.transform("world", "cube_3").t[0] == memory.edge("world", "cube_3", "RT").pose.t[0] == 1.0
+
+
+def test_a_pose_that_was_taken_away_is_no_frame(net: Net) -> None:
+    memory = net.join("a")
+    tabletop(memory)
+    memory.transform("world", "cube_3")
+    memory.remove_attribute(memory.edge("world", "cube_3", "RT"), "pose")
+    with pytest.raises(NoPathError):
+        memory.transform("world", "cube_3")
+
+
+def test_indexes_do_not_grow_with_history(net: Net) -> None:
+    memory = net.join("a")
+    memory.add_node("world", "world")
+    for index in range(20):
+        memory.add_node(f"c{index}", "cube")
+        memory.add_edge("world", f"c{index}", "has")
+        memory.remove_node(f"c{index}")
+    graph = memory._graph
+    assert not (graph.edges_in or graph.edges_out or graph.edges_by_type or graph._incident)
+
+
+def test_a_stamp_from_the_end_of_time_silences_nobody(net: Net) -> None:
+    a, b = net.join("a"), net.join("b")
+    tabletop(a)
+    net.pump()
+    delta = Delta()
+    delta.writes = [Write(a._graph.node("cube_3")._entries[0].dot, "seen", (1 << 63) - 1, "evil", None, 1)]
+    net.network.connect("evil").publish("dsr/v1/g/d/evil", encode_delta(delta))
+    net.pump()
+    a.update_node("cube_3", mass=9.0)
+    b.add_node("new", "ball", mass=1.0)
+    net.pump()
+    assert b.node("cube_3")["mass"] == 9.0 and a.node("new")["mass"] == 1.0 and not a.dropped and not b.dropped
+
+
+def test_a_batch_is_whole_whoever_flushes(net: Net) -> None:
+    a, b = net.join("a"), net.join("b")
+    with a.batch():
+        a.add_node("x", "cube")
+        a.flush()
+        net.network.deliver()
+        b.poll()
+        assert "x" not in b
+        a.add_node("y", "cube")
+    net.pump()
+    assert "x" in b and "y" in b
+
+
+def test_what_waits_for_the_network_is_bounded_by_the_graph(net: Net) -> None:
+    a, b = net.join("a"), net.join("b")
+    a.add_node("x", "cube")
+    net.pump()
+    sizes: list[int] = []
+    net.network.connect("tap").subscribe("dsr/v1/g/d/*", lambda key, payload: sizes.append(len(payload)))
+    for index in range(1000):
+        a.update_node("x", seen=index)
+    net.pump()
+    assert b.node("x")["seen"] == 999 and len(sizes) == 1 and sizes[0] < 200
+    assert a._graph.store.context == b._graph.store.context
+
+
+def test_merging_that_cannot_keep_up_catches_up_by_repair(net: Net, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("dsr.replica.MAX_INBOX", 3)
+    a, b = net.join("a"), net.join("b")
+    net.pump(0.5)
+    for index in range(20):
+        a.add_node(f"x{index}", "cube")
+        a.flush()
+    net.pump()
+    assert len(b.nodes()) < 20
+    net.pump(2.5)
+    assert len(b.nodes()) == 20 and b._replica.skipped == 17
+
+
+def test_a_newcomer_asks_the_oldest_even_if_it_appears_last(net: Net) -> None:
+    old, young = net.join("old"), net.join("young")
+    net.network.partition(["old"], ["young", "late"])
+    old.add_node("x", "cube")
+    late = net.join("late")
+    late._replica.synchroniser.elders = [old.rid, young.rid]
+    net.pump(0.5)
+    assert not late.joined
+    net.network.heal()
+    net.pump(0.1)
+    assert late.joined and "x" in late
+
+
+def test_a_newcomer_does_not_wait_for_ever_for_the_oldest(net: Net) -> None:
+    young, late = net.join("young"), net.join("late")
+    late._replica.synchroniser.elders = ["stopped-1", young.rid]
+    net.pump(1.5)
+    assert late.joined

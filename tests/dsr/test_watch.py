@@ -114,3 +114,36 @@ def test_a_closed_watch_is_silent(net: Net, attribute: str | list[str]) -> None:
         pass
     memory.add_node("x", "cube", mass=1.0)
     assert watch.next() is None
+
+
+def test_an_attribute_of_what_came_again_is_told(net: Net) -> None:
+    memory = net.join("a")
+    memory.add_node("x", "cube", mass=1.0)
+    watch = memory.watch(attribute="mass", existing=False)
+    memory.remove_node("x")
+    memory.add_node("x", "cube", mass=2.0)
+    assert summary(watch.poll()) == [("removed", "x", ()), ("updated", "x", ("mass",))]
+
+
+def test_an_update_before_a_removal_does_not_hide_it(net: Net) -> None:
+    memory = net.join("a")
+    memory.add_node("x", "cube", mass=1.0)
+    watch = memory.watch(existing=False)
+    memory.update_node("x", mass=2.0)
+    memory.remove_node("x")
+    memory.add_node("x", "cube", seen=1)
+    assert summary(watch.poll()) == [("removed", "x", ()), ("added", "x", ("seen",))]
+
+
+def test_a_node_whose_type_changes_goes_for_one_reader_and_comes_for_the_other(net: Net) -> None:
+    """Two agents create it at once; one type wins everywhere."""
+    a, b = net.join("a"), net.join("b")
+    b.add_node("x", "box", mass=2.0)
+    a.add_node("x", "cube", mass=1.0)
+    winner, loser = (a, b) if a.rid > b.rid else (b, a)
+    kind, other = winner.node("x").type, loser.node("x").type
+    gone, come = loser.watch(node_type=other, existing=False), loser.watch(node_type=kind)
+    net.pump()
+    assert [(c.kind, c.type) for c in gone.poll()] == [("removed", other)]
+    assert [(c.kind, c.type, c.attributes) for c in come.poll()] == [("added", kind, {"mass"})]
+    assert [node.name for node in loser.nodes(kind)] == ["x"] and loser.nodes(other) == []

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -16,6 +18,7 @@ import pytest
 import dsr
 from dsr import rendezvous
 from dsr.clock import WALL_CLOCK
+from dsr.connect import open_transport
 from dsr.zenoh_transport import ZenohTransport
 
 ROOT = Path(__file__).parents[2]
@@ -180,7 +183,85 @@ def test_the_file_of_a_dead_process_is_removed(peers: Callable[[str], Peer]) -> 
     assert rendezvous.endpoints("g") == [] and rendezvous.graphs() == []
 
 
-@pytest.mark.parametrize("name", ["", "a/b", "x" * 65, "a b", "a*"])
+def test_three_that_start_at_once_find_each_other() -> None:
+    """Each runs in a process of its own and adds a node; the order of their connections is a matter of luck."""
+    program = (
+        "import dsr, sys\nm = dsr.connect('trio', agent=sys.argv[1])\nm.add_node(sys.argv[1], 'cube')\n"
+        "print('in', flush=True)\nfor c in m.watch():\n    if len(m.nodes()) == 3: break\n"
+        "print('all', flush=True)\nsys.stdin.read()"
+    )
+    started = [
+        subprocess.Popen(
+            [sys.executable, "-c", program, name], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, cwd=ROOT
+        )
+        for name in "abc"
+    ]
+    try:
+        for process in started:
+            assert process.stdout is not None
+            assert [process.stdout.readline() for _ in range(2)] == ["in\n", "all\n"]
+    finally:
+        for process in started:
+            process.kill()
+            process.communicate()
+
+
+def test_a_stopped_process_does_not_keep_others_from_joining(peers: Callable[[str], Peer]) -> None:
+    a, stopped = peers("a"), peers("stopped")
+    a.do("add_node", "x", "cube")
+    stopped.process.send_signal(signal.SIGSTOP)
+    assert set(peers("late").state()["nodes"]) == {"x"}
+
+
+def test_a_process_without_a_memory_is_no_reason_to_wait() -> None:
+    transport, registration = open_transport("g", "plant-1")
+    with dsr.connect("g", agent="a", timeout=PATIENCE) as memory:
+        assert memory.joined and [member.has_memory for member in rendezvous.members("g")] == [False, True]
+    registration.close()
+    transport.close()
+
+
+def test_the_last_to_know_dies_while_another_joins() -> None:
+    """It is registered, but never to be reached: then the graph begins anew."""
+    registration = rendezvous.Registration("g", "dead-1", f"tcp/127.0.0.1:{rendezvous.free_port()}", has_memory=True)
+    threading.Timer(0.3, registration.close).start()
+    with dsr.connect("g", agent="a", timeout=PATIENCE) as memory:
+        assert memory.joined and memory.peers == []
+
+
+def test_an_interrupt_while_joining_leaves_nothing_behind(monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(dsr.Memory, "wait_joined", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        dsr.connect("g", agent="a")
+    assert list(rendezvous.runtime_dir().rglob("*")) == []
+
+
+def test_a_runtime_folder_that_cannot_be_used_is_a_clear_error(private_runtime_dir: Path) -> None:
+    (rendezvous.runtime_dir() / "g").write_text("a file, not a folder")
+    with pytest.raises(dsr.TransportError, match="runtime folder"):
+        dsr.connect("g", agent="a")
+
+
+def test_a_forked_child_does_not_touch_its_parents_connection() -> None:
+    with dsr.connect("g", agent="a") as memory:
+        child = os.fork()
+        if child == 0:
+            status = 1
+            with contextlib.suppress(BaseException):
+                try:
+                    memory.add_node("x", "cube")
+                except dsr.TransportError:
+                    memory.close()
+                    status = 0
+            os._exit(status)
+        assert os.waitpid(child, 0)[1] == 0
+        assert [member.rid for member in rendezvous.members("g")] == [memory.rid]
+
+
+@pytest.mark.parametrize("name", ["", "..", ".", "a/b", "x" * 65, "a b", "a*"])
 def test_names_that_cannot_be_keys_are_refused(name: str) -> None:
     with pytest.raises(dsr.ConfigError, match="expected 1 to 64"):
         dsr.connect(name, agent="a")
