@@ -21,8 +21,8 @@ app = typer.Typer()
 @app.command()
 def watch(
     graph: GraphOption = None,
-    node_type: Annotated[list[str] | None, typer.Option("--type", "-t", help="Only nodes of this type.")] = None,
-    edge_type: Annotated[list[str] | None, typer.Option("--edge", "-e", help="Only edges of this type.")] = None,
+    node_type: Annotated[list[str] | None, typer.Option("--node-type", "--type", "-t", help="Only nodes of this type.")] = None,
+    edge_type: Annotated[list[str] | None, typer.Option("--edge-type", "-e", help="Only edges of this type.")] = None,
     attribute: Annotated[list[str] | None, typer.Option("--attribute", "-a", help="Only this attribute.")] = None,
     period: Annotated[float, typer.Option(min=0.0, help="s between two looks; changes between are joined.")] = 0.2,
     changes_only: Annotated[bool, typer.Option("--new", help="Leave out what is there already.")] = False,
@@ -31,7 +31,7 @@ def watch(
 ) -> None:
     """Print every change of nodes and edges until Ctrl-C. Options may be repeated.
 
-    Example: dsr watch --type cube --attribute perceived
+    Example: dsr watch --node-type cube --attribute perceived
     """
     with reading(graph, router) as memory:
         changes = memory.watch(

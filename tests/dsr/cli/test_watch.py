@@ -21,7 +21,7 @@ def watching(*options: str) -> Iterator[subprocess.Popen[str]]:
 
 
 def test_changes_come_line_by_line_until_ctrl_c(memory: Memory) -> None:
-    with watching("--type", "cube") as process:
+    with watching("--node-type", "cube") as process:
         assert process.stdout and process.stderr
         first = process.stdout.readline()
         assert "added" in first and "cube cube_3  perceived True  size (0.04, 0.04, 0.04)" in first
@@ -35,7 +35,7 @@ def test_changes_come_line_by_line_until_ctrl_c(memory: Memory) -> None:
 
 
 def test_programs_get_json_lines(memory: Memory) -> None:
-    with watching("--edge", "on", "--json") as process:
+    with watching("--edge-type", "on", "--json") as process:
         assert process.stdout
         line = json.loads(process.stdout.readline())
         assert (line["kind"], line["element"], line["src"], line["dst"]) == ("added", "edge", "cube_3", "table")
