@@ -23,7 +23,7 @@ class BeliefConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     position_noise: float = 0.001
     """m, standard deviation that is added to each percept's own covariance."""
-    depth_noise: float = 0.002
+    depth_noise: float = 0.003
     """m along the viewing ray, likewise: depth errors of a frame are common to all pixels of an object."""
     rotation_noise: float = 0.01
     """rad, likewise."""

@@ -15,6 +15,9 @@ from dsr.quaternions import Quaternion
 from simulation_handler.config import BeliefConfig
 from simulation_handler.percepts import Array, Percept
 
+Innovation = tuple[Array, Array]
+"""From an estimate to a percept, in the world frame: shift (3,) m and rotation vector (3,) rad."""
+
 _EYE = np.eye(3)
 _MOST_SIGMAS = 2.0  # standard deviations of the bias beyond which it explains nothing
 _STEEP_RAY = 0.5  # vertical part of a viewing ray from which a height tells the depth error
@@ -36,7 +39,7 @@ class Estimate:
         """Whether the percept may be of an object that has not moved: within the gate in place and rotation."""
         return self.agrees([self.innovation(percept)], percept)
 
-    def agrees(self, innovations: Sequence[tuple[Array, Array]], percept: Percept) -> bool:
+    def agrees(self, innovations: Sequence[Innovation], percept: Percept) -> bool:
         """Whether the mean of some innovations is within the gate, each of them as noisy as `percept`."""
         shift, turn = np.mean(innovations, axis=0) if len(innovations) > 1 else innovations[0]
         limit, share = self._config.gate**2, 1.0 / len(innovations)
@@ -56,6 +59,12 @@ class Estimate:
         step = quaternions.from_rotvec((x, y, z))
         self.rotation = quaternions.normalised(quaternions.product(step, self.rotation))
         self.ray = percept.ray
+
+    def loosen(self, innovations: Sequence[Innovation]) -> None:
+        """Doubt the estimate in the direction in which some innovations agree that it is off, and in no other."""
+        shift, turn = np.mean(innovations, axis=0)
+        self.position_covariance = self.position_covariance + np.outer(shift, shift)
+        self.rotation_covariance = self.rotation_covariance + np.outer(turn, turn)
 
     def inherit(self, old: Estimate) -> None:
         """Keep the position of an older estimate if that has not changed, and likewise the rotation."""
@@ -87,8 +96,8 @@ class Estimate:
         total: Array = self.position_covariance + bias_std**2 * np.outer(self.ray, self.ray)
         return total
 
-    def innovation(self, percept: Percept) -> tuple[Array, Array]:
-        """From the estimate to the percept, in the world frame: shift (3,) m and rotation vector (3,) rad."""
+    def innovation(self, percept: Percept) -> Innovation:
+        """How far the percept is from the estimate."""
         return percept.position - self.position, self._turn_to(percept.rotation)
 
     def _turn_to(self, rotation: Quaternion) -> Array:

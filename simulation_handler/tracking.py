@@ -11,8 +11,8 @@ from collections import deque
 from collections.abc import Sequence
 
 from simulation_handler.config import BeliefConfig
-from simulation_handler.estimate import Estimate, fused
-from simulation_handler.percepts import Array, Percept
+from simulation_handler.estimate import Estimate, Innovation, fused
+from simulation_handler.percepts import Percept
 
 _RECENT = 8  # percepts whose mean shows a move too small for the gate of a single one
 
@@ -24,8 +24,7 @@ class Track:
         self._config = config
         self._believed = False  # there is a belief without an estimate, which a single percept does not replace
         self._pending: deque[Percept] = deque(maxlen=config.confirm_frames)
-        self._recent: deque[Percept] = deque(maxlen=_RECENT)
-        self._innovations: deque[tuple[Array, Array]] = deque(maxlen=_RECENT)
+        self._recent: deque[tuple[Percept, Innovation]] = deque(maxlen=_RECENT)
         self.estimate: Estimate | None = None
         """None until perception is sure enough."""
         self.last_stamp = -math.inf
@@ -58,8 +57,8 @@ class Track:
         """The belief comes from elsewhere than perception now: the percepts so far say nothing any more."""
         self.estimate = None
         self._believed = True
-        for percepts in (self._pending, self._recent, self._innovations):
-            percepts.clear()
+        self._pending.clear()
+        self._recent.clear()
 
     def is_fresh(self, now: float) -> bool:
         """Whether it was seen lately."""
@@ -73,18 +72,21 @@ class Track:
         return confirm_frames if self.estimate.count > confirm_frames + 1 else 1
 
     def _fuse(self, estimate: Estimate, percept: Percept) -> None:
-        """Take in a percept that agrees; start anew if the recent ones together do not (a small move)."""
-        self._recent.append(percept)
-        self._innovations.append(estimate.innovation(percept))
+        """Take in a percept that agrees; if the recent ones together do not, weigh the newer of them anew."""
+        self._recent.append((percept, estimate.innovation(percept)))
         self._pending.clear()
         self.moving = False
         self.changed = True
-        if len(self._recent) == _RECENT and not estimate.agrees(self._innovations, percept):
-            self._restart(list(self._recent)[_RECENT // 2 :])  # the older half may be from before the move
-        else:
-            estimate.fuse(percept)
+        newer = [percept]
+        innovations = [innovation for _, innovation in self._recent]
+        if len(self._recent) == _RECENT and not estimate.agrees(innovations, percept):
+            estimate.loosen(innovations)
+            newer = [recent for recent, _ in self._recent][_RECENT // 2 :]  # the older half may be from before
+            self._recent.clear()
+        for recent in newer:
+            estimate.fuse(recent)
 
-    def _restart(self, percepts: Sequence[Percept], old: Estimate | None = None) -> None:
+    def _restart(self, percepts: Sequence[Percept], old: Estimate | None) -> None:
         """Begin anew from these percepts if they agree, else from the newest; keep what still holds of `old`."""
         agreeing = fused(percepts, self._config)
         self.moving = agreeing is None or len(percepts) < self._config.confirm_frames
@@ -93,6 +95,5 @@ class Track:
         self.estimate = agreeing or Estimate(percepts[-1], self._config)
         self._pending.clear()
         self._recent.clear()
-        self._innovations.clear()
         self.changed = True
         self.restarts += 1
