@@ -77,10 +77,14 @@ class AgentError(DsrError):
     """An agent broke its declaration or its life cycle."""
 
 
+_MOST_COMPARED = 500
+"""Names that are worth a search for the closest: with 10000, an error would cost 0.1 s."""
+
+
 def suggest(name: str, valid: Iterable[str], most: int = 12) -> str:
     """End of an error message: the closest valid name, or the valid ones (at most `most`)."""
     names = sorted(valid)
-    close = difflib.get_close_matches(name, names, n=1)
+    close = difflib.get_close_matches(name, names, n=1) if len(names) <= _MOST_COMPARED else []
     if close:
         return f"did you mean {close[0]!r}?"
     listed = ", ".join(names[:most])

@@ -84,6 +84,8 @@ class ZenohTransport:
             raise TransportError(f"cannot publish on {key}: {_reason(error)}") from error
 
     def _declare_publisher(self, key: str, qos: Qos) -> zenoh.Publisher:
+        if "*" in key:
+            raise TransportError(f"{key}: wildcards are for subscriptions, not to publish on")
         with self._lock:
             if (key, qos) not in self._publishers:
                 self._publishers[(key, qos)] = self._declare(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import random
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -73,3 +74,9 @@ def test_readers_get_the_newest_frame_once(net: Net) -> None:
     net.pump()
     assert reader.latest() is None and reader.dropped == 1
     reader.close()
+
+
+def test_an_empty_array_with_an_endless_side_is_refused() -> None:
+    header = msgspec.msgpack.encode([1.0, {}, [["a", "uint8", [0, 2**62, 4], 0]]])
+    with pytest.raises(WireError):
+        decode_frame(len(header).to_bytes(4, "little") + header + bytes(-(4 + len(header)) % 8))

@@ -170,6 +170,11 @@ def test_a_port_in_use_is_a_clear_error() -> None:
         ZenohTransport("nonsense")
 
 
+def test_frames_under_a_wildcard_are_refused() -> None:
+    with dsr.connect("g", agent="a") as memory, pytest.raises(dsr.TransportError, match="wildcards"):
+        memory.put_frame("*", dsr.Frame(1.0, {}, {}))
+
+
 def test_nothing_is_left_behind() -> None:
     with dsr.connect("tidy", agent="a") as memory:
         assert rendezvous.graphs() == ["tidy"] and memory.joined
