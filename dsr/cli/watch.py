@@ -15,15 +15,17 @@ from dsr.elements import Edge, Node
 from dsr.memory import Memory
 from dsr.watch import Change
 
+Names = list[str] | None
+
 app = typer.Typer()
 
 
 @app.command()
 def watch(
     graph: GraphOption = None,
-    node_type: Annotated[list[str] | None, typer.Option("--node-type", "--type", "-t", help="Only nodes of this type.")] = None,
-    edge_type: Annotated[list[str] | None, typer.Option("--edge-type", "-e", help="Only edges of this type.")] = None,
-    attribute: Annotated[list[str] | None, typer.Option("--attribute", "-a", help="Only this attribute.")] = None,
+    node_type: Annotated[Names, typer.Option("--node-type", "--type", "-t", help="Only nodes of this type.")] = None,
+    edge_type: Annotated[Names, typer.Option("--edge-type", "-e", help="Only edges of this type.")] = None,
+    attribute: Annotated[Names, typer.Option("--attribute", "-a", help="Only this attribute.")] = None,
     period: Annotated[float, typer.Option(min=0.0, help="s between two looks; changes between are joined.")] = 0.2,
     changes_only: Annotated[bool, typer.Option("--new", help="Leave out what is there already.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object a line.")] = False,
