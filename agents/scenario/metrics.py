@@ -46,7 +46,8 @@ def _object_metrics(history: History, window: list[Sample], name: str) -> dict[s
 
 def _notes(history: History, last: Sample, name: str) -> list[str]:
     if not history.was_perceived(name):
-        return [f"{name} was never seen: it has no percept metrics"]
+        hint = "" if name in last.perceived else ", and no agent has made a node of it"
+        return [f"{name} was never seen{hint}: it has no percept metrics"]
     if name in last.truth and name not in last.beliefs:
         return [f"{name} has no belief at the end"]
     return []

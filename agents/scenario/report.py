@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from textwrap import shorten
 from types import TracebackType
 
@@ -15,11 +16,15 @@ from dsr.launcher import AgentRow
 
 STILL_RESTS = 0.001
 """m, the largest gap under a belief that the table calls resting"""
+_LINE_PERIOD = 5.0  # s of the scenario between two lines of progress, where no bar can be drawn
 _LONGEST = 150  # characters of a finding; the result's file holds all
 
 
 class ProgressBar:
-    """Shows first which agents are not ready yet, then the time of the scenario. A context manager."""
+    """Shows first which agents are not ready yet, then the time of the scenario. A context manager.
+
+    Where the output is no terminal, it prints a line now and then instead.
+    """
 
     def __init__(self, scenario: Scenario, console: Console) -> None:
         self._progress = Progress(
@@ -33,6 +38,8 @@ class ProgressBar:
         self._duration = scenario.duration
         self._name = scenario.name
         self._task = self._progress.add_task("starting", total=scenario.duration, unit="s")
+        self._console = console
+        self._next_line = -math.inf
 
     def __enter__(self) -> ProgressBar:
         self._progress.start()
@@ -53,6 +60,9 @@ class ProgressBar:
     def running(self, elapsed: float) -> None:
         """Show the time of the scenario."""
         done = min(max(elapsed, 0.0), self._duration)
+        if not self._console.is_terminal and elapsed >= self._next_line:
+            self._console.print(f"{self._name}: {done:.0f} of {self._duration:.0f} s")
+            self._next_line = done + _LINE_PERIOD
         self._progress.update(self._task, description=self._name, completed=done, total=self._duration, unit="s")
 
 
