@@ -20,6 +20,8 @@ from agents.drivers import ArmDriver, ArmState, make_driver
 from dsr.agent import Access, Agent
 from dsr.errors import ConfigError
 
+START_UP = 10.0
+"""s that the device may take until its first sample."""
 SILENCE = 0.5
 """s without a new sample after which the driver counts as gone"""
 _ROOT = Path(__file__).resolve().parents[2]
@@ -86,8 +88,8 @@ class ArmController(Agent):
             self._heard = now
             self._body.write(joints)
             self._follow_targets(joints)
-        elif now - self._heard > SILENCE and not self.degraded:
-            self.degraded = f"no sample of the arm for {SILENCE} s"
+        elif now - self._heard > (SILENCE if self._state else START_UP) and not self.degraded:
+            self.degraded = f"no sample of the arm for {now - self._heard:.1f} s"
             self._motion.report.say(NO_DRIVER, self.degraded)
         for feed in self._feeds:
             feed.forward()

@@ -19,6 +19,8 @@ from dsr.transport import Qos, Subscription
 
 MOST_STEPS = RATE_HZ // 4
 """Steps in one tick; a plant that is later than that lets its world wait."""
+COMPLAINT_PERIOD = 10.0
+"""s between two complaints about that."""
 _COMMANDS_KEPT = 256
 _ROUNDING = 1e-3  # steps; stamps of today are exact to 6e-5 steps
 
@@ -46,6 +48,7 @@ class Plant(Agent):
         self._start: float | None = self.config.start or None
         self._start_message: bytes | None = None
         self._commands: deque[bytes] = deque(maxlen=_COMMANDS_KEPT)
+        self._waited = self._next_complaint = 0.0
         self.dropped = 0
         """Messages that could not be understood."""
         self._state_due, self._truth_due, self._camera_due = (
@@ -84,7 +87,10 @@ class Plant(Agent):
         if behind > MOST_STEPS:
             assert self._epoch is not None
             self._epoch += (behind - MOST_STEPS) * STEP
-            self.log.warning("%.2f s late: the world waited that long", (behind - MOST_STEPS) * STEP)
+            self._waited += (behind - MOST_STEPS) * STEP
+        if self._waited and now >= self._next_complaint:
+            self.log.warning("this machine is too slow: the world waited %.2f s", self._waited)
+            self._waited, self._next_complaint = 0.0, now + COMPLAINT_PERIOD
         for _ in range(min(behind, MOST_STEPS)):
             self._reality.step(self._elapsed())
             self._steps += 1

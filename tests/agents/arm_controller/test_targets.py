@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from agents.arm_controller.agent import START_UP
 from agents.arm_controller.kinematics import Chain
 from dsr import Pose
 
@@ -193,7 +194,9 @@ def test_silence_of_the_driver_is_reported_once_and_the_target_is_followed_after
 def test_silence_from_the_start_is_reported_and_targets_wait(bench: Bench) -> None:
     bench.memory.update_node("arm", target_joints=AWAY)
     bench.memory.update_node("gripper", target_opening=0.03)
-    bench.run(1.0, silent=True)
+    bench.run(START_UP, silent=True)
+    assert bench.status != "no_driver"
+    bench.run(0.1, silent=True)
     assert bench.status == "no_driver"
     bench.run(2.0)
     assert bench.status == "reached"
