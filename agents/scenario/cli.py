@@ -90,8 +90,10 @@ def run(
 ) -> None:
     """Run a scenario and judge it; the exit code is 0 only if all its expectations hold.
 
-    Without --lockstep every agent is a process of its own, as on a robot: watch it with `dsr top` or `dsr watch`
-    from another terminal. The run leaves a folder in runs/ with the recording, the agents' logs and result.json.
+    Without --lockstep every agent is a process of its own, as on a robot:
+    watch it with `dsr top` or `dsr watch` from another terminal.
+
+    The run leaves a folder in runs/ with recording, logs and result.json.
     """
     _play(scenario, lockstep=lockstep, seed=seed, sensor=sensor, json=json, viewer=not no_viewer)
 
@@ -100,8 +102,10 @@ def run(
 def run_demo(seed: Seed = 0, json: JsonFile = None, no_viewer: NoViewer = False) -> None:
     """Show what this is about: four cubes are seen hovering; the belief of them rests on the table.
 
-    Starts plant, arm controller, scene estimator, simulation handler, viewer and recorder as processes, and
-    compares with the truth. The exit code is 0 only if the expectations of the scenario hold. Ctrl-C stops all.
+    Starts plant, arm controller, scene estimator, simulation handler, viewer
+    and recorder as processes, and compares the belief with the truth.
+
+    The exit code is 0 only if all expectations hold. Ctrl-C stops everything.
     """
     _play("hovering", lockstep=False, seed=seed, sensor=SensorChoice.PIXELS, json=json, viewer=not no_viewer)
 
