@@ -47,11 +47,12 @@ def connect(
         resources.callback(transport.close)
         resources.callback(registration.close)
         memory = Memory(
-            graph, agent, transport=transport, clock=clock, schema=schema, guard=guard, rid=rid, threaded=True
-        )
+            graph, agent, transport=transport, clock=clock, schema=schema, guard=guard, rid=rid, threaded=True,
+            elders=lambda: _living_replicas(graph, registration.elders),
+        )  # fmt: skip
         memory.on_close(resources.pop_all().close)
         resources.callback(memory.close)
-        memory.wait_joined(timeout, elders=lambda: _living_replicas(graph, registration.elders), alone=not routers)
+        memory.wait_joined(timeout, alone=not routers)
         resources.pop_all()
     return memory
 

@@ -58,6 +58,7 @@ class Memory:
         guard: called before each write, see `Guard`.
         rid: replica id, made from `agent` if None; never reuse one.
         threaded: run threads that merge and send. Without, call `poll` and `flush`.
+        elders: tells which replicas were there before us and still live, oldest first.
     """
 
     def __init__(
@@ -71,6 +72,7 @@ class Memory:
         guard: Guard | None = None,
         rid: str | None = None,
         threaded: bool = False,
+        elders: Callable[[], Sequence[str]] = tuple,
     ) -> None:
         self.keys = Keys(graph)
         self.graph_name = graph
@@ -86,6 +88,8 @@ class Memory:
         self._closing = contextlib.ExitStack()
         self._closed = False
         self._replica = Replica(self._graph, transport, clock, self.keys, agent)
+        self._elders = elders
+        self._replica.synchroniser.elders = elders()
         leave_to_parent(self)
         if threaded:
             sys.setswitchinterval(min(sys.getswitchinterval(), _SWITCH_INTERVAL))
@@ -284,31 +288,24 @@ class Memory:
         """Malformed messages that were dropped, by replica id of the sender."""
         return dict(self._replica.synchroniser.dropped)
 
-    def wait_joined(
-        self, timeout: float, *, elders: Callable[[], Sequence[str]] = tuple, alone: bool = False
-    ) -> None:
-        """Wait for the graph's present content; if nobody is there, the graph begins with us.
+    def wait_joined(self, timeout: float, *, alone: bool = False) -> None:
+        """Wait at most `timeout` s for the graph's present content; if nobody is there, the graph begins with us.
 
-        Args:
-            timeout: s.
-            elders: tells which replicas were there before us and still live, oldest first.
-            alone: no others than the elders can be there.
-
-        Raises:
-            TransportError: if peers are there but none answers in time.
+        `alone` says that no others than the elders can be there.
+        Raises `TransportError` if peers are there but none answers in time.
         """
         sync = self._replica.synchroniser
 
         def complete() -> bool:
             with self._replica.lock:
-                sync.elders = elders()
+                sync.elders = self._elders()
                 if alone and not sync.elders:
                     sync.nobody_there()
                 return sync.joined
 
         if self._replica.wait_until(complete, timeout):
             return
-        if sync.peers or elders():
+        if sync.peers or self._elders():
             there = f"{', '.join(sync.peers)} do not answer" if sync.peers else "none of them can be reached"
             raise TransportError(f"graph {self.graph_name!r}: not complete after {timeout:.1f} s, peers: {there}")
         _log.warning("nobody else in graph %r within %.1f s: it begins here", self.graph_name, timeout)

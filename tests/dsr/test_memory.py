@@ -436,8 +436,7 @@ def test_a_newcomer_asks_the_oldest_even_if_it_appears_last(net: Net) -> None:
     old, young = net.join("old"), net.join("young")
     net.network.partition(["old"], ["young", "late"])
     old.add_node("x", "cube")
-    late = net.join("late")
-    late._replica.synchroniser.elders = [old.rid, young.rid]
+    late = net.join("late", elders=lambda: [old.rid, young.rid])
     net.pump(0.5)
     assert not late.joined
     net.network.heal()
@@ -446,7 +445,7 @@ def test_a_newcomer_asks_the_oldest_even_if_it_appears_last(net: Net) -> None:
 
 
 def test_a_newcomer_does_not_wait_for_ever_for_the_oldest(net: Net) -> None:
-    young, late = net.join("young"), net.join("late")
-    late._replica.synchroniser.elders = ["stopped-1", young.rid]
+    young = net.join("young")
+    late = net.join("late", elders=lambda: ["stopped-1", young.rid])
     net.pump(1.5)
     assert late.joined
