@@ -6,6 +6,8 @@
             memory.update_node("table", seen=len(memory.nodes(type="cube")))
 """
 
+from dsr.access import Access
+from dsr.agent import Agent
 from dsr.blobs import Frame
 from dsr.clock import Clock, ManualClock, WallClock
 from dsr.connect import connect
@@ -33,6 +35,8 @@ from dsr.transforms import Pose
 from dsr.watch import Change, Watch
 
 __all__ = [
+    "Access",
+    "Agent",
     "AgentError",
     "AttributeType",
     "Change",
