@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
 import pybullet
 
+from dsr.native_output import silenced
 from dsr.transforms import Pose
 
 
@@ -42,24 +39,6 @@ class Bullet:
     def close(self) -> None:
         """End the world; harmless when repeated."""
         if self.client >= 0:
-            with silent_libraries():
+            with silenced():
                 pybullet.disconnect(self.client)
             self.client = -1
-
-
-@contextmanager
-def silent_libraries() -> Iterator[None]:
-    """Keep what native libraries print off standard output and standard error."""
-    sys.stdout.flush()
-    sys.stderr.flush()
-    saved = [os.dup(number) for number in (1, 2)]
-    null = os.open(os.devnull, os.O_WRONLY)
-    try:
-        for number in (1, 2):
-            os.dup2(null, number)
-        yield
-    finally:
-        for number, copy in zip((1, 2), saved, strict=True):
-            os.dup2(copy, number)
-            os.close(copy)
-        os.close(null)

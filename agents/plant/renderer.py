@@ -14,7 +14,8 @@ import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
-from agents.plant.bullet import Bullet, silent_libraries
+from agents.plant.bullet import Bullet
+from dsr.native_output import silenced
 from dsr.transforms import Pose
 
 log = logging.getLogger("agents.plant.renderer")
@@ -133,7 +134,7 @@ class Renderer:
     def _load_egl(self) -> int:
         spec = importlib.util.find_spec("eglRenderer")
         assert spec is not None  # egl_works() said so
-        with silent_libraries():
+        with silenced():
             plugin: int = self._bullet.loadPlugin(spec.origin, "_eglRendererPlugin")
             for _ in range(2):  # it still prints while it warms up
                 self._bullet.getCameraImage(16, 16, renderer=pybullet.ER_BULLET_HARDWARE_OPENGL)

@@ -5,9 +5,8 @@ import dsr
 
 def test_public_names() -> None:
     assert set(dsr.__all__) == {
-        "Access", "Agent", "AgentError", "AttributeType", "Change", "Clock", "ClockDriftError", "ConfigError", "DsrError",
-        "Edge",
-        "EdgeNotFoundError", "ExtrapolationError", "Faults", "Frame", "FrameReader", "GraphError", "LocalNetwork",
+        "Access", "Agent", "AgentError", "AttributeType", "Change", "Clock", "ClockDriftError", "ConfigError",
+        "DsrError", "Edge", "EdgeNotFoundError", "ExtrapolationError", "Faults", "Frame", "FrameReader", "GraphError", "LocalNetwork",
         "ManualClock", "Memory", "NoPathError", "Node", "NodeNotFoundError", "Pose", "Schema", "SchemaError",
         "TransformError", "TransportError", "WallClock", "Watch", "WireError", "connect",
     }  # fmt: skip
