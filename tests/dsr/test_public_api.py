@@ -6,8 +6,8 @@ import dsr
 def test_public_names() -> None:
     assert set(dsr.__all__) == {
         "Access", "Agent", "AgentError", "AttributeType", "Change", "Clock", "ClockDriftError", "ConfigError",
-        "DsrError", "Edge", "EdgeNotFoundError", "ExtrapolationError", "Faults", "Frame", "FrameReader", "GraphError", "LocalNetwork",
-        "ManualClock", "Memory", "NoPathError", "Node", "NodeNotFoundError", "Pose", "Schema", "SchemaError",
-        "TransformError", "TransportError", "WallClock", "Watch", "WireError", "connect",
+        "DsrError", "Edge", "EdgeNotFoundError", "ExtrapolationError", "Faults", "Frame", "FrameReader",
+        "GraphError", "LocalNetwork", "ManualClock", "Memory", "NoPathError", "Node", "NodeNotFoundError", "Pose",
+        "Schema", "SchemaError", "TransformError", "TransportError", "WallClock", "Watch", "WireError", "connect",
     }  # fmt: skip
     assert all(hasattr(dsr, name) for name in dsr.__all__)
