@@ -27,6 +27,8 @@ class BeliefConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """m along the viewing ray, likewise: depth errors of a frame are common to all pixels of an object."""
     rotation_noise: float = 0.01
     """rad, likewise."""
+    tilt_noise: float = 0.04
+    """rad, likewise, of tilt alone: it is the least certain, and what rests has none."""
     default_depth_noise: float = 0.004
     """m along the viewing ray, of a percept without covariance."""
     default_lateral_noise: float = 0.001

@@ -19,6 +19,7 @@ _ROUNDING = 1e-9
 _LONG = 2.0  # ratio of standard deviations from which the longest axis is taken for the viewing ray
 _ALIGNED = 0.95  # cosine of the angle between the two up to which that can be
 _EYE = np.eye(3)
+_HORIZONTAL = np.diag((1.0, 1.0, 0.0))
 _DOWNWARDS = np.array((0.0, 0.0, -1.0))
 
 
@@ -62,7 +63,8 @@ def make_percept(pose: Pose, stamp: float, seen_from: Vector3 | None, config: Be
         noise, turning = _in_world(pose)
         noise, ray = _without_bias(noise, ray, config.depth_bias)
     noise = noise + config.position_noise**2 * _EYE + config.depth_noise**2 * np.outer(ray, ray)
-    return Percept(stamp, position, pose.q, noise, turning + config.rotation_noise**2 * _EYE, ray)
+    turning = turning + config.rotation_noise**2 * _EYE + config.tilt_noise**2 * _HORIZONTAL
+    return Percept(stamp, position, pose.q, noise, turning, ray)
 
 
 def _in_world(pose: Pose) -> tuple[Array, Array]:

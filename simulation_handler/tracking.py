@@ -90,9 +90,9 @@ class Track:
         """Begin anew from these percepts if they agree, else from the newest; keep what still holds of `old`."""
         agreeing = fused(percepts, self._config)
         self.moving = agreeing is None or len(percepts) < self._config.confirm_frames
-        if agreeing is not None and old is not None:
-            agreeing.inherit(old)
         self.estimate = agreeing or Estimate(percepts[-1], self._config)
+        if old is not None:
+            self.estimate.inherit(old)
         self._pending.clear()
         self._recent.clear()
         self.changed = True
