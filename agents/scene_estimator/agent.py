@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import ExitStack, closing
 
 from agents.drivers import TagDriver, make_driver
-from agents.scene_estimator.config import SceneEstimatorConfig
-from agents.scene_estimator.objects import TaggedObjects
+from agents.scene_estimator.config import SceneEstimatorConfig, TagSensor
+from agents.scene_estimator.objects import KINDS, TaggedObjects
 from agents.scene_estimator.sighting import FrameReader, Outlines, Sighting, read_sensor
 from agents.scene_estimator.stillness import stood_still
 from dsr.agent import Access, Agent
@@ -23,10 +24,8 @@ class SceneEstimator(Agent):
 
     name = "scene_estimator"
     rate_hz = 20.0
-    reads = Access(nodes=("camera", "cube", "box"), edges=("RT",), attributes=("marker_id", "size"))
-    writes = Access(
-        nodes=("cube", "box"), edges=("RT",), attributes=("marker_id", "size", "perceived", "last_seen")
-    )
+    reads = Access(nodes=("camera", *KINDS), edges=("RT",), attributes=("marker_id", "size", "perceived", "last_seen"))
+    writes = Access(nodes=KINDS, edges=("RT",), attributes=("marker_id", "size", "perceived", "last_seen"))
     Config = SceneEstimatorConfig
     config: SceneEstimatorConfig
 
@@ -35,14 +34,17 @@ class SceneEstimator(Agent):
         config = self.config
         self.skipped: Counter[str] = Counter()
         """Frames that were not used, by reason."""
-        self._objects = TaggedObjects(self.memory, config, self.log)
+        self._closing = ExitStack()
+        take = self._closing.enter_context
+        self._objects = take(closing(TaggedObjects(self.memory, config, self.log)))
         self._frame_reader = FrameReader(self._objects.size, config.tag_ratio, config.noise)
-        self._streams = {camera: self.memory.frames(camera) for camera in config.cameras}
-        self._sensors: dict[str, TagDriver] = {
-            camera: make_driver(sensor.driver, self.bus, self.keys, **sensor.options)
-            for camera, sensor in config.tag_sensors.items()
-        }
+        self._streams = {camera: take(closing(self.memory.frames(camera))) for camera in config.cameras}
+        self._sensors = {camera: take(closing(self._driver(sensor))) for camera, sensor in config.tag_sensors.items()}
         self._last_seen: dict[str, float] = {}
+
+    def _driver(self, sensor: TagSensor) -> TagDriver:
+        driver: TagDriver = make_driver(sensor.driver, self.bus, self.keys, **sensor.options)
+        return driver
 
     def tick(self, now: float) -> None:
         """Look at each camera's newest frame, then at who was not seen for long."""
@@ -88,8 +90,7 @@ class SceneEstimator(Agent):
 
     def _publish(self, camera: str, sightings: list[Sighting]) -> None:
         with self.memory.batch():
-            unknown = [sighting for sighting in sightings if self._objects.find(sighting.marker_id) is None]
-            self._objects.consider(camera, unknown)
+            self._objects.consider(camera, sightings)
             for sighting in sightings:
                 node = self._objects.find(sighting.marker_id)
                 if node is not None:
@@ -97,6 +98,8 @@ class SceneEstimator(Agent):
                     self._note_seen(node.name, sighting.pose.stamp)
 
     def _note_seen(self, name: str, stamp: float) -> None:
+        """A camera whose clock is ahead sees it now, not later."""
+        stamp = min(stamp, self.clock.now())
         self._last_seen[name] = max(stamp, self._last_seen.get(name, 0.0))
         perceived = self.memory.node(name).get("perceived") is True
         changed = {} if perceived else {"perceived": True}
@@ -104,10 +107,9 @@ class SceneEstimator(Agent):
 
     def _age(self, now: float) -> None:
         """Also those that an earlier run of this agent saw: their nodes say when."""
-        for kind in ("cube", "box"):
-            for node in self.memory.nodes(kind):
-                if node.get("perceived") and now - self._seen_at(node.name, now) > self.config.max_age:
-                    self.memory.update_node(node.name, perceived=False)
+        for node in (node for kind in KINDS for node in self.memory.nodes(kind)):
+            if node.get("perceived") and now - self._seen_at(node.name, now) > self.config.max_age:
+                self.memory.update_node(node.name, perceived=False)
 
     def _seen_at(self, name: str, now: float) -> float:
         """When it was seen, s; what nobody has ever told about gets a fresh start."""
@@ -120,8 +122,4 @@ class SceneEstimator(Agent):
 
     def teardown(self) -> None:
         """Stop listening."""
-        for stream in self._streams.values():
-            stream.close()
-        for sensor in self._sensors.values():
-            sensor.close()
-        self._objects.close()
+        self._closing.close()

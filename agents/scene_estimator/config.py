@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 
-from agents.scene_estimator.pose import NoiseModel
+from agents.scene_estimator.pose import NoiseModel, NotNegative, Positive
 
 
 class TagSensor(msgspec.Struct, frozen=True):
@@ -25,18 +25,18 @@ class SceneEstimatorConfig(msgspec.Struct, frozen=True):
     """Camera nodes whose frames are looked at, when there are any."""
     tag_sensors: dict[str, TagSensor] = {}
     """By camera node."""
-    tag_ratio: float = 0.8
+    tag_ratio: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.8
     """Side of a tag's black square over that of the face it is on."""
-    default_size: float = 0.04
+    default_size: Positive = 0.04
     """m, edge of a cube that is seen for the first time."""
-    insert_after: int = 3
+    insert_after: Annotated[int, msgspec.Meta(ge=0)] = 3
     """Frames in a row, after the first, in which an unknown tag must be seen to become a node."""
-    insert_within: float = 0.03
+    insert_within: Positive = 0.03
     """m, how far it may seem to move meanwhile."""
-    max_age: float = 0.7
+    max_age: Positive = 0.7
     """s after which an object that was not seen again is not `perceived` any more (Sallami et al., Sec. V)."""
-    max_camera_speed: float = 0.02
+    max_camera_speed: NotNegative = 0.02
     """m/s; while the camera moves faster, nothing is published."""
-    max_camera_turn: float = 0.05
+    max_camera_turn: NotNegative = 0.05
     """rad/s, likewise."""
     noise: NoiseModel = NoiseModel()

@@ -44,12 +44,15 @@ class TagDetector:
     def detect(self, color: NDArray[np.uint8]) -> list[Tag]:
         """Tags in an RGB image (h, w, 3), by marker id. An id that shows twice says nothing and is left out."""
         grey = cv2.cvtColor(color, cv2.COLOR_RGB2GRAY)
-        tags = _tags(self._apriltag, grey, APRILTAG_BIAS, APRILTAG_STD)
-        found = {tag.marker_id for tag in tags}
-        tags += [tag for tag in _tags(self._subpix, grey, 0.0, SUBPIX_STD) if tag.marker_id not in found]
-        times_seen = Counter(tag.marker_id for tag in tags)
-        unique = (tag for tag in tags if times_seen[tag.marker_id] == 1)
-        return sorted(unique, key=lambda tag: tag.marker_id)
+        coarse = _tags(self._subpix, grey, 0.0, SUBPIX_STD)
+        fine = _tags(self._apriltag, grey, APRILTAG_BIAS, APRILTAG_STD)
+        tags = {tag.marker_id: tag for tag in [*coarse, *fine]}
+        return [tags[marker_id] for marker_id in sorted(tags.keys() - _repeated(coarse) - _repeated(fine))]
+
+
+def _repeated(tags: list[Tag]) -> set[int]:
+    """Ids of several tags of one image."""
+    return {marker_id for marker_id, times in Counter(tag.marker_id for tag in tags).items() if times > 1}
 
 
 def _detector(refinement: int, **settings: float) -> cv2.aruco.ArucoDetector:
@@ -57,9 +60,7 @@ def _detector(refinement: int, **settings: float) -> cv2.aruco.ArucoDetector:
     parameters.cornerRefinementMethod = refinement
     for name, value in settings.items():
         setattr(parameters, name, value)
-    return cv2.aruco.ArucoDetector(
-        cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11), parameters
-    )
+    return cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11), parameters)
 
 
 def _tags(detector: cv2.aruco.ArucoDetector, grey: Any, bias: float, std: float) -> list[Tag]:

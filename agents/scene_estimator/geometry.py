@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+_MAX_PIXELS = 1e5
+"""px, no focal length or principal point is beyond."""
 
 
 class Intrinsics(NamedTuple):
@@ -21,13 +23,13 @@ class Intrinsics(NamedTuple):
 
     @classmethod
     def from_meta(cls, meta: Mapping[str, float | int | str]) -> Intrinsics:
-        """Those of a frame. ValueError if one is missing, not finite or a focal length is not positive."""
+        """Those of a frame. ValueError if one is missing or no camera has such ones."""
         missing = [name for name in cls._fields if not isinstance(meta.get(name), (int, float))]
         if missing:
             raise ValueError(f"intrinsics {', '.join(missing)} missing; expected numbers fx, fy, cx, cy in px")
         values = cls(*(float(meta[name]) for name in cls._fields))
-        if not np.isfinite(values).all() or min(values.fx, values.fy) <= 0.0:
-            raise ValueError(f"intrinsics {tuple(values)}: expected finite numbers and fx, fy > 0 px")
+        if not (min(values.fx, values.fy) >= 1.0 and all(abs(value) <= _MAX_PIXELS for value in values)):
+            raise ValueError(f"intrinsics {tuple(values)}: expected fx, fy >= 1 px and none beyond {_MAX_PIXELS} px")
         return values
 
     @property

@@ -5,10 +5,13 @@ from __future__ import annotations
 import logging
 
 from agents.scene_estimator.config import SceneEstimatorConfig
-from agents.scene_estimator.sighting import Sighting
+from agents.scene_estimator.sighting import Sighting, Size
 from dsr.elements import Node
 from dsr.memory import Memory
 from dsr.transforms import Pose
+
+KINDS = ("cube", "box", "container", "cup", "ball")
+"""Types of nodes that are looked for; a tag on anything else is known, but nothing is told about it."""
 
 
 class TaggedObjects:
@@ -30,43 +33,46 @@ class TaggedObjects:
             self._names = {node["marker_id"]: node.name for node in sorted(tagged, key=lambda node: node.name)}
 
     def find(self, marker_id: int) -> Node | None:
-        """The node that carries the tag, or None."""
-        name = self._names.get(marker_id)
-        return None if name is None else self._memory.get_node(name)
+        """The object that carries the tag, or None."""
+        node = self._memory.get_node(self._names.get(marker_id, ""))
+        return node if node is not None and node.type in KINDS else None
 
-    def size(self, marker_id: int) -> float:
-        """Height of the object under the tagged face, m; that of an unknown one is the default."""
+    def size(self, marker_id: int) -> Size:
+        """Extent along x, y, z of the object that carries the tag, m; an unknown one is a cube of default size."""
         node = self.find(marker_id)
         size = None if node is None else node.get("size")
-        if isinstance(size, tuple) and len(size) == 3 and size[2] > 0.0:
-            return float(size[2])
-        return self._config.default_size
+        if isinstance(size, tuple) and len(size) == 3 and min(size) > 0.0:
+            return size
+        return (self._config.default_size,) * 3
 
-    def consider(self, camera: str, unknown: list[Sighting]) -> list[Node]:
-        """Count how steadily unknown tags are seen; the nodes made of those that were seen often enough."""
+    def consider(self, camera: str, sightings: list[Sighting]) -> None:
+        """Count how steadily a camera sees unknown tags; those seen often enough become nodes."""
+        unknown = [sighting for sighting in sightings if sighting.marker_id not in self._names]
         seen = {(camera, sighting.marker_id): sighting.pose for sighting in unknown}
         for key in [key for key in self._candidates if key[0] == camera and key not in seen]:
             del self._candidates[key]
-        return [node for key, pose in seen.items() if self._is_steady(key, pose) and (node := self._insert(key[1]))]
+        for key, pose in seen.items():
+            if self._is_steady(key, pose):
+                self._insert(key[1])
 
     def _is_steady(self, key: tuple[str, int], pose: Pose) -> bool:
         before = self._candidates.get(key, [])
         steady = all(pose.distance(other)[0] <= self._config.insert_within for other in before)
-        self._candidates[key] = [*before, pose] if steady else [pose]
-        return len(self._candidates[key]) > self._config.insert_after
+        poses = [*before, pose] if steady else [pose]
+        self._candidates[key] = poses[-self._config.insert_after - 1 :]
+        return len(poses) > self._config.insert_after
 
-    def _insert(self, marker_id: int) -> Node | None:
+    def _insert(self, marker_id: int) -> None:
         name = f"cube_{marker_id}"
         if name in self._memory:
             if name not in self._refused:
                 self._log.warning("tag %d is seen, but %s is known to carry another one or none", marker_id, name)
                 self._refused.add(name)
-            return None
+            return
         self._log.info("tag %d is new: inserting %s", marker_id, name)
         edge = self._config.default_size
-        node = self._memory.add_node(name, "cube", marker_id=marker_id, size=(edge, edge, edge), perceived=True)
+        self._memory.add_node(name, "cube", marker_id=marker_id, size=(edge, edge, edge), perceived=True)
         self._names[marker_id] = name
-        return node
 
     def close(self) -> None:
         """Stop watching."""

@@ -8,6 +8,8 @@ Without depth, perspective is all there is.
 
 from __future__ import annotations
 
+from typing import Annotated
+
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +21,8 @@ from agents.scene_estimator.perspective import pose_from_perspective
 from dsr import quaternions
 from dsr.transforms import Pose
 
+Positive = Annotated[float, msgspec.Meta(gt=0)]
+NotNegative = Annotated[float, msgspec.Meta(ge=0)]
 _SIZE_RATIO = 1.5
 """Seen over true size of a tag; outside 1/1.5 to 1.5 the depth is that of something else."""
 
@@ -26,13 +30,13 @@ _SIZE_RATIO = 1.5
 class NoiseModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """What is known about the sensor's errors."""
 
-    depth_bias_std: float = 0.01
+    depth_bias_std: NotNegative = 0.01
     """m, systematic error of depth along the ray: not visible in the residuals, does not average out."""
-    inverse_depth_floor: float = 3e-4
+    inverse_depth_floor: Positive = 3e-4
     """1/m, least standard deviation of a pixel's inverse depth."""
-    depth_correlation: float = 1.0
-    """px, over which neighbouring depth errors are alike."""
-    size_below: float = 0.5
+    depth_correlation: NotNegative = 4.0
+    """px, over which neighbouring depth errors are alike: stereo compares patches."""
+    size_below: NotNegative = 0.5
     """m, distance below which the tag's size tells the distance instead of depth."""
 
 
@@ -72,9 +76,7 @@ def _plane(
     return plane if 1.0 / _SIZE_RATIO < side / tag_size < _SIZE_RATIO else None
 
 
-def _pose_on_plane(
-    tag: Tag, plane: DepthPlane, intrinsics: Intrinsics, tag_size: float, noise: NoiseModel
-) -> Pose:
+def _pose_on_plane(tag: Tag, plane: DepthPlane, intrinsics: Intrinsics, tag_size: float, noise: NoiseModel) -> Pose:
     """Centre from the corners' points on the plane, axes by Procrustes; errors propagated to first order."""
     points = plane.points(intrinsics.rays(tag.corners))
     centre = points.mean(axis=0)
@@ -89,7 +91,7 @@ def _pose_on_plane(
         centre = scale * centre
     rotation = _axes(offsets, square, plane.normal)
     to_tag = np.concatenate([rotation.T @ moved, rotation.T @ turned])
-    inputs = _input_covariance(tag, plane, noise.depth_bias_std / points[:, 2].mean())
+    inputs = _input_covariance(tag, plane, float(points[:, 2].mean()), noise.depth_bias_std)
     quaternion = quaternions.from_matrix(rotation.tolist())
     return Pose(centre, quaternion, covariance=to_tag @ inputs @ to_tag.T)
 
@@ -125,9 +127,16 @@ def _rotation_derivative(offsets: Array, by_input: Array, plane: DepthPlane) -> 
     return derivative
 
 
-def _input_covariance(tag: Tag, plane: DepthPlane, relative_bias: float) -> Array:
-    """(11, 11) of pixels and plane. A relative bias of the depth scales p: the tag moves along its ray."""
+def _input_covariance(tag: Tag, plane: DepthPlane, distance: float, depth_bias_std: float) -> Array:
+    """(11, 11) of the corners' pixels and the plane, for a tag `distance` m along the optical axis.
+
+    A bias b of the depth z in proportion to z scales p by b / z: the tag moves along its ray. If b is the same
+    for the whole tag, or grows with z^2 (a shift of disparity), the ends of a tilted tag move unequally: that
+    adds or takes (p - e_z / z) b / z, a tilt.
+    """
     covariance = np.zeros((11, 11))
     covariance[:8, :8] = tag.corner_std**2 * np.eye(8)
-    covariance[8:, 8:] = plane.covariance + relative_bias**2 * np.outer(plane.p, plane.p)
+    covariance[8:, 8:] = plane.covariance
+    for direction in (plane.p, plane.p - (0.0, 0.0, 1.0 / distance)):
+        covariance[8:, 8:] += (depth_bias_std / distance) ** 2 * np.outer(direction, direction)
     return covariance

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.drivers import TagReadings
+from agents.drivers import TagReading, TagReadings
 from agents.scene_estimator.detection import TagDetector
 from agents.scene_estimator.geometry import Intrinsics
 from agents.scene_estimator.pose import NoiseModel, estimate_tag_pose
 from dsr.blobs import Frame
 from dsr.errors import WireError
 from dsr.transforms import Pose
+
+Size = tuple[float, float, float]
+_MARKERS = 587
+"""Tags of the family 36h11."""
 
 
 class Sighting(NamedTuple):
@@ -38,12 +42,12 @@ class FrameReader:
     """Finds tagged objects in camera frames.
 
     Args:
-        object_size: edge of the object that carries a tag (m), by marker id.
-        tag_ratio: side of the tag over that edge.
+        object_size: extent along x, y, z (m) of the object that carries a tag on its +z face, by marker id.
+        tag_ratio: side of the tag over the shorter side of that face.
         noise: error model of the camera.
     """
 
-    def __init__(self, object_size: Callable[[int], float], tag_ratio: float, noise: NoiseModel) -> None:
+    def __init__(self, object_size: Callable[[int], Size], tag_ratio: float, noise: NoiseModel) -> None:
         self._object_size = object_size
         self._tag_ratio = tag_ratio
         self._noise = noise
@@ -55,10 +59,11 @@ class FrameReader:
         tags = self._detector.detect(color)
         sightings = []
         for tag in tags:
-            size = self._object_size(tag.marker_id)
-            camera_from_tag = estimate_tag_pose(tag, depth, intrinsics, self._tag_ratio * size, self._noise)
+            width, length, height = self._object_size(tag.marker_id)
+            tag_size = self._tag_ratio * min(width, length)
+            camera_from_tag = estimate_tag_pose(tag, depth, intrinsics, tag_size, self._noise)
             if camera_from_tag is not None:
-                camera_from_object = camera_from_tag @ Pose((0.0, 0.0, -0.5 * size))
+                camera_from_object = camera_from_tag @ Pose((0.0, 0.0, -0.5 * height))
                 sightings.append(Sighting(tag.marker_id, camera_from_object.with_stamp(frame.stamp)))
         ids = np.array([tag.marker_id for tag in tags], dtype=np.int32)
         corners = np.array([tag.corners for tag in tags], dtype=np.float32).reshape(-1, 4, 2)
@@ -66,25 +71,23 @@ class FrameReader:
 
 
 def read_sensor(readings: TagReadings, noise: NoiseModel) -> list[Sighting]:
-    """Sightings of a tag sensor. Raises `WireError` for poses that are none."""
+    """Sightings of a tag sensor. Raises `WireError` for poses and ids that are none."""
     try:
-        return [
-            Sighting(reading.marker_id, Pose(reading.pose[:3], reading.pose[3:], readings.stamp, covariance))
-            for reading in readings.readings
-            for covariance in [_sensor_covariance(reading.pose, reading, noise)]
-        ]
+        return [_sensed(reading, readings.stamp, noise) for reading in readings.readings]
     except ValueError as error:
         raise WireError(f"tag readings at {readings.stamp}: {error}") from error
 
 
-def _sensor_covariance(pose: tuple[float, ...], reading: Any, noise: NoiseModel) -> NDArray[np.float64]:
-    """(6, 6): equal in all directions, plus the systematic error of depth along the viewing ray."""
-    camera_from_object = Pose(pose[:3], pose[3:])
+def _sensed(reading: TagReading, stamp: float, noise: NoiseModel) -> Sighting:
+    """Its covariance is equal in all directions, plus the systematic error of depth along the viewing ray."""
+    if not 0 <= reading.marker_id < _MARKERS:
+        raise ValueError(f"marker id {reading.marker_id}: expected 0 to {_MARKERS - 1}")
+    camera_from_object = Pose(reading.pose[:3], reading.pose[3:], stamp)
     ray = camera_from_object.rotation_matrix.T @ camera_from_object.translation
     ray = ray / max(float(np.linalg.norm(ray)), 1e-9)
     covariance = np.diag([reading.sigma_translation**2] * 3 + [reading.sigma_rotation**2] * 3)
     covariance[:3, :3] += noise.depth_bias_std**2 * np.outer(ray, ray)
-    return covariance
+    return Sighting(reading.marker_id, camera_from_object.with_covariance(covariance))
 
 
 def _images(frame: Frame) -> tuple[NDArray[np.uint8], NDArray[np.float32] | None, Intrinsics]:
