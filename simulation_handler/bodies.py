@@ -25,19 +25,29 @@ class Bodies:
         self.objects: dict[str, BelievedObject] = {}
         self.fixtures: dict[str, Solid] = {}
         self._config = config
-        self.set_fixture(FLOOR, _FLOOR_SIZE, Pose((0.0, 0.0, config.floor_z - 0.5 * _FLOOR_SIZE[2])))
+        self._lay_floor()
 
     def set_fixture(self, name: str, size: Vector3, pose: Pose) -> None:
         """Add a box that never moves (world_from_centre), or put it elsewhere; what was on it wakes."""
-        solid = Solid(name, size, pose.t, pose.q, fixed=True)
-        if self.fixtures.get(name) == solid:
-            return
         if name in self.objects:
             raise SimulationError(f"{name!r} is an object of the belief and cannot be a fixture")
-        if name in self.sim:
-            self.sim.remove(name)
-        self.sim.add_box(name, size, pose.t, pose.q, friction=self._config.default_friction)
-        self.fixtures[name] = solid
+        self._fix(Solid(name, size, pose.t, pose.q, fixed=True))
+        self._lay_floor()
+
+    def _lay_floor(self) -> None:
+        """Put the floor below the lowest table."""
+        tops = [solid.top for name, solid in self.fixtures.items() if name != FLOOR]
+        height = min(tops, default=0.0) - self._config.floor_below_table
+        self._fix(Solid(FLOOR, _FLOOR_SIZE, (0.0, 0.0, height - 0.5 * _FLOOR_SIZE[2]), fixed=True))
+
+    def _fix(self, solid: Solid) -> None:
+        if self.fixtures.get(solid.name) == solid:
+            return
+        if solid.name in self.sim:
+            self.sim.remove(solid.name)
+        friction = self._config.default_friction
+        self.sim.add_box(solid.name, solid.size, solid.position, solid.rotation, friction=friction)
+        self.fixtures[solid.name] = solid
 
     def add_object(self, name: str, size: Vector3, mass: float | None, friction: float | None) -> BelievedObject:
         """Let an object exist, without a place yet."""

@@ -62,8 +62,8 @@ class BeliefConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     relation_delay: float = 0.2
     """s that a contact must last (or be gone) before the relation `on` begins (or ends)."""
-    floor_z: float = -0.75
-    """m, height of the floor in the world frame."""
+    floor_below_table: float = 0.72
+    """m from the lowest table top (or from z = 0 without a table) down to the floor."""
     default_mass: float = 0.1
     """kg, of an object whose node has no mass."""
     default_friction: float = 0.7

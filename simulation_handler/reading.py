@@ -39,6 +39,7 @@ class Reading:
         self._belief = belief
         self._log = log
         self._known: dict[str, Properties] = {}
+        self._fixed: set[str] = set()
         self._used: dict[tuple[str, str], float] = {}  # (camera, object) -> stamp of the newest percept taken in
         self.skipped: Counter[str] = Counter()
         """How often something of a node could not be used, by its name."""
@@ -48,12 +49,13 @@ class Reading:
     def update(self, now: float) -> None:
         """Take in what the graph holds at time `now` (s)."""
         self.problems.clear()
-        for node in self._nodes(FIXTURES):
-            with self._skipping(node.name):
-                self._note_fixture(node)
+        fixtures = {node.name: node for node in self._nodes(FIXTURES)}
         present = {node.name: node for node in self._nodes(OBJECTS)}
-        for name in sorted(self._known.keys() - present.keys()):
+        for name in sorted((self._known.keys() | self._fixed) - present.keys() - fixtures.keys()):
             self._forget(name)
+        for name, node in fixtures.items():
+            with self._skipping(name):
+                self._note_fixture(node)
         for name, node in present.items():
             with self._skipping(name):
                 self._note_object(node, now)
@@ -70,6 +72,7 @@ class Reading:
         size = _size(node)
         top = self._memory.transform(WORLD, node.name)
         self._belief.set_fixture(node.name, size, top @ Pose((0.0, 0.0, -0.5 * size[2])))
+        self._fixed.add(node.name)
 
     def _note_object(self, node: Node, now: float) -> None:
         """Let an object take part in the belief, or change what it is like."""
@@ -117,7 +120,8 @@ class Reading:
 
     def _forget(self, name: str) -> None:
         self._belief.remove(name)
-        del self._known[name]
+        self._known.pop(name, None)
+        self._fixed.discard(name)
         for key in [key for key in self._used if key[1] == name]:
             del self._used[key]
 

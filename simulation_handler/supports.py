@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+from dsr import quaternions
 from dsr.quaternions import Vector3
 from simulation_handler.geometry import Solid
 from simulation_handler.percepts import Array
@@ -82,10 +83,12 @@ def _stack_of(gap: float, unseen: Mapping[str, Vector3], tolerance: float) -> tu
 
 
 def _piled(parts: Sequence[tuple[str, Vector3]], above: Solid, level: float) -> tuple[Solid, ...]:
-    """Solids on each other from height `level` (m) upwards, in line with the one above."""
+    """Solids on each other from height `level` (m) upwards, upright, in line with the one above."""
+    (ax, ay), (bx, by) = above.footprint[:2]
+    rotation = quaternions.from_rotvec((0.0, 0.0, math.atan2(by - ay, bx - ax)))
+    x, y, _ = above.position
     pile = []
     for name, size in parts:
-        x, y, _ = above.position
-        pile.append(Solid(name, size, (x, y, level + 0.5 * size[2]), above.rotation))
+        pile.append(Solid(name, size, (x, y, level + 0.5 * size[2]), rotation))
         level += size[2]
     return tuple(pile)

@@ -178,6 +178,16 @@ def test_an_object_removed_from_the_graph_is_removed_from_the_belief(table: Tabl
     assert table.error("cube_1") < 0.003
 
 
+def test_what_stands_on_a_table_that_is_removed_falls(table: Table) -> None:
+    table.add("cube_1", cube_at(0.4, 0.1))
+    table.run(1.0)
+    table.truths.clear()
+    table.memory.remove_node("table")
+    table.run(2.0)
+    assert table.belief("cube_1").pose.translation[2] < -0.5
+    assert table.relations() == set()
+
+
 def test_a_table_that_moves_and_an_object_that_changes_size(table: Table) -> None:
     table.add("cube_1", cube_at(0.4, 0.1))
     table.run(1.0)

@@ -240,9 +240,9 @@ def test_an_object_off_the_table_falls_to_the_floor() -> None:
     world = World({"a": cube_at(0.4, 0.1)})
     world.run(1.0)
     world.seen = set()
-    world.belief.remove("table")
+    world.belief.set_fixture("table", (0.3, 0.3, 0.04), Pose((0.0, 0.0, -0.02)))
     world.run(1.5)
-    assert world.pose("a").t[2] == pytest.approx(world.belief.config.floor_z + 0.02, abs=0.002)
+    assert world.pose("a").t[2] == pytest.approx(0.02 - world.belief.config.floor_below_table, abs=0.002)
     assert world.belief.supports() == {}
 
 
