@@ -9,7 +9,7 @@ from msgspec import Meta
 
 from agents.scenario.events import Event
 from agents.scenario.expectations import Check
-from agents.scenario.units import Noise, Radians, Seconds, Size, Vector3
+from agents.scenario.units import Bias, Noise, Radians, Seconds, Size, Vector3
 
 TAGS = 587
 """Number of tags in the family DICT_APRILTAG_36h11."""
@@ -40,8 +40,8 @@ class TableSpec(Section, frozen=True, kw_only=True):
 class SensorSpec(Section, frozen=True, kw_only=True):
     """Errors of the camera on top of those that its measuring principle has anyway."""
 
-    depth_bias: tuple[Noise, Noise] = (0.0, 0.0)
-    """m, bounds of the constant depth error of each object, drawn uniformly (towards the camera: too high)"""
+    depth_bias: tuple[Bias, Bias] = (0.0, 0.0)
+    """m, bounds of the constant depth error of each object, drawn uniformly; positive is towards the camera"""
     depth_jitter: Noise = 0.0
     """m, standard deviation per object and frame"""
     grey_noise: Annotated[float, Meta(ge=0, le=100)] = 2.0

@@ -14,6 +14,8 @@ Length = Annotated[float, Meta(gt=0, le=5)]
 """m, a size or a clearance"""
 Noise = Annotated[float, Meta(ge=0, le=0.5)]
 """m, a tolerance, a standard deviation or a range"""
+Bias = Annotated[float, Meta(ge=-0.5, le=0.5)]
+"""m, a systematic error"""
 Radians = Annotated[float, Meta(ge=-6.2832, le=6.2832)]
 """rad, at most one turn (so degrees are noticed)"""
 Speed = Annotated[float, Meta(gt=0, le=5)]

@@ -65,8 +65,9 @@ def test_errors_have_the_spread_they_claim(make_reality: MakeReality, cube: Make
     assert np.median(np.linalg.norm(translation, axis=1)) == pytest.approx(0.0011, abs=0.0002)
 
 
-def test_bias_moves_readings_towards_the_camera(make_reality: MakeReality, cube: MakeCube) -> None:
-    reality = make_reality(cube(3, 0.35, 0.2), sensor=SensorSpec(depth_bias=(0.02, 0.02)))
+@pytest.mark.parametrize("bias", [0.02, -0.02])
+def test_bias_moves_readings_towards_the_camera(make_reality: MakeReality, cube: MakeCube, bias: float) -> None:
+    reality = make_reality(cube(3, 0.35, 0.2), sensor=SensorSpec(depth_bias=(bias, bias)))
     true = (reality.camera.pose.inverse() @ reality.world.pose("cube_3")).translation
     measured = np.mean([reality.readings(0.0).readings[0].pose[:3] for _ in range(50)], axis=0)
-    assert true - measured == pytest.approx(0.02 * true / np.linalg.norm(true), abs=1e-3)
+    assert true - measured == pytest.approx(bias * true / np.linalg.norm(true), abs=1e-3)

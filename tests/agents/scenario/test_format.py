@@ -60,6 +60,11 @@ def test_a_small_file_gets_documented_defaults():
     assert scenario.events == scenario.expectations == []
 
 
+def test_objects_may_be_seen_too_low():
+    scenario = parse_scenario(with_line("[sensor]\ndepth_bias = [-0.015, 0.005]"))
+    assert scenario.sensor.depth_bias == (-0.015, 0.005)
+
+
 def test_events_and_conditions_are_read():
     text = (
         BASE
