@@ -92,12 +92,19 @@ def _pixels_within(corners: Array, shape: tuple[int, ...]) -> tuple[NDArray[np.i
 
 
 def _robust_fit(rays: Array, inverse_depth: Array, noise_floor: float) -> tuple[Array, Array, float]:
-    """Plane p (3,), its precision matrix for unit noise (3, 3), and the noise's scale, 1/m."""
-    weights = np.ones(len(rays))
+    """Plane p (3,), its precision matrix for unit noise (3, 3), and the noise's scale, 1/m.
+
+    It starts at the plane across the view at the median depth, which wrong depths at an edge cannot tilt.
+    """
+    residuals = inverse_depth - np.median(inverse_depth)
     for _ in range(_ITERATIONS):
+        weights = 1.0 / (1.0 + (residuals / (_CAUCHY * _scale(residuals, noise_floor))) ** 2)
         precision = (rays * weights[:, None]).T @ rays
         p = np.linalg.solve(precision, rays.T @ (weights * inverse_depth))
         residuals = inverse_depth - rays @ p
-        scale = max(1.4826 * float(np.median(np.abs(residuals))), noise_floor)
-        weights = 1.0 / (1.0 + (residuals / (_CAUCHY * scale)) ** 2)
-    return np.asarray(p, np.float64), precision, scale
+    return np.asarray(p, np.float64), precision, _scale(residuals, noise_floor)
+
+
+def _scale(residuals: Array, noise_floor: float) -> float:
+    """Their standard deviation, from the median so that outliers do not matter."""
+    return max(1.4826 * float(np.median(np.abs(residuals))), noise_floor)

@@ -1,0 +1,118 @@
+"""Poses of tags in frames: as good as measured before, never flipped, with covariances that hold."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+from agents.scene_estimator.detection import Tag
+from agents.scene_estimator.geometry import Intrinsics, tag_corners
+from agents.scene_estimator.pose import NoiseModel, estimate_tag_pose
+from agents.scene_estimator.sighting import FrameReader
+from benchmarks.tag_camera import Camera, facing
+from dsr import Pose
+
+from .conftest import SIZE, Trial, covariance, nees, trials
+
+EXACT = NoiseModel(depth_bias_std=0.0)
+DISTANCES = (0.3, 0.6, 1.0)
+
+
+def reader(noise: NoiseModel) -> FrameReader:
+    return FrameReader(lambda _: (SIZE, SIZE, SIZE), 0.8, noise)
+
+
+@cache
+def seen_from(distance: float) -> list[Trial]:
+    """With depth errors that differ from pixel to pixel, as in the table below."""
+    return trials(Camera(patch=1), distance, 16, seed=1)
+
+
+@cache
+def seen_by_stereo(distance: float) -> list[Trial]:
+    """With depth errors that are alike over patches."""
+    return trials(Camera(), distance, 16, seed=2)
+
+
+@pytest.mark.parametrize(
+    ("distance", "millimetres", "degrees"),
+    [(0.3, (0.75, 1.7), (0.05, 0.11)), (0.6, (1.1, 2.3), (0.34, 0.63)), (1.0, (2.5, 4.2), (1.7, 3.1))],
+)
+def test_errors_are_those_measured_for_the_method(
+    distance: float, millimetres: tuple[float, float], degrees: tuple[float, float]
+) -> None:
+    """Median and 95 % of the inverse-depth plane cut with the corners' rays; half as much again for few trials."""
+    look = reader(NoiseModel(depth_correlation=1.0))
+    errors = np.array([trial.estimate(look).distance(trial.pose) for trial in seen_from(distance)])
+    for error, limits in ((errors[:, 0] * 1e3, millimetres), (np.degrees(errors[:, 1]), degrees)):
+        assert np.median(error) < 1.5 * limits[0]
+        assert np.quantile(error, 0.95) < 1.5 * limits[1]
+
+
+@pytest.mark.parametrize("distance", DISTANCES)
+def test_with_depth_nothing_flips(distance: float) -> None:
+    look = reader(NoiseModel())
+    turns = [trial.estimate(look).distance(trial.pose)[1] for trial in seen_from(distance) + seen_by_stereo(distance)]
+    assert np.degrees(max(turns)) < 15
+
+
+@pytest.mark.parametrize("distance", DISTANCES)
+def test_covariance_tells_the_error(distance: float) -> None:
+    look = reader(EXACT)
+    squares = [nees(trial.estimate(look), trial.pose) for trial in seen_by_stereo(distance)]
+    assert 2.0 < np.mean(squares) < 10.0  # six on average
+    assert max(squares) < 40.0
+
+
+@pytest.mark.parametrize("distance", [0.35, 0.6])
+def test_covariance_tells_the_error_of_a_biased_camera(distance: float) -> None:
+    """The bias moves a tag along the ray, and tilts it further if it is tilted already."""
+    look = reader(NoiseModel(depth_bias_std=0.01))
+    biased = trials(Camera(), distance, 12, seed=3, bias_std=0.01)
+    squares = [nees(trial.estimate(look), trial.pose) for trial in biased]
+    assert 2.0 < np.mean(squares) < 10.0
+
+
+def spread(pose: Pose) -> tuple[float, float]:
+    """Standard deviations of the centre along the viewing ray and across it, m."""
+    in_camera = pose.rotation_matrix @ covariance(pose)[:3, :3] @ pose.rotation_matrix.T
+    ray = pose.translation / np.linalg.norm(pose.translation)
+    along = ray @ in_camera @ ray
+    return float(np.sqrt(along)), float(np.sqrt((np.trace(in_camera) - along) / 2))
+
+
+def test_a_bias_of_depth_makes_percepts_uncertain_along_the_ray() -> None:
+    for trial in seen_by_stereo(0.6)[:5]:
+        along, across = spread(trial.estimate(reader(NoiseModel(depth_bias_std=0.01))))
+        assert along == pytest.approx(0.01, rel=0.1)
+        assert across < 0.001
+        assert max(spread(trial.estimate(reader(EXACT)))) < 0.001
+
+
+def test_near_the_camera_the_size_tells_the_distance() -> None:
+    """So that a biased depth moves nothing."""
+    biased = trials(Camera(), 0.3, 5, seed=4, bias_std=0.01)
+    for trial in biased:
+        pose = trial.estimate(reader(NoiseModel()))
+        assert pose.distance(trial.pose)[0] < 0.006
+        assert spread(pose)[0] < 0.003
+
+
+def test_without_depth_the_corners_must_do() -> None:
+    look = reader(NoiseModel())
+    for trial in seen_from(0.3)[:5]:
+        pose = trial.estimate(look, depth=False)
+        assert pose != trial.estimate(look)
+        assert pose.distance(trial.pose)[0] < 0.005
+
+
+@pytest.mark.parametrize("wrong", [0.0, np.nan, 0.2, 2.0])
+def test_depth_that_is_missing_or_of_something_else_is_not_used(wrong: float, rng: np.random.Generator) -> None:
+    lens = Intrinsics(600.0, 600.0, 319.5, 239.5)
+    tag = Tag(3, lens.pixels(facing(0.4, 0.5, rng).apply(tag_corners(0.032))), 0.1)
+    depth = np.full((480, 640), wrong, np.float32)
+    assert estimate_tag_pose(tag, depth, lens, 0.032, NoiseModel()) == estimate_tag_pose(
+        tag, None, lens, 0.032, NoiseModel()
+    )
