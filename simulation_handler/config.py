@@ -49,6 +49,8 @@ class BeliefConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """m that the estimate of a resting object must change before its body is moved."""
     dead_band_angle: float = 0.005
     """rad, likewise."""
+    dead_sigmas: float = 2.5
+    """Standard deviations of the estimate, likewise, while those are more."""
     divergence: float = 0.002
     """m that physics may move a body from where perception put it; beyond, they disagree."""
     divergence_angle: float = 0.05

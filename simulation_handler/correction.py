@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
@@ -62,12 +63,13 @@ class Correction:
         placement = self._placed(item, scene)
         if self._is_unexplained(item, placement, now) and self._explain(item, scene):
             placement = self._placed(item, scene)
-        is_new = item.placement is None or self._differs(item.placement, placement)
+        is_new = item.placement is None or self._differs(item, item.placement, placement)
         if is_new:
-            item.adopt(placement)
+            item.adopt(self._confirmed(item, placement))
         item.learn_bias(placement)
         must_move = is_new or is_astray
-        scene[item.name] = placement.solid if must_move or item.pinned else self._bodies.solid(item.name)
+        believed = item.placement.solid if item.placement and (must_move or item.pinned) else None
+        scene[item.name] = believed or self._bodies.solid(item.name)
         return must_move
 
     def _placed(self, item: BelievedObject, scene: Scene) -> Placement:
@@ -104,12 +106,29 @@ class Correction:
         item.prop = explanation.prop
         return True
 
-    def _differs(self, old: Placement, new: Placement) -> bool:
+    def _differs(self, item: BelievedObject, old: Placement, new: Placement) -> bool:
         """Whether a placement changed by more than the dead band."""
-        before = Pose.unchecked(old.solid.position, old.solid.rotation)
-        metres, radians = before.distance(Pose.unchecked(new.solid.position, new.solid.rotation))
-        moved = metres > self._config.dead_band or radians > self._config.dead_band_angle
-        return moved or old.supports != new.supports
+        return old.supports != new.supports or self._is_apart(item, old.solid, new.solid)
+
+    def _confirmed(self, item: BelievedObject, placement: Placement) -> Placement:
+        """The first placement after a recall: at the pose recalled, which was averaged for longer, if that is near."""
+        if item.placement is None and item.name in self._bodies.sim:
+            body = self._bodies.solid(item.name)
+            if not self._is_apart(item, body, placement.solid):
+                return replace(placement, solid=body)
+        return placement
+
+    def _is_apart(self, item: BelievedObject, old: Solid, new: Solid) -> bool:
+        """Whether two poses differ by more than the dead band, or than the estimate's noise while that is more."""
+        config, estimate = self._config, item.track.estimate
+        assert estimate is not None
+        metres, radians = Pose.unchecked(old.position, old.rotation).distance(
+            Pose.unchecked(new.position, new.rotation)
+        )
+        sideways, yaw = estimate.standard_deviations()
+        return metres > max(config.dead_band, config.dead_sigmas * sideways) or radians > max(
+            config.dead_band_angle, config.dead_sigmas * yaw
+        )
 
     def _realise(self, moving: Iterable[BelievedObject], scene: Scene, now: float) -> None:
         """Put bodies where they are believed to be, and out of each other's way."""

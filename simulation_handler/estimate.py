@@ -6,6 +6,7 @@ along the viewing ray is the same in all of them and stays out of the average: s
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -95,6 +96,11 @@ class Estimate:
         """(3, 3) m^2 of the position: what is left of the noise, and of the bias along the viewing ray."""
         total: Array = self.position_covariance + bias_std**2 * np.outer(self.ray, self.ray)
         return total
+
+    def standard_deviations(self) -> tuple[float, float]:
+        """What is left of the noise sideways (m, of one axis) and in yaw (rad)."""
+        position, rotation = self.position_covariance, self.rotation_covariance
+        return math.sqrt(0.5 * (position[0, 0] + position[1, 1])), math.sqrt(rotation[2, 2])
 
     def innovation(self, percept: Percept) -> Innovation:
         """How far the percept is from the estimate."""
