@@ -38,6 +38,8 @@ class BeliefConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     gate: float = 4.0
     """Standard deviations (Mahalanobis) beyond which a percept disagrees with the track."""
+    recent_gate: float = 5.0
+    """Likewise for the mean of the last ten percepts: the test is made at each of them, so it must be stricter."""
     confirm_frames: int = 3
     """Percepts in a row that must disagree before the object has moved."""
     window: int = 100

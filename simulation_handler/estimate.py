@@ -38,12 +38,12 @@ class Estimate:
 
     def accepts(self, percept: Percept) -> bool:
         """Whether the percept may be of an object that has not moved: within the gate in place and rotation."""
-        return self.agrees([self.innovation(percept)], percept)
+        return self.agrees([self.innovation(percept)], percept, self._config.gate)
 
-    def agrees(self, innovations: Sequence[Innovation], percept: Percept) -> bool:
+    def agrees(self, innovations: Sequence[Innovation], percept: Percept, gate: float) -> bool:
         """Whether the mean of some innovations is within the gate, each of them as noisy as `percept`."""
         shift, turn = np.mean(innovations, axis=0) if len(innovations) > 1 else innovations[0]
-        limit, share = self._config.gate**2, 1.0 / len(innovations)
+        limit, share = gate**2, 1.0 / len(innovations)
         position_covariance = self.position_covariance + share * percept.position_covariance
         rotation_covariance = self.rotation_covariance + share * percept.rotation_covariance
         return _mahalanobis2(shift, position_covariance) <= limit and _mahalanobis2(turn, rotation_covariance) <= limit

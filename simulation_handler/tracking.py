@@ -14,7 +14,7 @@ from simulation_handler.config import BeliefConfig
 from simulation_handler.estimate import Estimate, Innovation, fused
 from simulation_handler.percepts import Percept
 
-_RECENT = 8  # percepts whose mean shows a move too small for the gate of a single one
+_RECENT = 10  # percepts whose mean shows a move too small for the gate of a single one
 
 
 class Track:
@@ -79,7 +79,7 @@ class Track:
         self.changed = True
         newer = [percept]
         innovations = [innovation for _, innovation in self._recent]
-        if len(self._recent) == _RECENT and not estimate.agrees(innovations, percept):
+        if len(self._recent) == _RECENT and not estimate.agrees(innovations, percept, self._config.recent_gate):
             estimate.loosen(innovations)
             newer = [recent for recent, _ in self._recent][_RECENT // 2 :]  # the older half may be from before
             self._recent.clear()
