@@ -29,11 +29,25 @@ class Correction:
         self._config = config
 
     def leave_to_physics(self, now: float) -> None:
-        """Of unseen objects that physics has moved, earlier percepts say nothing any more."""
+        """Of unseen objects that physics has moved, earlier percepts say nothing any more.
+
+        What was on its way when it was last seen is let go; what hovered steadily is still held by something.
+        """
         for item in self._bodies.objects.values():
-            if item.track.estimate is not None and not item.track.is_fresh(now) and self._bodies.has_left(item):
+            if item.track.estimate is None or item.track.is_fresh(now):
+                continue
+            if item.pinned and self._was_on_its_way(item):
+                self._bodies.set_pinned(item, False)
+            if self._bodies.has_left(item):
                 item.track.forget()
                 item.placement = item.put = None
+
+    def _was_on_its_way(self, item: BelievedObject) -> bool:
+        """Whether nothing carried an object when it was last seen, nor had it hovered there for long."""
+        if item.placement is None or item.placement.rests:
+            return False
+        since, last = item.hovering_since, item.track.last_stamp
+        return since is None or last - since < self._config.explain_after
 
     def follow_perception(self, now: float) -> None:
         """Move the bodies of objects that are perceived elsewhere than they are believed to be.

@@ -71,7 +71,7 @@ def place(percept: Solid, covariance: Array, others: Sequence[Solid], config: Be
         if level is not None:
             solid = posed.moved(given_height(posed.position, covariance, level + posed.half_height))
     if level is None:
-        return Placement(percept, (), covariance)
+        return Placement(_above(percept, covariance, others), (), covariance)
     return Placement(solid, supports if upright else (), _covariance_given_height(covariance))
 
 
@@ -104,6 +104,22 @@ def _common(solid: Solid, bottom: float, other: Solid, reach: float) -> Sequence
         return ()
     common = intersection(solid.footprint, other.footprint)
     return common if area(common) >= _SLIVER * min(area(solid.footprint), area(other.footprint)) else ()
+
+
+def _above(solid: Solid, covariance: Array, others: Iterable[Solid]) -> Solid:
+    """An unsupported solid, moved along the viewing ray until it does not reach into what it partly is above."""
+    level = max((other.top for other in others if _reaches_into(solid, other)), default=solid.bottom)
+    if level <= solid.bottom:
+        return solid
+    return solid.moved(given_height(solid.position, covariance, level + solid.half_height))
+
+
+def _reaches_into(solid: Solid, lower: Solid) -> bool:
+    """Whether the bottom of `solid` is inside the upper part of `lower`."""
+    is_lower = lower.top > solid.bottom and lower.position[2] < solid.position[2]
+    if not is_lower or not _near(solid, lower) or _are_side_by_side(solid, lower):
+        return False
+    return area(intersection(solid.footprint, lower.footprint)) > 0.0
 
 
 def _near(a: Solid, b: Solid) -> bool:

@@ -4,7 +4,8 @@ Everything is in the world frame, SI units, quaternions (x, y, z, w). The same c
 bit-identical results, also in another process.
 
 Contacts: measured on 40 mm cubes, those at rest interpenetrate by less than 0.05 mm with Bullet's own
-parameters. Friction anchors keep them from creeping (0.7 mm in 10 s in a stack of three without).
+parameters; those that fall by 40 mm do so by 3 mm on impact, unless the steps are made smaller meanwhile.
+Friction anchors keep them from creeping (0.7 mm in 10 s in a stack of three without).
 """
 
 from __future__ import annotations
@@ -24,6 +25,8 @@ TIME_STEP = 1.0 / 240.0
 GRAVITY = 9.81
 """m/s^2, towards -z."""
 _WAKE_REACH = 0.003  # m, bodies this close to a moved one are woken
+_STRIDE = 0.0004  # m that a body may move in one step: it gets that far into what it hits
+_MOST_PARTS = 16  # of a step, enough for a fall of 0.12 m
 _SLEEP_SPEED = 0.02  # m/s or rad/s, below which a body may fall asleep
 
 
@@ -52,6 +55,8 @@ class Simulator:
         self._names: dict[int, str] = {}
         self._masses: dict[str, float] = {}
         self._shapes: dict[Vector3, int] = {}
+        self._radii: dict[int, float] = {}
+        self._parts = 1
         pybullet.setGravity(0.0, 0.0, -GRAVITY, physicsClientId=self._client)
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=TIME_STEP, deterministicOverlappingPairs=1, physicsClientId=self._client
@@ -109,13 +114,14 @@ class Simulator:
             activationState=pybullet.ACTIVATION_STATE_ENABLE_SLEEPING, physicsClientId=self._client,
         )  # fmt: skip
         self._ids[name], self._names[body], self._masses[name] = body, name, mass
+        self._radii[body] = 0.5 * math.hypot(*size)
 
     def remove(self, name: str) -> None:
         """Take a body out; what rested on it will fall."""
         body = self._id(name)
         self._wake_around(body)
         pybullet.removeBody(body, physicsClientId=self._client)
-        del self._ids[name], self._names[body], self._masses[name]
+        del self._ids[name], self._names[body], self._masses[name], self._radii[body]
 
     def position(self, name: str) -> Vector3:
         """(3,) of the body's centre, m."""
@@ -148,9 +154,14 @@ class Simulator:
         self._wake_around(body)
 
     def step(self, count: int = 1) -> None:
-        """Let `count` times 1/240 s pass."""
+        """Let `count` times 1/240 s pass, in smaller steps while something moves fast."""
         for _ in range(count):
-            pybullet.stepSimulation(physicsClientId=self._client)
+            parts = self._parts_of_a_step()
+            if parts != self._parts:
+                self._parts = parts
+                pybullet.setPhysicsEngineParameter(fixedTimeStep=TIME_STEP / parts, physicsClientId=self._client)
+            for _ in range(parts):
+                pybullet.stepSimulation(physicsClientId=self._client)
 
     def contacts(self, within: float = 0.001) -> list[Contact]:
         """Pairs of bodies whose surfaces are closer than `within` m: the deepest point of each pair, sorted."""
@@ -192,6 +203,16 @@ class Simulator:
             return self._ids[name]
         except KeyError:
             raise SimulationError(f"no body {name!r} in the simulation; {suggest(name, self._ids)}") from None
+
+    def _parts_of_a_step(self) -> int:
+        """Into how many steps 1/240 s must be divided so that nothing gets far into what it hits."""
+        fastest = max((self._corner_speed(body) for body in self._names), default=0.0) + GRAVITY * TIME_STEP
+        return min(math.ceil(fastest * TIME_STEP / _STRIDE), _MOST_PARTS)
+
+    def _corner_speed(self, body: int) -> float:
+        """Upper bound of the speed of a body's corners, m/s."""
+        linear, angular = pybullet.getBaseVelocity(body, physicsClientId=self._client)
+        return math.hypot(*linear) + self._radii[body] * math.hypot(*angular)
 
     def _box_shape(self, size: Vector3) -> int:
         """One shape per size for the life of the client: pybullet never frees the shape of a removed body."""

@@ -176,6 +176,20 @@ def test_an_unseen_object_obeys_physics() -> None:
     assert world.error("b") < 0.002
 
 
+@pytest.mark.parametrize(("steadily", "height"), [(0.0, 0.02), (2.0, 0.10)])
+def test_what_is_lost_from_sight_on_its_way_falls_unless_it_was_held_steadily(steadily: float, height: float) -> None:
+    world = World({"a": cube_at(0.4, 0.1)})
+    world.run(2.0)
+    for step in range(8):
+        world.truths["a"] = cube_at(0.4, 0.1, 0.03 + 0.01 * step)
+        world.run(0.1)
+    world.run(steadily)
+    world.seen = set()
+    world.run(2.0)
+    assert world.pose("a").t[2] == pytest.approx(height, abs=0.008)
+    assert world.belief.plausible("a") is (steadily == 0.0)
+
+
 def test_objects_that_were_never_seen_are_found_beneath_a_hovering_one() -> None:
     world = World({f"cube_{level}": cube_at(0.45, 0.1, 0.02 + 0.04 * level) for level in range(3)})
     world.seen = {"cube_2"}

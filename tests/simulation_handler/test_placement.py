@@ -65,6 +65,13 @@ def test_what_is_tilted_beyond_noise_is_not_carried_but_stays_above_the_table() 
     assert placement.solid.bottom == pytest.approx(0.0, abs=1e-9)
 
 
+def test_what_hovers_beyond_the_edge_of_another_one_is_not_inside_that() -> None:
+    below = cube("below", 0.4, 0.1)
+    placement = place(cube("c", 0.43, 0.1, 0.057), covariance((0.43, 0.1, 0.057)), [TABLE, below], CONFIG)
+    assert not placement.rests
+    assert placement.solid.bottom == pytest.approx(below.top, abs=1e-9)
+
+
 @pytest.mark.parametrize("level", [1, 2, 3])
 def test_it_rests_on_the_top_of_a_stack(level: int) -> None:
     stack = [cube(f"s{i}", 0.4, 0.1, 0.02 + 0.04 * i) for i in range(level)]

@@ -65,6 +65,17 @@ def test_what_rested_on_a_body_falls_when_that_goes(table: Simulator, move: str)
     assert table.position(top)[2] == pytest.approx(0.02, abs=1e-3)
 
 
+@pytest.mark.parametrize("height", [0.01, 0.04, 0.12])
+def test_a_falling_body_does_not_get_into_what_it_hits(table: Simulator, height: float) -> None:
+    table.add_box("cube", CUBE, (0.0, 0.0, 0.02 + height), mass=0.05)
+    heights = []
+    for _ in range(SECOND):
+        table.step()
+        heights.append(table.position("cube")[2])
+    assert min(heights) > 0.02 - 5e-4
+    assert heights[-1] == pytest.approx(0.02, abs=1e-4)
+
+
 def test_a_pinned_body_hovers_until_it_is_let_go(table: Simulator) -> None:
     table.add_box("cube", CUBE, (0.0, 0.0, 0.2), mass=0.05)
     table.pin("cube", True)
