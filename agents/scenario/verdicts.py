@@ -31,6 +31,7 @@ STILL = 1.0
 """s that a belief must not have moved to count as resting"""
 Finding = tuple[bool, str]
 """Whether it holds, and what was found."""
+_NOTHING: Finding = (False, "there was no object to judge")
 
 
 def judge_check(check: Check, history: History) -> Verdict:
@@ -79,7 +80,7 @@ def _each(check: OfObjects, sample: Sample, find: Callable[[str], Finding]) -> F
     """The findings about all objects of the check, the failed ones first; without any object it does not hold."""
     names = list(sample.truth) if check.objects is None else check.objects
     if not names:
-        return False, "there was no object to judge"
+        return _NOTHING
     findings = sorted(((name, *find(name)) for name in names), key=lambda finding: finding[1])
     return all(ok for _, ok, _ in findings), "; ".join(f"{name}: {what}" for name, _, what in findings)
 
@@ -100,6 +101,8 @@ def _belief_closer(check: BeliefCloser, history: History, sample: Sample) -> Fin
 
 def _no_interpenetration(check: NoInterpenetration, history: History, sample: Sample) -> Finding:
     names = list(sample.truth) if check.objects is None else check.objects
+    if not names:
+        return _NOTHING
     if missing := [name for name in names if name not in sample.beliefs]:
         return False, f"no belief of {', '.join(missing)}"
     worst = OverlapMeter(history.scenario, "belief").deepest(_samples(check, history), names.__contains__)

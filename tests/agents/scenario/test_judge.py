@@ -122,6 +122,14 @@ def test_what_happens_before_the_belief_settled_is_not_judged():
     assert not verdict("check = 'no_interpenetration'\nafter = 1.0", late)[0]
 
 
+@pytest.mark.parametrize("check", ["no_interpenetration", "no_drift", "belief_error", "belief_closer_than_percept"])
+def test_without_any_object_nothing_holds(check: str):
+    def empty(time: float) -> Sample:
+        return Sample(time=time, truth={})
+
+    assert verdict(f"check = '{check}'", empty) == (False, "there was no object to judge")
+
+
 def test_a_check_is_judged_at_its_time():
     def lifted(time: float) -> Sample:
         return believing({"a": TRUE["a"], "b": HOVERING["b"]} if 4 <= time < 6 else TRUE)(time)
