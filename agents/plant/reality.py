@@ -83,7 +83,7 @@ class Reality:
         return read_tags(self.camera, self.world, stamp)
 
     def close(self) -> None:
-        """Free the physics engine and the files; harmless when repeated."""
+        """Free the physics engine; harmless when repeated."""
         self._resources.close()
 
     def _build(self, scenario: Scenario, config: PlantConfig, seed: int, resources: contextlib.ExitStack) -> None:
@@ -94,7 +94,6 @@ class Reality:
         if self._renderer is not None:
             resources.callback(self._renderer.close)
         self.world = World(bullet, scenario.table, start_poses(scenario, layout))
-        resources.callback(self.world.close)
         self.world.settle()
         self.arm = Arm(self.world, scenario.robot.model, scenario.robot.start)
         cameras = self._make_cameras(scenario, config, sensors)

@@ -40,7 +40,7 @@ _PALETTE = ((0.80, 0.32, 0.28), (0.30, 0.52, 0.80), (0.36, 0.66, 0.36), (0.85, 0
 
 
 class World:
-    """Table, floor and objects in a physics client; textures live in a folder that `close` removes.
+    """Table, floor and objects in a physics client.
 
     Args:
         bullet: the physics client, empty.
@@ -50,18 +50,19 @@ class World:
 
     def __init__(self, bullet: Bullet, table: TableSpec, objects: Iterable[ObjectSpec]) -> None:
         self.bullet = bullet
-        self._textures = tempfile.TemporaryDirectory(prefix="dsr-plant-")
-        self._folder = Path(self._textures.name)
         bullet.setGravity(0, 0, -GRAVITY)
         bullet.setPhysicsEngineParameter(fixedTimeStep=STEP, deterministicOverlappingPairs=1)
         x, y, top = table.position
-        self.table = self._add_block("table", table.size, _TABLE_COLOR, (x, y, top))
-        self.floor = self._add_block("floor", _FLOOR_SIZE, _FLOOR_COLOR, (x, y, top - FLOOR_BELOW_TABLE))
         self.specs = {spec.name: spec for spec in objects}
-        self._shapes = {spec.name: self._make_shapes(spec, index) for index, spec in enumerate(self.specs.values())}
         self._bodies: dict[str, int] = {}
-        for spec in self.specs.values():
-            self._add(spec.name, upright(spec.position, spec.yaw))
+        with tempfile.TemporaryDirectory(prefix="dsr-plant-") as folder:  # the physics engine keeps what it read
+            files = Path(folder)
+            self.table = self._add_block(files, "table", table.size, _TABLE_COLOR, (x, y, top))
+            self.floor = self._add_block(files, "floor", _FLOOR_SIZE, _FLOOR_COLOR, (x, y, top - FLOOR_BELOW_TABLE))
+            shapes = (self._make_shapes(files, spec, index) for index, spec in enumerate(self.specs.values()))
+            self._shapes = dict(zip(self.specs, shapes, strict=True))
+            for spec in self.specs.values():
+                self._add(spec.name, upright(spec.position, spec.yaw))
 
     def __iter__(self) -> Iterator[str]:
         """Names of the objects that are in the scene."""
@@ -149,31 +150,27 @@ class World:
             "start them on the table or on one another, without overlap, and centred over their support"
         )
 
-    def close(self) -> None:
-        """Remove the textures; harmless when repeated."""
-        self._textures.cleanup()
-
     def _rides(self, name: str, base: str) -> bool:
         inside = self.pose(base).inverse().apply(self.pose(name).t)
         within = bool(np.all(np.abs(inside) < np.array(self.specs[base].size) / 2))
         return within or self.body(base) in self.supports(name)
 
-    def _add_block(self, name: str, size: Size, color: Color, top_center: Vector3) -> int:
+    def _add_block(self, folder: Path, name: str, size: Size, color: Color, top_center: Vector3) -> int:
         """A body that nothing moves, given by the centre of its top face."""
         x, y, z = top_center
         shape = self.bullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=[side / 2 for side in size])
-        visual = self._visual(name, size, color, None)
+        visual = self._visual(folder, name, size, color, None)
         body: int = self.bullet.createMultiBody(0, shape, visual, [x, y, z - size[2] / 2])
         self.bullet.changeDynamics(body, -1, lateralFriction=1.0)
         return body
 
-    def _make_shapes(self, spec: ObjectSpec, index: int) -> tuple[int, int]:
+    def _make_shapes(self, folder: Path, spec: ObjectSpec, index: int) -> tuple[int, int]:
         shape = self.bullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=[side / 2 for side in spec.size])
         color = spec.color or _PALETTE[index % len(_PALETTE)]
-        return shape, self._visual(spec.name, spec.size, color, spec.marker_id)
+        return shape, self._visual(folder, spec.name, spec.size, color, spec.marker_id)
 
-    def _visual(self, name: str, size: Size, color: Color, marker_id: int | None) -> int:
-        file = write_box(self._folder, name, size, color, marker_id)
+    def _visual(self, folder: Path, name: str, size: Size, color: Color, marker_id: int | None) -> int:
+        file = write_box(folder, name, size, color, marker_id)
         number: int = self.bullet.createVisualShape(pybullet.GEOM_MESH, fileName=str(file))
         return number
 

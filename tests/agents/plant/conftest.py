@@ -36,7 +36,6 @@ def make_world() -> Iterator[Callable[..., World]]:
     yield make
     for world in made:
         world.bullet.close()
-        world.close()
 
 
 @pytest.fixture

@@ -3,11 +3,16 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from agents.plant.bullet import Bullet
+from agents.plant.renderer import Intrinsics, Renderer, RendererName
 from agents.plant.world import FLOOR_BELOW_TABLE, RATE_HZ, World, upright, yaw_of
-from agents.scenario.format import ObjectSpec
+from agents.scenario.format import ObjectSpec, TableSpec
 from dsr.errors import ConfigError
+from dsr.transforms import Pose
 
 MakeWorld = Callable[..., World]
 MakeCube = Callable[..., ObjectSpec]
@@ -76,10 +81,24 @@ def test_has_below_looks_down_only(make_world: MakeWorld, cube: MakeCube) -> Non
     assert not world.has_below("cube_3", 0.014)
 
 
-def test_textures_are_removed(make_world: MakeWorld, cube: MakeCube, monkeypatch: pytest.MonkeyPatch) -> None:
-    world = make_world(cube(3, 0.3, 0.0))
-    folder = Path(world._textures.name)
-    assert (folder / "cube_3.obj").exists()
-    world.close()
-    world.close()
-    assert not folder.exists()
+@pytest.mark.parametrize("renderer", ["auto", "tiny"])
+def test_no_file_is_left_while_an_object_that_comes_back_looks_as_before(
+    cube: MakeCube, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, renderer: RendererName
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    bullet = Bullet()
+    eye = Renderer(bullet, renderer)
+    world = World(bullet, TableSpec(), [cube(3, 0.35, 0.0)])
+    assert list(tmp_path.iterdir()) == []
+    camera = Pose((0.35, 0.0, 0.4), (1.0, 0.0, 0.0, 0.0))
+
+    def look() -> NDArray[np.uint8]:
+        return eye.render(camera, Intrinsics.from_fov(64, 48, 1.0)).color
+
+    before = look()
+    world.remove("cube_3")
+    assert np.any(look() != before)
+    world.put("cube_3", upright((0.35, 0.0, 0.02), 0.0))
+    assert np.array_equal(look(), before)
+    eye.close()
+    bullet.close()
