@@ -23,7 +23,7 @@ import msgspec
 from dsr.clock import WALL_CLOCK
 from dsr.connect import connect
 from dsr.errors import AgentError, TransportError
-from dsr.rendezvous import lock_file, runtime_dir
+from dsr.rendezvous import claim_file, lock_file
 from dsr.status import Heard, State, StatusBoard
 from dsr.supervised import Supervised
 from dsr.system import AgentSpec, System
@@ -223,7 +223,7 @@ def _claimed_name(graph: str) -> Iterator[str]:
     """`graph`, or `graph-2` and so on if other launchers hold that name; ours as long as the context is open."""
     names = [graph, *(f"{graph}-{number}" for number in range(2, _MOST_NAMES))]
     for name in names:
-        path = runtime_dir() / f"{name}.launcher"
+        path = claim_file(name)
         if lock := lock_file(path):
             break
     else:

@@ -78,6 +78,7 @@ class Registration:
         Path(self._lock.name).unlink(missing_ok=True)
         self._lock.close()
         endpoints(self._graph)
+        _read_live(claim_file(self._graph))
 
 
 @contextlib.contextmanager
@@ -156,6 +157,11 @@ def _read_live(path: Path) -> tuple[int, Member] | None:
     except (OSError, UnicodeDecodeError):
         return None
     return None
+
+
+def claim_file(graph: str) -> Path:
+    """The file that the launcher of `graph` keeps locked; a leftover is removed by who leaves the graph."""
+    return runtime_dir() / f"{graph}.launcher"
 
 
 def _is_locked(descriptor: int) -> bool:
