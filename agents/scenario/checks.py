@@ -10,6 +10,7 @@ from agents.scenario.expectations import Check, Edges, Recovered, Windowed
 from agents.scenario.geometry import penetration, upright_box
 from agents.scenario.layout import TOUCH, object_box, overlapping, table_box
 from agents.scenario.model import RobotSpec, Scenario
+from dsr.config import TomlFile
 from dsr.errors import ConfigError, suggest
 from dsr.keys import check_name
 from dsr.toml_lines import Path
@@ -31,6 +32,7 @@ def check_scenario(scenario: Scenario, etc: FilePath | None) -> None:
     if etc is not None:
         _check_file(("system",), scenario.system, etc / "systems", ".toml")
         _check_file(("robot", "model"), scenario.robot.model, etc / "robots", ".urdf")
+        _check_kills(scenario, etc / "systems" / f"{scenario.system}.toml")
     _check_settings(scenario)
     _check_names(scenario)
     _check_places(scenario)
@@ -58,6 +60,16 @@ def _check_file(path: Path, name: str, folder: FilePath, suffix: str) -> None:
     _require(not known or name in known, path, f"unknown {path[-1]} {name!r}; {suggest(name, known)}")
 
 
+def _check_kills(scenario: Scenario, system: FilePath) -> None:
+    """Only agents of the system can be killed; their classes are not loaded for that."""
+    kills = [(index, event.agent) for index, event in enumerate(scenario.events) if isinstance(event, Kill)]
+    if not kills or not system.exists():
+        return
+    agents = [table["name"] for table in TomlFile(system).data["agent"]]
+    for index, agent in kills:
+        _require(agent in agents, ("event", index, "agent"), f"unknown agent {agent!r}; {suggest(agent, agents)}")
+
+
 def _check_settings(scenario: Scenario) -> None:
     _require(
         scenario.settle < scenario.duration,
@@ -66,9 +78,11 @@ def _check_settings(scenario: Scenario) -> None:
     )
     low, high = scenario.sensor.depth_bias
     _require(low <= high, ("sensor", "depth_bias"), f"[{low}, {high}] m: expected the smaller bound first")
-    model = scenario.robot.model
-    needs_start = model != "gen3" and scenario.robot.start == RobotSpec().start
+    model, start, default = scenario.robot.model, scenario.robot.start, RobotSpec().start
+    needs_start = model != "gen3" and start == default
     _require(not needs_start, ("robot",), f"robot {model!r} needs `start`: its joint positions in rad")
+    fits = model != "gen3" or len(start) == len(default)
+    _require(fits, ("robot", "start"), f"expected {len(default)} joint positions (rad), got {len(start)}")
 
 
 def _check_names(scenario: Scenario) -> None:

@@ -47,7 +47,7 @@ def type_error(error: msgspec.ValidationError, data: dict[str, Any], text: str, 
     message = str(error)
     match = _AT.search(message)
     path = _value_path(match["path"]) if match else ()
-    what = message[: match.start()] if match else message
+    what = (message[: match.start()] if match else message).removeprefix("Object ")
     if unknown := _UNKNOWN_FIELD.search(what):
         path += (unknown[1],)
         what = f"unknown field; {suggest(unknown[1], _fields(path[:-1], data))}"
@@ -55,9 +55,15 @@ def type_error(error: msgspec.ValidationError, data: dict[str, Any], text: str, 
         what = f"unknown value {_value(path, data)!r}; {suggest(str(_value(path, data)), _choices(path, data))}"
     elif what.endswith(("missing required field `do`", "missing required field `check`")):
         what += f"; {suggest('', _TAGGED[str(path[0])][1])}"
-    elif unit := next((UNITS[step] for step in path[::-1] if step in UNITS), None):
-        what += f" ({unit}), got {_value(path, data)!r}"
+    elif what.startswith("Expected"):
+        expected = what.partition(", got ")[0].replace("`object`", "`table`")
+        what = f"{expected}{_unit(path)}, got {_value(path, data)!r}"
     return value_error(what[0].lower() + what[1:], path, text, file)
+
+
+def _unit(path: Path) -> str:
+    """The unit of the field at `path`, in brackets, if it has one."""
+    return next((f" ({UNITS[step]})" for step in path[::-1] if step in UNITS), "")
 
 
 def _value_path(path: str) -> Path:
