@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import enum
 import os
+import shlex
+import shutil
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
@@ -114,6 +117,8 @@ def _play(scenario: str, *, lockstep: bool, seed: int, sensor: SensorChoice, jso
     """Run, show and write the result; ends the program with its exit code."""
     window = viewer and not lockstep and has_display(os.environ)
     plan = make_run(scenario, seed=seed, sensor=sensor.value, window=window)
+    if json:
+        _check_writable(json)
     folder = new_run_folder(plan.scenario.name)
     plan = msgspec.structs.replace(plan, folder=folder)
     try:
@@ -129,6 +134,15 @@ def _play(scenario: str, *, lockstep: bool, seed: int, sensor: SensorChoice, jso
     raise typer.Exit(0 if result.passed else 1)
 
 
+def _check_writable(file: Path) -> None:
+    """Raise `ConfigError` before a run rather than lose its result after it."""
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.open("a").close()
+    except OSError as error:
+        raise ConfigError(f"--json {file}: cannot be written ({error.strerror})") from error
+
+
 def has_display(environment: Mapping[str, str]) -> bool:
     """Whether a window can be opened."""
     return bool(environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY"))
@@ -138,6 +152,12 @@ def _show_files(folder: Path) -> None:
     """Say what the run left and how to open it."""
     console.print(f"result     {folder / 'result.json'}", soft_wrap=True)
     for recording in sorted(folder.glob("*.rrd")):
-        console.print(f"recording  {recording}   open it with [bold]rerun {recording}[/]", soft_wrap=True)
+        opened = f"{_rerun_program()} {shlex.quote(str(recording))}"
+        console.print(f"recording  {recording}   open it with [bold]{opened}[/]", soft_wrap=True)
     for recording in sorted(folder.glob("*.mcap")):
         console.print(f"recording  {recording}   all changes of the memory and sensor data, as MCAP", soft_wrap=True)
+
+
+def _rerun_program() -> str:
+    """How to call rerun: by its path where this environment is not activated."""
+    return "rerun" if shutil.which("rerun") else os.path.relpath(Path(sys.executable).with_name("rerun"))

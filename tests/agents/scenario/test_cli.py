@@ -13,6 +13,7 @@ from agents.scenario import cli
 from agents.scenario.format import scenario_files
 from agents.scenario.result import Result, Verdict
 from agents.scenario.staging import Run
+from dsr.errors import ConfigError
 
 ROOT = Path(__file__).parents[3]
 
@@ -74,8 +75,8 @@ def test_check_accepts_what_is_there_and_names_what_is_wrong(tmp_path: Path):
     wrong.write_text("name = 'x'\ntitle = 'x'\nduration = 'long'\n")
     code, output = invoke("check", "hovering", str(wrong), str(ROOT / "etc/scenarios/hovering_1.toml"))
     assert code == 1
-    assert f"{wrong}:3: duration: expected `float`, got `str`" in output
-    assert "hovering: 4 objects, 0 events, 6 expectations" in output
+    assert f"{wrong}:3: duration: expected `float` (s), got 'long'" in output
+    assert "hovering: 4 objects, 0 events, " in output
     assert invoke("check", "hovering")[0] == 0
 
 
@@ -88,6 +89,14 @@ def test_run_passes_the_options_on_and_leaves_the_result(recorded: Recorded, tmp
     assert json.loads((tmp_path / "out.json").read_text()) == json.loads((run.folder / "result.json").read_text())
     for shown in ("12.30 mm", "0.10 mm", "cube_4 was never seen", "1 of 1 expectations", "result.json"):
         assert shown in output
+
+
+def test_a_file_that_cannot_hold_the_result_is_refused_before_the_run(recorded: Recorded, tmp_path: Path):
+    (tmp_path / "file").touch()
+    outcome = CliRunner().invoke(cli.app, ["run", "hovering", "--json", "file/out.json"])
+    assert isinstance(outcome.exception, ConfigError)
+    assert "--json file/out.json: cannot be written" in str(outcome.exception)
+    assert not recorded.runs
 
 
 def test_the_exit_code_says_whether_the_expectations_hold(recorded: Recorded):
