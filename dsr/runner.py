@@ -8,7 +8,7 @@ import traceback
 from collections import deque
 
 from dsr.agent import Agent
-from dsr.errors import AgentError, DsrError
+from dsr.errors import AgentError, ConfigError, DsrError
 from dsr.status import PERIOD, State, Status, encode_status
 from dsr.transport import Qos
 
@@ -134,7 +134,7 @@ class Runner:
             self.tell()
 
     def _count(self, error: Exception) -> None:
-        """Note a failure; log it with its traceback if this kind is new."""
+        """Note a failure; log it if this kind is new, with its traceback unless it is a wrong configuration."""
         self._errors += 1
         self._errors_in_a_row += 1
         self._last_error = f"{type(error).__name__}: {error}"
@@ -142,7 +142,8 @@ class Runner:
         kind = f"{type(error).__name__} at {where[0].filename}:{where[0].lineno}" if where else self._last_error
         if kind not in self._known_errors:
             self._known_errors.add(kind)
-            self.agent.log.error("%s (logged once)", self._last_error, exc_info=error)
+            shown = None if isinstance(error, ConfigError) else error
+            self.agent.log.error("%s (logged once)", self._last_error, exc_info=shown)
 
     def status(self) -> Status:
         """The agent's present condition."""

@@ -67,7 +67,7 @@ class ZenohTransport:
             try:
                 config.insert_json5(key, json.dumps(value))
             except zenoh.ZError as error:
-                raise TransportError(f"Zenoh refuses {key} = {value!r}: {error}") from error
+                raise TransportError(f"Zenoh refuses {key} = {value!r}: {_reason(error)}") from error
         try:
             self._session = zenoh.open(config)
         except zenoh.ZError as error:

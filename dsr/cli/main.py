@@ -67,6 +67,11 @@ def main() -> None:
         sys.exit(2 if isinstance(error, ConfigError) else 1)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader of our output left
+    except OSError as error:  # a folder that cannot be written, a full disk
+        if _debug or error.filename is None:
+            raise
+        errors.print(f"[bold red]{escape(f'{error.filename}: {error.strerror}')}[/]", soft_wrap=True)
+        sys.exit(1)
 
 
 if __name__ == "__main__":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import enum
 import threading
 from pathlib import Path
 from typing import Annotated
@@ -18,6 +19,15 @@ from dsr.system import find_system, load_system
 app = typer.Typer()
 
 
+class LogLevel(enum.StrEnum):
+    """Values of `--log-level`."""
+
+    DEBUG = "debug"
+    INFO = "info"
+    WARNING = "warning"
+    ERROR = "error"
+
+
 @app.command()
 def run(
     system: Annotated[str, typer.Argument(help="A TOML file, or the name of one in etc/systems.")],
@@ -25,7 +35,7 @@ def run(
     seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
     folder: Annotated[Path | None, typer.Option(help="For logs and recordings; default: a new one in runs/.")] = None,
     router: RouterOption = None,
-    log_level: Annotated[str, typer.Option(help="Of the agents: debug, info, warning or error.")] = "info",
+    log_level: Annotated[LogLevel, typer.Option(help="Of the agents.")] = LogLevel.INFO,
 ) -> None:
     """Start the agents of a system as processes and supervise them until Ctrl-C.
 
@@ -35,7 +45,7 @@ def run(
     chosen = load_system(system)
     chosen = chosen.on_graph(graph) if graph else chosen
     place = folder or new_run_folder(find_system(system).stem)
-    with Launcher(chosen, place, seed=seed, router=router, log_level=log_level) as launcher:
+    with Launcher(chosen, place, seed=seed, router=router, log_level=log_level.value) as launcher:
         message = f"graph [bold]{launcher.graph}[/], logs and recordings in [bold]{place}[/], Ctrl-C stops"
         console.print(message, soft_wrap=True)
         view = _View(launcher)

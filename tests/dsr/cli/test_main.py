@@ -59,6 +59,13 @@ def test_run_starts_a_system_and_stops_it_on_a_signal(
     assert {file.name for file in tmp_path.glob("*.log")} == {"first.log", "second.log"}
 
 
+def test_a_folder_that_cannot_be_made_is_told_in_one_line(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    result = dsr("run", str(SYSTEMS / "counters.toml"), "--folder", str(tmp_path / "file" / "run"))
+    assert result.returncode == 1
+    assert result.stderr == f"{tmp_path / 'file' / 'run'}: Not a directory\n"
+
+
 def test_run_fails_if_an_agent_cannot_be_started(tmp_path: Path) -> None:
     file = tmp_path / "broken.toml"
     file.write_text('graph = "g"\n[[agent]]\nname = "broken"\nclass = "toy_broken:Broken"\nrestart = false\n')
