@@ -93,7 +93,7 @@ class _HeadlessViewer:
         with log_file.open("wb") as log:
             self._process = subprocess.Popen(
                 [native_viewer(), recording, "--headless", *where, "--window-size", size],
-                env={"WGPU_BACKEND": "vulkan", **private_environment(os.environ)},
+                env={"WGPU_BACKEND": "vulkan", **private_environment(os.environ, log_file.parent)},
                 stdout=log,
                 stderr=subprocess.STDOUT,
             )

@@ -8,6 +8,7 @@ import os
 import socket
 import subprocess
 import sys
+import tempfile
 import threading
 from collections.abc import Mapping
 from pathlib import Path
@@ -28,7 +29,7 @@ class Window:
     """A running rerun viewer; a context manager that closes it.
 
     Args:
-        log_file: gets its output.
+        log_file: gets its output; a folder beside it holds the viewer's own files as long as it runs.
         memory_limit: what it may use until it forgets the oldest data, such as "1GB".
 
     Raises:
@@ -43,6 +44,7 @@ class Window:
         self.url = viewer_url(port)
         command = [str(native_viewer()), "--bind", "127.0.0.1", "--port", str(port), "--memory-limit", memory_limit]
         command += ["--expect-data-soon", "--hide-welcome-screen"]
+        self._scratch = tempfile.TemporaryDirectory(prefix="window-", dir=log_file.parent, ignore_cleanup_errors=True)
         try:
             with log_file.open("ab") as log:
                 self._process = subprocess.Popen(
@@ -50,9 +52,10 @@ class Window:
                     stdin=subprocess.DEVNULL,
                     stdout=log,
                     stderr=subprocess.STDOUT,
-                    env=private_environment(os.environ),
+                    env=private_environment(os.environ, Path(self._scratch.name)),
                 )
         except OSError as error:
+            self._scratch.cleanup()
             raise WindowError(f"{command[0]} cannot be started ({error})") from error
         if not self._wait_for_server(port):
             self.close()
@@ -87,6 +90,7 @@ class Window:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
+        self._scratch.cleanup()
 
 
 def has_display(environment: Mapping[str, str], platform: str) -> bool:
@@ -102,9 +106,12 @@ def native_viewer() -> Path:
     return Path(package.origin).parent / ("rerun.exe" if os.name == "nt" else "rerun")
 
 
-def private_environment(environment: Mapping[str, str]) -> dict[str, str]:
-    """For the viewer: without usage analytics, which rerun leaves out, its files included, where `CI` is set."""
-    return {**environment, "CI": "1"}
+def private_environment(environment: Mapping[str, str], scratch: Path) -> dict[str, str]:
+    """For the viewer: it never removes its temporary files, so they go to `scratch`.
+
+    Without usage analytics, which rerun leaves out, its files included, where `CI` is set.
+    """
+    return {**environment, "CI": "1", "TMPDIR": str(scratch.absolute())}
 
 
 def viewer_url(port: int) -> str:

@@ -21,6 +21,7 @@ def program(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
 import os, signal, socket, sys, time
 signal.signal(signal.SIGTERM, signal.SIG_IGN)
 print("args", *sys.argv[1:], "CI=" + os.environ["CI"], flush=True)
+os.mkdir(os.environ["TMPDIR"] + "/rerun-data")
 server = socket.create_server(("127.0.0.1", int(sys.argv[sys.argv.index("--port") + 1])))
 time.sleep(1000)
 """)
@@ -37,6 +38,7 @@ def test_it_listens_on_this_machine_only_and_ends_even_if_it_hangs(program: Path
     opened.close()
     opened.close()
     assert opened.exit_code is not None
+    assert {file.name for file in tmp_path.iterdir()} == {"rerun", "log"}
     said = (tmp_path / "log").read_text()
     assert "--bind 127.0.0.1" in said and "--memory-limit 1GB" in said and "CI=1" in said
     assert f"--port {opened.url.split(':')[2].split('/')[0]}" in said
@@ -77,7 +79,7 @@ def test_a_display_is_found(environment: dict[str, str], platform: str, expected
 
 def test_the_real_viewer_neither_collects_nor_leaves_anything(tmp_path: Path) -> None:
     """With analytics on, this prints their configuration and writes it to the home directory."""
-    environment = {**window.private_environment(os.environ), "HOME": str(tmp_path)}
+    environment = {**window.private_environment(os.environ, tmp_path), "HOME": str(tmp_path)}
     for name in ("XDG_CONFIG_HOME", "XDG_DATA_HOME"):
         environment.pop(name, None)
     command = [str(window.native_viewer()), "analytics", "config"]
