@@ -1,22 +1,30 @@
 """Removes shared memory that Zenoh leaves behind: its library tidies up only when a next session opens.
 
 Every process that has a segment mapped holds a lock on its file. A file that no living process but this one has
-locked belongs to nobody else, so this process may remove it when it ends.
+locked belongs to nobody else, so this process may remove it when it ends. Of processes that end together each would
+leave that to the others: so they do it one at a time, and each waits until the one before it is really gone.
 """
 
 from __future__ import annotations
 
+import fcntl
 import os
+import threading
 from pathlib import Path
+
+from dsr.clock import WALL_CLOCK
 
 _FOLDER = Path("/dev/shm")
 _LOCKS = Path("/proc/locks")
+_PATIENCE = 1.0  # s to wait for others that end
+_PERIOD = 0.01  # s
 
 
 def remove_leftovers() -> None:
     """Remove segments that no other process uses; call it last. Does nothing where Linux's folders are missing."""
     if not (_FOLDER.is_dir() and _LOCKS.exists()):
         return
+    _queue_to_end()
     used = _locked_by_others()
     for file in _FOLDER.glob("*.zenoh"):
         try:
@@ -24,6 +32,19 @@ def remove_leftovers() -> None:
                 file.unlink()
         except OSError:
             continue  # somebody else was faster, or it is another user's
+
+
+def _queue_to_end() -> None:
+    """Take a lock that is given back by the death of this process, if it is free in time."""
+    descriptor = os.open(_FOLDER, os.O_RDONLY)
+    deadline = WALL_CLOCK.monotonic() + _PATIENCE
+    while WALL_CLOCK.monotonic() < deadline:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            WALL_CLOCK.wait(threading.Event(), _PERIOD)
+        else:
+            return
 
 
 def _identity(file: Path) -> str:
