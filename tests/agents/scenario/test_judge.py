@@ -209,15 +209,15 @@ def test_edges_attributes_and_perceived():
 
 
 def test_a_killed_agent_must_come_back_in_time():
-    kill = "[[event]]\nat = 3.0\ndo = 'kill'\nagent = 'x'"
-    scenario = scenario_with("check = 'recovered'\nagent = 'x'\nwithin = 2.0", kill)
+    kill = "[[event]]\nat = 3.0\ndo = 'kill'\nagent = 'plant'"
+    scenario = scenario_with("check = 'recovered'\nagent = 'plant'\nwithin = 2.0", kill)
     history = run(scenario)
     check = scenario.expectations[0]
     assert not judge_check(check, history).passed
-    history.agent_starts = [(0.1, "x"), (4.0, "y"), (5.1, "x")]
+    history.agent_starts = [(0.1, "plant"), (4.0, "recorder"), (5.1, "plant")]
     assert judge_check(check, history).actual == "ready after 2.1 s"
     assert not judge_check(check, history).passed
-    history.agent_starts.append((4.9, "x"))
+    history.agent_starts.append((4.9, "plant"))
     assert judge_check(check, history).passed
 
 

@@ -33,14 +33,14 @@ position = [0.3, 0.0, 0.02]
 [[event]]
 at = 1.5
 do = "kill"
-agent = "believer"
+agent = "simulation_handler"
 
 [[expect]]
 check = "belief_closer_than_percept"
 
 [[expect]]
 check = "recovered"
-agent = "believer"
+agent = "simulation_handler"
 within = 2.0
 """
 TRUE = (0.3, 0.0, 0.02, 0.0, 0.0, 0.0, 1.0)
@@ -69,7 +69,7 @@ class StandInPlant(Agent):
 class Believer(Agent):
     """Sees the cube 10 mm too high with noise, believes it where it is."""
 
-    name = "believer"
+    name = "simulation_handler"
     rate_hz = 10.0
     writes = Access(nodes=("world", "cube"), edges=("RT", "Virtual_RT"), attributes=("perceived",))
 
