@@ -6,7 +6,6 @@
             memory.update_node("table", seen=len(memory.nodes(type="cube")))
 """
 
-from dsr.access import Access
 from dsr.agent import Agent
 from dsr.blobs import Frame
 from dsr.clock import Clock, ManualClock, WallClock
@@ -30,6 +29,7 @@ from dsr.errors import (
 from dsr.frame_reader import FrameReader
 from dsr.local_transport import Faults, LocalNetwork
 from dsr.memory import Memory
+from dsr.runtime.access import Access
 from dsr.schema import AttributeType, Schema
 from dsr.transforms import Pose
 from dsr.watch import Change, Watch

@@ -1,7 +1,7 @@
 """An agent: declared reads and writes, setup, tick, teardown. Subclass `Agent`; `main` makes it a program.
 
-The same class runs as a process on the wall clock (`main`, dsr/runner.py) and in lockstep with others on a
-manual clock (dsr/lockstep.py). It must therefore start no threads and never block: everything happens in `tick`.
+The same class runs as a process on the wall clock (`main`) and in lockstep with others on a manual clock, see
+dsr/runtime/. It must therefore start no threads and never block: everything happens in `tick`.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import msgspec
 import numpy as np
 
-from dsr.access import Access
 from dsr.clock import Clock
-from dsr.config import convert
 from dsr.errors import AgentError
 from dsr.keys import Keys, check_name
+from dsr.runtime.access import Access
+from dsr.runtime.config import convert
 from dsr.transport import Transport
 
 if TYPE_CHECKING:
@@ -102,6 +102,6 @@ def _mix(seed: int, name: str) -> int:
 
 def main(kind: type[Agent]) -> None:
     """Run an agent of class `kind` as this process, with the command line's arguments; does not return."""
-    from dsr.agent_process import run_command_line
+    from dsr.runtime.agent_process import run_command_line
 
     raise SystemExit(run_command_line(kind))

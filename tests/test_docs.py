@@ -20,9 +20,9 @@ import typer
 import dsr
 from dsr import Memory, Pose
 from dsr.cli import main as command_line
-from dsr.launcher import Launcher
-from dsr.lockstep import Lockstep
-from dsr.system import AgentSpec, load_system
+from dsr.runtime.launcher import Launcher
+from dsr.runtime.lockstep import Lockstep
+from dsr.runtime.system import AgentSpec, load_system
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])

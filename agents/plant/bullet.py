@@ -7,7 +7,7 @@ from typing import Any
 
 import pybullet
 
-from dsr.native_output import silenced
+from dsr.runtime.native_output import silenced
 from dsr.transforms import Pose
 
 

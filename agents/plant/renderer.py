@@ -15,7 +15,7 @@ import pybullet
 from numpy.typing import NDArray
 
 from agents.plant.bullet import Bullet
-from dsr.native_output import silenced
+from dsr.runtime.native_output import silenced
 from dsr.transforms import Pose
 
 log = logging.getLogger("agents.plant.renderer")

@@ -10,10 +10,10 @@ from agents.scenario.expectations import Check, Edges, Recovered, Windowed
 from agents.scenario.geometry import penetration, upright_box
 from agents.scenario.layout import TOUCH, object_box, overlapping, table_box
 from agents.scenario.model import RobotSpec, Scenario
-from dsr.config import TomlFile
 from dsr.errors import ConfigError, suggest
 from dsr.keys import check_name
-from dsr.toml_lines import Path
+from dsr.runtime.config import TomlFile
+from dsr.runtime.toml_lines import Path
 
 _RESERVED = {"world", "robot", "table", "camera_overhead", "camera_wrist", "arm", "gripper", "body", "mind"}
 

@@ -13,7 +13,7 @@ from agents.scenario.expectations import CHECKS
 from agents.scenario.model import ObjectSpec, RandomSpec, RobotSpec, Scenario, SensorSpec, TableSpec
 from agents.scenario.units import UNITS
 from dsr.errors import ConfigError, suggest
-from dsr.toml_lines import Path, line_of
+from dsr.runtime.toml_lines import Path, line_of
 
 _AT = re.compile(r" - at `\$(?P<path>.*)`$")
 _STEP = re.compile(r"\.(\w+)|\[(\d+)\]")

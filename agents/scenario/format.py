@@ -40,7 +40,7 @@ from agents.scenario.layout import start_poses
 from agents.scenario.model import ObjectSpec, RandomSpec, RobotSpec, Scenario, SensorSpec, TableSpec
 from dsr.errors import ConfigError, suggest
 from dsr.keys import Keys
-from dsr.toml_lines import Path as ValuePath
+from dsr.runtime.toml_lines import Path as ValuePath
 
 __all__ = [
     "EVENTS",

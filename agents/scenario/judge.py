@@ -15,7 +15,7 @@ from agents.scenario.verdicts import judge_check
 from dsr.errors import TransformError, WireError
 from dsr.keys import Keys
 from dsr.memory import Memory
-from dsr.status import State, decode_status
+from dsr.runtime.status import State, decode_status
 from dsr.transforms import Pose
 from dsr.transport import Transport
 

@@ -12,7 +12,7 @@ from rich.table import Table
 
 from agents.scenario.model import Scenario
 from agents.scenario.result import Result
-from dsr.launcher import AgentRow
+from dsr.runtime.launcher import AgentRow
 
 STILL_RESTS = 0.001
 """m, the largest gap under a belief that the table calls resting"""

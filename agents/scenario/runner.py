@@ -18,9 +18,9 @@ from agents.scenario.result import Result
 from agents.scenario.staging import Run, staged_system, without
 from dsr.errors import AgentError
 from dsr.keys import Keys
-from dsr.launcher import POLL_PERIOD, AgentRow, Launcher
-from dsr.lockstep import Lockstep
-from dsr.status import State
+from dsr.runtime.launcher import POLL_PERIOD, AgentRow, Launcher
+from dsr.runtime.lockstep import Lockstep
+from dsr.runtime.status import State
 from dsr.transport import Transport
 
 LEAD = 0.5

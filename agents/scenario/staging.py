@@ -9,7 +9,7 @@ import msgspec
 
 from agents.scenario.format import find_scenario, load_scenario
 from agents.scenario.model import Scenario
-from dsr.system import System, load_system
+from dsr.runtime.system import System, load_system
 
 Sensor = Literal["pixels", "poses"]
 """What the plant's camera delivers: rendered images, or the poses that would be measured in them."""

@@ -11,7 +11,7 @@ import rerun as rr
 
 from agents.inbox import Message
 from dsr import Change, Memory, WireError
-from dsr.logs import decode_log
+from dsr.runtime.logs import decode_log
 
 ENTITY = "log"
 _RELATIONS = ("on", "in", "grasping")

@@ -13,7 +13,7 @@ from agents.viewer import palette
 from agents.viewer.model import Scene, Solid, Vector
 from agents.viewer.palette import Color
 from dsr import WireError
-from dsr.status import decode_status
+from dsr.runtime.status import decode_status
 
 DISTANCES = "series/percept_to_belief_mm"
 ERRORS = "series/error_mm"

@@ -13,12 +13,12 @@ import numpy as np
 import typer
 from rich.console import Console
 
-from dsr.access import Access, WriteGuard
 from dsr.clock import WALL_CLOCK
 from dsr.connect import connect
 from dsr.errors import ConfigError
 from dsr.memory import Memory
 from dsr.rendezvous import endpoints, graphs, running_graph
+from dsr.runtime.access import Access, WriteGuard
 from dsr.transforms import Pose
 
 GraphOption = Annotated[

@@ -13,8 +13,8 @@ from rich.markup import escape
 
 from dsr.cli.common import RouterOption, console, new_run_folder
 from dsr.cli.status_table import status_table
-from dsr.launcher import AgentRow, Launcher
-from dsr.system import find_system, load_system
+from dsr.runtime.launcher import AgentRow, Launcher
+from dsr.runtime.system import find_system, load_system
 
 app = typer.Typer()
 

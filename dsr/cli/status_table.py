@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
-from dsr.launcher import AgentRow
+from dsr.runtime.launcher import AgentRow
 
 _COLOURS = {
     "ready": "green",

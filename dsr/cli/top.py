@@ -10,8 +10,8 @@ from rich.live import Live
 from dsr.cli.common import GraphOption, JsonOption, RouterOption, console, print_json, reading
 from dsr.cli.status_table import status_json, status_table
 from dsr.clock import WALL_CLOCK
-from dsr.launcher import AgentRow
-from dsr.status import PERIOD, StatusBoard
+from dsr.runtime.launcher import AgentRow
+from dsr.runtime.status import PERIOD, StatusBoard
 
 app = typer.Typer()
 

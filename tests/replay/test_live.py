@@ -7,7 +7,7 @@ from pathlib import Path
 
 from agents.scenario.runner import Silent, run_live
 from agents.scenario.staging import make_run
-from dsr.launcher import AgentRow
+from dsr.runtime.launcher import AgentRow
 
 SCENARIO = """
 name = "short_kill"

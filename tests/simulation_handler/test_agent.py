@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from dsr.elements import Edge
-from dsr.lockstep import Lockstep
 from dsr.memory import Memory
-from dsr.system import AgentSpec
+from dsr.runtime.lockstep import Lockstep
+from dsr.runtime.system import AgentSpec
 from dsr.transforms import Pose
 from simulation_handler import SimulationHandler
 from tests.simulation_handler.worlds import CUBE, TABLE, SyntheticCamera, cube_at

@@ -14,10 +14,10 @@ from agents.arm_controller.kinematics import Chain
 from agents.arm_controller.urdf import load_robot
 from agents.drivers import ArmState
 from dsr import Frame, LocalNetwork, ManualClock, Memory
-from dsr.access import WriteGuard
 from dsr.agent import make_agent
 from dsr.keys import Keys
-from dsr.runner import Runner
+from dsr.runtime.access import WriteGuard
+from dsr.runtime.runner import Runner
 
 PERIOD = 0.02
 GEN3 = Path(__file__).parents[3] / "etc" / "robots" / "gen3.urdf"

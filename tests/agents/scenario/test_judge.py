@@ -20,7 +20,7 @@ from dsr.clock import ManualClock
 from dsr.keys import Keys
 from dsr.local_transport import LocalNetwork
 from dsr.memory import Memory
-from dsr.status import State, Status, encode_status
+from dsr.runtime.status import State, Status, encode_status
 from dsr.transforms import Pose
 
 FILE = """

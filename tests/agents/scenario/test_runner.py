@@ -16,7 +16,7 @@ from agents.scenario.runner import run_lockstep
 from agents.scenario.staging import Run
 from dsr.agent import Access, Agent
 from dsr.errors import AgentError
-from dsr.system import AgentSpec, System
+from dsr.runtime.system import AgentSpec, System
 from dsr.transforms import Pose
 
 SCENARIO = """

@@ -14,10 +14,10 @@ from agents.scene_estimator import SceneEstimator
 from agents.scene_estimator.sighting import FrameReader
 from benchmarks.tag_camera import Camera, facing
 from dsr import Frame, LocalNetwork, ManualClock, Memory, Pose
-from dsr.access import WriteGuard
 from dsr.agent import make_agent
 from dsr.keys import Keys
-from dsr.runner import Runner
+from dsr.runtime.access import WriteGuard
+from dsr.runtime.runner import Runner
 
 PERIOD = 0.05
 SIZE = 0.04

@@ -8,10 +8,10 @@ import pytest
 
 from agents.scene_setup import SceneSetup
 from dsr import LocalNetwork, ManualClock, Memory, Pose
-from dsr.access import WriteGuard
 from dsr.agent import make_agent
 from dsr.errors import ConfigError
 from dsr.keys import Keys
+from dsr.runtime.access import WriteGuard
 
 SCENE = """
 name = "scene"

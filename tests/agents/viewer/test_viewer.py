@@ -19,8 +19,8 @@ import pytest
 from agents.viewer import palette
 from agents.viewer.blueprint import make_blueprint
 from dsr import Frame, Pose
-from dsr.logs import LogRecord
-from dsr.status import State, Status, encode_status
+from dsr.runtime.logs import LogRecord
+from dsr.runtime.status import State, Status, encode_status
 
 
 def rgba(color: palette.Color) -> int:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-SYSTEMS = Path(__file__).parents[1] / "systems"
+SYSTEMS = Path(__file__).parents[1] / "runtime" / "systems"
 
 
 def dsr(*arguments: str) -> subprocess.CompletedProcess[str]:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from dsr import Memory, WallClock
-from dsr.status import State, Status, encode_status
+from dsr.runtime.status import State, Status, encode_status
 from dsr.transport import Qos
 
 

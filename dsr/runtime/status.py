@@ -19,7 +19,7 @@ PERIOD = 1.0
 SILENT_AFTER = 3.0
 """s without a word from an agent until it counts as silent (it hangs, or its process is gone)."""
 
-_log = logging.getLogger("dsr.status")
+_log = logging.getLogger("dsr.runtime.status")
 
 
 class State(enum.StrEnum):

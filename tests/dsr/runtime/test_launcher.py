@@ -15,10 +15,10 @@ import pytest
 
 from dsr import ManualClock, WallClock
 from dsr.errors import AgentError
-from dsr.launcher import Launcher
 from dsr.rendezvous import graphs
-from dsr.supervised import Supervised
-from dsr.system import AgentSpec, System, load_class, load_system
+from dsr.runtime.launcher import Launcher
+from dsr.runtime.supervised import Supervised
+from dsr.runtime.system import AgentSpec, System, load_class, load_system
 
 SYSTEMS = Path(__file__).parent / "systems"
 
@@ -126,7 +126,7 @@ def test_one_that_seldom_ticks_is_heard_all_the_same(tmp_path: Path) -> None:
 
 
 def test_one_that_does_not_stop_is_killed_with_its_children(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("dsr.launcher.STOP_PATIENCE", 0.5)
+    monkeypatch.setattr("dsr.runtime.launcher.STOP_PATIENCE", 0.5)
     with Launcher(one("deaf"), tmp_path) as launcher:
         launcher.wait_ready()
         group = launcher.rows()[0].pid
@@ -145,8 +145,8 @@ def test_running_ends_when_asked(tmp_path: Path) -> None:
 LAUNCH = """
 import sys, threading
 from pathlib import Path
-from dsr.launcher import Launcher
-from dsr.system import load_system
+from dsr.runtime.launcher import Launcher
+from dsr.runtime.system import load_system
 with Launcher(load_system(sys.argv[1]), Path(sys.argv[2])) as launcher:
     launcher.wait_ready()
     print(*[row.pid for row in launcher.rows()], flush=True)

@@ -11,8 +11,8 @@ from typing import Any, TypeVar, get_args, get_origin
 import msgspec
 
 from dsr.errors import ConfigError, suggest
-from dsr.toml_lines import Path as ValuePath
-from dsr.toml_lines import line_of
+from dsr.runtime.toml_lines import Path as ValuePath
+from dsr.runtime.toml_lines import line_of
 
 T = TypeVar("T")
 

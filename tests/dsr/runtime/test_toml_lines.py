@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dsr.toml_lines import Path, line_of
+from dsr.runtime.toml_lines import Path, line_of
 
 TEXT = '''\
 # a = 0

@@ -9,7 +9,7 @@ from collections import deque
 
 from dsr.agent import Agent
 from dsr.errors import AgentError, ConfigError, DsrError
-from dsr.status import PERIOD, State, Status, encode_status
+from dsr.runtime.status import PERIOD, State, Status, encode_status
 from dsr.transport import Qos
 
 _SAMPLES = 200

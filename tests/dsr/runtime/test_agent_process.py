@@ -13,12 +13,12 @@ from pathlib import Path
 import pytest
 
 import dsr
-from dsr.agent_process import read_config
 from dsr.errors import ConfigError
-from dsr.logs import LogRecord, decode_log
+from dsr.runtime.agent_process import read_config
+from dsr.runtime.logs import LogRecord, decode_log
 
 SYSTEMS = Path(__file__).parent / "systems"
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 
 
 @contextmanager

@@ -7,8 +7,8 @@ import subprocess
 
 import msgspec
 
-from dsr.access import Access
 from dsr.agent import Agent
+from dsr.runtime.access import Access
 
 
 class CounterConfig(msgspec.Struct, frozen=True):

@@ -9,9 +9,9 @@ import subprocess
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from dsr.agent_process import EXIT_USAGE
 from dsr.clock import Clock
-from dsr.lifeline import LAUNCHED
+from dsr.runtime.agent_process import EXIT_USAGE
+from dsr.runtime.lifeline import LAUNCHED
 
 FIRST_BACKOFF = 0.2
 """s until the first restart; doubles with each."""
@@ -26,7 +26,7 @@ class Supervised:
     """Keeps one process running.
 
     The process leads a session of its own, so that Ctrl-C in the terminal reaches only the launcher; whatever it
-    started is in its process group and ends with it. Its standard input is its lifeline (dsr/lifeline.py).
+    started is in its process group and ends with it. Its standard input is its lifeline (dsr/runtime/lifeline.py).
 
     Args:
         command: the program and its arguments.

@@ -13,15 +13,15 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from types import TracebackType
 
-from dsr.access import WriteGuard, check_writers
 from dsr.agent import make_agent
 from dsr.clock import ManualClock
 from dsr.errors import AgentError, ConfigError, DsrError, suggest
 from dsr.keys import Keys
 from dsr.local_transport import LocalNetwork
 from dsr.memory import Memory
-from dsr.runner import Runner, Schedule
-from dsr.system import AgentSpec
+from dsr.runtime.access import WriteGuard, check_writers
+from dsr.runtime.runner import Runner, Schedule
+from dsr.runtime.system import AgentSpec
 from dsr.transport import Transport
 
 _ROUNDS = 3

@@ -13,16 +13,16 @@ from typing import Any
 
 import msgspec
 
-from dsr.access import check_writers
 from dsr.agent import Agent
-from dsr.config import TomlFile, convert
 from dsr.errors import ConfigError, DsrError, suggest
 from dsr.keys import check_name
-from dsr.native_output import silenced
+from dsr.runtime.access import check_writers
+from dsr.runtime.config import TomlFile, convert
+from dsr.runtime.native_output import silenced
 
 RUN_FOLDER = "{run}"
 """Stands in a system file for the folder of the run."""
-_ETC = Path(__file__).resolve().parents[1] / "etc"
+_ETC = Path(__file__).resolve().parents[2] / "etc"
 
 
 @dataclass(frozen=True)

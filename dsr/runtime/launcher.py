@@ -24,9 +24,9 @@ from dsr.clock import WALL_CLOCK
 from dsr.connect import connect
 from dsr.errors import AgentError, TransportError
 from dsr.rendezvous import claim_file, lock_file
-from dsr.status import Heard, State, StatusBoard
-from dsr.supervised import Supervised
-from dsr.system import AgentSpec, System
+from dsr.runtime.status import Heard, State, StatusBoard
+from dsr.runtime.supervised import Supervised
+from dsr.runtime.system import AgentSpec, System
 
 POLL_PERIOD = 0.05
 """s between two looks at the processes."""
@@ -34,7 +34,7 @@ STOP_PATIENCE = 5.0
 """s that agents get to tear down until they are killed."""
 _MOST_NAMES = 100
 
-_log = logging.getLogger("dsr.launcher")
+_log = logging.getLogger("dsr.runtime.launcher")
 
 
 class AgentRow(msgspec.Struct, frozen=True):

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from dsr.errors import ConfigError
-from dsr.system import find_system, load_class, load_system
+from dsr.runtime.system import find_system, load_class, load_system
 
 SYSTEMS = Path(__file__).parent / "systems"
 COUNTER = '[[agent]]\nname = "a"\nclass = "toy_counter:Counter"\n'

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from dsr import ManualClock, Pose
-from dsr.access import Access
 from dsr.agent import Agent
 from dsr.errors import AgentError, ConfigError
-from dsr.lockstep import Lockstep
-from dsr.system import AgentSpec
+from dsr.runtime.access import Access
+from dsr.runtime.lockstep import Lockstep
+from dsr.runtime.system import AgentSpec
 
 
 class Mover(Agent):

@@ -15,18 +15,18 @@ from typing import Any
 
 import msgspec
 
-from dsr.access import WriteGuard
 from dsr.agent import Agent, make_agent
 from dsr.clock import WALL_CLOCK
-from dsr.config import TomlFile
 from dsr.connect import connect, open_transport
 from dsr.errors import ConfigError, DsrError
 from dsr.keys import Keys
-from dsr.lifeline import LAUNCHED, follow_launcher
-from dsr.logs import BusLogHandler, log_to_terminal
 from dsr.memory import Memory, new_rid
 from dsr.rendezvous import running_graph
-from dsr.runner import Runner, Schedule
+from dsr.runtime.access import WriteGuard
+from dsr.runtime.config import TomlFile
+from dsr.runtime.lifeline import LAUNCHED, follow_launcher
+from dsr.runtime.logs import BusLogHandler, log_to_terminal
+from dsr.runtime.runner import Runner, Schedule
 from dsr.transport import Transport
 
 EXIT_FAILED = 1

@@ -9,7 +9,7 @@ import pytest
 
 from dsr import LocalNetwork, ManualClock, WireError
 from dsr.keys import Keys
-from dsr.logs import BusLogHandler, LogRecord, decode_log
+from dsr.runtime.logs import BusLogHandler, LogRecord, decode_log
 
 KEYS = Keys("test")
 

@@ -7,7 +7,7 @@ import sys
 
 PROGRAM = """
 import ctypes
-from dsr.native_output import silenced
+from dsr.runtime.native_output import silenced
 libc = ctypes.CDLL(None)
 libc.puts(b"before")
 with silenced():

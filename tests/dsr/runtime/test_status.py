@@ -9,7 +9,7 @@ import pytest
 
 from dsr import LocalNetwork, ManualClock, WireError
 from dsr.keys import Keys
-from dsr.status import SILENT_AFTER, State, Status, StatusBoard, decode_status, encode_status
+from dsr.runtime.status import SILENT_AFTER, State, Status, StatusBoard, decode_status, encode_status
 
 KEYS = Keys("test")
 

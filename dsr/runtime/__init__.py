@@ -1,0 +1,1 @@
+"""How agents live: as processes under a launcher, or all in one process in lockstep."""
