@@ -6,35 +6,23 @@ one, and among several parents of that type (two cameras see one cube) the one w
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Mapping, Sequence
 from itertools import takewhile
 
-import msgspec
-
 from dsr.errors import ExtrapolationError, NoPathError, TransformError, suggest
+from dsr.frame_batch import Batch
+from dsr.frame_chain import Chain, Find, Link, Links, Newest, Path, climb
 from dsr.pose_history import PoseHistory
-from dsr.transforms import Pose
+from dsr.transforms import Array, Pose
 
 Types = tuple[str, ...]
 
-_MOST_CACHED = 4096
+_MOST_CHAINS = 4096
+_MOST_BATCHES = 64
 
 
-class _Link(msgspec.Struct, frozen=True, gc=False):
-    """The edge that a chain takes upwards from a frame; `pose` is parent_from_frame, None if unknown then."""
-
-    type: str
-    parent: str
-    pose: Pose | None
-
-
-_Links = dict[str, _Link]
-_Chain = dict[str, _Link | None]
-"""Frames from the bottom up, each with the link to the next."""
-_Steps = list[tuple[str, _Link]]
+_Steps = list[tuple[str, Link]]
 """The part of a chain that a transform is made of."""
-_Dependency = tuple[_Links, str, _Link | None]
-"""A result holds while the table has this link at this frame."""
 
 
 class FrameTree:
@@ -55,8 +43,9 @@ class FrameTree:
         self._samples = samples
         self._extrapolation = extrapolation
         self._histories: dict[tuple[str, str], dict[str, PoseHistory]] = {}  # (type, child) -> by parent
-        self._newest: dict[str, _Links] = {}  # type -> child -> link to the parent with the newest sample
-        self._cache: dict[tuple[str, str, Types], tuple[list[_Dependency], Pose]] = {}
+        self._newest: dict[str, Links] = {}  # type -> child -> link to the parent with the newest sample
+        self._chains: dict[tuple[str, str, Types], Chain] = {}
+        self._batches: dict[tuple[str, tuple[str, ...], Types], Batch] = {}
 
     def update(self, type: str, parent: str, child: str, pose: Pose) -> None:
         """Record the sample parent_from_child of an edge; it need not be the newest.
@@ -76,12 +65,16 @@ class FrameTree:
 
         What a graph shows is the write that won, whatever its stamp; so all replicas have the same transforms.
         """
-        history = self._histories.get((type, child), {}).get(parent)
-        if history is None or pose.stamp >= history.newest.stamp:
+        histories = self._histories.get((type, child))
+        if histories is None or parent not in histories:
             self.update(type, parent, child, pose)
+            return
+        history = histories[parent]
+        if pose.stamp >= history.newest.stamp:
+            history.add(pose)
         else:
             history.end_with(pose)
-            self._choose_newest(type, child)
+        self._choose_newest(type, child)
 
     def remove(self, type: str, parent: str, child: str) -> None:
         """Forget an edge and its past; harmless if there is none."""
@@ -91,16 +84,20 @@ class FrameTree:
 
     def _choose_newest(self, type: str, child: str) -> None:
         """Let the table name the newest of the frame's edges; a link that is still right stays the same."""
-        links = self._newest.setdefault(type, {})
+        links = self._links(type)
         histories = self._histories[type, child]
         if not histories:
             del self._histories[type, child]
             links.pop(child, None)
             return
-        parent, history = _by_newest(histories)[0]
+        parent, history = next(iter(histories.items())) if len(histories) == 1 else _by_newest(histories)[0]
         link, pose = links.get(child), history.newest
         if link is None or link.pose is not pose or link.parent != parent:
-            links[child] = _Link(type, parent, pose)
+            links[child] = Link(type, parent, pose)
+
+    def _links(self, type: str) -> Links:
+        """The table of one edge type; it stays the same object."""
+        return self._newest.get(type) or self._newest.setdefault(type, {})
 
     def transform(self, target: str, source: str, at: float | None = None, types: Types = ("RT",)) -> Pose:
         """target_from_source: where the frame `source` is in the frame `target`.
@@ -123,33 +120,70 @@ class FrameTree:
         if at is not None:
             up, down = self._path(target, source, types, lambda frame: self._link_at(frame, at, types))
             return self._product(up, down, at).with_stamp(at)
-        cached = self._cache.get((target, source, types))
-        if cached is None:
-            return self._newest_transform(target, source, types)
-        for links, frame, link in cached[0]:
+        chain = self._chains.get((target, source, types))
+        if chain is None:
+            return self._newest_chain(target, source, types).pose
+        for links, frame, link in chain.dependencies:
             if links.get(frame) is not link:
-                return self._newest_transform(target, source, types)
-        return cached[1]
+                return self._renewed_chain(chain, target, source, types).pose
+        return chain.pose
 
-    def _newest_transform(self, target: str, source: str, types: Types) -> Pose:
-        """The transform by the newest samples, kept together with the table entries it was made of."""
-        tables = [self._newest.setdefault(type, {}) for type in types]
+    def _renewed_chain(self, chain: Chain, target: str, source: str, types: Types) -> Chain:
+        renewed = chain.renewed()
+        if renewed is None:
+            return self._newest_chain(target, source, types)
+        self._chains[target, source, types] = renewed
+        return renewed
 
-        def newest_link(frame: str) -> _Link | None:
-            for links in tables:
-                link = links.get(frame)
-                if link is not None:
-                    return link
-            return None
+    def _newest_chain(self, target: str, source: str, types: Types) -> Chain:
+        """The chain by the newest samples; it is kept."""
+        newest = self._newest_links(types)
+        up, down = self._path(target, source, types, newest.find)
+        steps = [*down, *reversed(up)]
+        chain = Chain([d for frame, link in steps for d in newest.depend(frame, link)], inverted=len(down))
+        if len(self._chains) >= _MOST_CHAINS:
+            self._chains.clear()
+        self._chains[target, source, types] = chain
+        return chain
 
-        up, down = self._path(target, source, types, newest_link)
-        pose = self._product(up, down, None)
-        if len(self._cache) >= _MOST_CACHED:
-            self._cache.clear()
-        self._cache[target, source, types] = _dependencies(up + down, types, tables), pose
-        return pose
+    def transforms(self, target: str, sources: Sequence[str], at: float | None = None, types: Types = ("RT",)) -> Array:
+        """target_from_source of many frames at once.
 
-    def _link_at(self, frame: str, at: float, types: Types) -> _Link | None:
+        The same request again costs by the edges that changed meanwhile, and one look at each of the others.
+
+        Args:
+            target: as in `transform`.
+            sources: the frames asked for, n of them.
+            at: as in `transform`.
+            types: as in `transform`.
+
+        Returns:
+            (n, 4, 4) homogeneous matrices, translations in m. Without a path, or where a pose is not known at
+            that time, a matrix is NaN but for its last row. For stamps and covariances ask `transform`.
+
+        Raises:
+            TypeError: if `sources` is one name instead of several.
+        """
+        if isinstance(sources, str):
+            raise TypeError(f"sources {sources!r}: expected several names, as in [{sources!r}]")
+        if at is not None:
+            return Batch(target, sources, lambda frame: self._link_at(frame, at, types)).transforms()
+        request = (target, tuple(sources), types)
+        batch = self._batches.get(request)
+        renewed = None if batch is None else batch.renewed()
+        if renewed is None:
+            newest = self._newest_links(types)
+            renewed = Batch(target, sources, newest.find, newest.depend)
+        if renewed is not batch:
+            if len(self._batches) >= _MOST_BATCHES:
+                self._batches.clear()
+            self._batches[request] = renewed
+        return renewed.transforms()
+
+    def _newest_links(self, types: Types) -> Newest:
+        return Newest(types, [self._links(type) for type in types])
+
+    def _link_at(self, frame: str, at: float, types: Types) -> Link | None:
         """The link that is known at that time, or else, with no pose, the one to the newest parent."""
         for type in types:
             histories = self._histories.get((type, frame))
@@ -158,16 +192,16 @@ class FrameTree:
                 for parent, history in candidates:
                     pose = history.at(at, self._extrapolation)
                     if pose is not None:
-                        return _Link(type, parent, pose)
-                return _Link(type, candidates[0][0], None)
+                        return Link(type, parent, pose)
+                return Link(type, candidates[0][0], None)
         return None
 
     def _path(
-        self, target: str, source: str, types: Types, find: Callable[[str], _Link | None]
+        self, target: str, source: str, types: Types, find: Find
     ) -> tuple[_Steps, _Steps]:
         """The steps from the source, and from the target, up to the first frame that both chains share."""
-        up = _climb(source, find, until=(target,))
-        down = _climb(target, find, until=up)
+        up = climb(source, find, until=(target,))
+        down = climb(target, find, until=up)
         meeting = next(reversed(down))
         if meeting not in up:
             raise self._no_path(up, down, types)
@@ -189,7 +223,7 @@ class FrameTree:
             product = link.pose if product is None else link.pose @ product
         return Pose.identity() if product is None else product
 
-    def _extrapolation_error(self, frame: str, link: _Link, at: float | None) -> ExtrapolationError:
+    def _extrapolation_error(self, frame: str, link: Link, at: float | None) -> ExtrapolationError:
         edge = f"{link.type} edge {link.parent!r} -> {frame!r}"
         history = self._histories.get((link.type, frame), {}).get(link.parent)
         if history is None:
@@ -200,7 +234,7 @@ class FrameTree:
             f"and the newest is held for {self._extrapolation} s"
         )
 
-    def _no_path(self, up: _Chain, down: _Chain, types: Types) -> TransformError:
+    def _no_path(self, up: Path, down: Path, types: Types) -> TransformError:
         source, target = next(iter(up)), next(iter(down))
         problem = f"no path from {source!r} to {target!r} over {' or '.join(types)} edges"
         for chain in (up, down):
@@ -211,7 +245,7 @@ class FrameTree:
         ends = [self._end(chain, types) for chain in (up, down)]
         return NoPathError(f"{problem}: {ends[0]}; {ends[1]}")
 
-    def _end(self, chain: _Chain, types: Types) -> str:
+    def _end(self, chain: Path, types: Types) -> str:
         """Where a chain ends, for an error message."""
         first, last = next(iter(chain)), next(reversed(chain))
         if first != last:
@@ -225,33 +259,9 @@ class FrameTree:
 
 def _by_newest(histories: Mapping[str, PoseHistory]) -> list[tuple[str, PoseHistory]]:
     """The histories by parent, the newest sample first; ties go by name."""
-    if len(histories) == 1:
-        return list(histories.items())
     return sorted(histories.items(), key=lambda item: (-item[1].newest.stamp, item[0]))
 
 
-def _climb(frame: str, find: Callable[[str], _Link | None], until: Container[str]) -> _Chain:
-    """The frames from this one up to one in `until`, or to the last, or to where they would repeat."""
-    chain: _Chain = {}
-    while frame not in chain:
-        link = chain[frame] = None if frame in until else find(frame)
-        if link is None:
-            break
-        frame = link.parent
-    return chain
-
-
-def _steps_below(meeting: str, chain: _Chain) -> _Steps:
+def _steps_below(meeting: str, chain: Path) -> _Steps:
     steps = takewhile(lambda step: step[0] != meeting, chain.items())
     return [(frame, link) for frame, link in steps if link is not None]
-
-
-def _dependencies(steps: _Steps, types: Types, tables: list[_Links]) -> list[_Dependency]:
-    """What must stay for the steps to be taken again: their links, and no edge of a type preferred to one."""
-    dependencies: list[_Dependency] = []
-    for frame, link in steps:
-        rank = types.index(link.type)
-        if rank > 0:
-            dependencies += [(links, frame, None) for links in tables[:rank]]
-        dependencies.append((tables[rank], frame, link))
-    return dependencies

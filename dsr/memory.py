@@ -26,7 +26,7 @@ from dsr.graph import Graph
 from dsr.keys import Keys, check_name
 from dsr.replica import Replica
 from dsr.schema import Schema, checked_names, with_pose
-from dsr.transforms import Pose
+from dsr.transforms import Array, Pose
 from dsr.transport import Qos, Transport
 from dsr.watch import ChangeKind, Filter, Watch
 from dsr.wire import decode_delta
@@ -214,6 +214,12 @@ class Memory:
         Raises `NoPathError`, `ExtrapolationError`.
         """
         return self._frames.transform(target, source, at, types)
+
+    def transforms(
+        self, target: str, sources: Sequence[str], *, at: float | None = None, types: Types = ("RT",)
+    ) -> Array:
+        """(n, 4, 4) matrices target_from_source of many frames, NaN without a path; see `FrameTree.transforms`."""
+        return self._frames.transforms(target, sources, at, types)
 
     def put_frame(self, name: str, frame: Frame) -> None:
         """Publish a camera frame under `name`; readers that are too slow skip frames."""

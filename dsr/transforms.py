@@ -148,12 +148,30 @@ class Pose:
         """
         if type(other) is not Pose:
             return NotImplemented
-        x, y, z = rotate(self.q, other.t)
+        # the arithmetic of `rotate` and `product`, for once without the calls, which would cost half as much again
+        ax, ay, az, aw = self.q
+        bx, by, bz, bw = other.q
+        px, py, pz = other.t
         tx, ty, tz = self.t
-        q = normalised(product(self.q, other.q))
+        ux, uy, uz = 2.0 * (ay * pz - az * py), 2.0 * (az * px - ax * pz), 2.0 * (ax * py - ay * px)
+        pose = _new(Pose)
+        _set_t(
+            pose,
+            (
+                tx + px + aw * ux + ay * uz - az * uy,
+                ty + py + aw * uy + az * ux - ax * uz,
+                tz + pz + aw * uz + ax * uy - ay * ux,
+            ),
+        )
+        x = aw * bx + ax * bw + ay * bz - az * by
+        y = aw * by - ax * bz + ay * bw + az * bx
+        z = aw * bz + ax * by - ay * bx + az * bw
+        w = aw * bw - ax * bx - ay * by - az * bz
+        _set_q(pose, normalised((x, y, z, w)))
         a, b = self.stamp, other.stamp
-        cov = other.cov if self.cov is None else _composed_covariance(self.cov, other)
-        return Pose.unchecked((tx + x, ty + y, tz + z), q, b if a == 0.0 or 0.0 != b < a else a, cov)
+        _set_stamp(pose, b if a == 0.0 or 0.0 != b < a else a)
+        _set_cov(pose, other.cov if self.cov is None else _composed_covariance(self.cov, other))
+        return pose
 
     def inverse(self) -> Pose:
         """child_from_parent, with the same stamp."""
