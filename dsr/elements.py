@@ -21,9 +21,7 @@ class _Element(Mapping[str, Any]):
     """Attributes of a node or an edge, by name."""
 
     __slots__ = ("_entries",)
-
-    def __init__(self, entries: tuple[Entry, ...]) -> None:
-        self._entries = entries
+    _entries: tuple[Entry, ...]
 
     @property
     def type(self) -> str:
@@ -80,7 +78,7 @@ class Node(_Element):
     __slots__ = ("name",)
 
     def __init__(self, name: str, entries: tuple[Entry, ...]) -> None:
-        super().__init__(entries)
+        self._entries = entries
         self.name = name
 
     def __repr__(self) -> str:
@@ -97,7 +95,7 @@ class Edge(_Element):
     __slots__ = ("dst", "src", "type_name")
 
     def __init__(self, key: tuple[str, str, str], entries: tuple[Entry, ...]) -> None:
-        super().__init__(entries)
+        self._entries = entries
         self.src, self.dst, self.type_name = key
 
     @property

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 from dsr.crdt.context import Dot
 from dsr.crdt.delta import TOMBSTONE, Add, Delta, EdgeKey, Key, Write
 from dsr.crdt.hlc import HybridClock
-from dsr.crdt.store import Entry, Observer, Register, Store
+from dsr.crdt.store import Entry, Observer, Store
 from dsr.elements import Edge, Node, type_of
 from dsr.errors import EdgeNotFoundError, NodeNotFoundError, suggest
 from dsr.schema import Schema
@@ -22,7 +22,7 @@ class Listener(Protocol):
     """Told about every visible change, local or remote."""
 
     def added(self, element: Node | Edge) -> None:
-        """`element` became visible."""
+        """`element` became visible, with the attributes that it has."""
 
     def removed(self, element: Node | Edge) -> None:
         """`element` is not visible any more."""
@@ -130,8 +130,8 @@ class Graph(Observer):
 
     def join(self, delta: Delta) -> None:
         """Join what another replica sent."""
-        for write in delta.writes:
-            self.hlc.observe(write.stamp)
+        if delta.writes:
+            self.hlc.observe(max(write.stamp for write in delta.writes))
         self.store.join(delta)
         if self._unattached:
             self._attach_or_bury()
@@ -144,8 +144,8 @@ class Graph(Observer):
         delta returned are seen here when it is joined.
         """
 
-        def due(register: Register, passes: int) -> bool:
-            return register.writer == self.rid or passes >= patience
+        def due(write: Write, passes: int) -> bool:
+            return write.writer == self.rid or passes >= patience
 
         delta = self.store.take_unsettled(due, self._new_dot)
         self.store.join(delta)
@@ -252,8 +252,6 @@ class Graph(Observer):
         node._entries = entries
         self.nodes_by_type.setdefault(type, {})[node.name] = node
         self._listener.added(node)
-        for attribute in node:
-            self._listener.updated(node, attribute)
 
     def _change_incarnations(self, element: Node | Edge, entries: tuple[Entry, ...]) -> None:
         """Another incarnation of a visible element came or went: its values may be others now."""

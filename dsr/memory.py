@@ -10,7 +10,7 @@ import contextlib
 import logging
 import secrets
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from types import TracebackType
 from typing import Any
 
@@ -128,14 +128,16 @@ class Memory:
 
     def add_node(self, name: str, type: str, /, **attributes: Any) -> Node:
         """Create a node; if it is there already, only write the attributes. Raises `SchemaError`."""
-        with self._writing("node", type, attributes) as now:
-            self._replica.commit(self._graph.add_node(name, type, attributes, now))
+        self._check_write("node", type, attributes)
+        with self._replica.lock:
+            self._replica.commit(self._graph.add_node(name, type, attributes, self.clock.now()))
             return self._graph.nodes[name]
 
     def update_node(self, name: str, /, **attributes: Any) -> None:
         """Write attributes of a node. Raises `NodeNotFoundError`, `SchemaError`."""
-        with self._writing("node", self.node(name).type, attributes) as now:
-            self._replica.commit(self._graph.update_node(name, attributes, now))
+        self._check_write("node", self.node(name).type, attributes)
+        with self._replica.lock:
+            self._replica.commit(self._graph.update_node(name, attributes, self.clock.now()))
 
     def remove_node(self, name: str) -> bool:
         """Remove a node and all edges at it; false if it was not there."""
@@ -147,8 +149,9 @@ class Memory:
         if isinstance(element, str):
             element = self.node(element)
         kind = "node" if isinstance(element, Node) else "edge"
-        with self._writing(kind, element.type, (attribute,)) as now:
-            self._replica.commit(self._graph.remove_attribute(element, attribute, now))
+        self._check_write(kind, element.type, (attribute,))
+        with self._replica.lock:
+            self._replica.commit(self._graph.remove_attribute(element, attribute, self.clock.now()))
 
     # ---- edges
 
@@ -189,15 +192,17 @@ class Memory:
         Raises `SchemaError`, and `NodeNotFoundError` if an endpoint is missing.
         """
         values = with_pose(attributes)
-        with self._writing("edge", type, values) as now:
-            self._replica.commit(self._graph.add_edge(src, dst, type, values, now))
+        self._check_write("edge", type, values)
+        with self._replica.lock:
+            self._replica.commit(self._graph.add_edge(src, dst, type, values, self.clock.now()))
             return self._graph.edges[(src, dst, type)]
 
     def update_edge(self, src: str, dst: str, type: str, /, **attributes: Any) -> None:
         """Write attributes of an edge, as in `add_edge`. Raises `EdgeNotFoundError`, `SchemaError`."""
         values = with_pose(attributes)
-        with self._writing("edge", type, values) as now:
-            self._replica.commit(self._graph.update_edge((src, dst, type), values, now))
+        self._check_write("edge", type, values)
+        with self._replica.lock:
+            self._replica.commit(self._graph.update_edge((src, dst, type), values, self.clock.now()))
 
     def remove_edge(self, src: str, dst: str, type: str) -> bool:
         """Remove an edge; false if it was not there."""
@@ -257,9 +262,9 @@ class Memory:
         with self._replica.lock:
             if existing:
                 for node in self._graph.nodes.values():
-                    watch.offer_existing(node)
+                    watch.offer_all(node)
                 for edge in self._graph.edges.values():
-                    watch.offer_existing(edge)
+                    watch.offer_all(edge)
             self._watches = [other for other in self._watches if not other.closed] + [watch]
             if self._closed:
                 watch.close()
@@ -349,7 +354,8 @@ class Memory:
 
     def added(self, element: Node | Edge) -> None:
         """Part of `dsr.graph.Listener`."""
-        self._offer("added", element)
+        for watch in self._watches:
+            watch.offer_all(element)
         if isinstance(element, Edge):
             self._note_pose(element)
 
@@ -378,20 +384,18 @@ class Memory:
         for watch in self._watches:
             watch.offer(kind, element, attribute)
 
-    @contextlib.contextmanager
-    def _writing(self, element: str, type: str, attributes: Iterable[str]) -> Iterator[float]:
-        """The time for a write that may be made, with the graph locked."""
+    def _check_write(self, element: str, type: str, attributes: Iterable[str]) -> None:
+        """Raise unless this write may be made."""
         if self._guard is not None:
             self._guard(element, type, attributes)
         if self._closed:
             raise TransportError(f"the memory of graph {self.graph_name!r} is closed")
-        if self._replica.synchroniser.drifting(self.clock.monotonic()):
+        if self._replica.synchroniser.drifting:
             raise ClockDriftError(f"this machine's clock is ahead of most peers of {self.graph_name!r}; set it right")
-        with self._replica.lock:
-            yield self.clock.now()
 
     def _remove(self, element: str, type: str, remove: Callable[[], Delta]) -> bool:
-        with self._writing(element, type, ()):
+        self._check_write(element, type, ())
+        with self._replica.lock:
             delta = remove()
             self._replica.commit(delta)
             return bool(delta)

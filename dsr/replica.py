@@ -1,7 +1,7 @@
 """One replica at work: a graph, its synchroniser and a transport, with or without threads of its own.
 
-With threads, one merges what arrives and one sends what was written, so that neither a busy reader nor a
-slow network ever blocks a writer. Without, `poll` and `flush` do the same when called (lockstep, tests).
+With threads, each subscription merges what it brings, and one thread sends what was written, so that neither a
+busy reader nor a slow network ever blocks a writer. Without, `poll` and `flush` do it when called (lockstep, tests).
 """
 
 from __future__ import annotations
@@ -13,60 +13,24 @@ from collections import deque
 from collections.abc import Callable, Iterator
 
 from dsr.clock import Clock
-from dsr.crdt.context import CausalContext, Dot
-from dsr.crdt.delta import Delta, Write
+from dsr.crdt.context import CausalContext
+from dsr.crdt.delta import Delta
 from dsr.graph import Graph
 from dsr.keys import Keys
+from dsr.outbox import Outbox
 from dsr.sync import REQUEST_TIMEOUT, Ask, Output, PublishDelta, PublishDigest, Synchroniser
 from dsr.transport import Qos, Subscription, Transport
 from dsr.wire import encode_delta
 
 TICK = 0.05
 """s between two looks at what the synchroniser has due."""
-MAX_OUTBOX = 200_000
-"""Changes that may wait for a congested network; beyond, the synchroniser's repair delivers them."""
 MAX_INBOX = 10_000
-"""Messages that may wait to be merged; the synchroniser's repair makes up for those beyond."""
-STREAM_BUNDLES = 256
+"""Messages that may wait for `poll`; the synchroniser's repair makes up for those beyond."""
+NEWEST_DELTAS = 1024
+"""Messages that may wait for a thread to merge them, likewise."""
+NEWEST_SAMPLES = 256
 
 _log = logging.getLogger("dsr.replica")
-
-
-class _Outbox:
-    """Changes that were made here and not sent yet."""
-
-    def __init__(self) -> None:
-        self.overflowed = 0
-        self._empty()
-
-    def _empty(self) -> None:
-        self._delta = Delta()
-        self._writes: dict[tuple[Dot, str], Write] = {}
-        self._samples: dict[tuple[Dot, str], Write] = {}
-
-    def add(self, delta: Delta) -> None:
-        """Sort writes into durable ones and stream samples; of each attribute only the winning one is kept.
-
-        The dots of the others stay in the delta's context: they count as seen with the one that won.
-        """
-        for write in delta.writes:
-            waiting = self._samples if write.dot is None else self._writes
-            known = waiting.setdefault((write.owner, write.attribute), write)
-            if (known.stamp, known.writer) < (write.stamp, write.writer):
-                waiting[write.owner, write.attribute] = write
-        delta.writes = []
-        if len(self._delta) + len(self._writes) > MAX_OUTBOX:
-            self.overflowed += 1
-            self._empty()
-        else:
-            self._delta.extend(delta)
-
-    def take(self) -> tuple[Delta, Delta]:
-        """The durable changes and the stream samples; the outbox is empty afterwards."""
-        durable, samples = self._delta, Delta()
-        durable.writes, samples.writes = list(self._writes.values()), list(self._samples.values())
-        self._empty()
-        return durable, samples
 
 
 class Replica:
@@ -82,7 +46,7 @@ class Replica:
         self._keys = keys
         self.skipped = 0
         """Messages passed over because merging could not keep up."""
-        self._outbox = _Outbox()
+        self._outbox = Outbox()
         self._inbox: deque[Callable[[], None]] = deque()
         self._arrived = threading.Event()
         self._written = threading.Event()
@@ -98,13 +62,10 @@ class Replica:
         rid, keys, transport, sync = self.graph.rid, self._keys, self._transport, self.synchroniser
 
         def merge(key: str, payload: bytes) -> None:
-            if len(self._inbox) < MAX_INBOX:
-                self._enqueue(lambda: sync.receive_delta(_last(key), payload))
-            else:
-                self.skipped += 1
+            self._receive(lambda: sync.receive_delta(_last(key), payload))
 
         def digest(key: str, payload: bytes) -> None:
-            self._enqueue(
+            self._receive(
                 lambda: sync.receive_digest(_last(key), payload, self._clock.monotonic(), self._clock.now())
             )
 
@@ -112,9 +73,9 @@ class Replica:
             self._enqueue(lambda: self._peer_changed(_last(key), alive))
 
         return [
-            transport.subscribe(keys.delta(), merge),
-            transport.subscribe(keys.stream(), merge, newest=STREAM_BUNDLES),
-            transport.subscribe(keys.digest(), digest, newest=STREAM_BUNDLES),
+            transport.subscribe(keys.delta(), merge, newest=NEWEST_DELTAS),
+            transport.subscribe(keys.stream(), merge, newest=NEWEST_SAMPLES),
+            transport.subscribe(keys.digest(), digest, newest=NEWEST_SAMPLES),
             transport.serve(keys.sync(rid), self._answer),
             transport.watch_presence(keys.live(), presence),
             transport.announce(keys.live(agent, rid)),
@@ -124,8 +85,8 @@ class Replica:
 
     def commit(self, delta: Delta) -> None:
         """Queue a delta of our own for sending; the caller holds the lock."""
-        self._outbox.add(delta)
-        if not self._holds:
+        self._outbox.add(delta, together=self._holds > 0)
+        if not self._holds and not self._written.is_set():
             self._written.set()
 
     @contextlib.contextmanager
@@ -146,12 +107,12 @@ class Replica:
             with self.lock:
                 if self._holds and not self._stopping:
                     return
-                durable, samples = self._outbox.take()
+                bundles, samples = self._outbox.take()
             rid = self.graph.rid
-            if durable:
-                self._transport.publish(self._keys.delta(rid), encode_delta(durable), Qos.RELIABLE)
             if samples:
                 self._transport.publish(self._keys.stream(rid), encode_delta(samples), Qos.STREAM)
+            for bundle in bundles:
+                self._transport.publish(self._keys.delta(rid), encode_delta(bundle), Qos.RELIABLE)
 
     # ---- receiving
 
@@ -174,7 +135,18 @@ class Replica:
         with self._progress:
             return self._progress.wait_for(condition, timeout)
 
+    def _receive(self, action: Callable[[], None]) -> None:
+        """Do what a message asks for: at once in the thread of its subscription, or without threads in `poll`."""
+        if self._threads:
+            with self.lock:
+                self._guarded(action)
+        elif len(self._inbox) < MAX_INBOX:
+            self._inbox.append(action)
+        else:
+            self.skipped += 1
+
     def _enqueue(self, action: Callable[[], None]) -> None:
+        """Leave an action to the next `poll`: a callback of the network must return at once."""
         self._inbox.append(action)
         self._arrived.set()
 
@@ -207,13 +179,13 @@ class Replica:
     # ---- life
 
     def start(self) -> None:
-        """Run the merging and the sending thread."""
-        for name, run in (("merge", self._run_merging), ("send", self._run_sending)):
+        """Run a thread that does what is due, and one that sends."""
+        for name, run in (("sync", self._run_polling), ("send", self._run_sending)):
             thread = threading.Thread(target=run, name=f"dsr-{name}", daemon=True)
             self._threads.append(thread)
             thread.start()
 
-    def _run_merging(self) -> None:
+    def _run_polling(self) -> None:
         while not self._stopping:
             self._clock.wait(self._arrived, TICK)
             self._arrived.clear()
@@ -231,7 +203,7 @@ class Replica:
             step()
         except Exception:
             if not self._stopping:
-                _log.exception("%s failed in replica %s", step.__name__, self.graph.rid)
+                _log.exception("replica %s: %s failed", self.graph.rid, step.__qualname__)
 
     def close(self) -> None:
         """Send what is left and leave; the transport stays open."""

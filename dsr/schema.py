@@ -80,7 +80,7 @@ class Schema:
 
     def to_value(self, name: str, value: Any) -> Value:
         """`value` in the form in which attribute `name` is stored. Raises `SchemaError` if it does not fit."""
-        attribute = self.attribute(name)
+        attribute = self.attributes.get(name) or self.attribute(name)
         stored = _CONVERTERS[attribute.kind](value)
         if stored is None or (attribute.length is not None and len(stored) != attribute.length):
             unit = f" in {attribute.unit}" if attribute.unit else ""
@@ -132,6 +132,8 @@ def _int(value: Any) -> int | None:
 
 
 def _float(value: Any) -> float | None:
+    if type(value) is float:
+        return value if math.isfinite(value) else None
     if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
         return None
     return float(value) if math.isfinite(value) else None
@@ -150,8 +152,8 @@ def _vector(value: Any) -> tuple[float, ...] | None:
         value = value.tolist() if value.ndim == 1 else None
     if not isinstance(value, list | tuple):
         return None
-    numbers = [_float(component) for component in value]
-    return None if None in numbers else tuple(number for number in numbers if number is not None)
+    numbers = tuple(map(_float, value))
+    return None if None in numbers else numbers  # type: ignore[return-value]
 
 
 def _pose(value: Any) -> Pose | None:

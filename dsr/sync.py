@@ -90,6 +90,8 @@ class Synchroniser:
     """Malformed messages, by sender."""
     repairs: int = 0
     """Replies joined because a digest told of something missing."""
+    drifting: bool = False
+    """Whether most peers heard of lately see our clock in their future: then nothing must be written."""
     elders: Sequence[str] = ()
     """Replicas that are known to have been there before us, oldest first; set it before joining."""
     _peers: dict[str, _Peer] = field(default_factory=dict)
@@ -134,6 +136,7 @@ class Synchroniser:
         if ahead and not peer.ahead:
             _log.warning("the clock of %s is %.1f s ahead of ours", digest.replica, digest.now - physical)
         peer.digest, peer.heard_at, peer.ahead = digest, now, ahead
+        self.drifting = self._is_drifting(now)
 
     def receive_reply(self, sender: str, payload: bytes) -> None:
         """The answer to `Ask` arrived."""
@@ -171,6 +174,7 @@ class Synchroniser:
         if now >= self._next_digest:
             self._next_digest = now + DIGEST_PERIOD
             self._forget_silent(now)
+            self.drifting = self._is_drifting(now)
             settled = self.graph.settle()
             if settled:
                 outputs.append(PublishDelta(settled))
@@ -189,9 +193,8 @@ class Synchroniser:
         """Replica ids of the reachable peers."""
         return sorted(self._peers)
 
-    def drifting(self, now: float) -> bool:
-        """Whether most peers heard of lately see our clock in their future."""
-        recent = [p.digest for p in list(self._peers.values()) if p.digest and now - p.heard_at < SILENCE]
+    def _is_drifting(self, now: float) -> bool:
+        recent = [p.digest for p in self._peers.values() if p.digest and now - p.heard_at < SILENCE]
         return 2 * sum(self.graph.rid in digest.ahead for digest in recent) > len(recent)
 
     def _forget_silent(self, now: float) -> None:

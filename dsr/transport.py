@@ -1,8 +1,9 @@
 """What the memory and the drivers need from a network; every real or in-memory link implements it.
 
 Keys are slash-separated (`dsr/v1/<graph>/d/<rid>`); in subscriptions `*` matches one part and `**`
-any number of parts at the end. Handlers are called from the network's thread: they must return at
-once (put the message on a queue) and must not call back into the transport.
+any number of parts at the end. Handlers are called from the network's thread: they must return at once (put the
+message on a queue) and must not call back into the transport. Only a subscription to the newest n messages has a
+thread of its own, in which its handler may take its time.
 """
 
 from __future__ import annotations

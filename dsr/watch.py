@@ -142,8 +142,8 @@ class Watch:
                 pending.attributes.add(attribute)
             self._condition.notify()
 
-    def offer_existing(self, element: Node | Edge) -> None:
-        """Called by the memory, when the watch begins, for what is there already."""
+    def offer_all(self, element: Node | Edge) -> None:
+        """Called by the memory for what came, or is there when the watch begins."""
         wanted = self._filter.attributes
         present = [name for name in element if self._filter.accepts_attribute(name)]
         if wanted is None:

@@ -137,12 +137,12 @@ def encode_delta(delta: Delta) -> bytes:
 
 
 def _encode_write(index: _Indexes, write: Write) -> _Write:
-    (rid, counter), attribute, stamp, writer, dot, value = write
-    dot_rid, dot_counter = dot or (writer, 0)
+    rid, counter = write.owner
+    dot_rid, dot_counter = write.dot or (write.writer, 0)
+    value = None if write.value is TOMBSTONE else write.value
     return _Write(
-        index[rid], counter, attribute, stamp, index[writer], index[dot_rid], dot_counter,
-        None if value is TOMBSTONE else value,
-    )  # fmt: skip
+        index[rid], counter, write.attribute, write.stamp, index[write.writer], index[dot_rid], dot_counter, value
+    )
 
 
 def decode_delta(payload: bytes) -> Delta:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Iterable
+from typing import Any
+
+import msgspec
 
 from dsr.crdt.context import Dot, DotRange
 
@@ -24,7 +27,7 @@ class Tombstone:
 TOMBSTONE = Tombstone()
 
 
-class Add(NamedTuple):
+class Add(msgspec.Struct, frozen=True, gc=False):
     """A node or edge came into being under a creation dot."""
 
     dot: Dot
@@ -35,35 +38,32 @@ class Add(NamedTuple):
     destinations: tuple[Dot, ...] = ()
 
 
-class Write(NamedTuple):
-    """A register of the node or edge created under `owner` got a value."""
+class Write(msgspec.Struct, frozen=True, gc=False):
+    """A value of a last-writer-wins register of the node or edge created under `owner`; (stamp, writer) orders them."""
 
     owner: Dot
     attribute: str
     stamp: int
     """Hybrid logical time of the write."""
     writer: str
-    """Replica id; (stamp, writer) orders writes."""
+    """Replica id."""
     dot: Dot | None
     """Makes the write durable; None for a sample of a stream, which may be lost."""
     value: Any
 
 
-class Delta:
+class Delta(msgspec.Struct, gc=False):
     """A piece of state to be joined with another replica's.
 
     `context` holds the dots that this delta accounts for. With `live` (all live creation dots of the
     sender), the delta is a synchronisation reply: what its context covers and `live` lacks is removed.
     """
 
-    __slots__ = ("adds", "context", "live", "removed", "writes")
-
-    def __init__(self) -> None:
-        self.adds: list[Add] = []
-        self.writes: list[Write] = []
-        self.removed: list[Dot] = []
-        self.context: list[DotRange] = []
-        self.live: frozenset[Dot] | None = None
+    adds: list[Add] = []
+    writes: list[Write] = []
+    removed: list[Dot] = []
+    context: list[DotRange] = []
+    live: frozenset[Dot] | None = None
 
     def __bool__(self) -> bool:
         return bool(self.adds or self.writes or self.removed or self.context or self.live is not None)
@@ -71,12 +71,9 @@ class Delta:
     def __len__(self) -> int:
         return len(self.adds) + len(self.writes) + len(self.removed)
 
-    def extend(self, later: Delta) -> None:
-        """Append a later delta of the same replica; both must be without `live`."""
-        self.adds += later.adds
-        self.writes += later.writes
-        self.removed += later.removed
-        for rid, first, last in later.context:
+    def extend_context(self, ranges: Iterable[DotRange]) -> None:
+        """Account for more dots, those of later changes."""
+        for rid, first, last in ranges:
             if self.context and self.context[-1][0] == rid and self.context[-1][2] + 1 == first:
                 self.context[-1] = (rid, self.context[-1][1], last)
             else:

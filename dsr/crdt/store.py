@@ -11,27 +11,22 @@ arrived waits in a bounded buffer, outside the context, so that synchronisation 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Any, NamedTuple
+from functools import lru_cache
+from typing import Any
+
+from msgspec.structs import replace
 
 from dsr.crdt.context import CausalContext, Dot, to_ranges
 from dsr.crdt.delta import TOMBSTONE, Add, Delta, Key, Write
 
 MAX_WAITING = 10_000
-
-
-class Register(NamedTuple):
-    """A last-writer-wins value: the greatest (stamp, writer) wins."""
-
-    stamp: int
-    writer: str
-    dot: Dot | None
-    value: Any
+_MASK = (1 << 64) - 1
 
 
 class Entry:
     """One incarnation of a node or edge."""
 
-    __slots__ = ("destinations", "dot", "key", "registers", "sources", "type")
+    __slots__ = ("announced", "destinations", "dot", "key", "registers", "sources", "type")
 
     def __init__(self, add: Add) -> None:
         self.dot = add.dot
@@ -39,14 +34,17 @@ class Entry:
         self.type = add.type
         self.sources = add.sources
         self.destinations = add.destinations
-        self.registers: dict[str, Register] = {}
+        self.registers: dict[str, Write] = {}
+        """The winning write of each attribute."""
+        self.announced = False
+        """Whether the observer knows it: then it is told about each change of a register."""
 
 
 class Observer:
     """Told about every effective change of a store; the default ignores them."""
 
     def entry_added(self, entry: Entry) -> None:
-        """`entry` became live."""
+        """`entry` became live, with the registers that came with it."""
 
     def entry_removed(self, entry: Entry) -> None:
         """`entry` is not live any more."""
@@ -78,13 +76,22 @@ class Store:
             self._remove_absent(delta)
         for dot in delta.removed:
             self._remove(dot)
-        for add in delta.adds:
-            self._add(add)
+        added = [entry for add in delta.adds if (entry := self._add(add))]
         held_back = [write.dot for write in delta.writes if not self._write(write) and write.dot]
         self._learn(delta, held_back)
+        for add in delta.adds:
+            self.context.add(add.dot)
         if delta.live is not None:
             for owner in [owner for owner in self._waiting if owner in self.context]:
                 self._forget_waiting(owner)
+        self._announce(added)
+
+    def _announce(self, added: list[Entry]) -> None:
+        """Nodes first, so that whoever looks on never sees an edge without its ends."""
+        for entry in sorted(added, key=lambda entry: not isinstance(entry.key, str)) if len(added) > 1 else added:
+            if entry.dot in self.entries:
+                entry.announced = True
+                self._observer.entry_added(entry)
 
     def _remove_absent(self, delta: Delta) -> None:
         """Remove what the sender has seen and does not hold; what it has not seen stays."""
@@ -108,21 +115,20 @@ class Store:
         self.fingerprint ^= dot_hash(dot)
         self._observer.entry_removed(entry)
 
-    def _add(self, add: Add) -> None:
+    def _add(self, add: Add) -> Entry | None:
         """A dot already in the context lives already, or was removed: then a late addition is void."""
-        if add.dot in self.context:
-            return
-        self.context.add(add.dot)
+        if add.dot in self.entries or add.dot in self.context:
+            return None
         entry = Entry(add)
         self.entries[add.dot] = entry
         self.by_key.setdefault(add.key, {})[add.dot] = entry
         self.fingerprint ^= dot_hash(add.dot)
-        self._observer.entry_added(entry)
         for write in self._waiting.pop(add.dot, ()):
             self._waiting_count -= 1
             self._write(write)
             if write.dot:
                 self.context.add(write.dot)
+        return entry
 
     def _write(self, write: Write) -> bool:
         """Apply a write; false if its dot must not yet count as seen."""
@@ -137,16 +143,17 @@ class Store:
                 if write.writer == current.writer:
                     self._settle_same(entry, write, current)
                 return True
-        entry.registers[write.attribute] = Register(write.stamp, write.writer, write.dot, write.value)
+        entry.registers[write.attribute] = write
         if write.dot is None:
             self.unsettled[(write.owner, write.attribute)] = 0
-        self._observer.register_changed(entry, write.attribute)
+        if entry.announced:
+            self._observer.register_changed(entry, write.attribute)
         return True
 
-    def _settle_same(self, entry: Entry, write: Write, current: Register) -> None:
+    def _settle_same(self, entry: Entry, write: Write, current: Write) -> None:
         """The same write again, now durable, or made durable by two replicas: the greatest dot stays."""
         if write.dot is not None and (current.dot is None or write.dot > current.dot):
-            entry.registers[write.attribute] = current._replace(dot=write.dot)
+            entry.registers[write.attribute] = replace(current, dot=write.dot)
 
     def _wait(self, write: Write) -> bool:
         if write.dot is None:
@@ -182,26 +189,23 @@ class Store:
         for dot, entry in self.entries.items():
             if dot not in seen:
                 reply.adds.append(Add(dot, entry.key, entry.type, entry.sources, entry.destinations))
-            for attribute, register in entry.registers.items():
-                if register.dot is None or register.dot not in seen:
-                    reply.writes.append(Write(dot, attribute, *register))
+            reply.writes += [w for w in entry.registers.values() if w.dot is None or w.dot not in seen]
         reply.context = list(self.context.ranges())
         reply.live = frozenset(self.entries)
         return reply
 
-    def take_unsettled(self, due: Callable[[Register, int], bool], new_dot: Callable[[], Dot]) -> Delta:
-        """Give a dot to each stream register for which `due(register, times passed over)` holds."""
+    def take_unsettled(self, due: Callable[[Write, int], bool], new_dot: Callable[[], Dot]) -> Delta:
+        """Give a dot to each stream register for which `due(write, times passed over)` holds."""
         delta = Delta()
         for (owner, attribute), passes in list(self.unsettled.items()):
             entry = self.entries.get(owner)
-            register = entry.registers.get(attribute) if entry else None
-            if entry is None or register is None or register.dot is not None:
+            write = entry.registers.get(attribute) if entry else None
+            if entry is None or write is None or write.dot is not None:
                 del self.unsettled[(owner, attribute)]
-            elif due(register, passes):
+            elif due(write, passes):
                 del self.unsettled[(owner, attribute)]
-                durable = register._replace(dot=new_dot())
-                entry.registers[attribute] = durable
-                delta.writes.append(Write(owner, attribute, *durable))
+                durable = entry.registers[attribute] = replace(write, dot=new_dot())
+                delta.writes.append(durable)
             else:
                 self.unsettled[(owner, attribute)] = passes + 1
         delta.context = list(to_ranges(write.dot for write in delta.writes if write.dot))
@@ -216,6 +220,10 @@ def visible_value(entries: Iterable[Entry], attribute: str) -> Any:
 
 def dot_hash(dot: Dot) -> int:
     """A 64-bit hash that is the same in every process."""
-    mixed = int.from_bytes(dot[0].encode()[-8:], "little") * 0x9E3779B97F4A7C15 + dot[1] * 0xBF58476D1CE4E5B9
-    mixed &= 0xFFFFFFFFFFFFFFFF
+    mixed = (_replica_hash(dot[0]) + dot[1] * 0xBF58476D1CE4E5B9) & _MASK
     return mixed ^ (mixed >> 29)
+
+
+@lru_cache(maxsize=1024)
+def _replica_hash(rid: str) -> int:
+    return int.from_bytes(rid.encode()[-8:], "little") * 0x9E3779B97F4A7C15 & _MASK

@@ -35,7 +35,10 @@ def perform(memory: dsr.Memory, name: str, arguments: dict[str, object]) -> obje
     if pose is not None:
         arguments["pose"] = dsr.Pose(pose)  # type: ignore[arg-type]
     positional = arguments.pop("args")
-    getattr(memory, name)(*positional, **arguments)  # type: ignore[misc]
+    try:
+        getattr(memory, name)(*positional, **arguments)  # type: ignore[misc]
+    except dsr.NodeNotFoundError as error:  # somebody else was faster
+        return {"error": str(error)}
     return None
 
 

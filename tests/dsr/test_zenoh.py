@@ -118,7 +118,8 @@ def test_concurrent_writes_and_creations_converge(peers: Callable[[str], Peer]) 
                 peer._read()
     a.send("remove_node", "n3")
     b.send("update_node", "n3", mass=1.0)
-    assert (a._read(), b._read()) == (None, None)
+    assert a._read() is None
+    b._read()  # None, or an error if it heard of the removal first
     assert eventually(lambda: graph_of(b) == graph_of(a))
     nodes, edges = graph_of(a)
     assert nodes["cube"] == ["cube", {"mass": 19.5, "seen": 19}] and "n3" not in nodes and len(nodes) == 21
