@@ -1,0 +1,83 @@
+"""The command `dsr bench`: measure rows, show them beside their targets and peers, write JSON and plots."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+from rich.markup import escape
+
+from benchmarks import groups, session
+from benchmarks.report import rows_table, specs_table
+from benchmarks.session import Findings
+from dsr.cli.common import console, errors
+from dsr.errors import ConfigError
+
+_INTERRUPTED = 130
+_ROWS = "Parts of rows' names, or names of groups; default: all."
+
+app = typer.Typer(
+    name="bench", invoke_without_command=True, context_settings={"allow_interspersed_args": True}
+)
+
+
+@app.callback()
+def bench(
+    rows: Annotated[list[str] | None, typer.Argument(help=_ROWS, metavar="[ROW]...")] = None,
+    list_rows: Annotated[bool, typer.Option("--list", help="Show rows and targets; measure nothing.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Fewer samples: faster, and rough.")] = False,
+    repeat: Annotated[int, typer.Option(min=1, metavar="N", help="Run everything N times and report medians.")] = 1,
+    json: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the rows to this file.")] = None,
+    plots: Annotated[Path | None, typer.Option("--plots", metavar="FOLDER", help="Draw plots into it.")] = None,
+    check: Annotated[bool, typer.Option("--check", help="Exit with 1 if a target is missed.")] = False,
+) -> None:
+    """Measure the memory beside raw TCP, raw Zenoh, ZeroMQ, pycrdt, Loro, Spark-DSG and pytransform3d.
+
+    A row's ratio is our value by that of its first peer, measured in the same run:
+    below 1 is better for times and factors, above 1 for rates (units "per s").
+
+    Peers are optional: pip install 'dsr[bench]'. Without one, rows are measured without it.
+    Quit other programs first; `dsr bench --list` tells how each row is measured.
+
+    The exit code is 0 if all that was asked for was measured, also if targets are missed (see --check).
+    """
+    chosen = groups.choose(rows or [])
+    if list_rows:
+        console.print(specs_table(chosen))
+        return
+    for file in filter(None, [json, plots and plots / "latency.png"]):
+        _check_writable(file)
+    findings = Findings()
+    try:
+        with session.private_runtime(), errors.status("starting") as status:
+            for group, specs in chosen:
+                session.measure(group, specs, findings, quick=quick, repeat=repeat, tell=status.update)
+    except KeyboardInterrupt:
+        errors.print("stopped; these rows were measured until then")
+        _finish(findings, json, plots)
+        raise typer.Exit(_INTERRUPTED) from None
+    _finish(findings, json, plots)
+    raise typer.Exit(1 if check and any(row.meets is False for row in findings.rows) else 0)
+
+
+def _check_writable(file: Path) -> None:
+    """Raise `ConfigError` before the run rather than lose its result after it."""
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.open("a").close()
+    except OSError as error:
+        raise ConfigError(f"{file}: cannot be written ({error.strerror})") from error
+
+
+def _finish(findings: Findings, json: Path | None, plots: Path | None) -> None:
+    """Show and write what was measured."""
+    console.print(rows_table(findings.rows))
+    met = [row.meets for row in findings.rows if row.meets is not None]
+    console.print(f"{sum(met)} of {len(met)} targets met")
+    for module in sorted(findings.missing):
+        errors.print(f"[yellow]{escape(module)} is not installed and was not measured: pip install 'dsr\\[bench]'[/]")
+    if json:
+        json.write_bytes(msgspec.json.format(msgspec.json.encode(findings.rows), indent=1))
+        console.print(f"rows   {json}", soft_wrap=True)

@@ -1,0 +1,1 @@
+"""What the working memory is measured beside; each module needs a library of the extra `bench`."""

@@ -1,0 +1,78 @@
+"""Raw Zenoh between two processes: `put` of as many bytes as an update takes, until the callback has them."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import msgspec
+import zenoh
+
+from benchmarks.links import Closable, Received, Sender
+
+KEY = "bench/value"
+
+
+def open_session(
+    *, listen: str | None = None, connect: str | None = None, shared_memory: bool = False
+) -> zenoh.Session:
+    """A peer that knows its endpoints and looks for no others, as the working memory's are."""
+    config = zenoh.Config()
+    settings: dict[str, Any] = {
+        "mode": "peer",
+        "listen/endpoints": [listen] if listen else [],
+        "connect/endpoints": [connect] if connect else [],
+        "scouting/multicast/enabled": False,
+        "transport/shared_memory/enabled": shared_memory,
+    }
+    for key, value in settings.items():
+        config.insert_json5(key, json.dumps(value))
+    return zenoh.open(config)
+
+
+class ZenohLink(msgspec.Struct, frozen=True):
+    """A publisher with the quality of service of our updates, and a subscriber with a callback."""
+
+    endpoint: str
+    size: int
+    """Bytes of a message."""
+    reliable: bool = True
+    """As attributes travel: nothing dropped; else as poses: dropped when the link is full."""
+
+    def writer(self) -> Sender:
+        """The end that listens."""
+        return _Sender(open_session(listen=self.endpoint), self)
+
+    def reader(self, received: Received) -> Closable:
+        """An end that connects."""
+        return _Reader(open_session(connect=self.endpoint), received)
+
+
+class _Sender:
+    def __init__(self, session: zenoh.Session, link: ZenohLink) -> None:
+        self._session = session
+        self._padding = b"\0" * (link.size - 8)
+        control, priority = zenoh.CongestionControl, zenoh.Priority
+        self._publisher = session.declare_publisher(
+            KEY,
+            congestion_control=control.BLOCK if link.reliable else control.DROP,
+            priority=priority.INTERACTIVE_HIGH if link.reliable else priority.INTERACTIVE_LOW,
+            express=True,
+        )
+
+    def send(self, number: int) -> None:
+        self._publisher.put(number.to_bytes(8, "little") + self._padding)
+
+    def close(self) -> None:
+        self._session.close()  # type: ignore[no-untyped-call]
+
+
+class _Reader:
+    def __init__(self, session: zenoh.Session, received: Received) -> None:
+        self._session = session
+        self._subscriber = session.declare_subscriber(
+            KEY, lambda sample: received(int.from_bytes(sample.payload.to_bytes()[:8], "little"))
+        )
+
+    def close(self) -> None:
+        self._session.close()  # type: ignore[no-untyped-call]
