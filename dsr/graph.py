@@ -197,10 +197,10 @@ class Graph(Observer):
             return
         for name in entry.key[:2]:
             self._incident.setdefault(name, set()).add(entry.key)
-        if self._is_dead(entry):
-            self._bury([entry])
-        elif self._has_ends(entry):
+        if self._has_ends(entry):
             self._refresh_edge(entry.key)
+        elif self._is_dead(entry):
+            self._bury([entry])
         else:
             self._unattached[entry.dot] = entry
 
@@ -287,8 +287,8 @@ class Graph(Observer):
         return [(self.edges_out, key[0]), (self.edges_in, key[1]), (self.edges_by_type, key[2])]
 
     def _has_ends(self, entry: Entry) -> bool:
-        live = self.store.entries
-        return any(dot in live for dot in entry.sources) and any(dot in live for dot in entry.destinations)
+        live = self.store.entries.keys()
+        return not live.isdisjoint(entry.sources) and not live.isdisjoint(entry.destinations)
 
     def _is_dead(self, entry: Entry) -> bool:
         """Whether an end was removed for good: then the edge can never be seen again."""

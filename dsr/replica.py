@@ -158,7 +158,8 @@ class Replica:
 
     def _answer(self, key: str, payload: bytes) -> bytes | None:
         with self.lock:
-            return self.synchroniser.answer(_last(key), payload)
+            missing = self.synchroniser.answer(_last(key), payload)
+        return None if missing is None else encode_delta(missing)
 
     def _perform(self, output: Output) -> None:
         match output:
@@ -221,7 +222,8 @@ class Replica:
     def snapshot(self) -> bytes:
         """The whole state as an encoded synchronisation reply."""
         with self.lock:
-            return encode_delta(self.graph.store.missing_for(CausalContext()))
+            everything = self.graph.store.missing_for(CausalContext())
+        return encode_delta(everything)
 
 
 def _last(key: str) -> str:

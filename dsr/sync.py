@@ -16,9 +16,11 @@ A peer that sends nonsense is counted in `dropped` and logged once; nothing it s
 
 from __future__ import annotations
 
+import contextlib
+import gc
 import logging
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -26,7 +28,7 @@ from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Delta
 from dsr.errors import WireError
 from dsr.graph import Graph
-from dsr.wire import Digest, decode_delta, decode_digest, encode_delta, encode_digest
+from dsr.wire import Digest, decode_delta, decode_digest, encode_digest
 
 DIGEST_PERIOD = 1.0
 """s"""
@@ -142,7 +144,8 @@ class Synchroniser:
         """The answer to `Ask` arrived."""
         self.request_done(sender)
         try:
-            self.graph.join(decode_delta(payload))
+            with _collector_paused():
+                self.graph.join(decode_delta(payload))
         except WireError as error:
             self._drop(sender, error)
             return
@@ -159,14 +162,15 @@ class Synchroniser:
         """The caller knows that this is the first replica: nothing to ask for."""
         self.joined = self.joined or not self._peers
 
-    def answer(self, sender: str, payload: bytes) -> bytes | None:
+    def answer(self, sender: str, payload: bytes) -> Delta | None:
         """The reply to a peer's request; None if the request is malformed."""
         try:
             seen = decode_digest(payload).context
         except WireError as error:
             self._drop(sender, error)
             return None
-        return encode_delta(self.graph.store.missing_for(seen))
+        with _collector_paused():
+            return self.graph.store.missing_for(seen)
 
     def tick(self, now: float, physical: float) -> list[Output]:
         """What is due at monotonic time `now` and physical time `physical` (s)."""
@@ -251,3 +255,15 @@ class Synchroniser:
         self.dropped[sender] += 1
         if self.dropped[sender] == 1:
             _log.warning("dropped a message from %s: %s (further ones are only counted)", sender, error)
+
+
+@contextlib.contextmanager
+def _collector_paused() -> Iterator[None]:
+    """Do not look for reference cycles: among many new objects that all stay, it takes as long as the work itself."""
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Annotated, Any
 
 import msgspec
@@ -34,28 +34,28 @@ _POSE_COVARIANCE = struct.Struct("<44d")
 _MAX_RANGE = 1 << 20
 MAX_NAME = 256
 
-_Index = Annotated[int, msgspec.Meta(ge=0)]
+_Natural = Annotated[int, msgspec.Meta(ge=0)]
 _Counter = Annotated[int, msgspec.Meta(ge=0, le=(1 << 53))]
 _Stamp = Annotated[int, msgspec.Meta(ge=0, le=(1 << 63) - 1)]
 _Name = Annotated[str, msgspec.Meta(min_length=1, max_length=MAX_NAME)]
 
 
 class _Add(msgspec.Struct, array_like=True, gc=False):
-    replica: _Index
+    replica: _Natural
     counter: _Counter
     key: Any  # a union of constrained strings and tuples is beyond msgspec 0.22
     type: _Name
-    sources: list[int]
-    destinations: list[int]
+    sources: list[_Natural]
+    destinations: list[_Natural]
 
 
 class _Write(msgspec.Struct, array_like=True, gc=False):
-    replica: _Index
+    replica: _Natural
     counter: _Counter
     attribute: _Name
     stamp: _Stamp
-    writer: _Index
-    dot_replica: _Index
+    writer: _Natural
+    dot_replica: _Natural
     dot_counter: _Counter
     value: Any
 
@@ -65,9 +65,9 @@ class _Delta(msgspec.Struct, array_like=True, gc=False):
     replicas: list[_Name]
     adds: list[_Add]
     writes: list[_Write]
-    removed: list[int]
-    context: list[int]
-    live: list[int] | None
+    removed: list[_Natural]
+    context: list[_Natural]
+    live: list[_Natural] | None
 
 
 class _Digest(msgspec.Struct, array_like=True, gc=False):
@@ -172,16 +172,19 @@ def _to_delta(message: _Delta) -> Delta:
 
 def _to_key(add: _Add) -> Key:
     key = add.key
-    names = [key] if isinstance(key, str) else key
-    if not isinstance(names, list) or not all(isinstance(n, str) and 0 < len(n) <= MAX_NAME for n in names):
-        raise ValueError(f"key {key!r:.80}: expected a name or three names of at most {MAX_NAME} characters")
-    if isinstance(key, str):
+    if _is_name(key):
         if add.sources or add.destinations:
             raise ValueError(f"node {key!r} with endpoints")
-        return key
-    if len(names) != 3 or not add.sources or not add.destinations:
-        raise ValueError(f"edge {key!r:.80}: expected three names and creation dots at both ends")
-    return names[0], names[1], names[2]
+        return str(key)
+    if type(key) is not list or len(key) != 3 or not (_is_name(key[0]) and _is_name(key[1]) and _is_name(key[2])):
+        raise ValueError(f"key {key!r:.80}: expected a name or three names of at most {MAX_NAME} characters")
+    if not add.sources or not add.destinations:
+        raise ValueError(f"edge {key!r:.80}: expected creation dots at both ends")
+    return key[0], key[1], key[2]
+
+
+def _is_name(value: Any) -> bool:
+    return type(value) is str and 0 < len(value) <= MAX_NAME
 
 
 def _to_write(names: list[str], write: _Write) -> Write:
@@ -212,14 +215,16 @@ def _positive(counter: int) -> int:
     return counter
 
 
-def _dots(names: list[str], flat: Sequence[int]) -> list[Dot]:
-    if len(flat) % 2 or any(number < 0 for number in flat):
+def _dots(names: list[str], flat: list[int]) -> list[Dot]:
+    if len(flat) % 2:
         raise ValueError("dots are pairs of a replica's index and a counter")
-    return [(names[flat[i]], _positive(flat[i + 1])) for i in range(0, len(flat), 2)]
+    counters = flat[1::2]
+    _positive(min(counters, default=1))
+    return [(names[index], counter) for index, counter in zip(flat[::2], counters, strict=True)]
 
 
-def _ranges(names: list[str], flat: Sequence[int]) -> list[DotRange]:
-    if len(flat) % 3 or any(number < 0 for number in flat):
+def _ranges(names: list[str], flat: list[int]) -> list[DotRange]:
+    if len(flat) % 3:
         raise ValueError("a context is triples of a replica's index, first and last counter")
     return [_checked_range(names[flat[i]], flat[i + 1], flat[i + 2]) for i in range(0, len(flat), 3)]
 
