@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from dsr.crdt.delta import TOMBSTONE
-from dsr.crdt.store import Entry, visible_value
+from dsr.crdt.store import Entry
 from dsr.errors import GraphError, suggest
 from dsr.schema import POSE_FIELDS
 from dsr.transforms import Pose
@@ -15,6 +15,15 @@ from dsr.transforms import Pose
 def type_of(entries: tuple[Entry, ...]) -> str:
     """The type that the incarnations of one element have together: that of the greatest creation dot."""
     return entries[0].type if len(entries) == 1 else max(entries, key=lambda entry: entry.dot).type
+
+
+def _stored(entries: tuple[Entry, ...], attribute: str) -> Any:
+    """The winning value among the incarnations of one element; `TOMBSTONE` if none is set."""
+    if len(entries) == 1:
+        write = entries[0].registers.get(attribute)
+        return TOMBSTONE if write is None else write.value
+    writes = [entry.registers[attribute] for entry in entries if attribute in entry.registers]
+    return max(writes, key=lambda write: (write.stamp, write.writer)).value if writes else TOMBSTONE
 
 
 class _Element(Mapping[str, Any]):
@@ -29,11 +38,7 @@ class _Element(Mapping[str, Any]):
         return type_of(self._entries)
 
     def _value(self, attribute: str) -> Any:
-        entries = self._entries
-        if len(entries) == 1:
-            register = entries[0].registers.get(attribute)
-            return TOMBSTONE if register is None else register.value
-        return visible_value(entries, attribute)
+        return _stored(self._entries, attribute)
 
     def __getitem__(self, attribute: str) -> Any:
         """The present value. Raises `GraphError` if the attribute is not set."""
@@ -117,9 +122,9 @@ class Edge(_Element):
         return pose
 
     def _value(self, attribute: str) -> Any:
-        value = super()._value(attribute)
+        value = _stored(self._entries, attribute)
         if value is TOMBSTONE and attribute in POSE_FIELDS:
-            pose = super()._value("pose")
+            pose = _stored(self._entries, "pose")
             part = getattr(pose, attribute) if isinstance(pose, Pose) else None
             return TOMBSTONE if part is None else part
         return value

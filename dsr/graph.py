@@ -100,15 +100,9 @@ class Graph(Observer):
         add = None if key in self.edges else Add(self._new_dot(), key, type, ends[0], ends[1])
         return self._commit(self._entries_of(key, add), add, values, now)
 
-    def update_node(self, name: str, attributes: Mapping[str, Any], now: float) -> Delta:
-        """Write attributes of a visible node. Raises `NodeNotFoundError`, `SchemaError`."""
-        node = self.node(name)
-        return self._commit([entry.dot for entry in node._entries], None, self._values(attributes), now)
-
-    def update_edge(self, key: EdgeKey, attributes: Mapping[str, Any], now: float) -> Delta:
-        """Write attributes of a visible edge. Raises `EdgeNotFoundError`, `SchemaError`."""
-        edge = self.edge(*key)
-        return self._commit([entry.dot for entry in edge._entries], None, self._values(attributes), now)
+    def write(self, element: Node | Edge, attributes: Mapping[str, Any], now: float) -> Delta:
+        """Write attributes of a visible element. Raises `SchemaError`."""
+        return self._commit([entry.dot for entry in element._entries], None, self._values(attributes), now)
 
     def remove_attribute(self, element: Node | Edge, attribute: str, now: float) -> Delta:
         """Take an attribute away; an empty delta if it is not set."""

@@ -33,7 +33,7 @@ class Outbox:
         `together` says that it must not travel later than the delta before it.
         """
         bundle = self._bundles[-1]
-        if len(bundle) >= BUNDLE and not together:
+        if len(bundle.writes) + len(bundle.adds) >= BUNDLE and not together:
             bundle = self._next_bundle()
         for write in delta.writes:
             if write.dot is None:
@@ -41,9 +41,10 @@ class Outbox:
             else:
                 bundle.writes.append(write)
         if delta.context:
-            bundle.adds += delta.adds
-            bundle.removed += delta.removed
             bundle.extend_context(delta.context)
+            if delta.adds or delta.removed:
+                bundle.adds += delta.adds
+                bundle.removed += delta.removed
 
     def take(self) -> tuple[list[Delta], Delta]:
         """Bundles of durable changes and the stream samples; the outbox is empty afterwards."""

@@ -18,13 +18,19 @@ _NORM_EXACT = 1e-12  # squared norms this close to 1 are left alone: a copy of a
 _NEARLY_PARALLEL = 1.0 - 1e-7  # cosine of the half angle above which slerp is linear to 1e-11
 
 
-def normalised(q: Quaternion) -> Quaternion:
-    """Scale q to unit norm; the same object if it is one already, up to rounding. Zero is not accepted."""
+def normalised(q: Quaternion, tolerance: float = math.inf) -> Quaternion:
+    """Scale q to unit norm; the same object if it has it already, up to rounding. Zero is not accepted.
+
+    Raises:
+        ValueError: if the norm is off by `tolerance` or more.
+    """
     x, y, z, w = q
     norm2 = x * x + y * y + z * z + w * w
     if -_NORM_EXACT < norm2 - 1.0 < _NORM_EXACT:
         return q
     norm = math.sqrt(norm2)
+    if abs(norm - 1.0) >= tolerance:
+        raise ValueError(f"rotation {q}: norm {norm:.6g}, expected 1 within {tolerance}")
     return x / norm, y / norm, z / norm, w / norm
 
 

@@ -19,6 +19,7 @@ Value = bool | int | float | str | bytes | tuple[float, ...] | Pose
 _NAME = re.compile(r"[A-Za-z0-9_.\-]{1,128}")
 _INT_LIMIT = 1 << 63
 POSE_FIELDS = ("translation", "rotation", "stamp", "covariance")
+_POSE_FIELDS = frozenset(POSE_FIELDS)
 
 
 class AttributeType(msgspec.Struct, frozen=True):
@@ -92,9 +93,9 @@ class Schema:
 
 def with_pose(attributes: dict[str, Any]) -> dict[str, Any]:
     """`attributes` with the parts of a pose, if they were given one by one, joined. Raises `SchemaError`."""
-    parts = {name: attributes[name] for name in POSE_FIELDS if name in attributes}
-    if not parts:
+    if _POSE_FIELDS.isdisjoint(attributes):
         return attributes
+    parts = {name: attributes[name] for name in POSE_FIELDS if name in attributes}
     others = {name: value for name, value in attributes.items() if name not in parts}
     if "pose" in others or "translation" not in parts:
         raise SchemaError(f"give either pose, or translation with rotation, not {', '.join(sorted(attributes))}")

@@ -65,12 +65,10 @@ class Pose:
     ) -> None:
         tx, ty, tz = _floats("translation", translation, 3)
         x, y, z, w = _floats("rotation", rotation, 4)
-        norm = math.sqrt(x * x + y * y + z * z + w * w)
-        if abs(norm - 1.0) >= _NORM_TOLERANCE:
-            raise ValueError(f"rotation {(x, y, z, w)}: norm {norm:.6g}, expected 1 within {_NORM_TOLERANCE}")
+        q = normalised((x, y, z, w), _NORM_TOLERANCE)
         _set_t(self, (tx, ty, tz))
-        _set_q(self, normalised((x, y, z, w)))
-        _set_stamp(self, _float("stamp", stamp))
+        _set_q(self, q)
+        _set_stamp(self, stamp if type(stamp) is float and math.isfinite(stamp) else _float("stamp", stamp))
         _set_cov(self, None if covariance is None else _checked_covariance(covariance))
 
     @staticmethod

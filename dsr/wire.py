@@ -31,6 +31,8 @@ VERSION = 1
 _POSE_CODE = 1
 _POSE = struct.Struct("<8d")
 _POSE_COVARIANCE = struct.Struct("<44d")
+_UNIT_TOLERANCE = 1e-12
+"""Rounding of a unit quaternion: within it the sender's numbers are taken as they are."""
 _MAX_RANGE = 1 << 20
 MAX_NAME = 256
 
@@ -105,7 +107,10 @@ def _decode_extension(code: int, data: memoryview) -> Pose:
     if code != _POSE_CODE or len(data) != layout.size:
         raise WireError(f"extension {code} of {len(data)} bytes")
     numbers = layout.unpack(data)
-    return Pose(numbers[:3], numbers[3:7], numbers[7], numbers[8:] or None)
+    x, y, z, w = rotation = numbers[3:7]
+    if layout is _POSE and math.isfinite(sum(numbers)) and abs(x * x + y * y + z * z + w * w - 1.0) < _UNIT_TOLERANCE:
+        return Pose.unchecked(numbers[:3], rotation, numbers[7])
+    return Pose(numbers[:3], rotation, numbers[7], numbers[8:] or None)
 
 
 _encoder = msgspec.msgpack.Encoder(enc_hook=_encode_extension)

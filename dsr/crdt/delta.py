@@ -73,8 +73,9 @@ class Delta(msgspec.Struct, gc=False):
 
     def extend_context(self, ranges: Iterable[DotRange]) -> None:
         """Account for more dots, those of later changes."""
+        context = self.context
         for rid, first, last in ranges:
-            if self.context and self.context[-1][0] == rid and self.context[-1][2] + 1 == first:
-                self.context[-1] = (rid, self.context[-1][1], last)
+            if context and context[-1][2] == first - 1 and context[-1][0] == rid:
+                context[-1] = (rid, context[-1][1], last)
             else:
-                self.context.append((rid, first, last))
+                context.append((rid, first, last))

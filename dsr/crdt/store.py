@@ -10,14 +10,13 @@ arrived waits in a bounded buffer, outside the context, so that synchronisation 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from functools import lru_cache
-from typing import Any
 
 from msgspec.structs import replace
 
 from dsr.crdt.context import CausalContext, Dot, to_ranges
-from dsr.crdt.delta import TOMBSTONE, Add, Delta, Key, Write
+from dsr.crdt.delta import Add, Delta, Key, Write
 
 MAX_WAITING = 10_000
 _MASK = (1 << 64) - 1
@@ -76,19 +75,23 @@ class Store:
             self._remove_absent(delta)
         for dot in delta.removed:
             self._remove(dot)
-        added = [entry for add in delta.adds if (entry := self._add(add))]
-        held_back = [write.dot for write in delta.writes if not self._write(write) and write.dot]
+        added = [entry for add in delta.adds if (entry := self._add(add))] if delta.adds else []
+        held_back = []
+        for write in delta.writes:
+            if not self._write(write) and write.dot:
+                held_back.append(write.dot)
         self._learn(delta, held_back)
-        for add in delta.adds:
-            self.context.add(add.dot)
         if delta.live is not None:
             for owner in [owner for owner in self._waiting if owner in self.context]:
                 self._forget_waiting(owner)
-        self._announce(added)
+        if added:
+            self._announce(added)
 
     def _announce(self, added: list[Entry]) -> None:
         """Nodes first, so that whoever looks on never sees an edge without its ends."""
-        for entry in sorted(added, key=lambda entry: not isinstance(entry.key, str)) if len(added) > 1 else added:
+        for entry in added:
+            self.context.add(entry.dot)
+        for entry in sorted(added, key=lambda entry: not isinstance(entry.key, str)):
             if entry.dot in self.entries:
                 entry.announced = True
                 self._observer.entry_added(entry)
@@ -210,12 +213,6 @@ class Store:
                 self.unsettled[(owner, attribute)] = passes + 1
         delta.context = list(to_ranges(write.dot for write in delta.writes if write.dot))
         return delta
-
-
-def visible_value(entries: Iterable[Entry], attribute: str) -> Any:
-    """The winning value among the incarnations of one key; `TOMBSTONE` if none is set."""
-    registers = [entry.registers[attribute] for entry in entries if attribute in entry.registers]
-    return max(registers, key=lambda r: (r.stamp, r.writer)).value if registers else TOMBSTONE
 
 
 def dot_hash(dot: Dot) -> int:

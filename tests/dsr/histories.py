@@ -93,8 +93,9 @@ class World:
 
     def do_write(self, replica: int, name: str, value: int) -> None:
         memory = self._memory(replica)
-        if name in memory:
-            self._apply(memory, memory._graph.update_node(name, {"seen": value}, self.clock.now()))
+        node = memory.get_node(name)
+        if node is not None:
+            self._apply(memory, memory._graph.write(node, {"seen": value}, self.clock.now()))
 
     def do_clear(self, replica: int, name: str) -> None:
         memory = self._memory(replica)
@@ -110,9 +111,9 @@ class World:
 
     def do_stream(self, replica: int, src: str, dst: str, x: int) -> None:
         memory = self._memory(replica)
-        if memory.get_edge(src, dst, "RT"):
-            values = {"pose": Pose((x, 1, 0))}
-            self._apply(memory, memory._graph.update_edge((src, dst, "RT"), values, self.clock.now()))
+        edge = memory.get_edge(src, dst, "RT")
+        if edge is not None:
+            self._apply(memory, memory._graph.write(edge, {"pose": Pose((x, 1, 0))}, self.clock.now()))
 
     def do_unlink(self, replica: int, src: str, dst: str) -> None:
         memory = self._memory(replica)

@@ -28,7 +28,7 @@ def random_history(seed: int, length: int = 25) -> tuple[list[Graph], list[Delta
         if action <= 1:
             deltas.append(graph.add_node(name, "cube", {"seen": generator.randrange(9)}, now))
         elif action == 2 and name in graph.nodes:
-            deltas.append(graph.update_node(name, {"seen": generator.randrange(9)}, now))
+            deltas.append(graph.write(graph.node(name), {"seen": generator.randrange(9)}, now))
         elif action == 3:
             deltas.append(graph.remove_node(name))
         elif action == 4 and "a" in graph.nodes and "b" in graph.nodes:
