@@ -74,7 +74,10 @@ class FrameTree:
             history.add(pose)
         else:
             history.end_with(pose)
-        self._choose_newest(type, child)
+        if len(histories) == 1 and history.newest is pose:
+            self._links(type)[child] = Link(type, parent, pose)
+        else:
+            self._choose_newest(type, child)
 
     def remove(self, type: str, parent: str, child: str) -> None:
         """Forget an edge and its past; harmless if there is none."""

@@ -82,7 +82,7 @@ class Graph(Observer):
     def add_node(self, name: str, type: str, attributes: Mapping[str, Any], now: float) -> Delta:
         """Create a node; if it is visible already, only write the attributes. Raises `SchemaError`."""
         self.schema.check_node(name, type)
-        values = self._values(attributes)
+        values = self.schema.to_values(attributes)
         add = None if name in self.nodes else Add(self._new_dot(), name, type)
         return self._commit(self._entries_of(name, add), add, values, now)
 
@@ -94,7 +94,7 @@ class Graph(Observer):
             NodeNotFoundError: if an endpoint is missing.
         """
         self.schema.check_edge_type(type)
-        values = self._values(attributes)
+        values = self.schema.to_values(attributes)
         ends = [tuple(entry.dot for entry in self.node(name)._entries) for name in (src, dst)]
         key = (src, dst, type)
         add = None if key in self.edges else Add(self._new_dot(), key, type, ends[0], ends[1])
@@ -102,7 +102,7 @@ class Graph(Observer):
 
     def write(self, element: Node | Edge, attributes: Mapping[str, Any], now: float) -> Delta:
         """Write attributes of a visible element. Raises `SchemaError`."""
-        return self._commit([entry.dot for entry in element._entries], None, self._values(attributes), now)
+        return self._commit([entry.dot for entry in element._entries], None, self.schema.to_values(attributes), now)
 
     def remove_attribute(self, element: Node | Edge, attribute: str, now: float) -> Delta:
         """Take an attribute away; an empty delta if it is not set."""
@@ -145,9 +145,6 @@ class Graph(Observer):
         self.store.join(delta)
         return delta
 
-    def _values(self, attributes: Mapping[str, Any]) -> dict[str, Any]:
-        return {name: self.schema.to_value(name, value) for name, value in attributes.items()}
-
     def _entries_of(self, key: Key, add: Add | None) -> list[Dot]:
         return [add.dot] if add else list(self.store.by_key[key])
 
@@ -157,19 +154,16 @@ class Graph(Observer):
 
     def _commit(self, owners: list[Dot], add: Add | None, values: Mapping[str, Any], now: float) -> Delta:
         """Write `values` into every incarnation in `owners`, so that the removal of one loses none."""
-        delta = Delta()
-        first = self._counter + (0 if add else 1)
-        if add:
-            delta.adds.append(add)
-        if values:
-            stamp = self.hlc.tick(now)
-            for name, value in values.items():
-                stream = not add and value is not TOMBSTONE and self.schema.attributes[name].stream
-                for owner in owners:
-                    dot = None if stream else self._new_dot()
-                    delta.writes.append(Write(owner, name, stamp, self.rid, dot, value))
+        delta = Delta(adds=[add] if add else [])
+        rid, first = self.rid, self._counter + (0 if add else 1)
+        stamp = self.hlc.tick(now)
+        for name, value in values.items():
+            stream = not add and value is not TOMBSTONE and self.schema.attributes[name].stream
+            for owner in owners:
+                dot = None if stream else self._new_dot()
+                delta.writes.append(Write(owner, name, stamp, rid, dot, value))
         if self._counter >= first:
-            delta.context.append((self.rid, first, self._counter))
+            delta.context.append((rid, first, self._counter))
         self.store.join(delta)
         return delta
 

@@ -376,13 +376,13 @@ class Memory:
             watch.offer("updated", element, attribute)
 
     def _note_pose(self, edge: Edge) -> None:
-        if edge.type not in self.schema.geometric:
-            return
-        pose = edge.get("pose")
-        if isinstance(pose, Pose):
-            self._frames.follow(edge.type, edge.src, edge.dst, pose)
-        else:
-            self._frames.remove(edge.type, edge.src, edge.dst)
+        type = edge.type_name
+        if type in self.schema.geometric:
+            pose = edge.get("pose")
+            if isinstance(pose, Pose):
+                self._frames.follow(type, edge.src, edge.dst, pose)
+            else:
+                self._frames.remove(type, edge.src, edge.dst)
 
     def _check_write(self, element: str, type: str, attributes: Iterable[str]) -> None:
         """Raise unless this write may be made."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any, Literal
 
 import msgspec
@@ -81,14 +81,23 @@ class Schema:
 
     def to_value(self, name: str, value: Any) -> Value:
         """`value` in the form in which attribute `name` is stored. Raises `SchemaError` if it does not fit."""
-        attribute = self.attributes.get(name) or self.attribute(name)
-        stored = _CONVERTERS[attribute.kind](value)
-        if stored is None or (attribute.length is not None and len(stored) != attribute.length):
-            unit = f" in {attribute.unit}" if attribute.unit else ""
-            what = f"{attribute.kind} of {attribute.length}" if attribute.length is not None else attribute.kind
-            raise SchemaError(f"attribute {name!r}: expected a finite {what}{unit}, got {value!r}")
-        result: Value = stored
-        return result
+        return self.to_values({name: value})[name]
+
+    def to_values(self, attributes: Mapping[str, Any]) -> dict[str, Value]:
+        """The same for several attributes at once."""
+        values: dict[str, Value] = {}
+        for name, value in attributes.items():
+            attribute = self.attributes.get(name) or self.attribute(name)
+            stored = _CONVERTERS[attribute.kind](value)
+            if stored is None or (attribute.length is not None and len(stored) != attribute.length):
+                raise SchemaError(f"attribute {name!r}: expected a finite {_described(attribute)}, got {value!r}")
+            values[name] = stored
+        return values
+
+
+def _described(attribute: AttributeType) -> str:
+    length = "" if attribute.length is None else f" of {attribute.length}"
+    return f"{attribute.kind}{length}{f' in {attribute.unit}' if attribute.unit else ''}"
 
 
 def with_pose(attributes: dict[str, Any]) -> dict[str, Any]:

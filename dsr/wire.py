@@ -103,14 +103,15 @@ def _encode_extension(value: Any) -> Any:
 
 
 def _decode_extension(code: int, data: memoryview) -> Pose:
-    layout = _POSE if len(data) == _POSE.size else _POSE_COVARIANCE
-    if code != _POSE_CODE or len(data) != layout.size:
-        raise WireError(f"extension {code} of {len(data)} bytes")
-    numbers = layout.unpack(data)
-    x, y, z, w = rotation = numbers[3:7]
-    if layout is _POSE and math.isfinite(sum(numbers)) and abs(x * x + y * y + z * z + w * w - 1.0) < _UNIT_TOLERANCE:
-        return Pose.unchecked(numbers[:3], rotation, numbers[7])
-    return Pose(numbers[:3], rotation, numbers[7], numbers[8:] or None)
+    if code == _POSE_CODE and len(data) == _POSE.size:
+        tx, ty, tz, x, y, z, w, stamp = _POSE.unpack(data)
+        if abs(x * x + y * y + z * z + w * w - 1.0) < _UNIT_TOLERANCE and math.isfinite(tx + ty + tz + stamp):
+            return Pose.unchecked((tx, ty, tz), (x, y, z, w), stamp)
+        return Pose((tx, ty, tz), (x, y, z, w), stamp)
+    if code == _POSE_CODE and len(data) == _POSE_COVARIANCE.size:
+        numbers = _POSE_COVARIANCE.unpack(data)
+        return Pose(numbers[:3], numbers[3:7], numbers[7], numbers[8:])
+    raise WireError(f"extension {code} of {len(data)} bytes")
 
 
 _encoder = msgspec.msgpack.Encoder(enc_hook=_encode_extension)

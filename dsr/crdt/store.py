@@ -91,7 +91,7 @@ class Store:
         """Nodes first, so that whoever looks on never sees an edge without its ends."""
         for entry in added:
             self.context.add(entry.dot)
-        for entry in sorted(added, key=lambda entry: not isinstance(entry.key, str)):
+        for entry in sorted(added, key=lambda entry: not isinstance(entry.key, str)) if len(added) > 1 else added:
             if entry.dot in self.entries:
                 entry.announced = True
                 self._observer.entry_added(entry)
