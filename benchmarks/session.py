@@ -16,9 +16,9 @@ import msgspec
 
 from benchmarks.group import Curve, Group, Measured, Message, Missing, Step
 from benchmarks.rows import Row, Spec, median_row
+from benchmarks.shared_memory import remove_leftovers
 from benchmarks.workers import BenchmarkError
 from dsr.runtime.lifeline import LAUNCHED
-from dsr.shared_memory import remove_leftovers
 
 _GRACE = 3.0  # s for the processes of a group to end by themselves
 _decoder = msgspec.json.Decoder(Message)

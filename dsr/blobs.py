@@ -28,7 +28,7 @@ class Frame(msgspec.Struct, frozen=True):
     stamp: float
     """s, when the shutter was open"""
     arrays: dict[str, NDArray[Any]]
-    """By name; read-only after decoding."""
+    """By name. Those of a frame that was received are read-only, and may lie in memory shared with its sender."""
     meta: dict[str, float | int | str]
     """Scalars, for a camera the intrinsics `fx fy cx cy` in px."""
 
@@ -45,6 +45,11 @@ _decoder = msgspec.msgpack.Decoder(_Header)
 
 def encode_frame(frame: Frame) -> bytes:
     """The frame as one byte string; the arrays are copied once."""
+    return b"".join(frame_chunks(frame))
+
+
+def frame_chunks(frame: Frame) -> list[bytes | memoryview]:
+    """The pieces of the encoded frame; arrays that are contiguous are not copied."""
     entries: list[tuple[str, str, list[int], int]] = []
     chunks: list[bytes | memoryview] = []
     offset = 0
@@ -53,11 +58,11 @@ def encode_frame(frame: Frame) -> bytes:
             raise ValueError(f"array {name!r} has dtype {array.dtype.name}; expected one of {sorted(_DTYPES)}")
         padding = -array.nbytes % _ALIGN
         entries.append((name, array.dtype.name, list(array.shape), offset))
-        chunks += [np.ascontiguousarray(array).data, b"\0" * padding]
+        chunks += [np.ascontiguousarray(array).reshape(-1).view(np.uint8).data, b"\0" * padding]
         offset += array.nbytes + padding
     header = _encoder.encode(_Header(frame.stamp, frame.meta, entries))
     padding = _body_start(len(header)) - _LENGTH.size - len(header)
-    return b"".join([_LENGTH.pack(len(header)), header, b"\0" * padding, *chunks])
+    return [_LENGTH.pack(len(header)), header, b"\0" * padding, *chunks]
 
 
 def decode_frame(payload: bytes | memoryview) -> Frame:

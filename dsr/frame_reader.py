@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import logging
-from collections import deque
+import threading
 
 from dsr.blobs import Frame, decode_frame
+from dsr.clock import WALL_CLOCK
 from dsr.errors import WireError
 from dsr.transport import Transport
 
@@ -13,30 +14,40 @@ _log = logging.getLogger("dsr.frames")
 
 
 class FrameReader:
-    """Holds the newest frame of one stream until it is asked for; frames nobody took are skipped."""
+    """Holds the newest frame of one stream until it is asked for; frames nobody took are skipped.
+
+    The arrays of a frame from the same machine lie in memory that its sender shares, and are not copied. That
+    memory is kept as they are for as long as anything refers to them, so keep few: while four frames of a
+    stream are kept, further ones are copies.
+    """
 
     def __init__(self, transport: Transport, key: str) -> None:
         self._key = key
-        self._newest: deque[bytes] = deque(maxlen=1)
-        self._subscription = transport.subscribe(key, self._receive, newest=1)
+        self._arrived = threading.Event()
+        self._mailbox = transport.newest(key, self._arrived.set)
         self.dropped = 0
         """Malformed frames so far."""
 
     def latest(self) -> Frame | None:
         """The newest frame if it was not returned before, else None."""
+        self._arrived.clear()
         try:
-            return decode_frame(self._newest.pop())
-        except IndexError:
-            return None
+            payload = self._mailbox.take()
+            return None if payload is None else decode_frame(payload)
         except WireError as error:
             self.dropped += 1
             if self.dropped == 1:
                 _log.warning("dropped a frame on %s: %s (further ones are only counted)", self._key, error)
             return None
 
-    def close(self) -> None:
-        """Stop receiving."""
-        self._subscription.close()
+    def wait(self, timeout: float) -> Frame | None:
+        """The next frame, as soon as it is there; None after `timeout` s. Not for agents in lockstep."""
+        deadline = WALL_CLOCK.monotonic() + timeout
+        while (frame := self.latest()) is None:
+            if not WALL_CLOCK.wait(self._arrived, max(0.0, deadline - WALL_CLOCK.monotonic())):
+                return None
+        return frame
 
-    def _receive(self, _key: str, payload: bytes) -> None:
-        self._newest.append(payload)
+    def close(self) -> None:
+        """Stop receiving; frames that were returned stay."""
+        self._mailbox.close()

@@ -16,7 +16,7 @@ import numpy as np
 
 from dsr.clock import Clock, ManualClock
 from dsr.errors import TransportError
-from dsr.transport import MessageHandler, PresenceHandler, Qos, RequestHandler, key_matches
+from dsr.transport import Chunks, MessageHandler, PresenceHandler, Qos, RequestHandler, key_matches
 
 T = TypeVar("T")
 A = TypeVar("A")
@@ -45,6 +45,28 @@ class _Declaration:
         undo, self._undo = self._undo, None
         if undo is not None:
             undo()
+
+
+class _Mailbox:
+    """Holds the newest message of a key."""
+
+    def __init__(self, transport: LocalTransport, key: str, notify: Callable[[], None]) -> None:
+        self._notify = notify
+        self._message: bytes | None = None
+        self._subscription = transport.subscribe(key, self._keep)
+
+    def _keep(self, _key: str, message: bytes) -> None:
+        self._message = message
+        self._notify()
+
+    def take(self) -> bytes | None:
+        """The newest message if it was not taken before."""
+        message, self._message = self._message, None
+        return message
+
+    def close(self) -> None:
+        """Stop receiving."""
+        self._subscription.close()
 
 
 class LocalNetwork:
@@ -140,6 +162,14 @@ class LocalTransport:
             for pattern, handler in list(other._subscribers):
                 if key_matches(pattern, key):
                     self._network.send(self, other, _bind(handler, key, payload))
+
+    def publish_bulk(self, key: str, chunks: Chunks) -> None:
+        """Send the pieces as one message."""
+        self.publish(key, b"".join(chunks), Qos.BULK)
+
+    def newest(self, key: str, notify: Callable[[], None]) -> _Mailbox:
+        """Receive the newest message of `key`."""
+        return _Mailbox(self, key, notify)
 
     def subscribe(self, key: str, handler: MessageHandler, *, newest: int | None = None) -> _Declaration:
         """Call `handler` in `deliver`; handlers here are never slow, so `newest` has no effect."""

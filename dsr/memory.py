@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Sequence
 from types import TracebackType
 from typing import Any
 
-from dsr.blobs import Frame, encode_frame
+from dsr.blobs import Frame, frame_chunks
 from dsr.clock import WALL_CLOCK, Clock
 from dsr.crdt.delta import Delta, EdgeKey
 from dsr.elements import Edge, Node
@@ -27,7 +27,7 @@ from dsr.keys import Keys, check_name
 from dsr.replica import Replica
 from dsr.schema import Schema, checked_names, with_pose
 from dsr.transforms import Array, Pose
-from dsr.transport import Qos, Transport
+from dsr.transport import Transport
 from dsr.watch import Filter, Watch
 from dsr.wire import decode_delta
 
@@ -230,7 +230,7 @@ class Memory:
 
     def put_frame(self, name: str, frame: Frame) -> None:
         """Publish a camera frame under `name`; readers that are too slow skip frames."""
-        self.transport.publish(self.keys.blob(name), encode_frame(frame), Qos.BULK)
+        self.transport.publish_bulk(self.keys.blob(name), frame_chunks(frame))
 
     def frames(self, name: str) -> FrameReader:
         """The stream of frames published elsewhere under `name`; close it after use."""

@@ -9,8 +9,11 @@ thread of its own, in which its handler may take its time.
 from __future__ import annotations
 
 import enum
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Protocol
+
+Chunks = Sequence[bytes | memoryview]
+"""A message in pieces; each piece is of bytes (format `B`)."""
 
 MessageHandler = Callable[[str, bytes], None]
 """Called with (key, payload) of a message."""
@@ -28,7 +31,7 @@ class Qos(enum.Enum):
     STREAM = "stream"
     """Dropped when the link is congested; a newer one follows (poses, joint states, digests)."""
     BULK = "bulk"
-    """Dropped when congested, lowest priority, through shared memory when local (camera frames)."""
+    """Dropped when congested, lowest priority; for large messages (camera frames), see `publish_bulk`."""
 
 
 class Subscription(Protocol):
@@ -38,14 +41,33 @@ class Subscription(Protocol):
         """Take it back; harmless when repeated."""
 
 
+class Mailbox(Protocol):
+    """Holds the newest message of a key until it is taken."""
+
+    def take(self) -> bytes | memoryview | None:
+        """The newest message if it was not taken before. Raises `WireError` if what came is malformed."""
+
+    def close(self) -> None:
+        """Stop receiving; harmless when repeated."""
+
+
 class Transport(Protocol):
     """A connection to the network."""
 
     def publish(self, key: str, payload: bytes, qos: Qos = Qos.RELIABLE) -> None:
         """Send `payload` to all current subscribers of `key`, except those on this same connection."""
 
+    def publish_bulk(self, key: str, chunks: Chunks) -> None:
+        """Send a large message with `Qos.BULK`; the pieces are copied at most once for all readers on this machine."""
+
     def subscribe(self, key: str, handler: MessageHandler, *, newest: int | None = None) -> Subscription:
         """Call `handler` with each message on `key`; with `newest`, a slow handler skips all but the newest n."""
+
+    def newest(self, key: str, notify: Callable[[], None]) -> Mailbox:
+        """Receive the newest large message of `key`, without a copy where its writer is on this machine.
+
+        `notify` is called from the network's thread whenever one has come.
+        """
 
     def serve(self, key: str, handler: RequestHandler) -> Subscription:
         """Answer requests on `key`. The handler may be called from any thread."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import atexit
 import contextlib
 import json
 import logging
@@ -12,12 +11,11 @@ from typing import Any
 
 import zenoh
 
+from dsr.bulk import BulkReader, BulkWriter, Handler
 from dsr.errors import TransportError
-from dsr.shared_memory import remove_leftovers
-from dsr.transport import MessageHandler, PresenceHandler, Qos, RequestHandler, Subscription
+from dsr.transport import Chunks, MessageHandler, PresenceHandler, Qos, RequestHandler, Subscription
 
 _log = logging.getLogger("dsr.zenoh")
-atexit.register(remove_leftovers)
 
 _REQUEST_QUEUE = 64
 _SENDING: dict[Qos, dict[str, Any]] = {
@@ -50,6 +48,22 @@ class _Declaration:
                 item.undeclare()
 
 
+class _Outlet:
+    """A publisher that knows whether anybody listens."""
+
+    def __init__(self, publisher: Any) -> None:
+        self._publisher = publisher
+
+    @property
+    def wanted(self) -> bool:
+        """Whether anybody elsewhere listens."""
+        return bool(self._publisher.matching_status.matching)
+
+    def put(self, payload: bytes) -> None:
+        """Send a message."""
+        self._publisher.put(payload)
+
+
 class ZenohTransport:
     """One Zenoh session in peer mode; implements `dsr.transport.Transport`.
 
@@ -73,6 +87,7 @@ class ZenohTransport:
         except zenoh.ZError as error:
             raise TransportError(f"cannot listen on {listen} ({_reason(error)}); is the port in use?") from error
         self._publishers: dict[tuple[str, Qos], zenoh.Publisher] = {}
+        self._bulk_writers: dict[str, BulkWriter] = {}
         self._lock = threading.Lock()
 
     def publish(self, key: str, payload: bytes, qos: Qos = Qos.RELIABLE) -> None:
@@ -82,6 +97,31 @@ class ZenohTransport:
             publisher.put(payload)
         except zenoh.ZError as error:
             raise TransportError(f"cannot publish on {key}: {_reason(error)}") from error
+
+    def publish_bulk(self, key: str, chunks: Chunks) -> None:
+        """Send a large message to whoever listens: in shared memory where that reaches, otherwise as bytes."""
+        writer = self._bulk_writers.get(key)
+        if writer is None:
+            plain, tickets = (_Outlet(self._declare_publisher(place, Qos.BULK)) for place in (key, _ticket_key(key)))
+            writer = self._bulk_writers.setdefault(key, BulkWriter(tickets, plain))
+        try:
+            writer.put(chunks)
+        except zenoh.ZError as error:
+            raise TransportError(f"cannot publish on {key}: {_reason(error)}") from error
+
+    def newest(self, key: str, notify: Callable[[], None]) -> BulkReader:
+        """Receive the newest large message of `key`."""
+
+        def listen(place: str) -> Callable[[Handler], Subscription]:
+            def declare(handler: Handler) -> Subscription:
+                def receive(sample: zenoh.Sample) -> None:
+                    handler(sample.payload)
+
+                return _Declaration(self._declare(self._session.declare_subscriber, place, receive))
+
+            return declare
+
+        return BulkReader(listen(_ticket_key(key)), listen(key), notify)
 
     def _declare_publisher(self, key: str, qos: Qos) -> zenoh.Publisher:
         if "*" in key:
@@ -164,13 +204,17 @@ def _settings(listen: str, connect: list[str]) -> dict[str, Any]:
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": True,
         "scouting/gossip/autoconnect": {"router": [], "peer": []},
-        "transport/shared_memory/enabled": True,
-        # For frames, not for deltas: what a peer that was stopped for long finds in shared memory may be overwritten.
-        "transport/shared_memory/transport_optimization/message_size_threshold": 1 << 17,
+        # A peer that was stopped for long could read what was overwritten meanwhile; `dsr.bulk` has no such gap.
+        "transport/shared_memory/enabled": False,
         # A stopped peer holds up the others no longer than this; its link is closed, and repaired when it goes on.
         "transport/link/tx/queue/congestion_control/block/wait_before_close": 1_000_000,  # us
         "transport/unicast/open_timeout": 1000,  # ms
     }
+
+
+def _ticket_key(key: str) -> str:
+    """Where tickets for messages of `key` travel; no wildcard matches a part that begins with @."""
+    return f"{key}/@shm"
 
 
 def _reason(error: zenoh.ZError) -> str:

@@ -19,8 +19,9 @@ from agents.plant.messages import (
     frame_key,
     readings_key,
 )
-from dsr.blobs import Frame, decode_frame
+from dsr.blobs import Frame
 from dsr.errors import WireError
+from dsr.frame_reader import FrameReader
 from dsr.keys import Keys
 from dsr.transport import Qos, Transport
 
@@ -105,11 +106,11 @@ class PlantCamera:
     """
 
     def __init__(self, bus: Transport, keys: Keys, name: str = "overhead") -> None:
-        self._frames = Newest(bus, frame_key(keys, name), decode_frame)
+        self._frames = FrameReader(bus, frame_key(keys, name))
 
     def frame(self) -> Frame | None:
         """The newest frame if it was not returned before, else None."""
-        return self._frames.take()
+        return self._frames.latest()
 
     def close(self) -> None:
         """Stop listening."""

@@ -13,7 +13,7 @@ from agents.plant.reality import Reality
 from agents.plant.world import RATE_HZ, STEP
 from agents.scenario.format import Start, load_scenario, start_key
 from dsr.agent import Agent
-from dsr.blobs import encode_frame
+from dsr.blobs import frame_chunks
 from dsr.errors import WireError
 from dsr.transport import Qos, Subscription
 
@@ -143,7 +143,7 @@ class Plant(Agent):
     def _publish_sight(self, stamp: float) -> None:
         reality, camera = self._reality, self._reality.camera.name
         if self.config.sensor == "pixels":
-            self.bus.publish(frame_key(self.keys, camera), encode_frame(reality.frame(stamp)), Qos.BULK)
+            self.bus.publish_bulk(frame_key(self.keys, camera), frame_chunks(reality.frame(stamp)))
         else:
             payload = msgspec.msgpack.encode(reality.readings(stamp))
             self.bus.publish(readings_key(self.keys, camera), payload, Qos.STREAM)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from dsr import shared_memory
+from benchmarks import shared_memory
 
 LOCK = """
 import fcntl, sys
@@ -21,7 +21,7 @@ sys.stdin.read()
 ENDING = """
 import fcntl, sys, time
 from pathlib import Path
-from dsr import shared_memory
+from benchmarks import shared_memory
 shared_memory._FOLDER = Path(sys.argv[1])
 file = open(shared_memory._FOLDER / "common.zenoh")
 fcntl.flock(file, fcntl.LOCK_SH)

@@ -1,0 +1,172 @@
+"""Large messages in memory that processes of one machine share: a writer's ring of slots, which readers hold in place.
+
+A ring is an anonymous file (memfd): it has no name that could be left behind, and goes with the last process that has
+it open, however that one dies. A reader opens it through `/proc` by its writer's process and descriptor.
+
+Each slot has a lock, a byte range lock of the open file. A reader keeps a shared one while anything still refers to
+what it was given, and a writer writes only where it gets the exclusive one. So no reader ever sees a message change,
+however slow, stopped or dead it or the writer is: locks end with the process that holds them.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import itertools
+import mmap
+import os
+import secrets
+import struct
+import weakref
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import msgspec
+import numpy as np
+
+from dsr.errors import WireError
+
+SLOTS = 32
+_KEPT = 3
+"""Newest messages that are never overwritten, so that a reader has the time to take hold of one."""
+_MOST_HELD = 4
+"""Messages that one reader may hold in place; it gets copies of further ones, so that it cannot use up the ring."""
+
+_PAGE = mmap.PAGESIZE
+_LOCK = struct.Struct("hhqqi4x")  # struct flock of Linux: type, whence, start, length, pid
+_SEAL_FUTURE_WRITE = 0x10  # F_SEAL_FUTURE_WRITE of Linux 5.1, which `fcntl` does not name
+
+
+class Ticket(msgspec.Struct, frozen=True, array_like=True):
+    """Where a message is, for readers on the same machine."""
+
+    process: int
+    descriptor: int
+    """Of the writer's process."""
+    ring: bytes
+    """Random; tells the ring from whatever else may have that descriptor."""
+    slot_size: int
+    slot: int
+    sequence: int
+    """Which message of the ring it is; another one may be in the slot meanwhile."""
+    length: int
+
+
+class Ring:
+    """The writer's end, for messages of up to `capacity` bytes. Raises `OSError` where memory cannot be shared."""
+
+    def __init__(self, capacity: int) -> None:
+        if not hasattr(os, "memfd_create"):
+            raise OSError("this system has no memfd_create")
+        self.slot_size = -(-capacity // _PAGE) * _PAGE
+        self._id = secrets.token_bytes(16)
+        self._file = _File(os.memfd_create("dsr", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING))
+        size = _PAGE + SLOTS * self.slot_size  # what is not written to yet takes no memory
+        os.ftruncate(self._file.descriptor, size)
+        self._map = memoryview(mmap.mmap(self._file.descriptor, size))
+        seals = fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SEAL
+        with contextlib.suppress(OSError):  # an older Linux
+            fcntl.fcntl(self._file.descriptor, fcntl.F_ADD_SEALS, _SEAL_FUTURE_WRITE)
+        fcntl.fcntl(self._file.descriptor, fcntl.F_ADD_SEALS, seals)
+        self._map[: len(self._id)] = self._id
+        self._sequences = _sequences(self._map)
+        self._count = itertools.count(1)
+        self._used: list[int] = []  # slots, the one with the newest message last
+
+    def write(self, chunks: Sequence[bytes | memoryview]) -> Ticket | None:
+        """Write a message given in pieces (of bytes); None if readers hold all slots in place."""
+        for slot in self._candidates():
+            if self._file.lock(slot, fcntl.F_WRLCK):
+                break
+        else:
+            return None
+        try:
+            return self._write_into(slot, chunks)
+        finally:
+            self._file.lock(slot, fcntl.F_UNLCK)
+
+    def _write_into(self, slot: int, chunks: Sequence[bytes | memoryview]) -> Ticket:
+        self._sequences[slot] = 0  # for the case that this process dies half way
+        begin = end = _PAGE + slot * self.slot_size
+        for chunk in chunks:
+            self._map[end : end + len(chunk)] = chunk
+            end += len(chunk)
+        sequence = self._sequences[slot] = next(self._count)
+        self._used = [*(other for other in self._used if other != slot), slot]
+        return Ticket(os.getpid(), self._file.descriptor, self._id, self.slot_size, slot, sequence, end - begin)
+
+    def _candidates(self) -> Iterator[int]:
+        """Slots that may be free, the oldest message first; one that was never used only after those."""
+        yield from self._used[:-_KEPT]
+        if len(self._used) < SLOTS:
+            yield len(self._used)
+
+
+class RingReader:
+    """A reader's end of the ring that a ticket names.
+
+    Raises:
+        OSError: if the ring is not to be had here: its writer runs elsewhere, as somebody else, or has ended.
+    """
+
+    def __init__(self, ticket: Ticket) -> None:
+        self.ring = ticket.ring
+        self._slot_size = ticket.slot_size
+        self._held: set[int] = set()
+        path = f"/proc/{ticket.process:d}/fd/{ticket.descriptor:d}"
+        if not Path(path).is_file():
+            raise OSError(f"{path} is no file")
+        self._file = _File(os.open(path, os.O_RDONLY | os.O_CLOEXEC))
+        if not fcntl.fcntl(self._file.descriptor, fcntl.F_GET_SEALS) & fcntl.F_SEAL_SHRINK:
+            raise OSError(f"{path} could be cut short while it is read")
+        size = _PAGE + SLOTS * self._slot_size
+        if os.fstat(self._file.descriptor).st_size != size:
+            raise OSError(f"{path} is not a ring of {size} bytes")
+        self._map = mmap.mmap(self._file.descriptor, size, prot=mmap.PROT_READ)
+        if self._map[: len(self.ring)] != self.ring:
+            raise OSError(f"{path} is another ring")
+        self._sequences = _sequences(memoryview(self._map))
+
+    def view(self, ticket: Ticket) -> memoryview | None:
+        """The message in place, which stays until nothing refers to it any more; None if it was overwritten.
+
+        While `_MOST_HELD` others of this ring are held, it is a copy. Raises `WireError` for an impossible place.
+        """
+        slot = ticket.slot
+        if not (0 <= slot < SLOTS and 0 <= ticket.length <= self._slot_size):
+            raise WireError(f"{ticket}: the ring has {SLOTS} slots of {self._slot_size} bytes")
+        if slot in self._held or not self._file.lock(slot, fcntl.F_RDLCK):
+            return None
+        self._held.add(slot)
+        lease = np.frombuffer(self._map, np.uint8, ticket.length, _PAGE + slot * self._slot_size)
+        weakref.finalize(lease, self._release, slot, os.getpid()).atexit = False
+        if self._sequences[slot] != ticket.sequence:
+            return None
+        return lease.data if len(self._held) <= _MOST_HELD else memoryview(lease.tobytes())
+
+    def _release(self, slot: int, process: int) -> None:
+        if os.getpid() == process:  # a forked child shares the lock, which is not its own to give back
+            self._file.lock(slot, fcntl.F_UNLCK)
+            self._held.discard(slot)
+
+
+class _File:
+    """A descriptor that is closed when nothing refers to it any more."""
+
+    def __init__(self, descriptor: int) -> None:
+        self.descriptor = descriptor
+        weakref.finalize(self, os.close, descriptor).atexit = False
+
+    def lock(self, slot: int, kind: int) -> bool:
+        """Take (`F_RDLCK`, `F_WRLCK`) or give back (`F_UNLCK`) the lock of a slot; false if somebody is in the way."""
+        request = _LOCK.pack(kind, os.SEEK_SET, slot, 1, 0)
+        try:
+            fcntl.fcntl(self.descriptor, fcntl.F_OFD_SETLK, request)
+        except BlockingIOError:
+            return False
+        return True
+
+
+def _sequences(view: memoryview) -> memoryview:
+    """The numbers of the messages in the slots, which stand behind the ring's identity."""
+    return view[16 : 16 + 8 * SLOTS].cast("Q")

@@ -1,0 +1,368 @@
+"""Large messages in shared memory: never torn, never left behind, and never in a reader's or writer's way."""
+
+from __future__ import annotations
+
+import gc
+import os
+import signal
+import subprocess
+import sys
+import tracemalloc
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+import dsr
+from dsr.blobs import frame_chunks
+from dsr.bulk import BulkReader, BulkWriter, Handler
+from dsr.clock import WALL_CLOCK
+from dsr.errors import WireError
+from dsr.frame_reader import FrameReader
+from dsr.keys import Keys
+from dsr.rendezvous import free_port
+from dsr.shared_ring import SLOTS, Ring, RingReader, Ticket
+from dsr.transport import Subscription
+from dsr.zenoh_transport import ZenohTransport
+
+PATIENCE = 20.0  # s
+HOLDER = """
+import sys, msgspec
+from dsr.shared_ring import RingReader, Ticket
+ticket = msgspec.msgpack.decode(bytes.fromhex(sys.argv[1]), type=Ticket)
+held = RingReader(ticket).view(ticket)
+print(held[:5].tobytes().decode(), flush=True)
+sys.stdin.read()
+"""
+WRITER = """
+import sys, msgspec
+from dsr.shared_ring import Ring
+ring = Ring(100)
+print(msgspec.msgpack.encode(ring.write([b"hello"])).hex(), flush=True)
+sys.stdin.read()
+"""
+
+
+def ticket_of(ring: Ring, message: bytes) -> Ticket:
+    ticket = ring.write([message])
+    assert ticket is not None
+    return ticket
+
+
+def run(program: str, *arguments: str) -> subprocess.Popen[str]:
+    command = [sys.executable, "-c", program, *arguments]
+    return subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+
+
+def told(process: subprocess.Popen[str]) -> str:
+    assert process.stdout is not None
+    return process.stdout.readline().strip()
+
+
+class TestRing:
+    def test_a_message_in_pieces_is_read_in_place(self) -> None:
+        ring = Ring(10)
+        ticket = ring.write([b"he", memoryview(b"llo"), b""])
+        assert ticket is not None
+        found = RingReader(ticket).view(ticket)
+        assert found is not None and found == b"hello" and found.readonly
+
+    def test_what_is_held_stays_however_much_is_written(self) -> None:
+        ring = Ring(10)
+        first = ticket_of(ring, b"first")
+        reader = RingReader(first)
+        held = reader.view(first)
+        for i in range(5 * SLOTS):
+            ticket = ticket_of(ring, b"%d" % i)
+            assert reader.view(ticket) == b"%d" % i
+        assert held == b"first"
+
+    def test_what_nobody_holds_is_overwritten_and_then_refused(self) -> None:
+        ring = Ring(10)
+        tickets = [ticket_of(ring, b"%d" % i) for i in range(9)]
+        reader = RingReader(tickets[0])
+        assert [reader.view(ticket) for ticket in tickets[:4]] == [None] * 4
+        assert [reader.view(ticket) for ticket in tickets[-2:]] == [b"7", b"8"]
+        assert len({ticket.slot for ticket in tickets}) <= 5  # no more memory than needed
+
+    def test_one_reader_holds_few_and_gets_copies_of_more(self) -> None:
+        ring = Ring(1000)
+        reader = RingReader(ticket_of(ring, b"x"))
+        held = [reader.view(ticket_of(ring, b"%d" % i)) for i in range(3 * SLOTS)]
+        assert held == [b"%d" % i for i in range(3 * SLOTS)]
+
+    def test_when_readers_hold_all_there_is_no_ticket_until_one_lets_go(self) -> None:
+        ring = Ring(10)
+        held = []
+        for _ in range(SLOTS):
+            ticket = ticket_of(ring, b"held")
+            held.append(RingReader(ticket).view(ticket))
+        assert ring.write([b"one too many"]) is None
+        del held[:SLOTS - 3]
+        assert ring.write([b"welcome"]) is not None
+        assert held == [b"held"] * 3
+
+    def test_a_part_keeps_the_whole_in_place(self) -> None:
+        ring = Ring(100)
+        ticket = ticket_of(ring, bytes(range(100)))
+        reader = RingReader(ticket)
+        view = reader.view(ticket)
+        assert view is not None
+        part = np.frombuffer(view, np.uint8)[10:20].reshape(2, 5)
+        del view, reader
+        for _ in range(3 * SLOTS):
+            ring.write([b"\xff" * 100])
+        assert part.ravel().tolist() == list(range(10, 20))
+
+    @pytest.mark.parametrize("ending", [signal.SIGKILL, signal.SIGTERM])
+    def test_the_death_of_a_reader_frees_what_it_held(self, ending: signal.Signals) -> None:
+        ring = Ring(10)
+        ticket = ticket_of(ring, b"hello")
+        with run(HOLDER, msgspec.msgpack.encode(ticket).hex()) as holder:
+            assert told(holder) == "hello"
+            for _ in range(SLOTS):
+                assert ticket_of(ring, b"other").slot != ticket.slot
+            os.kill(holder.pid, signal.SIGSTOP)  # a stopped one goes on holding it
+            for _ in range(SLOTS):
+                assert ticket_of(ring, b"other").slot != ticket.slot
+            os.kill(holder.pid, signal.SIGCONT)
+            os.kill(holder.pid, ending)
+        assert ticket.slot in {ticket_of(ring, b"other").slot for _ in range(SLOTS)}
+
+    def test_what_a_dead_writer_wrote_can_be_read_on_and_nothing_is_left_behind(self) -> None:
+        before = set(Path("/dev/shm").iterdir())
+        with run(WRITER) as writer:
+            ticket = msgspec.msgpack.decode(bytes.fromhex(told(writer)), type=Ticket)
+            reader = RingReader(ticket)
+            writer.kill()
+        assert reader.view(ticket) == b"hello"
+        assert {file for file in Path("/dev/shm").iterdir() if not file.name.endswith(".zenoh")} <= before
+        with pytest.raises(OSError):
+            RingReader(ticket)
+
+    def test_a_message_that_its_writer_did_not_finish_is_not_read(self) -> None:
+        class DeathError(Exception):
+            pass
+
+        class Deadly:
+            def __len__(self) -> int:
+                raise DeathError
+
+        ring = Ring(10)
+        tickets = [ticket_of(ring, b"old") for _ in range(4)]
+        with pytest.raises(DeathError):
+            ring.write([b"new", Deadly()])  # type: ignore[list-item]
+        assert RingReader(tickets[0]).view(tickets[0]) is None
+
+    def test_a_forked_child_gives_nothing_back(self) -> None:
+        ring = Ring(10)
+        ticket = ticket_of(ring, b"hello")
+        held = RingReader(ticket).view(ticket)
+        child = os.fork()
+        if child == 0:
+            del held
+            gc.collect()
+            os._exit(0)
+        os.waitpid(child, 0)
+        assert ticket.slot not in {ticket_of(ring, b"other").slot for _ in range(SLOTS)}
+        assert held == b"hello"
+
+    @pytest.mark.parametrize("change", [{"slot": SLOTS}, {"slot": -1}, {"length": 1 << 40}, {"length": -1}])
+    def test_impossible_places_are_malformed(self, change: dict[str, int]) -> None:
+        ring = Ring(10)
+        ticket = ticket_of(ring, b"hello")
+        reader = RingReader(ticket)
+        with pytest.raises(WireError, match="slots"):
+            reader.view(msgspec.structs.replace(ticket, **change))
+
+    def test_only_rings_are_opened(self, tmp_path: Path) -> None:
+        ring = Ring(10)
+        ticket = ticket_of(ring, b"hello")
+        read_end, write_end = os.pipe()
+        with (tmp_path / "file").open("wb") as file, os.fdopen(read_end), os.fdopen(write_end, "w"):
+            file.truncate(os.fstat(ticket.descriptor).st_size)
+            for descriptor in (file.fileno(), read_end, -1, 1 << 40):
+                with pytest.raises(OSError):
+                    RingReader(msgspec.structs.replace(ticket, descriptor=descriptor))
+        for change in ({"ring": b"\0" * 16}, {"slot_size": 1 << 50}, {"slot_size": -1}, {"process": 1 << 40}):
+            with pytest.raises(OSError):
+                RingReader(msgspec.structs.replace(ticket, **change))
+
+
+class Line:
+    """An outlet and all subscriptions to it."""
+
+    def __init__(self) -> None:
+        self.handlers: list[Handler] = []
+        self.sent = 0
+
+    @property
+    def wanted(self) -> bool:
+        return bool(self.handlers)
+
+    def put(self, payload: bytes) -> None:
+        self.sent += 1
+        for handler in self.handlers:
+            handler(payload)
+
+    def listen(self, handler: Handler) -> Subscription:
+        self.handlers.append(handler)
+        line = self
+
+        class Listening:
+            def close(self) -> None:
+                line.handlers.remove(handler)
+
+        return Listening()
+
+
+class Pair:
+    """A writer and its readers."""
+
+    def __init__(self) -> None:
+        self.tickets, self.plain = Line(), Line()
+        self.writer = BulkWriter(self.tickets, self.plain)
+        self.arrivals = 0
+
+    def reader(self) -> BulkReader:
+        return BulkReader(self.tickets.listen, self.plain.listen, self._count)
+
+    def _count(self) -> None:
+        self.arrivals += 1
+
+
+@pytest.fixture
+def pair() -> Pair:
+    return Pair()
+
+
+class TestBulk:
+    def test_nobody_costs_nothing(self, pair: Pair) -> None:
+        pair.writer.put([b"x"])
+        assert (pair.tickets.sent, pair.plain.sent) == (0, 0)
+
+    def test_a_reader_that_shares_memory_wants_no_bytes_any_more(self, pair: Pair) -> None:
+        reader = pair.reader()
+        for i in range(5):
+            pair.writer.put([b"%d" % i])
+            assert pair.arrivals > i
+            assert reader.take() == b"%d" % i and reader.take() is None
+        assert pair.plain.sent == 1
+
+    def test_only_the_newest_is_taken(self, pair: Pair) -> None:
+        reader = pair.reader()
+        for i in range(2 * SLOTS):
+            pair.writer.put([b"%d" % i])
+        assert reader.take() == b"%d" % (2 * SLOTS - 1) and reader.take() is None
+
+    def test_messages_grow(self, pair: Pair) -> None:
+        reader = pair.reader()
+        held = []
+        for size in (0, 10, 10_000, 10, 1_000_000):
+            pair.writer.put([b"x" * size])
+            held.append(reader.take())
+        assert [len(message or b"") for message in held] == [0, 10, 10_000, 10, 1_000_000]
+
+    def test_without_shared_memory_bytes_come(self, pair: Pair, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.delattr(os, "memfd_create")
+        reader = pair.reader()
+        for i in range(3):
+            pair.writer.put([b"a", b"%d" % i])
+            assert reader.take() == b"a%d" % i
+        assert pair.writer.unshared == 3
+
+    def test_a_reader_elsewhere_gets_bytes(self, pair: Pair, monkeypatch: pytest.MonkeyPatch) -> None:
+        def elsewhere(ticket: Ticket) -> None:
+            raise PermissionError
+
+        here, there = pair.reader(), pair.reader()
+        for i in range(3):
+            pair.writer.put([b"%d" % i])
+            assert here.take() == b"%d" % i
+            with monkeypatch.context() as patch:
+                patch.setattr("dsr.bulk.RingReader", elsewhere)
+                assert there.take() == b"%d" % i
+
+    def test_readers_that_hoard_make_the_others_wait_for_copies_and_not_the_writer(self, pair: Pair) -> None:
+        hoarders = [pair.reader() for _ in range(SLOTS // 4)]
+        reader = pair.reader()
+        hoard, taken = [], []
+        for i in range(10):
+            pair.writer.put([b"%d" % i])
+            hoard += [(i, hoarder.take()) for hoarder in hoarders]
+            taken.append(reader.take())
+        assert taken[-1] == b"9"
+        assert all(message in (None, b"%d" % i) for i, message in hoard)
+        del hoard
+        for i in range(3):
+            pair.writer.put([b"%d" % i])
+            assert reader.take() == b"%d" % i
+
+    def test_malformed_tickets_are_told_and_do_no_harm(self, pair: Pair) -> None:
+        reader = pair.reader()
+        for payload in (b"", b"garbage", msgspec.msgpack.encode([1, 2, 3])):
+            pair.tickets.put(payload)
+            with pytest.raises(WireError, match="ticket"):
+                reader.take()
+        pair.writer.put([b"x"])
+        assert reader.take() == b"x"
+
+    def test_after_closing_nothing_is_subscribed(self, pair: Pair) -> None:
+        reader = pair.reader()
+        reader.close()
+        assert not pair.tickets.wanted and not pair.plain.wanted
+
+
+def picture(stamp: float) -> dsr.Frame:
+    color = np.full((480, 640, 3), int(stamp) % 251, np.uint8)
+    return dsr.Frame(stamp, {"color": color, "depth": np.full((480, 640), stamp, np.float32)}, {})
+
+
+@pytest.fixture
+def link() -> Iterator[tuple[ZenohTransport, ZenohTransport]]:
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with (
+        closing(ZenohTransport(endpoint)) as writer,
+        closing(ZenohTransport(f"tcp/127.0.0.1:{free_port()}", [endpoint])) as reader,
+    ):
+        yield writer, reader
+
+
+def test_frames_of_another_session_are_not_copied(link: tuple[ZenohTransport, ZenohTransport]) -> None:
+    """The arrays lie in the mapped ring, own nothing, and take no memory of their own."""
+    key = Keys("g").blob("camera")
+    reader = FrameReader(link[1], key)
+    stamp = 0.0
+
+    def send() -> dsr.Frame:
+        nonlocal stamp
+        deadline = WALL_CLOCK.monotonic() + PATIENCE
+        while WALL_CLOCK.monotonic() < deadline:
+            stamp += 1.0
+            link[0].publish_bulk(key, frame_chunks(picture(stamp)))
+            frame = reader.wait(0.2)
+            if frame is not None and frame.stamp == stamp:
+                return frame
+        raise AssertionError("no frame came")
+
+    send()
+    while reader._mailbox._plain is not None:  # type: ignore[attr-defined]
+        send()
+    frames = [send() for _ in range(3)]
+    ring = np.frombuffer(reader._mailbox._ring._map, np.uint8)  # type: ignore[attr-defined]
+    for frame in frames:
+        for array in frame.arrays.values():
+            assert np.shares_memory(array, ring) and not array.flags.owndata and not array.flags.writeable
+            assert (array == array.flat[0]).all()
+    sent = frame_chunks(picture(9e9))
+    tracemalloc.start()
+    link[0].publish_bulk(key, sent)
+    frame = reader.wait(PATIENCE)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert frame is not None and frame.stamp == 9e9 and peak < 100_000
+    reader.close()
+    assert frames[0].arrays["color"].max() == frames[0].arrays["color"].min() == int(frames[0].stamp) % 251
