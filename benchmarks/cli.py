@@ -19,13 +19,14 @@ _INTERRUPTED = 130
 _ROWS = "Parts of rows' names, or names of groups; default: all."
 
 app = typer.Typer(
-    name="bench", invoke_without_command=True, context_settings={"allow_interspersed_args": True}
-)
+    name="bench", invoke_without_command=True, subcommand_metavar="",
+    context_settings={"allow_interspersed_args": True},
+)  # fmt: skip
 
 
 @app.callback()
 def bench(
-    rows: Annotated[list[str] | None, typer.Argument(help=_ROWS, metavar="[ROW]...")] = None,
+    rows: Annotated[list[str] | None, typer.Argument(help=_ROWS, metavar="ROW")] = None,
     list_rows: Annotated[bool, typer.Option("--list", help="Show rows and targets; measure nothing.")] = False,
     quick: Annotated[bool, typer.Option("--quick", help="Fewer samples: faster, and rough.")] = False,
     repeat: Annotated[int, typer.Option(min=1, metavar="N", help="Run everything N times and report medians.")] = 1,
@@ -38,7 +39,7 @@ def bench(
     A row's ratio is our value by that of its first peer, measured in the same run:
     below 1 is better for times and factors, above 1 for rates (units "per s").
 
-    Peers are optional: pip install 'dsr[bench]'. Without one, rows are measured without it.
+    Peers are optional: pip install 'dsr\\[bench]'. Without one, rows are measured without it.
     Quit other programs first; `dsr bench --list` tells how each row is measured.
 
     The exit code is 0 if all that was asked for was measured, also if targets are missed (see --check).

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from benchmarks import latency, local
+from benchmarks import by_type, cascade, frame_chains, growth, join, latency, local, throughput
 from benchmarks.group import Group
 from benchmarks.rows import Spec
 from dsr.errors import ConfigError
 
-GROUPS: tuple[Group, ...] = (latency.GROUP, local.GROUP)
+GROUPS: tuple[Group, ...] = (
+    latency.GROUP, throughput.GROUP, join.GROUP, local.GROUP, by_type.GROUP, frame_chains.GROUP, cascade.GROUP,
+    growth.GROUP,
+)  # fmt: skip
 
 
 def find(name: str) -> Group:

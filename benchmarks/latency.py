@@ -16,6 +16,8 @@ from benchmarks import workload
 from benchmarks.group import Group, Run
 from benchmarks.links import DsrLink, Link
 from benchmarks.pairs import Latencies
+from benchmarks.peers.tcp_link import TcpLink
+from benchmarks.peers.zenoh_link import ZenohLink
 from benchmarks.rows import Peer, Spec
 from benchmarks.timing import percentile
 from dsr.rendezvous import free_port
@@ -69,13 +71,8 @@ def _links(run: Run) -> Iterator[tuple[str, Link]]:
     yield _ATTRIBUTE, DsrLink("latency-attribute", "attribute")
     yield _RT, DsrLink("latency-rt", "RT")
     yield _WATCH, DsrLink("latency-watch", "attribute", watched=True)
-    if run.has("zenoh"):
-        from benchmarks.peers.zenoh_link import ZenohLink
-
-        yield _peer(ZENOH, _ATTRIBUTE), ZenohLink(f"tcp/127.0.0.1:{free_port()}", attribute)
-        yield _peer(ZENOH, _RT), ZenohLink(f"tcp/127.0.0.1:{free_port()}", rt, reliable=False)
-    from benchmarks.peers.tcp_link import TcpLink
-
+    yield _peer(ZENOH, _ATTRIBUTE), ZenohLink(f"tcp/127.0.0.1:{free_port()}", attribute)
+    yield _peer(ZENOH, _RT), ZenohLink(f"tcp/127.0.0.1:{free_port()}", rt, reliable=False)
     yield "raw TCP", TcpLink(free_port(), attribute)
     if run.has("zmq"):
         from benchmarks.peers.zmq_link import ZmqLink
@@ -92,7 +89,7 @@ def _take_turns(run: Run, pairs: dict[str, Latencies], *, busy: bool) -> _Sample
     samples: _Samples = {name: [] for name in pairs}
     for name, pair in pairs.items():
         run.step(f"latency: warming up {name}")
-        pair.burst(20)
+        pair.warm_up()
     for number in range(rounds):
         for name, pair in pairs.items():
             run.step(f"latency: {name}{', reader busy' if busy else ''}, round {number + 1} of {rounds}")
@@ -111,9 +108,8 @@ def _report(run: Run, specs: _Specs, kind: str, quiet: _Samples, busy: _Samples)
         value, others = percentile(quiet[kind], share), peers(quiet, share)
         watch = f"; an iterating watch has it after {percentile(quiet[_WATCH], share):.2f} ms"
         run.row(spec, value, others, note + (watch if kind == _ATTRIBUTE else ""))
-        if ZENOH in (peer.name for peer in others):
-            base = others[0].value
-            run.row(ratio_spec, value / base, [Peer(peer.name, peer.value / base) for peer in others])
+        base = others[0].value
+        run.row(ratio_spec, value / base, [Peer(peer.name, peer.value / base) for peer in others])
     run.row(specs.busy, percentile(busy[kind], 0.99), peers(busy, 0.99), f"p50 {percentile(busy[kind], 0.5):.2f} ms")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
 from multiprocessing.connection import Connection
 from types import TracebackType
@@ -15,17 +16,24 @@ PERIOD = 0.01
 _COLD = 10
 """Messages at the start of a burst that do not count."""
 _ON_ITS_WAY = 0.1  # s
+_PATIENCE = 20  # bursts without an answer
 
 
 class Latencies:
-    """A writer and one reader: how long messages take."""
+    """A writer and one reader: how long messages take.
 
-    def __init__(self, link: Link) -> None:
+    Args:
+        link: connects them.
+        between: called when the writer is there, before the reader is started.
+    """
+
+    def __init__(self, link: Link, between: Callable[[], object] = lambda: None) -> None:
         self._writer = Worker(_write, link)
         self._reader: Worker | None = None
         self._next = 1
         try:
             self._writer.receive()
+            between()
             self._reader = Worker(_read, link)
             self._reader.receive()
         except BaseException:
@@ -40,13 +48,30 @@ class Latencies:
     ) -> None:
         self.close()
 
-    def burst(self, count: int, *, busy: bool = False) -> list[float]:
-        """How long each of `count` messages took, s; `busy` keeps the reader's main thread in Python meanwhile."""
+    def warm_up(self) -> None:
+        """Send until messages arrive. Raises `BenchmarkError` if none do."""
+        for _ in range(_PATIENCE - 1):
+            with contextlib.suppress(BenchmarkError):
+                self.burst(_COLD)
+                return
+        self.burst(_COLD)
+
+    def burst(self, count: int, *, period: float = PERIOD, busy: bool = False) -> list[float]:
+        """How long each of `count` messages took, s.
+
+        Args:
+            count: how many.
+            period: s between two.
+            busy: keep the reader's main thread in Python meanwhile.
+
+        Raises:
+            BenchmarkError: if half of them are lost.
+        """
         assert self._reader is not None
         first, self._next = self._next, self._next + count + _COLD
         if busy:
-            self._reader.send((count + _COLD) * PERIOD + _ON_ITS_WAY)
-        sent = self._writer.ask((first, count + _COLD))
+            self._reader.send((count + _COLD) * period + _ON_ITS_WAY)
+        sent = self._writer.ask((first, count + _COLD, period))
         sleep(_ON_ITS_WAY)
         received = self._reader.ask(None)
         taken = [received[number] - start for number, start in sent[_COLD:] if number in received]
@@ -62,12 +87,12 @@ class Latencies:
 
 
 def _write(connection: Connection, link: Link) -> None:
-    """Send the bursts (first number, count) that are asked for; answer with each number and when it was sent."""
+    """Send the bursts (first number, count, period) asked for; answer with each number and when it was sent."""
     writer = link.writer()
     connection.send("ready")
-    for first, count in commands(connection):
-        start = monotonic() + PERIOD
-        connection.send([_send_at(writer.send, first + i, start + i * PERIOD) for i in range(count)])
+    for first, count, period in commands(connection):
+        start = monotonic() + period
+        connection.send([_send_at(writer.send, first + i, start + i * period) for i in range(count)])
     writer.close()
 
 

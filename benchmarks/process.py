@@ -10,7 +10,7 @@ import threading
 import msgspec
 
 from benchmarks.group import Message, Run
-from benchmarks.groups import find
+from benchmarks.groups import GROUPS, find
 from dsr.errors import DsrError
 from dsr.runtime.lifeline import follow_launcher
 
@@ -21,7 +21,7 @@ FAILED = 3
 def main() -> None:
     """Measure the group that the command line names, thorough or quick."""
     parser = argparse.ArgumentParser("python -m benchmarks.process")
-    parser.add_argument("group")
+    parser.add_argument("group", choices=[group.name for group in GROUPS])
     parser.add_argument("--quick", action="store_true")
     options = parser.parse_args()
     follow_launcher(os.environ, threading.Event())

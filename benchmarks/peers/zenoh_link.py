@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+from multiprocessing.connection import Connection
 from typing import Any
 
 import msgspec
 import zenoh
 
 from benchmarks.links import Closable, Received, Sender
+from benchmarks.workers import commands
 
 KEY = "bench/value"
 
@@ -22,6 +24,7 @@ def open_session(
         "mode": "peer",
         "listen/endpoints": [listen] if listen else [],
         "connect/endpoints": [connect] if connect else [],
+        "connect/retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2},
         "scouting/multicast/enabled": False,
         "transport/shared_memory/enabled": shared_memory,
     }
@@ -52,13 +55,7 @@ class _Sender:
     def __init__(self, session: zenoh.Session, link: ZenohLink) -> None:
         self._session = session
         self._padding = b"\0" * (link.size - 8)
-        control, priority = zenoh.CongestionControl, zenoh.Priority
-        self._publisher = session.declare_publisher(
-            KEY,
-            congestion_control=control.BLOCK if link.reliable else control.DROP,
-            priority=priority.INTERACTIVE_HIGH if link.reliable else priority.INTERACTIVE_LOW,
-            express=True,
-        )
+        self._publisher = _publisher(session, reliable=link.reliable)
 
     def send(self, number: int) -> None:
         self._publisher.put(number.to_bytes(8, "little") + self._padding)
@@ -76,3 +73,25 @@ class _Reader:
 
     def close(self) -> None:
         self._session.close()  # type: ignore[no-untyped-call]
+
+
+def forward(connection: Connection, first: str, last: str) -> None:
+    """Pass on whatever comes from endpoint `first` to those who connect to `last`, until the pipe closes."""
+    target, source = open_session(listen=last), open_session(connect=first)
+    publisher = _publisher(target, reliable=True)
+    source.declare_subscriber(KEY, lambda sample: publisher.put(sample.payload))
+    connection.send("ready")
+    for _ in commands(connection):
+        pass
+    for session in (source, target):
+        session.close()  # type: ignore[no-untyped-call]
+
+
+def _publisher(session: zenoh.Session, *, reliable: bool) -> zenoh.Publisher:
+    control, priority = zenoh.CongestionControl, zenoh.Priority
+    return session.declare_publisher(
+        KEY,
+        congestion_control=control.BLOCK if reliable else control.DROP,
+        priority=priority.INTERACTIVE_HIGH if reliable else priority.INTERACTIVE_LOW,
+        express=True,
+    )

@@ -1,0 +1,104 @@
+"""Late join: a new process connects to a graph that has content, until all of it is there.
+
+The interpreter runs and `dsr` is imported before the clock starts. Raw Zenoh opens a session in the same way and gets
+as many bytes as a snapshot of the graph has, by one query; the documents load the same content from memory, without any
+network.
+"""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+
+import dsr
+from benchmarks import workload
+from benchmarks.group import Group, Run
+from benchmarks.peers import documents, zenoh_query
+from benchmarks.rows import Peer, Spec
+from benchmarks.timing import duration, monotonic, sleep
+from benchmarks.workers import BenchmarkError, Worker, commands
+from dsr.rendezvous import free_port
+
+_ABOUT = "nodes with 5 attributes and an RT edge each; from dsr.connect to complete"
+SPECS = {
+    nodes: Spec(f"late join, {label} nodes", "ms", target, about=_ABOUT)
+    for nodes, label, target in ((1000, "1000", 50.0), (10_000, "10 000", 300.0))
+}
+Join = Callable[[str, int], float]
+"""Joins the graph of that name, or the endpoint, with as many nodes or bytes; how long that took, s."""
+
+
+def measure(run: Run) -> None:
+    """Small graphs, then large ones."""
+    times: dict[str, dict[str, list[float]]] = {}
+    for nodes, spec in SPECS.items():
+        ours, zenoh = _joins(run, nodes)
+        peers = [Peer("raw Zenoh", statistics.median(zenoh) * 1e3)]
+        for document in documents.installed(run):
+            run.step(f"late join: {document.name}, {nodes} nodes")
+            load = document.snapshot(nodes)
+            seconds = statistics.median(duration(load) for _ in range(7))
+            peers.append(Peer(f"{document.name}, no network", seconds * 1e3))
+        run.row(spec, statistics.median(ours) * 1e3, peers, f"{len(ours)} joins, slowest {max(ours) * 1e3:.0f} ms")
+        times[str(nodes)] = {"ours": ours, **{peer.name: [peer.value / 1e3] for peer in peers}}
+    run.curve("join", times)
+
+
+def _joins(run: Run, nodes: int) -> tuple[list[float], list[float]]:
+    """How long joining takes for ours and for raw Zenoh, in turns, s."""
+    graph = f"join-{nodes}"
+    ours: list[float] = []
+    zenoh: list[float] = []
+    with Worker(_hold, graph, nodes) as holder:
+        size = holder.receive()
+        endpoint = f"tcp/127.0.0.1:{free_port()}"
+        with Worker(_hold_bytes, endpoint, size) as bytes_holder:
+            bytes_holder.receive()
+            for number in range(run.pick(9, 5)):
+                run.step(f"late join: {nodes} nodes, {number + 1}")
+                ours.append(_newcomer(_join, graph, nodes))
+                zenoh.append(_newcomer(zenoh_query.fetch, endpoint, size))
+    return ours, zenoh
+
+
+def _newcomer(join: Join, place: str, amount: int) -> float:
+    with Worker(_join_when_told, join, place, amount) as newcomer:
+        newcomer.receive()
+        sleep(0.3)  # let the start of the process be over
+        return float(newcomer.ask("go"))
+
+
+def _hold(connection: Connection, graph: str, nodes: int) -> None:
+    """Hold the content; tell the size of its snapshot."""
+    with dsr.connect(graph, agent="holder") as memory:
+        workload.fill(memory, nodes)
+        connection.send(len(memory.snapshot()))
+        for _ in commands(connection):
+            pass
+
+
+def _hold_bytes(connection: Connection, endpoint: str, size: int) -> None:
+    """Hold as many bytes."""
+    with zenoh_query.holding(endpoint, size):
+        connection.send("ready")
+        for _ in commands(connection):
+            pass
+
+
+def _join_when_told(connection: Connection, join: Join, place: str, amount: int) -> None:
+    connection.send("ready")
+    for _ in commands(connection):
+        connection.send(join(place, amount))
+
+
+def _join(graph: str, nodes: int) -> float:
+    start = monotonic()
+    with dsr.connect(graph, agent="newcomer") as memory:
+        taken = monotonic() - start
+        if not workload.is_complete(memory, nodes):
+            raise BenchmarkError(f"joined with {len(memory.nodes())} of {nodes} nodes")
+        return taken
+
+
+GROUP = Group("join", list(SPECS.values()), measure)

@@ -1,0 +1,174 @@
+"""The harness of `dsr bench`: what it reports, and that it leaves nothing behind. No figure is judged here."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from benchmarks import groups, session
+from benchmarks.cli import app
+from benchmarks.group import Group, Measured, Missing, Run, Step
+from benchmarks.links import DsrLink, Link
+from benchmarks.pairs import Latencies
+from benchmarks.peers.tcp_link import TcpLink
+from benchmarks.peers.zenoh_link import ZenohLink
+from benchmarks.rows import Peer, Row, Spec, judged, median_row, number
+from benchmarks.session import Findings
+from benchmarks.workers import BenchmarkError, Worker
+from dsr.errors import ConfigError
+from dsr.rendezvous import free_port
+
+ROOT = Path(__file__).parents[2]
+KEYS = {"row", "value", "unit", "target", "peer", "ratio", "meets", "note"}
+
+
+@pytest.fixture(autouse=True)
+def private_runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+
+
+@pytest.mark.parametrize(
+    ("better", "value", "meets"),
+    [("lower", 2.0, True), ("lower", 2.1, False), ("higher", 2.0, True), ("higher", 1.9, False)],
+)
+def test_a_target_is_met_on_its_better_side(better: str, value: float, meets: bool) -> None:
+    assert judged(Spec("r", "ms", 2.0, better), value).meets is meets  # type: ignore[arg-type]
+
+
+def test_a_row_without_target_or_peers_is_judged_by_nothing() -> None:
+    row = judged(Spec("r", "ms"), 1.0)
+    assert (row.meets, row.ratio, row.peer) == (None, None, None)
+
+
+def test_the_ratio_is_to_the_first_peer() -> None:
+    assert judged(Spec("r", "ms"), 3.0, [Peer("a", 2.0), Peer("b", 1.0)]).ratio == 1.5
+
+
+def test_runs_are_summed_up_by_medians_and_judged_anew() -> None:
+    spec = Spec("r", "ms", 2.5)
+    rows = [judged(spec, value, [Peer("a", value * 2)]) for value in (1.0, 2.0, 9.0)]
+    row = median_row(spec, rows)
+    assert (row.value, row.ratio, row.meets) == (2.0, 0.5, True) and row.peer == [Peer("a", 4.0)]
+    assert "1 to 9" in row.note
+
+
+def test_numbers_are_short() -> None:
+    assert [number(value) for value in (123456.7, 12.345, 0.00012345)] == ["123 000", "12.3", "0.000123"]
+
+
+def test_rows_have_different_names() -> None:
+    names = [spec.row for group in groups.GROUPS for spec in group.specs]
+    assert len(set(names)) == len(names)
+
+
+def test_rows_are_chosen_by_a_part_of_their_name_or_by_their_group() -> None:
+    [(group, specs)] = groups.choose(["late JOIN"])
+    assert group.name == "join" and len(specs) == 2
+    assert groups.choose(["local"])[0][0].name == "local"
+    with pytest.raises(ConfigError, match=r"no row contains 'teleport'.*latency, throughput"):
+        groups.choose(["teleport"])
+
+
+def test_the_list_shows_rows_and_targets() -> None:
+    result = CliRunner().invoke(app, ["--list", "join"], env={"COLUMNS": "120"})
+    assert result.exit_code == 0
+    assert "late join, 10 000 nodes" in result.output and "≤ 300 ms" in result.output
+
+
+def test_a_group_is_measured_and_written_as_json(tmp_path: Path) -> None:
+    file = tmp_path / "deep" / "rows.json"
+    result = CliRunner().invoke(app, ["nodes by type among", "--quick", "--json", str(file)])
+    assert result.exit_code == 0, result.output
+    rows = json.loads(file.read_text())
+    assert [set(row) for row in rows] == [KEYS] * len(rows)
+    assert rows[0]["row"] == "nodes by type among 10 000, 1000 found" and rows[0]["target"] == 0.2
+    assert all(row["value"] > 0 for row in rows)
+    assert not list(tmp_path.glob("dsr-bench-*"))
+
+
+def test_a_file_that_cannot_be_written_is_refused_before_anything_is_measured() -> None:
+    result = CliRunner().invoke(app, ["local", "--json", "/proc/none/rows.json"])
+    assert isinstance(result.exception, ConfigError)
+
+
+def test_the_check_fails_if_a_target_is_missed(monkeypatch: pytest.MonkeyPatch) -> None:
+    def measure(group: Group, specs: list[Spec], findings: Findings, **_options: object) -> None:
+        findings.rows += [judged(spec, 1e9) for spec in specs]
+
+    monkeypatch.setattr(session, "measure", measure)
+    assert CliRunner().invoke(app, ["late join"]).exit_code == 0
+    assert CliRunner().invoke(app, ["late join", "--check"]).exit_code == 1
+
+
+def test_a_group_that_fails_says_why() -> None:
+    with pytest.raises(BenchmarkError, match=r"(?s)'no such group' failed: .*invalid choice"):
+        session.measure(Group("no such group", [], lambda run: None), [], Findings(), quick=True, repeat=1, tell=print)
+
+
+def test_a_missing_peer_is_reported() -> None:
+    told: list[object] = []
+    run = Run(told.append, quick=True)
+    assert run.has("json") and not run.has("no_such_library")
+    run.step("now")
+    run.row(Spec("r", "ms"), 1.0)
+    assert told == [Missing("no_such_library"), Step("now"), Measured(Row("r", 1.0, "ms", None, None, None, None))]
+
+
+def links() -> list[Link]:
+    return [
+        DsrLink("bench-attribute", "attribute", nodes=20),
+        DsrLink("bench-watch", "attribute", watched=True, nodes=20),
+        DsrLink("bench-rt", "RT", nodes=20),
+        TcpLink(free_port(), 64),
+        ZenohLink(f"tcp/127.0.0.1:{free_port()}", 64),
+    ]
+
+
+@pytest.mark.parametrize("link", links(), ids=lambda link: type(link).__name__)
+def test_messages_take_time_from_one_process_to_the_other(link: Link) -> None:
+    with Latencies(link) as pair:
+        pair.warm_up()
+        latencies = pair.burst(5)
+    assert 3 <= len(latencies) <= 5 and all(0 < seconds < 10 for seconds in latencies)
+
+
+def test_a_worker_that_fails_is_noticed() -> None:
+    with Worker(fail) as worker, pytest.raises(BenchmarkError, match="ended early"):
+        worker.receive()
+
+
+def fail(_connection: object) -> None:
+    sys.exit(7)
+
+
+def test_an_interrupted_run_leaves_no_process_behind(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "dsr.cli.main", "bench", "latency", "--quick"]
+    environment = {**os.environ, "DSR_BENCH_TEST": str(tmp_path)}
+    with subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL) as process:
+        deadline = time.monotonic() + 60
+        while len(list(marked(str(tmp_path)))) < 4 and time.monotonic() < deadline:
+            time.sleep(0.1)
+        assert len(list(marked(str(tmp_path)))) >= 4
+        process.send_signal(signal.SIGINT)
+        assert process.wait(30) == 130
+    assert list(marked(str(tmp_path))) == []
+
+
+def marked(value: str) -> Iterator[int]:
+    """Processes with the test's mark in their environment."""
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            if f"DSR_BENCH_TEST={value}".encode() in (folder / "environ").read_bytes().split(b"\0"):
+                yield int(folder.name)
+        except OSError:
+            continue
