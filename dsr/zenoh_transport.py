@@ -102,7 +102,8 @@ class ZenohTransport:
         """Send a large message to whoever listens: in shared memory where that reaches, otherwise as bytes."""
         writer = self._bulk_writers.get(key)
         if writer is None:
-            plain, tickets = (_Outlet(self._declare_publisher(place, Qos.BULK)) for place in (key, _ticket_key(key)))
+            plain = _Outlet(self._declare_publisher(key, Qos.BULK))
+            tickets = _Outlet(self._declare_publisher(_ticket_key(key), Qos.STREAM))
             writer = self._bulk_writers.setdefault(key, BulkWriter(tickets, plain))
         try:
             writer.put(chunks)
