@@ -26,6 +26,19 @@ class LogRecord(msgspec.Struct, frozen=True):
     text: str
 
 
+def printable(text: str) -> str:
+    """`text` from elsewhere without what a terminal would obey: control characters are shown as `\\x1b`."""
+    return "".join(c if c.isprintable() or c in "\n\t" else repr(c)[1:-1] for c in text)
+
+
+class PlainFormatter(logging.Formatter):
+    """Formats records so that they show nothing but text."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """The record as printable text."""
+        return printable(super().format(record))
+
+
 _encoder = msgspec.msgpack.Encoder()
 _decoder = msgspec.msgpack.Decoder(LogRecord)
 
@@ -89,6 +102,6 @@ class BusLogHandler(logging.Handler):
 
 def log_to_terminal(agent: str, level: str) -> None:
     """Log all records of this process to stderr, each line with the agent's name."""
-    logging.basicConfig(
-        level=level.upper(), format=f"%(asctime)s %(levelname)-7s {agent}: %(message)s", datefmt="%H:%M:%S"
-    )
+    handler = logging.StreamHandler()
+    handler.setFormatter(PlainFormatter(f"%(asctime)s %(levelname)-7s {agent}: %(message)s", datefmt="%H:%M:%S"))
+    logging.basicConfig(level=level.upper(), handlers=[handler])
