@@ -41,6 +41,9 @@ class Agent:
     reads: ClassVar[Access] = Access()
     writes: ClassVar[Access] = Access()
     """What it may write: anything else raises `AgentError`."""
+    publishes: ClassVar[tuple[str, ...]] = ()
+    """Keys of the bus on which it publishes, below the graph's root: `device/arm/command`, `blob/**`. Only a secured
+    graph holds it to them."""
     uses_memory: ClassVar[bool] = True
     """False for one that only needs the bus: it gets no `memory`."""
     most_failures: ClassVar[int] = 25

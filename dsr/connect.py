@@ -3,13 +3,25 @@
 from __future__ import annotations
 
 import contextlib
+import os
 from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from dsr import rendezvous
 from dsr.clock import WALL_CLOCK, Clock
+from dsr.errors import ConfigError
+from dsr.keys import Keys
 from dsr.memory import Guard, Memory, new_rid
 from dsr.schema import Schema
+from dsr.transport import Transport
 from dsr.zenoh_transport import ZenohTransport
+
+if TYPE_CHECKING:
+    from dsr.security.identity import Identity
+
+SECURITY = "DSR_SECURITY"
+"""Environment variable: the security folder that everything uses which is told no other."""
 
 
 def connect(
@@ -21,6 +33,7 @@ def connect(
     clock: Clock = WALL_CLOCK,
     guard: Guard | None = None,
     timeout: float = 5.0,
+    security: str | Path | None = None,
 ) -> Memory:
     """Join the working memory `graph` over Zenoh and wait until all of it is here.
 
@@ -35,20 +48,27 @@ def connect(
         clock: for stamps and waiting.
         guard: called before each write, see `Guard`.
         timeout: s to wait for the present content of the graph.
+        security: folder with the certificate of `agent` (`dsr security init`); by default, what the environment
+            variable DSR_SECURITY names, if anything. Then only others with a certificate are met, and a write that
+            the policy does not grant raises `AgentError`.
 
     Raises:
-        ConfigError: for a name that cannot be used.
+        ConfigError: for a name that cannot be used, or an agent without a valid certificate.
         TransportError: if the network cannot be used, or peers are there but none answers in time.
     """
     rid = new_rid(agent)
     routers = list(connect)
+    identity = identity_of(agent, security)
     with contextlib.ExitStack() as resources:
-        transport, registration = open_transport(graph, rid, routers, has_memory=True)
+        transport, registration = open_transport(
+            graph, rid, routers, has_memory=identity is None or not identity.grant.read_only, identity=identity
+        )
         resources.callback(transport.close)
         resources.callback(registration.close)
         memory = Memory(
-            graph, agent, transport=transport, clock=clock, schema=schema, guard=guard, rid=rid, threaded=True,
-            elders=lambda: _living_replicas(graph, registration.elders),
+            graph, agent, transport=transport, clock=clock, schema=schema, guard=_guard(guard, identity),
+            gate=identity.gate() if identity else None, rid=rid, threaded=True,
+            elders=lambda: _living_replicas(graph, registration.elders, identity),
         )  # fmt: skip
         memory.on_close(resources.pop_all().close)
         resources.callback(memory.close)
@@ -57,21 +77,70 @@ def connect(
     return memory
 
 
-def _living_replicas(graph: str, elders: list[rendezvous.Member]) -> list[str]:
-    """Replica ids of those among `elders` that hold a memory and still live, in the same order."""
+def identity_of(agent: str, security: str | Path | None = None) -> Identity | None:
+    """Who `agent` is in the security folder, or in the one that the environment names; None without any.
+
+    Raises `ConfigError` if it has no valid certificate there.
+    """
+    folder = security or os.environ.get(SECURITY)
+    if not folder:
+        return None
+    from dsr.security.identity import load_identity
+
+    return load_identity(folder, agent)
+
+
+def _guard(guard: Guard | None, identity: Identity | None) -> Guard | None:
+    """Both what the agent declares and what the policy grants it."""
+    if guard is None or identity is None:
+        return identity.guard if identity else guard
+
+    def both(element: str, kind: str, attributes: Iterable[str]) -> None:
+        names = tuple(attributes)
+        guard(element, kind, names)
+        identity.guard(element, kind, names)
+
+    return both
+
+
+def _living_replicas(graph: str, elders: list[rendezvous.Member], identity: Identity | None) -> list[str]:
+    """Replica ids of those among `elders` that hold a memory and still live, in the same order, trusted ones first."""
     living = rendezvous.members(graph) if elders else []
-    return [elder.rid for elder in elders if elder.has_memory and elder in living]
+    found = [elder.rid for elder in elders if elder.has_memory and elder in living]
+    return sorted(found, key=lambda rid: not identity.trusts(rid)) if identity else found
 
 
 def open_transport(
-    graph: str, rid: str, connect: Iterable[str] = (), *, has_memory: bool = False
-) -> tuple[ZenohTransport, rendezvous.Registration]:
-    """A Zenoh transport that meets the graph's other processes; the registration makes it be found by later ones."""
-    endpoint = f"tcp/127.0.0.1:{rendezvous.free_port()}"
+    graph: str,
+    rid: str,
+    connect: Iterable[str] = (),
+    *,
+    has_memory: bool = False,
+    identity: Identity | None = None,
+) -> tuple[Transport, rendezvous.Registration]:
+    """A Zenoh transport that meets the graph's other processes; the registration makes it be found by later ones.
+
+    With an `identity` it takes part in a secured graph. Raises `ConfigError` if the others are not secured alike.
+    """
+    protocol = "tls" if identity else "tcp"
+    endpoint = f"{protocol}/127.0.0.1:{rendezvous.free_port()}"
     registration = rendezvous.Registration(graph, rid, endpoint, has_memory=has_memory)
     try:
-        elders = [elder.endpoint for elder in registration.elders]
-        return ZenohTransport(endpoint, [*elders, *connect]), registration
+        endpoints = [*(elder.endpoint for elder in registration.elders), *connect]
+        _check_protocol(graph, protocol, endpoints)
+        if identity is None:
+            return ZenohTransport(endpoint, endpoints), registration
+        transport = ZenohTransport(endpoint, endpoints, identity.zenoh)
+        return identity.own_transport(transport, Keys(graph), rid), registration
     except BaseException:
         registration.close()
         raise
+
+
+def _check_protocol(graph: str, protocol: str, endpoints: Iterable[str]) -> None:
+    """Raise `ConfigError` for an endpoint that a process with our kind of security can never reach."""
+    for endpoint in endpoints:
+        if endpoint.startswith("tls/") and protocol != "tls":
+            raise ConfigError(f"graph {graph!r} is secured ({endpoint}): give --security FOLDER or set {SECURITY}")
+        if protocol == "tls" and not endpoint.startswith("tls/"):
+            raise ConfigError(f"graph {graph!r} is not secured ({endpoint}), but this process is; unset {SECURITY}?")

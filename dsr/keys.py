@@ -17,6 +17,16 @@ def check_name(kind: str, name: str) -> str:
     return name
 
 
+def agent_of(rid: str) -> str:
+    """The agent whose replica has the id `rid`: what is before the boot nonce."""
+    return rid.rpartition("-")[0]
+
+
+def ticket_key(key: str) -> str:
+    """Where tickets for large messages of `key` travel (dsr/bulk.py); no wildcard matches a part that begins with @."""
+    return f"{key}/@shm"
+
+
 class Keys:
     """Key builder of one graph; each method names one kind of traffic."""
 

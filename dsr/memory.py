@@ -26,6 +26,7 @@ from dsr.graph import Graph
 from dsr.keys import Keys, check_name
 from dsr.replica import Replica
 from dsr.schema import Schema, checked_names, with_pose
+from dsr.sync import Gate
 from dsr.transforms import Array, Pose
 from dsr.transport import Transport
 from dsr.watch import Filter, Watch
@@ -56,6 +57,7 @@ class Memory:
         clock: for stamps and waiting.
         schema: the vocabulary; the built-in one if None.
         guard: called before each write, see `Guard`.
+        gate: decides what of an arriving message may be joined; everything if None.
         rid: replica id, made from `agent` if None; never reuse one.
         threaded: run threads that merge and send. Without, call `poll` and `flush`.
         elders: tells which replicas were there before us and still live, oldest first.
@@ -70,6 +72,7 @@ class Memory:
         clock: Clock = WALL_CLOCK,
         schema: Schema | None = None,
         guard: Guard | None = None,
+        gate: Gate | None = None,
         rid: str | None = None,
         threaded: bool = False,
         elders: Callable[[], Sequence[str]] = tuple,
@@ -87,7 +90,7 @@ class Memory:
         self._guard = guard
         self._closing = contextlib.ExitStack()
         self._closed = False
-        self._replica = Replica(self._graph, transport, clock, self.keys, agent)
+        self._replica = Replica(self._graph, transport, clock, self.keys, agent, gate)
         self._elders = elders
         self._replica.synchroniser.elders = elders()
         leave_to_parent(self)

@@ -18,7 +18,7 @@ from dsr.crdt.delta import Delta
 from dsr.graph import Graph
 from dsr.keys import Keys
 from dsr.outbox import Outbox
-from dsr.sync import REQUEST_TIMEOUT, Ask, Output, PublishDelta, PublishDigest, Synchroniser
+from dsr.sync import REQUEST_TIMEOUT, Ask, Gate, Output, PublishDelta, PublishDigest, Synchroniser
 from dsr.transport import Qos, Subscription, Transport
 from dsr.wire import encode_delta
 
@@ -36,11 +36,13 @@ _log = logging.getLogger("dsr.replica")
 class Replica:
     """Connects a graph to its peers."""
 
-    def __init__(self, graph: Graph, transport: Transport, clock: Clock, keys: Keys, agent: str) -> None:
+    def __init__(
+        self, graph: Graph, transport: Transport, clock: Clock, keys: Keys, agent: str, gate: Gate | None = None
+    ) -> None:
         self.graph = graph
         self.lock = threading.RLock()
         """Held while the graph is changed."""
-        self.synchroniser = Synchroniser(graph)
+        self.synchroniser = Synchroniser(graph, gate)
         self._transport = transport
         self._clock = clock
         self._keys = keys

@@ -116,7 +116,7 @@ class RingReader:
         path = f"/proc/{ticket.process:d}/fd/{ticket.descriptor:d}"
         if not Path(path).is_file():
             raise OSError(f"{path} is no file")
-        self._file = _File(os.open(path, os.O_RDONLY | os.O_CLOEXEC))
+        self._file = _File(os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK))
         if not fcntl.fcntl(self._file.descriptor, fcntl.F_GET_SEALS) & fcntl.F_SEAL_SHRINK:
             raise OSError(f"{path} could be cut short while it is read")
         size = _PAGE + SLOTS * self._slot_size

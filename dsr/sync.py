@@ -7,7 +7,7 @@ Received messages and the time go in; what is to be sent comes out as `Output`s.
    is there.
 3. Once a second each replica makes its stream samples durable and publishes a digest of what it has seen.
 4. A replica that still lacks something `GRACE` after a digest told so asks that peer for it (one request
-   at a time). It only ever pulls, so that nobody has to remember what others know.
+   at a time, one for each digest). It only ever pulls, so that nobody has to remember what others know.
 5. Equal contexts with different fingerprints cannot be; then the replica asks for everything and says so.
 6. A replica whose clock most of its peers see in their future must not write (`drifting`).
 
@@ -19,13 +19,16 @@ from __future__ import annotations
 import contextlib
 import gc
 import logging
+import math
+import sys
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Delta
+from dsr.crdt.store import Store
 from dsr.errors import WireError
 from dsr.graph import Graph
 from dsr.wire import Digest, decode_delta, decode_digest, encode_digest
@@ -46,6 +49,19 @@ FORGET = 30.0
 """s after which a silent peer counts as gone; its next digest brings it back."""
 
 _log = logging.getLogger("dsr.sync")
+
+
+class Gate(Protocol):
+    """Decides what of an arriving message may be joined; see dsr/security/gate.py."""
+
+    def delta(self, sender: str, delta: Delta, store: Store) -> Delta:
+        """The allowed part of a delta."""
+
+    def reply(self, sender: str, delta: Delta, store: Store) -> Delta:
+        """The allowed part of a synchronisation reply."""
+
+    def trusts(self, rid: str) -> bool:
+        """Whether that replica may speak for others."""
 
 
 class PublishDigest(NamedTuple):
@@ -80,6 +96,7 @@ class _Peer:
     """Its physical clock was more than MAX_DRIFT in our future."""
     asked: int = 0
     """How often it was asked for something."""
+    asked_at: float = -math.inf
 
 
 @dataclass
@@ -87,6 +104,8 @@ class Synchroniser:
     """Keeps one graph in step with its peers."""
 
     graph: Graph
+    gate: Gate | None = None
+    """Checks what arrives; None if everybody is believed."""
     joined: bool = False
     dropped: Counter[str] = field(default_factory=Counter)
     """Malformed messages, by sender."""
@@ -120,14 +139,18 @@ class Synchroniser:
     def receive_delta(self, sender: str, payload: bytes) -> None:
         """A delta or a bundle of stream samples arrived."""
         try:
-            self.graph.join(decode_delta(payload))
+            delta = decode_delta(payload)
         except WireError as error:
             self._drop(sender, error)
+            return
+        self.graph.join(self.gate.delta(sender, delta, self.graph.store) if self.gate else delta)
 
     def receive_digest(self, sender: str, payload: bytes, now: float, physical: float) -> None:
         """A digest arrived at monotonic time `now` and physical time `physical` (s)."""
         try:
             digest = decode_digest(payload)
+            if digest.replica != sender:
+                raise WireError(f"a digest of {digest.replica!r}")
         except WireError as error:
             self._drop(sender, error)
             return
@@ -145,7 +168,8 @@ class Synchroniser:
         self.request_done(sender)
         try:
             with _collector_paused():
-                self.graph.join(decode_delta(payload))
+                delta = decode_delta(payload)
+                self.graph.join(self.gate.reply(sender, delta, self.graph.store) if self.gate else delta)
         except WireError as error:
             self._drop(sender, error)
             return
@@ -179,7 +203,7 @@ class Synchroniser:
             self._next_digest = now + DIGEST_PERIOD
             self._forget_silent(now)
             self.drifting = self._is_drifting(now)
-            settled = self.graph.settle()
+            settled = self.graph.settle() if self._trusts(self.graph.rid) else self.graph.settle(sys.maxsize)
             if settled:
                 outputs.append(PublishDelta(settled))
             outputs.append(PublishDigest(self._digest(physical)))
@@ -187,6 +211,7 @@ class Synchroniser:
         if peer is not None:
             self._asked, self._asked_at = peer, now
             self._peers[peer].asked += 1
+            self._peers[peer].asked_at = now
             outputs.append(Ask(peer, self._request(physical)))
         return outputs
 
@@ -225,7 +250,10 @@ class Synchroniser:
         return self._least_asked([
             rid
             for rid, peer in self._peers.items()
-            if peer.digest and GRACE <= now - peer.heard_at < SILENCE and self._is_behind(rid, peer.digest)
+            if peer.digest
+            and peer.asked_at < peer.heard_at
+            and GRACE <= now - peer.heard_at < SILENCE
+            and self._is_behind(rid, peer.digest)
         ])
 
     def _peer_to_join(self, now: float) -> str | None:
@@ -245,11 +273,14 @@ class Synchroniser:
         store = self.graph.store
         if not store.context.covers(digest.context):
             return True
-        if digest.fingerprint != store.fingerprint and digest.context == store.context:
+        if digest.fingerprint != store.fingerprint and digest.context == store.context and self._trusts(rid):
             _log.error("same history as %s but another state: asking for everything", rid)
             self._wants_everything = True
             return True
         return False
+
+    def _trusts(self, rid: str) -> bool:
+        return self.gate is None or self.gate.trusts(rid)
 
     def _drop(self, sender: str, error: WireError) -> None:
         self.dropped[sender] += 1

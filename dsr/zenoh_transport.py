@@ -6,17 +6,19 @@ import contextlib
 import json
 import logging
 import threading
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import zenoh
 
 from dsr.bulk import BulkReader, BulkWriter, Handler
 from dsr.errors import TransportError
+from dsr.keys import ticket_key
 from dsr.transport import Chunks, MessageHandler, PresenceHandler, Qos, RequestHandler, Subscription
 
 _log = logging.getLogger("dsr.zenoh")
 
+_NO_SETTINGS: Mapping[str, Any] = {}
 _REQUEST_QUEUE = 64
 _SENDING: dict[Qos, dict[str, Any]] = {
     # One priority each: traffic of one priority shares a queue, and a full one drops or blocks all of it.
@@ -70,14 +72,15 @@ class ZenohTransport:
     Args:
         listen: endpoint to be reached at, for example `tcp/127.0.0.1:0`; loopback only, unless told otherwise.
         connect: endpoints of peers or routers; those that are not there (yet) are tried again and again.
+        settings: of Zenoh's configuration, by key, besides our own: certificates and access control.
 
     Raises:
         TransportError: if an endpoint is malformed or the port is in use.
     """
 
-    def __init__(self, listen: str, connect: Iterable[str] = ()) -> None:
+    def __init__(self, listen: str, connect: Iterable[str] = (), settings: Mapping[str, Any] = _NO_SETTINGS) -> None:
         config = zenoh.Config()
-        for key, value in _settings(listen, list(connect)).items():
+        for key, value in {**_settings(listen, list(connect)), **settings}.items():
             try:
                 config.insert_json5(key, json.dumps(value))
             except zenoh.ZError as error:
@@ -103,7 +106,7 @@ class ZenohTransport:
         writer = self._bulk_writers.get(key)
         if writer is None:
             plain = _Outlet(self._declare_publisher(key, Qos.BULK))
-            tickets = _Outlet(self._declare_publisher(_ticket_key(key), Qos.STREAM))
+            tickets = _Outlet(self._declare_publisher(ticket_key(key), Qos.STREAM))
             writer = self._bulk_writers.setdefault(key, BulkWriter(tickets, plain))
         try:
             writer.put(chunks)
@@ -122,7 +125,7 @@ class ZenohTransport:
 
             return declare
 
-        return BulkReader(listen(_ticket_key(key)), listen(key), notify)
+        return BulkReader(listen(ticket_key(key)), listen(key), notify)
 
     def _declare_publisher(self, key: str, qos: Qos) -> zenoh.Publisher:
         if "*" in key:
@@ -211,11 +214,6 @@ def _settings(listen: str, connect: list[str]) -> dict[str, Any]:
         "transport/link/tx/queue/congestion_control/block/wait_before_close": 1_000_000,  # us
         "transport/unicast/open_timeout": 1000,  # ms
     }
-
-
-def _ticket_key(key: str) -> str:
-    """Where tickets for messages of `key` travel; no wildcard matches a part that begins with @."""
-    return f"{key}/@shm"
 
 
 def _reason(error: zenoh.ZError) -> str:

@@ -16,6 +16,7 @@ MEASURED = sorted(path.relative_to(ROOT) for path in (ROOT / "benchmarks").rglob
 
 ONE_PLACE = {
     "zenoh": ("dsr/zenoh_transport.py", "benchmarks/peers/"),
+    "cryptography": ("dsr/security/authority.py",),
     "rerun": ("agents/viewer/",),
     "mcap": ("agents/recorder/",),
     "pybullet": ("simulation_handler/", "agents/plant/"),

@@ -53,6 +53,7 @@ class ArmController(Agent):
         ),
         exclusive=("joint_names", "joint_positions", "joint_velocities", "opening", "contact"),
     )
+    publishes = ("blob/*", "device/arm/command")
     Config = ArmControllerConfig
     config: ArmControllerConfig
 

@@ -35,6 +35,7 @@ class Plant(Agent):
     name = "plant"
     rate_hz = 60.0
     uses_memory = False
+    publishes = ("device/arm/state", "device/camera/**", "truth")
     Config = PlantConfig
     config: PlantConfig
 

@@ -26,6 +26,7 @@ class SceneEstimator(Agent):
     rate_hz = 20.0
     reads = Access(nodes=("camera", *KINDS), edges=("RT",), attributes=("marker_id", "size", "perceived", "last_seen"))
     writes = Access(nodes=KINDS, edges=("RT",), attributes=("marker_id", "size", "perceived", "last_seen"))
+    publishes = ("blob/*/detections",)
     Config = SceneEstimatorConfig
     config: SceneEstimatorConfig
 

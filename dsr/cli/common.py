@@ -12,13 +12,15 @@ import msgspec
 import numpy as np
 import typer
 from rich.console import Console
+from rich.markup import escape
 
 from dsr.clock import WALL_CLOCK
-from dsr.connect import connect
+from dsr.connect import SECURITY, connect
 from dsr.errors import ConfigError
 from dsr.memory import Memory
 from dsr.rendezvous import endpoints, graphs, running_graph
 from dsr.runtime.access import Access, WriteGuard
+from dsr.runtime.logs import printable
 from dsr.transforms import Pose
 
 GraphOption = Annotated[
@@ -26,6 +28,10 @@ GraphOption = Annotated[
 ]
 RouterOption = Annotated[
     str | None, typer.Option("--connect", metavar="ENDPOINT", help="Join the Zenoh router at tcp/HOST:7447 too.")
+]
+SecurityOption = Annotated[
+    Path | None,
+    typer.Option("--security", metavar="FOLDER", envvar=SECURITY, help="With its certificates (dsr security init)."),
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 
@@ -37,13 +43,14 @@ errors = Console(stderr=True, highlight=False)
 
 
 @contextlib.contextmanager
-def reading(graph: str | None, router: str | None) -> Iterator[Memory]:
+def reading(graph: str | None, router: str | None, security: Path | None) -> Iterator[Memory]:
     """A replica of the running graph, that writes nothing. Raises `ConfigError` if there is none."""
     name = running_graph(graph) if graph is None or router is None else graph
     if router is None and not endpoints(name):
         raise ConfigError(f"no graph {name!r} runs on this machine; running: {', '.join(graphs()) or 'none'}")
     guard = WriteGuard("dsr", Access())
-    with connect(name, agent="dsr", connect=[router] if router else (), guard=guard) as memory:
+    routers = [router] if router else ()
+    with connect(name, agent="dsr", connect=routers, guard=guard, security=security) as memory:
         yield memory
 
 
@@ -84,6 +91,11 @@ def _short(number: float) -> str:
     if abs(number) < _ZERO:
         return "0"
     return f"{number:.4g}" if abs(number) < _LARGE else f"{number:.3f}"
+
+
+def shown(text: str) -> str:
+    """`text` that comes from the graph or an error, for the console: no control characters, no markup."""
+    return escape(printable(text))
 
 
 def position_deviation(pose: Pose) -> float:

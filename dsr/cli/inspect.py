@@ -6,11 +6,21 @@ from typing import Annotated, Any
 
 import typer
 from rich.box import SIMPLE_HEAD
-from rich.markup import escape
 from rich.table import Table
 from rich.tree import Tree
 
-from dsr.cli.common import GraphOption, JsonOption, RouterOption, console, plain, print_json, readable, reading
+from dsr.cli.common import (
+    GraphOption,
+    JsonOption,
+    RouterOption,
+    SecurityOption,
+    console,
+    plain,
+    print_json,
+    readable,
+    reading,
+    shown,
+)
 from dsr.elements import Edge, Node
 from dsr.errors import TransformError
 from dsr.memory import Memory
@@ -30,9 +40,10 @@ def ls(
     graph: GraphOption = None,
     as_json: JsonOption = False,
     router: RouterOption = None,
+    security: SecurityOption = None,
 ) -> None:
     """List the nodes: where they were perceived and where they are believed to be, in the world frame (m)."""
-    with reading(graph, router) as memory:
+    with reading(graph, router, security) as memory:
         rows = [_summary(memory, node) for node in sorted(memory.nodes(kind), key=lambda node: (node.type, node.name))]
     if as_json:
         print_json(rows)
@@ -43,7 +54,7 @@ def ls(
     table.add_column("notes")
     for row in rows:
         places = [_place(row[key]) for key in ("perceived_at_m", "believed_at_m")]
-        table.add_row(row["name"], row["type"], *places, ", ".join(row["notes"]))
+        table.add_row(shown(row["name"]), shown(row["type"]), *places, ", ".join(row["notes"]))
     console.print(table)
 
 
@@ -76,9 +87,10 @@ def show(
     graph: GraphOption = None,
     as_json: JsonOption = False,
     router: RouterOption = None,
+    security: SecurityOption = None,
 ) -> None:
     """Show everything about a node: its attributes with units, and the edges from and to it."""
-    with reading(graph, router) as memory:
+    with reading(graph, router, security) as memory:
         node = memory.node(name)
         edges = [*memory.edges(src=name), *memory.edges(dst=name)]
         if as_json:
@@ -91,11 +103,13 @@ def show(
                 }
             )
             return
-        console.print(f"[bold]{node.name}[/]: {memory.schema.node_types.get(node.type, node.type)}")
+        meaning = memory.schema.node_types.get(node.type, node.type)
+        console.print(f"[bold]{shown(node.name)}[/]: {shown(meaning)}")
         console.print(_attribute_table(memory, node))
         for edge in edges:
             values = "  ".join(f"{key} {readable(edge[key])}" for key in edge)
-            console.print(f"{edge.src} [cyan]--{edge.type}-->[/] {edge.dst}  {escape(values)}")
+            src, type, dst = (shown(part) for part in (edge.src, edge.type, edge.dst))
+            console.print(f"{src} [cyan]--{type}-->[/] {dst}  {shown(values)}")
 
 
 def _plain(element: Node | Edge) -> dict[str, Any]:
@@ -107,14 +121,19 @@ def _attribute_table(memory: Memory, node: Node) -> Table:
     for name in node:
         known = memory.schema.attributes.get(name)
         unit, meaning = (known.unit, known.meaning) if known else ("", "")
-        table.add_row(name, escape(readable(node[name])), unit, meaning)
+        table.add_row(shown(name), shown(readable(node[name])), unit, meaning)
     return table
 
 
 @app.command()
-def tree(graph: GraphOption = None, as_json: JsonOption = False, router: RouterOption = None) -> None:
+def tree(
+    graph: GraphOption = None,
+    as_json: JsonOption = False,
+    router: RouterOption = None,
+    security: SecurityOption = None,
+) -> None:
     """Show how nodes hang together: frames under their parents, parts under wholes, plan steps in order."""
-    with reading(graph, router) as memory:
+    with reading(graph, router, security) as memory:
         roots = build_forest(memory)
         name = memory.graph_name
     if as_json:
@@ -156,13 +175,13 @@ def _branch(memory: Memory, name: str, edge_type: str, seen: set[str]) -> dict[s
 
 
 def _draw(parent: Tree, branch: dict[str, Any]) -> None:
-    label = f"[bold]{branch['name']}[/] [dim]{branch['type']}[/]"
+    label = f"[bold]{shown(branch['name'])}[/] [dim]{shown(branch['type'])}[/]"
     if branch["edge"]:
-        label = f"[cyan]{branch['edge']}[/] {label}"
+        label = f"[cyan]{shown(branch['edge'])}[/] {label}"
     if branch["believed"]:
         label += "  [green]believed[/]"
     if branch["relations"]:
-        label += f"  [magenta]{', '.join(branch['relations'])}[/]"
+        label += f"  [magenta]{shown(', '.join(branch['relations']))}[/]"
     below = parent.add(label)
     for child in branch["children"]:
         _draw(below, child)

@@ -13,9 +13,10 @@ import typer
 from rich.logging import RichHandler
 from rich.markup import escape
 
-from dsr.cli import doctor, inspect, run, top, watch
-from dsr.cli.common import errors
+from dsr.cli import doctor, inspect, run, security, top, watch
+from dsr.cli.common import errors, shown
 from dsr.errors import ConfigError, DsrError
+from dsr.runtime.logs import PlainFormatter
 
 app = typer.Typer(
     name="dsr",
@@ -26,6 +27,7 @@ app = typer.Typer(
 )
 for module in (run, inspect, watch, top, doctor):
     app.add_typer(module.app)
+app.add_typer(security.app)
 
 
 @app.callback()
@@ -36,7 +38,8 @@ def options(
     global _debug  # noqa: PLW0603
     _debug = debug
     handler = RichHandler(console=errors, show_path=debug, show_time=debug, rich_tracebacks=True)
-    logging.basicConfig(level=logging.DEBUG if debug else logging.WARNING, format="%(message)s", handlers=[handler])
+    handler.setFormatter(PlainFormatter("%(message)s"))
+    logging.basicConfig(level=logging.DEBUG if debug else logging.WARNING, handlers=[handler])
 
 
 _debug = False
@@ -63,7 +66,7 @@ def main() -> None:
     except DsrError as error:
         if _debug:
             raise
-        errors.print(f"[bold red]{escape(str(error))}[/]", soft_wrap=True)
+        errors.print(f"[bold red]{shown(str(error))}[/]", soft_wrap=True)
         sys.exit(2 if isinstance(error, ConfigError) else 1)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader of our output left

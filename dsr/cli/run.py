@@ -9,9 +9,8 @@ from typing import Annotated
 
 import typer
 from rich.live import Live
-from rich.markup import escape
 
-from dsr.cli.common import RouterOption, console, new_run_folder
+from dsr.cli.common import RouterOption, SecurityOption, console, new_run_folder, shown
 from dsr.cli.status_table import status_table
 from dsr.runtime.launcher import AgentRow, Launcher
 from dsr.runtime.system import find_system, load_system
@@ -35,6 +34,7 @@ def run(
     seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
     folder: Annotated[Path | None, typer.Option(help="For logs and recordings; default: a new one in runs/.")] = None,
     router: RouterOption = None,
+    security: SecurityOption = None,
     log_level: Annotated[LogLevel, typer.Option(help="Of the agents.")] = LogLevel.INFO,
 ) -> None:
     """Start the agents of a system as processes and supervise them until Ctrl-C.
@@ -45,7 +45,8 @@ def run(
     chosen = load_system(system)
     chosen = chosen.on_graph(graph) if graph else chosen
     place = folder or new_run_folder(find_system(system).stem)
-    with Launcher(chosen, place, seed=seed, router=router, log_level=log_level.value) as launcher:
+    level = log_level.value
+    with Launcher(chosen, place, seed=seed, router=router, log_level=level, security=security) as launcher:
         message = f"graph [bold]{launcher.graph}[/], logs and recordings in [bold]{place}[/], Ctrl-C stops"
         console.print(message, soft_wrap=True)
         view = _View(launcher)
@@ -75,5 +76,5 @@ class _View:
         for row in rows:
             if self._states.get(row.agent) != row.state:
                 self._states[row.agent] = row.state
-                error = f" ({escape(row.last_error)})" if row.last_error else ""
+                error = f" ({shown(row.last_error)})" if row.last_error else ""
                 console.print(f"{row.agent}: {row.state}{error}", soft_wrap=True)

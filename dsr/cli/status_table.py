@@ -6,10 +6,10 @@ from collections.abc import Iterable
 from typing import Any
 
 from rich.console import Group
-from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from dsr.cli.common import shown
 from dsr.runtime.launcher import AgentRow
 
 _COLOURS = {
@@ -33,9 +33,9 @@ def status_table(rows: Iterable[AgentRow], title: str) -> Group:
     problems = []
     for row in rows:
         colour = _COLOURS.get(row.state, "white")
-        table.add_row(row.agent, f"[{colour}]{row.state}[/]", *_numbers(row))
+        table.add_row(shown(row.agent), f"[{colour}]{row.state}[/]", *_numbers(row))
         if row.last_error:
-            problems.append(Text.from_markup(f"[{colour}]{row.agent}[/]: {escape(row.last_error)}"))
+            problems.append(Text.from_markup(f"[{colour}]{shown(row.agent)}[/]: {shown(row.last_error)}"))
     return Group(table, *problems)
 
 

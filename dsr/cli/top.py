@@ -7,7 +7,7 @@ import threading
 import typer
 from rich.live import Live
 
-from dsr.cli.common import GraphOption, JsonOption, RouterOption, console, print_json, reading
+from dsr.cli.common import GraphOption, JsonOption, RouterOption, SecurityOption, console, print_json, reading
 from dsr.cli.status_table import status_json, status_table
 from dsr.clock import WALL_CLOCK
 from dsr.runtime.launcher import AgentRow
@@ -21,12 +21,17 @@ _REFRESH = 0.25  # s
 
 
 @app.command()
-def top(graph: GraphOption = None, as_json: JsonOption = False, router: RouterOption = None) -> None:
+def top(
+    graph: GraphOption = None,
+    as_json: JsonOption = False,
+    router: RouterOption = None,
+    security: SecurityOption = None,
+) -> None:
     """Show state, rate, latency and last error of every agent, live until Ctrl-C.
 
     With --json, or if the output is no terminal, listens for a moment, prints once and ends.
     """
-    with reading(graph, router) as memory:
+    with reading(graph, router, security) as memory:
         board = StatusBoard(memory.transport, memory.keys, WALL_CLOCK)
         title = f"graph {memory.graph_name}"
         WALL_CLOCK.wait(threading.Event(), _LISTEN)

@@ -9,10 +9,11 @@ from typing import Annotated, Any
 import msgspec
 import typer
 
-from dsr.cli.common import GraphOption, RouterOption, plain, readable, reading
+from dsr.cli.common import GraphOption, RouterOption, SecurityOption, plain, readable, reading
 from dsr.clock import WALL_CLOCK
 from dsr.elements import Edge, Node
 from dsr.memory import Memory
+from dsr.runtime.logs import printable
 from dsr.watch import Change
 
 Names = list[str] | None
@@ -30,12 +31,13 @@ def watch(
     changes_only: Annotated[bool, typer.Option("--new", help="Leave out what is there already.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print one JSON object a line.")] = False,
     router: RouterOption = None,
+    security: SecurityOption = None,
 ) -> None:
     """Print every change of nodes and edges until Ctrl-C. Options may be repeated.
 
     Example: dsr watch --node-type cube --attribute perceived
     """
-    with reading(graph, router) as memory:
+    with reading(graph, router, security) as memory:
         changes = memory.watch(
             node_type=node_type, edge_type=edge_type, attribute=attribute, existing=not changes_only
         )
@@ -70,4 +72,4 @@ def _text_line(memory: Memory, change: Change) -> str:
     name = change.name if change.element == "node" else f"{change.src} -> {change.dst}"
     values = "  ".join(f"{attribute} {readable(value)}" for attribute, value in _values(memory, change).items())
     clock = f"{time:%H:%M:%S}.{time.microsecond // 1000:03d}"
-    return f"{clock} {change.kind:<7} {change.type} {name}  {values}".rstrip()
+    return printable(f"{clock} {change.kind:<7} {change.type} {name}  {values}".rstrip())

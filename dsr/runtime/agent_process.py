@@ -17,7 +17,7 @@ import msgspec
 
 from dsr.agent import Agent, make_agent
 from dsr.clock import WALL_CLOCK
-from dsr.connect import connect, open_transport
+from dsr.connect import connect, identity_of, open_transport
 from dsr.errors import ConfigError, DsrError
 from dsr.keys import Keys
 from dsr.memory import Memory, new_rid
@@ -97,7 +97,7 @@ def _join(
         resources.callback(memory.close)
         return memory, memory.transport, memory.rid
     rid = new_rid(name)
-    bus, registration = open_transport(graph, rid, routers)
+    bus, registration = open_transport(graph, rid, routers, identity=identity_of(name))
     resources.callback(registration.close)
     resources.callback(bus.close)
     return None, bus, rid

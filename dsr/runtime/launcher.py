@@ -21,7 +21,7 @@ from types import TracebackType
 import msgspec
 
 from dsr.clock import WALL_CLOCK
-from dsr.connect import connect
+from dsr.connect import SECURITY, connect
 from dsr.errors import AgentError, TransportError
 from dsr.rendezvous import claim_file, lock_file
 from dsr.runtime.status import Heard, State, StatusBoard
@@ -65,10 +65,19 @@ class Launcher:
         seed: of the run.
         router: endpoint of a Zenoh router to join, `tcp/HOST:7447`; None for this machine alone.
         log_level: of the agents.
+        security: folder with the certificates of the launcher and all agents; by default, what the environment
+            names, see `dsr.connect`.
     """
 
     def __init__(
-        self, system: System, folder: Path, *, seed: int = 0, router: str | None = None, log_level: str = "info"
+        self,
+        system: System,
+        folder: Path,
+        *,
+        seed: int = 0,
+        router: str | None = None,
+        log_level: str = "info",
+        security: Path | None = None,
     ) -> None:
         self.folder = folder
         self.clock = WALL_CLOCK
@@ -77,6 +86,7 @@ class Launcher:
         self._seed = seed
         self._router = router
         self._log_level = log_level
+        self._security = security
         self._resources = contextlib.ExitStack()
         self._processes: dict[str, Supervised] = {}
 
@@ -103,7 +113,8 @@ class Launcher:
         name = self._resources.enter_context(_claimed_name(self._requested.graph))
         self.system = self._requested.on_graph(name).in_folder(self.folder)
         self.folder.mkdir(parents=True, exist_ok=True)
-        self.memory = connect(name, agent="launcher", connect=[self._router] if self._router else ())
+        routers = [self._router] if self._router else ()
+        self.memory = connect(name, agent="launcher", connect=routers, security=self._security)
         self._resources.callback(self.memory.close)
         self.board = StatusBoard(self.memory.transport, self.memory.keys, self.clock)
         self._resources.callback(self.board.close)
@@ -126,7 +137,8 @@ class Launcher:
 
     def _environment(self) -> dict[str, str]:
         places = [str(self.system.folder) if self.system.folder else "", os.environ.get("PYTHONPATH", "")]
-        return {**os.environ, "PYTHONPATH": os.pathsep.join(place for place in places if place)}
+        secured = {SECURITY: str(self._security.resolve())} if self._security else {}
+        return {**os.environ, **secured, "PYTHONPATH": os.pathsep.join(place for place in places if place)}
 
     def poll(self) -> None:
         """Notice what ended and start it again when due. Call it every `POLL_PERIOD` or so."""

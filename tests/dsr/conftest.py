@@ -46,4 +46,5 @@ def net() -> Net:
 def private_runtime_dir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """Tests meet nobody but themselves."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.delenv("DSR_SECURITY", raising=False)
     yield tmp_path

@@ -1,0 +1,110 @@
+"""The policy of a security folder: what each agent may write, read from and written to `policy.json`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+
+import msgspec
+
+from dsr.agent import Agent
+from dsr.errors import ConfigError, suggest
+from dsr.keys import check_name
+from dsr.runtime.access import Access, WriteGuard
+from dsr.runtime.config import convert
+from dsr.runtime.system import System
+
+LAUNCHER = "launcher"
+READER = "dsr"
+"""The command line tools: they only read."""
+
+_OWN_TRAFFIC = ("d", "rt", "dig", "sync", "live", "status", "log")
+"""First parts of the keys that each agent has for itself."""
+_BUS_KEY = re.compile(r"[A-Za-z0-9_.-]+(/([A-Za-z0-9_.-]+|\*))*(/\*\*)?")
+
+
+class Grant(msgspec.Struct, frozen=True, omit_defaults=True):
+    """What one agent may do besides reading everything."""
+
+    nodes: tuple[str, ...] = ()
+    """Node types that it may create, write and remove; "*" for all."""
+    edges: tuple[str, ...] = ()
+    """Edge types, likewise; the pose of an edge needs no further grant."""
+    attributes: tuple[str, ...] = ()
+    publishes: tuple[str, ...] = ()
+    """Keys of the bus outside the graph, below the graph's root: `device/arm/command`, `blob/**`."""
+    read_only: bool = False
+    """It may send nothing at all."""
+    trusted: bool = False
+    """What it says about others is believed: it hands the whole graph on to newcomers and repairs losses."""
+
+    @property
+    def writes(self) -> Access:
+        """The part that concerns the graph."""
+        return Access(self.nodes, self.edges, self.attributes)
+
+
+class Policy(msgspec.Struct, frozen=True):
+    """The grants by agent name; whoever is not listed may nothing, not even read."""
+
+    agents: dict[str, Grant]
+
+    def grant(self, agent: str) -> Grant:
+        """What `agent` may do. Raises `ConfigError` for one that is not listed."""
+        if agent not in self.agents:
+            hint = suggest(agent, self.agents)
+            raise ConfigError(f"agent {agent!r} has no certificate; {hint}; make one with: dsr security add")
+        return self.agents[agent]
+
+    def guards(self) -> dict[str, WriteGuard]:
+        """For each agent that may write, what checks its writes."""
+        return {name: WriteGuard(name, grant.writes) for name, grant in self.agents.items() if not grant.read_only}
+
+
+def grant_for(kind: type[Agent]) -> Grant:
+    """What an agent of class `kind` declares."""
+    writes = kind.writes
+    return Grant(tuple(writes.nodes), tuple(writes.edges), tuple(writes.attributes), tuple(kind.publishes))
+
+
+def system_grants(system: System) -> dict[str, Grant]:
+    """Grants for the agents of a system, its launcher and the command line tools."""
+    grants = {spec.name: grant_for(spec.kind) for spec in system.agents}
+    return {**grants, **standard_grants()}
+
+
+def standard_grants() -> dict[str, Grant]:
+    """Grants for those that every system has: its launcher and the command line tools."""
+    return {LAUNCHER: Grant(publishes=("device/**",), trusted=True), READER: Grant(read_only=True)}
+
+
+def read_policy(file: Path) -> Policy:
+    """The policy in `file`. Raises `ConfigError`, also for one that contradicts itself."""
+    try:
+        data = msgspec.json.decode(file.read_bytes())
+    except (OSError, msgspec.MsgspecError, UnicodeDecodeError) as error:
+        raise ConfigError(f"no security policy can be read ({error}); make one with: dsr security init",
+                          file=str(file)) from error  # fmt: skip
+    return checked(convert(data, Policy, str(file)).agents)
+
+
+def write_policy(file: Path, policy: Policy) -> None:
+    """Write `policy` so that people can read it."""
+    file.write_bytes(msgspec.json.format(msgspec.json.encode(policy), indent=2) + b"\n")
+
+
+def checked(agents: Mapping[str, Grant]) -> Policy:
+    """The policy with these grants. Raises `ConfigError` unless names and keys can be told apart."""
+    for name, grant in agents.items():
+        check_name("agent name", name)
+        for other in agents:
+            if other.startswith(f"{name}-"):
+                raise ConfigError(f"agents {name!r} and {other!r}: no name may be another's followed by '-'")
+        for key in grant.publishes:
+            if not _BUS_KEY.fullmatch(key) or key.split("/")[0] in _OWN_TRAFFIC:
+                raise ConfigError(f"agent {name!r} publishes {key!r}: expected a key such as 'device/arm/command', "
+                                  f"'blob/**', that does not begin with {', '.join(_OWN_TRAFFIC)}")  # fmt: skip
+        if grant.read_only and grant != Grant(read_only=True):
+            raise ConfigError(f"agent {name!r} is read-only, but may do more")
+    return Policy(dict(agents))

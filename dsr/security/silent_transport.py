@@ -1,0 +1,64 @@
+"""A transport that only listens and asks: what a read-only member of a secured graph uses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from dsr.errors import TransportError
+from dsr.keys import Keys
+from dsr.transport import Chunks, Mailbox, MessageHandler, PresenceHandler, Qos, RequestHandler, Subscription, Transport
+
+
+class _Nothing:
+    def close(self) -> None: ...
+
+
+class SilentTransport:
+    """Passes on what arrives; what the replica says to keep others in step is not sent, all else is refused."""
+
+    def __init__(self, transport: Transport, keys: Keys, rid: str) -> None:
+        self._transport = transport
+        self._upkeep = {keys.delta(rid), keys.stream(rid), keys.digest(rid)}
+
+    def publish(self, key: str, payload: bytes, qos: Qos = Qos.RELIABLE) -> None:
+        """Raise `TransportError`, but for the replica's own upkeep, which is left out."""
+        if key not in self._upkeep:
+            raise _read_only(key)
+
+    def publish_bulk(self, key: str, chunks: Chunks) -> None:
+        """Raise `TransportError`."""
+        raise _read_only(key)
+
+    def newest(self, key: str, notify: Callable[[], None]) -> Mailbox:
+        """See `Transport.newest`."""
+        return self._transport.newest(key, notify)
+
+    def subscribe(self, key: str, handler: MessageHandler, *, newest: int | None = None) -> Subscription:
+        """See `Transport.subscribe`."""
+        return self._transport.subscribe(key, handler, newest=newest)
+
+    def serve(self, key: str, handler: RequestHandler) -> Subscription:
+        """Do nothing: nobody would believe the answers."""
+        return _Nothing()
+
+    def request(
+        self, key: str, payload: bytes, on_reply: MessageHandler, on_done: Callable[[], None], timeout: float
+    ) -> None:
+        """See `Transport.request`."""
+        self._transport.request(key, payload, on_reply, on_done, timeout)
+
+    def announce(self, key: str) -> Subscription:
+        """Do nothing: others need not wait for a reader."""
+        return _Nothing()
+
+    def watch_presence(self, key: str, handler: PresenceHandler) -> Subscription:
+        """See `Transport.watch_presence`."""
+        return self._transport.watch_presence(key, handler)
+
+    def close(self) -> None:
+        """Leave the network."""
+        self._transport.close()
+
+
+def _read_only(key: str) -> TransportError:
+    return TransportError(f"cannot publish on {key}: this certificate is read-only")

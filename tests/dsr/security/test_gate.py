@@ -1,0 +1,227 @@
+"""What the gate lets in: honest replicas decide alike whatever the order, and refusals leave no holes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import permutations
+from typing import Any
+
+import pytest
+
+from dsr import Memory
+from dsr.crdt.delta import Add, Delta, Write
+from dsr.graph import Graph
+from dsr.security.gate import Gate
+from dsr.security.policy import Policy
+from dsr.wire import decode_delta, encode_delta
+from tests.dsr.conftest import Net
+
+Join = Callable[..., Memory]
+
+
+@pytest.fixture
+def join(net: Net, policy: Policy) -> Join:
+    """One more replica: with a gate, or a rogue one that writes what it likes."""
+
+    def start(agent: str, *, rogue: bool = False, **options: Any) -> Memory:
+        return net.join(agent, gate=None if rogue else Gate(policy), **options)
+
+    return start
+
+
+def content(memory: Memory) -> dict[Any, Any]:
+    elements = {node.name: (node.type, dict(node)) for node in memory.nodes()}
+    return {**elements, **{edge.key: dict(edge) for edge in memory.edges()}}
+
+
+def refused(memory: Memory) -> int:
+    return sum(memory._replica.synchroniser.gate.refused.values())  # type: ignore[union-attr]
+
+
+def context(memory: Memory) -> Any:
+    return memory._graph.store.context
+
+
+def test_what_is_granted_gets_through(net: Net, join: Join) -> None:
+    arm, scene, launcher = join("arm"), join("scene"), join("launcher")
+    net.pump(2.0)
+    arm.add_node("world", "world")
+    arm.add_node("gen3", "arm", status="idle")
+    arm.add_edge("world", "gen3", "RT", translation=(1.0, 0.0, 0.0), rotation=(0, 0, 0, 1))
+    net.pump(1.0)
+    scene.add_node("cube", "cube", size=(1.0, 1.0, 1.0))
+    net.pump(1.0)
+    scene.remove_node("cube")
+    arm.update_edge("world", "gen3", "RT", translation=(2.0, 0.0, 0.0), rotation=(0, 0, 0, 1))
+    net.pump(3.0)
+    assert content(arm) == content(scene) == content(launcher) != {}
+    assert launcher.edge("world", "gen3", "RT").pose.translation[0] == 2.0
+    assert not any(map(refused, (arm, scene, launcher)))
+
+
+def test_undeclared_writes_are_dropped_by_all_and_asked_for_by_nobody(net: Net, join: Join) -> None:
+    rogue, scene, launcher = join("arm", rogue=True), join("scene"), join("launcher")
+    net.pump(2.0)
+    scene.add_node("cube", "cube", mass=1.0)
+    scene.add_node("table", "table")
+    scene.add_edge("cube", "table", "on")
+    net.pump(1.0)
+    before = content(launcher)
+    rogue.update_node("cube", mass=99.0)  # neither the type nor the attribute
+    rogue.add_node("gen3", "arm", mass=99.0)  # not the attribute
+    rogue.add_node("cube_2", "cube", status="mine")  # not the type
+    rogue.add_edge("gen3", "cube", "on")
+    rogue.remove_edge("cube", "table", "on")
+    rogue.remove_node("table")
+    rogue.update_node("gen3", status="fine")
+    net.pump(3.0)
+    assert content(scene) == content(launcher) == {**before, "gen3": ("arm", {"status": "fine"})}
+    assert context(scene) == context(launcher) == context(rogue)
+    assert refused(scene) == refused(launcher) > 4
+    repairs = [memory._replica.synchroniser.repairs for memory in (scene, launcher)]
+    net.pump(5.0)
+    assert repairs == [memory._replica.synchroniser.repairs for memory in (scene, launcher)]
+
+
+def test_whoever_may_remove_a_node_may_remove_the_edges_at_it(net: Net, join: Join) -> None:
+    arm, scene, launcher = join("arm"), join("scene"), join("launcher")
+    net.pump(2.0)
+    scene.add_node("cube", "cube")
+    net.pump(1.0)
+    arm.add_node("world", "world")
+    arm.add_edge("world", "cube", "RT", translation=(0.0, 0.0, 0.0), rotation=(0, 0, 0, 1))
+    net.pump(1.0)
+    scene.remove_node("cube")
+    net.pump(2.0)
+    assert set(content(scene)) == set(content(arm)) == set(content(launcher)) == {"world"}
+    assert not any(map(refused, (arm, scene, launcher)))
+
+
+def test_a_type_is_checked_whatever_arrives_first(policy: Policy) -> None:
+    """The writes of a rogue on a cube and on an arm, before and after what they are about, with a repair at the end."""
+    author, other, rogue = Graph("scene-1"), Graph("arm-1"), Graph("arm-2")
+    made = author.add_node("cube", "cube", {"size": (1.0, 1.0, 1.0)}, 1.0)
+    gen3 = other.add_node("gen3", "arm", {}, 1.0)
+    rogue.join(made)
+    rogue.join(gen3)
+    forbidden = rogue.write(rogue.node("cube"), {"status": "mine"}, 2.0)
+    allowed = rogue.write(rogue.node("gen3"), {"status": "fine"}, 3.0)
+    removal = rogue.remove_node("cube")
+    messages = [("scene-1", made), ("arm-1", gen3), ("arm-2", forbidden), ("arm-2", allowed), ("arm-2", removal)]
+    outcomes = []
+    for order in permutations(messages):
+        graph, gate = Graph("scene-9"), Gate(policy)
+        for sender, delta in order:
+            graph.join(gate.delta(sender, decode_delta(encode_delta(delta)), graph.store))
+        reply = rogue.store.missing_for(graph.store.context)
+        graph.join(gate.reply("arm-2", reply, graph.store))
+        outcomes.append(({name: dict(node) for name, node in graph.nodes.items()}, graph.store.context.vector))
+    expected = {"cube": {"size": (1.0, 1.0, 1.0)}, "gen3": {"status": "fine"}}, {"scene-1": 2, "arm-1": 1, "arm-2": 3}
+    assert all(outcome == expected for outcome in outcomes)
+
+
+def test_nobody_writes_in_the_name_of_another(policy: Policy) -> None:
+    graph, gate = Graph("launcher-1"), Gate(policy)
+    graph.join(gate.delta("scene-1", Graph("scene-1").add_node("cube", "cube", {"mass": 1.0}, 1.0), graph.store))
+    forged = Delta(
+        adds=[Add(("scene-7", 1), "cube_2", "cube")],
+        writes=[
+            Write(("scene-1", 1), "mass", 1 << 60, "scene-1", ("arm-1", 1), 9.0),
+            Write(("scene-1", 1), "mass", 1 << 60, "scene-1", ("scene-1", 7), 9.0),
+            Write(("scene-1", 1), "mass", 1 << 60, "scene-1", None, 9.0),
+        ],
+        removed=[("scene-1", 1)],
+        context=[("scene-1", 1, 1000), ("arm-1", 1, 2)],
+    )
+    graph.join(gate.delta("arm-1", forged, graph.store))
+    assert {name: dict(node) for name, node in graph.nodes.items()} == {"cube": {"mass": 1.0}}
+    assert graph.store.context.vector == {"scene-1": 2, "arm-1": 2}
+
+
+@pytest.mark.parametrize("sender", ["dsr-1", "nobody-1", "arm", "-1", ""])
+def test_readers_and_strangers_change_nothing(policy: Policy, sender: str) -> None:
+    graph, gate = Graph("launcher-1"), Gate(policy)
+    for name, type in (("cube", "cube"), ("gen3", "arm")):
+        graph.join(gate.delta(sender, Graph(sender or "x").add_node(name, type, {}, 1.0), graph.store))
+    assert graph.nodes == {} and gate.refused[sender] == 2
+
+
+def forged_reply(graph: Graph) -> Delta:
+    """All that `graph` holds is gone, there is a forged cube, and everything that will ever be is known already."""
+    return Delta(
+        adds=[Add(("scene-1", 77), "forged", "cube"), Add(("arm-1", 1), "gen3", "arm")],
+        writes=[Write(dot, "mass", 1 << 60, "scene-1", ("scene-1", 78), 9.0) for dot in graph.store.entries],
+        context=[("scene-1", 1, 1000), ("arm-1", 1, 1)],
+        live=frozenset(),
+    )
+
+
+def test_a_reply_lets_an_agent_do_no_more_than_its_deltas(policy: Policy) -> None:
+    graph, gate = Graph("launcher-1"), Gate(policy)
+    graph.join(gate.delta("scene-1", Graph("scene-1").add_node("cube", "cube", {"mass": 1.0}, 1.0), graph.store))
+    graph.join(gate.reply("arm-1", forged_reply(graph), graph.store))
+    assert {name: dict(node) for name, node in graph.nodes.items()} == {"cube": {"mass": 1.0}, "gen3": {}}
+    assert graph.store.context.vector == {"scene-1": 2, "arm-1": 1}
+
+
+def test_a_trusted_reply_hands_on_what_others_wrote_within_their_grants(policy: Policy) -> None:
+    graph, gate = Graph("scene-9"), Gate(policy)
+    graph.join(gate.reply("launcher-1", forged_reply(graph), graph.store))
+    assert set(graph.nodes) == {"forged", "gen3"}
+    bad = Delta(adds=[Add(("arm-1", 2), "cube_9", "cube")], context=[("arm-1", 2, 2)], live=frozenset([("arm-1", 2)]))
+    graph.join(gate.reply("launcher-1", bad, graph.store))
+    assert "cube_9" not in graph.nodes and ("arm-1", 2) in graph.store.context
+
+
+def test_a_newcomer_gets_everything_from_the_trusted_replica(net: Net, join: Join) -> None:
+    launcher, scene = join("launcher"), join("scene")
+    net.pump(2.0)
+    scene.add_node("cube", "cube", mass=1.0)
+    net.pump(1.0)
+    scene.close()
+    net.memories.remove(scene)
+    net.pump(1.0)
+    arm = join("arm", elders=lambda: [launcher.rid])
+    net.pump(2.0)
+    assert content(arm) == content(launcher) == {"cube": ("cube", {"mass": 1.0})}
+
+
+def test_without_a_trusted_replica_each_agent_still_tells_what_it_wrote(net: Net, join: Join) -> None:
+    scene, arm = join("scene"), join("arm")
+    net.pump(2.0)
+    scene.add_node("cube", "cube", mass=1.0)
+    arm.add_node("gen3", "arm")
+    net.pump(1.0)
+    late = join("scene")
+    net.pump(6.0)
+    assert content(late) == content(scene) == content(arm)
+    assert not any(map(refused, (late, scene, arm)))
+
+
+def test_what_a_rogue_claims_to_know_is_asked_for_once_a_digest(net: Net, join: Join) -> None:
+    rogue, scene = join("arm", rogue=True), join("scene")
+    net.pump(2.0)
+    rogue._graph.store.context.add_range("ghost-1", 1, 1000)
+    requests: list[str] = []
+    answer = rogue._replica.synchroniser.answer
+    rogue._replica.synchroniser.answer = lambda *a: (requests.append("asked"), answer(*a))[1]  # type: ignore[method-assign]
+    net.pump(10.0)
+    assert 5 <= len(requests) <= 12
+    assert "ghost-1" not in context(scene).vector
+
+
+def test_streams_of_a_dead_writer_are_settled_by_the_trusted_replica(net: Net, join: Join) -> None:
+    arm, scene, launcher = join("arm"), join("scene"), join("launcher")
+    net.pump(2.0)
+    arm.add_node("world", "world")
+    arm.add_node("gen3", "arm")
+    arm.add_edge("world", "gen3", "RT", translation=(1.0, 0.0, 0.0), rotation=(0, 0, 0, 1))
+    net.pump(2.0)
+    arm.update_edge("world", "gen3", "RT", translation=(2.0, 0.0, 0.0), rotation=(0, 0, 0, 1))
+    net.pump()
+    net.memories.remove(arm)
+    net.pump(8.0)
+    late = join("scene", elders=lambda: [launcher.rid])
+    net.pump(2.0)
+    assert [m.edge("world", "gen3", "RT").pose.translation[0] for m in (scene, launcher, late)] == [2.0] * 3
+    assert not any(map(refused, (scene, launcher, late)))
