@@ -19,9 +19,10 @@ from dsr.clock import WALL_CLOCK, Clock
 from dsr.crdt.delta import Delta, EdgeKey
 from dsr.elements import Edge, Node
 from dsr.errors import ClockDriftError, TransportError
+from dsr.followers import Followers
 from dsr.forking import leave_to_parent
 from dsr.frame_reader import FrameReader
-from dsr.frames import FrameTree, Types
+from dsr.frames import Types
 from dsr.graph import Graph
 from dsr.keys import Keys, check_name
 from dsr.replica import Replica
@@ -84,9 +85,9 @@ class Memory:
         self.transport = transport
         self.schema = schema or Schema()
         self.rid = rid or new_rid(agent)
-        self._graph = Graph(self.rid, self.schema, self)
-        self._frames = FrameTree()
-        self._watches: list[Watch] = []
+        self._followers = Followers(self.schema.geometric)
+        self._frames = self._followers.frames
+        self._graph = Graph(self.rid, self.schema, self._followers)
         self._guard = guard
         self._closing = contextlib.ExitStack()
         self._closed = False
@@ -265,12 +266,8 @@ class Memory:
         )
         watch = Watch(wanted)
         with self._replica.lock:
-            if existing:
-                for node in self._graph.nodes.values():
-                    watch.offer_all(node)
-                for edge in self._graph.edges.values():
-                    watch.offer_all(edge)
-            self._watches = [other for other in self._watches if not other.closed] + [watch]
+            present: list[Node | Edge] = [*self._graph.nodes.values(), *self._graph.edges.values()] if existing else []
+            self._followers.follow(watch, present)
             if self._closed:
                 watch.close()
         return watch
@@ -350,42 +347,9 @@ class Memory:
         if self._closed:
             return
         self._closed = True
-        for watch in self._watches:
-            watch.close()
+        self._followers.close()
         with self._closing:
             self._replica.close()
-
-    # ---- the graph reports changes here
-
-    def added(self, element: Node | Edge) -> None:
-        """Part of `dsr.graph.Listener`."""
-        for watch in self._watches:
-            watch.offer_all(element)
-        if isinstance(element, Edge):
-            self._note_pose(element)
-
-    def removed(self, element: Node | Edge) -> None:
-        """Part of `dsr.graph.Listener`."""
-        if isinstance(element, Edge) and element.type in self.schema.geometric:
-            self._frames.remove(element.type, element.src, element.dst)
-        for watch in self._watches:
-            watch.offer("removed", element)
-
-    def updated(self, element: Node | Edge, attribute: str) -> None:
-        """Part of `dsr.graph.Listener`."""
-        if attribute == "pose" and isinstance(element, Edge):
-            self._note_pose(element)
-        for watch in self._watches:
-            watch.offer("updated", element, attribute)
-
-    def _note_pose(self, edge: Edge) -> None:
-        type = edge.type_name
-        if type in self.schema.geometric:
-            pose = edge.get("pose")
-            if isinstance(pose, Pose):
-                self._frames.follow(type, edge.src, edge.dst, pose)
-            else:
-                self._frames.remove(type, edge.src, edge.dst)
 
     def _check_write(self, element: str, type: str, attributes: Iterable[str]) -> None:
         """Raise unless this write may be made."""

@@ -1,0 +1,64 @@
+"""What follows a graph's changes as they happen: the tree of frames and the watches."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from dsr.elements import Edge, Node
+from dsr.frames import FrameTree
+from dsr.transforms import Pose
+from dsr.watch import Watch
+
+
+class Followers:
+    """The listener of one graph. Whoever is told of a pose by a watch finds it in the frames already.
+
+    Args:
+        geometric: edge types that carry a pose; may grow.
+    """
+
+    def __init__(self, geometric: set[str]) -> None:
+        self.frames = FrameTree()
+        self._geometric = geometric
+        self._watches: list[Watch] = []
+
+    def follow(self, watch: Watch, existing: Iterable[Node | Edge]) -> None:
+        """Tell `watch` of all changes from now on, and of elements that are there. The graph must be locked."""
+        for element in existing:
+            watch.offer_all(element)
+        self._watches = [other for other in self._watches if not other.closed] + [watch]
+
+    def close(self) -> None:
+        """End all watches."""
+        for watch in self._watches:
+            watch.close()
+
+    def added(self, element: Node | Edge) -> None:
+        """Part of `dsr.graph.Listener`."""
+        if isinstance(element, Edge):
+            self._note_pose(element)
+        for watch in self._watches:
+            watch.offer_all(element)
+
+    def removed(self, element: Node | Edge) -> None:
+        """Part of `dsr.graph.Listener`."""
+        if isinstance(element, Edge) and element.type in self._geometric:
+            self.frames.remove(element.type, element.src, element.dst)
+        for watch in self._watches:
+            watch.offer("removed", element)
+
+    def updated(self, element: Node | Edge, attribute: str) -> None:
+        """Part of `dsr.graph.Listener`."""
+        if attribute == "pose" and isinstance(element, Edge):
+            self._note_pose(element)
+        for watch in self._watches:
+            watch.offer("updated", element, attribute)
+
+    def _note_pose(self, edge: Edge) -> None:
+        type = edge.type_name
+        if type in self._geometric:
+            pose = edge.get("pose")
+            if isinstance(pose, Pose):
+                self.frames.follow(type, edge.src, edge.dst, pose)
+            else:
+                self.frames.remove(type, edge.src, edge.dst)
