@@ -32,6 +32,8 @@ _KEPT = 3
 _MOST_HELD = 4
 """Messages that one reader may hold in place; it gets copies of further ones, so that it cannot use up the ring."""
 
+_NAME = "dsr-ring"
+_LINK = f"/memfd:{_NAME} (deleted)"
 _PAGE = mmap.PAGESIZE
 _LOCK = struct.Struct("hhqqi4x")  # struct flock of Linux: type, whence, start, length, pid
 _SEAL_FUTURE_WRITE = 0x10  # F_SEAL_FUTURE_WRITE of Linux 5.1, which `fcntl` does not name
@@ -60,7 +62,7 @@ class Ring:
             raise OSError("this system has no memfd_create")
         self.slot_size = -(-capacity // _PAGE) * _PAGE
         self._id = secrets.token_bytes(16)
-        self._file = _File(os.memfd_create("dsr", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING))
+        self._file = _File(os.memfd_create(_NAME, os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING))
         size = _PAGE + SLOTS * self.slot_size  # what is not written to yet takes no memory
         os.ftruncate(self._file.descriptor, size)
         self._map = memoryview(mmap.mmap(self._file.descriptor, size))
@@ -114,8 +116,8 @@ class RingReader:
         self._slot_size = ticket.slot_size
         self._held: set[int] = set()
         path = f"/proc/{ticket.process:d}/fd/{ticket.descriptor:d}"
-        if not Path(path).is_file():
-            raise OSError(f"{path} is no file")
+        if str(Path(path).readlink()) != _LINK:  # before it is opened: a ticket comes from the network
+            raise OSError(f"{path} is no ring")
         self._file = _File(os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK))
         if not fcntl.fcntl(self._file.descriptor, fcntl.F_GET_SEALS) & fcntl.F_SEAL_SHRINK:
             raise OSError(f"{path} could be cut short while it is read")

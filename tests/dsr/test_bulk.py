@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import gc
 import os
 import signal
@@ -184,9 +185,14 @@ class TestRing:
         read_end, write_end = os.pipe()
         with (tmp_path / "file").open("wb") as file, os.fdopen(read_end), os.fdopen(write_end, "w"):
             file.truncate(os.fstat(ticket.descriptor).st_size)
-            for descriptor in (file.fileno(), read_end, -1, 1 << 40):
+            other = os.memfd_create("other", os.MFD_ALLOW_SEALING)
+            os.ftruncate(other, os.fstat(ticket.descriptor).st_size)
+            os.write(other, ticket.ring)
+            fcntl.fcntl(other, fcntl.F_ADD_SEALS, fcntl.F_SEAL_SHRINK)
+            for descriptor in (file.fileno(), other, read_end, -1, 1 << 40):
                 with pytest.raises(OSError):
                     RingReader(msgspec.structs.replace(ticket, descriptor=descriptor))
+            os.close(other)
         for change in ({"ring": b"\0" * 16}, {"slot_size": 1 << 50}, {"slot_size": -1}, {"process": 1 << 40}):
             with pytest.raises(OSError):
                 RingReader(msgspec.structs.replace(ticket, **change))
