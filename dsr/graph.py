@@ -197,8 +197,8 @@ class Graph(Observer):
         if isinstance(entry.key, str):
             self._refresh_edges_at(entry.key)
             self._refresh_node(entry.key)
-            at_node = self._incident.get(entry.key, ())
-            self._bury([e for key in at_node for e in self.store.by_key.get(key, {}).values() if self._is_dead(e)])
+            at_node = list(self._incident.get(entry.key, ()))
+            self._detach_or_bury([e for key in at_node for e in self.store.by_key.get(key, {}).values()])
             return
         if entry.key not in self.store.by_key:
             for name in entry.key[:2]:
@@ -284,6 +284,13 @@ class Graph(Observer):
         return any(
             all(dot in seen and dot not in live for dot in ends) for ends in (entry.sources, entry.destinations)
         )
+
+    def _detach_or_bury(self, entries: list[Entry]) -> None:
+        """Look again at edges that have lost an end: another incarnation of it may be still to come."""
+        for entry in entries:
+            if not self._has_ends(entry):
+                self._unattached[entry.dot] = entry
+        self._attach_or_bury()
 
     def _attach_or_bury(self) -> None:
         """Look again at edges that came before their ends: an end may have come, or turn out to be removed."""

@@ -1,0 +1,371 @@
+"""Replicas without a network: the test decides which message, new or old, reaches whom, and when, and how often.
+
+After each step the replica concerned must show exactly what the plain model makes of the facts that reached it.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from dsr.crdt.context import CausalContext, Dot
+from dsr.crdt.delta import TOMBSTONE, Delta, EdgeKey, Key
+from dsr.elements import Edge, Node
+from dsr.graph import Graph
+from dsr.outbox import Outbox
+from dsr.watch import Change, Filter, Watch
+from dsr.wire import decode_delta, encode_delta
+from tests.dsr.properties.knowledge import Knowledge, Shown, facts_of
+
+START = 1_000_000_000.0
+
+
+@dataclass
+class Message:
+    """Bytes under way, and what they say."""
+
+    payload: bytes
+    facts: Knowledge
+    receiver: str | None = None
+    """Replica id; None for anybody. A reply is for who asked."""
+
+
+class Reader:
+    """Follows a graph by its changes alone, as a user of `Memory.watch` does."""
+
+    def __init__(self, wanted: Filter) -> None:
+        self.watch = Watch(wanted)
+        self.seen: Shown = {}
+
+    def added(self, element: Node | Edge) -> None:
+        self.watch.offer_all(element)
+
+    def removed(self, element: Node | Edge) -> None:
+        self.watch.offer("removed", element)
+
+    def updated(self, element: Node | Edge, attribute: str) -> None:
+        self.watch.offer("updated", element, attribute)
+
+    def read(self, graph: Graph) -> Shown:
+        """What is known after all changes until now."""
+        for change in self.watch.poll():
+            self._apply(change, graph)
+        return self.seen
+
+    def _apply(self, change: Change, graph: Graph) -> None:
+        key: Key = change.name if change.element == "node" else (change.src, change.dst, change.type)
+        if change.kind == "removed":
+            del self.seen[key]
+            return
+        if change.kind == "added":
+            assert key not in self.seen, f"{key} was told twice"
+            self.seen[key] = (change.type, {})
+        element = graph.nodes.get(key) if isinstance(key, str) else graph.edges.get(key)
+        for name in change.attributes:
+            self.seen[key][1].pop(name, None)
+            if element is not None and name in element:
+                self.seen[key][1][name] = element[name]
+
+
+class _Readers:
+    """Passes on what a graph reports, as `Memory` does."""
+
+    def __init__(self) -> None:
+        self.all, self.cubes = Reader(Filter()), Reader(Filter(node_types=frozenset({"cube"})))
+
+    def added(self, element: Node | Edge) -> None:
+        self.all.added(element), self.cubes.added(element)
+
+    def removed(self, element: Node | Edge) -> None:
+        self.all.removed(element), self.cubes.removed(element)
+
+    def updated(self, element: Node | Edge, attribute: str) -> None:
+        self.all.updated(element, attribute), self.cubes.updated(element, attribute)
+
+
+class Site:
+    """A replica, what has reached it, and its readers. Its physical clock is off by `skew` s."""
+
+    def __init__(self, rid: str, skew: float) -> None:
+        self.readers = _Readers()
+        self.graph = Graph(rid, listener=self.readers)
+        self.known = Knowledge()
+        self.skew = skew
+
+    def check(self) -> None:
+        """Exactly what reached it is shown; no edge dangles; the indexes agree."""
+        graph = self.graph
+        assert shown(graph) == self.known.shown()
+        for edge in graph.edges.values():
+            assert edge.src in graph.nodes and edge.dst in graph.nodes, f"{edge} dangles"
+            assert graph.edges_out[edge.src][edge.key] is graph.edges_in[edge.dst][edge.key] is edge
+            assert graph.edges_by_type[edge.type][edge.key] is edge
+        for node in graph.nodes.values():
+            assert graph.nodes_by_type[node.type][node.name] is node
+        for index, size in (
+            (graph.nodes_by_type, graph.nodes), (graph.edges_by_type, graph.edges), (graph.edges_out, graph.edges),
+        ):  # fmt: skip
+            assert sum(map(len, index.values())) == len(size)
+
+
+class Soup:
+    """Sites, and every message that any of them ever sent."""
+
+    def __init__(self, skews: Sequence[float]) -> None:
+        self.time = START
+        self.messages: list[Message] = []
+        self.dead: set[str] = set()
+        self._issued: set[Dot] = set()
+        self._boots = 0
+        self.sites = [self._boot(skew) for skew in skews]
+
+    def _boot(self, skew: float) -> Site:
+        self._boots += 1
+        return Site(self.new_rid(self._boots), skew)
+
+    def new_rid(self, boot: int) -> str:
+        """The replica id of a start: never the same twice."""
+        return f"r-{boot}"
+
+    def a_node(self, index: int, choice: int) -> str | None:
+        """One of the nodes that a replica shows."""
+        names = sorted(self._site(index)[0].graph.nodes)
+        return names[choice % len(names)] if names else None
+
+    def an_edge(self, index: int, choice: int) -> EdgeKey | None:
+        """One of the edges that a replica shows."""
+        keys = sorted(self._site(index)[0].graph.edges)
+        return keys[choice % len(keys)] if keys else None
+
+    # ---- writing
+
+    def add_node(self, index: int, name: str, type: str, value: int) -> None:
+        site, now = self._site(index)
+        owners = site.known.incarnations(name)
+        delta = site.graph.add_node(name, type, {"seen": value}, now)
+        self._sent(site, delta, (name, type), owners, {"seen": value})
+
+    def update_node(self, index: int, name: str, values: dict[str, Any]) -> None:
+        site, now = self._site(index)
+        if name in site.graph.nodes:
+            owners = site.known.incarnations(name)
+            self._sent(site, site.graph.write(site.graph.nodes[name], values, now), None, owners, values)
+
+    def remove_attribute(self, index: int, key: Key, attribute: str) -> None:
+        site, now = self._site(index)
+        element = site.graph.nodes.get(key) if isinstance(key, str) else site.graph.edges.get(key)
+        if element is None:
+            return
+        owners = self._written_by(site, key) if attribute in element else []
+        delta = site.graph.remove_attribute(element, attribute, now)
+        self._sent(site, delta, None, owners, {attribute: TOMBSTONE})
+
+    def add_edge(self, index: int, key: EdgeKey, values: dict[str, Any]) -> None:
+        site, now = self._site(index)
+        if key[0] in site.graph.nodes and key[1] in site.graph.nodes:
+            is_new = key not in site.graph.edges
+            delta = site.graph.add_edge(*key, values, now)
+            if is_new:
+                assert delta.adds[0].sources == tuple(site.known.incarnations(key[0])), "bound to other dots"
+            owners = [] if is_new else site.known.incarnations(key)
+            self._sent(site, delta, (key, key[2]) if is_new else None, owners, values)
+
+    def update_edge(self, index: int, key: EdgeKey, values: dict[str, Any]) -> None:
+        site, now = self._site(index)
+        if key in site.graph.edges:
+            delta = site.graph.write(site.graph.edges[key], values, now)
+            self._sent(site, delta, None, self._written_by(site, key), values)
+
+    def remove_node(self, index: int, name: str) -> None:
+        site, _ = self._site(index)
+        gone = {*site.known.incarnations(name), *site.known.at(name)} if name in site.graph.nodes else set()
+        self._sent(site, site.graph.remove_node(name), removed=gone)
+
+    def remove_edge(self, index: int, key: EdgeKey) -> None:
+        site, _ = self._site(index)
+        gone = set(site.known.incarnations(key)) if key in site.graph.edges else set()
+        self._sent(site, site.graph.remove_edge(key), removed=gone)
+
+    def batch(self, index: int, names: Iterable[str], value: int) -> None:
+        """Several changes in one message."""
+        first = len(self.messages)
+        for name in names:
+            self.add_node(index, name, "cube", value)
+            self.update_node(index, name, {"mass": float(value)})
+        together = [message for message in self.messages[first:] if message.receiver is None]
+        if together:
+            outbox, facts = Outbox(), Knowledge()
+            for message in together:
+                outbox.add(decode_delta(message.payload), together=True)
+                facts.learn(message.facts)
+            self.messages[first:] = [Message(encode_delta(outbox.take()[0][0]), facts)]
+
+    def settle(self, index: int) -> None:
+        """Make samples durable; those of others after three calls without news."""
+        site, _ = self._site(index)
+        delta = site.graph.settle()
+        facts = facts_of(delta)
+        assert facts.written.items() <= site.known.written.items(), "a sample that nobody wrote"
+        self._note_dots(delta)
+        self._send(delta, facts)
+
+    # ---- the network
+
+    def deliver(self, choice: int, index: int) -> None:
+        """Any message ever sent reaches anybody whom it may reach, again if the test likes."""
+        site, _ = self._site(index)
+        waiting = [m for m in self.messages if m.receiver in (None, site.graph.rid)]
+        if waiting:
+            self._receive(site, waiting[choice % len(waiting)])
+
+    def reply(self, asker: int, asked: int) -> None:
+        """One replica asks another; the reply is under way from now on."""
+        site, other = self._site(asker)[0], self._site(asked)[0]
+        reply = other.graph.store.missing_for(site.graph.store.context)
+        self.messages.append(Message(encode_delta(reply), other.known.passed_on(), site.graph.rid))
+
+    def snapshot(self, index: int) -> None:
+        """The whole state of a replica as a message for anybody, as a newcomer or a file gets it."""
+        site, _ = self._site(index)
+        self.messages.append(Message(encode_delta(full(site.graph)), site.known.passed_on()))
+
+    def sync(self, asker: int, asked: int) -> None:
+        """One replica gets from another what it lacks: the same as joining all that the other holds."""
+        site, other = self._site(asker)[0], self._site(asked)[0]
+        whole = copied(site.graph)
+        whole.join(full(other.graph))
+        self.reply(asker, asked)
+        self._receive(site, self.messages[-1])
+        assert state(site.graph) == state(whole), "sync(version vector) differs from a full merge"
+
+    def crash(self, index: int) -> None:
+        """A replica dies with what only it knew; another one starts in its place."""
+        index %= len(self.sites)
+        self.dead.add(self.sites[index].graph.rid)
+        self.sites[index] = self._boot(self.sites[index].skew)
+
+    # ---- the end
+
+    def converge(self) -> None:
+        """Let everybody hear everything that anybody alive knows."""
+        for _ in range(4):
+            for index in range(len(self.sites)):
+                self.settle(index)
+        for _ in range(2):
+            for index in range(len(self.sites)):
+                self.sync(index, index + 1)
+                self.sync(index + 1, index)
+
+    def check_converged(self) -> None:
+        """All replicas are equal, in what they hold too; no hole is left but those that a dead one left."""
+        first = self.sites[0]
+        for site in self.sites:
+            site.check()
+            assert state(site.graph) == state(first.graph), "replicas differ"
+            assert set(site.graph.store.context.cloud) <= self.dead, "a hole that is never closed"
+            assert all(r.dot for e in site.graph.store.entries.values() for r in e.registers.values()), "not durable"
+            self.check_readers(site)
+
+    def check_readers(self, site: Site) -> None:
+        """Who follows the changes ends with what is shown."""
+        expected = shown(site.graph)
+        seen = site.readers.all.read(site.graph)
+        assert seen == expected, f"a reader knows something else: {seen}, shown {expected}"
+        cubes = {key: value for key, value in expected.items() if isinstance(key, str) and value[0] == "cube"}
+        assert site.readers.cubes.read(site.graph) == cubes
+
+    # ---- within
+
+    def _site(self, index: int) -> tuple[Site, float]:
+        site = self.sites[index % len(self.sites)]
+        return site, self.time + site.skew
+
+    def _written_by(self, site: Site, key: Key) -> list[Dot]:
+        """The incarnations of what is visible under `key`, to which a write goes."""
+        return [d for d in site.known.incarnations(key) if site.known.is_visible(d)]
+
+    def _sent(
+        self,
+        site: Site,
+        delta: Delta,
+        add: tuple[Key, str] | None = None,
+        owners: Sequence[Dot] = (),
+        values: dict[str, Any] | None = None,
+        removed: set[Dot] = frozenset(),  # type: ignore[assignment]
+    ) -> None:
+        """Check that a delta says what the operation means, then put it under way."""
+        if add is not None and not owners:
+            assert [(a.key, a.type) for a in delta.adds] == [add]
+            owners = [delta.adds[0].dot]
+        else:
+            assert not delta.adds, "an addition of what is there"
+        told = {(w.owner, w.attribute, repr(w.value)) for w in delta.writes}
+        assert told == {(o, name, repr(value)) for o in owners for name, value in (values or {}).items()}
+        assert set(delta.removed) == removed
+        latest = max((f[2] for f in site.known.written if site.known.is_live(f[0])), default=0)
+        assert all(w.stamp > latest for w in delta.writes), "a stamp that is not after what was known"
+        self._note_dots(delta)
+        facts = facts_of(delta)
+        site.known.learn(facts)
+        self._send(delta, facts)
+
+    def _note_dots(self, delta: Delta) -> None:
+        """No dot is ever issued twice; what a delta issues, its context covers."""
+        dots = [*(add.dot for add in delta.adds), *(write.dot for write in delta.writes if write.dot)]
+        covered = [(rid, n) for rid, first, last in delta.context for n in range(first, last + 1)]
+        assert self._issued.isdisjoint(covered), "a dot was issued twice"
+        assert set(dots) <= set(covered) and len(dots) == len(set(dots))
+        self._issued.update(covered)
+
+    def _send(self, delta: Delta, facts: Knowledge) -> None:
+        """Stream samples travel apart: they may be lost without leaving a hole."""
+        samples = Delta()
+        samples.writes = [write for write in delta.writes if write.dot is None]
+        delta.writes = [write for write in delta.writes if write.dot is not None]
+        assert not samples.context
+        streamed = facts_of(samples)
+        lasting = {fact: value for fact, value in facts.written.items() if fact not in streamed.written}
+        rest = Knowledge(facts.added, facts.removed, lasting)
+        for part, says in ((delta, rest), (samples, streamed)):
+            if part:
+                self.messages.append(Message(encode_delta(part), says))
+
+    def _receive(self, site: Site, message: Message) -> None:
+        delta = decode_delta(message.payload)
+        lasting = {(w.owner, w.attribute, w.stamp, w.writer) for w in delta.writes if w.dot is not None}
+        site.graph.join(delta)
+        site.known.learn(Knowledge(message.facts.added, message.facts.removed))
+        site.known.written |= {
+            fact: value
+            for fact, value in message.facts.written.items()
+            if message.receiver or fact in lasting or fact[0] in site.known.added
+        }  # a sample for a node that was not heard of yet is lost
+
+
+def shown(graph: Graph) -> Shown:
+    """Everything that a replica shows."""
+    return {key: (e.type, dict(e)) for elements in (graph.nodes, graph.edges) for key, e in elements.items()}
+
+
+def full(graph: Graph) -> Delta:
+    """All that a replica holds."""
+    return graph.store.missing_for(CausalContext())
+
+
+def state(graph: Graph) -> dict[str, Any]:
+    """Everything that two equal replicas have in common."""
+    store = graph.store
+    return {
+        "context": store.context,
+        "entries": {dot: (e.key, e.type, e.sources, e.destinations, e.registers) for dot, e in store.entries.items()},
+        "fingerprint": store.fingerprint,
+        "shown": shown(graph),
+    }
+
+
+def copied(graph: Graph) -> Graph:
+    """A replica with the same content and no readers."""
+    twin: Graph = copy.deepcopy(graph, {id(graph._listener): _Readers(), id(TOMBSTONE): TOMBSTONE})
+    return twin
