@@ -9,12 +9,19 @@ from dsr.errors import ConfigError
 PROTOCOL = "dsr/v1"
 _NAME = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_.-]{0,63}")
 
+_KEY = re.compile(r"[A-Za-z0-9_.-]{1,256}(/[A-Za-z0-9_.-]{1,256}){0,8}")
+
 
 def check_name(kind: str, name: str) -> str:
     """Return `name` if it can be a part of a key, else raise `ConfigError`."""
     if not isinstance(name, str) or not _NAME.fullmatch(name):
         raise ConfigError(f"{kind} {name!r}: expected 1 to 64 letters, digits, '_', '-' or '.', the first not a '.'")
     return name
+
+
+def is_key(text: str) -> bool:
+    """Whether `text`, which may come from anywhere, names one key: parts between slashes, no wildcards."""
+    return _KEY.fullmatch(text) is not None
 
 
 def agent_of(rid: str) -> str:

@@ -16,6 +16,7 @@ from agents.viewer import palette
 from agents.viewer.model import Camera
 from agents.viewer.scene import camera_entity
 from dsr import Frame, FrameReader, Memory
+from dsr.keys import is_key
 
 _LABEL_BELOW = 8.0  # px
 _LONGEST_SIDE = 65_500  # px, that a JPEG can have
@@ -52,6 +53,9 @@ class ImageView:
     def draw(self, cameras: Iterable[Camera], now: float) -> None:
         """Log what is new at time `now` (s)."""
         for camera in cameras:
+            if not is_key(camera.stream):
+                self._skip(camera.name, f"stream {camera.stream!r}", "a name such as 'camera_overhead'")
+                continue
             if now - self._last.get(camera.name, -math.inf) >= self._period - 1e-6:
                 frame = self._reader(camera.stream).latest()
                 if frame is not None and self._draw_image(camera.name, frame):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
+import msgspec
 import typer
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
@@ -83,6 +84,7 @@ def add(
     ] = None,
     read_only: Annotated[bool, typer.Option("--read-only", help="It may only read.")] = False,
     trusted: Annotated[bool, typer.Option("--trusted", help="It may hand on what others wrote.")] = False,
+    relay: Annotated[bool, typer.Option("--relay", help="It routes between machines, on keys of all others.")] = False,
     renew: Annotated[bool, typer.Option("--renew", help="Replace the certificate that it has.")] = False,
     host: HostOption = None,
     days: DaysOption = CERTIFICATE_DAYS,
@@ -96,8 +98,10 @@ def add(
     if (name in policy.agents) is not renew:
         known = "is there already; give --renew for a new certificate" if not renew else "is not there yet"
         raise ConfigError(f"agent {name!r} {known}")
-    told = kind or writes or read_only or trusted
-    grant = _grant(kind, writes or [], read_only, trusted) if told or not renew else policy.grant(name)
+    roles = Grant(read_only=read_only, trusted=trusted, relay=relay)
+    grant = _grant(kind, writes or [], roles)
+    if renew and grant == Grant() and kind is None:
+        grant = policy.grant(name)
     policy = checked({**policy.agents, name: grant})
     files.issue(name, WALL_CLOCK.now(), days=days, hosts=host or ())
     _save(files, policy)
@@ -105,8 +109,8 @@ def add(
     console.print(f"[bold]{name}[/] has a certificate until {until:%Y-%m-%d}; start what runs again", soft_wrap=True)
 
 
-def _grant(kind: str | None, writes: list[str], read_only: bool, trusted: bool) -> Grant:
-    """What the options say."""
+def _grant(kind: str | None, writes: list[str], roles: Grant) -> Grant:
+    """The roles, with what the class declares and what `writes` adds."""
     grant = grant_for(load_class(kind, Path.cwd())) if kind else Grant()
     given: dict[str, tuple[str, ...]] = {part: getattr(grant, part) for part in _PARTS.values()}
     for text in writes:
@@ -114,7 +118,7 @@ def _grant(kind: str | None, writes: list[str], read_only: bool, trusted: bool) 
         if what not in _PARTS or not name:
             raise ConfigError(f"--writes {text!r}: expected {':NAME, '.join(_PARTS)}:NAME")
         given[_PARTS[what]] += (name,)
-    return Grant(**given, read_only=read_only, trusted=trusted)
+    return msgspec.structs.replace(roles, **given)
 
 
 def _save(files: SecurityFolder, policy: Policy) -> None:
@@ -168,5 +172,6 @@ def _readable(grant: Grant) -> str:
     if grant.read_only:
         return "nothing: read only"
     lines = [f"{part}: {', '.join(names)}" for part in _PARTS.values() if (names := getattr(grant, part))]
-    trusted = ["trusted: hands on what others wrote"] if grant.trusted else []
-    return "\n".join([*lines, *trusted]) or "its own status and log"
+    lines += ["trusted: hands on what others wrote"] if grant.trusted else []
+    lines += ["relay: routes between machines"] if grant.relay else []
+    return "\n".join(lines) or "its own status and log"

@@ -52,17 +52,23 @@ def zenoh_settings(folder: SecurityFolder, policy: Policy, agent: str) -> dict[s
 
 
 def access_control(policy: Policy) -> dict[str, Any]:
-    """The rules: everybody in the policy may ask and be told everything, and tell only on keys of its own."""
+    """The rules: all in the policy may ask and be told everything, and tell only on keys of their own; relays on all.
+
+    Who is connected to a relay hears others through it, and trusts it to have checked who they are as we would.
+    """
     everything = f"{_EveryGraph().root}/**"
     anything = [everything, ticket_key(everything)]
     rules = [
         _rule("ask", ["ingress", "egress"], _ASK, anything),
         _rule("be told", ["egress"], _TELL, anything),
+        _rule("pass on", ["ingress"], _TELL, anything),
     ]
     policies = []
     for name, grant in policy.agents.items():
         granted = ["ask", "be told"]
-        if not grant.read_only:
+        if grant.relay:
+            granted.append("pass on")
+        elif not grant.read_only:
             granted.append(f"tell as {name}")
             rules.append(_rule(granted[-1], ["ingress"], _TELL, own_keys(name, grant)))
         policies.append({"rules": granted, "subjects": [name]})
@@ -91,9 +97,10 @@ def _rule(name: str, flows: list[str], messages: list[str], keys: list[str]) -> 
 
 def write_configuration(folder: SecurityFolder, policy: Policy, agent: str) -> None:
     """Write the configuration of `agent` to its file, as an example for other programs."""
+    relay = policy.grant(agent).relay
     whole: dict[str, Any] = {
-        "mode": "peer",
-        "listen": {"endpoints": ["tls/127.0.0.1:0"]},
+        "mode": "router" if relay else "peer",
+        "listen": {"endpoints": ["tls/127.0.0.1:7447" if relay else "tls/127.0.0.1:0"]},
         "scouting": {"multicast": {"enabled": False}},
     }
     for key, value in zenoh_settings(folder, policy, agent).items():

@@ -38,6 +38,8 @@ class Grant(msgspec.Struct, frozen=True, omit_defaults=True):
     """It may send nothing at all."""
     trusted: bool = False
     """What it says about others is believed: it hands the whole graph on to newcomers and repairs losses."""
+    relay: bool = False
+    """It passes on what others send, on keys of theirs: a router between machines."""
 
     @property
     def writes(self) -> Access:
@@ -105,6 +107,6 @@ def checked(agents: Mapping[str, Grant]) -> Policy:
             if not _BUS_KEY.fullmatch(key) or key.split("/")[0] in _OWN_TRAFFIC:
                 raise ConfigError(f"agent {name!r} publishes {key!r}: expected a key such as 'device/arm/command', "
                                   f"'blob/**', that does not begin with {', '.join(_OWN_TRAFFIC)}")  # fmt: skip
-        if grant.read_only and grant != Grant(read_only=True):
-            raise ConfigError(f"agent {name!r} is read-only, but may do more")
+        if (grant.read_only or grant.relay) and grant not in (Grant(read_only=True), Grant(relay=True)):
+            raise ConfigError(f"agent {name!r} is {'read-only' if grant.read_only else 'a relay'}, but may do more")
     return Policy(dict(agents))

@@ -136,6 +136,15 @@ def test_an_unusable_image_is_counted_and_left_out(stage: Any, arrays: dict[str,
     assert not stage.finish().values("/world/cameras/camera/image", "EncodedImage:blob")
 
 
+@pytest.mark.parametrize("stream", ["**", "a//b", "#", "/", "a\x1b[2J", "x" * 1000])
+def test_a_stream_that_is_no_name_is_counted_and_left_alone(stage: Any, stream: str) -> None:
+    viewer = stage.start_viewer()
+    stage.build_table()
+    stage.memory.update_node("camera", stream=stream)
+    stage.run(0.5)
+    assert viewer._images.unusable > 0 and viewer._images._readers == {}
+
+
 def test_distances_and_errors_are_in_millimetres(stage: Any) -> None:
     stage.start_viewer()
     stage.build_table("cube_3")

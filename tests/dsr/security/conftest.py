@@ -13,6 +13,7 @@ from dsr.security.policy import Grant, Policy, checked, standard_grants, write_p
 GRANTS = {
     "arm": Grant(("arm", "world"), ("RT",), ("status",), ("device/arm/command", "blob/*")),
     "scene": Grant(("cube", "table", "world"), ("on",), ("size", "mass", "target_joints")),
+    "hub": Grant(relay=True),
     **standard_grants(),
 }
 DAY = 86400.0

@@ -37,6 +37,7 @@ def test_the_agents_of_a_system_are_granted_what_they_declare() -> None:
         ({"arm": Grant(publishes=("**",))}, "publishes"),
         ({"arm": Grant(publishes=("*/scene-1",))}, "publishes"),
         ({"arm": Grant(publishes=("device/a$*",))}, "publishes"),
+        ({"hub": Grant(nodes=("cube",), relay=True)}, "a relay, but may do more"),
         ({"arm": Grant(nodes=("cube",), read_only=True)}, "read-only, but may do more"),
     ],
 )
@@ -72,5 +73,6 @@ def test_a_reader_is_told_everything_and_may_say_nothing(policy: Policy) -> None
     assert granted["dsr"] == ["ask", "be told"]
     assert granted["arm"] == ["ask", "be told", "tell as arm"]
     told = [rule for rule in rules["rules"] if "put" in rule["messages"] and "ingress" in rule["flows"]]
-    assert {rule["id"] for rule in told} == {"tell as arm", "tell as scene", "tell as launcher"}
+    assert {rule["id"] for rule in told} == {"tell as arm", "tell as scene", "tell as launcher", "pass on"}
+    assert [name for name, rules in granted.items() if "pass on" in rules] == ["hub"]
     assert rules["default_permission"] == "deny"

@@ -385,3 +385,29 @@ def test_a_driver_without_a_memory_has_its_keys_too(join: Join, keys: SecurityFo
     finally:
         registration.close()
         transport.close()
+
+
+def test_a_relay_connects_machines_and_lets_nobody_pose_as_another(keys: SecurityFolder, policy: Policy) -> None:
+    """Each agent on a machine of its own, all connected to a hub only; all of them route."""
+    opened: list[ZenohTransport] = []
+    ports = {agent: rendezvous.free_port() for agent in ("hub", "arm", "scene", "launcher")}
+    for agent, port in ports.items():
+        settings = {**zenoh_settings(keys, policy, agent), "mode": "router"}
+        elders = [] if agent == "hub" else [f"tls/127.0.0.1:{ports['hub']}"]
+        if agent == "arm":
+            del settings["access_control"]
+        opened.append(ZenohTransport(f"tls/127.0.0.1:{port}", elders, settings))
+    _, arm, scene, launcher = opened
+    heard: list[str] = []
+    for transport in (scene, launcher):
+        transport.subscribe(KEYS.delta(), lambda key, _: heard.append(key))
+
+    def through() -> bool:
+        for rid in ("scene-1", "launcher-1", "arm-1"):
+            arm.publish(KEYS.delta(rid), b"")
+        return heard.count(KEYS.delta("arm-1")) > 20
+
+    assert eventually(through)
+    assert set(heard) == {KEYS.delta("arm-1")}
+    for transport in reversed(opened):
+        transport.close()
