@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from dsr import rendezvous
 from dsr.clock import WALL_CLOCK, Clock
-from dsr.errors import ConfigError
+from dsr.errors import ConfigError, ListenError
 from dsr.keys import Keys
 from dsr.memory import Guard, Memory, new_rid
 from dsr.schema import Schema
@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
 SECURITY = "DSR_SECURITY"
 """Environment variable: the security folder that everything uses which is told no other."""
+
+_PORT_ATTEMPTS = 5
+"""A free port may be taken by somebody else before it is ours."""
 
 
 def connect(
@@ -120,8 +123,20 @@ def open_transport(
 ) -> tuple[Transport, rendezvous.Registration]:
     """A Zenoh transport that meets the graph's other processes; the registration makes it be found by later ones.
 
-    With an `identity` it takes part in a secured graph. Raises `ConfigError` if the others are not secured alike.
+    With `connect`, it joins the routers there and passes on between them and the processes of this machine. With an
+    `identity` it takes part in a secured graph; then `connect` names other processes, because who passes on would have
+    to be allowed to write everything. Raises `ConfigError` if the others are not secured alike.
     """
+    routers = list(connect)
+    for _ in range(_PORT_ATTEMPTS - 1):
+        with contextlib.suppress(ListenError):
+            return _open_at_free_port(graph, rid, routers, has_memory, identity)
+    return _open_at_free_port(graph, rid, routers, has_memory, identity)
+
+
+def _open_at_free_port(
+    graph: str, rid: str, connect: list[str], has_memory: bool, identity: Identity | None
+) -> tuple[Transport, rendezvous.Registration]:
     protocol = "tls" if identity else "tcp"
     endpoint = f"{protocol}/127.0.0.1:{rendezvous.free_port()}"
     registration = rendezvous.Registration(graph, rid, endpoint, has_memory=has_memory)
@@ -129,7 +144,7 @@ def open_transport(
         endpoints = [*(elder.endpoint for elder in registration.elders), *connect]
         _check_protocol(graph, protocol, endpoints)
         if identity is None:
-            return ZenohTransport(endpoint, endpoints), registration
+            return ZenohTransport(endpoint, endpoints, routing=bool(connect)), registration
         transport = ZenohTransport(endpoint, endpoints, identity.zenoh)
         return identity.own_transport(transport, Keys(graph), rid), registration
     except BaseException:

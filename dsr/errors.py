@@ -9,7 +9,8 @@
     │   ├── NoPathError
     │   └── ExtrapolationError
     ├── WireError               bytes that are no valid message (the peer's fault)
-    ├── TransportError          the network refuses what was asked (port in use, closed session)
+    ├── TransportError          the network refuses what was asked (no such endpoint, closed session)
+    │   └── ListenError         the endpoint to listen on cannot be had (port in use)
     ├── ClockDriftError         this process's clock is too far from its peers' to write
     ├── ConfigError             a wrong file or option: says which file, line and what was expected
     └── AgentError              an agent broke its declaration or life cycle
@@ -59,6 +60,10 @@ class WireError(DsrError):
 
 class TransportError(DsrError):
     """The network refuses what was asked."""
+
+
+class ListenError(TransportError):
+    """The endpoint to be reached at cannot be had: most often, the port is in use."""
 
 
 class ClockDriftError(DsrError):

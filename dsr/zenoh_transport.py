@@ -12,7 +12,7 @@ from typing import Any
 import zenoh
 
 from dsr.bulk import BulkReader, BulkWriter, Handler
-from dsr.errors import TransportError
+from dsr.errors import ListenError, TransportError
 from dsr.keys import ticket_key
 from dsr.transport import Chunks, MessageHandler, PresenceHandler, Qos, RequestHandler, Subscription
 
@@ -67,20 +67,30 @@ class _Outlet:
 
 
 class ZenohTransport:
-    """One Zenoh session in peer mode; implements `dsr.transport.Transport`.
+    """One Zenoh session; implements `dsr.transport.Transport`.
 
     Args:
         listen: endpoint to be reached at, for example `tcp/127.0.0.1:0`; loopback only, unless told otherwise.
         connect: endpoints of peers or routers; those that are not there (yet) are tried again and again.
         settings: of Zenoh's configuration, by key, besides our own: certificates and access control.
+        routing: pass on what others send each other, as a router does. Needed by whoever connects to a router:
+            since Zenoh 1.9 a router passes nothing on between peers, but everything between routers.
 
     Raises:
-        TransportError: if an endpoint is malformed or the port is in use.
+        TransportError: if an endpoint is malformed.
+        ListenError: if the port is in use.
     """
 
-    def __init__(self, listen: str, connect: Iterable[str] = (), settings: Mapping[str, Any] = _NO_SETTINGS) -> None:
+    def __init__(
+        self,
+        listen: str,
+        connect: Iterable[str] = (),
+        settings: Mapping[str, Any] = _NO_SETTINGS,
+        *,
+        routing: bool = False,
+    ) -> None:
         config = zenoh.Config()
-        for key, value in {**_settings(listen, list(connect)), **settings}.items():
+        for key, value in {**_settings(listen, list(connect), routing), **settings}.items():
             try:
                 config.insert_json5(key, json.dumps(value))
             except zenoh.ZError as error:
@@ -88,7 +98,7 @@ class ZenohTransport:
         try:
             self._session = zenoh.open(config)
         except zenoh.ZError as error:
-            raise TransportError(f"cannot listen on {listen} ({_reason(error)}); is the port in use?") from error
+            raise ListenError(f"cannot listen on {listen} ({_reason(error)}); is the port in use?") from error
         self._publishers: dict[tuple[str, Qos], zenoh.Publisher] = {}
         self._bulk_writers: dict[str, BulkWriter] = {}
         self._lock = threading.Lock()
@@ -196,9 +206,9 @@ class ZenohTransport:
             self._session.close()  # type: ignore[no-untyped-call]
 
 
-def _settings(listen: str, connect: list[str]) -> dict[str, Any]:
+def _settings(listen: str, connect: list[str], routing: bool) -> dict[str, Any]:
     return {
-        "mode": "peer",
+        "mode": "router" if routing else "peer",
         "listen/endpoints": [listen],
         "listen/exit_on_failure": True,
         "connect/endpoints": connect,

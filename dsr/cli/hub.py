@@ -1,0 +1,43 @@
+"""`dsr hub`: a Zenoh router in which processes on several machines meet."""
+
+from __future__ import annotations
+
+import threading
+from typing import Annotated
+
+import typer
+
+from dsr.cli.common import console
+from dsr.zenoh_transport import ZenohTransport
+
+app = typer.Typer()
+
+
+@app.command()
+def hub(
+    listen: Annotated[
+        str, typer.Option(metavar="ENDPOINT", help="Where to be reached; tcp/0.0.0.0:7447 is open to every machine.")
+    ] = "tcp/127.0.0.1:7447",
+    connect: Annotated[
+        list[str] | None, typer.Option(metavar="ENDPOINT", help="Another router to join; may be repeated.")
+    ] = None,
+) -> None:
+    """Connect machines: run this on one of them until Ctrl-C, and give its address to the processes on all.
+
+    It holds no graph and may be stopped and started again at any time: processes on one machine go on
+    without it, and machines catch up with each other when it is back. An ordinary Zenoh router does as well.
+
+    Example: dsr hub --listen tcp/192.168.0.7:7447, then anywhere: dsr run tabletop --connect tcp/192.168.0.7:7447
+    """
+    transport = ZenohTransport(listen, connect or (), routing=True)
+    console.print(f"routing at [bold]{listen}[/], Ctrl-C stops", soft_wrap=True)
+    try:
+        threading.Event().wait()
+    except KeyboardInterrupt:
+        pass
+    finally:
+        transport.close()
+
+
+if __name__ == "__main__":
+    app()

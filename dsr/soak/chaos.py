@@ -1,0 +1,142 @@
+"""A soak: faults in a random order while everybody writes; after each one, all must agree and nothing be missing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dsr.clock import Clock
+from dsr.soak.faults import FAULTS, NEED_TWO_MACHINES, Scene
+from dsr.soak.fleet import Fleet, Plan
+from dsr.soak.journal import Record, take_records
+from dsr.soak.judge import Judge
+
+HEAL_TIMEOUT = 60.0
+"""s after which replicas that still differ count as diverged."""
+_CALM = 0.5
+"""s of writing before each fault."""
+
+
+@dataclass
+class FaultTally:
+    """What one kind of fault did."""
+
+    rounds: int = 0
+    heal_s: list[float] = field(default_factory=list)
+    """From the end of each fault until all replicas were equal, s."""
+
+    def summary(self) -> dict[str, Any]:
+        """For the result."""
+        return {
+            "rounds": self.rounds,
+            "heal_s_median": float(np.median(self.heal_s)) if self.heal_s else None,
+            "heal_s_max": max(self.heal_s, default=None),
+        }
+
+
+@dataclass
+class Tally:
+    """What a soak found."""
+
+    lost: list[str] = field(default_factory=list)
+    diverged: int = 0
+    blocked: float = 0.0
+    """The longest call of a write, s."""
+    faults: dict[str, FaultTally] = field(default_factory=dict)
+
+    def result(self, judge: Judge) -> dict[str, Any]:
+        """As `dsr soak --json` writes it."""
+        heals = [seconds for tally in self.faults.values() for seconds in tally.heal_s]
+        return {
+            "writes": judge.writes,
+            "lost": len(self.lost),
+            "diverged": self.diverged,
+            "heal_s_max": max(heals, default=0.0),
+            "blocked_s_max": self.blocked,
+            "kill_window_s_max": judge.kill_window,
+            "faults": {name: tally.summary() for name, tally in self.faults.items()},
+            "findings": self.lost,
+        }
+
+
+class Soak:
+    """One run.
+
+    Args:
+        folder: for journals and the workers' logs.
+        clock: the wall clock.
+        plan: who takes part.
+        rate: steps/s of each worker, about three writes each.
+        faults: names of those to choose from.
+        fault_seconds: bounds of how long a fault goes on, s.
+    """
+
+    def __init__(
+        self, folder: Path, clock: Clock, plan: Plan, *, rate: float = 50.0, faults: Sequence[str] = tuple(FAULTS),
+        fault_seconds: tuple[float, float] = (1.0, 10.0),
+    ) -> None:  # fmt: skip
+        self.tally = Tally()
+        skew = max(plan.shifts) - min(plan.shifts)
+        self.judge = Judge(skew)
+        self._clock = clock
+        self._names = [name for name in faults if plan.machines > 1 or name not in NEED_TWO_MACHINES]
+        self._fault_seconds = fault_seconds
+        self._generator = np.random.default_rng(plan.seed)
+        self._folder, self._plan, self._rate = folder, plan, rate
+
+    def run(self, seconds: float, progress: Callable[[str, Tally], None]) -> None:
+        """Inject faults for `seconds` s, each at least once; `progress` is told about each one."""
+        begin = self._clock.monotonic()
+        with Fleet(self._folder, self._clock, self._plan) as fleet:
+            scene = Scene(fleet, self.judge, self._generator, self._rate)
+            while self._clock.monotonic() - begin < seconds:
+                for index in self._generator.permutation(len(self._names)):
+                    progress(self._names[index], self.tally)
+                    self._round(scene, self._names[index])
+                    if self._clock.monotonic() - begin > seconds:
+                        break
+
+    def _round(self, scene: Scene, name: str) -> None:
+        fleet = scene.fleet
+        fleet.run(self._rate)
+        scene.wait(_CALM)
+        FAULTS[name](scene, float(self._generator.uniform(*self._fault_seconds)))
+        healed_at = self._clock.monotonic()
+        fleet.pause()
+        heal = fleet.seconds_until_equal(healed_at, HEAL_TIMEOUT)
+        tally = self.tally.faults.setdefault(name, FaultTally())
+        tally.rounds += 1
+        if heal is None:
+            self.tally.diverged += 1
+        else:
+            tally.heal_s.append(heal)
+        self._judge(scene)
+
+    def _judge(self, scene: Scene) -> None:
+        """Everybody is idle: read the journals, look for what is missing, and clear away what the dead left."""
+        workers = scene.fleet.everybody()
+        for worker in workers:
+            records = list(take_records(worker.journal))
+            self.judge.note(worker.slot, records)
+            self.tally.blocked = max([self.tally.blocked, *_blocked(records, worker.slot, scene.frozen)])
+        self.tally.lost += self.judge.check(workers[0].do("state"))
+        scene.frozen.clear()
+        for worker in workers:
+            failure = worker.do("report")["failure"]
+            if failure:
+                self.tally.lost.append(f"{worker.slot} could not write: {failure}")
+            worker.do("tidy")
+
+
+def _blocked(records: Sequence[Record], slot: str, frozen: Sequence[tuple[str, float, float]]) -> list[float]:
+    """How long each call took, s, except those of a worker that was stopped meanwhile."""
+    own = [(begin, end) for who, begin, end in frozen if who == slot]
+    return [
+        record.ended - record.started
+        for record in records
+        if not any(record.started < end and begin < record.ended for begin, end in own)
+    ]
