@@ -124,8 +124,7 @@ def open_transport(
     """A Zenoh transport that meets the graph's other processes; the registration makes it be found by later ones.
 
     With `connect`, it joins the routers there and passes on between them and the processes of this machine. With an
-    `identity` it takes part in a secured graph; then `connect` names other processes, because who passes on would have
-    to be allowed to write everything. Raises `ConfigError` if the others are not secured alike.
+    `identity` it takes part in a secured graph. Raises `ConfigError` if the others are not secured alike.
     """
     routers = list(connect)
     for _ in range(_PORT_ATTEMPTS - 1):
@@ -145,7 +144,7 @@ def _open_at_free_port(
         _check_protocol(graph, protocol, endpoints)
         if identity is None:
             return ZenohTransport(endpoint, endpoints, routing=bool(connect)), registration
-        transport = ZenohTransport(endpoint, endpoints, identity.zenoh)
+        transport = ZenohTransport(endpoint, endpoints, identity.zenoh, routing=bool(connect))
         return identity.own_transport(transport, Keys(graph), rid), registration
     except BaseException:
         registration.close()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -88,17 +88,22 @@ class Soak:
         self._generator = np.random.default_rng(plan.seed)
         self._folder, self._plan, self._rate = folder, plan, rate
 
-    def run(self, seconds: float, progress: Callable[[str, Tally], None]) -> None:
-        """Inject faults for `seconds` s, each at least once; `progress` is told about each one."""
-        begin = self._clock.monotonic()
+    def run(self, seconds: float, progress: Callable[[str, Tally], None], rounds: int = 1) -> None:
+        """Inject faults for `seconds` s, and for so many `rounds` at least; `progress` is told about each one."""
         with Fleet(self._folder, self._clock, self._plan) as fleet:
             scene = Scene(fleet, self.judge, self._generator, self._rate)
-            while self._clock.monotonic() - begin < seconds:
-                for index in self._generator.permutation(len(self._names)):
-                    progress(self._names[index], self.tally)
-                    self._round(scene, self._names[index])
-                    if self._clock.monotonic() - begin > seconds:
-                        break
+            begin = self._clock.monotonic()
+            for number, name in enumerate(self._endless_faults()):
+                if number >= rounds and self._clock.monotonic() - begin > seconds:
+                    return
+                progress(name, self.tally)
+                self._round(scene, name)
+
+    def _endless_faults(self) -> Iterator[str]:
+        """All faults in a random order, again and again."""
+        while True:
+            for index in self._generator.permutation(len(self._names)):
+                yield self._names[index]
 
     def _round(self, scene: Scene, name: str) -> None:
         fleet = scene.fleet

@@ -1,4 +1,4 @@
-"""Two processes write the same thing at the same moment, again and again; afterwards all replicas must be equal, and right."""
+"""Two processes write the same thing at the same moment, many times: then all replicas must be equal, and right."""
 
 from __future__ import annotations
 

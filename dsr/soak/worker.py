@@ -1,4 +1,4 @@
-"""The process that a soak test starts many of: it joins a graph, writes, and does what it is told on its standard input.
+"""The process that a soak test starts many of: it joins a graph, writes, and obeys its standard input.
 
 A command is a JSON object a line, `{"do": NAME, ...}`; each is answered by one line. The process ends with its input.
 """

@@ -45,8 +45,9 @@ class Workload:
     """
 
     def __init__(
-        self, memory: Memory, slot: str, journal: JournalWriter, first: int, generator: np.random.Generator, clock: Clock
-    ) -> None:
+        self, memory: Memory, slot: str, journal: JournalWriter, first: int, generator: np.random.Generator,
+        clock: Clock,
+    ) -> None:  # fmt: skip
         self._memory = memory
         self._slot = slot
         self._journal = journal
