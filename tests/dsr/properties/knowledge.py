@@ -29,11 +29,20 @@ class Knowledge:
         self.removed |= other.removed
         self.written |= other.written
 
-    def passed_on(self) -> Knowledge:
-        """What a synchronisation reply carries: all but writes to what was never heard of."""
+    def waiting(self) -> set[Fact]:
+        """Writes to what was never heard of."""
         heard_of = self.added.keys() | self.removed
-        written = {fact: value for fact, value in self.written.items() if fact[0] in heard_of}
+        return {fact for fact in self.written if fact[0] not in heard_of}
+
+    def passed_on(self) -> Knowledge:
+        """What a synchronisation reply carries: all but the writes that wait."""
+        waiting = self.waiting()
+        written = {fact: value for fact, value in self.written.items() if fact not in waiting}
         return Knowledge(dict(self.added), set(self.removed), written)
+
+    def held(self) -> set[Dot]:
+        """The incarnations that can still be seen, here or by somebody who knows more."""
+        return {dot for dot, add in self.added.items() if not self._is_over(add)}
 
     def incarnations(self, key: Key) -> list[Dot]:
         """The creation dots under which `key` can still be seen, here or by somebody who knows more."""

@@ -15,9 +15,10 @@ from dsr.crdt.delta import TOMBSTONE, Delta, EdgeKey, Key
 from dsr.elements import Edge, Node
 from dsr.graph import Graph
 from dsr.outbox import Outbox
-from dsr.watch import Change, Filter, Watch
+from dsr.watch import Filter, Watch
 from dsr.wire import decode_delta, encode_delta
-from tests.dsr.properties.knowledge import Knowledge, Shown, facts_of
+from tests.dsr.properties.knowledge import Fact, Knowledge, Shown, facts_of
+from tests.dsr.properties.readers import Reader
 
 START = 1_000_000_000.0
 
@@ -32,57 +33,23 @@ class Message:
     """Replica id; None for anybody. A reply is for who asked."""
 
 
-class Reader:
-    """Follows a graph by its changes alone, as a user of `Memory.watch` does."""
-
-    def __init__(self, wanted: Filter) -> None:
-        self.watch = Watch(wanted)
-        self.seen: Shown = {}
-
-    def added(self, element: Node | Edge) -> None:
-        self.watch.offer_all(element)
-
-    def removed(self, element: Node | Edge) -> None:
-        self.watch.offer("removed", element)
-
-    def updated(self, element: Node | Edge, attribute: str) -> None:
-        self.watch.offer("updated", element, attribute)
-
-    def read(self, graph: Graph) -> Shown:
-        """What is known after all changes until now."""
-        for change in self.watch.poll():
-            self._apply(change, graph)
-        return self.seen
-
-    def _apply(self, change: Change, graph: Graph) -> None:
-        key: Key = change.name if change.element == "node" else (change.src, change.dst, change.type)
-        if change.kind == "removed":
-            del self.seen[key]
-            return
-        if change.kind == "added":
-            assert key not in self.seen, f"{key} was told twice"
-            self.seen[key] = (change.type, {})
-        element = graph.nodes.get(key) if isinstance(key, str) else graph.edges.get(key)
-        for name in change.attributes:
-            self.seen[key][1].pop(name, None)
-            if element is not None and name in element:
-                self.seen[key][1][name] = element[name]
-
-
 class _Readers:
     """Passes on what a graph reports, as `Memory` does."""
 
     def __init__(self) -> None:
-        self.all, self.cubes = Reader(Filter()), Reader(Filter(node_types=frozenset({"cube"})))
+        self.all, self.cubes = Reader(Watch(Filter())), Reader(Watch(Filter(node_types=frozenset({"cube"}))))
 
     def added(self, element: Node | Edge) -> None:
-        self.all.added(element), self.cubes.added(element)
+        for reader in (self.all, self.cubes):
+            reader.watch.offer_all(element)
 
     def removed(self, element: Node | Edge) -> None:
-        self.all.removed(element), self.cubes.removed(element)
+        for reader in (self.all, self.cubes):
+            reader.watch.offer("removed", element)
 
     def updated(self, element: Node | Edge, attribute: str) -> None:
-        self.all.updated(element, attribute), self.cubes.updated(element, attribute)
+        for reader in (self.all, self.cubes):
+            reader.watch.offer("updated", element, attribute)
 
 
 class Site:
@@ -95,9 +62,10 @@ class Site:
         self.skew = skew
 
     def check(self) -> None:
-        """Exactly what reached it is shown; no edge dangles; the indexes agree."""
+        """Exactly what reached it is shown and held; no edge dangles; the indexes agree."""
         graph = self.graph
         assert shown(graph) == self.known.shown()
+        assert graph.store.entries.keys() == self.known.held(), "something is held that nobody can see again"
         for edge in graph.edges.values():
             assert edge.src in graph.nodes and edge.dst in graph.nodes, f"{edge} dangles"
             assert graph.edges_out[edge.src][edge.key] is graph.edges_in[edge.dst][edge.key] is edge
@@ -118,6 +86,7 @@ class Soup:
         self.messages: list[Message] = []
         self.dead: set[str] = set()
         self._issued: set[Dot] = set()
+        self._dots: dict[Fact, set[Dot]] = {}
         self._boots = 0
         self.sites = [self._boot(skew) for skew in skews]
 
@@ -258,11 +227,18 @@ class Soup:
                 self.sync(index, index + 1)
                 self.sync(index + 1, index)
 
-    def check_converged(self) -> None:
-        """All replicas are equal, in what they hold too; no hole is left but those that a dead one left."""
-        first = self.sites[0]
+    def check(self) -> None:
+        """What must hold at every moment."""
         for site in self.sites:
             site.check()
+            for fact in site.known.waiting():
+                assert not any(dot in site.graph.store.context for dot in self._dots[fact]), "seen, but not applied"
+
+    def check_converged(self) -> None:
+        """All replicas are equal, in what they hold too; no hole is left but those that a dead one left."""
+        self.check()
+        first = self.sites[0]
+        for site in self.sites:
             assert state(site.graph) == state(first.graph), "replicas differ"
             assert set(site.graph.store.context.cloud) <= self.dead, "a hole that is never closed"
             assert all(r.dot for e in site.graph.store.entries.values() for r in e.registers.values()), "not durable"
@@ -318,6 +294,9 @@ class Soup:
         assert self._issued.isdisjoint(covered), "a dot was issued twice"
         assert set(dots) <= set(covered) and len(dots) == len(set(dots))
         self._issued.update(covered)
+        for write in delta.writes:
+            fact = (write.owner, write.attribute, write.stamp, write.writer)
+            self._dots.setdefault(fact, set()).update([write.dot] if write.dot else [])
 
     def _send(self, delta: Delta, facts: Knowledge) -> None:
         """Stream samples travel apart: they may be lost without leaving a hole."""

@@ -1,0 +1,165 @@
+"""Random histories of memories on a network that loses, repeats, delays and cuts, with clocks that are off."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
+
+from dsr import Faults, Pose
+from tests.dsr.properties.test_deltas import HOUR, choices, edge_types, names, numbers, sites, types
+from tests.dsr.properties.world import Complaints, World
+
+faults = st.builds(
+    Faults,
+    loss=st.sampled_from([0.0, 0.3]),
+    duplication=st.sampled_from([0.0, 0.5]),
+    delay=st.sampled_from([(0.0, 0.0), (0.0, 0.4)]),
+)
+skews = st.one_of(st.just(0.0), st.just(0.0), st.sampled_from([-0.4, 0.4]), st.floats(-HOUR, HOUR))
+
+
+class Memories(RuleBasedStateMachine):
+    """Whatever happens, all end equal to a plain model of what reached the survivors."""
+
+    @initialize(offsets=st.lists(skews, min_size=2, max_size=5), seed=st.integers(0, 2**16), network=faults)
+    def begin(self, offsets: list[float], seed: int, network: Faults) -> None:
+        self.complaints = Complaints()
+        logging.getLogger("dsr").addHandler(self.complaints)
+        self.world = World(offsets, seed, network)
+
+    @rule(site=sites, name=names, type=types, value=numbers)
+    def add_node(self, site: int, name: str, type: str, value: int) -> None:
+        self.world.add_node(site, name, type, value)
+
+    @rule(site=sites, choice=choices, value=numbers)
+    def update_node(self, site: int, choice: int, value: int) -> None:
+        if name := self.world.a_node(site, choice):
+            self.world.update_node(site, name, value)
+
+    @rule(site=sites, choice=choices, attribute=st.sampled_from(["seen", "mass"]))
+    def remove_attribute(self, site: int, choice: int, attribute: str) -> None:
+        if name := self.world.a_node(site, choice):
+            self.world.remove_attribute(site, name, attribute)
+
+    @rule(site=sites, ends=st.tuples(choices, choices), type=edge_types, x=numbers)
+    def add_edge(self, site: int, ends: tuple[int, int], type: str, x: int) -> None:
+        src, dst = (self.world.a_node(site, choice) for choice in ends)
+        if src and dst:
+            self.world.add_edge(site, (src, dst, type), x)
+
+    @rule(site=sites, choice=choices, x=numbers)
+    def stream(self, site: int, choice: int, x: int) -> None:
+        if key := self.world.an_edge(site, choice):
+            self.world.stream(site, key, x)
+
+    @rule(site=sites, choice=choices)
+    def remove_node(self, site: int, choice: int) -> None:
+        if name := self.world.a_node(site, choice):
+            self.world.remove_node(site, name)
+
+    @rule(site=sites, choice=choices)
+    def remove_edge(self, site: int, choice: int) -> None:
+        if key := self.world.an_edge(site, choice):
+            self.world.remove_edge(site, key)
+
+    @rule(site=sites, some=st.lists(names, min_size=1, max_size=3), value=numbers)
+    def batch(self, site: int, some: list[str], value: int) -> None:
+        self.world.batch(site, some, value)
+
+    @rule(seconds=st.sampled_from([0.0, 0.01, 0.3, 1.1]))
+    def advance(self, seconds: float) -> None:
+        self.world.advance(seconds)
+
+    @rule(mask=st.integers(0, 31))
+    def partition(self, mask: int) -> None:
+        self.world.partition(mask)
+
+    @rule()
+    def heal(self) -> None:
+        self.world.heal()
+
+    @rule(site=sites, restore=st.booleans())
+    def crash(self, site: int, restore: bool) -> None:
+        self.world.crash(site, restore=restore)
+
+    @rule(site=sites, offset=skews)
+    def set_clock(self, site: int, offset: float) -> None:
+        self.world.set_clock(site, offset)
+
+    @rule(site=sites)
+    def read(self, site: int) -> None:
+        seat = self.world.seats[site % len(self.world.seats)]
+        seat.reader.read(seat.memory._graph)
+
+    @invariant()
+    def nothing_dangles_and_nothing_is_forgotten(self) -> None:
+        if hasattr(self, "world"):
+            self.world.check()
+
+    def teardown(self) -> None:
+        if hasattr(self, "world"):
+            logging.getLogger("dsr").removeHandler(self.complaints)
+            self.world.converge()
+            self.world.check_converged()
+            assert not self.complaints.said
+
+
+Memories.TestCase.settings = settings(
+    max_examples=200, stateful_step_count=40, deadline=None, report_multiple_bugs=False
+)
+TestMemories = Memories.TestCase
+
+
+def converged(world: World) -> dict[Any, Any]:
+    world.converge()
+    world.check_converged()
+    return {key: values for key, (_, values) in world.seats[0].reader.seen.items()}
+
+
+def test_stream_sample_of_a_dead_writer_reaches_everybody() -> None:
+    """The writer dies before it could make its last sample durable; only one replica received it."""
+    world = World([0.0] * 3)
+    world.batch(0, ["a", "b"], 1)
+    world.add_edge(0, ("a", "b", "RT"), 1)
+    world.advance(1.1)
+    world.partition(0b011)
+    world.stream(0, ("a", "b", "RT"), 7)
+    world.deliver()
+    world.crash(0)
+    assert converged(world)["a", "b", "RT"]["pose"] == Pose((7, 1, 0))
+
+
+def test_write_to_a_doubly_created_node_survives_the_removal_of_one_incarnation() -> None:
+    """Replicas 0 and 1 create "a" at once; 2 has seen only one of the two when it removes it."""
+    world = World([0.0] * 3)
+    world.partition(0b101)
+    world.add_node(0, "a", "cube", 1)
+    world.deliver()
+    world.add_node(1, "a", "cube", 2)
+    world.remove_node(2, "a")
+    assert converged(world)["a"]["seen"] == 2
+
+
+def test_what_one_survivor_has_seen_survives_and_what_only_the_dead_one_knew_goes() -> None:
+    world = World([0.0] * 3)
+    world.partition(0b011)
+    world.add_node(0, "a", "cube", 1)
+    world.deliver()
+    world.partition(0b110)
+    world.add_node(0, "b", "cube", 2)
+    world.crash(0)
+    assert converged(world) == {"a": {"seen": 1}}
+
+
+def test_a_clock_that_is_an_hour_fast_writes_nothing_and_its_owner_still_learns_everything() -> None:
+    world = World([HOUR, 0.0, 0.0])
+    world.advance(1.1)
+    world.advance(1.1)
+    world.advance(1.1)
+    world.add_node(0, "a", "cube", 1)
+    world.add_node(1, "b", "cube", 2)
+    assert converged(world) == {"b": {"seen": 2}}

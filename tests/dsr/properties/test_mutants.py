@@ -1,0 +1,219 @@
+"""The properties can fail: each of these wrong designs is caught by the random histories, within a fixed few."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import Any
+from unittest import mock
+
+import pytest
+from hypothesis import Phase, settings
+from hypothesis.stateful import RuleBasedStateMachine, run_state_machine_as_test
+
+from dsr.crdt.context import CausalContext, Dot
+from dsr.crdt.delta import Add, Delta, Write
+from dsr.crdt.hlc import HybridClock
+from dsr.crdt.store import Entry, Store
+from dsr.graph import Graph
+from dsr.sync import Digest, Synchroniser
+from dsr.watch import Watch
+from tests.dsr.properties.soup import START, Soup
+from tests.dsr.properties.test_deltas import Deltas
+from tests.dsr.properties.test_memories import Memories
+from tests.dsr.properties.world import World
+
+FIXED = settings(
+    derandomize=True, database=None, deadline=None, max_examples=400, stateful_step_count=40, phases=[Phase.generate],
+    report_multiple_bugs=False, print_blob=False,
+)  # fmt: skip
+
+Mutant = Callable[[Any], Any]
+
+
+def is_caught(machine: type[RuleBasedStateMachine]) -> bool:
+    """Whether a random history shows that something is wrong."""
+    logging.disable()
+    try:
+        run_state_machine_as_test(machine, settings=FIXED)
+    except Exception:
+        return True
+    finally:
+        logging.disable(logging.NOTSET)
+    return False
+
+
+def prune_losers(original: Any) -> Any:
+    """Known-bad variant 1: incarnations that lose to a greater one are dropped locally, outside the context."""
+
+    def add(self: Store, item: Add) -> Entry | None:
+        entry: Entry | None = original(self, item)
+        siblings = self.by_key.get(item.key, {}) if entry else {}
+        for loser in [dot for dot in siblings if dot < item.dot]:
+            del siblings[loser], self.entries[loser]
+        return entry
+
+    return add
+
+
+def ignore_whose_counter_it_is(original: Any) -> Any:
+    """Known-bad variant 2: a counter below the highest in the cloud counts as seen, whoever's it is."""
+
+    def contains(self: CausalContext, dot: Dot) -> bool:
+        known = [*self.vector.values(), *(counter for beyond in self.cloud.values() for counter in beyond)]
+        return dot[1] <= max(known, default=0)
+
+    return contains
+
+
+def do_nothing(original: Any) -> Any:
+    return lambda *arguments, **options: None
+
+
+def never(original: Any) -> Any:
+    return lambda *arguments, **options: False
+
+
+def resurrect(original: Any) -> Any:
+    """A late addition brings back what was removed."""
+
+    def add(self: Store, item: Add) -> Entry | None:
+        if item.dot in self.context and item.dot not in self.entries:
+            self.entries[item.dot] = entry = Entry(item)
+            self.by_key.setdefault(item.key, {})[item.dot] = entry
+            return entry
+        result: Entry | None = original(self, item)
+        return result
+
+    return add
+
+
+def forget_early_removals(original: Any) -> Any:
+    """A removal that arrives before its addition is ignored."""
+    return lambda self, dot: original(self, dot) if dot in self.entries else None
+
+
+def attach_by_name(original: Any) -> Any:
+    """Edges hang on names, not on the incarnations that their creator saw."""
+    return lambda self, entry: all(name in self.store.by_key for name in entry.key[:2])
+
+
+def clamp_stamps(original: Any) -> Any:
+    """A stamp from the receiver's future is rewritten at merge."""
+
+    def write(self: Store, item: Write) -> Any:
+        latest = int((START + 60.0) * 1e6) << 10
+        if item.stamp > latest:
+            item = Write(item.owner, item.attribute, latest, item.writer, item.dot, item.value)
+        return original(self, item)
+
+    return write
+
+
+def ignore_the_writer(original: Any) -> Any:
+    """Of two writes with one stamp the one that comes later wins."""
+
+    def write(self: Store, item: Write) -> Any:
+        entry = self.entries.get(item.owner)
+        current = entry.registers.get(item.attribute) if entry else None
+        if entry and current and current.stamp == item.stamp and current.writer != item.writer:
+            entry.registers[item.attribute] = item
+            return True
+        return original(self, item)
+
+    return write
+
+
+def count_waiting_writes_as_seen(original: Any) -> Any:
+    """The dot of a write whose node has not arrived counts as seen at once."""
+    return lambda self, delta, held_back: original(self, delta, [])
+
+
+def send_the_whole_context(original: Any) -> Any:
+    """A delta holds the sender's whole version vector, not only its own dots."""
+
+    def commit(self: Graph, *arguments: Any) -> Delta:
+        delta: Delta = original(self, *arguments)
+        delta.context = list(self.store.context.ranges())
+        return delta
+
+    return commit
+
+
+def reuse_the_name(original: Any) -> Any:
+    """A replica that starts again has its old id, and counts from 1."""
+    return lambda self, boot: "r-1"
+
+
+def add_twice(original: Any) -> Any:
+    """Adding a node that is visible makes another incarnation without its attributes."""
+
+    def add_node(self: Graph, name: str, type: str, attributes: Any, now: float) -> Any:
+        hidden = mock.patch.object(self, "nodes", {key: node for key, node in self.nodes.items() if key != name})
+        with hidden:
+            return original(self, name, type, attributes, now)
+
+    return add_node
+
+
+def compare_what_is_live_only(original: Any) -> Any:
+    """A replica asks only when the live dots differ, not when writes are missing."""
+
+    def is_behind(self: Synchroniser, rid: str, digest: Digest) -> bool:
+        return digest.fingerprint != self.graph.store.fingerprint
+
+    return is_behind
+
+
+def keep_samples_of_the_dead(original: Any) -> Any:
+    """Only the writer of a stream makes its last sample durable."""
+    return lambda self, patience=3: original(self, 10**9)
+
+
+def forget_removals(original: Any) -> Any:
+    """A reader is not told what has gone."""
+    return lambda self, kind, element, attribute=None: (
+        None if kind == "removed" else original(self, kind, element, attribute)
+    )
+
+
+MUTANTS = [
+    (Deltas, Store, "_add", prune_losers),
+    (Memories, Store, "_add", prune_losers),
+    (Deltas, CausalContext, "__contains__", ignore_whose_counter_it_is),
+    (Memories, CausalContext, "__contains__", ignore_whose_counter_it_is),
+    (Deltas, Store, "_remove_absent", do_nothing),
+    (Deltas, Store, "_add", resurrect),
+    (Deltas, Store, "_remove", forget_early_removals),
+    (Deltas, Store, "_write", clamp_stamps),
+    (Deltas, Store, "_write", ignore_the_writer),
+    (Deltas, Store, "_learn", count_waiting_writes_as_seen),
+    (Deltas, Graph, "_has_ends", attach_by_name),
+    (Deltas, Graph, "_commit", send_the_whole_context),
+    (Deltas, Graph, "add_node", add_twice),
+    (Deltas, Graph, "_detach_or_bury", do_nothing),
+    (Deltas, HybridClock, "observe", do_nothing),
+    (Deltas, Soup, "new_rid", reuse_the_name),
+    (Deltas, Watch, "offer", forget_removals),
+    (Memories, Synchroniser, "_is_behind", never),
+    (Memories, Synchroniser, "_is_behind", compare_what_is_live_only),
+    (Memories, Synchroniser, "_is_drifting", never),
+    (Memories, Graph, "settle", keep_samples_of_the_dead),
+    (Memories, World, "new_rid", reuse_the_name),
+]
+
+
+@pytest.mark.parametrize(
+    ("machine", "target", "name", "mutant"),
+    MUTANTS,
+    ids=[f"{machine.__name__}-{mutant.__name__}-{target.__name__}.{name}" for machine, target, name, mutant in MUTANTS],
+)
+def test_it_is_caught(machine: type[RuleBasedStateMachine], target: type, name: str, mutant: Mutant) -> None:
+    with mock.patch.object(target, name, mutant(getattr(target, name))):
+        assert is_caught(machine)
+
+
+@pytest.mark.parametrize("machine", [Deltas, Memories])
+def test_without_a_mutation_nothing_is_wrong(machine: type[RuleBasedStateMachine]) -> None:
+    fewer = settings(FIXED, max_examples=50)
+    run_state_machine_as_test(machine, settings=fewer)

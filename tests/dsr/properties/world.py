@@ -1,0 +1,248 @@
+"""Memories on a faulty network, each with a clock of its own, and what must be left of what they did."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from dsr import ClockDriftError, Faults, LocalNetwork, ManualClock, Memory, Pose
+from dsr.crdt.context import CausalContext, Dot
+from dsr.crdt.delta import Delta, EdgeKey
+from dsr.sync import MAX_DRIFT
+from tests.dsr.properties.knowledge import Knowledge, facts_of
+from tests.dsr.properties.readers import Reader
+from tests.dsr.properties.soup import shown, state
+
+CATCH_UP = 12.0
+"""s after which everybody must have everything."""
+
+
+@dataclass
+class SkewedClock:
+    """A clock of which the physical time, but not the pace, is off by `skew` s."""
+
+    true: ManualClock
+    skew: float
+
+    def now(self) -> float:
+        return self.true.now() + self.skew
+
+    def monotonic(self) -> float:
+        return self.true.monotonic()
+
+    def wait(self, event: threading.Event, timeout: float) -> bool:
+        return self.true.wait(event, timeout)
+
+
+@dataclass
+class Seat:
+    """A place in the network: the memory that runs there now, and what it was seen to know."""
+
+    memory: Memory
+    clock: SkewedClock
+    reader: Reader
+    context: CausalContext = field(default_factory=CausalContext)
+    newest: dict[tuple[Dot, str], tuple[int, str]] = field(default_factory=dict)
+    """(stamp, writer) of each register."""
+
+    def check(self) -> None:
+        """No edge dangles; nothing that was known is forgotten, samples of streams included."""
+        graph = self.memory._graph
+        for edge in graph.edges.values():
+            assert edge.src in graph.nodes and edge.dst in graph.nodes, f"{edge} dangles"
+        assert graph.store.context.covers(self.context), "dots were forgotten"
+        self.context = CausalContext(graph.store.context.ranges())
+        entries = graph.store.entries.values()
+        newest = {(e.dot, name): (w.stamp, w.writer) for e in entries for name, w in e.registers.items()}
+        for register, known in self.newest.items():
+            assert newest.get(register, known) >= known, "a value was taken back"
+        self.newest = newest
+
+
+class World:
+    """Memories on one network, and everything that any of them ever committed."""
+
+    def __init__(self, skews: list[float], seed: int = 0, faults: Faults | None = None) -> None:
+        self.clock = ManualClock()
+        self.network = LocalNetwork(self.clock, seed=seed, faults=faults)
+        self.committed: list[Delta] = []
+        self.dead: set[str] = set()
+        self._skews = set(skews)
+        self._boots = 0
+        self.seats = [self._boot(index, skew) for index, skew in enumerate(skews)]
+
+    def _boot(self, index: int, skew: float) -> Seat:
+        self._boots += 1
+        clock = SkewedClock(self.clock, skew)
+        transport = self.network.connect(str(index))
+        memory = Memory("g", f"r{index}", transport=transport, clock=clock, rid=self.new_rid(self._boots))
+        commit = memory._replica.commit
+
+        def noted(delta: Delta) -> None:
+            self.committed.append(Delta(list(delta.adds), list(delta.writes), list(delta.removed), list(delta.context)))
+            commit(delta)
+
+        memory._replica.commit = noted  # type: ignore[method-assign]
+        return Seat(memory, clock, Reader(memory.watch()))
+
+    def new_rid(self, boot: int) -> str:
+        """The replica id of a start: never the same twice."""
+        return f"r-{boot}"
+
+    def memory(self, index: int) -> Memory:
+        return self.seats[index % len(self.seats)].memory
+
+    def a_node(self, index: int, choice: int) -> str | None:
+        names = sorted(node.name for node in self.memory(index).nodes())
+        return names[choice % len(names)] if names else None
+
+    def an_edge(self, index: int, choice: int) -> EdgeKey | None:
+        keys = sorted(edge.key for edge in self.memory(index).edges())
+        return keys[choice % len(keys)] if keys else None
+
+    # ---- what users do
+
+    def add_node(self, index: int, name: str, type: str, value: int) -> None:
+        self._write(index, lambda memory: memory.add_node(name, type, seen=value))
+
+    def update_node(self, index: int, name: str, value: int) -> None:
+        self._write(index, lambda memory: memory.update_node(name, seen=value, mass=float(value)))
+
+    def remove_attribute(self, index: int, name: str, attribute: str) -> None:
+        self._write(index, lambda memory: memory.remove_attribute(name, attribute))
+
+    def add_edge(self, index: int, key: EdgeKey, x: int) -> None:
+        self._write(index, lambda memory: memory.add_edge(*key, pose=Pose((x, 0, 0)), since=float(x)))
+
+    def stream(self, index: int, key: EdgeKey, x: int) -> None:
+        self._write(index, lambda memory: memory.update_edge(*key, pose=Pose((x, 1, 0))))
+
+    def remove_node(self, index: int, name: str) -> None:
+        self._write(index, lambda memory: memory.remove_node(name))
+
+    def remove_edge(self, index: int, key: EdgeKey) -> None:
+        self._write(index, lambda memory: memory.remove_edge(*key))
+
+    def batch(self, index: int, names: list[str], value: int) -> None:
+        def write(memory: Memory) -> None:
+            with memory.batch():
+                for name in names:
+                    memory.add_node(name, "cube", seen=value)
+                    memory.update_node(name, mass=float(value))
+
+        self._write(index, write)
+
+    def _write(self, index: int, write: Callable[[Memory], object]) -> None:
+        """A memory whose clock is ahead refuses, and nothing changes."""
+        memory = self.memory(index)
+        before, counter, committed = state(memory._graph), memory._graph._counter, len(self.committed)
+        try:
+            write(memory)
+        except ClockDriftError:
+            assert max(self._skews) - min(self._skews) > MAX_DRIFT, "nobody's clock was off"
+            assert state(memory._graph) == before and memory._graph._counter == counter
+            assert len(self.committed) == committed
+        memory.flush()
+
+    # ---- what happens to them
+
+    def advance(self, seconds: float) -> None:
+        self.clock.advance(seconds)
+        self.deliver()
+
+    def deliver(self) -> None:
+        for seat in self.seats:
+            seat.memory.flush()
+        self.network.deliver()
+        for seat in self.seats:
+            seat.memory.poll()
+            seat.memory.flush()
+
+    def partition(self, mask: int) -> None:
+        names = [str(index) for index in range(len(self.seats))]
+        self.network.partition([n for n in names if mask >> int(n) & 1], [n for n in names if not mask >> int(n) & 1])
+
+    def heal(self) -> None:
+        self.network.heal()
+
+    def set_clock(self, index: int, skew: float) -> None:
+        self.seats[index % len(self.seats)].clock.skew = skew
+        self._skews.add(skew)
+
+    def crash(self, index: int, *, restore: bool = False) -> None:
+        """Kill a memory without a goodbye; another one starts in its place, from a snapshot if wanted."""
+        index %= len(self.seats)
+        old = self.seats[index]
+        self.dead.add(old.memory.rid)
+        snapshot = old.memory.snapshot()
+        old.memory.transport.close()
+        self.seats[index] = self._boot(index, old.clock.skew)
+        if restore:
+            self.seats[index].memory.restore(snapshot)
+
+    # ---- what must be so
+
+    def check(self) -> None:
+        """What must hold at every moment."""
+        for seat in self.seats:
+            seat.check()
+
+    def converge(self) -> None:
+        """Heal the network and give everybody the time to catch up."""
+        self.network.heal()
+        self.network.faults = Faults()
+        for _ in range(round(CATCH_UP / 0.1)):
+            self.advance(0.1)
+        self.check()
+
+    def check_converged(self) -> None:
+        """All are equal to what the model makes of what reached the survivors; no hole is left but of the dead."""
+        first = self.seats[0].memory._graph
+        expected = self._expected(first.store.context).shown()
+        for seat in self.seats:
+            graph = seat.memory._graph
+            assert state(graph) == state(first), "replicas differ"
+            assert shown(graph) == expected, "the replicas agree on something wrong"
+            assert seat.reader.read(graph) == expected, "a reader knows something else"
+            assert set(graph.store.context.cloud) <= self.dead, "a hole that is never closed"
+            assert graph.store.context.vector.get(graph.rid, 0) == graph._counter
+            assert all(r.dot for e in graph.store.entries.values() for r in e.registers.values()), "not durable"
+            assert not seat.memory.dropped
+        self._check_drift()
+
+    def _expected(self, seen: CausalContext) -> Knowledge:
+        """What those know who have seen these dots; all samples of streams have dots by now."""
+        known = Knowledge()
+        for delta in self.committed:
+            facts = facts_of(delta)
+            durable = {(w.owner, w.attribute, w.stamp, w.writer) for w in delta.writes if w.dot and w.dot in seen}
+            known.added |= {dot: add for dot, add in facts.added.items() if dot in seen}
+            known.removed |= facts.removed if all(last in seen for last in _lasts(delta)) else set()
+            known.written |= {fact: value for fact, value in facts.written.items() if fact in durable}
+        return known
+
+    def _check_drift(self) -> None:
+        """Who most others see in their future, and nobody else, refuses to write."""
+        skews = [seat.clock.skew for seat in self.seats]
+        for index, skew in enumerate(skews):
+            leads = [skew - other for place, other in enumerate(skews) if place != index]
+            if not any(MAX_DRIFT < lead < MAX_DRIFT + 0.2 for lead in leads):  # a digest is up to 0.1 s under way
+                ahead = 2 * sum(lead > MAX_DRIFT for lead in leads) > len(leads)
+                assert self.memory(index)._replica.synchroniser.drifting == ahead, f"clocks {skews}, replica {index}"
+
+
+def _lasts(delta: Delta) -> list[Dot]:
+    return [(rid, last) for rid, _, last in delta.context]
+
+
+class Complaints(logging.Handler):
+    """Collects what the memories call an error."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.ERROR)
+        self.said: list[str] = []
+
+    def emit(self, record: logging.LogRecord) -> None:
+        self.said.append(record.getMessage())
