@@ -324,6 +324,11 @@ class Memory:
         _log.warning("nobody else in graph %r within %.1f s: it begins here", self.graph_name, timeout)
         sync.nobody_there()
 
+    @property
+    def replica(self) -> Replica:
+        """What works beneath; for parts of `dsr` that save or measure the state."""
+        return self._replica
+
     def snapshot(self) -> bytes:
         """The whole graph as one encoded message, for `restore`."""
         return self._replica.snapshot()

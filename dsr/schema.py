@@ -150,7 +150,14 @@ def _float(value: Any) -> float | None:
 
 
 def _str(value: Any) -> str | None:
-    return str(value) if isinstance(value, str) else None
+    """Half of a surrogate pair is no text: it could not be sent."""
+    if not isinstance(value, str) or not (value.isascii() or _is_text(value)):
+        return None
+    return str(value)
+
+
+def _is_text(value: str) -> bool:
+    return not any("\ud800" <= character <= "\udfff" for character in value)
 
 
 def _bytes(value: Any) -> bytes | None:

@@ -1,0 +1,66 @@
+"""Graph files of either format: read by what they contain, written so that a failure leaves the old file."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import IO, Literal
+
+from dsr.errors import ConfigError
+from dsr.persistence.content import GraphContent
+from dsr.persistence.cortex import from_cortex
+from dsr.persistence.cortex_export import to_cortex
+from dsr.persistence.document import from_document, to_document
+from dsr.persistence.json_text import JsonFile
+
+FileFormat = Literal["dsr", "cortex"]
+_WRITERS: dict[FileFormat, Callable[[GraphContent], str]] = {"dsr": to_document, "cortex": to_cortex}
+
+
+def read_graph(file: str | Path) -> GraphContent:
+    """The graph in a file of this project or of CORTEX. Raises `ConfigError` that names each problem's place."""
+    source = JsonFile(Path(file))
+    if isinstance(source.data, dict):
+        if "DSRModel" in source.data:
+            return from_cortex(source)
+        if "format" in source.data:
+            return from_document(source)
+    raise source.error([((), 'expected a graph: an object with "format": "dsr-graph", or with "DSRModel"')])
+
+
+def write_graph(content: GraphContent, file: str | Path, file_format: FileFormat = "dsr") -> None:
+    """Write a graph file; equal graphs give equal files. Raises `ConfigError` if it cannot be written."""
+    text = _WRITERS[file_format](content)
+    try:
+        with replacing(Path(file)) as new:
+            new.write(text.encode())
+    except OSError as error:
+        raise ConfigError(f"cannot be written: {error.strerror}", file=str(file)) from error
+
+
+@contextlib.contextmanager
+def replacing(file: Path) -> Iterator[IO[bytes]]:
+    """A new file that takes the place of `file` in one step once it is safely on the disk; none is left on failure."""
+    temporary = file.with_name(f".{file.name}.{os.getpid()}.new")
+    try:
+        with temporary.open("wb") as new:
+            yield new
+            new.flush()
+            os.fsync(new.fileno())
+        temporary.replace(file)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
+        raise
+    sync_folder(file.parent)
+
+
+def sync_folder(folder: Path) -> None:
+    """Make sure that the names in `folder` are on the disk."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

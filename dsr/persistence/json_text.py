@@ -1,0 +1,148 @@
+"""JSON files as people edit them: errors that name file, line, column and path; short values on one line."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from dsr.errors import ConfigError
+
+ValuePath = tuple[str | int, ...]
+"""Keys and indexes from the root, e.g. `("nodes", 2, "name")`."""
+Problem = tuple[ValuePath, str]
+"""Where something is wrong, and what."""
+
+MAX_BYTES = 1 << 28
+"""Larger files are refused: a graph of 100 000 nodes takes a tenth of that."""
+_MOST_PROBLEMS = 20
+_WIDTH = 110
+_TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[{}\[\],:]|[^\s{}\[\],:"]+')
+_PLAIN_KEY = re.compile(r"[A-Za-z_]\w*")
+
+
+class JsonFile:
+    """A parsed JSON file that knows where each value stands. Raises `ConfigError` if it is none."""
+
+    def __init__(self, file: Path) -> None:
+        self._file = str(file)
+        self._text = _read(file)
+        duplicates: list[str] = []
+
+        def to_dict(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+            members = dict(pairs)
+            if len(members) < len(pairs):
+                duplicates.extend(key for key, _ in pairs)
+            return members
+
+        try:
+            self.data: Any = json.loads(self._text, object_pairs_hook=to_dict)
+        except json.JSONDecodeError as error:
+            raise ConfigError(f"{self._file}:{error.lineno}:{error.colno}: not valid JSON: {error.msg}") from error
+        except RecursionError as error:
+            raise ConfigError("nested too deeply", file=self._file) from error
+        except ValueError as error:  # an integer of thousands of digits
+            raise ConfigError(f"not valid JSON: {error}", file=self._file) from error
+        if duplicates:
+            raise self.error(self._repeated())
+
+    def error(self, problems: list[Problem]) -> ConfigError:
+        """All problems (at most 20) in the order of the file, each on a line with its place in front."""
+        offsets: dict[ValuePath, int] = {}
+        for path, offset in _places(self._text):
+            offsets.setdefault(path, offset)
+        located = sorted((_offset(offsets, path), path, message) for path, message in problems)
+        lines = [self._line(offset, path, message) for offset, path, message in located[:_MOST_PROBLEMS]]
+        if len(located) > _MOST_PROBLEMS:
+            lines.append(f"{self._file}: and {len(located) - _MOST_PROBLEMS} more problems")
+        return ConfigError("\n".join(lines))
+
+    def _line(self, offset: int, path: ValuePath, message: str) -> str:
+        line = self._text.count("\n", 0, offset) + 1
+        column = offset - self._text.rfind("\n", 0, offset)
+        where = f"{dotted(path)}: " if path else ""
+        return f"{self._file}:{line}:{column}: {where}{message}"
+
+    def _repeated(self) -> list[Problem]:
+        seen: set[ValuePath] = set()
+        problems: list[Problem] = []
+        for path, _ in _places(self._text):
+            if path in seen:
+                problems.append((path, "stands here twice"))
+            seen.add(path)
+        return problems[:1]
+
+
+def _read(file: Path) -> str:
+    name = str(file)
+    try:
+        if not file.is_file():
+            raise ConfigError("is no regular file" if file.exists() else "no such file", file=name)
+        size = file.stat().st_size
+        if size > MAX_BYTES:
+            raise ConfigError(f"has {size} bytes; at most {MAX_BYTES} are read", file=name)
+        return file.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise ConfigError(f"cannot be read: {error.strerror}", file=name) from error
+    except UnicodeDecodeError as error:
+        what = f"byte {error.start} is {error.object[error.start]:#04x}"
+        raise ConfigError(f"is no UTF-8 text ({what})", file=name) from error
+
+
+def dotted(path: ValuePath) -> str:
+    """A path as people write it: `nodes[2].name`."""
+    return "".join(_step(step) for step in path).lstrip(".")
+
+
+def _step(step: str | int) -> str:
+    if isinstance(step, int):
+        return f"[{step}]"
+    return f".{step}" if _PLAIN_KEY.fullmatch(step) else f"[{json.dumps(step)}]"
+
+
+def _offset(offsets: dict[ValuePath, int], path: ValuePath) -> int:
+    """Where the value at `path` begins, or the closest one around it."""
+    return next(offsets[path[:length]] for length in range(len(path), -1, -1) if path[:length] in offsets)
+
+
+def _places(text: str) -> Iterator[tuple[ValuePath, int]]:
+    """Path and offset of every value of a valid JSON text, in its order."""
+    tokens = _TOKEN.finditer(text)
+    return _walk(tokens, next(tokens), ())
+
+
+def _walk(tokens: Iterator[re.Match[str]], first: re.Match[str], path: ValuePath) -> Iterator[tuple[ValuePath, int]]:
+    yield path, first.start()
+    if first[0] == "{":
+        for key in tokens:
+            if key[0] == "}":
+                return
+            if key[0] != ",":
+                next(tokens)  # the colon
+                yield from _walk(tokens, next(tokens), (*path, json.loads(key[0])))
+    elif first[0] == "[":
+        index = 0
+        for token in tokens:
+            if token[0] == "]":
+                return
+            if token[0] != ",":
+                yield from _walk(tokens, token, (*path, index))
+                index += 1
+
+
+def to_text(value: Any) -> str:
+    """Indented JSON in which what fits is on one line; floats are exact. Raises `ValueError` for one not finite."""
+    return _indented(value, 0) + "\n"
+
+
+def _indented(value: Any, depth: int) -> str:
+    short = json.dumps(value, ensure_ascii=False, allow_nan=False)
+    if not isinstance(value, dict | list) or not value or len(short) + 2 * depth <= _WIDTH:
+        return short
+    inner, outer = "  " * (depth + 1), "  " * depth
+    if isinstance(value, dict):
+        items = [f"{json.dumps(key, ensure_ascii=False)}: {_indented(item, depth + 1)}" for key, item in value.items()]
+        return "{\n" + ",\n".join(inner + item for item in items) + f"\n{outer}}}"
+    return "[\n" + ",\n".join(inner + _indented(item, depth + 1) for item in value) + f"\n{outer}]"
