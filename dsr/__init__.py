@@ -29,6 +29,8 @@ from dsr.errors import (
 from dsr.frame_reader import FrameReader
 from dsr.local_transport import Faults, LocalNetwork
 from dsr.memory import Memory
+from dsr.persistence.content import GraphContent
+from dsr.persistence.files import read_graph, write_graph
 from dsr.runtime.access import Access
 from dsr.schema import AttributeType, Schema
 from dsr.transforms import Pose
@@ -50,6 +52,7 @@ __all__ = [
     "Faults",
     "Frame",
     "FrameReader",
+    "GraphContent",
     "GraphError",
     "LocalNetwork",
     "ManualClock",
@@ -66,4 +69,6 @@ __all__ = [
     "Watch",
     "WireError",
     "connect",
+    "read_graph",
+    "write_graph",
 ]

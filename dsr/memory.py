@@ -91,7 +91,7 @@ class Memory:
         self._guard = guard
         self._closing = contextlib.ExitStack()
         self._closed = False
-        self._replica = Replica(self._graph, transport, clock, self.keys, agent, gate)
+        self.replica = self._replica = Replica(self._graph, transport, clock, self.keys, agent, gate)
         self._elders = elders
         self._replica.synchroniser.elders = elders()
         leave_to_parent(self)
@@ -323,11 +323,6 @@ class Memory:
             raise TransportError(f"graph {self.graph_name!r}: not complete after {timeout:.1f} s, peers: {there}")
         _log.warning("nobody else in graph %r within %.1f s: it begins here", self.graph_name, timeout)
         sync.nobody_there()
-
-    @property
-    def replica(self) -> Replica:
-        """What works beneath; for parts of `dsr` that save or measure the state."""
-        return self._replica
 
     def snapshot(self) -> bytes:
         """The whole graph as one encoded message, for `restore`."""

@@ -222,6 +222,16 @@ class Synchroniser:
         """Replica ids of the reachable peers."""
         return sorted(self._peers)
 
+    @property
+    def delivered(self) -> bool:
+        """Whether every reachable peer told that it has seen all that was written here."""
+        rid, store = self.graph.rid, self.graph.store
+        samples = [entry.registers[name] for dot, name in store.unsettled if (entry := store.entries.get(dot))]
+        last = store.context.vector.get(rid, 0)
+        settled = all(sample.writer != rid for sample in samples)
+        digests = [peer.digest for peer in self._peers.values()]
+        return settled and all(digest and digest.context.vector.get(rid, 0) >= last for digest in digests)
+
     def _is_drifting(self, now: float) -> bool:
         recent = [p.digest for p in self._peers.values() if p.digest and now - p.heard_at < SILENCE]
         return 2 * sum(self.graph.rid in digest.ahead for digest in recent) > len(recent)

@@ -16,7 +16,7 @@ from rich.markup import escape
 
 from dsr.clock import WALL_CLOCK
 from dsr.connect import SECURITY, connect
-from dsr.errors import ConfigError
+from dsr.errors import ConfigError, TransportError
 from dsr.memory import Memory
 from dsr.rendezvous import endpoints, graphs, running_graph
 from dsr.runtime.access import Access, WriteGuard
@@ -38,6 +38,9 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of 
 _ZERO, _LARGE = 1e-6, 1e6
 """Numbers below are shown as 0; above (stamps) with three decimals."""
 
+DELIVERY_PATIENCE = 10.0
+"""s that all others get to tell that they have what a command wrote."""
+
 console = Console(highlight=False)
 errors = Console(stderr=True, highlight=False)
 
@@ -45,13 +48,35 @@ errors = Console(stderr=True, highlight=False)
 @contextlib.contextmanager
 def reading(graph: str | None, router: str | None, security: Path | None) -> Iterator[Memory]:
     """A replica of the running graph, that writes nothing. Raises `ConfigError` if there is none."""
-    name = running_graph(graph) if graph is None or router is None else graph
-    if router is None and not endpoints(name):
-        raise ConfigError(f"no graph {name!r} runs on this machine; running: {', '.join(graphs()) or 'none'}")
+    name = _running(graph, router)
     guard = WriteGuard("dsr", Access())
     routers = [router] if router else ()
     with connect(name, agent="dsr", connect=routers, guard=guard, security=security) as memory:
         yield memory
+
+
+@contextlib.contextmanager
+def writing(graph: str | None, router: str | None, security: Path | None, agent: str) -> Iterator[Memory]:
+    """A replica of the running graph to write; at the end waits until the others have what was written.
+
+    Raises:
+        ConfigError: if no such graph runs.
+        TransportError: if somebody did not tell in time that he has it.
+    """
+    name = _running(graph, router)
+    with connect(name, agent=agent, connect=[router] if router else (), security=security) as memory:
+        yield memory
+        sync = memory.replica.synchroniser
+        if not memory.replica.wait_until(lambda: sync.delivered, DELIVERY_PATIENCE):
+            raise TransportError(f"not all of {', '.join(memory.peers)} have it after {DELIVERY_PATIENCE:.0f} s")
+
+
+def _running(graph: str | None, router: str | None) -> str:
+    """The name of a graph that can be joined. Raises `ConfigError` if there is none."""
+    name = running_graph(graph) if graph is None or router is None else graph
+    if router is None and not endpoints(name):
+        raise ConfigError(f"no graph {name!r} runs on this machine; running: {', '.join(graphs()) or 'none'}")
+    return name
 
 
 def print_json(value: Any) -> None:

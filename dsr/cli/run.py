@@ -11,7 +11,9 @@ import typer
 from rich.live import Live
 
 from dsr.cli.common import RouterOption, SecurityOption, console, new_run_folder, shown
+from dsr.cli.persist import warn
 from dsr.cli.status_table import status_table
+from dsr.persistence.files import read_graph
 from dsr.runtime.launcher import AgentRow, Launcher
 from dsr.runtime.system import find_system, load_system
 
@@ -30,7 +32,10 @@ class LogLevel(enum.StrEnum):
 @app.command()
 def run(
     system: Annotated[str, typer.Argument(help="A TOML file, or the name of one in etc/systems.")],
-    graph: Annotated[str | None, typer.Option("--graph", "-g", help="Name of the graph; default: the file's.")] = None,
+    name: Annotated[str | None, typer.Option("--name", "-n", help="Of the graph; default: the system's.")] = None,
+    graph: Annotated[
+        Path | None, typer.Option("--graph", "-g", metavar="FILE", help="JSON file of what the graph holds at first.")
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
     folder: Annotated[Path | None, typer.Option(help="For logs and recordings; default: a new one in runs/.")] = None,
     router: RouterOption = None,
@@ -43,10 +48,15 @@ def run(
     dsr watch, dsr top. The exit code is 1 if the agents do not become ready, or all end by themselves.
     """
     chosen = load_system(system)
-    chosen = chosen.on_graph(graph) if graph else chosen
+    chosen = chosen.on_graph(name) if name else chosen
+    content = read_graph(graph) if graph else None
+    if content is not None:
+        warn(content)
     place = folder or new_run_folder(find_system(system).stem)
     level = log_level.value
-    with Launcher(chosen, place, seed=seed, router=router, log_level=level, security=security) as launcher:
+    with Launcher(
+        chosen, place, seed=seed, router=router, log_level=level, security=security, content=content
+    ) as launcher:
         message = f"graph [bold]{launcher.graph}[/], logs and recordings in [bold]{place}[/], Ctrl-C stops"
         console.print(message, soft_wrap=True)
         view = _View(launcher)

@@ -7,8 +7,6 @@ import warnings
 from decimal import Decimal
 from typing import Any
 
-from scipy.spatial.transform import Rotation
-
 from dsr.persistence.cortex_values import DOUBLE, FLOATS, Note, Origin, to_ours, to_theirs
 from dsr.quaternions import Quaternion, Vector3
 from dsr.schema import Value
@@ -61,6 +59,8 @@ def pose_attributes(pose: Pose, note: Note) -> dict[str, Any]:
 
 def _to_pose(translation: Vector3, angles: Vector3) -> Pose:
     """A static pose from mm, and rad about the moving axes x, y, z in turn."""
+    from scipy.spatial.transform import Rotation  # takes half a second, which most processes need not wait for
+
     metres = [_shifted(number, -3) for number in translation]
     return Pose(metres, Rotation.from_euler("XYZ", angles).as_quat().tolist())
 
@@ -72,6 +72,8 @@ def _in_millimetres(translation: Vector3) -> tuple[float, ...]:
 
 def _euler_angles(rotation: Quaternion) -> tuple[float, ...]:
     """Angles in rad about the moving axes x, y, z in turn; in gimbal lock the third is 0."""
+    from scipy.spatial.transform import Rotation
+
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # gimbal lock: any solution will do
         return tuple(Rotation.from_quat(rotation).as_euler("XYZ").tolist())

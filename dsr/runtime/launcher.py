@@ -23,6 +23,7 @@ import msgspec
 from dsr.clock import WALL_CLOCK
 from dsr.connect import SECURITY, connect
 from dsr.errors import AgentError, TransportError
+from dsr.persistence.content import GraphContent
 from dsr.rendezvous import claim_file, lock_file
 from dsr.runtime.status import Heard, State, StatusBoard
 from dsr.runtime.supervised import Supervised
@@ -67,6 +68,7 @@ class Launcher:
         log_level: of the agents.
         security: folder with the certificates of the launcher and all agents; by default, what the environment
             names, see `dsr.connect`.
+        content: what the graph holds before the agents start.
     """
 
     def __init__(
@@ -78,6 +80,7 @@ class Launcher:
         router: str | None = None,
         log_level: str = "info",
         security: Path | None = None,
+        content: GraphContent | None = None,
     ) -> None:
         self.folder = folder
         self.clock = WALL_CLOCK
@@ -87,6 +90,7 @@ class Launcher:
         self._router = router
         self._log_level = log_level
         self._security = security
+        self._content = content
         self._resources = contextlib.ExitStack()
         self._processes: dict[str, Supervised] = {}
 
@@ -116,6 +120,8 @@ class Launcher:
         routers = [self._router] if self._router else ()
         self.memory = connect(name, agent="launcher", connect=routers, security=self._security)
         self._resources.callback(self.memory.close)
+        if self._content is not None:
+            self._content.put_into(self.memory)
         self.board = StatusBoard(self.memory.transport, self.memory.keys, self.clock)
         self._resources.callback(self.board.close)
         for spec in self.system.agents:

@@ -7,7 +7,8 @@ def test_public_names() -> None:
     assert set(dsr.__all__) == {
         "Access", "Agent", "AgentError", "AttributeType", "Change", "Clock", "ClockDriftError", "ConfigError",
         "DsrError", "Edge", "EdgeNotFoundError", "ExtrapolationError", "Faults", "Frame", "FrameReader",
-        "GraphError", "LocalNetwork", "ManualClock", "Memory", "NoPathError", "Node", "NodeNotFoundError", "Pose",
-        "Schema", "SchemaError", "TransformError", "TransportError", "WallClock", "Watch", "WireError", "connect",
+        "GraphContent", "GraphError", "LocalNetwork", "ManualClock", "Memory", "NoPathError", "Node",
+        "NodeNotFoundError", "Pose", "Schema", "SchemaError", "TransformError", "TransportError", "WallClock", "Watch",
+        "WireError", "connect", "read_graph", "write_graph",
     }  # fmt: skip
     assert all(hasattr(dsr, name) for name in dsr.__all__)

@@ -51,7 +51,7 @@ def test_errors_show_text_only(
     evil: Memory, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(sys, "argv", ["dsr", "show", "nothing_like_that"])
-    monkeypatch.setattr(errors, "file", sys.stderr)
+    monkeypatch.setattr(errors, "_file", sys.stderr)
     with pytest.raises(SystemExit):
         main()
     output = capsys.readouterr().err

@@ -22,7 +22,8 @@ def poses(draw: st.DrawFn) -> Pose:
     variances = draw(st.lists(st.floats(0, 1e3), min_size=6, max_size=6))
     covariance = [[variances[row] if row == column else 0.0 for column in range(6)] for row in range(6)]
     translation = draw(st.tuples(*[st.floats(-1e6, 1e6)] * 3))
-    return Pose(translation, [x / norm for x in rotation], draw(NUMBERS), draw(st.sampled_from([None, covariance])))
+    stamp = draw(NUMBERS) + 0.0  # never -0.0
+    return Pose(translation, [x / norm for x in rotation], stamp, draw(st.sampled_from([None, covariance])))
 
 
 VALUES: dict[str, Any] = {

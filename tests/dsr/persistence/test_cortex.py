@@ -53,24 +53,25 @@ def is_geometric(attributes: dict[str, Any]) -> bool:
 
 def assert_same_attributes(a: dict[str, Any], b: dict[str, Any]) -> None:
     assert a.keys() == b.keys()
-    for name in a:
-        assert a[name]["type"] == b[name]["type"], name
+    for name, one in a.items():
+        other = b[name]
+        assert one["type"] == other["type"], name
         if name == "rt_rotation_euler_xyz" and is_geometric(a):
             angles = [[number(x) for x in attribute[name]["value"]] for attribute in (a, b)]
             between = Rotation.from_euler("XYZ", angles[0]).inv() * Rotation.from_euler("XYZ", angles[1])
             assert between.magnitude() < 1e-6
         elif name == "rt_translation" and is_geometric(a):
-            assert [number(x) for x in a[name]["value"]] == pytest.approx(b[name]["value"], rel=1e-15, abs=1e-300)
+            assert [number(x) for x in one["value"]] == pytest.approx(b[name]["value"], rel=1e-15, abs=1e-300)
         else:
-            assert same_value(a[name]["type"], a[name]["value"], b[name]["value"]), name
-        assert {k: v for k, v in a[name].items() if k != "value"} == {k: v for k, v in b[name].items() if k != "value"}
+            assert same_value(one["type"], one["value"], other["value"]), name
+        assert one.keys() == other.keys()
 
 
 def assert_same_model(a: dict[str, Any], b: dict[str, Any]) -> None:
     """Whether two files mean the same, but for what is derived."""
     assert a.keys() == b.keys()
-    for id in a:
-        one, other = a[id], b[id]
+    for id, one in a.items():
+        other = b[id]
         rest = [{k: v for k, v in s.items() if k not in ("attribute", "links", "id")} for s in (one, other)]
         assert rest[0] == rest[1]
         kept = [{k: v for k, v in s["attribute"].items() if k not in DERIVED} for s in (one, other)]
@@ -110,12 +111,16 @@ def test_the_chain_of_a_realistic_file_is_in_metres(net: Net) -> None:
     memory = net.join("a")
     read_graph(KITCHEN).put_into(memory)
     world_from_robot = Pose((1.2505, -0.3, 0.0), Rotation.from_euler("z", 90, degrees=True).as_quat())
-    assert memory.edge("world", "Viriato_robot", "RT").pose.distance(world_from_robot) == pytest.approx((0, 0), abs=1e-9)
+    assert memory.edge("world", "Viriato_robot", "RT").pose.distance(world_from_robot) == pytest.approx(
+        (0, 0), abs=1e-9
+    )
     about_x = np.diag([1.0, -1.0, -1.0])
     camera_in_world = world_from_robot.apply(np.array([0, 0, 0.9]) + about_x @ [0.01025, 0.0, -0.0513])
     assert memory.transform("world", "camera").translation == pytest.approx(camera_in_world)
     turned = about_x @ Rotation.from_rotvec([0.1, 0, 0]).as_matrix()
-    turned = turned @ Rotation.from_rotvec([0, math.pi / 2, 0]).as_matrix() @ Rotation.from_rotvec([0, 0, 0.3]).as_matrix()
+    turned = (
+        turned @ Rotation.from_rotvec([0, math.pi / 2, 0]).as_matrix() @ Rotation.from_rotvec([0, 0, 0.3]).as_matrix()
+    )
     assert memory.transform("Viriato_robot", "camera").rotation_matrix == pytest.approx(turned, abs=1e-7)
 
 
@@ -179,7 +184,9 @@ THEIR_NAMES = st.one_of(
     BACKSLASH_FREE,
 ).filter(lambda name: name not in DERIVED)
 FLOATS = st.one_of(
-    st.floats(-1e6, 1e6), st.integers(-1000, 1000), st.decimals(-100, 100, places=3).map(lambda d: str(d).replace(".", ","))
+    st.floats(-1e6, 1e6),
+    st.integers(-1000, 1000),
+    st.decimals(-100, 100, places=3).map(lambda d: str(d).replace(".", ",")),
 )
 UINT64 = st.integers(0, (1 << 64) - 1).map(str)
 
@@ -196,10 +203,14 @@ CODES: dict[int, st.SearchStrategy[Any]] = {
 }  # fmt: skip
 ATTRIBUTES = st.dictionaries(
     THEIR_NAMES,
-    st.sampled_from(sorted(CODES)).flatmap(lambda code: st.fixed_dictionaries({"type": st.just(code), "value": CODES[code]})),
+    st.sampled_from(sorted(CODES)).flatmap(
+        lambda code: st.fixed_dictionaries({"type": st.just(code), "value": CODES[code]})
+    ),
     max_size=5,
 )
-ANGLES = st.one_of(st.floats(-7, 7), st.sampled_from([0, math.pi / 2, -math.pi / 2, math.pi, 1.5707963, "-1,5707963267948966"]))
+ANGLES = st.one_of(
+    st.floats(-7, 7), st.sampled_from([0, math.pi / 2, -math.pi / 2, math.pi, 1.5707963, "-1,5707963267948966"])
+)
 RT = st.fixed_dictionaries(
     {
         "rt_translation": st.fixed_dictionaries({"type": st.sampled_from([3, 11]), "value": vector(3)}),
@@ -242,7 +253,9 @@ def test_every_file_comes_out_as_it_was(tmp_path: Path, symbols: dict[str, Any])
 def test_every_graph_of_ours_can_be_written_and_read_again(tmp_path: Path, content: GraphContent) -> None:
     write_graph(content, tmp_path / "theirs.json", "cortex")
     found = read_graph(tmp_path / "theirs.json")
-    assert {name: node.type for name, node in found.nodes.items()} == {n: node.type for n, node in content.nodes.items()}
+    assert {name: node.type for name, node in found.nodes.items()} == {
+        n: node.type for n, node in content.nodes.items()
+    }
     assert found.edges.keys() == content.edges.keys()
     for key, values in content.edges.items():
         if key[2] == "RT":
