@@ -7,20 +7,29 @@ from typing import Annotated
 
 import typer
 
-from dsr.cli.common import console
+from dsr.cli.common import SecurityOption, console, shown
+from dsr.connect import identity_of
+from dsr.errors import ConfigError
 from dsr.zenoh_transport import ZenohTransport
 
 app = typer.Typer()
+NAME = "hub"
+"""What its certificate calls it."""
 
 
 @app.command()
 def hub(
     listen: Annotated[
-        str, typer.Option(metavar="ENDPOINT", help="Where to be reached; tcp/0.0.0.0:7447 is open to every machine.")
-    ] = "tcp/127.0.0.1:7447",
+        str | None,
+        typer.Option(
+            metavar="ENDPOINT",
+            help="Where to be reached; tcp/0.0.0.0:7447 is open to every machine. Default: port 7447 of this one.",
+        ),
+    ] = None,
     connect: Annotated[
         list[str] | None, typer.Option(metavar="ENDPOINT", help="Another router to join; may be repeated.")
     ] = None,
+    security: SecurityOption = None,
 ) -> None:
     """Connect machines: run this on one of them until Ctrl-C, and give its address to the processes on all.
 
@@ -29,8 +38,12 @@ def hub(
 
     Example: dsr hub --listen tcp/192.168.0.7:7447, then anywhere: dsr run tabletop --connect tcp/192.168.0.7:7447
     """
-    transport = ZenohTransport(listen, connect or (), routing=True)
-    console.print(f"routing at [bold]{listen}[/], Ctrl-C stops", soft_wrap=True)
+    identity = identity_of(NAME, security)
+    if identity is not None and not identity.grant.relay:
+        raise ConfigError(f"the certificate of {NAME!r} is not one of a relay: dsr security add FOLDER {NAME} --relay")
+    place = listen or f"{'tls' if identity else 'tcp'}/127.0.0.1:7447"
+    transport = ZenohTransport(place, connect or (), identity.zenoh if identity else {}, routing=True)
+    console.print(f"routing at [bold]{shown(place)}[/], Ctrl-C stops", soft_wrap=True)
     try:
         threading.Event().wait()
     except KeyboardInterrupt:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
@@ -164,6 +165,35 @@ def test_a_secured_system_works_restarts_and_is_looked_into(
         assert eventually(lambda: dict(count) != before)
         with pytest.raises(dsr.ConfigError, match="is secured"):
             dsr.connect("counters", agent="first")
+
+
+def test_a_hub_connects_secured_machines(
+    keys: SecurityFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two runtime folders stand for two machines: their processes meet in the hub only."""
+    endpoint = f"tls/127.0.0.1:{rendezvous.free_port()}"
+    command = [sys.executable, "-m", "dsr.cli.hub", "--listen", endpoint, "--security", str(keys.path)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as hub, contextlib.ExitStack() as stack:
+        stack.callback(hub.kill)
+        assert hub.stdout is not None and endpoint in hub.stdout.readline()
+        memories = []
+        for agent in ("launcher", "arm", "scene"):
+            place = tmp_path / agent
+            place.mkdir(mode=0o700)
+            monkeypatch.setenv("XDG_RUNTIME_DIR", str(place))
+            memory = dsr.connect("g", agent=agent, connect=[endpoint], security=keys.path)
+            memories.append(stack.enter_context(memory))
+        memories[1].add_node("gen3", "arm")
+        memories[2].add_node("cube", "cube")
+        for memory in memories:
+            assert eventually(lambda memory=memory: {node.name for node in memory.nodes()} == {"gen3", "cube"})
+            assert len(memory.peers) == 2
+
+
+def test_a_hub_needs_the_certificate_of_a_relay(folder: Path, tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "dsr.cli.main", "hub", "--security", str(folder)]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert result.returncode == 2 and "'hub' has no certificate" in result.stderr
 
 
 def test_without_security_too_everything_listens_on_loopback_only(tmp_path: Path) -> None:
