@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import os
 from collections.abc import Iterable
@@ -41,7 +42,7 @@ def connect(
     """Join the working memory `graph` over Zenoh and wait until all of it is here.
 
     The other processes of this user on this machine are found by the graph's name; the first one simply
-    begins. The memory owns its transport: closing it leaves the network.
+    begins. The memory owns its transport: closing it leaves the network. What is open when the program ends is closed.
 
     Args:
         graph: name of the graph; processes that use another name never meet.
@@ -74,6 +75,8 @@ def connect(
             elders=lambda: _living_replicas(graph, registration.elders, identity),
         )  # fmt: skip
         memory.on_close(resources.pop_all().close)
+        atexit.register(memory.close)
+        memory.on_close(lambda: atexit.unregister(memory.close))
         resources.callback(memory.close)
         memory.wait_joined(timeout, alone=not routers)
         resources.pop_all()

@@ -19,7 +19,8 @@ from dsr.transport import Chunks, MessageHandler, PresenceHandler, Qos, RequestH
 _log = logging.getLogger("dsr.zenoh")
 
 _NO_SETTINGS: Mapping[str, Any] = {}
-_REQUEST_QUEUE = 64
+_QUEUE = 256
+_fifo, _ring = zenoh.handlers.FifoChannel, zenoh.handlers.RingChannel
 _SENDING: dict[Qos, dict[str, Any]] = {
     # One priority each: traffic of one priority shares a queue, and a full one drops or blocks all of it.
     Qos.RELIABLE: {
@@ -128,10 +129,7 @@ class ZenohTransport:
 
         def listen(place: str) -> Callable[[Handler], Subscription]:
             def declare(handler: Handler) -> Subscription:
-                def receive(sample: zenoh.Sample) -> None:
-                    handler(sample.payload)
-
-                return _Declaration(self._declare(self._session.declare_subscriber, place, receive))
+                return self._subscribe(place, _ring(1), lambda sample: handler(sample.payload))
 
             return declare
 
@@ -148,39 +146,39 @@ class ZenohTransport:
             return self._publishers[(key, qos)]
 
     def subscribe(self, key: str, handler: MessageHandler, *, newest: int | None = None) -> Subscription:
-        """Call `handler` from a thread per subscription; with `newest`, from a ring that forgets the oldest."""
-        if newest is None:
+        """Call `handler` from a thread of its own; with `newest`, from a ring that forgets the oldest."""
+        channel: Any = _fifo(_QUEUE) if newest is None else _ring(newest)
+        return self._subscribe(key, channel, lambda sample: handler(str(sample.key_expr), sample.payload.to_bytes()))
 
-            def receive(sample: zenoh.Sample) -> None:
-                handler(str(sample.key_expr), sample.payload.to_bytes())
-
-            return _Declaration(self._declare(self._session.declare_subscriber, key, receive))
-        ring = self._declare(self._session.declare_subscriber, key, zenoh.handlers.RingChannel(newest))
-        _run(f"dsr-sub-{key}", lambda: _drain(ring, handler))
-        return _Declaration(ring)
+    def _subscribe(self, key: str, channel: Any, action: Callable[[Any], None]) -> Subscription:
+        subscriber = self._declare(self._session.declare_subscriber, key, channel)
+        _run(f"dsr-sub-{key}", lambda: _for_each(subscriber, action))
+        return _Declaration(subscriber)
 
     def serve(self, key: str, handler: RequestHandler) -> Subscription:
         """Answer requests on `key` from a thread of its own."""
-        queue = self._declare(
-            self._session.declare_queryable, key, zenoh.handlers.FifoChannel(_REQUEST_QUEUE)
-        )
-        _run(f"dsr-serve-{key}", lambda: _answer(queue, key, handler))
-        return _Declaration(queue)
+        queryable = self._declare(self._session.declare_queryable, key, _fifo(_QUEUE))
+        _run(f"dsr-serve-{key}", lambda: _for_each(queryable, lambda query: _answer(query, key, handler)))
+        return _Declaration(queryable)
 
     def request(
         self, key: str, payload: bytes, on_reply: MessageHandler, on_done: Callable[[], None], timeout: float
     ) -> None:
-        """Ask whoever serves `key`; both callbacks come from a thread of Zenoh."""
+        """Ask whoever serves `key`; both callbacks come from a thread of their own."""
+        replies = self._declare(
+            self._session.get, key, _fifo(_QUEUE), payload=payload, timeout=timeout,
+            target=zenoh.QueryTarget.ALL, consolidation=zenoh.ConsolidationMode.NONE,
+        )  # fmt: skip
 
-        def receive(reply: zenoh.Reply) -> None:
+        def pass_on(reply: zenoh.Reply) -> None:
             if reply.ok is not None:
                 on_reply(str(reply.ok.key_expr), reply.ok.payload.to_bytes())
 
-        callback = zenoh.handlers.Callback(receive, drop=on_done)
-        self._declare(
-            self._session.get, key, callback, payload=payload, timeout=timeout,
-            target=zenoh.QueryTarget.ALL, consolidation=zenoh.ConsolidationMode.NONE,
-        )  # fmt: skip
+        def wait() -> None:
+            _for_each(replies, pass_on)
+            on_done()
+
+        _run(f"dsr-ask-{key}", wait)
 
     def announce(self, key: str) -> Subscription:
         """Declare a liveliness token: others see it go when this process dies."""
@@ -188,11 +186,10 @@ class ZenohTransport:
 
     def watch_presence(self, key: str, handler: PresenceHandler) -> Subscription:
         """Call `handler` for the tokens that are there and for every change."""
-
-        def receive(sample: zenoh.Sample) -> None:
-            handler(str(sample.key_expr), sample.kind == zenoh.SampleKind.PUT)
-
-        return _Declaration(self._declare(self._session.liveliness().declare_subscriber, key, receive, history=True))
+        tokens = self._declare(self._session.liveliness().declare_subscriber, key, _fifo(_QUEUE), history=True)
+        is_there = zenoh.SampleKind.PUT
+        _run(f"dsr-live-{key}", lambda: _for_each(tokens, lambda s: handler(str(s.key_expr), s.kind == is_there)))
+        return _Declaration(tokens)
 
     def _declare(self, declare: Callable[..., Any], key: str, *args: Any, **options: Any) -> Any:
         try:
@@ -235,22 +232,22 @@ def _run(name: str, target: Callable[[], None]) -> None:
     threading.Thread(target=target, name=name, daemon=True).start()
 
 
-def _drain(ring: Any, handler: MessageHandler) -> None:
-    """Pass on what the ring holds until its subscriber is closed."""
+def _for_each(channel: Any, action: Callable[[Any], None]) -> None:
+    """Act on what comes until the channel is closed; a failure is said, and does not end the others.
+
+    Zenoh could call back by itself, from threads that would keep a process alive which forgot to close its session.
+    """
     with contextlib.suppress(zenoh.ZError):
-        for sample in ring:
-            handler(str(sample.key_expr), sample.payload.to_bytes())
+        for item in channel:
+            try:
+                action(item)
+            except Exception:
+                _log.exception("a message could not be handled")
 
 
-def _answer(queue: Any, key: str, handler: RequestHandler) -> None:
-    """Answer queries until the queryable is closed; a query that fails does not end the others."""
-    with contextlib.suppress(zenoh.ZError):
-        for query in queue:
-            with query:
-                try:
-                    payload = query.payload.to_bytes() if query.payload is not None else b""
-                    reply = handler(str(query.key_expr), payload)
-                    if reply is not None:
-                        query.reply(key, reply)
-                except Exception:
-                    _log.exception("a request on %s could not be answered", key)
+def _answer(query: zenoh.Query, key: str, handler: RequestHandler) -> None:
+    with query:
+        payload = query.payload.to_bytes() if query.payload is not None else b""
+        reply = handler(str(query.key_expr), payload)
+        if reply is not None:
+            query.reply(key, reply)

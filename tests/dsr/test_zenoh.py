@@ -273,3 +273,12 @@ def test_names_that_cannot_be_keys_are_refused(name: str) -> None:
         dsr.connect(name, agent="a")
     with pytest.raises(dsr.ConfigError, match="agent name"):
         dsr.connect("g", agent=name)
+
+
+def test_a_program_that_forgets_to_close_ends_and_its_last_write_arrives(peers: Callable[[str], Peer]) -> None:
+    a = peers("a")
+    program = "import dsr; dsr.connect('g', agent='hasty').add_node('last', 'cube')"
+    command = [sys.executable, "-c", program]
+    ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE, check=False)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert eventually(lambda: "last" in a.state()["nodes"])
