@@ -116,6 +116,7 @@ def test_concurrent_writes_and_creations_converge(peers: Callable[[str], Peer]) 
         for peer in (a, b):
             for _ in range(3):
                 peer._read()
+    assert eventually(lambda: graph_of(b) == graph_of(a))
     a.send("remove_node", "n3")
     b.send("update_node", "n3", mass=1.0)
     assert a._read() is None
