@@ -5,9 +5,10 @@ Received messages and the time go in; what is to be sent comes out as `Output`s.
 1. Deltas are joined whenever they arrive; nothing relies on their order or on their arrival.
 2. A newcomer asks one peer for everything, if it can the oldest. It has joined when a reply came, or when nobody
    is there.
-3. Once a second each replica makes its stream samples durable and publishes a digest of what it has seen.
+3. Once a second each replica makes its stream samples durable and publishes a digest of what it has seen; digests
+   are more frequent for a moment when a peer appears, or after this process was stopped (`dsr.pace`).
 4. A replica that still lacks something `GRACE` after a digest told so asks that peer for it (one request
-   at a time, one for each digest). It only ever pulls, so that nobody has to remember what others know.
+   at a time until patience ends, one for each digest). It only ever pulls, so that nobody has to remember what others know.
 5. Equal contexts with different fingerprints cannot be; then the replica asks for everything and says so.
 6. A replica whose clock most of its peers see in their future must not write (`drifting`).
 
@@ -31,14 +32,13 @@ from dsr.crdt.delta import Delta
 from dsr.crdt.store import Store
 from dsr.errors import WireError
 from dsr.graph import Graph
+from dsr.pace import Pace
 from dsr.wire import Digest, decode_delta, decode_digest, encode_digest
 
-DIGEST_PERIOD = 1.0
-"""s"""
 GRACE = 0.15
 """s that a delta on its way may be later than the digest that mentions it."""
-REQUEST_TIMEOUT = 2.0
-"""s"""
+REQUEST_TIMEOUT = 10.0
+"""s after which an answer is of no use any more."""
 MAX_DRIFT = 0.5
 """s that a peer's clock may be ahead of ours."""
 ELDER_PATIENCE = 1.0
@@ -118,7 +118,7 @@ class Synchroniser:
     _peers: dict[str, _Peer] = field(default_factory=dict)
     _asked: str | None = None
     _asked_at: float = 0.0
-    _next_digest: float = 0.0
+    _pace: Pace = field(default_factory=Pace)
     _wants_everything: bool = False
     _joining_since: float | None = None
 
@@ -128,7 +128,7 @@ class Synchroniser:
         """A replica became reachable; it gets a digest at once, so that a healed partition is repaired soon."""
         if rid != self.graph.rid:
             self._peers.setdefault(rid, _Peer())
-            self._next_digest = min(self._next_digest, now)
+            self._pace.hurry(now)
 
     def peer_gone(self, rid: str) -> None:
         """A replica became unreachable."""
@@ -166,6 +166,7 @@ class Synchroniser:
     def receive_reply(self, sender: str, payload: bytes) -> None:
         """The answer to `Ask` arrived."""
         self.request_done(sender)
+        self._pace.answered()
         try:
             with _collector_paused():
                 delta = decode_delta(payload)
@@ -199,13 +200,14 @@ class Synchroniser:
     def tick(self, now: float, physical: float) -> list[Output]:
         """What is due at monotonic time `now` and physical time `physical` (s)."""
         outputs: list[Output] = []
-        if now >= self._next_digest:
-            self._next_digest = now + DIGEST_PERIOD
-            self._forget_silent(now)
-            self.drifting = self._is_drifting(now)
+        self._pace.look(now)
+        if self._pace.settling_due(now):
             settled = self.graph.settle() if self._trusts(self.graph.rid) else self.graph.settle(sys.maxsize)
             if settled:
                 outputs.append(PublishDelta(settled))
+        if self._pace.digest_due(now):
+            self._forget_silent(now)
+            self.drifting = self._is_drifting(now)
             outputs.append(PublishDigest(self._digest(physical)))
         peer = self._peer_to_ask(now)
         if peer is not None:
@@ -252,8 +254,9 @@ class Synchroniser:
 
     def _peer_to_ask(self, now: float) -> str | None:
         if self._asked is not None:
-            if now - self._asked_at < REQUEST_TIMEOUT:
+            if now - self._asked_at < self._pace.patience:
                 return None
+            self._pace.unanswered()
             self._asked = None
         if not self.joined:
             return self._peer_to_join(now)

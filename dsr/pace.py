@@ -1,0 +1,63 @@
+"""When a replica speaks: digests once a second, more often while the network changes; how long it waits for an answer."""
+
+from __future__ import annotations
+
+import math
+
+DIGEST_PERIOD = 1.0
+"""s between two digests, and between two times at which stream samples are made durable."""
+HURRIED_PERIOD = 0.25
+"""s between two digests while the network changes: the first ones may be lost on routes that are not complete yet."""
+HURRY = 1.0
+"""s that this goes on after a peer appeared."""
+ABSENCE = 1.0
+"""s without a look at the time: this process was stopped, and knows that it lacks something."""
+FIRST_PATIENCE = 0.5
+"""s until another peer is asked; doubles with each request that is not answered in time."""
+LAST_PATIENCE = 8.0
+"""s"""
+
+
+class Pace:
+    """Decides by the time alone; all times are of the monotonic clock, in s."""
+
+    def __init__(self) -> None:
+        self.patience = FIRST_PATIENCE
+        """How long an answer is waited for now."""
+        self._next_digest = -math.inf
+        self._next_settling = -math.inf
+        self._hurry_until = -math.inf
+        self._last_look = math.inf
+
+    def look(self, now: float) -> None:
+        """To be called often: notices that this process did not run for a while."""
+        if now - self._last_look > ABSENCE:
+            self.hurry(now)
+        self._last_look = now
+
+    def hurry(self, now: float) -> None:
+        """Somebody appeared: a digest is due now, and several soon."""
+        self._hurry_until = now + HURRY
+        self._next_digest = min(self._next_digest, now)
+
+    def digest_due(self, now: float) -> bool:
+        """Whether to publish a digest now; true once."""
+        if now < self._next_digest:
+            return False
+        self._next_digest = now + (HURRIED_PERIOD if now < self._hurry_until else DIGEST_PERIOD)
+        return True
+
+    def settling_due(self, now: float) -> bool:
+        """Whether to make stream samples durable now; true once."""
+        if now < self._next_settling:
+            return False
+        self._next_settling = now + DIGEST_PERIOD
+        return True
+
+    def answered(self) -> None:
+        """An answer came."""
+        self.patience = FIRST_PATIENCE
+
+    def unanswered(self) -> None:
+        """None came in time: the answer may be long, so wait longer next time."""
+        self.patience = min(2 * self.patience, LAST_PATIENCE)
