@@ -209,7 +209,8 @@ def _settings(listen: str, connect: list[str], routing: bool) -> dict[str, Any]:
         "listen/endpoints": [listen],
         "listen/exit_on_failure": True,
         "connect/endpoints": connect,
-        "connect/timeout_ms": 0,
+        # Tried in the background, again and again: 0 would mean once, and others are found before they listen.
+        "connect/timeout_ms": -1,
         "connect/exit_on_failure": False,
         "connect/retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2},
         "scouting/multicast/enabled": False,

@@ -172,6 +172,20 @@ def test_a_port_in_use_is_a_clear_error() -> None:
         ZenohTransport("nonsense")
 
 
+def test_a_peer_that_listens_later_is_reached() -> None:
+    endpoint, own = (f"tcp/127.0.0.1:{rendezvous.free_port()}" for _ in range(2))
+    received = threading.Event()
+    with contextlib.closing(ZenohTransport(own, [endpoint])) as early:
+        early.subscribe("dsr/test", lambda _key, _payload: received.set())
+        with contextlib.closing(ZenohTransport(endpoint)) as late:
+
+            def arrives() -> bool:
+                late.publish("dsr/test", b"x")
+                return received.is_set()
+
+            assert eventually(arrives)
+
+
 def test_frames_under_a_wildcard_are_refused() -> None:
     with dsr.connect("g", agent="a") as memory, pytest.raises(dsr.TransportError, match="wildcards"):
         memory.put_frame("*", dsr.Frame(1.0, {}, {}))
