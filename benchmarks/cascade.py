@@ -37,6 +37,7 @@ SPECS = {
     for graphs, target in ((1, 1.0), (5, 4.0), (10, 8.0), (20, 15.0))
 }
 _PERIOD = 0.06  # s between two changes: one at a time
+_STARTING = 60.0  # s that a copier may wait for its neighbours, as many start at once
 _Samples = dict[str, list[float]]
 _OURS, _ZENOH = "ours", "raw Zenoh"
 
@@ -109,7 +110,8 @@ def _take_turns(run: Run, chains: dict[str, Latencies], graphs: int) -> _Samples
 
 def _copy(connection: Connection, first: str, last: str) -> None:
     """Repeat every change of the nodes of graph `first` in graph `last`; say so when the content is complete."""
-    with dsr.connect(last, agent="copier") as target, dsr.connect(first, agent="copier") as source:
+    connect = partial(dsr.connect, agent="copier", timeout=_STARTING)
+    with connect(last) as target, connect(first) as source:
         threading.Thread(target=_follow, args=(source, target), daemon=True).start()
         while len(target.nodes()) <= workload.NODES:
             sleep(0.01)

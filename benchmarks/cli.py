@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
@@ -12,6 +13,7 @@ from rich.markup import escape
 from benchmarks import groups, session
 from benchmarks.report import rows_table, specs_table
 from benchmarks.session import Findings
+from benchmarks.workers import BenchmarkError
 from dsr.cli.common import console, errors
 from dsr.errors import ConfigError
 
@@ -48,26 +50,34 @@ def bench(
     if list_rows:
         console.print(specs_table(chosen))
         return
-    for file in filter(None, [json, plots and plots / "latency.png"]):
-        _check_writable(file)
+    if json:
+        _check_writable(json)
+    if plots:
+        _check_writable(plots / ".dsr-bench").unlink()
     findings = Findings()
+    code = 0
     try:
         with session.private_runtime(), errors.status("starting") as status:
             for group, specs in chosen:
-                session.measure(group, specs, findings, quick=quick, repeat=repeat, tell=status.update)
+                try:
+                    session.measure(group, specs, findings, quick=quick, repeat=repeat, tell=status.update)
+                except BenchmarkError as error:
+                    errors.print(f"[bold red]{escape(str(error))}[/]", soft_wrap=True)
+                    code = 1
     except KeyboardInterrupt:
         errors.print("stopped; these rows were measured until then")
-        _finish(findings, json, plots)
-        raise typer.Exit(_INTERRUPTED) from None
+        code = _INTERRUPTED
     _finish(findings, json, plots)
-    raise typer.Exit(1 if check and any(row.meets is False for row in findings.rows) else 0)
+    missed = any(row.meets is False for row in findings.rows)
+    raise typer.Exit(code or (1 if check and missed else 0))
 
 
-def _check_writable(file: Path) -> None:
-    """Raise `ConfigError` before the run rather than lose its result after it."""
+def _check_writable(file: Path) -> Path:
+    """The file, opened once. Raise `ConfigError` before the run rather than lose its result after it."""
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         file.open("a").close()
+        return file
     except OSError as error:
         raise ConfigError(f"{file}: cannot be written ({error.strerror})") from error
 
@@ -82,3 +92,10 @@ def _finish(findings: Findings, json: Path | None, plots: Path | None) -> None:
     if json:
         json.write_bytes(msgspec.json.format(msgspec.json.encode(findings.rows), indent=1))
         console.print(f"rows   {json}", soft_wrap=True)
+    if plots and find_spec("matplotlib"):
+        from benchmarks.plots import draw
+
+        for file in draw(findings, plots):
+            console.print(f"plot   {file}", soft_wrap=True)
+    elif plots:
+        errors.print("[yellow]matplotlib is not installed, so nothing was drawn: pip install 'dsr\\[bench]'[/]")

@@ -10,8 +10,8 @@ from benchmarks.rows import Spec
 from dsr.errors import ConfigError
 
 GROUPS: tuple[Group, ...] = (
-    latency.GROUP, throughput.GROUP, join.GROUP, local.GROUP, by_type.GROUP, frame_chains.GROUP,
-    camera_frames.GROUP, cascade.GROUP, growth.GROUP,
+    latency.GROUP, throughput.GROUP, join.GROUP, local.GROUP, by_type.GROUP, frame_chains.GROUP, camera_frames.GROUP,
+    cascade.GROUP, growth.GROUP,
 )  # fmt: skip
 
 

@@ -20,22 +20,25 @@ _PATIENCE = 20  # bursts without an answer
 
 
 class Latencies:
-    """A writer and one reader: how long messages take.
+    """A writer and its readers: how long messages take.
 
     Args:
         link: connects them.
-        between: called when the writer is there, before the reader is started.
+        between: called when the writer is there, before the readers are started.
+        readers: how many.
     """
 
-    def __init__(self, link: Link, between: Callable[[], object] = lambda: None) -> None:
+    def __init__(self, link: Link, between: Callable[[], object] = lambda: None, *, readers: int = 1) -> None:
         self._writer = Worker(_write, link)
-        self._reader: Worker | None = None
+        self._readers: list[Worker] = []
         self._next = 1
         try:
             self._writer.receive()
             between()
-            self._reader = Worker(_read, link)
-            self._reader.receive()
+            for _ in range(readers):
+                self._readers.append(Worker(_read, link))
+            for reader in self._readers:
+                reader.receive()
         except BaseException:
             self.close()
             raise
@@ -57,33 +60,34 @@ class Latencies:
         self.burst(_COLD)
 
     def burst(self, count: int, *, period: float = PERIOD, busy: bool = False) -> list[float]:
-        """How long each of `count` messages took, s.
+        """How long each of `count` messages took to each reader, s.
 
         Args:
             count: how many.
             period: s between two.
-            busy: keep the reader's main thread in Python meanwhile.
+            busy: keep the readers' main threads in Python meanwhile.
 
         Raises:
             BenchmarkError: if half of them are lost.
         """
-        assert self._reader is not None
         first, self._next = self._next, self._next + count + _COLD
-        if busy:
-            self._reader.send((count + _COLD) * period + _ON_ITS_WAY)
+        for reader in self._readers if busy else ():
+            reader.send((count + _COLD) * period + _ON_ITS_WAY)
         sent = self._writer.ask((first, count + _COLD, period))
         sleep(_ON_ITS_WAY)
-        received = self._reader.ask(None)
-        taken = [received[number] - start for number, start in sent[_COLD:] if number in received]
-        if len(taken) < count / 2:
-            raise BenchmarkError(f"only {len(taken)} of {count} messages arrived")
+        taken: list[float] = []
+        for reader in self._readers:
+            received = reader.ask(None)
+            arrived = [received[number] - start for number, start in sent[_COLD:] if number in received]
+            if len(arrived) < count / 2:
+                raise BenchmarkError(f"only {len(arrived)} of {count} messages arrived")
+            taken += arrived
         return taken
 
     def close(self) -> None:
-        """End both processes."""
-        for worker in (self._reader, self._writer):
-            if worker is not None:
-                worker.close()
+        """End all processes."""
+        for worker in (*self._readers, self._writer):
+            worker.close()
 
 
 def _write(connection: Connection, link: Link) -> None:
