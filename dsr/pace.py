@@ -1,4 +1,4 @@
-"""When a replica speaks: digests once a second, more often while the network changes; how long it waits for an answer."""
+"""When a replica speaks, once a second or more often while the network changes, and how long it waits for answers."""
 
 from __future__ import annotations
 

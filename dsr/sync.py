@@ -8,7 +8,8 @@ Received messages and the time go in; what is to be sent comes out as `Output`s.
 3. Once a second each replica makes its stream samples durable and publishes a digest of what it has seen; digests
    are more frequent for a moment when a peer appears, or after this process was stopped (`dsr.pace`).
 4. A replica that still lacks something `GRACE` after a digest told so asks that peer for it (one request
-   at a time until patience ends, one for each digest). It only ever pulls, so that nobody has to remember what others know.
+   at a time until patience ends, one for each digest). It only ever pulls, so that nobody has to remember what
+   others know.
 5. Equal contexts with different fingerprints cannot be; then the replica asks for everything and says so.
 6. A replica whose clock most of its peers see in their future must not write (`drifting`).
 

@@ -1,0 +1,46 @@
+"""Digests once a second, more while the network changes; patience that grows with what is not answered."""
+
+from __future__ import annotations
+
+from dsr.pace import FIRST_PATIENCE, LAST_PATIENCE, Pace
+
+
+def digests(pace: Pace, begin: float, end: float) -> list[float]:
+    """When digests are due, in steps of 50 ms."""
+    times = [begin + 0.05 * step for step in range(round((end - begin) / 0.05))]
+    due = []
+    for time in times:
+        pace.look(time)
+        if pace.digest_due(time):
+            due.append(round(time, 2))
+    return due
+
+
+def test_a_digest_a_second_and_several_when_a_peer_appears() -> None:
+    pace = Pace()
+    assert digests(pace, 0.0, 2.5) == [0.0, 1.0, 2.0]
+    pace.hurry(2.5)
+    assert digests(pace, 2.5, 6.0) == [2.5, 2.75, 3.0, 3.25, 3.5, 4.5, 5.5]
+
+
+def test_a_process_that_was_stopped_hurries_when_it_goes_on() -> None:
+    pace = Pace()
+    digests(pace, 0.0, 1.5)
+    assert digests(pace, 16.0, 18.0) == [16.0, 16.25, 16.5, 16.75, 17.0]
+
+
+def test_stream_samples_are_made_durable_once_a_second_even_in_a_hurry() -> None:
+    pace = Pace()
+    pace.hurry(0.0)
+    assert [time for time in range(30) if pace.settling_due(time / 10)] == [0, 10, 20]
+
+
+def test_patience_doubles_until_an_answer_comes() -> None:
+    pace = Pace()
+    waits = []
+    for _ in range(6):
+        waits.append(pace.patience)
+        pace.unanswered()
+    assert waits == [FIRST_PATIENCE, 1.0, 2.0, 4.0, LAST_PATIENCE, LAST_PATIENCE]
+    pace.answered()
+    assert pace.patience == FIRST_PATIENCE
