@@ -31,6 +31,7 @@ from dsr.local_transport import Faults, LocalNetwork
 from dsr.memory import Memory
 from dsr.persistence.content import GraphContent
 from dsr.persistence.files import read_graph, write_graph
+from dsr.persistence.keeper import StateKeeper
 from dsr.runtime.access import Access
 from dsr.schema import AttributeType, Schema
 from dsr.transforms import Pose
@@ -63,6 +64,7 @@ __all__ = [
     "Pose",
     "Schema",
     "SchemaError",
+    "StateKeeper",
     "TransformError",
     "TransportError",
     "WallClock",

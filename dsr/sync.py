@@ -169,7 +169,7 @@ class Synchroniser:
         self.request_done(sender)
         self._pace.answered()
         try:
-            with _collector_paused():
+            with collector_paused():
                 delta = decode_delta(payload)
                 self.graph.join(self.gate.reply(sender, delta, self.graph.store) if self.gate else delta)
         except WireError as error:
@@ -195,7 +195,7 @@ class Synchroniser:
         except WireError as error:
             self._drop(sender, error)
             return None
-        with _collector_paused():
+        with collector_paused():
             return self.graph.store.missing_for(seen)
 
     def tick(self, now: float, physical: float) -> list[Output]:
@@ -303,7 +303,7 @@ class Synchroniser:
 
 
 @contextlib.contextmanager
-def _collector_paused() -> Iterator[None]:
+def collector_paused() -> Iterator[None]:
     """Do not look for reference cycles: among many new objects that all stay, it takes as long as the work itself."""
     was_enabled = gc.isenabled()
     gc.disable()

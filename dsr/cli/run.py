@@ -36,6 +36,10 @@ def run(
     graph: Annotated[
         Path | None, typer.Option("--graph", "-g", metavar="FILE", help="JSON file of what the graph holds at first.")
     ] = None,
+    state: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Restore the graph from here, and keep it here: it survives a crash."),
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
     folder: Annotated[Path | None, typer.Option(help="For logs and recordings; default: a new one in runs/.")] = None,
     router: RouterOption = None,
@@ -55,10 +59,13 @@ def run(
     place = folder or new_run_folder(find_system(system).stem)
     level = log_level.value
     with Launcher(
-        chosen, place, seed=seed, router=router, log_level=level, security=security, content=content
+        chosen, place, seed=seed, router=router, log_level=level, security=security, content=content, state=state
     ) as launcher:
         message = f"graph [bold]{launcher.graph}[/], logs and recordings in [bold]{place}[/], Ctrl-C stops"
         console.print(message, soft_wrap=True)
+        if launcher.restored:
+            instead = f"; [bold]{graph}[/] is not loaded" if graph else ""
+            console.print(f"restored from [bold]{state}[/]{instead}", soft_wrap=True)
         view = _View(launcher)
         with view.live:
             try:

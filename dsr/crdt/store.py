@@ -63,6 +63,8 @@ class Store:
         """Order-independent hash of the live dots."""
         self.unsettled: dict[tuple[Dot, str], int] = {}
         """Registers whose newest value has no dot yet, and how often they were passed over since."""
+        self.recorder: Callable[[Delta], None] | None = None
+        """Told about everything that is joined, local changes included, before that happens."""
         self._observer = observer or Observer()
         self._waiting: dict[Dot, list[Write]] = {}
         self._waiting_count = 0
@@ -71,6 +73,8 @@ class Store:
 
     def join(self, delta: Delta) -> None:
         """Join a delta or a synchronisation reply: commutative, associative and idempotent."""
+        if self.recorder is not None:
+            self.recorder(delta)
         if delta.live is not None:
             self._remove_absent(delta)
         for dot in delta.removed:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin
 
@@ -83,12 +84,18 @@ def _refuse_unknown(data: Any, kind: Any, path: ValuePath, prefix: str) -> None:
         for key, value in data.items():
             _refuse_unknown(value, get_args(kind)[1], (*path, key), prefix)
     elif struct is not None and isinstance(data, Mapping):
-        fields = {field.encode_name: field.type for field in msgspec.structs.fields(struct)}
+        fields = _fields(struct)
         for key, value in data.items():
             if key not in fields:
                 where = f" in {_dotted(path)}" if path else ""
                 raise MisfitError(f"{prefix}unknown field {key!r}{where}; {suggest(key, fields)}", (*path, key))
             _refuse_unknown(value, fields[key], (*path, key), prefix)
+
+
+@cache
+def _fields(struct: type[msgspec.Struct]) -> dict[str, Any]:
+    """The types of the fields of a Struct."""
+    return {field.encode_name: field.type for field in msgspec.structs.fields(struct)}
 
 
 def _struct_in(kind: Any) -> type[msgspec.Struct] | None:

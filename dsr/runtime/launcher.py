@@ -24,6 +24,7 @@ from dsr.clock import WALL_CLOCK
 from dsr.connect import SECURITY, connect
 from dsr.errors import AgentError, TransportError
 from dsr.persistence.content import GraphContent
+from dsr.persistence.keeper import StateKeeper
 from dsr.rendezvous import claim_file, lock_file
 from dsr.runtime.status import Heard, State, StatusBoard
 from dsr.runtime.supervised import Supervised
@@ -68,7 +69,8 @@ class Launcher:
         log_level: of the agents.
         security: folder with the certificates of the launcher and all agents; by default, what the environment
             names, see `dsr.connect`.
-        content: what the graph holds before the agents start.
+        content: what the graph holds before the agents start, if no state is restored.
+        state: folder in which the graph survives: restored from it before the agents start, and kept there.
     """
 
     def __init__(
@@ -81,6 +83,7 @@ class Launcher:
         log_level: str = "info",
         security: Path | None = None,
         content: GraphContent | None = None,
+        state: Path | None = None,
     ) -> None:
         self.folder = folder
         self.clock = WALL_CLOCK
@@ -91,6 +94,9 @@ class Launcher:
         self._log_level = log_level
         self._security = security
         self._content = content
+        self._state = state
+        self.restored = False
+        """Whether the graph was restored."""
         self._resources = contextlib.ExitStack()
         self._processes: dict[str, Supervised] = {}
 
@@ -120,7 +126,9 @@ class Launcher:
         routers = [self._router] if self._router else ()
         self.memory = connect(name, agent="launcher", connect=routers, security=self._security)
         self._resources.callback(self.memory.close)
-        if self._content is not None:
+        if self._state is not None:
+            self.restored = StateKeeper(self.memory, self._state).restored
+        if self._content is not None and not self.restored:
             self._content.put_into(self.memory)
         self.board = StatusBoard(self.memory.transport, self.memory.keys, self.clock)
         self._resources.callback(self.board.close)
