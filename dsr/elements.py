@@ -72,9 +72,12 @@ class _Element(Mapping[str, Any]):
         return id(self)
 
     @property
-    def attributes(self) -> Mapping[str, Any]:
-        """All attributes that are set, as a mapping."""
-        return self
+    def attributes(self) -> dict[str, Any]:
+        """All attributes that are set, as they are now.
+
+        `dict(element)` asks for one after the other, and fails if one is taken away meanwhile in another thread.
+        """
+        return {name: value for name in self if (value := self._value(name)) is not TOMBSTONE}
 
 
 class Node(_Element):

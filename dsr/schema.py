@@ -18,6 +18,8 @@ Value = bool | int | float | str | bytes | tuple[float, ...] | Pose
 
 _NAME = re.compile(r"[A-Za-z0-9_.\-]{1,128}")
 _INT_LIMIT = 1 << 63
+MAX_LENGTH = 1 << 20
+"""Characters, bytes or numbers in one value; what is larger does not belong in a graph (see `dsr.blobs`)."""
 POSE_FIELDS = ("translation", "rotation", "stamp", "covariance")
 _POSE_FIELDS = frozenset(POSE_FIELDS)
 
@@ -90,7 +92,7 @@ class Schema:
             attribute = self.attributes.get(name) or self.attribute(name)
             stored = _CONVERTERS[attribute.kind](value)
             if stored is None or (attribute.length is not None and len(stored) != attribute.length):
-                raise SchemaError(f"attribute {name!r}: expected a finite {_described(attribute)}, got {value!r}")
+                raise SchemaError(f"attribute {name!r}: expected a finite {_described(attribute)}, got {value!r:.200}")
             values[name] = stored
         return values
 
@@ -161,13 +163,13 @@ def _is_text(value: str) -> bool:
 
 
 def _bytes(value: Any) -> bytes | None:
-    return bytes(value) if isinstance(value, bytes | bytearray) else None
+    return bytes(value) if isinstance(value, bytes | bytearray) and len(value) <= MAX_LENGTH else None
 
 
 def _vector(value: Any) -> tuple[float, ...] | None:
     if isinstance(value, np.ndarray):
         value = value.tolist() if value.ndim == 1 else None
-    if not isinstance(value, list | tuple):
+    if not isinstance(value, list | tuple) or len(value) > MAX_LENGTH:
         return None
     numbers = tuple(map(_float, value))
     return None if None in numbers else numbers  # type: ignore[return-value]

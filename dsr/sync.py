@@ -46,6 +46,8 @@ ELDER_PATIENCE = 1.0
 """s that a newcomer waits for the oldest peer to be reachable before it asks another one."""
 SILENCE = 5.0
 """s after which a peer's last digest counts no more."""
+MAX_PEERS = 1000
+"""Replicas that are listened to, and senders told apart when they err: made-up names must take no memory."""
 FORGET = 30.0
 """s after which a silent peer counts as gone; its next digest brings it back."""
 
@@ -122,6 +124,7 @@ class Synchroniser:
     _pace: Pace = field(default_factory=Pace)
     _wants_everything: bool = False
     _joining_since: float | None = None
+    _complaints: set[tuple[str, str]] = field(default_factory=set)
 
     # ---- events
 
@@ -141,6 +144,8 @@ class Synchroniser:
         """A delta or a bundle of stream samples arrived."""
         try:
             delta = decode_delta(payload)
+            if delta.live is not None:
+                raise WireError("a synchronisation reply that nobody asked for")
         except WireError as error:
             self._drop(sender, error)
             return
@@ -157,10 +162,12 @@ class Synchroniser:
             return
         if digest.replica == self.graph.rid:
             return
-        peer = self._peers.setdefault(digest.replica, _Peer())
+        if sender not in self._peers and len(self._peers) >= MAX_PEERS:
+            return
+        peer = self._peers.setdefault(sender, _Peer())
         ahead = digest.now - physical > MAX_DRIFT
-        if ahead and not peer.ahead:
-            _log.warning("the clock of %s is %.1f s ahead of ours", digest.replica, digest.now - physical)
+        if ahead:
+            self._complain(sender, "the clock of %s is %.1f s ahead of ours", digest.now - physical)
         peer.digest, peer.heard_at, peer.ahead = digest, now, ahead
         self.drifting = self._is_drifting(now)
 
@@ -171,6 +178,8 @@ class Synchroniser:
         try:
             with collector_paused():
                 delta = decode_delta(payload)
+                if delta.live is None:
+                    raise WireError("a synchronisation reply without the live dots")
                 self.graph.join(self.gate.reply(sender, delta, self.graph.store) if self.gate else delta)
         except WireError as error:
             self._drop(sender, error)
@@ -288,7 +297,7 @@ class Synchroniser:
         if not store.context.covers(digest.context):
             return True
         if digest.fingerprint != store.fingerprint and digest.context == store.context and self._trusts(rid):
-            _log.error("same history as %s but another state: asking for everything", rid)
+            self._complain(rid, "same history as %s but another state: asking for everything", level=logging.ERROR)
             self._wants_everything = True
             return True
         return False
@@ -297,9 +306,16 @@ class Synchroniser:
         return self.gate is None or self.gate.trusts(rid)
 
     def _drop(self, sender: str, error: WireError) -> None:
+        if sender not in self.dropped and len(self.dropped) >= MAX_PEERS:
+            sender = "others"
         self.dropped[sender] += 1
-        if self.dropped[sender] == 1:
-            _log.warning("dropped a message from %s: %s (further ones are only counted)", sender, error)
+        self._complain(sender, "dropped a message from %s: %s (further ones are only counted)", error)
+
+    def _complain(self, rid: str, text: str, *details: object, level: int = logging.WARNING) -> None:
+        """Log something about a replica, but only once, and not about any number of made-up ones."""
+        if (rid, text) not in self._complaints and len(self._complaints) < MAX_PEERS:
+            self._complaints.add((rid, text))
+            _log.log(level, text, rid, *details)
 
 
 @contextlib.contextmanager

@@ -24,7 +24,9 @@ import msgspec
 
 from dsr.crdt.context import CausalContext, Dot, DotRange
 from dsr.crdt.delta import TOMBSTONE, Add, Delta, Key, Write
+from dsr.decoding import decoded
 from dsr.errors import WireError
+from dsr.schema import MAX_LENGTH
 from dsr.transforms import Pose
 
 VERSION = 1
@@ -33,11 +35,13 @@ _POSE = struct.Struct("<8d")
 _POSE_COVARIANCE = struct.Struct("<44d")
 _UNIT_TOLERANCE = 1e-12
 """Rounding of a unit quaternion: within it the sender's numbers are taken as they are."""
-_MAX_RANGE = 1 << 20
 MAX_NAME = 256
+_MAX_COUNTER = 1 << 53
+MAX_MESSAGE = 1 << 28
+"""Bytes of a delta or digest; a graph of a million nodes fits."""
 
 _Natural = Annotated[int, msgspec.Meta(ge=0)]
-_Counter = Annotated[int, msgspec.Meta(ge=0, le=(1 << 53))]
+_Counter = Annotated[int, msgspec.Meta(ge=0, le=_MAX_COUNTER)]
 _Stamp = Annotated[int, msgspec.Meta(ge=0, le=(1 << 63) - 1)]
 _Name = Annotated[str, msgspec.Meta(min_length=1, max_length=MAX_NAME)]
 
@@ -153,13 +157,24 @@ def _encode_write(index: _Indexes, write: Write) -> _Write:
 
 def decode_delta(payload: bytes) -> Delta:
     """The delta in `payload`. Raises `WireError` unless all of it is valid."""
-    try:
-        message = _delta_decoder.decode(payload)
-        if message.version != VERSION:
-            raise WireError(f"delta of version {message.version}, this is version {VERSION}")
-        return _to_delta(message)
-    except (msgspec.MsgspecError, ValueError, IndexError, OverflowError, RecursionError) as error:
-        raise WireError(f"malformed delta of {len(payload)} bytes: {error}") from error
+    return decoded(payload, f"delta of {len(payload)} bytes", _read_delta)
+
+
+def _read_delta(payload: bytes) -> Delta:
+    _check_length(payload)
+    message = _delta_decoder.decode(payload)
+    _check_version(message.version)
+    return _to_delta(message)
+
+
+def _check_length(payload: bytes) -> None:
+    if len(payload) > MAX_MESSAGE:
+        raise ValueError(f"more than {MAX_MESSAGE} bytes")
+
+
+def _check_version(version: int) -> None:
+    if version != VERSION:
+        raise ValueError(f"version {version}, this is version {VERSION}")
 
 
 def _to_delta(message: _Delta) -> Delta:
@@ -202,7 +217,9 @@ def _to_write(names: list[str], write: _Write) -> Write:
 
 def _to_value(value: Any) -> Any:
     kind = type(value)
-    if kind in (Pose, bool, str, bytes):
+    if kind in (Pose, bool):
+        return value
+    if kind in (str, bytes) and len(value) <= MAX_LENGTH:
         return value
     if value is None:
         return TOMBSTONE
@@ -210,7 +227,7 @@ def _to_value(value: Any) -> Any:
         return value
     if kind is int and -(1 << 63) <= value < (1 << 63):
         return value
-    if kind is list and all(type(number) is float and math.isfinite(number) for number in value):
+    if kind is list and len(value) <= MAX_LENGTH and all(type(n) is float and math.isfinite(n) for n in value):
         return tuple(value)
     raise ValueError(f"a value of type {kind.__name__} that no attribute may have: {value!r:.80}")
 
@@ -236,8 +253,7 @@ def _ranges(names: list[str], flat: list[int]) -> list[DotRange]:
 
 
 def _checked_range(rid: str, first: int, last: int) -> DotRange:
-    """Refuse ranges that would fill memory: only one that starts at 1 may be long (it is stored as a number)."""
-    if not 1 <= first <= last or (first > 1 and last - first > _MAX_RANGE):
+    if not 1 <= first <= last <= _MAX_COUNTER:
         raise ValueError(f"dots {first} to {last} of {rid!r}")
     return rid, first, last
 
@@ -252,13 +268,14 @@ def encode_digest(digest: Digest) -> bytes:
 
 def decode_digest(payload: bytes) -> Digest:
     """The digest in `payload`. Raises `WireError` unless all of it is valid."""
-    try:
-        message = _digest_decoder.decode(payload)
-        if message.version != VERSION or not math.isfinite(message.now):
-            raise WireError(f"digest of version {message.version} at time {message.now}")
-        context = CausalContext(_checked_range(*dots) for dots in message.context)
-        return Digest(message.replica, message.now, context, message.fingerprint, tuple(message.ahead))
-    except (msgspec.MsgspecError, ValueError, OverflowError) as error:
-        raise WireError(f"malformed digest of {len(payload)} bytes: {error}") from error
+    return decoded(payload, f"digest of {len(payload)} bytes", _read_digest)
 
 
+def _read_digest(payload: bytes) -> Digest:
+    _check_length(payload)
+    message = _digest_decoder.decode(payload)
+    _check_version(message.version)
+    if not math.isfinite(message.now):
+        raise ValueError(f"time {message.now}")
+    context = CausalContext(_checked_range(*dots) for dots in message.context)
+    return Digest(message.replica, message.now, context, message.fingerprint, tuple(message.ahead))

@@ -1,16 +1,20 @@
 """Causal context: which dots have been seen, as a version vector and a cloud of dots beyond it.
 
 A dot is (replica id, counter), counters from 1. The vector says "all counters up to n of that
-replica"; dots that arrive out of order wait in the cloud until the gap below them closes.
+replica"; dots that arrive out of order wait in the cloud, as ranges, until the gap below them closes. So
+memory follows the number of gaps, whatever dots somebody claims to have seen.
 """
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Iterator
+from operator import itemgetter
 
 Dot = tuple[str, int]
 DotRange = tuple[str, int, int]
 """(replica id, first counter, last counter), both included."""
+_first, _last = itemgetter(0), itemgetter(1)
 
 
 class CausalContext:
@@ -20,16 +24,14 @@ class CausalContext:
 
     def __init__(self, ranges: Iterable[DotRange] = ()) -> None:
         self.vector: dict[str, int] = {}
-        self.cloud: dict[str, set[int]] = {}
+        self.cloud: dict[str, list[tuple[int, int]]] = {}
+        """Ranges of counters with gaps between them, in order."""
         for rid, first, last in ranges:
             self.add_range(rid, first, last)
 
     def __contains__(self, dot: Dot) -> bool:
         rid, counter = dot
-        if counter <= self.vector.get(rid, 0):
-            return True
-        beyond = self.cloud.get(rid)
-        return beyond is not None and counter in beyond
+        return counter <= self.vector.get(rid, 0) or (rid in self.cloud and self._covers_range(rid, counter, counter))
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, CausalContext) and self.vector == other.vector and self.cloud == other.cloud
@@ -45,30 +47,16 @@ class CausalContext:
         known = self.vector.get(rid, 0)
         if last <= known or last < first:
             return
-        if first > known + 1:
-            self.cloud.setdefault(rid, set()).update(range(first, last + 1))
+        beyond = self.cloud.get(rid)
+        if beyond is None and first <= known + 1:
+            self.vector[rid] = last
             return
-        self.vector[rid] = last
-        if rid in self.cloud:
-            self._compact(rid, known)
-
-    def _compact(self, rid: str, known: int) -> None:
-        """Move into the vector, which went up from `known`, what has become contiguous with it.
-
-        The cost follows what moves, not the size of the cloud: a snapshot adds its dots one by one.
-        """
-        beyond = self.cloud[rid]
-        last = self.vector[rid]
-        if last - known < len(beyond):
-            beyond.difference_update(range(known + 1, last + 1))
-        else:
-            beyond = self.cloud[rid] = {counter for counter in beyond if counter > last}
-        while last + 1 in beyond:
-            last += 1
-            beyond.remove(last)
-        self.vector[rid] = last
-        if not beyond:
-            del self.cloud[rid]
+        beyond = self.cloud.setdefault(rid, [])
+        _insert(beyond, max(first, known + 1), last)
+        if beyond[0][0] == known + 1:
+            self.vector[rid] = beyond.pop(0)[1]
+            if not beyond:
+                del self.cloud[rid]
 
     def merge(self, other: CausalContext) -> None:
         """Include every dot of `other`."""
@@ -81,15 +69,25 @@ class CausalContext:
 
     def _covers_range(self, rid: str, first: int, last: int) -> bool:
         start = max(first, self.vector.get(rid, 0) + 1)
-        beyond = self.cloud.get(rid, set())
-        return all(counter in beyond for counter in range(start, last + 1))
+        beyond = self.cloud.get(rid, [])
+        place = bisect_left(beyond, start, key=_last)
+        return start > last or (place < len(beyond) and beyond[place][0] <= start and last <= beyond[place][1])
 
     def ranges(self) -> Iterator[DotRange]:
         """The dots as ranges: what `CausalContext(ranges)` rebuilds."""
         for rid, last in self.vector.items():
             yield rid, 1, last
         for rid, beyond in self.cloud.items():
-            yield from to_ranges((rid, counter) for counter in beyond)
+            for first, last in beyond:
+                yield rid, first, last
+
+
+def _insert(ranges: list[tuple[int, int]], first: int, last: int) -> None:
+    """Add a range to sorted ones, joined with those that it touches."""
+    begin, end = bisect_left(ranges, first - 1, key=_last), bisect_right(ranges, last + 1, key=_first)
+    if begin < end:
+        first, last = min(first, ranges[begin][0]), max(last, ranges[end - 1][1])
+    ranges[begin:end] = [(first, last)]
 
 
 def to_ranges(dots: Iterable[Dot]) -> Iterator[DotRange]:

@@ -10,6 +10,7 @@ arrived waits in a bounded buffer, outside the context, so that synchronisation 
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable
 from functools import lru_cache
 
@@ -19,6 +20,7 @@ from dsr.crdt.context import CausalContext, Dot, to_ranges
 from dsr.crdt.delta import Add, Delta, Key, Write
 
 MAX_WAITING = 10_000
+"""Writes for unknown entries that are kept; one with a long value counts for several (see `_weight`)."""
 _MASK = (1 << 64) - 1
 
 
@@ -131,7 +133,7 @@ class Store:
         self.by_key.setdefault(add.key, {})[add.dot] = entry
         self.fingerprint ^= dot_hash(add.dot)
         for write in self._waiting.pop(add.dot, ()):
-            self._waiting_count -= 1
+            self._waiting_count -= _weight(write)
             self._write(write)
             if write.dot:
                 self.context.add(write.dot)
@@ -167,7 +169,7 @@ class Store:
             return True
         if self._waiting_count < MAX_WAITING:
             self._waiting.setdefault(write.owner, []).append(write)
-            self._waiting_count += 1
+            self._waiting_count += _weight(write)
         else:
             self.lost_waiting += 1
         return False
@@ -175,7 +177,7 @@ class Store:
     def _forget_waiting(self, dot: Dot) -> None:
         """Writes for a removed entry are void, so their dots count as seen."""
         for write in self._waiting.pop(dot, ()):
-            self._waiting_count -= 1
+            self._waiting_count -= _weight(write)
             if write.dot:
                 self.context.add(write.dot)
 
@@ -185,9 +187,13 @@ class Store:
             for dots in delta.context:
                 self.context.add_range(*dots)
             return
+        holes: dict[str, list[int]] = {}
+        for rid, counter in sorted(held_back):
+            holes.setdefault(rid, []).append(counter)
         for rid, first, last in delta.context:
-            holes = sorted(counter for owner, counter in held_back if owner == rid and first <= counter <= last)
-            for start, hole in zip([first, *(h + 1 for h in holes)], [*holes, last + 1], strict=True):
+            counters = holes.get(rid, [])
+            inside = counters[bisect_left(counters, first) : bisect_right(counters, last)]
+            for start, hole in zip([first, *(h + 1 for h in inside)], [*inside, last + 1], strict=True):
                 self.context.add_range(rid, start, hole - 1)
 
     def missing_for(self, seen: CausalContext) -> Delta:
@@ -217,6 +223,11 @@ class Store:
                 self.unsettled[(owner, attribute)] = passes + 1
         delta.context = list(to_ranges(write.dot for write in delta.writes if write.dot))
         return delta
+
+
+def _weight(write: Write) -> int:
+    """How many writes with a short value it counts for."""
+    return 1 + len(write.value) // 100 if isinstance(write.value, str | bytes | tuple) else 1
 
 
 def dot_hash(dot: Dot) -> int:

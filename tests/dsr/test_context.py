@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -20,4 +22,5 @@ def test_it_is_a_set_that_compacts(added: list[tuple[str, int, int]]) -> None:
     assert {(rid, n) for rid in "ab" for n in range(1, 50) if (rid, n) in context} == plain
     assert CausalContext(context.ranges()) == context
     for rid, beyond in context.cloud.items():
-        assert beyond and min(beyond) > context.vector.get(rid, 0) + 1
+        assert beyond and beyond[0][0] > context.vector.get(rid, 0) + 1
+        assert all(left[1] + 1 < right[0] for left, right in pairwise(beyond))

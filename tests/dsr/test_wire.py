@@ -117,7 +117,7 @@ def test_the_unchanged_message_is_valid() -> None:
         message(adds=[[0, 1, ["a", "b"], "on", [0, 1], [0, 1]]]), message(adds=[[0, 1, "n", "cube", [0, 1], []]]),
         message(adds=[[0, 1, ["a", "b", "on"], "on", [], []]]), message(adds=[[0, 1, "", "cube", [], []]]),
         message(removed=[0]), message(removed=[0, 0]), message(removed=[7, 1]), message(removed=[0, -1]),
-        message(context=[0, 1]), message(context=[0, 5, 4]), message(context=[0, 2, 2**40]), message(context=[0, 0, 4]),
+        message(context=[0, 1]), message(context=[0, 5, 4]), message(context=[0, 2, 2**54]), message(context=[0, 0, 4]),
         message(live=[0]), message(live=[9, 9]),
         written(float("nan")), written(float("inf")), written({"a": 1}), written([1.0, "x"]), written([[1.0]]),
         written([1.0, float("nan")]), written(2**63), written(msgpack.ExtType(2, b"")),
@@ -136,7 +136,7 @@ def test_malformed_deltas_are_refused(payload: bytes) -> None:
 @pytest.mark.parametrize(
     "payload",
     [b"", b"\x00", message(), msgpack.packb([2, "a", 1.0, [], 0, []]), msgpack.packb([1, "a", float("nan"), [], 0, []]),
-     msgpack.packb([1, "a", 1.0, [["a", 2, 2**40]], 0, []]), msgpack.packb([1, "a", 1.0, [["a", 0, 2]], 0, []])],
+     msgpack.packb([1, "a", 1.0, [["a", 2, 2**54]], 0, []]), msgpack.packb([1, "a", 1.0, [["a", 0, 2]], 0, []])],
 )  # fmt: skip
 def test_malformed_digests_are_refused(payload: bytes) -> None:
     with pytest.raises(WireError):

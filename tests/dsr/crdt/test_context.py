@@ -46,8 +46,14 @@ def test_ranges_rebuild_the_context(items: list[Dot]) -> None:
 
 def test_a_closed_gap_leaves_no_cloud() -> None:
     context = context_of([("a", 3), ("a", 2), ("a", 5)])
-    assert context.cloud == {"a": {2, 3, 5}}
+    assert context.cloud == {"a": [(2, 3), (5, 5)]}
     context.add(("a", 1))
-    assert (context.vector, context.cloud) == ({"a": 3}, {"a": {5}})
+    assert (context.vector, context.cloud) == ({"a": 3}, {"a": [(5, 5)]})
     context.add(("a", 4))
     assert (context.vector, context.cloud) == ({"a": 5}, {})
+
+
+def test_what_somebody_claims_to_have_seen_takes_no_memory() -> None:
+    context = CausalContext([("a", 5, 1 << 53), ("a", 2, 3)])
+    assert context.cloud == {"a": [(2, 3), (5, 1 << 53)]}
+    assert context.covers(CausalContext([("a", 6, 1 << 52)])) and not context.covers(CausalContext([("a", 3, 9)]))

@@ -222,7 +222,7 @@ class Soup:
         for _ in range(4):
             for index in range(len(self.sites)):
                 self.settle(index)
-        for _ in range(2):
+        for _ in range(4):  # around twice, and again for a write that waited for what came with the first
             for index in range(len(self.sites)):
                 self.sync(index, index + 1)
                 self.sync(index + 1, index)

@@ -60,7 +60,7 @@ def ignore_whose_counter_it_is(original: Any) -> Any:
     """Known-bad variant 2: a counter below the highest in the cloud counts as seen, whoever's it is."""
 
     def contains(self: CausalContext, dot: Dot) -> bool:
-        known = [*self.vector.values(), *(counter for beyond in self.cloud.values() for counter in beyond)]
+        known = [*self.vector.values(), *(last for beyond in self.cloud.values() for _, last in beyond)]
         return dot[1] <= max(known, default=0)
 
     return contains
