@@ -41,7 +41,8 @@ MAX_MESSAGE = 1 << 28
 """Bytes of a delta or digest; a graph of a million nodes fits."""
 
 _Natural = Annotated[int, msgspec.Meta(ge=0)]
-_Counter = Annotated[int, msgspec.Meta(ge=0, le=_MAX_COUNTER)]
+_Counter = Annotated[int, msgspec.Meta(ge=1, le=_MAX_COUNTER)]
+_CounterOrZero = Annotated[int, msgspec.Meta(ge=0, le=_MAX_COUNTER)]
 _Stamp = Annotated[int, msgspec.Meta(ge=0, le=(1 << 63) - 1)]
 _Name = Annotated[str, msgspec.Meta(min_length=1, max_length=MAX_NAME)]
 
@@ -62,7 +63,7 @@ class _Write(msgspec.Struct, array_like=True, gc=False):
     stamp: _Stamp
     writer: _Natural
     dot_replica: _Natural
-    dot_counter: _Counter
+    dot_counter: _CounterOrZero
     value: Any
 
 
@@ -181,9 +182,8 @@ def _to_delta(message: _Delta) -> Delta:
     names = message.replicas
     delta = Delta()
     for a in message.adds:
-        key = _to_key(a)
-        sources, destinations = tuple(_dots(names, a.sources)), tuple(_dots(names, a.destinations))
-        delta.adds.append(Add((names[a.replica], _positive(a.counter)), key, a.type, sources, destinations))
+        ends = (tuple(_dots(names, a.sources)), tuple(_dots(names, a.destinations))) if a.sources else ()
+        delta.adds.append(Add((names[a.replica], a.counter), _to_key(a), a.type, *ends))
     delta.writes = [_to_write(names, write) for write in message.writes]
     delta.removed = _dots(names, message.removed)
     delta.context = _ranges(names, message.context)
@@ -211,14 +211,15 @@ def _is_name(value: Any) -> bool:
 def _to_write(names: list[str], write: _Write) -> Write:
     writer = names[write.writer]
     dot = (names[write.dot_replica], write.dot_counter) if write.dot_counter else None
-    owner = (names[write.replica], _positive(write.counter))
-    return Write(owner, write.attribute, write.stamp, writer, dot, _to_value(write.value))
+    value = write.value if type(write.value) in _PLAIN else _to_value(write.value)
+    return Write((names[write.replica], write.counter), write.attribute, write.stamp, writer, dot, value)
+
+
+_PLAIN = frozenset((Pose, bool))
 
 
 def _to_value(value: Any) -> Any:
     kind = type(value)
-    if kind in (Pose, bool):
-        return value
     if kind in (str, bytes) and len(value) <= MAX_LENGTH:
         return value
     if value is None:
@@ -239,11 +240,13 @@ def _positive(counter: int) -> int:
 
 
 def _dots(names: list[str], flat: list[int]) -> list[Dot]:
+    if len(flat) == 2:
+        return [(names[flat[0]], _positive(flat[1]))]
     if len(flat) % 2:
         raise ValueError("dots are pairs of a replica's index and a counter")
     counters = flat[1::2]
     _positive(min(counters, default=1))
-    return [(names[index], counter) for index, counter in zip(flat[::2], counters, strict=True)]
+    return list(zip(map(names.__getitem__, flat[::2]), counters, strict=True))
 
 
 def _ranges(names: list[str], flat: list[int]) -> list[DotRange]:
