@@ -106,6 +106,7 @@ def test_attributes_and_edges_can_be_taken_away(net: Net) -> None:
         ({"mass": True}, "float"), ({"size": (1, 2)}, "vector of 3"), ({"size": (1, 2, math.inf)}, "finite"),
         ({"marker_id": 1.5}, "int"), ({"marker_id": 2**63}, "int"), ({"perceived": 1}, "bool"), ({"note": b"x"}, "str"),
         ({"target_pose": (1, 2, 3)}, "pose"), ({"size": np.ones((3, 1))}, "vector"),
+        ({"note": "half of a pair: \ud83d"}, "str"),
     ],
 )  # fmt: skip
 def test_wrong_values_are_refused_with_reason_and_change_nothing(
