@@ -32,7 +32,7 @@ from dsr.persistence.cortex_values import (
 )
 from dsr.persistence.json_text import JsonFile, Problem, ValuePath
 from dsr.runtime.config import MisfitError, convert
-from dsr.schema import POSE_FIELDS, AttributeType, Kind, Schema, Value
+from dsr.schema import MAX_LENGTH, POSE_FIELDS, AttributeType, Kind, Schema, Value
 
 DERIVED = ("level", "parent")
 """Attributes of nodes that follow from the RT links."""
@@ -226,8 +226,11 @@ class _Importer:
                 continue
             name = self._fitting_name(theirs, kind, value, found.value.type)
             text = name.startswith(PREFIX)
-            raw = found.value.value
-            values[name] = json.dumps(raw) if text else self._result.schema.to_value(name, value)
+            kept = json.dumps(found.value.value) if text else value
+            if isinstance(kept, str) and len(kept) > MAX_LENGTH:
+                self._problems.append(((*path, theirs), f"larger than a value may be ({MAX_LENGTH} characters)"))
+                continue
+            values[name] = self._result.schema.to_value(name, kept)
             origin = Origin(found.value.type, _if_other(theirs, name), text, found.extra)
             if origin != Origin(default_code(values[name])):
                 origins[name] = origin

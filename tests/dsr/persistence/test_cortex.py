@@ -306,3 +306,9 @@ def edited(tmp_path: Path) -> Callable[..., str]:
 )  # fmt: skip
 def test_a_mistake_is_told_with_its_place(edited: Callable[..., str], old: str, new: str, message: str) -> None:
     assert message in edited(old, new)
+
+
+def test_a_value_that_no_graph_holds_is_told(edited: Callable[..., str]) -> None:
+    message = edited("[0, 127, 255]", str([1] * ((1 << 20) + 1)))
+    assert "attribute.cam_rgb: larger than a value may be (1048576 characters)" in message
+    assert len(message) < 300
