@@ -20,10 +20,14 @@ from benchmarks.timing import duration, monotonic, sleep
 from benchmarks.workers import BenchmarkError, Worker, commands
 from dsr.rendezvous import free_port
 
-_ABOUT = "nodes with 5 attributes and an RT edge each; from dsr.connect to complete"
+_ABOUT = "nodes with 5 attributes each; from dsr.connect to complete"
 SPECS = {
     nodes: Spec(f"late join, {label} nodes", "ms", target, about=_ABOUT)
     for nodes, label, target in ((1000, "1000", 50.0), (10_000, "10 000", 300.0))
+}
+SPECS_WITH_EDGES = {
+    nodes: Spec(f"late join, {label} nodes and as many RT edges", "ms", about=_ABOUT)
+    for nodes, label in ((1000, "1000"), (10_000, "10 000"))
 }
 Join = Callable[[str, int], float]
 """Joins the graph of that name, or the endpoint, with as many nodes or bytes; how long that took, s."""
@@ -33,7 +37,7 @@ def measure(run: Run) -> None:
     """Small graphs, then large ones."""
     times: dict[str, dict[str, list[float]]] = {}
     for nodes, spec in SPECS.items():
-        ours, zenoh = _joins(run, nodes)
+        ours, zenoh = _joins(run, nodes, edges=False)
         peers = [Peer("raw Zenoh", statistics.median(zenoh) * 1e3)]
         for document in documents.installed(run):
             run.step(f"late join: {document.name}, {nodes} nodes")
@@ -43,21 +47,24 @@ def measure(run: Run) -> None:
         run.row(spec, statistics.median(ours) * 1e3, peers, f"{len(ours)} joins, slowest {max(ours) * 1e3:.0f} ms")
         times[str(nodes)] = {"ours": ours, **{peer.name: [peer.value / 1e3] for peer in peers}}
     run.curve("join", times)
+    for nodes, spec in SPECS_WITH_EDGES.items():
+        ours, zenoh = _joins(run, nodes, edges=True)
+        run.row(spec, statistics.median(ours) * 1e3, [Peer("raw Zenoh", statistics.median(zenoh) * 1e3)])
 
 
-def _joins(run: Run, nodes: int) -> tuple[list[float], list[float]]:
+def _joins(run: Run, nodes: int, *, edges: bool) -> tuple[list[float], list[float]]:
     """How long joining takes for ours and for raw Zenoh, in turns, s."""
-    graph = f"join-{nodes}"
+    graph = f"join-{nodes}{'-edges' if edges else ''}"
     ours: list[float] = []
     zenoh: list[float] = []
-    with Worker(_hold, graph, nodes) as holder:
+    with Worker(_hold, graph, nodes, edges) as holder:
         size = holder.receive()
         endpoint = f"tcp/127.0.0.1:{free_port()}"
         with Worker(_hold_bytes, endpoint, size) as bytes_holder:
             bytes_holder.receive()
             for number in range(run.pick(9, 5)):
                 run.step(f"late join: {nodes} nodes, {number + 1}")
-                ours.append(_newcomer(_join, graph, nodes))
+                ours.append(_newcomer(_join_with_edges if edges else _join, graph, nodes))
                 zenoh.append(_newcomer(zenoh_query.fetch, endpoint, size))
     return ours, zenoh
 
@@ -69,10 +76,10 @@ def _newcomer(join: Join, place: str, amount: int) -> float:
         return float(newcomer.ask("go"))
 
 
-def _hold(connection: Connection, graph: str, nodes: int) -> None:
+def _hold(connection: Connection, graph: str, nodes: int, edges: bool) -> None:
     """Hold the content; tell the size of its snapshot."""
     with dsr.connect(graph, agent="holder") as memory:
-        workload.fill(memory, nodes)
+        workload.fill(memory, nodes, edges=edges)
         connection.send(len(memory.snapshot()))
         for _ in commands(connection):
             pass
@@ -92,13 +99,17 @@ def _join_when_told(connection: Connection, join: Join, place: str, amount: int)
         connection.send(join(place, amount))
 
 
-def _join(graph: str, nodes: int) -> float:
+def _join_with_edges(graph: str, nodes: int) -> float:
+    return _join(graph, nodes, edges=True)
+
+
+def _join(graph: str, nodes: int, *, edges: bool = False) -> float:
     start = monotonic()
     with dsr.connect(graph, agent="newcomer") as memory:
         taken = monotonic() - start
-        if not workload.is_complete(memory, nodes):
+        if not workload.is_complete(memory, nodes, edges=edges):
             raise BenchmarkError(f"joined with {len(memory.nodes())} of {nodes} nodes")
         return taken
 
 
-GROUP = Group("join", list(SPECS.values()), measure)
+GROUP = Group("join", [*SPECS.values(), *SPECS_WITH_EDGES.values()], measure)

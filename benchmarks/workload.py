@@ -34,17 +34,18 @@ def pose(index: int, stamp: float = 1.0) -> Pose:
     return Pose((float(index), 0.2, 0.3), (0.0, 0.0, 0.6, 0.8), stamp)
 
 
-def fill(memory: Memory, nodes: int = NODES) -> None:
-    """Add the world, `nodes` nodes and an RT edge to each."""
+def fill(memory: Memory, nodes: int = NODES, *, edges: bool = True) -> None:
+    """Add the world, `nodes` nodes and, with `edges`, an RT edge to each."""
     memory.add_node("world", "world")
     for index in range(nodes):
         memory.add_node(name(index), TYPE, **attributes(index))
-        memory.add_edge("world", name(index), "RT", pose=pose(index))
+        if edges:
+            memory.add_edge("world", name(index), "RT", pose=pose(index))
 
 
-def is_complete(memory: Memory, nodes: int = NODES) -> bool:
+def is_complete(memory: Memory, nodes: int = NODES, *, edges: bool = True) -> bool:
     """Whether all that `fill` adds is there."""
-    return len(memory.nodes()) > nodes and len(memory.edges("RT")) >= nodes
+    return len(memory.nodes()) > nodes and len(memory.edges("RT")) >= nodes * edges
 
 
 def changes(nodes: int = NODES) -> Iterator[tuple[str, dict[str, Value]]]:
