@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
@@ -18,6 +19,8 @@ from dsr.cli.common import console, errors
 from dsr.errors import ConfigError
 
 _INTERRUPTED = 130
+_QUIET = 0.5
+"""Load above which figures are worse than what the machine could do."""
 _ROWS = "Parts of rows' names, or names of groups; default: all."
 
 app = typer.Typer(
@@ -54,6 +57,8 @@ def bench(
         _check_writable(json)
     if plots:
         _check_writable(plots / ".dsr-bench").unlink()
+    if os.getloadavg()[0] > _QUIET:
+        errors.print(f"[yellow]other programs are busy (load {os.getloadavg()[0]:.1f}): times will be too long[/]")
     findings = Findings()
     code = 0
     try:

@@ -21,6 +21,7 @@ from benchmarks.session import Findings
 _OURS, _OTHERS = "#c8102e", ("#1f4e79", "#2e8b57", "#d98e04", "#7b4ea3", "#6c757d", "#17a2b8")
 _MET, _MISSED, _TARGET = "#2e8b57", "#c8102e", {"color": "black", "linestyle": ":", "linewidth": 1.2}
 _STYLE = {"figure.dpi": 130, "axes.grid": True, "grid.alpha": 0.3, "axes.spines.top": False, "axes.spines.right": False}
+_TIMES = (0.01, 0.1, 0.5, 1, 2, 10)
 _LATENCY_TARGETS = (latency.SPECS["attribute"].p50.target, latency.SPECS["attribute"].p99.target)
 
 
@@ -59,7 +60,8 @@ def _overview(rows: Sequence[Row]) -> Any:
             ha="left" if x >= 1 else "right",
         )  # fmt: skip
     axes.axvline(0, **{**_TARGET, "linestyle": "-"})
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{10**x:.3g}"))
+    axes.set_xticks(np.log10(_TIMES), [f"{times:g}" for times in _TIMES])
+    axes.set_ylim(-1, len(rows))
     axes.margins(x=0.12)
     axes.set_xlabel("times the target (left of 1: met)")
     axes.set_title("dsr bench: targets met and missed")
@@ -86,7 +88,7 @@ def _latency(data: Mapping[str, Mapping[str, Sequence[float]]]) -> Any:
                 axes.annotate(label, (target, share), (4, -12), textcoords="offset points", fontsize=8)
         axes.set_title(title)
     panels[0].legend(fontsize=8, loc="lower right")
-    figure.suptitle("One update at 100 Hz, written to readable in another process (left is better)")
+    figure.suptitle("One update at 100 Hz, written to readable in another process (left is better)", y=1.02)
     return figure
 
 
@@ -110,6 +112,7 @@ def _cumulative(axes: Any, samples: Mapping[str, Sequence[float]], ours: Sequenc
         axes.plot(np.sort(values), np.linspace(0, 1, len(values)), label=_named(name, ours), **style)
     axes.set_xscale("log")
     axes.xaxis.set_major_formatter(FuncFormatter(lambda x, _: f"{x:g}"))
+    axes.xaxis.set_minor_formatter(FuncFormatter(lambda x, _: f"{x:g}" if f"{x:g}".strip("0.") in ("2", "5") else ""))
     axes.set_xlabel("ms")
     axes.set_ylabel("share of updates")
 
