@@ -1,11 +1,12 @@
 # make demo    show it: sets up .venv, starts everything, compares belief with truth
 # make test    ruff, mypy, all tests
 # make lint    ruff and mypy only
+# make bench   dsr bench with all peers and plots: make bench ARGS="--quick"
 # make clean   remove what these made, except the recordings in runs/
 #
 # PYTHON=/path/to/python3.11 chooses the interpreter; ARGS go to the demo: make demo ARGS="--seed 3"
 
-.PHONY: demo test lint setup clean
+.PHONY: demo test lint bench setup clean
 
 demo: setup
 	@.venv/bin/dsr demo $(ARGS)
@@ -16,6 +17,10 @@ test: lint
 lint: setup
 	.venv/bin/ruff check .
 	.venv/bin/mypy
+
+bench: setup
+	@.venv/bin/python -m pip install --quiet --no-deps -r requirements-bench.lock
+	@.venv/bin/dsr bench --json runs/bench/rows.json --plots runs/bench $(ARGS)
 
 setup:
 	@PYTHON="$(PYTHON)" .ci/setup

@@ -37,11 +37,14 @@ _WARM_UP = 1.0  # s
 
 
 class _Flow(NamedTuple):
-    """What came out of one period at full speed, per second."""
+    """What came out of one period at full speed."""
 
     written: float
+    """Per second, all the time."""
     delivered: float
-    """In the slowest reader."""
+    """Per second to the slowest reader, in the middle of the period."""
+    left_out: float
+    """The share of all writes that never came, as a later one replaced them."""
 
 
 def measure(run: Run) -> None:
@@ -52,8 +55,7 @@ def measure(run: Run) -> None:
         peers = [Peer(name, flow.delivered) for name, flow in flows.items() if name not in ("attributes", "RT")]
         for name, spec in (("attributes", attributes), ("RT", rt)):
             flow = flows[name]
-            left_out = max(0.0, 1 - flow.delivered / flow.written)
-            note = f"{number(flow.written)} per s written, {left_out:.0%} of them replaced before they were sent"
+            note = f"{number(flow.written)} per s written, {flow.left_out:.0%} of them replaced before they were sent"
             run.row(spec, flow.delivered, [*peers, *(merged if readers == 1 else ())], note)
         run.curve(f"throughput to {readers}", {name: flow.delivered for name, flow in flows.items()})
 
@@ -108,15 +110,18 @@ class _Crowd(contextlib.ExitStack):
 
     def saturate(self, seconds: float) -> _Flow:
         """Write at full speed; count for `seconds`, after a warm-up."""
+        first = self._counts()
         self._writer.send(seconds + 2 * _WARM_UP)
         sleep(_WARM_UP)
         before = self._counts()
         sleep(seconds)
         after = self._counts()
-        written = self._writer.receive()
+        written, taken = self._writer.receive()
+        sleep(_WARM_UP)  # for what is still on its way
+        last = self._counts()
         rates = [(b[0] - a[0]) / (b[1] - a[1]) for a, b in zip(before, after, strict=True)]
-        sleep(_WARM_UP)  # what is still on its way must not disturb the next one
-        return _Flow(written, min(rates))
+        arrived = min(b[0] - a[0] for a, b in zip(first, last, strict=True))
+        return _Flow(written / taken, min(rates), max(0.0, 1 - arrived / written))
 
     def _counts(self) -> list[tuple[int, float]]:
         for reader in self._readers:
@@ -125,7 +130,7 @@ class _Crowd(contextlib.ExitStack):
 
 
 def _write(connection: Connection, link: Link) -> None:
-    """Write for as many seconds as asked for; answer with the writes per second."""
+    """Write for as many seconds as asked for; answer with how many and how long it took, s."""
     writer = link.writer()
     connection.send("ready")
     written = 0
@@ -135,7 +140,7 @@ def _write(connection: Connection, link: Link) -> None:
             for _ in range(20):
                 written += 1
                 writer.send(written)
-        connection.send((written - first) / (monotonic() - start))
+        connection.send((written - first, monotonic() - start))
     writer.close()
 
 

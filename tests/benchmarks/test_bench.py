@@ -172,3 +172,22 @@ def marked(value: str) -> Iterator[int]:
                 yield int(folder.name)
         except OSError:
             continue
+
+
+def test_plots_are_drawn_of_what_was_measured(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    from benchmarks.plots import draw
+
+    rows = [judged(spec, spec.target or 1.0) for group in groups.GROUPS for spec in group.specs]
+    samples = {"attribute": [0.1, 0.2], "raw Zenoh, attribute": [0.1, 0.3]}
+    curves = {
+        "latency": {"quiet": samples, "busy": samples},
+        "throughput to 3": {"attributes": 1e4, "raw TCP": 2e4},
+        "join": {"1000": {"ours": [0.1, 0.2]}, "10000": {"ours": [0.5]}},
+        "camera frames": {"ours": [1.0, 2.0]},
+        "cascade": {"graphs": [1, 5], "ms": {"ours": [1.0, 2.0]}},
+        "growth": {"nodes": [100, 1000], "us": {"get node": [1.0, 1.1]}},
+    }
+    files = draw(Findings(rows, curves), tmp_path)
+    assert {file.stem for file in files} == {*(name.replace(" ", "_") for name in curves), "overview"}
+    assert all(file.read_bytes().startswith(b"\x89PNG") for file in files)
