@@ -19,6 +19,7 @@ from dsr.errors import (
     EdgeNotFoundError,
     ExtrapolationError,
     GraphError,
+    ListenError,
     NodeNotFoundError,
     NoPathError,
     SchemaError,
@@ -32,6 +33,7 @@ from dsr.memory import Memory
 from dsr.persistence.content import GraphContent
 from dsr.persistence.files import read_graph, write_graph
 from dsr.persistence.keeper import StateKeeper
+from dsr.replica import Statistics
 from dsr.runtime.access import Access
 from dsr.schema import AttributeType, Schema
 from dsr.transforms import Pose
@@ -55,6 +57,7 @@ __all__ = [
     "FrameReader",
     "GraphContent",
     "GraphError",
+    "ListenError",
     "LocalNetwork",
     "ManualClock",
     "Memory",
@@ -65,6 +68,7 @@ __all__ = [
     "Schema",
     "SchemaError",
     "StateKeeper",
+    "Statistics",
     "TransformError",
     "TransportError",
     "WallClock",

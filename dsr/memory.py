@@ -25,7 +25,7 @@ from dsr.frame_reader import FrameReader
 from dsr.frames import Types
 from dsr.graph import Graph
 from dsr.keys import Keys, check_name
-from dsr.replica import Replica
+from dsr.replica import Replica, Statistics
 from dsr.schema import Schema, checked_names, with_pose
 from dsr.sync import Gate
 from dsr.transforms import Array, Pose
@@ -300,6 +300,11 @@ class Memory:
     def dropped(self) -> dict[str, int]:
         """Malformed messages that were dropped, by replica id of the sender."""
         return dict(self._replica.synchroniser.dropped)
+
+    @property
+    def statistics(self) -> Statistics:
+        """How often messages were lost, skipped or malformed, and repaired."""
+        return self._replica.statistics
 
     def wait_joined(self, timeout: float, *, alone: bool = False) -> None:
         """Wait at most `timeout` s for the graph's present content; if nobody is there, the graph begins with us.

@@ -11,6 +11,7 @@ import logging
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator
+from typing import NamedTuple
 
 from dsr.clock import Clock
 from dsr.crdt.context import CausalContext
@@ -31,6 +32,21 @@ NEWEST_DELTAS = 1024
 NEWEST_SAMPLES = 256
 
 _log = logging.getLogger("dsr.replica")
+
+
+class Statistics(NamedTuple):
+    """What a replica had to put up with since it began; all of it is repaired."""
+
+    repairs: int
+    """How often it asked a peer for something that it had missed."""
+    outbox_overflows: int
+    """How often so much waited for a congested network that it was left to the repair."""
+    skipped: int
+    """Messages passed over because merging could not keep up."""
+    forgotten: int
+    """Writes that came so long before their node that they were forgotten."""
+    malformed: int
+    """Messages that made no sense, from all senders."""
 
 
 class Replica:
@@ -220,6 +236,15 @@ class Replica:
             thread.join(timeout=2.0)
         for declaration in reversed(self._declarations):
             declaration.close()
+
+    @property
+    def statistics(self) -> Statistics:
+        """What it had to put up with."""
+        sync = self.synchroniser
+        malformed = sum(list(sync.dropped.values()))
+        return Statistics(
+            sync.repairs, self._outbox.overflowed, self.skipped, self.graph.store.lost_waiting, malformed
+        )
 
     def snapshot(self) -> bytes:
         """The whole state as an encoded synchronisation reply."""

@@ -43,7 +43,9 @@ REQUEST_TIMEOUT = 10.0
 MAX_DRIFT = 0.5
 """s that a peer's clock may be ahead of ours."""
 ELDER_PATIENCE = 1.0
-"""s that a newcomer waits for the oldest peer to be reachable before it asks another one."""
+"""s that a newcomer waits for an answer of those before it, the oldest first, before it asks anybody."""
+JOIN_RETRY = 0.02
+"""s after which a newcomer asks the same peer again, whose answer found no way yet."""
 SILENCE = 5.0
 """s after which a peer's last digest counts no more."""
 MAX_PEERS = 1000
@@ -280,13 +282,16 @@ class Synchroniser:
         ])
 
     def _peer_to_join(self, now: float) -> str | None:
-        """The oldest peer first, which is waited for a while: a younger one may be a newcomer itself."""
+        """The elders first, for a while: a younger one may be a newcomer itself. Then whoever answers."""
         if self._joining_since is None:
             self._joining_since = now
-        if self.elders and self.elders[0] not in self._peers and now - self._joining_since < ELDER_PATIENCE:
+        patient = now - self._joining_since < ELDER_PATIENCE
+        if patient and self.elders and self.elders[0] not in self._peers:
             return None
-        present = [rid for rid in self.elders if rid in self._peers]
-        return self._least_asked(present) or self._least_asked(list(self._peers))
+        elders = [rid for rid in self.elders if rid in self._peers] if patient else []
+        return self._least_asked([
+            rid for rid in elders or self._peers if now - self._peers[rid].asked_at >= JOIN_RETRY
+        ])
 
     def _least_asked(self, rids: list[str]) -> str | None:
         """The peers in turn, so that one that does not answer is not asked for ever."""

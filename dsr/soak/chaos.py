@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 
 from dsr.clock import Clock
+from dsr.replica import Statistics
 from dsr.soak.faults import FAULTS, NEED_TWO_MACHINES, Scene
 from dsr.soak.fleet import Fleet, Plan
 from dsr.soak.journal import Record, take_records
 from dsr.soak.judge import Judge
+from dsr.soak.process import WorkerError
 
 HEAL_TIMEOUT = 60.0
 """s after which replicas that still differ count as diverged."""
@@ -47,6 +49,8 @@ class Tally:
     blocked: float = 0.0
     """The longest call of a write, s."""
     faults: dict[str, FaultTally] = field(default_factory=dict)
+    statistics: dict[str, dict[str, int]] = field(default_factory=dict)
+    """The newest `Memory.statistics` by worker; those of the dead are kept."""
 
     def result(self, judge: Judge) -> dict[str, Any]:
         """As `dsr soak --json` writes it."""
@@ -59,6 +63,9 @@ class Tally:
             "blocked_s_max": self.blocked,
             "kill_window_s_max": judge.kill_window,
             "faults": {name: tally.summary() for name, tally in self.faults.items()},
+            "statistics": {
+                name: sum(counts[name] for counts in self.statistics.values()) for name in Statistics._fields
+            } if self.statistics else {},
             "findings": self.lost,
         }
 
@@ -89,7 +96,10 @@ class Soak:
         self._folder, self._plan, self._rate = folder, plan, rate
 
     def run(self, seconds: float, progress: Callable[[str, Tally], None], rounds: int = 1) -> None:
-        """Inject faults for `seconds` s, and for so many `rounds` at least; `progress` is told about each one."""
+        """Inject faults for `seconds` s, and for so many `rounds` at least; `progress` is told about each one.
+
+        A worker that ends or hangs counts as a loss, and ends the run.
+        """
         with Fleet(self._folder, self._clock, self._plan) as fleet:
             scene = Scene(fleet, self.judge, self._generator, self._rate)
             begin = self._clock.monotonic()
@@ -97,7 +107,11 @@ class Soak:
                 if number >= rounds and self._clock.monotonic() - begin > seconds:
                     return
                 progress(name, self.tally)
-                self._round(scene, name)
+                try:
+                    self._round(scene, name)
+                except WorkerError as error:
+                    self.tally.lost.append(f"during {name}: {error}")
+                    return
 
     def _endless_faults(self) -> Iterator[str]:
         """All faults in a random order, again and again."""
@@ -131,9 +145,10 @@ class Soak:
         self.tally.lost += self.judge.check(workers[0].do("state"))
         scene.frozen.clear()
         for worker in workers:
-            failure = worker.do("report")["failure"]
-            if failure:
-                self.tally.lost.append(f"{worker.slot} could not write: {failure}")
+            report = worker.do("report")
+            if report["failure"]:
+                self.tally.lost.append(f"{worker.slot} could not write: {report['failure']}")
+            self.tally.statistics[worker.journal.stem] = report["statistics"]
             worker.do("tidy")
 
 

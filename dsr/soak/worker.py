@@ -146,8 +146,8 @@ class Worker:
     def report(self) -> dict[str, Any]:
         """How it is doing."""
         return {
-            "rid": self._memory.rid, "peers": len(self._memory.peers), "failure": self._writer.failure,
-            "dropped": sum(self._memory.dropped.values()),
+            "peers": len(self._memory.peers), "failure": self._writer.failure,
+            "statistics": self._memory.statistics._asdict(),
         }  # fmt: skip
 
 

@@ -55,14 +55,22 @@ class Workload:
         self._generator = generator
         self._clock = clock
         self._own: deque[int] = deque()
+        self._begun = False
+
+    def _begin(self) -> None:
+        """Add what the steps write into."""
+        memory, slot = self._memory, self._slot
         memory.add_node("world", "world")
-        memory.add_node(slot, "robot", seen=first)
-        memory.add_edge("world", slot, "RT", pose=Pose((float(first), 0.0, 0.0)))
+        memory.add_node(slot, "robot", seen=self._number)
+        memory.add_edge("world", slot, "RT", pose=Pose((float(self._number), 0.0, 0.0)))
         for number in range(SHARED_REGISTERS):
             memory.add_node(shared_name(number), "table")
+        self._begun = True
 
     def step(self) -> None:
         """Some writes of each kind."""
+        if not self._begun:
+            self._begin()
         self._number = number = self._number + 1
         memory, slot = self._memory, self._slot
         self._noted(Kind.COUNT, number, lambda: memory.update_node(slot, seen=number))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -464,3 +465,15 @@ def test_a_newcomer_does_not_wait_for_ever_for_the_oldest(net: Net) -> None:
     late = net.join("late", elders=lambda: ["stopped-1", young.rid])
     net.pump(1.5)
     assert late.joined
+
+
+def test_a_newcomer_whom_the_oldest_does_not_answer_asks_another(net: Net) -> None:
+    first = net.join("first")
+    net.join("second")
+    net.pump(1.5)
+    first.add_node("x", "cube")
+    net.pump(1.5)
+    with mock.patch.object(first._replica.synchroniser, "answer", return_value=None):
+        late = net.join("late", elders=lambda: [first.rid])
+        net.pump(5.0)
+    assert late.joined and "x" in late

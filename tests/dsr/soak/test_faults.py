@@ -71,3 +71,17 @@ def test_a_cut_of_10_s_while_each_side_writes_a_thousand_times(tmp_path: Path) -
 def test_races(tmp_path: Path) -> None:
     result = run_races(tmp_path, WALL_CLOCK, 20, 0, lambda _: None)
     assert {race: (row["equal"], row["right"]) for race, row in result.items()} == dict.fromkeys(RACES, (20, 20))
+
+
+def test_a_process_whose_clock_is_an_hour_ahead_must_not_write_and_harms_nobody(tmp_path: Path) -> None:
+    with Fleet(tmp_path, WALL_CLOCK, Plan(processes=3, machines=1, shifts=(0.0, 0.0, 3600.0))) as fleet:
+        *others, wrong = fleet.everybody()
+        fleet.run(rate=100.0)
+        deadline = WALL_CLOCK.monotonic() + HEALED
+        while "ClockDriftError" not in wrong.do("report")["failure"]:
+            assert WALL_CLOCK.monotonic() < deadline
+        fleet.pause()
+        in_parallel(others, "burst", count=30)
+        assert fleet.seconds_until_equal(WALL_CLOCK.monotonic(), HEALED) is not None
+        state = wrong.do("state")
+    assert {state[f"shared{number}"]["note"].split(".")[0] for number in range(4)} <= {"w0", "w1"}
