@@ -14,6 +14,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from dsr.decoding import decoded
 from dsr.errors import WireError
 
 _DTYPES = {"uint8", "uint16", "int32", "float32", "float64"}
@@ -74,10 +75,7 @@ def decode_frame(payload: bytes | memoryview) -> Frame:
     body = _body_start(length)
     if length > _MAX_HEADER or body > len(view):
         raise WireError(f"a frame of {len(view)} bytes claims a header of {length} bytes")
-    try:
-        header = _decoder.decode(view[_LENGTH.size : _LENGTH.size + length])
-    except (msgspec.MsgspecError, ValueError) as error:
-        raise WireError(f"frame header: {error}") from error
+    header = decoded(view[_LENGTH.size : _LENGTH.size + length], "frame header", _decoder.decode)
     if not math.isfinite(header.stamp):
         raise WireError("frame header: the stamp is not finite")
     return Frame(header.stamp, {entry[0]: _array(view[body:], *entry) for entry in header.arrays}, header.meta)

@@ -14,7 +14,7 @@ from typing import Protocol, SupportsBytes
 
 import msgspec
 
-from dsr.errors import WireError
+from dsr.decoding import decoded
 from dsr.shared_ring import SLOTS, Ring, RingReader, Ticket
 from dsr.transport import Chunks, Subscription
 
@@ -110,7 +110,7 @@ class BulkReader:
         Raises `WireError` if what came in its place is malformed.
         """
         while self._ticket:
-            ticket = _decoded(bytes(self._ticket.pop()))
+            ticket = decode_ticket(bytes(self._ticket.pop()))
             ring = None if ticket is None else self._ring_of(ticket)
             self._want_bytes(ring is None)
             if ticket is None or ring is None:
@@ -154,8 +154,6 @@ class BulkReader:
         return keep
 
 
-def _decoded(payload: bytes) -> Ticket | None:
-    try:
-        return _decoder.decode(payload)
-    except msgspec.MsgspecError as error:
-        raise WireError(f"ticket of a large message: {error}") from error
+def decode_ticket(payload: bytes) -> Ticket | None:
+    """Where a large message is; None if it is not in shared memory. Raises `WireError`."""
+    return decoded(payload, "ticket of a large message", _decoder.decode)

@@ -153,9 +153,9 @@ def _float(value: Any) -> float | None:
 
 def _str(value: Any) -> str | None:
     """Half of a surrogate pair is no text: it could not be sent."""
-    if not isinstance(value, str) or not (value.isascii() or _is_text(value)):
+    if not isinstance(value, str) or len(value) > MAX_LENGTH:
         return None
-    return str(value)
+    return str(value) if value.isascii() or _is_text(value) else None
 
 
 def _is_text(value: str) -> bool:

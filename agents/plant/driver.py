@@ -16,6 +16,8 @@ from agents.plant.messages import (
     Stop,
     arm_command_key,
     arm_state_key,
+    decode_arm_state,
+    decode_tag_readings,
     frame_key,
     readings_key,
 )
@@ -48,7 +50,7 @@ class Newest(Generic[T]):
             return None
         try:
             return self._decode(payload)
-        except (WireError, msgspec.MsgspecError) as error:
+        except WireError as error:
             if self.dropped == 0:
                 log.warning("message on %s dropped (logged once): %s", self._key, error)
             self.dropped += 1
@@ -68,7 +70,7 @@ class PlantArm:
     def __init__(self, bus: Transport, keys: Keys) -> None:
         self._bus = bus
         self._key = arm_command_key(keys)
-        self._states = Newest(bus, arm_state_key(keys), msgspec.msgpack.Decoder(ArmState).decode)
+        self._states = Newest(bus, arm_state_key(keys), decode_arm_state)
         self._state: ArmState | None = None
 
     def state(self) -> ArmState | None:
@@ -121,7 +123,7 @@ class PlantPoses:
     """A simulated camera that tells poses of tags instead of images; arguments as of `PlantCamera`."""
 
     def __init__(self, bus: Transport, keys: Keys, name: str = "overhead") -> None:
-        self._readings = Newest(bus, readings_key(keys, name), msgspec.msgpack.Decoder(TagReadings).decode)
+        self._readings = Newest(bus, readings_key(keys, name), decode_tag_readings)
 
     def readings(self) -> TagReadings | None:
         """The newest readings if they were not returned before, else None."""

@@ -8,6 +8,8 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
+from agents.drivers import ArmState, TagReadings
+from dsr.decoding import decoded
 from dsr.errors import WireError
 from dsr.keys import Keys
 from dsr.transforms import Pose
@@ -56,15 +58,14 @@ class Truth(msgspec.Struct, frozen=True):
     """world_from_camera (optical frame) by name, of the cameras in use"""
 
 
+_arm_state_decoder = msgspec.msgpack.Decoder(ArmState)
+_readings_decoder = msgspec.msgpack.Decoder(TagReadings)
 _command_decoder: msgspec.msgpack.Decoder[Command] = msgspec.msgpack.Decoder(Command)
 
 
 def decode_command(payload: bytes, joints: int) -> Command:
     """The command for an arm with that many joints; raises `WireError` for anything else."""
-    try:
-        command = _command_decoder.decode(payload)
-    except msgspec.MsgspecError as error:
-        raise WireError(f"arm command: {error}") from error
+    command = decoded(payload, "arm command", _command_decoder.decode)
     numbers = msgspec.structs.astuple(command)
     values = [*numbers[0], numbers[1]] if isinstance(command, MoveJoints) else numbers
     if not all(map(math.isfinite, values)):
@@ -72,6 +73,40 @@ def decode_command(payload: bytes, joints: int) -> Command:
     if isinstance(command, MoveJoints) and len(command.positions) != joints:
         raise WireError(f"arm command with {len(command.positions)} positions: expected {joints}")
     return command
+
+
+def decode_arm_state(payload: bytes) -> ArmState:
+    """A sample of the arm with one finite number for each joint; raises `WireError` for anything else."""
+    return decoded(payload, "arm state", _read_arm_state)
+
+
+def _read_arm_state(payload: bytes) -> ArmState:
+    state = _arm_state_decoder.decode(payload)
+    if not len(state.names) == len(state.positions) == len(state.velocities):
+        raise ValueError(f"{len(state.positions)} positions and {len(state.velocities)} velocities of {state.names}")
+    _check_finite(state.stamp, state.gripper_opening, *state.positions, *state.velocities)
+    return state
+
+
+def decode_tag_readings(payload: bytes) -> TagReadings:
+    """Readings with poses that are rotations and translations; raises `WireError` for anything else."""
+    return decoded(payload, "tag readings", _read_tag_readings)
+
+
+def _read_tag_readings(payload: bytes) -> TagReadings:
+    seen = _readings_decoder.decode(payload)
+    _check_finite(seen.stamp)
+    for reading in seen.readings:
+        Pose(reading.pose[:3], reading.pose[3:])
+        _check_finite(reading.sigma_translation, reading.sigma_rotation)
+        if min(reading.sigma_translation, reading.sigma_rotation) < 0.0:
+            raise ValueError(f"a negative standard deviation of marker {reading.marker_id}")
+    return seen
+
+
+def _check_finite(*numbers: float) -> None:
+    if not all(map(math.isfinite, numbers)):
+        raise ValueError("a number that is not finite")
 
 
 def seven(pose: Pose) -> Seven:

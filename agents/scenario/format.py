@@ -38,6 +38,7 @@ from agents.scenario.expectations import Check
 from agents.scenario.explain import syntax_error, type_error, value_error
 from agents.scenario.layout import start_poses
 from agents.scenario.model import ObjectSpec, RandomSpec, RobotSpec, Scenario, SensorSpec, TableSpec
+from dsr.decoding import decoded
 from dsr.errors import ConfigError, suggest
 from dsr.keys import Keys
 from dsr.runtime.toml_lines import Path as ValuePath
@@ -82,6 +83,21 @@ class Start(msgspec.Struct, frozen=True):
 
     stamp: float
     """s, time 0 of the scenario"""
+
+
+_start_decoder = msgspec.msgpack.Decoder(Start)
+
+
+def decode_start(payload: bytes) -> Start:
+    """The start in a message; raises `WireError`."""
+    return decoded(payload, "start", _read_start)
+
+
+def _read_start(payload: bytes) -> Start:
+    start = _start_decoder.decode(payload)
+    if not math.isfinite(start.stamp):
+        raise ValueError(f"time {start.stamp}")
+    return start
 
 
 def start_key(keys: Keys) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
-from dsr.errors import WireError
+from dsr.decoding import decoded
 from dsr.transforms import Pose
 
 _Seven = tuple[float, float, float, float, float, float, float]
@@ -28,9 +28,10 @@ _decoder = msgspec.msgpack.Decoder(Truth)
 
 def decode_truth(payload: bytes) -> Truth:
     """The truth in a message; raises `WireError`. Fields unknown here are ignored."""
-    try:
-        truth = _decoder.decode(payload)
-        truth.poses()
-    except (msgspec.MsgspecError, ValueError) as error:
-        raise WireError(f"truth: {error}") from error
+    return decoded(payload, "truth", _read)
+
+
+def _read(payload: bytes) -> Truth:
+    truth = _decoder.decode(payload)
+    truth.poses()
     return truth

@@ -13,6 +13,7 @@ from agents.viewer import palette
 from agents.viewer.model import Scene, Solid, Vector
 from agents.viewer.palette import Color
 from dsr import WireError
+from dsr.decoding import decoded
 from dsr.runtime.status import decode_status
 
 DISTANCES = "series/percept_to_belief_mm"
@@ -66,8 +67,8 @@ class SeriesView:
     def note_truth(self, message: Message) -> None:
         """Remember where the objects are in truth, from a simulated reality."""
         try:
-            truth = _truth_decoder.decode(message.payload)
-        except msgspec.MsgspecError as error:
+            truth = decoded(message.payload, "truth", _truth_decoder.decode)
+        except WireError as error:
             self._drop(message, error)
         else:
             self._truth = {name: seven[:3] for name, seven in truth.objects.items()}

@@ -8,7 +8,7 @@ import threading
 import msgspec
 
 from dsr.clock import Clock
-from dsr.errors import WireError
+from dsr.decoding import decoded
 from dsr.keys import Keys
 from dsr.transport import Qos, Transport
 
@@ -45,10 +45,7 @@ _decoder = msgspec.msgpack.Decoder(LogRecord)
 
 def decode_log(payload: bytes) -> LogRecord:
     """The record of a message on `Keys.log`; raises `WireError`."""
-    try:
-        return _decoder.decode(payload)
-    except msgspec.MsgspecError as error:
-        raise WireError(f"log record: {error}") from error
+    return decoded(payload, "log record", _decoder.decode)
 
 
 class BusLogHandler(logging.Handler):

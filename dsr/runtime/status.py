@@ -10,6 +10,7 @@ from typing import NamedTuple
 import msgspec
 
 from dsr.clock import Clock
+from dsr.decoding import decoded
 from dsr.errors import WireError
 from dsr.keys import Keys
 from dsr.transport import Transport
@@ -70,10 +71,7 @@ def encode_status(status: Status) -> bytes:
 
 def decode_status(payload: bytes) -> Status:
     """The status of a message; raises `WireError`."""
-    try:
-        return _decoder.decode(payload)
-    except msgspec.MsgspecError as error:
-        raise WireError(f"status: {error}") from error
+    return decoded(payload, "status", _decoder.decode)
 
 
 class Heard(NamedTuple):

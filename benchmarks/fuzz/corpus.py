@@ -1,0 +1,142 @@
+"""Right messages of every kind, made by the code that sends them."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.drivers import ArmState, TagReading, TagReadings
+from agents.plant.messages import MoveGripper, MoveJoints, Stop, Truth
+from agents.scenario.format import Start
+from dsr import Pose
+from dsr.blobs import Frame, encode_frame
+from dsr.crdt.context import CausalContext
+from dsr.crdt.delta import Delta
+from dsr.graph import Graph
+from dsr.runtime.logs import LogRecord
+from dsr.runtime.status import State, Status, encode_status
+from dsr.shared_ring import Ticket
+from dsr.wire import Digest, encode_delta, encode_digest
+
+NOW = 1_000_000_000.0
+JOINTS = 7
+_SEVEN = (0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 1.0)
+
+
+def a_graph(rid: str = "arm_controller-5f0c12aa") -> tuple[Graph, list[Delta]]:
+    """A small scene, and the deltas that made it."""
+    graph = Graph(rid)
+    covariance = tuple(1e-6 * (row == column) for row in range(6) for column in range(6))
+    pose = Pose((0.4, 0.0, 0.1), stamp=NOW, covariance=np.reshape(covariance, (6, 6)))
+    deltas = [
+        graph.add_node("world", "world", {}, NOW),
+        graph.add_node("table", "table", {"size": (1.0, 0.8, 0.04), "note": "wood"}, NOW),
+        graph.add_node("cube_3", "cube", {"mass": 0.1, "perceived": True, "seen": 7}, NOW),
+        graph.add_edge("world", "table", "RT", {"pose": pose}, NOW),
+        graph.add_edge("table", "cube_3", "RT", {"pose": Pose((0.0, 0.1, 0.04), stamp=NOW)}, NOW),
+        graph.add_edge("cube_3", "table", "on", {"since": NOW}, NOW),
+    ]
+    deltas += [
+        graph.write(graph.edge("table", "cube_3", "RT"), {"pose": pose}, NOW + 1),
+        graph.write(graph.node("cube_3"), {"seen": 8, "mass": 0.2}, NOW + 1),
+        graph.remove_attribute(graph.node("table"), "note", NOW + 1),
+        graph.remove_edge(("cube_3", "table", "on")),
+        graph.settle(),
+    ]
+    return graph, [delta for delta in deltas if delta]
+
+
+def deltas() -> list[bytes]:
+    """Deltas, bundles of samples, and a removal."""
+    graph, made = a_graph()
+    return [encode_delta(delta) for delta in [*made, graph.remove_node("cube_3")]]
+
+
+def replies() -> list[bytes]:
+    """Synchronisation replies: of everything, and of a part."""
+    graph, made = a_graph()
+    seen = CausalContext(made[0].context)
+    return [encode_delta(graph.store.missing_for(context)) for context in (CausalContext(), seen, graph.store.context)]
+
+
+def digests() -> list[bytes]:
+    """Digests, which are requests for what is missing as well."""
+    context = CausalContext([("arm_controller-5f0c12aa", 1, 9), ("viewer-1", 3, 4), ("viewer-1", 8, 8)])
+    return [
+        encode_digest(Digest("peer", NOW, seen, 2**63 + 1, ahead))
+        for seen, ahead in ((CausalContext(), ()), (context, ("arm_controller-5f0c12aa",)))
+    ]
+
+
+def frames() -> list[bytes]:
+    """A camera frame, and one without arrays."""
+    arrays: dict[str, NDArray[Any]] = {"color": np.zeros((4, 6, 3), np.uint8), "depth": np.ones((4, 6), np.float32)}
+    meta: dict[str, float | int | str] = {"fx": 600.0, "fy": 600.0, "cx": 3.0, "cy": 2.0, "camera": "overhead"}
+    return [encode_frame(Frame(NOW, arrays, meta)), encode_frame(Frame(NOW, {}, {}))]
+
+
+def tickets() -> list[bytes]:
+    """A ticket for a message in shared memory, and the empty one."""
+    return [msgspec.msgpack.encode(Ticket(1, 5, b"0123456789abcdef", 4096, 1, 3, 4000)), msgspec.msgpack.encode(None)]
+
+
+def statuses() -> list[bytes]:
+    """How an agent is doing."""
+    status = Status(agent="viewer", rid="viewer-1", pid=1234, state=State.READY, rate_hz=10.0, stamp=NOW)
+    return [encode_status(status), encode_status(msgspec.structs.replace(status, state=State.FAILED, last_error="x"))]
+
+
+def log_records() -> list[bytes]:
+    """What an agent says."""
+    return [msgspec.msgpack.encode(LogRecord(NOW, level, "viewer", "text")) for level in ("INFO", "ERROR")]
+
+
+def arm_states() -> list[bytes]:
+    """A sample of the joints."""
+    names = tuple(f"joint_{index}" for index in range(JOINTS))
+    return [msgspec.msgpack.encode(ArmState(NOW, names, (0.1,) * JOINTS, (0.0,) * JOINTS, 0.08, False))]
+
+
+def tag_readings() -> list[bytes]:
+    """What a camera that detects tags sees."""
+    readings = [TagReading(number, _SEVEN, 0.001, 0.01) for number in (3, 4)]
+    return [msgspec.msgpack.encode(TagReadings(NOW, readings)), msgspec.msgpack.encode(TagReadings(NOW, []))]
+
+
+def commands() -> list[bytes]:
+    """Commands to the arm."""
+    return [msgspec.msgpack.encode(c) for c in (MoveJoints((0.1,) * JOINTS, 0.5), MoveGripper(0.04), Stop())]
+
+
+def starts() -> list[bytes]:
+    """The start of a scenario."""
+    return [msgspec.msgpack.encode(Start(NOW))]
+
+
+def truths() -> list[bytes]:
+    """The true world."""
+    truth = Truth(NOW, {"cube_3": _SEVEN, "cube_4": _SEVEN}, (0.1,) * JOINTS, 0.08, "cube_3", {"overhead": _SEVEN})
+    return [msgspec.msgpack.encode(truth)]
+
+
+def endpoint_files() -> list[bytes]:
+    """What a process leaves for others to find it."""
+    return [b"tcp/127.0.0.1:41234 memory", b"tcp/127.0.0.1:41234 no-memory"]
+
+
+def graph_files() -> list[bytes]:
+    """A graph as JSON, ours and of CORTEX."""
+    attribute = {"mass": {"type": 2, "value": 0.5}, "color": {"type": 3, "value": [1.0, 0.0, 0.0]}}
+    link = {"src": "1", "dst": "2", "label": "RT", "linkAttribute": {
+        "rt_translation": {"type": 3, "value": [100.0, 0.0, 20.0]},
+        "rt_rotation_euler_xyz": {"type": 3, "value": [0.0, 0.0, 1.5]}}}  # fmt: skip
+    symbols = {
+        "1": {"id": "1", "name": "world", "type": "world", "attribute": {}, "links": [link]},
+        "2": {"id": "2", "name": "cube_3", "type": "cube", "attribute": attribute, "links": []},
+    }
+    ours = {"format": "dsr-graph", "version": 1, "nodes": [], "edges": []}
+    return [json.dumps({"DSRModel": {"symbols": symbols}}).encode(), json.dumps(ours).encode()]

@@ -1,0 +1,239 @@
+"""A live memory whose every key gets mutated messages: state changes only by valid ones, losses are counted."""
+
+from __future__ import annotations
+
+import logging
+import random
+from collections import Counter
+from collections.abc import Callable, Iterator
+
+from agents.plant.driver import PlantArm, PlantCamera, PlantPoses
+from benchmarks.fuzz import corpus
+from benchmarks.fuzz.mutations import Mutator, dump_frame, load_frame
+from benchmarks.fuzz.tally import Tally, measured
+from dsr import LocalNetwork, ManualClock, Memory
+from dsr.crdt.context import CausalContext
+from dsr.errors import WireError
+from dsr.runtime.status import StatusBoard
+from dsr.sync import MAX_PEERS
+from dsr.wire import decode_delta, decode_digest, encode_delta
+
+_BATCH = 200
+"""messages between two looks at the state"""
+_MOST_ENTRIES = 5000
+"""nodes and edges after which the memory is replaced: valid messages may fill it"""
+_STRANGE = ("", "x" * 300, "*", "**", "a/b", "..", "\0", "\U0001f600", "arm_controller-5f0c12aa", "me-1", "new-{}")
+"""Replica ids in keys; `{}` is a number, so that there is no end of them."""
+
+
+class Witness(logging.Handler):
+    """Counts what the memory says about whom."""
+
+    def __init__(self) -> None:
+        super().__init__(logging.WARNING)
+        self.said: Counter[str] = Counter()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Count one record by its text up to the details."""
+        self.said[f"{record.msg}{record.args[:1] if isinstance(record.args, tuple) else ''}"] += 1
+
+
+class Victim:
+    """A memory with all that listens beside it, and a stranger on the same network."""
+
+    def __init__(self, seed: int) -> None:
+        self.clock = ManualClock(corpus.NOW)
+        self.network = LocalNetwork(self.clock, seed=seed)
+        transport = self.network.connect("me")
+        self.memory = Memory("g", "me", transport=transport, clock=self.clock, rid="me-1")
+        self.memory.add_node("world", "world")
+        self.stranger = self.network.connect("stranger")
+        keys = self.memory.keys
+        self.arm = PlantArm(transport, keys)
+        self.camera = PlantCamera(transport, keys)
+        self.poses = PlantPoses(transport, keys)
+        self.frames = self.memory.frames("camera")
+        self.board = StatusBoard(transport, keys, self.clock)
+        self.replies = 0
+
+    def settle(self) -> None:
+        """Deliver, merge and look at everything once."""
+        self.clock.advance(0.01)
+        self.network.deliver()
+        self.memory.poll()
+        self.memory.flush()
+        for take in (self.arm.state, self.camera.frame, self.poses.readings, self.frames.latest):
+            take()
+
+    def state(self) -> bytes:
+        """Everything that the memory holds, and has seen."""
+        store = self.memory._graph.store
+        return encode_delta(store.missing_for(CausalContext())) + repr((store.fingerprint, len(store._waiting))).encode()
+
+
+def fuzz_keys(messages: int, seed: int) -> Iterator[Tally]:
+    """Send mutated messages on each kind of key; gives the tally of each now and then, and in the end."""
+    kinds: list[tuple[str, float, Callable[[Tally, int, int], Iterator[Tally]]]] = [
+        ("key d/ (deltas)", 0.35, _fuzz_deltas), ("key rt/ (samples)", 0.15, _fuzz_deltas),
+        ("key dig/ (digests)", 0.15, _fuzz_digests), ("key sync/ (requests)", 0.1, _fuzz_requests),
+        ("replies to our requests", 0.1, _fuzz_replies), ("keys beside the graph", 0.15, _fuzz_others),
+    ]  # fmt: skip
+    for name, share, fuzz in kinds:
+        yield from fuzz(Tally(name), round(messages * share), seed)
+
+
+def _fuzz_deltas(tally: Tally, messages: int, seed: int) -> Iterator[Tally]:
+    mutate = Mutator([*corpus.deltas(), *corpus.replies()], seed)
+    key = (lambda keys: keys.delta) if "d/" in tally.name else (lambda keys: keys.stream)
+
+    def is_valid(payload: bytes) -> bool:
+        return decode_delta(payload).live is None
+
+    yield from _fuzz_key(tally, messages, seed, mutate, is_valid, lambda victim, rid: key(victim.memory.keys)(rid))
+
+
+def _fuzz_digests(tally: Tally, messages: int, seed: int) -> Iterator[Tally]:
+    """Digests never change the state; those of others than the key names are malformed too."""
+    mutate = Mutator(corpus.digests(), seed)
+
+    def is_valid(payload: bytes) -> bool:
+        decode_digest(payload)
+        return True
+
+    yield from _fuzz_key(tally, messages, seed, mutate, is_valid, lambda victim, rid: victim.memory.keys.digest(rid))
+
+
+def _fuzz_key(
+    tally: Tally,
+    messages: int,
+    seed: int,
+    mutate: Mutator,
+    is_valid: Callable[[bytes], bool],
+    key: Callable[[Victim, str], str],
+) -> Iterator[Tally]:
+    """Send batches of refused and of accepted messages; only the latter may change anything."""
+    generator = random.Random(seed)
+    witness, victim = Witness(), Victim(seed)
+    logging.getLogger("dsr").addHandler(witness)
+    with measured(tally) as look:
+        for _ in range(0, messages, _BATCH):
+            sorted_out: dict[bool, list[tuple[str, bytes]]] = {True: [], False: []}
+            for _ in range(_BATCH):
+                payload, rid = mutate(), generator.choice(_STRANGE).format(generator.randrange(10**6))
+                sorted_out[_judge(tally, payload, is_valid)].append((key(victim, rid), payload))
+            before, dropped = victim.state(), sum(victim.memory.dropped.values())
+            heard = _send(tally, victim, sorted_out[False])
+            tally.changes += victim.state() != before
+            if "dig" not in tally.name:
+                tally.miscounted += abs(sum(victim.memory.dropped.values()) - dropped - heard)
+            _send(tally, victim, sorted_out[True])
+            tally.miscounted += any(times > 1 for times in witness.said.values())
+            tally.miscounted += len(victim.memory.dropped) > MAX_PEERS + 1 or len(victim.memory.peers) > MAX_PEERS
+            look()
+            if len(victim.memory._graph.store.entries) > _MOST_ENTRIES:
+                victim = Victim(seed)
+                witness.said.clear()
+            yield tally
+    logging.getLogger("dsr").removeHandler(witness)
+    yield tally
+
+
+def _judge(tally: Tally, payload: bytes, is_valid: Callable[[bytes], bool]) -> bool:
+    tally.messages += 1
+    try:
+        valid = is_valid(payload)
+    except WireError:
+        valid = False
+    tally.accepted += valid
+    tally.refused += not valid
+    return valid
+
+
+def _send(tally: Tally, victim: Victim, messages: list[tuple[str, bytes]]) -> int:
+    """Send messages and let the memory take them in; how many of them its keys match."""
+    heard = 0
+    for key, payload in messages:
+        heard += key.count("/") == victim.memory.keys.delta().count("/")
+        victim.stranger.publish(key, payload)
+        _guarded(tally, payload, victim.settle)
+    return heard
+
+
+def _fuzz_requests(tally: Tally, messages: int, seed: int) -> Iterator[Tally]:
+    """A request is answered if it is valid, and changes nothing."""
+    mutate, victim = Mutator(corpus.digests(), seed), Victim(seed)
+    key = victim.memory.keys.sync("me-1")
+    before = victim.state()
+
+    def count(_key: str, reply: bytes) -> None:
+        decode_delta(reply)
+        victim.replies += 1
+
+    with measured(tally) as look:
+        for number in range(messages):
+            payload = mutate()
+            valid, replies = _judge(tally, payload, lambda p: bool(decode_digest(p))), victim.replies
+            victim.stranger.request(key, payload, count, lambda: None, 0.0)
+            _guarded(tally, payload, victim.settle)
+            tally.miscounted += (victim.replies > replies) != valid
+            if number % _BATCH == 0:
+                tally.changes += victim.state() != before
+                look()
+                yield tally
+    yield tally
+
+
+def _fuzz_replies(tally: Tally, messages: int, seed: int) -> Iterator[Tally]:
+    """The memory asks, and gets nonsense."""
+    mutate, victim = Mutator(corpus.replies(), seed), Victim(seed)
+    with measured(tally) as look:
+        for number in range(messages):
+            payload = mutate()
+            valid = _judge(tally, payload, lambda p: decode_delta(p).live is not None)
+            sync = victim.memory._replica.synchroniser
+            before = None if valid else victim.memory._graph.store.fingerprint, str(victim.memory._graph.store.context)
+            _guarded(tally, payload, lambda: sync.receive_reply("peer", payload))  # noqa: B023
+            after = None if valid else victim.memory._graph.store.fingerprint, str(victim.memory._graph.store.context)
+            tally.changes += before != after
+            if number % _BATCH == 0:
+                victim = victim if len(victim.memory._graph.store.entries) < _MOST_ENTRIES else Victim(seed)
+                look()
+                yield tally
+    yield tally
+
+
+def _fuzz_others(tally: Tally, messages: int, seed: int) -> Iterator[Tally]:
+    """Frames, device messages, statuses and keys that nobody expects: the graph never changes."""
+    generator, victim = random.Random(seed), Victim(seed)
+    keys = victim.memory.keys
+    kinds = [
+        (keys.blob("camera"), Mutator(corpus.frames(), seed, load_frame, dump_frame)),
+        (keys.device("camera/overhead"), Mutator(corpus.frames(), seed, load_frame, dump_frame)),
+        (keys.device("camera/overhead/poses"), Mutator(corpus.tag_readings(), seed)),
+        (keys.device("arm/state"), Mutator(corpus.arm_states(), seed)),
+        (keys.status("viewer"), Mutator(corpus.statuses(), seed)),
+        *[(f"{keys.root}/{key}", Mutator(corpus.deltas(), seed)) for key in ("", "d", "d//", "nonsense/x", "live/a/b")],
+    ]
+    before = victim.state()
+    with measured(tally) as look:
+        for number in range(messages):
+            key, mutate = generator.choice(kinds)
+            payload = mutate()
+            tally.messages += 1
+            victim.stranger.publish(key, payload)
+            _guarded(tally, payload, victim.settle)
+            if number % _BATCH == 0:
+                tally.changes += victim.state() != before
+                look()
+                yield tally
+    tally.refused = sum(part.dropped for part in (victim.arm._states, victim.camera._frames, victim.poses._readings))
+    tally.refused += victim.board.malformed + victim.frames.dropped
+    yield tally
+
+
+def _guarded(tally: Tally, payload: bytes, action: Callable[[], None]) -> None:
+    try:
+        action()
+    except Exception:
+        tally.exceptions += 1
+        tally.note(payload)

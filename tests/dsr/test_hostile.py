@@ -1,0 +1,134 @@
+"""What a hostile or broken peer may send that is valid by itself: it costs no memory that it did not send, and no log."""
+
+from __future__ import annotations
+
+import logging
+import threading
+
+import pytest
+
+from dsr import Memory, SchemaError
+from dsr.clock import ManualClock
+from dsr.crdt import store as store_module
+from dsr.crdt.context import CausalContext
+from dsr.crdt.delta import Delta, Write
+from dsr.crdt.store import Store
+from dsr.graph import Graph
+from dsr.schema import MAX_LENGTH
+from dsr.sync import MAX_PEERS, Synchroniser
+from dsr.wire import Digest, WireError, decode_delta, encode_delta, encode_digest
+from tests.dsr.conftest import Net
+
+
+@pytest.fixture
+def synchroniser() -> Synchroniser:
+    return Synchroniser(Graph("me-1"))
+
+
+def digest(rid: str, now: float = 0.0, fingerprint: int = 0, seen: CausalContext | None = None) -> bytes:
+    return encode_digest(Digest(rid, now, seen or CausalContext(), fingerprint, ()))
+
+
+def test_made_up_replicas_take_no_memory(synchroniser: Synchroniser, caplog: pytest.LogCaptureFixture) -> None:
+    for number in range(2 * MAX_PEERS):
+        synchroniser.receive_digest(f"peer-{number}", digest(f"peer-{number}", now=99.0), 0.0, 0.0)
+        synchroniser.receive_delta(f"peer-{number}", b"nonsense")
+    assert len(synchroniser.peers) == MAX_PEERS
+    assert len(synchroniser.dropped) == MAX_PEERS + 1
+    assert sum(synchroniser.dropped.values()) == synchroniser.dropped["others"] + MAX_PEERS == 2 * MAX_PEERS
+    assert len(caplog.records) <= 2 * MAX_PEERS
+
+
+def test_a_clock_that_jumps_to_and_fro_is_logged_once(
+    synchroniser: Synchroniser, caplog: pytest.LogCaptureFixture
+) -> None:
+    for number in range(100):
+        synchroniser.receive_digest("peer", digest("peer", now=99.0 * (number % 2)), float(number), 0.0)
+    assert [record.levelno for record in caplog.records] == [logging.WARNING]
+
+
+def test_lies_about_the_state_are_logged_once(
+    synchroniser: Synchroniser, caplog: pytest.LogCaptureFixture
+) -> None:
+    synchroniser.joined = True
+    for second in range(10):
+        synchroniser.receive_digest("peer", digest("peer", fingerprint=5), float(second), 0.0)
+        synchroniser.tick(second + 0.5, 0.0)
+        synchroniser.request_done("peer")
+    assert [record.levelno for record in caplog.records] == [logging.ERROR]
+
+
+def test_a_reply_on_the_key_of_deltas_deletes_nothing(net: Net) -> None:
+    memory, stranger = net.join("a"), net.network.connect("stranger")
+    memory.add_node("x", "cube")
+    reply = Delta(context=list(memory._graph.store.context.ranges()), live=frozenset())
+    stranger.publish(memory.keys.delta("stranger"), encode_delta(reply))
+    net.pump()
+    assert "x" in memory and memory.dropped == {"stranger": 1}
+
+
+def test_writes_to_what_never_comes_are_bounded_in_length_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(store_module, "MAX_WAITING", 100)
+    store = Store()
+    for number in range(1, 200):
+        write = Write(("nobody", number), "note", 1, "w", ("w", number), "x" * 1000)
+        store.join(Delta(writes=[write], context=[("w", number, number)]))
+    assert sum(map(len, store._waiting.values())) < 20 and store.lost_waiting > 180
+
+
+@pytest.mark.parametrize("value", ["x" * (MAX_LENGTH + 1), "\ud800"])
+def test_text_that_cannot_be_sent_is_refused_where_it_is_written(net: Net, value: str) -> None:
+    memory = net.join("a")
+    with pytest.raises(SchemaError, match="note"):
+        memory.add_node("x", "cube", note=value)
+    assert "x" not in memory
+
+
+def test_values_without_end_are_refused(net: Net) -> None:
+    write = Write(("w", 1), "note", 1, "w", ("w", 1), "x" * (MAX_LENGTH + 1))
+    with pytest.raises(WireError):
+        decode_delta(encode_delta(Delta(writes=[write])))
+
+
+def test_all_attributes_can_be_read_while_another_thread_takes_them_away() -> None:
+    """As for `dict(node)`, which may fail then."""
+    from dsr import LocalNetwork
+
+    clock = ManualClock()
+    memory = Memory("g", "a", transport=LocalNetwork(clock).connect("a"), clock=clock)
+    node = memory.add_node("x", "cube", mass=1.0)
+    stop = threading.Event()
+
+    def change() -> None:
+        while not stop.is_set():
+            memory.remove_attribute("x", "mass")
+            memory.update_node("x", mass=1.0)
+
+    thread = threading.Thread(target=change)
+    thread.start()
+    try:
+        seen = [node.attributes for _ in range(5000)]
+    finally:
+        stop.set()
+        thread.join()
+    assert all(attributes in ({}, {"mass": 1.0}) for attributes in seen)
+
+
+def test_values_of_the_wrong_kind_are_kept_alike_everywhere(net: Net) -> None:
+    """No replica drops by its own taste what another one holds; whoever reads must expect what a peer may write."""
+    a, b, stranger = net.join("a"), net.join("b"), net.network.connect("stranger")
+    a.add_node("x", "cube", mass=1.0)
+    a.add_node("y", "cube")
+    a.add_edge("x", "y", "RT", translation=(1, 0, 0))
+    net.pump(1.0)
+    (node,), (edge,) = a.node("x")._entries, a.edge("x", "y", "RT")._entries
+    writes = [
+        Write(node.dot, "mass", 1 << 61, "stranger", ("stranger", 1), "heavy"),
+        Write(edge.dot, "pose", 1 << 61, "stranger", ("stranger", 2), 7),
+    ]
+    delta = Delta(writes=writes, context=[("stranger", 1, 2)])
+    stranger.publish(a.keys.delta("stranger"), encode_delta(delta))
+    net.pump(1.0)
+    for memory in (a, b):
+        assert memory.node("x")["mass"] == "heavy" and memory.edge("x", "y", "RT")["pose"] == 7
+        assert memory.edge("x", "y", "RT").get("translation") is None
