@@ -11,7 +11,7 @@ from agents.plant.config import PlantConfig
 from agents.plant.messages import arm_command_key, arm_state_key, decode_command, frame_key, readings_key
 from agents.plant.reality import Reality
 from agents.plant.world import RATE_HZ, STEP
-from agents.scenario.format import load_scenario, start_key
+from agents.scenario.format import decode_start, load_scenario, start_key
 from dsr.agent import Agent
 from dsr.blobs import frame_chunks
 from dsr.errors import WireError

@@ -51,7 +51,7 @@ def targets(folder: Path) -> list[Target]:
     return [
         Target("delta, reply", _delta, [*corpus.deltas(), *corpus.replies()], 8),
         Target("digest, request", decode_digest, corpus.digests(), 4),
-        Target("camera frame", lambda payload: unpack(decode_frame(payload)), corpus.frames(), 3, load_frame, dump_frame),
+        Target("camera frame", lambda frame: unpack(decode_frame(frame)), corpus.frames(), 3, load_frame, dump_frame),
         Target("frame ticket", decode_ticket, corpus.tickets(), 1),
         Target("status", decode_status, corpus.statuses(), 1),
         Target("log record", decode_log, corpus.log_records(), 1),

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import logging
-import random
 from collections import Counter
 from collections.abc import Callable, Iterator
 
 from agents.plant.driver import PlantArm, PlantCamera, PlantPoses
 from benchmarks.fuzz import corpus
-from benchmarks.fuzz.mutations import Mutator, dump_frame, load_frame
+from benchmarks.fuzz.mutations import Dice, Mutator, dump_frame, load_frame
 from benchmarks.fuzz.tally import Tally, measured
 from dsr import LocalNetwork, ManualClock, Memory
 from dsr.crdt.context import CausalContext
@@ -68,7 +67,8 @@ class Victim:
     def state(self) -> bytes:
         """Everything that the memory holds, and has seen."""
         store = self.memory._graph.store
-        return encode_delta(store.missing_for(CausalContext())) + repr((store.fingerprint, len(store._waiting))).encode()
+        beside = repr((store.fingerprint, len(store._waiting)))
+        return encode_delta(store.missing_for(CausalContext())) + beside.encode()
 
 
 def fuzz_keys(messages: int, seed: int) -> Iterator[Tally]:
@@ -84,12 +84,15 @@ def fuzz_keys(messages: int, seed: int) -> Iterator[Tally]:
 
 def _fuzz_deltas(tally: Tally, messages: int, seed: int) -> Iterator[Tally]:
     mutate = Mutator([*corpus.deltas(), *corpus.replies()], seed)
-    key = (lambda keys: keys.delta) if "d/" in tally.name else (lambda keys: keys.stream)
+    durable = "d/" in tally.name
+
+    def key(victim: Victim, rid: str) -> str:
+        return victim.memory.keys.delta(rid) if durable else victim.memory.keys.stream(rid)
 
     def is_valid(payload: bytes) -> bool:
         return decode_delta(payload).live is None
 
-    yield from _fuzz_key(tally, messages, seed, mutate, is_valid, lambda victim, rid: key(victim.memory.keys)(rid))
+    yield from _fuzz_key(tally, messages, seed, mutate, is_valid, key)
 
 
 def _fuzz_digests(tally: Tally, messages: int, seed: int) -> Iterator[Tally]:
@@ -112,14 +115,14 @@ def _fuzz_key(
     key: Callable[[Victim, str], str],
 ) -> Iterator[Tally]:
     """Send batches of refused and of accepted messages; only the latter may change anything."""
-    generator = random.Random(seed)
+    dice = Dice(seed)
     witness, victim = Witness(), Victim(seed)
     logging.getLogger("dsr").addHandler(witness)
     with measured(tally) as look:
         for _ in range(0, messages, _BATCH):
             sorted_out: dict[bool, list[tuple[str, bytes]]] = {True: [], False: []}
             for _ in range(_BATCH):
-                payload, rid = mutate(), generator.choice(_STRANGE).format(generator.randrange(10**6))
+                payload, rid = mutate(), dice.pick(_STRANGE).format(dice.below(10**6))
                 sorted_out[_judge(tally, payload, is_valid)].append((key(victim, rid), payload))
             before, dropped = victim.state(), sum(victim.memory.dropped.values())
             heard = _send(tally, victim, sorted_out[False])
@@ -204,7 +207,7 @@ def _fuzz_replies(tally: Tally, messages: int, seed: int) -> Iterator[Tally]:
 
 def _fuzz_others(tally: Tally, messages: int, seed: int) -> Iterator[Tally]:
     """Frames, device messages, statuses and keys that nobody expects: the graph never changes."""
-    generator, victim = random.Random(seed), Victim(seed)
+    dice, victim = Dice(seed), Victim(seed)
     keys = victim.memory.keys
     kinds = [
         (keys.blob("camera"), Mutator(corpus.frames(), seed, load_frame, dump_frame)),
@@ -217,7 +220,7 @@ def _fuzz_others(tally: Tally, messages: int, seed: int) -> Iterator[Tally]:
     before = victim.state()
     with measured(tally) as look:
         for number in range(messages):
-            key, mutate = generator.choice(kinds)
+            key, mutate = dice.pick(kinds)
             payload = mutate()
             tally.messages += 1
             victim.stranger.publish(key, payload)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import copy
 import json
 import math
-import random
 import struct
 from collections.abc import Callable, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import msgpack
+import numpy as np
 
 LONGEST = 1 << 16
 """Bytes of a mutated message."""
@@ -25,6 +25,7 @@ _ODD: tuple[Any, ...] = (
     msgpack.ExtType(9, b"abc"),
 )  # fmt: skip
 
+T = TypeVar("T")
 Step = Callable[[bytes], bytes]
 Load = Callable[[bytes], Any]
 Dump = Callable[[Any], bytes]
@@ -47,12 +48,35 @@ def dump_frame(tree: Any) -> bytes:
     header, body = msgpack.packb(tree[0]), tree[1]
     if not isinstance(body, bytes):
         raise TypeError("the second part must stay bytes")
-    return _FRAME_LENGTH.pack(len(header)) + header + body
+    return b"".join((_FRAME_LENGTH.pack(len(header)), header, body))
 
 
 def dump_json(tree: Any) -> bytes:
     """Values as JSON; those that JSON does not know as text."""
     return json.dumps(tree, default=str).encode()
+
+
+class Dice:
+    """Random choices, the same for the same seed."""
+
+    def __init__(self, seed: int) -> None:
+        self._generator = np.random.default_rng(seed)
+
+    def below(self, end: int) -> int:
+        """A number from 0 up to but not including `end`."""
+        return int(self._generator.integers(end))
+
+    def pick(self, items: Sequence[T]) -> T:
+        """One of `items`."""
+        return items[self.below(len(items))]
+
+    def happens(self, probability: float) -> bool:
+        """Whether something of that probability happens."""
+        return bool(self._generator.random() < probability)
+
+    def bytes(self, length: int) -> bytes:
+        """So many random bytes."""
+        return self._generator.bytes(length)
 
 
 class Mutator:
@@ -69,7 +93,7 @@ class Mutator:
         self, corpus: Sequence[bytes], seed: int, load: Load = load_messagepack, dump: Dump = msgpack.packb
     ) -> None:
         self._corpus = corpus
-        self._random = random.Random(seed)
+        self._dice = Dice(seed)
         self._load, self._dump = load, dump
         structured = [payload for payload in corpus if self._tree(payload) is not None]
         raw: list[Step] = [
@@ -80,52 +104,52 @@ class Mutator:
 
     def __call__(self) -> bytes:
         """The next message: a right one with one or more things changed."""
-        payload = self._random.choice(self._corpus)
-        for _ in range(self._random.choice((1, 1, 1, 2, 3))):
-            payload = self._random.choice(self._steps)(payload)[:LONGEST]
+        payload = self._dice.pick(self._corpus)
+        for _ in range(self._dice.pick((1, 1, 1, 2, 3))):
+            payload = self._dice.pick(self._steps)(payload)[:LONGEST]
         return payload
 
     # ---- bytes
 
     def _flip(self, payload: bytes) -> bytes:
         data = bytearray(payload or b"\0")
-        for _ in range(self._random.randint(1, 8)):
-            data[self._random.randrange(len(data))] ^= 1 << self._random.randrange(8)
+        for _ in range(1 + self._dice.below(8)):
+            data[self._dice.below(len(data))] ^= 1 << self._dice.below(8)
         return bytes(data)
 
     def _truncate(self, payload: bytes) -> bytes:
         return payload[: self._place(payload)]
 
     def _splice(self, payload: bytes) -> bytes:
-        other = self._random.choice(self._corpus)
+        other = self._dice.pick(self._corpus)
         return payload[: self._place(payload)] + other[self._place(other) :]
 
     def _repeat(self, payload: bytes) -> bytes:
         start = self._place(payload)
-        piece = payload[start : start + self._random.randint(1, 64)]
-        return payload[:start] + piece * self._random.choice((2, 3, 50)) + payload[start:]
+        piece = payload[start : start + 1 + self._dice.below(64)]
+        return payload[:start] + piece * self._dice.pick((2, 3, 50)) + payload[start:]
 
     def _blow_up(self, payload: bytes) -> bytes:
         place = self._place(payload)
-        return payload[:place] + self._random.choice(_HUGE_HEADERS) + payload[place + self._random.randint(0, 6) :]
+        return payload[:place] + self._dice.pick(_HUGE_HEADERS) + payload[place + self._dice.below(7) :]
 
     def _nest(self, payload: bytes) -> bytes:
         place = self._place(payload)
-        opener = self._random.choice((b"\x91", b"\x81\xa1a", b"[", b'{"a":', b"\xdc\x00\x01"))
-        return payload[:place] + opener * self._random.choice((3, 100, 5000)) + payload[place:]
+        opener = self._dice.pick((b"\x91", b"\x81\xa1a", b"[", b'{"a":', b"\xdc\x00\x01"))
+        return payload[:place] + opener * self._dice.pick((3, 100, 5000)) + payload[place:]
 
     def _break_text(self, payload: bytes) -> bytes:
         letters = [place for place, byte in enumerate(payload) if 97 <= byte < 123]
         if not letters:
             return payload
-        place = self._random.choice(letters)
-        return payload[:place] + self._random.choice((b"\xff", b"\xc3", b"\xed")) + payload[place + 1 :]
+        place = self._dice.pick(letters)
+        return payload[:place] + self._dice.pick((b"\xff", b"\xc3", b"\xed")) + payload[place + 1 :]
 
     def _noise(self, payload: bytes) -> bytes:
-        return self._random.randbytes(self._random.choice((0, 1, 5, 60)))
+        return self._dice.bytes(self._dice.pick((0, 1, 5, 60)))
 
     def _place(self, payload: bytes) -> int:
-        return self._random.randint(0, len(payload))
+        return self._dice.below(len(payload) + 1)
 
     # ---- values
 
@@ -144,28 +168,28 @@ class Mutator:
     def _change(self, holder: Any) -> None:
         """Walk down to some place and change what is there."""
         while True:
-            keys = list(holder) if isinstance(holder, dict) else range(len(holder))
-            key = self._random.choice(keys)
+            keys: Sequence[Any] = list(holder) if isinstance(holder, dict) else range(len(holder))
+            key = self._dice.pick(keys)
             inner = holder[key]
-            if not isinstance(inner, list | dict) or not inner or self._random.random() < 0.2:
+            if not isinstance(inner, list | dict) or not inner or self._dice.happens(0.2):
                 break
             holder = inner
-        action = self._random.randrange(8)
+        action = self._dice.below(8)
         if action == 0:
             del holder[key]
         elif action == 1 and isinstance(holder, list):
-            holder[key:key] = [inner] * self._random.choice((1, 1, 3, 500))
+            holder[key:key] = [inner] * self._dice.pick((1, 1, 3, 500))
         elif action == 2:
-            other = self._random.choice(keys)
+            other = self._dice.pick(keys)
             holder[key], holder[other] = holder[other], holder[key]
         elif action == 3 and isinstance(inner, int) and not isinstance(inner, bool):
-            holder[key] = inner + self._random.choice((-1, 1, 2, 1000, 1 << 40))
+            holder[key] = inner + self._dice.pick((-1, 1, 2, 1000, 1 << 40))
         elif action == 4:
             holder[key] = [inner]
         else:
-            holder[key] = self._random.choice(_ODD)
-        if not holder and isinstance(holder, list) and self._random.random() < 0.5:
-            holder.append(self._random.choice(_ODD))
+            holder[key] = self._dice.pick(_ODD)
+        if not holder and isinstance(holder, list) and self._dice.happens(0.5):
+            holder.append(self._dice.pick(_ODD))
 
     def _tree(self, payload: bytes) -> Any:
         """The message as lists and maps; None if it is damaged already, or only a single value."""

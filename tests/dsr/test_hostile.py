@@ -1,4 +1,4 @@
-"""What a hostile or broken peer may send that is valid by itself: it costs no memory that it did not send, and no log."""
+"""What a hostile or broken peer may send: it costs little more memory than it sent, and few lines of log."""
 
 from __future__ import annotations
 
