@@ -53,7 +53,7 @@ class Graph(Observer):
         self.edges_by_type: dict[str, dict[EdgeKey, Edge]] = {}
         self.edges_out: dict[str, dict[EdgeKey, Edge]] = {}
         self.edges_in: dict[str, dict[EdgeKey, Edge]] = {}
-        self._incident: dict[str, set[EdgeKey]] = {}
+        self._incident: dict[str, dict[EdgeKey, None]] = {}  # not sets: runs of one seed are identical
         self._unattached: dict[Dot, Entry] = {}
         self._listener: Listener = listener or _NoListener()
         self._counter = 0
@@ -126,7 +126,7 @@ class Graph(Observer):
         """Join what another replica sent."""
         if delta.writes:
             self.hlc.observe(max(write.stamp for write in delta.writes))
-        self.store.join(delta)
+        self._apply(delta)
         if self._unattached:
             self._attach_or_bury()
 
@@ -142,7 +142,8 @@ class Graph(Observer):
             return write.writer == self.rid or passes >= patience
 
         delta = self.store.take_unsettled(due, self._new_dot)
-        self.store.join(delta)
+        self._apply(delta)
+        self.store.context.add_range(self.rid, 1, self._counter)  # a write that was broken off leaves no hole
         return delta
 
     def _entries_of(self, key: Key, add: Add | None) -> list[Dot]:
@@ -164,7 +165,7 @@ class Graph(Observer):
                 delta.writes.append(Write(owner, name, stamp, rid, dot, value))
         if self._counter >= first:
             delta.context.append((rid, first, self._counter))
-        self.store.join(delta)
+        self._apply(delta)
         return delta
 
     def _commit_removal(self, dots: list[Dot]) -> Delta:
@@ -172,8 +173,43 @@ class Graph(Observer):
         delta.removed = dots
         rid, counter = self._new_dot()
         delta.context.append((rid, counter, counter))
-        self.store.join(delta)
+        self._apply(delta)
         return delta
+
+    def _apply(self, delta: Delta) -> None:
+        try:
+            self.store.join(delta)
+        except BaseException:  # most often KeyboardInterrupt, at any place
+            self._recover()
+            raise
+
+    def _recover(self) -> None:
+        """Derive all else from the store's entries again; what peers lack of them, they will ask for."""
+        store = self.store
+        store.rebuild()
+        store.context.add_range(self.rid, 1, self._counter)
+        self._rebuild_indexes()
+        for name in dict.fromkeys([*self.nodes, *(key for key in store.by_key if isinstance(key, str))]):
+            self._refresh_node(name)
+        for key in dict.fromkeys([*self.edges, *(key for key in store.by_key if not isinstance(key, str))]):
+            self._refresh_edge(key)
+        self._detach_or_bury([entry for entry in store.entries.values() if not isinstance(entry.key, str)])
+        elements: list[Node | Edge] = [*self.nodes.values(), *self.edges.values()]
+        for element in elements:
+            for attribute in element:
+                self._listener.updated(element, attribute)
+
+    def _rebuild_indexes(self) -> None:
+        self._incident, self._unattached = {}, {}
+        for key in self.store.by_key:
+            if not isinstance(key, str):
+                self._note_incident(key)
+        self.nodes_by_type, self.edges_by_type, self.edges_out, self.edges_in = {}, {}, {}, {}
+        for node in self.nodes.values():
+            self.nodes_by_type.setdefault(node.type, {})[node.name] = node
+        for edge in self.edges.values():
+            for index, name in self._edge_indexes(edge.key):
+                index.setdefault(name, {})[edge.key] = edge
 
     # ---- what the store reports: keep the visible elements and the indexes
 
@@ -183,14 +219,17 @@ class Graph(Observer):
             self._refresh_node(entry.key)
             self._refresh_edges_at(entry.key)
             return
-        for name in entry.key[:2]:
-            self._incident.setdefault(name, set()).add(entry.key)
+        self._note_incident(entry.key)
         if self._has_ends(entry):
             self._refresh_edge(entry.key)
         elif self._is_dead(entry):
             self._bury([entry])
         else:
             self._unattached[entry.dot] = entry
+
+    def _note_incident(self, key: EdgeKey) -> None:
+        for name in key[:2]:
+            self._incident.setdefault(name, {})[key] = None
 
     def entry_removed(self, entry: Entry) -> None:
         """Hide the incarnation and what depended on it."""
@@ -202,8 +241,8 @@ class Graph(Observer):
             return
         if entry.key not in self.store.by_key:
             for name in entry.key[:2]:
-                keys = self._incident.get(name, set())
-                keys.discard(entry.key)
+                keys = self._incident.get(name, {})
+                keys.pop(entry.key, None)
                 if not keys:
                     self._incident.pop(name, None)
         self._refresh_edge(entry.key)

@@ -10,6 +10,7 @@ import contextlib
 import logging
 import secrets
 import sys
+import threading
 from collections.abc import Callable, Iterable, Sequence
 from types import TracebackType
 from typing import Any
@@ -132,8 +133,8 @@ class Memory:
 
     def add_node(self, name: str, type: str, /, **attributes: Any) -> Node:
         """Create a node; if it is there already, only write the attributes. Raises `SchemaError`."""
-        self._check_write("node", type, attributes)
         with self._replica.lock:
+            self._check_write("node", type, attributes)
             self._replica.commit(self._graph.add_node(name, type, attributes, self.clock.now()))
             return self._graph.nodes[name]
 
@@ -154,8 +155,8 @@ class Memory:
         if isinstance(element, str):
             element = self.node(element)
         kind = "node" if isinstance(element, Node) else "edge"
-        self._check_write(kind, element.type, (attribute,))
         with self._replica.lock:
+            self._check_write(kind, element.type, (attribute,))
             self._replica.commit(self._graph.remove_attribute(element, attribute, self.clock.now()))
 
     # ---- edges
@@ -197,8 +198,8 @@ class Memory:
         Raises `SchemaError`, and `NodeNotFoundError` if an endpoint is missing.
         """
         values = with_pose(attributes)
-        self._check_write("edge", type, values)
         with self._replica.lock:
+            self._check_write("edge", type, values)
             self._replica.commit(self._graph.add_edge(src, dst, type, values, self.clock.now()))
             return self._graph.edges[(src, dst, type)]
 
@@ -346,18 +347,20 @@ class Memory:
     def abandon(self) -> None:
         """Count as closed, without a word to anybody: in a forked child."""
         self._closed = True
+        self._replica.lock = threading.RLock()  # the old one may be held by a thread that the child does not have
 
     def close(self) -> None:
         """Send what is left, end all watches and leave; harmless when repeated."""
-        if self._closed:
-            return
-        self._closed = True
+        with self._replica.lock:  # after the last write that returned
+            if self._closed:
+                return
+            self._closed = True
         self._followers.close()
         with self._closing:
             self._replica.close()
 
     def _check_write(self, element: str, type: str, attributes: Iterable[str]) -> None:
-        """Raise unless this write may be made."""
+        """Raise unless this write may be made; with the lock held, so that none is made after `close`."""
         if self._guard is not None:
             self._guard(element, type, attributes)
         if self._closed:
@@ -366,8 +369,8 @@ class Memory:
             raise ClockDriftError(f"this machine's clock is ahead of most peers of {self.graph_name!r}; set it right")
 
     def _remove(self, element: str, type: str, remove: Callable[[], Delta]) -> bool:
-        self._check_write(element, type, ())
         with self._replica.lock:
+            self._check_write(element, type, ())
             delta = remove()
             self._replica.commit(delta)
             return bool(delta)

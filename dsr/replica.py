@@ -229,13 +229,19 @@ class Replica:
         if self._stopping:
             return
         self._stopping = True
-        self._guarded(self.flush)
+        self._guarded(self._send_last)
         self._arrived.set()
         self._written.set()
         for thread in self._threads:
             thread.join(timeout=2.0)
         for declaration in reversed(self._declarations):
             declaration.close()
+
+    def _send_last(self) -> None:
+        """Stream samples too, in a form that no link drops: nobody is left here to repeat them."""
+        with self.lock:
+            self.commit(self.synchroniser.settle())
+        self.flush()
 
     @property
     def statistics(self) -> Statistics:

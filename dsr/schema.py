@@ -176,7 +176,10 @@ def _vector(value: Any) -> tuple[float, ...] | None:
 
 
 def _pose(value: Any) -> Pose | None:
-    return value if isinstance(value, Pose) else None
+    """A product of poses is not checked, and may have overflowed; peers refuse such numbers."""
+    if not isinstance(value, Pose) or not math.isfinite(sum(value.t)):
+        return None
+    return value if value.cov is None or math.isfinite(sum(value.cov)) else None
 
 
 _CONVERTERS: dict[str, Any] = {

@@ -214,7 +214,7 @@ class Synchroniser:
         outputs: list[Output] = []
         self._pace.look(now)
         if self._pace.settling_due(now):
-            settled = self.graph.settle() if self._trusts(self.graph.rid) else self.graph.settle(sys.maxsize)
+            settled = self.settle()
             if settled:
                 outputs.append(PublishDelta(settled))
         if self._pace.digest_due(now):
@@ -228,6 +228,10 @@ class Synchroniser:
             self._peers[peer].asked_at = now
             outputs.append(Ask(peer, self._request(physical)))
         return outputs
+
+    def settle(self) -> Delta:
+        """Stream samples made durable: our own, and those of writers that are gone if we may speak for others."""
+        return self.graph.settle() if self._trusts(self.graph.rid) else self.graph.settle(sys.maxsize)
 
     # ---- state
 

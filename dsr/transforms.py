@@ -335,9 +335,11 @@ def _adjoint(pose: Pose) -> Array:
 
 
 def _transported(adjoint: Array, cov: Covariance) -> Covariance:
-    """Adjoint C Adjoint^T, exactly symmetric."""
+    """Adjoint C Adjoint^T, exactly symmetric and, in spite of rounding, without a negative variance."""
     moved = adjoint @ np.array(cov).reshape(6, 6) @ adjoint.T
-    return tuple((0.5 * (moved + moved.T)).ravel().tolist())
+    moved = 0.5 * (moved + moved.T)
+    np.fill_diagonal(moved, np.maximum(moved.diagonal(), 0.0))
+    return tuple(moved.ravel().tolist())
 
 
 def _composed_covariance(cov: Covariance, other: Pose) -> Covariance:

@@ -57,23 +57,23 @@ class Filter(msgspec.Struct, frozen=True):
 class _Pending:
     """Undelivered changes of one element: its comings and goings, and the attributes touched."""
 
-    __slots__ = ("attributes", "element", "kinds", "type")
+    __slots__ = ("attributes", "element", "kinds")
 
     def __init__(self, element: Node | Edge) -> None:
         self.element = element
-        self.type = element.type
-        self.kinds: list[ChangeKind] = []
+        self.kinds: list[tuple[ChangeKind, str]] = []
+        """What happened, and the type that the element had then."""
         self.attributes: set[str] = set()
 
     def push(self, kind: ChangeKind) -> None:
         """Add a change; what came, went and came again needs no more than its first and last state."""
-        if kind == "updated" and self.kinds and self.kinds[-1] != "removed":
+        if kind == "updated" and self.kinds and self.kinds[-1][0] != "removed":
             return
         if kind == "added":
             self.attributes.clear()
-        self.kinds.append(kind)
+        self.kinds.append((kind, self.element.type))
         if len(self.kinds) == 3:
-            del self.kinds[: 1 if self.kinds[0] == "updated" else 2]
+            del self.kinds[: 1 if self.kinds[0][0] == "updated" else 2]
 
 
 class Watch:
@@ -116,6 +116,7 @@ class Watch:
         """Stop watching; ends a loop over this watch."""
         with self._condition:
             self._closed = True
+            self._pending = {}
             self._condition.notify_all()
 
     @property
@@ -125,7 +126,7 @@ class Watch:
 
     def offer(self, kind: ChangeKind, element: Node | Edge, attribute: str | None = None) -> None:
         """Called by the memory for every change."""
-        if not self._filter.accepts(element):
+        if self._closed or not self._filter.accepts(element):
             return
         if attribute is not None and not self._filter.accepts_attribute(attribute):
             return
@@ -136,7 +137,7 @@ class Watch:
             pending = self._pending.get(key)
             if pending is None:
                 pending = self._pending[key] = _Pending(element)
-            pending.element, pending.type = element, element.type
+            pending.element = element
             pending.push(kind)
             if attribute is not None:
                 pending.attributes.add(attribute)
@@ -156,9 +157,10 @@ class Watch:
         return [_to_change(pending, kind) for pending in taken.values() for kind in pending.kinds]
 
 
-def _to_change(pending: _Pending, kind: ChangeKind) -> Change:
+def _to_change(pending: _Pending, happened: tuple[ChangeKind, str]) -> Change:
+    kind, type = happened
     element = pending.element
     attributes = frozenset() if kind == "removed" else frozenset(pending.attributes)
     if isinstance(element, Node):
-        return Change(kind, "node", element.name, pending.type, attributes)
-    return Change(kind, "edge", element.dst, pending.type, attributes, element.src, element.dst)
+        return Change(kind, "node", element.name, type, attributes)
+    return Change(kind, "edge", element.dst, type, attributes, element.src, element.dst)

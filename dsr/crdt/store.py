@@ -196,6 +196,18 @@ class Store:
             for start, hole in zip([first, *(h + 1 for h in inside)], [*inside, last + 1], strict=True):
                 self.context.add_range(rid, start, hole - 1)
 
+    def rebuild(self) -> None:
+        """Derive all else from the entries again, after a join that was broken off half way."""
+        self.by_key, self.fingerprint = {}, 0
+        for dot, entry in self.entries.items():
+            self.by_key.setdefault(entry.key, {})[dot] = entry
+            self.fingerprint ^= dot_hash(dot)
+            entry.announced = True
+            for write in entry.registers.values():
+                if write.dot is None:
+                    self.unsettled.setdefault((dot, write.attribute), 0)
+        self._waiting_count = sum(_weight(write) for writes in self._waiting.values() for write in writes)
+
     def missing_for(self, seen: CausalContext) -> Delta:
         """What a replica that has seen `seen` lacks, plus all live dots: a synchronisation reply."""
         reply = Delta()

@@ -2,7 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+import os
+import signal
+import subprocess
+import sys
+import threading
 from unittest import mock
 
 import numpy as np
@@ -22,6 +28,8 @@ from dsr import (
     WireError,
 )
 from dsr.crdt.delta import Delta, Write
+from dsr.schema import MAX_LENGTH
+from dsr.transport import Qos
 from dsr.wire import decode_delta, encode_delta
 from tests.dsr.conftest import Net
 
@@ -477,3 +485,104 @@ def test_a_newcomer_whom_the_oldest_does_not_answer_asks_another(net: Net) -> No
         late = net.join("late", elders=lambda: [first.rid])
         net.pump(5.0)
     assert late.joined and "x" in late
+
+
+def test_the_last_sample_of_a_stream_survives_its_writer_and_a_link_that_drops_streams(net: Net) -> None:
+    a, b = net.join("a"), net.join("b")
+    tabletop(a)
+    net.pump(1.5)
+    publish = a.transport.publish
+
+    def without_streams(key: str, payload: bytes, qos: Qos = Qos.RELIABLE) -> None:
+        if qos is not Qos.STREAM:
+            publish(key, payload, qos)
+
+    a.transport.publish = without_streams  # type: ignore[method-assign]
+    a.update_edge("world", "cube_3", "RT", pose=Pose((9, 0, 0), stamp=10.0))
+    a.close()
+    net.network.deliver()
+    b.poll()
+    assert b.transform("world", "cube_3").t[0] == 9
+
+
+def test_a_write_that_meets_a_close_is_sent_or_refused(net: Net) -> None:
+    memory = net.join("a")
+    lock = memory.replica.lock
+
+    class ClosedWhileItWaits:
+        def __enter__(self) -> None:
+            memory.replica.lock = lock
+            memory.close()
+            lock.acquire()
+
+        def __exit__(self, *_: object) -> None:
+            lock.release()
+
+    memory.replica.lock = ClosedWhileItWaits()  # type: ignore[assignment]
+    with pytest.raises(TransportError, match="closed"):
+        memory.add_node("x", "cube")
+
+
+def test_a_child_forked_while_a_thread_merges_is_not_stuck(net: Net) -> None:
+    memory = net.join("a")
+    tabletop(memory)
+    held, done = threading.Event(), threading.Event()
+
+    def hold() -> None:
+        with memory.replica.lock:
+            held.set()
+            done.wait(10.0)
+
+    merging = threading.Thread(target=hold)
+    merging.start()
+    held.wait(10.0)
+    child = os.fork()
+    if not child:
+        signal.alarm(10)  # ends the child if it waits for a thread that it does not have
+        with contextlib.suppress(TransportError):
+            memory.update_node("cube_3", mass=1.0)
+            os._exit(1)
+        os._exit(0)
+    done.set()
+    merging.join()
+    assert os.waitpid(child, 0)[1] == 0
+
+
+@pytest.mark.parametrize("pose", [
+    Pose((1e308, 0, 0)) @ Pose((1e308, 0, 0)),
+    Pose.unchecked((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0), cov=(math.inf,) * 36),
+])  # fmt: skip
+def test_a_pose_that_no_peer_would_take_is_refused(net: Net, pose: Pose) -> None:
+    memory = net.join("a")
+    tabletop(memory)
+    with pytest.raises(SchemaError, match="finite pose"):
+        memory.update_edge("world", "cube_3", "RT", pose=pose)
+
+
+@pytest.mark.parametrize("attribute", ["note", "target_joints"])
+def test_a_value_that_is_too_long_for_peers_is_refused(net: Net, attribute: str) -> None:
+    memory = net.join("a")
+    tabletop(memory)
+    long = "x" * (MAX_LENGTH + 1) if attribute == "note" else [0.0] * (MAX_LENGTH + 1)
+    with pytest.raises(SchemaError, match=attribute):
+        memory.update_node("cube_3", **{attribute: long})
+
+
+def test_the_order_of_events_does_not_depend_on_hashes() -> None:
+    program = """
+from dsr import LocalNetwork, Memory
+memory = Memory("g", "a", transport=LocalNetwork().connect("a"), rid="a-1")
+memory.add_node("world", "world")
+for i in range(20):
+    memory.add_node(f"cube_{i}", "cube")
+    memory.add_edge("world", f"cube_{i}", "has")
+with memory.watch(existing=False) as watch:
+    memory.remove_node("world")
+    print([change.dst for change in watch.poll()])
+"""
+    runs = [
+        subprocess.run([sys.executable, "-c", program], env={**os.environ, "PYTHONHASHSEED": seed},
+                       capture_output=True, text=True, check=True, timeout=60)
+        for seed in ("1", "2")
+    ]  # fmt: skip
+    assert runs[0].stdout == runs[1].stdout

@@ -281,6 +281,14 @@ class TestCovariance:
             np.testing.assert_array_equal(covariance, covariance.T)
             assert np.linalg.eigvalsh(covariance).min() > -1e-9 * (1.0 + covariance.max())
 
+    def test_rounding_makes_no_variance_negative(self) -> None:
+        rng = np.random.default_rng(0)
+        for scale in 10.0 ** rng.integers(-6, 3, size=(500, 6, 1)):
+            spread = scale * rng.normal(size=(6, 1))  # certain in five of six directions
+            pose = Pose.from_rotvec(rng.normal(size=3), rng.normal(size=3), covariance=spread @ spread.T)
+            again = pose.inverse().inverse().covariance
+            assert again is not None and again.diagonal().min() >= 0.0
+
     @given(exact_poses, exact_poses)
     def test_exact_poses_stay_exact(self, a: Pose, b: Pose) -> None:
         assert (a @ b).covariance is None

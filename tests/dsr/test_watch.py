@@ -147,3 +147,20 @@ def test_a_node_whose_type_changes_goes_for_one_reader_and_comes_for_the_other(n
     assert [(c.kind, c.type) for c in gone.poll()] == [("removed", other)]
     assert [(c.kind, c.type, c.attributes) for c in come.poll()] == [("added", kind, {"mass"})]
     assert [node.name for node in loser.nodes(kind)] == ["x"] and loser.nodes(other) == []
+
+
+def test_what_was_closed_gathers_nothing(net: Net) -> None:
+    memory = net.join("a")
+    watch = memory.watch()
+    watch.close()
+    memory.add_node("x", "cube")
+    assert watch.poll() == []
+
+
+def test_each_change_tells_the_type_of_its_moment(net: Net) -> None:
+    memory = net.join("a")
+    memory.add_node("x", "cube")
+    watch = memory.watch(existing=False)
+    memory.remove_node("x")
+    memory.add_node("x", "ball")
+    assert [(change.kind, change.type) for change in watch.poll()] == [("removed", "cube"), ("added", "ball")]
