@@ -11,6 +11,7 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from typing import Protocol, SupportsBytes
+from weakref import WeakValueDictionary
 
 import msgspec
 
@@ -97,6 +98,8 @@ class BulkReader:
         self._listen_for_bytes = listen_for_bytes
         self._notify = notify
         self._ring: RingReader | None = None
+        self._held_rings: WeakValueDictionary[bytes, RingReader] = WeakValueDictionary()
+        """Of several writers that take turns: each ring is opened once, and knows what is held of it."""
         self._unusable = b""
         self._ticket: deque[SupportsBytes] = deque(maxlen=1)
         self._message: deque[SupportsBytes] = deque(maxlen=1)
@@ -131,7 +134,7 @@ class BulkReader:
             if ticket.ring == self._unusable:
                 return None
             try:
-                self._ring = RingReader(ticket)
+                self._ring = self._held_rings[ticket.ring] = self._held_rings.get(ticket.ring) or RingReader(ticket)
             except OSError as error:
                 _log.info("large messages come by copies: %s", error)
                 self._unusable = ticket.ring

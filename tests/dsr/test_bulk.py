@@ -307,6 +307,16 @@ class TestBulk:
             pair.writer.put([b"%d" % i])
             assert reader.take() == b"%d" % i
 
+    def test_a_hoarder_cannot_use_up_the_rings_of_writers_that_take_turns(self, pair: Pair) -> None:
+        reader, other = pair.reader(), BulkWriter(pair.tickets, pair.plain)
+        hoard = []
+        for i in range(2 * SLOTS):
+            for writer in (pair.writer, other):
+                writer.put([b"%d" % i])
+                hoard.append(reader.take())
+        assert hoard == [b"%d" % (i // 2) for i in range(4 * SLOTS)]
+        assert pair.writer.unshared == other.unshared == 0
+
     def test_malformed_tickets_are_told_and_do_no_harm(self, pair: Pair) -> None:
         reader = pair.reader()
         for payload in (b"", b"garbage", msgspec.msgpack.encode([1, 2, 3])):
