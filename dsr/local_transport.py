@@ -171,6 +171,11 @@ class LocalTransport:
         """Receive the newest message of `key`."""
         return _Mailbox(self, key, notify)
 
+    def is_heard(self, key: str, qos: Qos = Qos.RELIABLE) -> bool:
+        """Whether anybody elsewhere subscribes to `key` now."""
+        others = self._network.others(self)
+        return any(key_matches(pattern, key) for other in others for pattern, _ in list(other._subscribers))
+
     def subscribe(self, key: str, handler: MessageHandler, *, newest: int | None = None) -> _Declaration:
         """Call `handler` in `deliver`; handlers here are never slow, so `newest` has no effect."""
         return self._declare(self._subscribers, (key, handler))

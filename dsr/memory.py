@@ -136,7 +136,9 @@ class Memory:
         with self._replica.lock:
             self._check_write("node", type, attributes)
             self._replica.commit(self._graph.add_node(name, type, attributes, self.clock.now()))
-            return self._graph.nodes[name]
+            node = self._graph.nodes[name]
+        self._replica.send_soon()
+        return node
 
     def update_node(self, name: str, /, **attributes: Any) -> None:
         """Write attributes of a node. Raises `NodeNotFoundError`, `SchemaError`."""
@@ -144,6 +146,7 @@ class Memory:
             node = self._graph.node(name)
             self._check_write("node", node.type, attributes)
             self._replica.commit(self._graph.write(node, attributes, self.clock.now()))
+        self._replica.send_soon()
 
     def remove_node(self, name: str) -> bool:
         """Remove a node and all edges at it; false if it was not there."""
@@ -158,6 +161,7 @@ class Memory:
         with self._replica.lock:
             self._check_write(kind, element.type, (attribute,))
             self._replica.commit(self._graph.remove_attribute(element, attribute, self.clock.now()))
+        self._replica.send_soon()
 
     # ---- edges
 
@@ -201,7 +205,9 @@ class Memory:
         with self._replica.lock:
             self._check_write("edge", type, values)
             self._replica.commit(self._graph.add_edge(src, dst, type, values, self.clock.now()))
-            return self._graph.edges[(src, dst, type)]
+            edge = self._graph.edges[(src, dst, type)]
+        self._replica.send_soon()
+        return edge
 
     def update_edge(self, src: str, dst: str, type: str, /, **attributes: Any) -> None:
         """Write attributes of an edge, as in `add_edge`. Raises `EdgeNotFoundError`, `SchemaError`."""
@@ -210,6 +216,7 @@ class Memory:
             edge = self._graph.edge(src, dst, type)
             self._check_write("edge", type, values)
             self._replica.commit(self._graph.write(edge, values, self.clock.now()))
+        self._replica.send_soon()
 
     def remove_edge(self, src: str, dst: str, type: str) -> bool:
         """Remove an edge; false if it was not there."""
@@ -373,7 +380,8 @@ class Memory:
             self._check_write(element, type, ())
             delta = remove()
             self._replica.commit(delta)
-            return bool(delta)
+        self._replica.send_soon()
+        return bool(delta)
 
     def _check_type(self, type: str, valid: dict[str, str], what: str) -> None:
         checked_names(type, valid, f"{what} type")

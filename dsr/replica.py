@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import math
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -30,6 +31,10 @@ MAX_INBOX = 10_000
 NEWEST_DELTAS = 1024
 """Messages that may wait for a thread to merge them, likewise."""
 NEWEST_SAMPLES = 256
+IDLE = 0.002
+"""s since anything was sent, after which a write is sent by the thread that made it: nobody need be woken."""
+GATHER = 0.001
+"""s for which the sending thread lets further writes gather."""
 
 _log = logging.getLogger("dsr.replica")
 
@@ -70,9 +75,10 @@ class Replica:
         self._written = threading.Event()
         self._progress = threading.Condition()
         self._sending = threading.Lock()
+        self._sent_at = -math.inf
         self._merging = threading.Lock()
         self._holds = 0
-        self._stopping = False
+        self._stopped = threading.Event()
         self._threads: list[threading.Thread] = []
         self._declarations = self._declare(agent)
 
@@ -102,9 +108,22 @@ class Replica:
     # ---- writing
 
     def commit(self, delta: Delta) -> None:
-        """Queue a delta of our own for sending; the caller holds the lock."""
+        """Queue a delta of our own; the caller holds the lock, and calls `send_soon` when it does not any more."""
         self._outbox.add(delta, together=self._holds > 0)
-        if not self._holds and not self._written.is_set():
+
+    def send_soon(self) -> None:
+        """Have sent what was committed: by this thread if the network has been idle, else by the sending thread.
+
+        A network that is stuck has the sending thread wait in it, and so never makes a writer wait.
+        """
+        if self._holds or not self._threads:
+            return
+        if self._clock.monotonic() - self._sent_at > IDLE and self._sending.acquire(blocking=False):
+            try:
+                self._guarded(self._send)
+            finally:
+                self._sending.release()
+        elif not self._written.is_set():
             self._written.set()
 
     @contextlib.contextmanager
@@ -117,20 +136,28 @@ class Replica:
         finally:
             with self.lock:
                 self._holds -= 1
-            self._written.set()
+            self.send_soon()
 
     def flush(self) -> None:
         """Hand everything written so far to the transport; nothing while writes are held together."""
         with self._sending:
-            with self.lock:
-                if self._holds and not self._stopping:
-                    return
-                bundles, samples = self._outbox.take()
-            rid = self.graph.rid
-            if samples:
-                self._transport.publish(self._keys.stream(rid), encode_delta(samples), Qos.STREAM)
-            for bundle in bundles:
-                self._transport.publish(self._keys.delta(rid), encode_delta(bundle), Qos.RELIABLE)
+            self._send()
+
+    def _send(self) -> None:
+        with self.lock:
+            if self._holds and not self._stopped.is_set():
+                return
+            bundles, samples = self._outbox.take()
+        rid = self.graph.rid
+        self._publish(self._keys.stream(rid), [samples] if samples else [], Qos.STREAM)
+        self._publish(self._keys.delta(rid), bundles, Qos.RELIABLE)
+        self._sent_at = self._clock.monotonic()
+
+    def _publish(self, key: str, deltas: list[Delta], qos: Qos) -> None:
+        """Publish, unless nobody listens: whoever comes gets a snapshot."""
+        if deltas and self._transport.is_heard(key, qos):
+            for delta in deltas:
+                self._transport.publish(key, encode_delta(delta), qos)
 
     # ---- receiving
 
@@ -184,6 +211,7 @@ class Replica:
             case PublishDelta(delta):
                 with self.lock:
                     self.commit(delta)
+                self.send_soon()
             case PublishDigest(payload):
                 self._transport.publish(self._keys.digest(self.graph.rid), payload, Qos.STREAM)
             case Ask(peer, payload):
@@ -205,14 +233,15 @@ class Replica:
             thread.start()
 
     def _run_polling(self) -> None:
-        while not self._stopping:
+        while not self._stopped.is_set():
             self._clock.wait(self._arrived, TICK)
             self._arrived.clear()
             self._guarded(self.poll)
 
     def _run_sending(self) -> None:
-        while not self._stopping:
-            self._clock.wait(self._written, TICK)
+        while not self._stopped.is_set():
+            if self._clock.wait(self._written, TICK):
+                self._clock.wait(self._stopped, GATHER)
             self._written.clear()
             self._guarded(self.flush)
 
@@ -221,14 +250,14 @@ class Replica:
         try:
             step()
         except Exception:
-            if not self._stopping:
+            if not self._stopped.is_set():
                 _log.exception("replica %s: %s failed", self.graph.rid, step.__qualname__)
 
     def close(self) -> None:
         """Send what is left and leave; the transport stays open."""
-        if self._stopping:
+        if self._stopped.is_set():
             return
-        self._stopping = True
+        self._stopped.set()
         self._guarded(self._send_last)
         self._arrived.set()
         self._written.set()

@@ -60,6 +60,9 @@ class Transport(Protocol):
     def publish_bulk(self, key: str, chunks: Chunks) -> None:
         """Send a large message with `Qos.BULK`; the pieces are copied at most once for all readers on this machine."""
 
+    def is_heard(self, key: str, qos: Qos = Qos.RELIABLE) -> bool:
+        """Whether anybody elsewhere subscribes to `key` now, on which one would publish with `qos`."""
+
     def subscribe(self, key: str, handler: MessageHandler, *, newest: int | None = None) -> Subscription:
         """Call `handler` with each message on `key`; with `newest`, a slow handler skips all but the newest n."""
 

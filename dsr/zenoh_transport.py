@@ -106,9 +106,15 @@ class ZenohTransport:
 
     def publish(self, key: str, payload: bytes, qos: Qos = Qos.RELIABLE) -> None:
         """Send to all current subscribers elsewhere; blocks only for `Qos.RELIABLE` on a full link."""
-        publisher = self._publishers.get((key, qos)) or self._declare_publisher(key, qos)
         try:
-            publisher.put(payload)
+            self._publisher(key, qos).put(payload)
+        except zenoh.ZError as error:
+            raise TransportError(f"cannot publish on {key}: {_reason(error)}") from error
+
+    def is_heard(self, key: str, qos: Qos = Qos.RELIABLE) -> bool:
+        """Whether anybody elsewhere subscribes to `key` now."""
+        try:
+            return bool(self._publisher(key, qos).matching_status.matching)
         except zenoh.ZError as error:
             raise TransportError(f"cannot publish on {key}: {_reason(error)}") from error
 
@@ -116,8 +122,8 @@ class ZenohTransport:
         """Send a large message to whoever listens: in shared memory where that reaches, otherwise as bytes."""
         writer = self._bulk_writers.get(key)
         if writer is None:
-            plain = _Outlet(self._declare_publisher(key, Qos.BULK))
-            tickets = _Outlet(self._declare_publisher(ticket_key(key), Qos.STREAM))
+            plain = _Outlet(self._publisher(key, Qos.BULK))
+            tickets = _Outlet(self._publisher(ticket_key(key), Qos.STREAM))
             writer = self._bulk_writers.setdefault(key, BulkWriter(tickets, plain))
         try:
             writer.put(chunks)
@@ -134,6 +140,9 @@ class ZenohTransport:
             return declare
 
         return BulkReader(listen(ticket_key(key)), listen(key), notify)
+
+    def _publisher(self, key: str, qos: Qos) -> Any:  # the stubs say that `matching_status` is a bool
+        return self._publishers.get((key, qos)) or self._declare_publisher(key, qos)
 
     def _declare_publisher(self, key: str, qos: Qos) -> zenoh.Publisher:
         if "*" in key:

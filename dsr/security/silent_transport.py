@@ -25,6 +25,10 @@ class SilentTransport:
         if key not in self._upkeep:
             raise _read_only(key)
 
+    def is_heard(self, key: str, qos: Qos = Qos.RELIABLE) -> bool:
+        """Nobody hears a reader."""
+        return False
+
     def publish_bulk(self, key: str, chunks: Chunks) -> None:
         """Raise `TransportError`."""
         raise _read_only(key)

@@ -24,7 +24,7 @@ from tests.dsr.properties.test_memories import Memories
 from tests.dsr.properties.world import World
 
 FIXED = settings(
-    derandomize=True, database=None, deadline=None, max_examples=400, stateful_step_count=40, phases=[Phase.generate],
+    derandomize=True, database=None, deadline=None, max_examples=2000, stateful_step_count=40, phases=[Phase.generate],
     report_multiple_bugs=False, print_blob=False,
 )  # fmt: skip
 
