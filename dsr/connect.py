@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from dsr import rendezvous
 from dsr.clock import WALL_CLOCK, Clock
-from dsr.errors import ConfigError, ListenError
+from dsr.errors import ConfigError, ListenError, TransportError
 from dsr.keys import Keys
 from dsr.memory import Guard, Memory, new_rid
 from dsr.schema import Schema
@@ -78,9 +78,18 @@ def connect(
         atexit.register(memory.close)
         memory.on_close(lambda: atexit.unregister(memory.close))
         resources.callback(memory.close)
-        memory.wait_joined(timeout, alone=not routers)
+        _wait_joined(memory, timeout, alone=not routers, secured=identity is not None)
         resources.pop_all()
     return memory
+
+
+def _wait_joined(memory: Memory, timeout: float, *, alone: bool, secured: bool) -> None:
+    try:
+        memory.wait_joined(timeout, alone=alone)
+    except TransportError as error:
+        if secured and not memory.peers:
+            raise TransportError(f"{error}; are their certificates of another authority than ours?") from error
+        raise
 
 
 def identity_of(agent: str, security: str | Path | None = None) -> Identity | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
 from collections.abc import Iterable, Mapping
@@ -148,17 +149,21 @@ def _float(value: Any) -> float | None:
         return value if math.isfinite(value) else None
     if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
         return None
-    return float(value) if math.isfinite(value) else None
+    with contextlib.suppress(OverflowError):
+        number = float(value)
+        return number if math.isfinite(number) else None
+    return None
 
 
 def _str(value: Any) -> str | None:
     """Half of a surrogate pair is no text: it could not be sent."""
     if not isinstance(value, str) or len(value) > MAX_LENGTH:
         return None
-    return str(value) if value.isascii() or _is_text(value) else None
+    return str(value) if value.isascii() or is_text(value) else None
 
 
-def _is_text(value: str) -> bool:
+def is_text(value: str) -> bool:
+    """Whether `value` can be written as UTF-8: no half of a surrogate pair."""
     return not any("\ud800" <= character <= "\udfff" for character in value)
 
 

@@ -30,7 +30,7 @@ from dsr.persistence.cortex_values import (
     default_code,
     to_ours,
 )
-from dsr.persistence.json_text import JsonFile, Problem, ValuePath
+from dsr.persistence.json_text import JsonFile, Problem, ValuePath, dotted
 from dsr.runtime.config import MisfitError, convert
 from dsr.schema import MAX_LENGTH, POSE_FIELDS, AttributeType, Kind, Schema, Value
 
@@ -126,7 +126,7 @@ class _Importer:
         try:
             value = convert({name: data[name] for name in fields if name in data}, kind)
         except MisfitError as error:
-            self._problems.append(((*path, *error.path), str(error)))
+            self._problems.append(((*path, *error.path), str(error).removeprefix(f"{dotted(error.path)}: ")))
             return None
         return _Found(value, path, {name: item for name, item in data.items() if name not in fields})
 

@@ -56,7 +56,7 @@ def _ids(notes: dict[str, Note]) -> dict[str, str]:
 
 
 def _free_ids(used: set[str]) -> Iterator[str]:
-    number = max((int(id) for id in used if id.isdecimal()), default=0)
+    number = max((int(id) for id in used if id.isdecimal() and len(id) < 100), default=0)
     while True:
         number += 1
         yield str(number)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -20,6 +21,7 @@ _VECTORS = {FLOATS: None, 10: 2, 11: 3, 12: 4, 13: 6}
 
 NOTE = "cortex"
 """Attribute in which an element keeps what a CORTEX file said beyond our graph, see `Note`."""
+_DIGITS = re.compile(r"\s*[+-]?[0-9]{1,100}\s*")
 PREFIX = "cortex."
 """Begins the names of attributes whose values ours cannot hold: they are kept as JSON text."""
 
@@ -76,8 +78,7 @@ def to_ours(code: int, value: Any) -> tuple[Kind, Value | None]:
 
 def _integer(value: Any) -> int | None:
     """Digits in a string (uint64), or a number without a fraction."""
-    digits = isinstance(value, str) and value.strip().lstrip("+-").isdecimal()
-    if digits or (isinstance(value, float) and value.is_integer()):
+    if (isinstance(value, str) and _DIGITS.fullmatch(value)) or (isinstance(value, float) and value.is_integer()):
         value = int(value)
     if type(value) is not int:
         raise ValueError(f"expected an integer, got {value!r:.80}")
@@ -133,12 +134,19 @@ def to_theirs(value: Value, origin: Origin | None) -> dict[str, Any]:
     code = default_code(value)
     if origin is not None and origin.text and isinstance(value, str):
         try:
-            return {"type": origin.code, "value": json.loads(value), **origin.extra}
+            plain = json.loads(value, parse_float=_finite, parse_constant=_finite)
+            return {"type": origin.code, "value": plain, **origin.extra}
         except ValueError:  # somebody wrote another text
             return {"type": STRING, "value": value}
     if origin is not None and _fits(value, origin.code):
         code = origin.code
     return {"type": code, "value": _plain(value, code), **(origin.extra if origin is not None else {})}
+
+
+def _finite(text: str) -> float | None:
+    """A number in JSON text; None for nan and inf, which files cannot hold."""
+    number = float(text)
+    return number if math.isfinite(number) else None
 
 
 def default_code(value: Value) -> int:

@@ -143,6 +143,8 @@ class _Reader:
     def __init__(self, file: JsonFile) -> None:
         self._file = file
         self._problems: list[Problem] = []
+        self._misread: set[str] = set()
+        """Names of nodes that are there but wrong."""
 
     def read(self) -> GraphContent:
         for name, wanted in (("format", FORMAT), ("version", VERSION)):
@@ -198,6 +200,8 @@ class _Reader:
     def _node(self, data: Any, path: ValuePath) -> None:
         node = self._try(path, convert, data, _Node)
         if node is None:
+            if isinstance(data, dict) and isinstance(data.get("name"), str):
+                self._misread.add(data["name"])
             return
         self._try(path, self._content.schema.check_node, node.name, node.type)
         if node.name in self._content.nodes:
@@ -212,7 +216,7 @@ class _Reader:
         nodes = self._content.nodes
         for end in ("src", "dst"):
             name = getattr(edge, end)
-            if name not in nodes:
+            if name not in nodes and name not in self._misread:
                 self._problems.append(((*path, end), f"no node {name!r} in this file; {suggest(name, nodes)}"))
         self._try((*path, "type"), self._content.schema.check_edge_type, edge.type)
         key = (edge.src, edge.dst, edge.type)

@@ -31,10 +31,19 @@ def read_graph(file: str | Path) -> GraphContent:
 
 
 def write_graph(content: GraphContent, file: str | Path, file_format: FileFormat = "dsr") -> None:
-    """Write a graph file; equal graphs give equal files. Raises `ConfigError` if it cannot be written."""
-    text = _WRITERS[file_format](content)
+    """Write a graph file, where a link points to; equal graphs give equal files.
+
+    Raises `ConfigError` if it cannot be written.
+    """
+    target = Path(file).resolve()
+    if target.exists() and not target.is_file():
+        raise ConfigError("cannot be written: is no regular file", file=str(file))
     try:
-        with replacing(Path(file)) as new:
+        text = _WRITERS[file_format](content)
+    except RecursionError as error:
+        raise ConfigError("cannot be written: a value is nested too deeply", file=str(file)) from error
+    try:
+        with replacing(target) as new:
             new.write(text.encode())
     except OSError as error:
         raise ConfigError(f"cannot be written: {error.strerror}", file=str(file)) from error

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from dsr.errors import ConfigError
+from dsr.schema import is_text
 
 ValuePath = tuple[str | int, ...]
 """Keys and indexes from the root, e.g. `("nodes", 2, "name")`."""
@@ -17,9 +18,12 @@ Problem = tuple[ValuePath, str]
 
 MAX_BYTES = 1 << 28
 """Larger files are refused: a graph of 100 000 nodes takes a tenth of that."""
+MAX_DEPTH = 100
+"""Lists and objects inside each other, at most."""
 _MOST_PROBLEMS = 20
 _WIDTH = 110
 _TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[{}\[\],:]|[^\s{}\[\],:"]+')
+_SURROGATE = re.compile(r"\\u[dD][89a-fA-F]")
 _PLAIN_KEY = re.compile(r"[A-Za-z_]\w*")
 
 
@@ -43,10 +47,14 @@ class JsonFile:
             raise ConfigError(f"{self._file}:{error.lineno}:{error.colno}: not valid JSON: {error.msg}") from error
         except RecursionError as error:
             raise ConfigError("nested too deeply", file=self._file) from error
-        except ValueError as error:  # an integer of thousands of digits
-            raise ConfigError(f"not valid JSON: {error}", file=self._file) from error
+        except ValueError as error:
+            raise ConfigError("not valid JSON: an integer of thousands of digits", file=self._file) from error
+        if _is_deeper(self.data, MAX_DEPTH):
+            raise ConfigError("nested too deeply", file=self._file)
         if duplicates:
             raise self.error(self._repeated())
+        if _SURROGATE.search(self._text) and (problems := self._unpaired()):
+            raise self.error(problems)
 
     def error(self, problems: list[Problem]) -> ConfigError:
         """All problems (at most 20) in the order of the file, each on a line with its place in front."""
@@ -74,6 +82,15 @@ class JsonFile:
             seen.add(path)
         return problems[:1]
 
+    def _unpaired(self) -> list[Problem]:
+        """Names and texts with half of a character, which no UTF-8 can hold."""
+        strings = [(path, step) for path, _ in _places(self._text) for step in path[-1:] if isinstance(step, str)]
+        for path, offset in _places(self._text):
+            token = _TOKEN.match(self._text, offset)
+            if token and token[0].startswith('"'):
+                strings.append((path, json.loads(token[0])))
+        return [(path, f"{text!r:.80} holds half of a surrogate pair") for path, text in strings if not is_text(text)]
+
 
 def _read(file: Path) -> str:
     name = str(file)
@@ -89,6 +106,13 @@ def _read(file: Path) -> str:
     except UnicodeDecodeError as error:
         what = f"byte {error.start} is {error.object[error.start]:#04x}"
         raise ConfigError(f"is no UTF-8 text ({what})", file=name) from error
+
+
+def _is_deeper(value: Any, levels: int) -> bool:
+    if not isinstance(value, dict | list):
+        return False
+    items = value.values() if isinstance(value, dict) else value
+    return not levels or any(_is_deeper(item, levels - 1) for item in items)
 
 
 def dotted(path: ValuePath) -> str:

@@ -78,7 +78,8 @@ class SecurityFolder:
         """
         subject = _name(check_name("agent name", agent))
         names = host_names(hosts)
-        authority, authority_key = _read_certificate(self.authority), self._read_authority_key()
+        authority = _read_certificate(self.authority)
+        authority_key = _read_key(self.authority_key, "it is needed to issue certificates")
         key = ec.generate_private_key(ec.SECP256R1())
         builder = _builder(subject, authority.subject, key.public_key(), now, days)
         builder = builder.add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
@@ -104,18 +105,9 @@ class SecurityFolder:
             _check_validity(owner, checked, datetime.fromtimestamp(now, UTC))
         if certificate.subject != _name(agent):
             raise ConfigError(f"{file} is a certificate of {certificate.subject.rfc4514_string()}, not of CN={agent}")
-        if not os.access(self.key(agent), os.R_OK):
-            raise ConfigError(f"{self.key(agent)} cannot be read: it is the key of agent {agent!r}")
-
-    def _read_authority_key(self) -> ec.EllipticCurvePrivateKey:
-        advice = "it is needed to issue certificates"
-        try:
-            key = serialization.load_pem_private_key(self.authority_key.read_bytes(), password=None)
-        except (OSError, ValueError, TypeError) as error:
-            raise ConfigError(f"{self.authority_key} cannot be read ({error}); {advice}") from error
-        if not isinstance(key, ec.EllipticCurvePrivateKey):
-            raise ConfigError(f"{self.authority_key}: expected an elliptic curve key; {advice}")
-        return key
+        key = _read_key(self.key(agent), f"it is the key of agent {agent!r}")
+        if key.public_key() != certificate.public_key():
+            raise ConfigError(f"{self.key(agent)} is not the key of {file}")
 
 
 def host_names(hosts: Iterable[str]) -> list[x509.GeneralName]:
@@ -157,6 +149,17 @@ def _write_key(file: Path, key: ec.EllipticCurvePrivateKey) -> None:
     file.unlink(missing_ok=True)
     with os.fdopen(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as target:
         target.write(pem)
+
+
+def _read_key(file: Path, advice: str) -> ec.EllipticCurvePrivateKey:
+    try:
+        key = serialization.load_pem_private_key(file.read_bytes(), password=None)
+    except (OSError, ValueError, TypeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "no private key in PEM"
+        raise ConfigError(f"{file} cannot be read ({reason}); {advice}") from error
+    if not isinstance(key, ec.EllipticCurvePrivateKey):
+        raise ConfigError(f"{file}: expected an elliptic curve key; {advice}")
+    return key
 
 
 def _write_certificate(file: Path, certificate: x509.Certificate) -> None:

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from dsr import ConfigError, Pose
-from dsr.persistence.content import GraphContent
+from dsr.persistence.content import GraphContent, NodeContent
 from dsr.persistence.files import read_graph, write_graph
 from tests.dsr.conftest import Net
 from tests.dsr.persistence.graphs import contents
@@ -265,6 +265,24 @@ def test_every_graph_of_ours_can_be_written_and_read_again(tmp_path: Path, conte
             assert (pose.stamp, pose.cov) == (was.stamp, was.cov)
 
 
+@pytest.mark.parametrize("number", ["NaN", "-Infinity", "1e999"])
+def test_numbers_that_are_not_finite_become_null(tmp_path: Path, number: str) -> None:
+    file = tmp_path / "in.json"
+    symbol = {"id": "1", "name": "a", "type": "b", "attribute": {"a": {"type": 3, "value": [1.5, "?"]}}}
+    file.write_text(json.dumps({"DSRModel": {"symbols": {"1": symbol}}}).replace('"?"', number))
+    assert again(file, tmp_path)["1"]["attribute"]["a"] == {"type": 3, "value": [1.5, None]}
+
+
+def test_text_that_is_nested_too_deeply_to_be_written_is_told(tmp_path: Path) -> None:
+    content = GraphContent("")
+    deep = "[" * 900 + "]" * 900
+    note = {"attributes": {"note": {"code": 77, "text": True}}}
+    content.nodes["a"] = NodeContent("cube", {"note": deep, "cortex": json.dumps(note)})
+    with pytest.raises(ConfigError, match="nested too deeply"):
+        write_graph(content, tmp_path / "out.json", "cortex")
+    assert not list(tmp_path.iterdir())
+
+
 # ---- mistakes
 
 
@@ -299,6 +317,10 @@ def edited(tmp_path: Path) -> Callable[..., str]:
         ('{"type": 6, "value": 12238}', '6', "attribute.port: expected an object with type, value"),
         ('"type": 10, "value": [0.1, 8]', '"type": 10, "value": [0.1]', "expected a list of 2 numbers, got [0.1]"),
         ('[0, 127, 255]', '[0, 127, 256]', "expected a list of integers from 0 to 255"),
+        ('{"type": 6, "value": 12238}', '{"type": "6", "value": 1}', "attribute.port.type: expected `int`, got `str`"),
+        ('{"type": 6, "value": 12238}', '{"type": 7, "value": "+-5"}', "expected an integer, got '+-5' (type 7)"),
+        ('{"type": 6, "value": 12238}', f'{{"type": 7, "value": "{"9" * 5000}"}}', "expected an integer, got '999"),
+        ('"name": "arm"', r'"name": "\ud800"', r'''["204"].name: '\ud800' holds half of a surrogate pair'''),
         ('"value": true', '"value": "on"', "expected true or false, got 'on'"),
         ('"value": 617.3', '"value": "6.1.7"', "expected a number, got '6.1.7'"),
         ('"symbols": {', '"symbol": {', 'DSRModel: expected an object with "symbols"'),

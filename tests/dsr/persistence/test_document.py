@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -183,6 +184,9 @@ def test_a_large_graph_reaches_a_peer_complete(net: Net) -> None:
          "nodes[3].attributes.mass: attribute 'mass': expected a finite float in kg, got '0.2'"),
         ('"mass": 0.2', '"mass": NaN', "expected a finite float in kg, got nan"),
         ('"mass": 0.2', '"mass": 1e999', "expected a finite float in kg, got inf"),
+        ('"mass": 0.2', f'"mass": {"9" * 400}', "expected a finite float in kg, got 999"),
+        ('"mass": 0.2', r'"mass": "\ud800"', r"nodes[3].attributes.mass: '\ud800' holds half of a surrogate pair"),
+        ('"mass": 0.2', r'"\ud800": 0.2', r"'\ud800' holds half of a surrogate pair"),
         ('[1.2, 0.8, 0.04]', '[1.2, 0.8]', "attribute 'size': expected a finite vector of 3 in m, got [1.2, 0.8]"),
         ('"width": 640', '"width": 640.5', "attribute 'width': expected a finite int in px, got 640.5"),
         ('"dst": "cup_1"', '"dst": "cpu_1"',
@@ -238,6 +242,14 @@ def test_several_problems_are_told_at_once_in_the_order_of_the_file(tmp_path: Pa
     assert [line.split(":")[1] for line in lines] == ["12", "13", "21", "30", "31"]
 
 
+def test_a_wrong_node_is_not_missed_by_its_edges(tmp_path: Path) -> None:
+    file = tmp_path / "scene.json"
+    file.write_text(BREAKFAST.read_text().replace('{"name": "table",', '{"name": "table", "colour": 1,'))
+    with pytest.raises(ConfigError) as caught:
+        read_graph(file)
+    assert "unknown field 'colour'" in str(caught.value) and len(str(caught.value).splitlines()) == 1
+
+
 def test_of_many_problems_only_the_first_are_told(tmp_path: Path) -> None:
     file = tmp_path / "scene.json"
     nodes = [{"name": f"cube_{number}", "type": "cbe"} for number in range(50)]
@@ -260,7 +272,8 @@ def test_a_truncated_file_is_told_with_line_and_column(tmp_path: Path, length: i
     [
         (b"\x89PNG\r\n\x1a\n\x00", r"is no UTF-8 text \(byte 0 is 0x89\)"),
         (b"[" * 100_000, "nested too deeply"),
-        (b"1" * 5000, "not valid JSON: Exceeds the limit"),
+        (b"[" * 101 + b"]" * 101, "nested too deeply"),
+        (b"1" * 5000, "not valid JSON: an integer of thousands of digits"),
         (b"[]", "expected a graph"),
         (b'"text"', "expected a graph"),
     ],
@@ -288,6 +301,17 @@ def test_a_byte_order_mark_is_read_over(tmp_path: Path) -> None:
     file = tmp_path / "scene.json"
     file.write_bytes(b"\xef\xbb\xbf" + BREAKFAST.read_bytes())
     assert "cup_1" in read_graph(file).nodes
+
+
+def test_only_regular_files_are_replaced_and_links_stay(tmp_path: Path) -> None:
+    content, pipe, link = read_graph(BREAKFAST), tmp_path / "pipe", tmp_path / "link.json"
+    os.mkfifo(pipe)
+    with pytest.raises(ConfigError, match="pipe: cannot be written: is no regular file"):
+        write_graph(content, pipe)
+    assert pipe.is_fifo()
+    link.symlink_to("scene.json")
+    write_graph(content, link)
+    assert link.is_symlink() and read_graph(tmp_path / "scene.json").nodes == content.nodes
 
 
 def test_a_file_that_cannot_be_written_leaves_the_old_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

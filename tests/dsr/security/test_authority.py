@@ -53,6 +53,15 @@ def test_a_certificate_of_another_authority_is_told_apart(own_keys: SecurityFold
         own_keys.check("arm", WALL_CLOCK.now())
 
 
+def test_a_key_that_does_not_go_with_its_certificate_is_told(own_keys: SecurityFolder) -> None:
+    shutil.copy(own_keys.key("scene"), own_keys.key("arm"))
+    with pytest.raises(ConfigError, match=r"arm\.key is not the key of .*arm\.pem"):
+        own_keys.check("arm", WALL_CLOCK.now())
+    own_keys.key("arm").write_text("no key")
+    with pytest.raises(ConfigError, match=r"arm\.key cannot be read \(no private key in PEM\)"):
+        own_keys.check("arm", WALL_CLOCK.now())
+
+
 def test_a_certificate_of_another_agent_is_told_apart(own_keys: SecurityFolder) -> None:
     shutil.copy(own_keys.certificate("scene"), own_keys.certificate("arm"))
     with pytest.raises(ConfigError, match="CN=scene, not of CN=arm"):
