@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import logging
+import re
 import threading
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
@@ -12,13 +13,15 @@ from typing import Any
 import zenoh
 
 from dsr.bulk import BulkReader, BulkWriter, Handler
-from dsr.errors import ListenError, TransportError
+from dsr.errors import ConfigError, ListenError, TransportError
 from dsr.keys import ticket_key
 from dsr.transport import Chunks, MessageHandler, PresenceHandler, Qos, RequestHandler, Subscription
 
 _log = logging.getLogger("dsr.zenoh")
 
 _NO_SETTINGS: Mapping[str, Any] = {}
+_ENDPOINT = re.compile(r"[a-z]+/(?:\[[^\]\s]+\]|[^\[\]:/\s]+):(?P<port>[0-9]{1,5})(?:[?#].*)?")
+_LAST_PORT = (1 << 16) - 1
 _QUEUE = 256
 _fifo, _ring = zenoh.handlers.FifoChannel, zenoh.handlers.RingChannel
 _SENDING: dict[Qos, dict[str, Any]] = {
@@ -78,7 +81,7 @@ class ZenohTransport:
             since Zenoh 1.9 a router passes nothing on between peers, but everything between routers.
 
     Raises:
-        TransportError: if an endpoint is malformed.
+        ConfigError: if an endpoint is malformed.
         ListenError: if the port is in use.
     """
 
@@ -90,8 +93,11 @@ class ZenohTransport:
         *,
         routing: bool = False,
     ) -> None:
+        routers = list(connect)
+        for endpoint in (listen, *routers):
+            _check_endpoint(endpoint)
         config = zenoh.Config()
-        for key, value in {**_settings(listen, list(connect), routing), **settings}.items():
+        for key, value in {**_settings(listen, routers, routing), **settings}.items():
             try:
                 config.insert_json5(key, json.dumps(value))
             except zenoh.ZError as error:
@@ -210,6 +216,12 @@ class ZenohTransport:
         """Close the session and all that was declared on it."""
         with contextlib.suppress(zenoh.ZError):
             self._session.close()  # type: ignore[no-untyped-call]
+
+
+def _check_endpoint(endpoint: str) -> None:
+    found = _ENDPOINT.fullmatch(endpoint)
+    if found is None or int(found["port"]) > _LAST_PORT:
+        raise ConfigError(f"endpoint {endpoint!r}: expected PROTOCOL/HOST:PORT, such as tcp/192.168.0.7:7447")
 
 
 def _settings(listen: str, connect: list[str], routing: bool) -> dict[str, Any]:

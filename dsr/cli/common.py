@@ -52,6 +52,7 @@ def reading(graph: str | None, router: str | None, security: Path | None) -> Ite
     guard = WriteGuard("dsr", Access())
     routers = [router] if router else ()
     with connect(name, agent="dsr", connect=routers, guard=guard, security=security) as memory:
+        _check_company(memory, router)
         yield memory
 
 
@@ -65,6 +66,7 @@ def writing(graph: str | None, router: str | None, security: Path | None, agent:
     """
     name = _running(graph, router)
     with connect(name, agent=agent, connect=[router] if router else (), security=security) as memory:
+        _check_company(memory, router)
         yield memory
         sync = memory.replica.synchroniser
         if not memory.replica.wait_until(lambda: sync.delivered, DELIVERY_PATIENCE):
@@ -77,6 +79,13 @@ def _running(graph: str | None, router: str | None) -> str:
     if router is None and not endpoints(name):
         raise ConfigError(f"no graph {name!r} runs on this machine; running: {', '.join(graphs()) or 'none'}")
     return name
+
+
+def _check_company(memory: Memory, router: str | None) -> None:
+    """Raise `ConfigError` if nobody else holds the graph: what we hold is nothing, and nobody gets what we write."""
+    if not memory.peers:
+        reason = f", or the router {router} cannot be reached" if router else ""
+        raise ConfigError(f"nobody holds graph {memory.graph_name!r}{reason}")
 
 
 def print_json(value: Any) -> None:

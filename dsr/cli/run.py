@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import enum
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated
 
@@ -56,9 +58,8 @@ def run(
     content = read_graph(graph) if graph else None
     if content is not None:
         warn(content)
-    place = folder or new_run_folder(find_system(system).stem)
     level = log_level.value
-    with Launcher(
+    with _run_folder(folder, find_system(system).stem) as place, Launcher(
         chosen, place, seed=seed, router=router, log_level=level, security=security, content=content, state=state
     ) as launcher:
         message = f"graph [bold]{launcher.graph}[/], logs and recordings in [bold]{place}[/], Ctrl-C stops"
@@ -75,6 +76,18 @@ def run(
                 view.live.update("")
                 raise typer.Exit(0) from None
     raise typer.Exit(1)
+
+
+@contextlib.contextmanager
+def _run_folder(given: Path | None, stem: str) -> Iterator[Path]:
+    """The folder that was given, or a new one that goes again if the system does not start."""
+    place = given or new_run_folder(stem)
+    try:
+        yield place
+    finally:
+        if given is None:
+            with contextlib.suppress(OSError):  # something is in it
+                place.rmdir()
 
 
 class _View:

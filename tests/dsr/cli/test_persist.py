@@ -47,6 +47,15 @@ def test_loading_can_replace_everything(memory: Memory, cli: Callable[..., str],
     assert (tmp_path / "after.json").read_bytes() == (tmp_path / "before.json").read_bytes()
 
 
+@pytest.mark.parametrize("command", ["save", "load"])
+def test_nothing_is_saved_or_loaded_where_nobody_is(cli: Callable[..., str], tmp_path: Path, command: str) -> None:
+    file = tmp_path / "scene.json"
+    file.write_bytes(BREAKFAST.read_bytes())
+    with pytest.raises(ConfigError, match=r"nobody holds graph 'nowhere', or the router tcp/127.0.0.1:1 cannot"):
+        cli(command, str(file), "--graph", "nowhere", "--connect", "tcp/127.0.0.1:1")
+    assert file.read_bytes() == BREAKFAST.read_bytes()
+
+
 def test_a_wrong_file_changes_nothing(memory: Memory, cli: Callable[..., str], tmp_path: Path) -> None:
     wrong = tmp_path / "wrong.json"
     wrong.write_text(BREAKFAST.read_text().replace('"plate_1", "dst"', '"plate", "dst"'))
@@ -82,6 +91,14 @@ def test_a_system_starts_with_the_content_of_a_file(tmp_path: Path) -> None:
         assert system.wait(20) == 0
     assert read_graph(tmp_path / "now.json").nodes["cup_1"] == read_graph(BREAKFAST).nodes["cup_1"]
     assert "cube_1" in read_graph(tmp_path / "now.json").nodes
+
+
+def test_a_system_that_is_refused_leaves_no_run_folder(tmp_path: Path) -> None:
+    (tmp_path / "state").write_text("no folder")
+    command = [sys.executable, "-m", "dsr.cli.main", "run", str(SYSTEMS / "counters.toml"), "--state", "state"]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, cwd=tmp_path)
+    assert (result.returncode, result.stderr) == (2, "state folder state cannot be used: File exists\n")
+    assert not list((tmp_path / "runs").iterdir())
 
 
 def test_a_system_does_not_start_with_a_wrong_file(tmp_path: Path) -> None:
