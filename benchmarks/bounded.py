@@ -31,8 +31,8 @@ EDGES = 4
 CYCLED = 10
 """Nodes that come and go each second, with an edge each."""
 RECREATED, CYCLES = 100, 1000
-_WIDENING = 16
-"""Bytes by which the counters of a node or edge may widen in a message as they grow."""
+_WIDENING = 24
+"""Bytes by which the counters of a node or edge (six with two attributes) widen in a message as they grow."""
 _PER_REPLICA = 40
 """Bytes of an entry of the context."""
 
@@ -249,7 +249,7 @@ def _plot(curves: dict[str, list[Size]], file: Path) -> None:
             if len(sizes) > 2:
                 ax.plot([size.hour for size in sizes], [getattr(size, field) for size in sizes], label=name)
         ax.set_ylabel(title)
-        ax.set_ylim(bottom=0)
+        ax.set_ylim(0, 1.15 * ax.get_ylim()[1])
         ax.grid(alpha=0.3)
     axes[0].legend()
     axes[-1].set_xlabel("simulated hours")

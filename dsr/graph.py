@@ -127,7 +127,7 @@ class Graph(Observer):
         if delta.writes:
             self.hlc.observe(max(write.stamp for write in delta.writes))
         self._apply(delta)
-        if self._unattached:
+        if self._unattached and (delta.context or delta.removed):  # samples of streams decide nothing
             self._attach_or_bury()
 
     def settle(self, patience: int = 3) -> Delta:

@@ -64,6 +64,12 @@ class Victim:
         for take in (self.arm.state, self.camera.frame, self.poses.readings, self.frames.latest):
             take()
 
+    def rest(self) -> None:
+        """Let seconds pass, until samples of streams that were accepted are durable."""
+        for _ in range(5):
+            self.clock.advance(1.0)
+            self.settle()
+
     def state(self) -> bytes:
         """Everything that the memory holds, and has seen."""
         store = self.memory._graph.store
@@ -130,6 +136,7 @@ def _fuzz_key(
             if "dig" not in tally.name:
                 tally.miscounted += abs(sum(victim.memory.dropped.values()) - dropped - heard)
             _send(tally, victim, sorted_out[True])
+            victim.rest()
             tally.miscounted += any(times > 1 for times in witness.said.values())
             tally.miscounted += len(victim.memory.dropped) > MAX_PEERS + 1 or len(victim.memory.peers) > MAX_PEERS
             look()

@@ -13,7 +13,7 @@ from tests.dsr.properties.soup import Soup
 
 HOUR = 3600.0
 sites = st.integers(0, 4)
-names = st.sampled_from(["a", "b", "c"])
+names = st.sampled_from(["a", "a", "a", "b", "b", "c"])
 types = st.sampled_from(["cube", "box"])
 edge_types = st.sampled_from(["RT", "Virtual_RT", "on"])
 choices = st.integers(0, 9)

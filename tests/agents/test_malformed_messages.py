@@ -1,0 +1,55 @@
+"""All agents at work while a stranger sends nonsense on every key: none fails, and the scenario goes on."""
+
+from __future__ import annotations
+
+from agents.plant.messages import arm_command_key, arm_state_key, decode_arm_state, decode_command, readings_key
+from agents.plant.messages import decode_tag_readings as decode_readings
+from agents.scenario.format import decode_start, start_key
+from agents.scenario.staging import make_run, staged_system
+from agents.scenario.truth import decode_truth
+from benchmarks.fuzz import corpus
+from benchmarks.fuzz.mutations import Mutator
+from dsr.errors import WireError
+from dsr.runtime.lockstep import Lockstep
+from dsr.runtime.logs import decode_log
+from dsr.runtime.status import decode_status
+from dsr.wire import decode_delta, decode_digest
+
+SECONDS = 4.0
+PER_STEP = 3
+
+
+def test_nobody_minds_nonsense() -> None:
+    system = staged_system(make_run("hovering_1", sensor="poses"))
+    with Lockstep(system.agents, graph=system.graph, seed=1, strict=True) as lockstep:
+        keys, stranger = lockstep.keys, lockstep.network.connect("stranger")
+        kinds = [
+            (arm_state_key(keys), corpus.arm_states(), decode_arm_state),
+            (arm_command_key(keys), corpus.commands(), lambda payload: decode_command(payload, corpus.JOINTS)),
+            (readings_key(keys, "overhead"), corpus.tag_readings(), decode_readings),
+            (start_key(keys), corpus.starts(), decode_start),
+            (keys.truth(), corpus.truths(), decode_truth),
+            (keys.status("plant"), corpus.statuses(), decode_status),
+            (keys.log("plant"), corpus.log_records(), decode_log),
+            (keys.delta("stranger"), corpus.deltas(), decode_delta),
+            (keys.stream("stranger"), corpus.deltas(), decode_delta),
+            (keys.digest("stranger"), corpus.digests(), decode_digest),
+        ]
+        mutators = [(key, Mutator(messages, 1), decode) for key, messages, decode in kinds]
+        sent = 0
+
+        def disturb(_now: float) -> None:
+            nonlocal sent
+            for key, mutate, decode in mutators:
+                for _ in range(PER_STEP):
+                    payload = mutate()
+                    try:
+                        decode(payload)
+                    except WireError:
+                        stranger.publish(key, payload)
+                        sent += 1
+
+        lockstep.run_for(SECONDS, disturb)
+        assert sent > 1000
+        assert lockstep.memory.dropped.keys() == {"stranger"}
+        assert lockstep.memory.edges("RT"), "the scene is there all the same"
