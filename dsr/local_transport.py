@@ -232,6 +232,9 @@ class LocalTransport:
             if key_matches(pattern, key):
                 self._network.later(0.0, _bind(handler, key, alive))
 
+    def renew(self) -> None:
+        """Nothing is ever forgotten here."""
+
     def close(self) -> None:
         """Leave the network; others see our tokens go."""
         if not self.closed:

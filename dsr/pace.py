@@ -10,6 +10,8 @@ HURRIED_PERIOD = 0.25
 """s between two digests while the network changes: the first ones may be lost on routes that are not complete yet."""
 HURRY = 1.0
 """s that this goes on after a peer appeared."""
+RENEWAL_DELAY = 0.75
+"""s after a peer appeared until what is listened to is declared again: then the network has come to rest."""
 ABSENCE = 1.0
 """s without a look at the time: this process was stopped, and knows that it lacks something."""
 FIRST_PATIENCE = 0.5
@@ -27,6 +29,7 @@ class Pace:
         self._next_digest = -math.inf
         self._next_settling = -math.inf
         self._hurry_until = -math.inf
+        self._renewal_at = math.inf
         self._last_look = math.inf
 
     def look(self, now: float) -> None:
@@ -38,6 +41,7 @@ class Pace:
     def hurry(self, now: float) -> None:
         """Somebody appeared: a digest is due now, and several soon."""
         self._hurry_until = now + HURRY
+        self._renewal_at = now + RENEWAL_DELAY
         self._next_digest = min(self._next_digest, now)
 
     def digest_due(self, now: float) -> bool:
@@ -52,6 +56,13 @@ class Pace:
         if now < self._next_settling:
             return False
         self._next_settling = now + DIGEST_PERIOD
+        return True
+
+    def renewal_due(self, now: float) -> bool:
+        """Whether to declare again what is listened to; true once after each hurry."""
+        if now < self._renewal_at:
+            return False
+        self._renewal_at = math.inf
         return True
 
     def answered(self) -> None:

@@ -20,7 +20,7 @@ from dsr.crdt.delta import Delta
 from dsr.graph import Graph
 from dsr.keys import Keys
 from dsr.outbox import Outbox
-from dsr.sync import REQUEST_TIMEOUT, Ask, Gate, Output, PublishDelta, PublishDigest, Synchroniser
+from dsr.sync import REQUEST_TIMEOUT, Ask, Gate, Output, PublishDelta, PublishDigest, Renew, Synchroniser
 from dsr.transport import Qos, Subscription, Transport
 from dsr.wire import encode_delta
 
@@ -214,6 +214,8 @@ class Replica:
                 self.send_soon()
             case PublishDigest(payload):
                 self._transport.publish(self._keys.digest(self.graph.rid), payload, Qos.STREAM)
+            case Renew():
+                self._transport.renew()
             case Ask(peer, payload):
                 self._transport.request(
                     self._keys.sync(peer),

@@ -88,7 +88,11 @@ class Ask(NamedTuple):
     payload: bytes
 
 
-Output = PublishDigest | PublishDelta | Ask
+class Renew(NamedTuple):
+    """Let the network know again what is listened to here: it has changed, and may have forgotten."""
+
+
+Output = PublishDigest | PublishDelta | Ask | Renew
 
 
 @dataclass
@@ -221,6 +225,8 @@ class Synchroniser:
             self._forget_silent(now)
             self.drifting = self._is_drifting(now)
             outputs.append(PublishDigest(self._digest(physical)))
+        if self._pace.renewal_due(now):
+            outputs.append(Renew())
         peer = self._peer_to_ask(now)
         if peer is not None:
             self._asked, self._asked_at = peer, now

@@ -86,6 +86,9 @@ class Transport(Protocol):
     def watch_presence(self, key: str, handler: PresenceHandler) -> Subscription:
         """Call `handler` for each announced key that matches: first the present ones, then each change."""
 
+    def renew(self) -> None:
+        """Say again what is subscribed to and served here: a network that has changed may have forgotten it."""
+
     def close(self) -> None:
         """Leave the network; harmless when repeated."""
 

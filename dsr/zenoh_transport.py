@@ -9,6 +9,7 @@ import re
 import threading
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
+from weakref import WeakSet
 
 import zenoh
 
@@ -41,17 +42,30 @@ _SENDING: dict[Qos, dict[str, Any]] = {
 
 
 class _Declaration:
-    """A Zenoh declaration, taken back once, whatever state its session is in."""
+    """A Zenoh declaration: can be made again, and is taken back once, whatever state its session is in."""
 
-    def __init__(self, *declared: Any) -> None:
-        self._declared = declared
+    def __init__(self, declare: Callable[[], Any]) -> None:
+        self._declare = declare
+        self._lock = threading.Lock()
+        self._declared: Any = declare()
+
+    def renew(self) -> None:
+        """Make it again, unless it was taken back."""
+        with self._lock:
+            if self._declared is not None:
+                self._undeclare()
+                self._declared = self._declare()
 
     def close(self) -> None:
         """Take it back; harmless when repeated or after the session was closed."""
-        declared, self._declared = self._declared, ()
-        for item in declared:
-            with contextlib.suppress(zenoh.ZError):
-                item.undeclare()
+        with self._lock:
+            if self._declared is not None:
+                self._undeclare()
+
+    def _undeclare(self) -> None:
+        declared, self._declared = self._declared, None
+        with contextlib.suppress(zenoh.ZError):
+            declared.undeclare()
 
 
 class _Outlet:
@@ -108,6 +122,8 @@ class ZenohTransport:
             raise ListenError(f"cannot listen on {listen} ({_reason(error)}); is the port in use?") from error
         self._publishers: dict[tuple[str, Qos], zenoh.Publisher] = {}
         self._bulk_writers: dict[str, BulkWriter] = {}
+        self._routing = routing
+        self._renewable: WeakSet[_Declaration] = WeakSet()
         self._lock = threading.Lock()
 
     def publish(self, key: str, payload: bytes, qos: Qos = Qos.RELIABLE) -> None:
@@ -141,7 +157,7 @@ class ZenohTransport:
 
         def listen(place: str) -> Callable[[Handler], Subscription]:
             def declare(handler: Handler) -> Subscription:
-                return self._subscribe(place, _ring(1), lambda sample: handler(sample.payload))
+                return self._subscribe(place, lambda: _ring(1), lambda sample: handler(sample.payload))
 
             return declare
 
@@ -162,19 +178,49 @@ class ZenohTransport:
 
     def subscribe(self, key: str, handler: MessageHandler, *, newest: int | None = None) -> Subscription:
         """Call `handler` from a thread of its own; with `newest`, from a ring that forgets the oldest."""
-        channel: Any = _fifo(_QUEUE) if newest is None else _ring(newest)
-        return self._subscribe(key, channel, lambda sample: handler(str(sample.key_expr), sample.payload.to_bytes()))
+        return self._subscribe(
+            key,
+            lambda: _fifo(_QUEUE) if newest is None else _ring(newest),
+            lambda sample: handler(str(sample.key_expr), sample.payload.to_bytes()),
+        )
 
-    def _subscribe(self, key: str, channel: Any, action: Callable[[Any], None]) -> Subscription:
-        subscriber = self._declare(self._session.declare_subscriber, key, channel)
-        _run(f"dsr-sub-{key}", lambda: _for_each(subscriber, action))
-        return _Declaration(subscriber)
+    def _subscribe(self, key: str, channel: Callable[[], Any], action: Callable[[Any], None]) -> Subscription:
+        def declare() -> Any:
+            subscriber = self._declare(self._session.declare_subscriber, key, channel())
+            _run(f"dsr-sub-{key}", lambda: _for_each(subscriber, action))
+            return subscriber
+
+        return self._renewed(declare)
 
     def serve(self, key: str, handler: RequestHandler) -> Subscription:
         """Answer requests on `key` from a thread of its own."""
-        queryable = self._declare(self._session.declare_queryable, key, _fifo(_QUEUE))
-        _run(f"dsr-serve-{key}", lambda: _for_each(queryable, lambda query: _answer(query, key, handler)))
-        return _Declaration(queryable)
+
+        def declare() -> Any:
+            queryable = self._declare(self._session.declare_queryable, key, _fifo(_QUEUE))
+            _run(f"dsr-serve-{key}", lambda: _for_each(queryable, lambda query: _answer(query, key, handler)))
+            return queryable
+
+        return self._renewed(declare)
+
+    def _renewed(self, declare: Callable[[], Any]) -> _Declaration:
+        """A declaration that `renew` makes again as long as somebody holds it."""
+        declaration = _Declaration(declare)
+        with self._lock:
+            self._renewable.add(declaration)
+        return declaration
+
+    def renew(self) -> None:
+        """Say again what is wanted and served here.
+
+        Routers that find each other again may throw declarations away for good, those that come before the routers know
+        where they come from (https://github.com/eclipse-zenoh/zenoh/issues/1886). Peers do not.
+        """
+        if not self._routing:
+            return
+        with self._lock:
+            declarations = list(self._renewable)
+        for declaration in declarations:
+            declaration.renew()
 
     def request(
         self, key: str, payload: bytes, on_reply: MessageHandler, on_done: Callable[[], None], timeout: float
@@ -197,14 +243,14 @@ class ZenohTransport:
 
     def announce(self, key: str) -> Subscription:
         """Declare a liveliness token: others see it go when this process dies."""
-        return _Declaration(self._declare(self._session.liveliness().declare_token, key))
+        return _Declaration(lambda: self._declare(self._session.liveliness().declare_token, key))
 
     def watch_presence(self, key: str, handler: PresenceHandler) -> Subscription:
         """Call `handler` for the tokens that are there and for every change."""
         tokens = self._declare(self._session.liveliness().declare_subscriber, key, _fifo(_QUEUE), history=True)
         is_there = zenoh.SampleKind.PUT
         _run(f"dsr-live-{key}", lambda: _for_each(tokens, lambda s: handler(str(s.key_expr), s.kind == is_there)))
-        return _Declaration(tokens)
+        return _Declaration(lambda: tokens)
 
     def _declare(self, declare: Callable[..., Any], key: str, *args: Any, **options: Any) -> Any:
         try:

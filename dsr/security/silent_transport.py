@@ -59,6 +59,10 @@ class SilentTransport:
         """See `Transport.watch_presence`."""
         return self._transport.watch_presence(key, handler)
 
+    def renew(self) -> None:
+        """See `Transport.renew`."""
+        self._transport.renew()
+
     def close(self) -> None:
         """Leave the network."""
         self._transport.close()

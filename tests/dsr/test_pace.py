@@ -35,6 +35,14 @@ def test_stream_samples_are_made_durable_once_a_second_even_in_a_hurry() -> None
     assert [time for time in range(30) if pace.settling_due(time / 10)] == [0, 10, 20]
 
 
+def test_what_is_listened_to_is_declared_again_once_the_network_is_at_rest() -> None:
+    pace = Pace()
+    assert not pace.renewal_due(0.0)
+    pace.hurry(1.0)
+    pace.hurry(1.5)
+    assert [time for time in (1.5, 2.0, 2.3, 2.4) if pace.renewal_due(time)] == [2.3]
+
+
 def test_patience_doubles_until_an_answer_comes() -> None:
     pace = Pace()
     waits = []

@@ -302,3 +302,27 @@ def test_a_program_that_forgets_to_close_ends_and_its_last_write_arrives(peers: 
     ended = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE, check=False)
     assert (ended.returncode, ended.stderr) == (0, "")
     assert eventually(lambda: "last" in a.state()["nodes"])
+
+
+@pytest.mark.parametrize("routing", [False, True])
+def test_what_is_declared_again_works_as_before(routing: bool) -> None:
+    hub_port = rendezvous.free_port()
+    hub = ZenohTransport(f"tcp/127.0.0.1:{hub_port}", routing=routing)
+    other = ZenohTransport(f"tcp/127.0.0.1:{rendezvous.free_port()}", [f"tcp/127.0.0.1:{hub_port}"], routing=routing)
+    heard: list[bytes] = []
+    answers: list[bytes] = []
+    wanted = [hub.subscribe("a/*", lambda _, payload: heard.append(payload)), hub.serve("s", lambda _, p: p + b"!")]
+    for number in range(3):
+        hub.renew()
+
+        def arrives(message: bytes = b"%d" % number) -> bool:
+            other.publish("a/b", message)
+            other.request("s", message, lambda _, reply: answers.append(reply), lambda: None, 1.0)
+            return message in heard and message + b"!" in answers
+
+        assert eventually(arrives)
+    wanted[0].close()
+    hub.renew()
+    assert len(wanted) == 2
+    other.close()
+    hub.close()
