@@ -24,6 +24,7 @@ _NO_SETTINGS: Mapping[str, Any] = {}
 _ENDPOINT = re.compile(r"[a-z]+/(?:\[[^\]\s]+\]|[^\[\]:/\s]+):(?P<port>[0-9]{1,5})(?:[?#].*)?")
 _LAST_PORT = (1 << 16) - 1
 _QUEUE = 256
+_PATIENCE = 2.0  # s
 _fifo, _ring = zenoh.handlers.FifoChannel, zenoh.handlers.RingChannel
 _SENDING: dict[Qos, dict[str, Any]] = {
     # One priority each: traffic of one priority shares a queue, and a full one drops or blocks all of it.
@@ -124,6 +125,7 @@ class ZenohTransport:
         self._bulk_writers: dict[str, BulkWriter] = {}
         self._routing = routing
         self._renewable: WeakSet[_Declaration] = WeakSet()
+        self._threads: list[threading.Thread] = []
         self._lock = threading.Lock()
 
     def publish(self, key: str, payload: bytes, qos: Qos = Qos.RELIABLE) -> None:
@@ -187,7 +189,7 @@ class ZenohTransport:
     def _subscribe(self, key: str, channel: Callable[[], Any], action: Callable[[Any], None]) -> Subscription:
         def declare() -> Any:
             subscriber = self._declare(self._session.declare_subscriber, key, channel())
-            _run(f"dsr-sub-{key}", lambda: _for_each(subscriber, action))
+            self._run(f"dsr-sub-{key}", lambda: _for_each(subscriber, action))
             return subscriber
 
         return self._renewed(declare)
@@ -197,7 +199,7 @@ class ZenohTransport:
 
         def declare() -> Any:
             queryable = self._declare(self._session.declare_queryable, key, _fifo(_QUEUE))
-            _run(f"dsr-serve-{key}", lambda: _for_each(queryable, lambda query: _answer(query, key, handler)))
+            self._run(f"dsr-serve-{key}", lambda: _for_each(queryable, lambda query: _answer(query, key, handler)))
             return queryable
 
         return self._renewed(declare)
@@ -239,7 +241,7 @@ class ZenohTransport:
             _for_each(replies, pass_on)
             on_done()
 
-        _run(f"dsr-ask-{key}", wait)
+        self._run(f"dsr-ask-{key}", wait)
 
     def announce(self, key: str) -> Subscription:
         """Declare a liveliness token: others see it go when this process dies."""
@@ -249,7 +251,7 @@ class ZenohTransport:
         """Call `handler` for the tokens that are there and for every change."""
         tokens = self._declare(self._session.liveliness().declare_subscriber, key, _fifo(_QUEUE), history=True)
         is_there = zenoh.SampleKind.PUT
-        _run(f"dsr-live-{key}", lambda: _for_each(tokens, lambda s: handler(str(s.key_expr), s.kind == is_there)))
+        self._run(f"dsr-live-{key}", lambda: _for_each(tokens, lambda s: handler(str(s.key_expr), s.kind == is_there)))
         return _Declaration(lambda: tokens)
 
     def _declare(self, declare: Callable[..., Any], key: str, *args: Any, **options: Any) -> Any:
@@ -258,10 +260,22 @@ class ZenohTransport:
         except zenoh.ZError as error:
             raise TransportError(f"{key}: {_reason(error)}") from error
 
+    def _run(self, name: str, target: Callable[[], None]) -> None:
+        thread = threading.Thread(target=target, name=name, daemon=True)
+        with self._lock:
+            thread.start()
+            self._threads = [*(other for other in self._threads if other.is_alive()), thread]
+
     def close(self) -> None:
-        """Close the session and all that was declared on it."""
+        """Close the session and all that was declared on it.
+
+        Waits for its threads: one that came back from Zenoh while the interpreter ends would abort the program.
+        """
         with contextlib.suppress(zenoh.ZError):
             self._session.close()  # type: ignore[no-untyped-call]
+        for thread in self._threads:
+            if thread is not threading.current_thread():
+                thread.join(_PATIENCE)
 
 
 def _check_endpoint(endpoint: str) -> None:
@@ -294,10 +308,6 @@ def _settings(listen: str, connect: list[str], routing: bool) -> dict[str, Any]:
 def _reason(error: zenoh.ZError) -> str:
     """The message without the place in Zenoh's sources."""
     return str(error).splitlines()[0].split(" at /")[0][:200]
-
-
-def _run(name: str, target: Callable[[], None]) -> None:
-    threading.Thread(target=target, name=name, daemon=True).start()
 
 
 def _for_each(channel: Any, action: Callable[[Any], None]) -> None:
