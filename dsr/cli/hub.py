@@ -50,7 +50,3 @@ def hub(
         pass
     finally:
         transport.close()
-
-
-if __name__ == "__main__":
-    app()

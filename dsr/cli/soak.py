@@ -36,6 +36,7 @@ def soak(
     fault: Annotated[
         list[str] | None, typer.Option(help=f"Only this one; may be repeated. {', '.join(FAULTS)}.")
     ] = None,
+    shortest: Annotated[float, typer.Option(min=0.0, help="s that a fault goes on at least.")] = 1.0,
     longest: Annotated[float, typer.Option(min=1.0, help="s that a fault may go on.")] = 10.0,
     seed: Annotated[int, typer.Option(min=0, help="Of the order and length of faults.")] = 0,
     races: Annotated[
@@ -61,7 +62,8 @@ def soak(
         else:
             plan = Plan(processes, machines, seed, _SHIFTS)
             names = _checked_faults(fault, machines)
-            run = Soak(Path(folder), WALL_CLOCK, plan, rate=rate, faults=names, fault_seconds=(1.0, longest))
+            lengths = (min(shortest, longest), longest)
+            run = Soak(Path(folder), WALL_CLOCK, plan, rate=rate, faults=names, fault_seconds=lengths)
             result, holds = _soak(run, seconds)
     if json_file is not None:
         json_file.write_bytes(msgspec.json.format(msgspec.json.encode(result), indent=2) + b"\n")

@@ -52,7 +52,7 @@ class Hub:
 
     def start(self) -> None:
         """Start it, and return when it can be reached."""
-        command = ["-m", "dsr.cli.hub", "--listen", f"tcp/127.0.0.1:{self.port}"]
+        command = ["-m", "dsr.soak.hub", f"tcp/127.0.0.1:{self.port}"]
         self._process = Process(command, {}, self._log)
         deadline = self._clock.monotonic() + _HUB_TIMEOUT
         while True:
