@@ -18,7 +18,7 @@ from dsr.clock import WALL_CLOCK
 
 LAUNCHED = "DSR_LAUNCHED"
 """Environment variable of a launched process: its standard input is its lifeline; how often it was started before."""
-_GRACE = 3.0  # s to end in an orderly way
+_GRACE = 6.0  # s to end in an orderly way
 
 
 def follow_launcher(environment: Mapping[str, str], stop: threading.Event) -> None:

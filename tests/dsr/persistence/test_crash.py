@@ -22,6 +22,7 @@ from tests.dsr.conftest import Net
 ROOT = Path(__file__).parents[3]
 WRITERS = Path(__file__).parent / "systems" / "writers.toml"
 AGENTS = ("first", "second")
+PATIENCE = 20.0  # s
 
 LAUNCH = """
 import sys, threading
@@ -86,6 +87,9 @@ def test_when_everything_is_killed_at_most_a_second_of_writes_is_lost(net: Net, 
         memory, keeper = restored(Net(), state)
         assert_lost_at_most(memory, folder, killed, 1.0)
         keeper.abandon()
+    gone = time.monotonic() + PATIENCE
+    while graphs() and time.monotonic() < gone:  # killed processes need a moment to end
+        time.sleep(0.05)
     assert graphs() == []
 
 
