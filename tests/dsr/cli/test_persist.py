@@ -85,7 +85,9 @@ def test_a_system_starts_with_the_content_of_a_file(tmp_path: Path) -> None:
     with subprocess.Popen(
         [*command, "run", str(SYSTEMS / "counters.toml"), *options], stdout=subprocess.PIPE, text=True
     ) as system:
-        assert system.stdout is not None and "graph kitchen" in system.stdout.readline()
+        lines = iter(system.stdout.readline, "") if system.stdout else iter(())
+        assert "graph kitchen" in next(lines)
+        assert any("first: ready" in line for line in lines)
         subprocess.run([*command, "save", str(tmp_path / "now.json")], check=True, timeout=60)
         system.terminate()
         assert system.wait(20) == 0
