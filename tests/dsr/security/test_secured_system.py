@@ -172,7 +172,7 @@ def test_a_hub_connects_secured_machines(
 ) -> None:
     """Two runtime folders stand for two machines: their processes meet in the hub only."""
     endpoint = f"tls/127.0.0.1:{rendezvous.free_port()}"
-    command = [sys.executable, "-m", "dsr.cli.hub", "--listen", endpoint, "--security", str(keys.path)]
+    command = [sys.executable, "-m", "dsr.cli.main", "hub", "--listen", endpoint, "--security", str(keys.path)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as hub, contextlib.ExitStack() as stack:
         stack.callback(hub.kill)
         assert hub.stdout is not None and endpoint in hub.stdout.readline()
