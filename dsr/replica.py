@@ -114,7 +114,8 @@ class Replica:
     def send_soon(self) -> None:
         """Have sent what was committed: by this thread if the network has been idle, else by the sending thread.
 
-        A network that is stuck has the sending thread wait in it, and so never makes a writer wait.
+        A stuck network has the sending thread wait in it, and writers pass by. Only a lone write that finds all buffers
+        of a stalled link full, megabytes, waits itself, until the link is closed after a second.
         """
         if self._holds or not self._threads:
             return
