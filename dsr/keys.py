@@ -77,6 +77,10 @@ class Keys:
         """Traffic between a driver and its device, e.g. `arm/state` (outside the graph)."""
         return f"{self.root}/device/{name}"
 
+    def service(self, name: str) -> str:
+        """Where requests of the service `name` are answered, e.g. `what_if`."""
+        return f"{self.root}/service/{name}"
+
     def truth(self) -> str:
         """Ground truth of a simulated reality: for judges and recordings, never for agents."""
         return f"{self.root}/truth"
