@@ -233,7 +233,7 @@ _ATTRIBUTES: dict[str, AttributeType] = dict([
     *_attributes("pose", "m, rad", {"pose": "the geometry of an RT or Virtual_RT edge"}, stream=True),
     *_attributes("pose", "m, rad", {"target_pose": "where the tool point shall go, in the world frame"}),
     *_attributes("vector", "m", {"size": "extent along x, y, z"}, length=3),
-    *_attributes("vector", "m", {"bounds": "box around a part in its frame: least x, y, z, greatest x, y, z"}, length=6),
+    *_attributes("vector", "m", {"bounds": "box around a part, in its frame: least, then greatest x, y, z"}, length=6),
     *_attributes("vector", "", {"color": "red, green, blue from 0 to 1"}, length=3),
     *_attributes("vector", "rad", {"target_joints": "where the joints shall go"}),
     *_attributes("vector", "rad", {"joint_positions": "measured"}, stream=True),
