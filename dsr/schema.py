@@ -263,7 +263,9 @@ _ATTRIBUTES: dict[str, AttributeType] = dict([
                              "destination": "where an action puts its target",
                              "skill": "of the arm: pick, place, move, observe or stop",
                              "request": "what the planner asks of an action: run or halt",
-                             "surprise": "why it is surprising", "policy": "which method explained it",
+                             "surprise": "why it is surprising",
+                             "hidden_by": "what hides most of it from the camera",
+                             "policy": "which method explained it",
                              "alternatives": "explanations that were rejected, with their scores",
                              "note": "free text"}),
 ])  # fmt: skip

@@ -6,6 +6,8 @@ from dsr.agent import Access, Agent
 from simulation_handler.belief import Belief
 from simulation_handler.config import BeliefConfig
 from simulation_handler.reading import FIXTURES, OBJECTS, Reading
+from simulation_handler.seeing import SEEN, Seeing
+from simulation_handler.views import LENS, PARTS
 from simulation_handler.writing import Writing
 
 _MOST_PROBLEMS = 3  # told in its status
@@ -14,23 +16,24 @@ _MOST_PROBLEMS = 3  # told in its status
 class SimulationHandler(Agent):
     """Reads percepts (RT edges from cameras), lets physics correct them, and writes what it then believes.
 
-    Writes Virtual_RT edges from the world to each object, with covariance, relations `on` from contact, and
-    `plausible`: whether what is perceived of an object is possible by what else is known. After a restart it
+    Writes Virtual_RT edges from the world to each object, with covariance, relations `on` from contact,
+    `plausible`: whether what is perceived of an object is possible by what else is known, and edges `sees`: how much
+    of an object each camera should see. After a restart it
     goes on from the Virtual_RT edges that it finds.
     """
 
     name = "simulation_handler"
     rate_hz = 20.0
     reads = Access(
-        nodes=(*FIXTURES, *OBJECTS, "world", "camera"),
-        edges=("RT", "Virtual_RT", "on"),
-        attributes=("size", "mass", "friction", "plausible", "source", "since"),
+        nodes=(*FIXTURES, *OBJECTS, *PARTS, "world", "camera"),
+        edges=("RT", "Virtual_RT", "on", "sees"),
+        attributes=("size", "mass", "friction", "plausible", "source", "since", "bounds", *LENS, *SEEN),
     )
     writes = Access(
         nodes=OBJECTS,
-        edges=("Virtual_RT", "on"),
-        attributes=("plausible", "source", "since"),
-        exclusive=("Virtual_RT", "plausible"),
+        edges=("Virtual_RT", "on", "sees"),
+        attributes=("plausible", "source", "since", *SEEN),
+        exclusive=("Virtual_RT", "plausible", "sees"),
     )
     Config = BeliefConfig
     config: BeliefConfig
@@ -40,12 +43,14 @@ class SimulationHandler(Agent):
         self._belief = Belief(self.config)
         self._reading = Reading(self.memory, self._belief, self.log)
         self._writing = Writing(self.memory, self._belief)
+        self._seeing = Seeing(self.memory, self._belief)
 
     def tick(self, now: float) -> None:
         """Bring the belief to time `now` (s), and the graph into step with it."""
         self._reading.update(now)
         self._belief.step(now)
         self._writing.update(now)
+        self._seeing.update(now)
         self.degraded = "; ".join(list(self._reading.problems.values())[:_MOST_PROBLEMS])
 
     def teardown(self) -> None:

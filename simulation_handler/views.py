@@ -1,0 +1,107 @@
+"""From the graph to what `sight` needs: where the cameras are, what stands in their way, and whether they deliver."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from dsr import quaternions
+from dsr.elements import Node
+from dsr.memory import Memory
+from dsr.transforms import Array, Pose
+from simulation_handler.geometry import Solid
+from simulation_handler.reading import FIXTURES, WORLD
+from simulation_handler.sight import View
+
+PARTS = ("robot", "body", "arm", "gripper", "hand", "finger")
+"""Node types of parts of bodies; those with the attribute `bounds` hide what is behind them."""
+PERCEIVED = ("cube", "box", "container", "cup", "ball")
+"""Node types that a camera perceives; RT edges to other nodes are structure."""
+LENS = ("fx", "fy", "cx", "cy", "width", "height")
+"""Attributes of a camera that say what it would see."""
+
+
+def views(memory: Memory) -> list[View]:
+    """All cameras whose place and intrinsics are known, by name; now, or when their chains were last known."""
+    nodes = sorted(memory.nodes("camera"), key=lambda node: node.name)
+    found = zip(nodes, _places(memory, nodes), strict=True)
+    made = (_view(node, pose) for node, pose in found if pose is not None)
+    return [view for view in made if view is not None]
+
+
+def obstacles(memory: Memory) -> list[Solid]:
+    """Boxes around parts of bodies (`bounds`), and tables, where they are now. What cannot be used is left out."""
+    parts = [node for type in PARTS for node in memory.nodes(type) if "bounds" in node]
+    tables = [node for type in FIXTURES for node in memory.nodes(type)]
+    nodes = sorted(parts, key=lambda node: node.name) + sorted(tables, key=lambda node: node.name)
+    boxes = [_bounds(node) if "bounds" in node else _below_its_top(node) for node in nodes]
+    found = []
+    for node, box, pose in zip(nodes, boxes, _places(memory, nodes), strict=True):
+        if box is not None and pose is not None:
+            least, size = box
+            centre = pose @ Pose.unchecked(_middle(least, size), (0.0, 0.0, 0.0, 1.0))
+            found.append(Solid(node.name, (size[0], size[1], size[2]), centre.t, centre.q, fixed=True))
+    return found
+
+
+def delivered(memory: Memory) -> dict[str, float]:
+    """When each camera last delivered a percept of anything, s, by its node's name.
+
+    A camera that is not in here has delivered nothing. One that is covered or dead falls behind the others, and
+    behind `now`: that what it should see is not seen then says nothing of the objects.
+    """
+    newest: dict[str, float] = {}
+    for camera in memory.nodes("camera"):
+        for edge in memory.edges("RT", src=camera.name):
+            node, pose = memory.get_node(edge.dst), edge.get("pose")
+            if node is not None and node.type in PERCEIVED and pose is not None:
+                newest[camera.name] = max(pose.stamp, newest.get(camera.name, -math.inf))
+    return newest
+
+
+def _places(memory: Memory, nodes: list[Node]) -> Iterator[Pose | None]:
+    """world_from_node of each; None where there is no chain."""
+    if not nodes:
+        return iter(())
+    return map(_pose, memory.transforms(WORLD, [node.name for node in nodes]))
+
+
+def _pose(matrix: Array) -> Pose | None:
+    if not math.isfinite(float(matrix.sum())):
+        return None
+    x, y, z = matrix[:3, 3].tolist()
+    return Pose.unchecked((x, y, z), quaternions.normalised(quaternions.from_matrix(matrix[:3, :3].tolist())))
+
+
+def _view(node: Node, world_from_camera: Pose) -> View | None:
+    """None without usable intrinsics."""
+    numbers = [node.get(name) for name in LENS]
+    if any(number is None for number in numbers):
+        return None
+    fx, fy, cx, cy, width, height = numbers
+    if min(fx, fy, width, height) <= 0:
+        return None
+    return View(node.name, world_from_camera, fx, fy, cx, cy, width, height)
+
+
+def _bounds(node: Node) -> tuple[Array, Array] | None:
+    """Least corner and edge lengths (3,) of a part's box in its own frame, m; None if it is none."""
+    values = np.array(node.get("bounds", ()))
+    if values.shape != (6,) or not (values[:3] < values[3:]).all():
+        return None
+    return values[:3], values[3:] - values[:3]
+
+
+def _below_its_top(node: Node) -> tuple[Array, Array] | None:
+    """Likewise of a table, whose frame is at the centre of its top."""
+    size = np.array(node.get("size", ()))
+    if size.shape != (3,) or not (size > 0.0).all():
+        return None
+    return size * (-0.5, -0.5, -1.0), size
+
+
+def _middle(least: Array, size: Array) -> tuple[float, float, float]:
+    x, y, z = (least + 0.5 * size).tolist()
+    return x, y, z

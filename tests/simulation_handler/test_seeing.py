@@ -1,0 +1,99 @@
+"""Edges `sees` that the simulation handler writes, and the cameras and obstacles that it finds in the graph."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+
+from dsr.transforms import Pose
+from simulation_handler.views import delivered, obstacles, views
+from tests.simulation_handler.test_agent import Table
+from tests.simulation_handler.worlds import cube_at
+
+LENS = {"fx": 600.0, "fy": 600.0, "cx": 319.5, "cy": 239.5, "width": 640, "height": 480}
+
+
+@pytest.fixture
+def table() -> Iterator[Table]:
+    scene = Table()
+    scene.memory.update_node("camera", **LENS)
+    yield scene
+    scene.lockstep.close()
+
+
+def seen(table: Table) -> dict[str, tuple[float, bool, str]]:
+    edges = table.memory.edges("sees", src="camera")
+    return {edge.dst: (edge["share"], edge["visible"], edge["hidden_by"]) for edge in edges}
+
+
+def add_arm(table: Table, x: float, y: float) -> None:
+    table.memory.add_node("link", "body", bounds=(-0.04, -0.04, -0.1, 0.04, 0.04, 0.1))
+    table.memory.add_edge("world", "link", "RT", pose=Pose((x, y, 0.4)))
+
+
+def test_what_is_in_view_below_another_and_below_the_arm(table: Table) -> None:
+    table.add("cube_1", cube_at(0.4, 0.1))
+    table.add("cube_2", cube_at(0.4, 0.1, 0.06))
+    table.add("cube_3", cube_at(0.3, -0.1))
+    table.run(2.0)
+    assert seen(table) == {"cube_1": (0.0, False, "cube_2"), "cube_2": (1.0, True, ""), "cube_3": (1.0, True, "")}
+    add_arm(table, 0.32, -0.06)
+    table.run(0.3)
+    share, visible, hidden_by = seen(table)["cube_3"]
+    assert (visible, hidden_by) == (share >= 0.5, "link")
+    assert share < 1.0
+
+
+def test_it_is_quiet_and_ends_with_the_object_and_the_camera(table: Table) -> None:
+    table.add("cube_1", cube_at(0.4, 0.1))
+    table.add("cube_2", cube_at(0.3, -0.1))
+    table.run(2.0)
+    watch = table.memory.watch(edge_type="sees", existing=False)
+    table.run(3.0)
+    assert watch.poll() == []
+    del table.truths["cube_2"]
+    table.memory.remove_node("cube_2")
+    table.run(0.5)
+    assert set(seen(table)) == {"cube_1"}
+    table.memory.update_node("camera", fx=0.0)
+    table.run(0.5)
+    assert seen(table) == {}
+
+
+def test_it_goes_on_after_a_restart(table: Table) -> None:
+    table.add("cube_1", cube_at(0.4, 0.1))
+    table.run(1.0)
+    before = seen(table)
+    table.lockstep.kill("simulation_handler")
+    table.run(0.5)
+    assert seen(table) == before == {"cube_1": (1.0, True, "")}
+    table.lockstep.restart("simulation_handler")
+    table.run(0.5)
+    assert seen(table) == before
+
+
+def test_unusable_cameras_and_parts_are_left_out(table: Table) -> None:
+    memory = table.memory
+    add_arm(table, 0.3, 0.0)
+    memory.add_node("lost", "body", bounds=(0.0, 0.0, 0.0, 1.0, 1.0, 1.0))
+    memory.add_node("inside_out", "gripper", bounds=(1.0, 0.0, 0.0, 0.0, 1.0, 1.0))
+    memory.add_edge("world", "inside_out", "RT", pose=Pose())
+    memory.add_node("blind", "camera")
+    memory.add_node("nowhere", "camera", **LENS)
+    assert [view.camera for view in views(memory)] == ["camera"]
+    found = {solid.name: solid for solid in obstacles(memory)}
+    assert set(found) == {"link", "table"}
+    assert found["link"].position == pytest.approx((0.3, 0.0, 0.4))
+    assert found["table"].top == pytest.approx(0.0)
+
+
+def test_when_a_camera_last_delivered(table: Table) -> None:
+    assert delivered(table.memory) == {}
+    table.memory.add_node("cube_1", "cube")
+    table.memory.add_node("cube_2", "cube")
+    table.memory.add_node("other", "camera")
+    table.memory.add_edge("camera", "cube_1", "RT", pose=Pose((0, 0, 0.5), stamp=3.0))
+    table.memory.add_edge("camera", "cube_2", "RT", pose=Pose((0, 0, 0.5), stamp=2.0))
+    table.memory.add_edge("camera", "other", "RT", pose=Pose((0, 0, 0.5), stamp=9.0))
+    assert delivered(table.memory) == {"camera": 3.0}

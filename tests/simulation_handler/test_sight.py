@@ -1,0 +1,121 @@
+"""What cameras should see, by hand and beside the plant's own test of what a tag sensor sees."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from functools import partial
+
+import numpy as np
+import pytest
+
+from agents.plant.bullet import Bullet
+from agents.plant.camera import OVERHEAD, Camera
+from agents.plant.noise import SensorModel
+from agents.plant.poses import _sees
+from agents.plant.renderer import Intrinsics
+from agents.plant.world import World
+from agents.scenario.format import ObjectSpec, SensorSpec, TableSpec
+from dsr.transforms import Pose
+from simulation_handler.geometry import Solid
+from simulation_handler.sight import Glance, Sight, View
+
+CUBE = (0.04, 0.04, 0.04)
+LENS = Intrinsics.from_fov(640, 480, 0.98)
+
+
+def view(pose: Pose = OVERHEAD, name: str = "overhead") -> View:
+    return View(name, pose, LENS.fx, LENS.fy, LENS.cx, LENS.cy, LENS.width, LENS.height)
+
+
+def solid(name: str, pose: Pose, size: tuple[float, float, float] = CUBE) -> Solid:
+    return Solid(name, size, pose.t, pose.q)
+
+
+def shares(*solids: Solid, obstacles: tuple[Solid, ...] = ()) -> dict[str, float]:
+    return {name: share for (_, name), share in Sight([view()], obstacles).shares(solids).items()}
+
+
+def test_a_tower_hides_all_but_its_top() -> None:
+    tower = [solid(f"cube_{k}", Pose((0.35, 0.0, 0.02 + 0.04 * k))) for k in range(3)]
+    assert shares(*tower) == {"cube_0": 0.0, "cube_1": 0.0, "cube_2": 1.0}
+    glances = Sight([view()]).glances(tower)
+    assert glances["overhead", "cube_0"] == Glance(0.0, "cube_1")
+    assert glances["overhead", "cube_2"] == Glance(1.0, "")
+
+
+def test_a_cube_half_on_another_hides_part_of_it() -> None:
+    lower, upper = solid("lower", Pose((0.35, 0.0, 0.02))), solid("upper", Pose((0.37, 0.0, 0.06)))
+    assert shares(lower, upper)["lower"] == pytest.approx(0.4, abs=0.2)
+
+
+def test_touching_neighbours_hide_nothing_of_each_other() -> None:
+    assert set(shares(*(solid(f"c{k}", Pose((0.27 + 0.04 * k, 0.1, 0.02))) for k in range(5))).values()) == {1.0}
+
+
+@pytest.mark.parametrize(
+    ("pose", "size"),
+    [
+        (Pose((0.35, 0.6, 0.02)), CUBE),
+        (Pose((0.35, 0.0, 0.9)), CUBE),
+        (Pose.from_rotvec((0.35, 0.0, 0.02), (math.pi, 0.0, 0.0)), CUBE),
+        (Pose.from_rotvec((0.35, 0.0, 0.02), (math.radians(80.0), 0.0, 0.0)), CUBE),
+        (Pose((0.35, 0.0, 0.02)), (0.01, 0.04, 0.04)),
+    ],
+    ids=["outside the image", "behind the camera", "upside down", "too steep", "too small"],
+)
+def test_what_cannot_be_found_counts_as_unseen(pose: Pose, size: tuple[float, float, float]) -> None:
+    assert shares(solid("thing", pose, size)) == {"thing": 0.0}
+
+
+def test_at_the_edge_of_the_image_a_part_is_seen() -> None:
+    assert 0.0 < shares(solid("cube", Pose((0.35, 0.325, 0.02))))["cube"] < 1.0
+
+
+def test_obstacles_hide_but_one_that_the_camera_is_in_does_not() -> None:
+    cube = solid("cube", Pose((0.35, 0.0, 0.02)))
+    arm = solid("arm", Pose((0.35, 0.0, 0.3)), (0.1, 0.1, 0.1))
+    housing = solid("housing", OVERHEAD, (0.05, 0.05, 0.05))
+    assert shares(cube, obstacles=(arm,)) == {"cube": 0.0}
+    assert shares(cube, obstacles=(housing,)) == {"cube": 1.0}
+
+
+def test_each_camera_looks_for_itself_and_a_copy_sees_the_same() -> None:
+    turned_away = Pose((0.35, 0.0, 0.65), (0.0, 0.0, 0.0, 1.0))
+    sight = Sight([view(), view(turned_away, "up")])
+    cube = solid("cube", Pose((0.35, 0.0, 0.02)))
+    expected = {("overhead", "cube"): 1.0, ("up", "cube"): 0.0}
+    assert sight.shares([cube]) == pickle.loads(pickle.dumps(sight)).shares([cube]) == expected
+    assert sight.shares([]) == Sight([]).shares([cube]) == {}
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_it_agrees_with_the_plant(seed: int) -> None:
+    """Random heaps in the air: its tag sensor sees a tag if the share is all of it, but for rays near an edge."""
+    rng = np.random.default_rng(seed)
+    specs = [ObjectSpec(name=f"cube_{k}", marker_id=k, position=(0.1 * k, 1.0, 0.02)) for k in range(20)]
+    bullet = Bullet()
+    try:
+        world = World(bullet, TableSpec(), specs)
+        agree = seen = partly = 0
+        for _ in range(15):
+            for spec in specs:
+                turn = rng.normal(0.0, 0.4, 3)
+                world.put(spec.name, Pose.from_rotvec(rng.uniform((0.1, -0.33, 0.02), (0.6, 0.33, 0.3)), turn))
+            eye = OVERHEAD @ Pose.from_rotvec(rng.normal(0.0, 0.05, 3), rng.normal(0.0, 0.2, 3))
+            camera = Camera(
+                "overhead", LENS, partial(Pose.__matmul__, eye, Pose.identity()), SensorModel(SensorSpec(), [], rng)
+            )
+            found = Sight([view(eye)]).shares([solid(name, pose) for name, pose in world.poses().items()])
+            for spec in specs:
+                sees = _sees(camera, world, spec, eye.inverse() @ world.pose(spec.name))
+                share = found["overhead", spec.name]
+                agree += sees == (share == 1.0)
+                seen += sees
+                partly += 0.05 < share < 0.95
+                assert not sees or share > 0.6
+    finally:
+        bullet.close()
+    assert agree >= 0.97 * 15 * 20
+    assert seen > 60
+    assert partly > 20
