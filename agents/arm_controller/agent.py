@@ -11,15 +11,19 @@ from agents.arm_controller.body import Body
 from agents.arm_controller.cameras import CameraFeed
 from agents.arm_controller.config import ArmControllerConfig
 from agents.arm_controller.grip import Grip
+from agents.arm_controller.holding import Holding
 from agents.arm_controller.joints import Joints, JointsError, read_joints, to_driver
 from agents.arm_controller.kinematics import Chain
 from agents.arm_controller.motion import Motion
 from agents.arm_controller.report import NO_DRIVER
-from agents.arm_controller.urdf import Robot, load_robot
+from agents.arm_controller.scene import Scene
+from agents.arm_controller.urdf import load_robot
 from agents.drivers import ArmDriver, ArmState, make_driver
 from dsr.agent import Access, Agent
 from dsr.errors import ConfigError
 
+OBJECTS = ("cube", "box", "container", "cup", "ball", "hand", "finger")
+"""Types of nodes that may be in the way or in the gripper."""
 START_UP = 10.0
 """s that the device may take until its first sample."""
 SILENCE = 0.5
@@ -39,16 +43,17 @@ class ArmController(Agent):
     name = "arm_controller"
     rate_hz = 50.0
     reads = Access(
-        nodes=("arm", "gripper"),
-        edges=("RT",),
-        attributes=("target_joints", "target_pose", "target_speed", "target_opening"),
+        nodes=("arm", "gripper", "table", *OBJECTS),
+        edges=("RT", "Virtual_RT", "grasping"),
+        attributes=("size", "present", "target_joints", "target_pose", "target_speed", "target_opening"),
     )
     writes = Access(
-        nodes=("world", "robot", "body", "mind", "arm", "gripper", "camera"),
-        edges=("RT", "has"),
+        nodes=("world", "robot", "body", "mind", "arm", "gripper", "camera", "action"),
+        edges=("RT", "has", "grasping"),
         attributes=(
             *("joint_names", "joint_positions", "joint_velocities", "opening", "contact"),
-            *("status", "explanation", "target_joints", "target_pose"),
+            *("status", "explanation", "target_joints", "target_pose", "target_opening"),
+            *("bounds", "source", "since"),
             *("fx", "fy", "cx", "cy", "width", "height", "stream"),
         ),
         exclusive=("joint_names", "joint_positions", "joint_velocities", "opening", "contact"),
@@ -79,7 +84,9 @@ class ArmController(Agent):
             log=self.log,
             rng=np.random.default_rng(self.seed),
         )
-        widest = _widest_opening(robot, config.end_effector_link)
+        self._scene = Scene(self.memory)
+        self._holding = Holding(self.memory, self._scene, config, self._chain.forward)
+        widest = robot.stroke(config.end_effector_link) or math.inf
         self._grip = Grip(self.memory, config, widest, send=self._driver.move_gripper, log=self.log)
 
     def tick(self, now: float) -> None:
@@ -88,6 +95,7 @@ class ArmController(Agent):
         if joints is not None:
             self._heard = now
             self._body.write(joints)
+            self._holding.tick(joints)
             self._follow_targets(joints)
         elif now - self._heard > (SILENCE if self._state else START_UP) and not self.degraded:
             self.degraded = f"no sample of the arm for {now - self._heard:.1f} s"
@@ -144,9 +152,3 @@ class ArmController(Agent):
     def _send(self, positions: tuple[float, ...], speed: float) -> None:
         assert self._state is not None
         self._driver.move_joints(to_driver(positions, self._chain.names, self._state), speed)
-
-
-def _widest_opening(robot: Robot, end_effector: str) -> float:
-    """Between the pads (m) with the sliding joints beyond the end effector at their upper limits; inf without any."""
-    strokes = [joint.upper for joint in robot.below(end_effector) if joint.kind == "prismatic"]
-    return sum(strokes) if strokes else math.inf

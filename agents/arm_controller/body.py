@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 
 from agents.arm_controller.config import ArmControllerConfig, CameraConfig
 from agents.arm_controller.joints import Joints
+from agents.arm_controller.shapes import bounds
 from agents.arm_controller.urdf import Joint, Robot
 from dsr import Memory
 from dsr.errors import ConfigError, suggest
@@ -37,6 +38,8 @@ class _Plan:
     mounts: dict[tuple[str, str], Pose] = field(default_factory=dict)
     """RT edges that a calibration may know better: written only where there is none."""
     segments: list[_Segment] = field(default_factory=list)
+    bounds: dict[str, tuple[float, ...]] = field(default_factory=dict)
+    """Box around what a node stands for, in its frame."""
 
 
 class Body:
@@ -77,6 +80,8 @@ class Body:
             for name, kind in plan.nodes.items():
                 memory.add_node(name, kind)
             memory.update_node(config.arm, joint_names=self._joint_names)
+            for name, box in plan.bounds.items():
+                memory.update_node(name, bounds=box)
             for part in ("body", "mind"):
                 memory.add_edge(config.robot, part, "has")
             for (parent, child), pose in plan.fixed.items():
@@ -98,21 +103,32 @@ def _plan(robot: Robot, config: ArmControllerConfig) -> _Plan:
     plan.mounts["world", config.robot] = config.mount.pose()
     plan.mounts[config.robot, config.arm] = config.arm_mount.pose()
     parent, fixed = config.arm, Pose.identity()
+    links = {config.arm: config.base_link}
     for joint in robot.between(config.base_link, config.end_effector_link):
         if joint.moves:
             link = f"{config.arm}_link_{len(plan.segments) + 1}"
             plan.nodes[link] = "body"
             plan.segments.append(_Segment(parent, link, fixed, joint))
+            links[link] = joint.child
             parent, fixed = link, Pose.identity()
         else:
             fixed = fixed @ joint.origin
     plan.nodes[config.gripper] = "gripper"
     plan.fixed[parent, config.gripper] = fixed
+    plan.bounds = _bounds(robot, config, links)
     for name, camera in config.cameras.items():
         parent, pose = _camera_mount(name, camera, robot, config, plan.nodes)
         plan.nodes[name] = "camera"
         plan.mounts[parent, name] = pose
     return plan
+
+
+def _bounds(robot: Robot, config: ArmControllerConfig, links: dict[str, str]) -> dict[str, tuple[float, ...]]:
+    """Boxes around the link of each node and what is fixed to it; for the gripper around palm and open fingers."""
+    gripper = config.end_effector_link
+    boxes = {node: robot.rigid(link, without=gripper) for node, link in links.items()}
+    boxes[config.gripper] = (*robot.rigid(gripper), *robot.fingers(gripper, robot.stroke(gripper)))
+    return {node: box for node in boxes if (box := bounds(boxes[node])) is not None}
 
 
 def _camera_mount(

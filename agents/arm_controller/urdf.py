@@ -1,4 +1,4 @@
-"""Reads the joints of a robot description (URDF); shapes and inertias are left to simulators.
+"""Reads the joints and collision shapes of a robot description (URDF); inertias are left to simulators.
 
 https://wiki.ros.org/urdf/XML/joint. SI units, radians.
 """
@@ -7,14 +7,16 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Literal, cast, get_args
 
+from agents.arm_controller.elements import attribute, number, origin, vector
+from agents.arm_controller.shapes import Box, read_boxes
 from dsr.errors import ConfigError, suggest
-from dsr.quaternions import Vector3, from_rotvec, product
+from dsr.quaternions import Vector3, from_rotvec
 from dsr.transforms import Pose
 
 JointKind = Literal["revolute", "continuous", "prismatic", "fixed"]
@@ -65,6 +67,8 @@ class Robot:
     name: str
     root: str
     joints: tuple[Joint, ...]
+    boxes: Mapping[str, tuple[Box, ...]] = field(default_factory=dict)
+    """Around the collision shapes, by link, in its frame."""
 
     @cached_property
     def parents(self) -> dict[str, Joint]:
@@ -91,6 +95,25 @@ class Robot:
                 yield joint
                 yield from self.below(joint.child)
 
+    def rigid(self, link: str, *, without: str = "") -> tuple[Box, ...]:
+        """Boxes of `link` and all that is fixed to it, in its frame; not of link `without` and what hangs there."""
+        found = list(self.boxes.get(link, ()))
+        for joint in self.joints:
+            if joint.parent == link and joint.child != without and not joint.moves:
+                found += [box.seen_from(joint.origin) for box in self.rigid(joint.child, without=without)]
+        return tuple(found)
+
+    def fingers(self, link: str, opening: float) -> tuple[Box, ...]:
+        """Boxes of the links that slide on `link`, in its frame, where they share `opening` m evenly."""
+        sliding = [joint for joint in self.joints if joint.parent == link and joint.kind == "prismatic"]
+        return tuple(
+            box.seen_from(joint.pose(opening / len(sliding))) for joint in sliding for box in self.rigid(joint.child)
+        )
+
+    def stroke(self, link: str) -> float:
+        """Widest opening (m) between the fingers that slide on `link`, or below it; 0 without any."""
+        return sum(joint.upper for joint in self.below(link) if joint.kind == "prismatic")
+
     def check_link(self, link: str) -> None:
         """Raise `ConfigError` unless there is a link of this name."""
         if link != self.root and link not in self.parents:
@@ -115,8 +138,9 @@ def parse_robot(data: bytes, file: str = "<urdf>") -> Robot:
         if root.tag != "robot":
             raise ValueError(f"the outer element is <{root.tag}>, expected <robot>")
         joints = tuple(_joint(element) for element in root.findall("joint"))
-        links = [_attribute(element, "name") for element in root.findall("link")]
-        return Robot(root.get("name", ""), _root_link(links, joints), joints)
+        links = [(attribute(element, "name"), read_boxes(element)) for element in root.findall("link")]
+        root_link = _root_link([name for name, _ in links], joints)
+        return Robot(root.get("name", ""), root_link, joints, dict(links))
     except ET.ParseError as error:
         raise ConfigError(f"not valid XML: {error}", file=file, line=error.position[0]) from error
     except ValueError as error:
@@ -146,8 +170,8 @@ def _reaches(link: str, root: str, carried: dict[str, str]) -> bool:
 
 
 def _joint(element: ET.Element) -> Joint:
-    name = _attribute(element, "name")
-    kind = _attribute(element, "type")
+    name = attribute(element, "name")
+    kind = attribute(element, "type")
     if kind not in _KINDS:
         raise ValueError(f"joint {name!r}: type {kind!r} is not supported; {suggest(kind, _KINDS)}")
     limit = element.find("limit")
@@ -155,13 +179,13 @@ def _joint(element: ET.Element) -> Joint:
     return Joint(
         name=name,
         kind=cast(JointKind, kind),
-        parent=_attribute(_child(element, "parent"), "link"),
-        child=_attribute(_child(element, "child"), "link"),
-        origin=_origin(element.find("origin")),
+        parent=attribute(_child(element, "parent"), "link"),
+        child=attribute(_child(element, "child"), "link"),
+        origin=origin(element.find("origin")),
         axis=_X_AXIS if kind == "fixed" else _axis(name, element.find("axis")),
         lower=lower,
         upper=upper,
-        velocity=math.inf if limit is None else _number(limit, "velocity", math.inf),
+        velocity=math.inf if limit is None else number(limit, "velocity", math.inf),
     )
 
 
@@ -170,23 +194,14 @@ def _limits(name: str, kind: str, limit: ET.Element | None) -> tuple[float, floa
         return -math.inf, math.inf
     if limit is None:
         raise ValueError(f"joint {name!r}: a {kind} joint needs a <limit>")
-    lower, upper = _number(limit, "lower", 0.0), _number(limit, "upper", 0.0)
+    lower, upper = number(limit, "lower", 0.0), number(limit, "upper", 0.0)
     if lower > upper:
         raise ValueError(f"joint {name!r}: lower limit {lower} is above upper limit {upper}")
     return lower, upper
 
 
-def _origin(element: ET.Element | None) -> Pose:
-    """Pose of an <origin>; rpy is Rz(yaw) Ry(pitch) Rx(roll)."""
-    if element is None:
-        return Pose.identity()
-    roll, pitch, yaw = _vector(element, "rpy", _ORIGIN)
-    turned = product(from_rotvec((0.0, 0.0, yaw)), from_rotvec((0.0, pitch, 0.0)))
-    return Pose(_vector(element, "xyz", _ORIGIN), product(turned, from_rotvec((roll, 0.0, 0.0))))
-
-
 def _axis(name: str, element: ET.Element | None) -> Vector3:
-    x, y, z = _X_AXIS if element is None else _vector(element, "xyz", _X_AXIS)
+    x, y, z = _X_AXIS if element is None else vector(element, "xyz", _X_AXIS)
     norm = math.hypot(x, y, z)
     if norm < 1e-9:
         raise ValueError(f"joint {name!r}: its axis has no length")
@@ -198,32 +213,3 @@ def _child(element: ET.Element, tag: str) -> ET.Element:
     if child is None:
         raise ValueError(f"joint {element.get('name')!r} has no <{tag}>")
     return child
-
-
-def _attribute(element: ET.Element, name: str) -> str:
-    value = element.get(name)
-    if not value:
-        raise ValueError(f"a <{element.tag}> has no {name!r}")
-    return value
-
-
-def _number(element: ET.Element, name: str, default: float) -> float:
-    return _finite(element, name, element.get(name, "").split(), (default,))[0]
-
-
-def _vector(element: ET.Element, name: str, default: Vector3) -> Vector3:
-    x, y, z = _finite(element, name, element.get(name, "").split(), default)
-    return x, y, z
-
-
-def _finite(element: ET.Element, name: str, words: list[str], default: tuple[float, ...]) -> tuple[float, ...]:
-    """The words as finite numbers, as many as the default has; the default if there are none."""
-    if not words:
-        return default
-    try:
-        numbers = tuple(float(word) for word in words)
-    except ValueError:
-        numbers = ()
-    if len(numbers) != len(default) or not all(map(math.isfinite, numbers)):
-        raise ValueError(f"<{element.tag} {name}={element.get(name)!r}>: expected {len(default)} finite numbers")
-    return numbers

@@ -132,3 +132,11 @@ def test_wrong_configuration_is_refused_with_its_reason(
 ) -> None:
     with pytest.raises(ConfigError, match=message):
         make_bench(**config)
+
+
+def test_parts_have_bounds_from_their_collision_shapes(bench: Bench) -> None:
+    bench.run(0.1)
+    names = ["arm", *(f"arm_link_{i}" for i in range(1, 8)), "gripper"]
+    assert all("bounds" in bench.memory.node(name) for name in names)
+    assert bench.memory.node("arm_link_2")["bounds"] == pytest.approx((-0.044, -0.25438, -0.050375, 0.044, 0, 0.044))
+    assert bench.memory.node("gripper")["bounds"] == pytest.approx((-0.0625, -0.0375, 0, 0.0625, 0.0375, 0.135))

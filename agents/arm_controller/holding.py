@@ -1,0 +1,95 @@
+"""What the gripper holds, by its own contact and the believed pose of the object between its pads."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+from agents.arm_controller.config import ArmControllerConfig
+from agents.arm_controller.joints import Joints
+from agents.arm_controller.scene import Scene, Thing
+from dsr import Memory
+from dsr.errors import TransformError
+from dsr.transforms import Pose
+
+LOST_AFTER = 0.1
+"""s without contact after which an object counts as lost"""
+WIDTH_TOLERANCE = 0.008
+"""m by which an opening may differ from the width of what is between the pads"""
+
+_SEARCH_PERIOD = 0.1  # s between two looks at the belief while what is touched is unknown
+_BESIDE = 0.012  # m that the tool point may be outside of the believed object
+
+
+class Holding:
+    """Keeps the edge `gripper -grasping-> object` in step with the gripper.
+
+    Args:
+        memory: where the edge goes.
+        scene: the belief.
+        config: names.
+        forward: arm_from_tool at joint positions.
+    """
+
+    def __init__(
+        self,
+        memory: Memory,
+        scene: Scene,
+        config: ArmControllerConfig,
+        forward: Callable[[tuple[float, ...]], Pose],
+    ) -> None:
+        self._memory = memory
+        self._scene = scene
+        self._config = config
+        self._forward = forward
+        self.held: str | None = None
+        """Name of the object in the gripper."""
+        self.tool_from_object: Pose | None = None
+        """Where it was in the gripper when it was grasped."""
+        self._contact_at = -math.inf
+        self._look_at = -math.inf
+
+    def tick(self, joints: Joints) -> None:
+        """Take over one sample of the gripper."""
+        if joints.contact:
+            self._contact_at = joints.stamp
+            if self.held is None and joints.stamp >= self._look_at:
+                self._look_at = joints.stamp + _SEARCH_PERIOD
+                self._search(joints)
+        elif joints.stamp - self._contact_at > LOST_AFTER:
+            self._lose()
+        if self.held is not None and self._memory.get_edge(self._config.gripper, self.held, "grasping") is None:
+            self.held = None  # its node is gone, or somebody removed the edge
+
+    def _search(self, joints: Joints) -> None:
+        known = [edge.dst for edge in self._memory.edges("grasping", src=self._config.gripper)]
+        try:
+            world_from_tool = self._scene.world_from(self._config.arm) @ self._forward(joints.positions)
+        except TransformError:
+            return
+        candidates = [thing for name in known if (thing := self._scene.object(name)) is not None]
+        found = candidates[0] if candidates else _between(self._scene.objects(), world_from_tool, joints.opening)
+        if found is None:
+            return
+        self.tool_from_object = world_from_tool.inverse() @ found.pose
+        self.held = found.name
+        if found.name not in known:
+            self._memory.add_edge(self._config.gripper, found.name, "grasping", since=joints.stamp, source="gripper")
+
+    def _lose(self) -> None:
+        self.held = self.tool_from_object = None
+        for edge in self._memory.edges("grasping", src=self._config.gripper):
+            self._memory.remove_edge(edge.src, edge.dst, "grasping")
+
+
+def _between(things: list[Thing], world_from_tool: Pose, opening: float) -> Thing | None:
+    """The one between pads that are `opening` m apart, the closest to the tool point; None if none fits."""
+    tool_from_world = world_from_tool.inverse()
+    found: list[tuple[float, Thing]] = []
+    for thing in things:
+        inside = Thing(thing.name, tool_from_world @ thing.pose, thing.size)
+        fits = any(abs(edge - opening) <= WIDTH_TOLERANCE for edge in thing.size)
+        beside = max(abs(offset) - half for offset, half in zip(inside.pose.t, (0.0, *inside.reach[1:]), strict=True))
+        if fits and beside <= _BESIDE:
+            found.append((math.dist(inside.pose.t, (0.0, 0.0, 0.0)), thing))
+    return min(found, key=lambda pair: pair[0])[1] if found else None
