@@ -16,6 +16,7 @@ from simulation_handler.config import BeliefConfig
 from simulation_handler.correction import Correction
 from simulation_handler.percepts import make_percept
 from simulation_handler.relations import Relation, Relations
+from simulation_handler.rollouts.scene import Scene
 from simulation_handler.simulator import TIME_STEP
 
 _MOST_STEPS = 48  # of physics in one step of the belief; time beyond is lost
@@ -110,6 +111,10 @@ class Belief:
             return None
         position, rotation = self._bodies.sim.pose(name)
         return Pose(position, rotation, self._now or 0.0, item.covariance(rotation))
+
+    def scene(self) -> Scene:
+        """All that has a place, fixtures and floor too, as it is now: to be simulated without disturbing the belief."""
+        return self._bodies.frozen()
 
     def supports(self) -> dict[Relation, float]:
         """(object, what it rests on) and since when (s); nothing is said of the floor."""

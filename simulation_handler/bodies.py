@@ -10,6 +10,7 @@ from dsr.transforms import Pose
 from simulation_handler.config import BeliefConfig
 from simulation_handler.geometry import Solid
 from simulation_handler.objects import BelievedObject
+from simulation_handler.rollouts.scene import Body, Scene
 from simulation_handler.simulator import SimulationError, Simulator
 from simulation_handler.tracking import Track
 
@@ -84,6 +85,18 @@ class Bodies:
         """All fixtures, and all other bodies at their believed poses."""
         present = (name for name in self.objects if name in self.sim and name not in leaving_out)
         return self.fixtures | {name: self.solid(name) for name in present}
+
+    def frozen(self) -> Scene:
+        """Everything as it is now, to be simulated elsewhere: what is pinned is fixed, speeds are left out."""
+        friction = self._config.default_friction
+        bodies = [
+            Body(solid.name, solid.size, solid.position, solid.rotation, friction=friction, fixed=True)
+            for solid in self.fixtures.values()
+        ]
+        for name, item in self.objects.items():
+            if name in self.sim:
+                bodies.append(Body(name, item.size, *self.sim.pose(name), item.mass, item.friction, item.pinned))
+        return Scene(tuple(bodies))
 
     def put(self, item: BelievedObject, position: Vector3, rotation: Quaternion) -> None:
         """Put the body of an object somewhere, at rest; the first time makes it."""

@@ -27,6 +27,8 @@ GRAVITY = 9.81
 _WAKE_REACH = 0.003  # m, bodies this close to a moved one are woken
 _STRIDE = 0.0004  # m that a body may move in one step: it gets that far into what it hits
 _MOST_PARTS = 16  # of a step, enough for a fall of 0.12 m
+_ENABLE_SLEEPING: int = pybullet.ACTIVATION_STATE_ENABLE_SLEEPING
+_DISABLE_SLEEPING: int = pybullet.ACTIVATION_STATE_DISABLE_SLEEPING
 _SLEEP_SPEED = 0.02  # m/s or rad/s, below which a body may fall asleep
 
 
@@ -47,9 +49,14 @@ class Contact(NamedTuple):
 
 
 class Simulator:
-    """A world of named rigid bodies with gravity, contact and sleeping."""
+    """A world of named rigid bodies with gravity and contact.
 
-    def __init__(self) -> None:
+    Args:
+        sleeping: bodies at rest cost little; what slept leaves traces that keep later runs from being bit-identical.
+    """
+
+    def __init__(self, *, sleeping: bool = True) -> None:
+        self._sleeping = sleeping
         self._client: int = pybullet.connect(pybullet.DIRECT)
         self._ids: dict[str, int] = {}
         self._names: dict[int, str] = {}
@@ -111,7 +118,7 @@ class Simulator:
         )  # fmt: skip
         pybullet.changeDynamics(
             body, -1, lateralFriction=friction, frictionAnchor=1, restitution=0.0, sleepThreshold=_SLEEP_SPEED,
-            activationState=pybullet.ACTIVATION_STATE_ENABLE_SLEEPING, physicsClientId=self._client,
+            activationState=_ENABLE_SLEEPING if self._sleeping else _DISABLE_SLEEPING, physicsClientId=self._client,
         )  # fmt: skip
         self._ids[name], self._names[body], self._masses[name] = body, name, mass
         self._radii[body] = 0.5 * math.hypot(*size)
@@ -237,6 +244,8 @@ class Simulator:
 
     def _wake_around(self, body: int) -> None:
         """Wake a body and all that is near it and can move: pybullet lets sleepers hang in the air."""
+        if not self._sleeping:
+            return
         low, high = pybullet.getAABB(body, physicsClientId=self._client)
         near = pybullet.getOverlappingObjects(
             [edge - _WAKE_REACH for edge in low], [edge + _WAKE_REACH for edge in high], physicsClientId=self._client
