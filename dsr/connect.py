@@ -16,7 +16,6 @@ from dsr.keys import Keys
 from dsr.memory import Guard, Memory, new_rid
 from dsr.schema import Schema
 from dsr.transport import Transport
-from dsr.zenoh_transport import ZenohTransport
 
 if TYPE_CHECKING:
     from dsr.security.identity import Identity
@@ -148,6 +147,8 @@ def open_transport(
 def _open_at_free_port(
     graph: str, rid: str, connect: list[str], has_memory: bool, identity: Identity | None
 ) -> tuple[Transport, rendezvous.Registration]:
+    from dsr.zenoh_transport import ZenohTransport
+
     protocol = "tls" if identity else "tcp"
     endpoint = f"{protocol}/127.0.0.1:{rendezvous.free_port()}"
     registration = rendezvous.Registration(graph, rid, endpoint, has_memory=has_memory)

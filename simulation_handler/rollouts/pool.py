@@ -1,0 +1,169 @@
+"""Simulates many scenes at once, in worker processes, within a budget of time; or one after the other, right here."""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections import deque
+from collections.abc import Callable, Sequence
+from itertools import count
+from multiprocessing.connection import wait
+from types import TracebackType
+
+from dsr.clock import WALL_CLOCK, Clock
+from simulation_handler.rollouts.engine import Engine, Outcome
+from simulation_handler.rollouts.process import WorkerProcess
+from simulation_handler.rollouts.scene import Scene
+from simulation_handler.simulator import SimulationError
+
+_log = logging.getLogger("simulation_handler.rollouts")
+_NAP = 0.02  # s between two looks at the clock
+_STUCK = 5.0  # s after which a worker that is still busy with a job of an earlier run is started anew
+_MOST_DEATHS = 3  # in a row without an answer, after which a worker is given up
+
+
+class Pool:
+    """Simulates scenes; outcomes do not depend on where, on the number of workers, or on what ran before.
+
+    Args:
+        workers: processes. With 0, scenes are simulated in this process: repeatable bit by bit, for lockstep.
+        budget: of each run, unless that is given its own. With workers: s on `clock`, after which what has not come
+            back is given up. Without: how many scenes are simulated, the first ones.
+        clock: measures the budget.
+
+    Workers start at once and are ready within a second; they end with this process, however it ends. One that dies
+    is started again; if that fails time after time, scenes are simulated here, one by one, within the same budget.
+    """
+
+    def __init__(self, workers: int, budget: float = math.inf, clock: Clock = WALL_CLOCK) -> None:
+        if workers < 0 or math.isnan(budget):
+            raise SimulationError(f"{workers} workers, budget {budget}; expected at least 0, and a number")
+        self._clock = clock
+        self._budget = budget
+        self._numbers = count(1)
+        self._engine: Engine | None = None
+        self._is_here = workers == 0
+        self._workers = [WorkerProcess(clock.monotonic()) for _ in range(workers)]
+
+    def __enter__(self) -> Pool:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @property
+    def pids(self) -> tuple[int, ...]:
+        """Process ids of the workers."""
+        return tuple(worker.pid for worker in self._workers)
+
+    def run(self, scenes: Sequence[Scene], seconds: float, budget: float | None = None) -> list[Outcome | None]:
+        """Outcomes after `seconds`, in the order of the scenes; None for what did not fit into the budget.
+
+        Raises:
+            SimulationError: for a scene or time that cannot be simulated.
+        """
+        budget = self._budget if budget is None else budget
+        if self._is_here:
+            return self._run_here(scenes, seconds, lambda index: index < budget)
+        deadline = self._clock.monotonic() + budget
+        if self._workers:
+            outcomes = _Run(self._workers, scenes, seconds, self._numbers, self._clock).until(deadline)
+            self._give_up_the_hopeless()
+            return outcomes
+        return self._run_here(scenes, seconds, lambda _: self._clock.monotonic() < deadline)
+
+    def _run_here(
+        self, scenes: Sequence[Scene], seconds: float, may_go_on: Callable[[int], bool]
+    ) -> list[Outcome | None]:
+        engine = self._engine = self._engine or Engine()
+        return [engine.run(scene, seconds) if may_go_on(index) else None for index, scene in enumerate(scenes)]
+
+    def _give_up_the_hopeless(self) -> None:
+        for worker in [worker for worker in self._workers if worker.deaths >= _MOST_DEATHS]:
+            self._workers.remove(worker)
+            worker.close()
+            _log.error("a worker for rollouts died %d times in a row and is given up", worker.deaths)
+
+    def close(self) -> None:
+        """End the workers and free the simulation; harmless when repeated."""
+        while self._workers:
+            self._workers.pop().close()
+        if self._engine is not None:
+            self._engine.close()
+
+
+class _Run:
+    """The scenes of one run on their way through the workers."""
+
+    def __init__(
+        self,
+        workers: Sequence[WorkerProcess],
+        scenes: Sequence[Scene],
+        seconds: float,
+        numbers: count[int],
+        clock: Clock,
+    ) -> None:
+        self._workers = workers
+        self._scenes = scenes
+        self._seconds = seconds
+        self._numbers = numbers
+        self._clock = clock
+        self._outcomes: list[Outcome | None] = [None] * len(scenes)
+        self._waiting = deque(range(len(scenes)))
+        self._under_way: dict[int, int] = {}  # number of the job -> index of the scene
+        self._lost: set[int] = set()  # indexes of scenes whose worker died
+
+    def until(self, deadline: float) -> list[Outcome | None]:
+        """The outcomes that are here at the deadline."""
+        self._restart_stuck()
+        while self._waiting or self._under_way:
+            self._hand_out()
+            left = deadline - self._clock.monotonic()
+            alive = {worker.connection: worker for worker in self._workers if worker.deaths < _MOST_DEATHS}
+            if left <= 0.0 or not alive:
+                break
+            for connection in wait(alive, min(left, _NAP)):
+                self._take(alive[connection])  # type: ignore[index]
+        return self._outcomes
+
+    def _hand_out(self) -> None:
+        for worker in self._workers:
+            if self._waiting and worker.job is None:
+                index, number = self._waiting.popleft(), next(self._numbers)
+                self._under_way[number] = index
+                try:
+                    worker.give(number, self._scenes[index], self._seconds, self._clock.monotonic())
+                except OSError:
+                    self._bury(worker)
+
+    def _take(self, worker: WorkerProcess) -> None:
+        try:
+            number, outcome = worker.take()
+        except (OSError, EOFError):
+            self._bury(worker)
+            return
+        index = self._under_way.pop(number, None)
+        if index is None:  # it has just started, or this is an answer to an earlier run
+            return
+        if isinstance(outcome, str):
+            raise SimulationError(outcome)
+        self._outcomes[index] = outcome
+
+    def _bury(self, worker: WorkerProcess) -> None:
+        """Start a dead worker again; its scene gets one more try, for it may be what killed it."""
+        index = self._under_way.pop(worker.job, None) if worker.job is not None else None
+        if index is not None and index not in self._lost:
+            self._lost.add(index)
+            self._waiting.appendleft(index)
+        _log.warning(
+            "a worker for rollouts has died (%s); it is started again", worker.restart(self._clock.monotonic())
+        )
+
+    def _restart_stuck(self) -> None:
+        now = self._clock.monotonic()
+        for worker in self._workers:
+            if worker.job is not None and now - worker.since > _STUCK:
+                _log.warning("a worker for rollouts was stuck; it is started again")
+                worker.restart(now)

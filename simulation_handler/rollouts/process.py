@@ -1,0 +1,83 @@
+"""A worker process as its pool sees it: started, given one job at a time, started again when it dies."""
+
+from __future__ import annotations
+
+import os
+import socket
+import subprocess
+import sys
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+from simulation_handler.rollouts.scene import Scene
+from simulation_handler.rollouts.worker import READY, Reply
+
+_ROOT = Path(__file__).parents[2]
+
+
+class WorkerProcess:
+    """Begins at once; `ready` and `job` say what it is doing.
+
+    It is in a session of its own, so that Ctrl-C reaches only us, and ends when we do, however that happens.
+    """
+
+    def __init__(self, now: float) -> None:
+        self.deaths = 0
+        """How often it has died since it last answered."""
+        self._start(now)
+
+    def _start(self, now: float) -> None:
+        ours, theirs = socket.socketpair()
+        with theirs:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", "simulation_handler.rollouts.worker", str(theirs.fileno())],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                pass_fds=[theirs.fileno()],
+                start_new_session=True,
+                env={**os.environ, "PYTHONPATH": os.pathsep.join(_search_path())},
+            )
+        self.connection: Connection[Any, Any] = Connection(ours.detach())
+        self.job: int | None = READY
+        """Number of what it is busy with; None while it waits."""
+        self.since = now
+        """When it was given that."""
+
+    @property
+    def pid(self) -> int:
+        """Of the process."""
+        return self._process.pid
+
+    def give(self, job: int, scene: Scene, seconds: float, now: float) -> None:
+        """Let it simulate a scene, at time `now`; raises `OSError` if it has died."""
+        self.job, self.since = job, now
+        self.connection.send((job, scene, seconds))
+
+    def take(self) -> Reply:
+        """What it has answered; raises `OSError` or `EOFError` if it has died."""
+        reply: Reply = self.connection.recv()
+        self.job, self.deaths = None, 0
+        return reply
+
+    def restart(self, now: float) -> str:
+        """Start it again; returns how the old one ended."""
+        self.close()
+        self.deaths += 1
+        self._start(now)
+        return f"exit code {self._ended}"
+
+    def close(self) -> None:
+        """End it at once: it has nothing to lose. Harmless when repeated."""
+        self.connection.close()
+        self._process.kill()
+        self._ended = self._process.wait()
+        assert self._process.stdin is not None
+        self._process.stdin.close()
+
+
+def _search_path() -> list[str]:
+    """Where the worker finds the code that runs here."""
+    given = os.environ.get("PYTHONPATH")
+    return [str(_ROOT), *([given] if given else [])]

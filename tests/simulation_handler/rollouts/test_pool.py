@@ -1,0 +1,155 @@
+"""A pool gives the same outcomes wherever they are computed, keeps to its budget, and leaves nothing behind."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import psutil
+import pytest
+
+from dsr.clock import WALL_CLOCK
+from simulation_handler.rollouts import pool as pool_module
+from simulation_handler.rollouts import process as process_module
+from simulation_handler.rollouts.pool import Pool
+from simulation_handler.simulator import SimulationError
+from tests.simulation_handler.rollouts.scenes import cube, random_scene, scene_of
+
+SCENES = [random_scene(seed) for seed in range(8)]
+PLENTY = 60.0
+
+
+@pytest.fixture(scope="module")
+def shared() -> Iterator[Pool]:
+    """A pool that is ready."""
+    with Pool(2, PLENTY) as pool:
+        pool.run(SCENES[:2], 0.1)
+        yield pool
+
+
+def wait_until(is_true: Callable[[], bool], timeout: float = 20.0) -> bool:
+    end = WALL_CLOCK.monotonic() + timeout
+    while not is_true() and WALL_CLOCK.monotonic() < end:
+        WALL_CLOCK.wait(threading.Event(), 0.02)
+    return is_true()
+
+
+def test_outcomes_are_bit_identical_here_and_in_workers(shared: Pool):
+    with Pool(0) as here:
+        expected = here.run(SCENES, 0.5)
+        assert here.run(SCENES[::-1], 0.5) == expected[::-1]
+    assert None not in expected
+    assert shared.run(SCENES, 0.5) == expected
+    assert shared.run(SCENES[::-1], 0.5) == expected[::-1]
+
+
+def test_without_workers_the_budget_is_a_number_of_scenes():
+    with Pool(0, 3) as pool:
+        assert [outcome is not None for outcome in pool.run(SCENES, 0.1)] == [True] * 3 + [False] * 5
+        assert [outcome is not None for outcome in pool.run(SCENES, 0.1, budget=1)] == [True] + [False] * 7
+
+
+def test_what_is_not_back_in_time_is_none_and_does_not_disturb_the_next_run(shared: Pool):
+    begin = WALL_CLOCK.monotonic()
+    late = shared.run(SCENES * 20, 2.0, budget=0.1)
+    assert WALL_CLOCK.monotonic() - begin < 2.0
+    assert late[-1] is None
+    with Pool(0) as here:
+        assert shared.run(SCENES, 0.3) == here.run(SCENES, 0.3)
+
+
+def test_nothing_to_do_and_no_time_to_do_it(shared: Pool):
+    assert shared.run([], 0.5) == []
+    assert shared.run(SCENES[:2], 0.5, budget=0.0) == [None, None]
+
+
+def test_a_scene_that_cannot_be_is_an_error_and_the_pool_goes_on(shared: Pool):
+    bad = scene_of(cube("a", 0.0, 0.0)._replace(size=(0.0, 0.0, 0.0)))
+    for _ in range(2):
+        with pytest.raises(SimulationError, match="body 'a': size"):
+            shared.run([SCENES[0], bad, SCENES[1]], 0.1)
+    assert None not in shared.run(SCENES, 0.1)
+
+
+def test_a_worker_that_dies_is_replaced_and_its_scene_is_not_lost():
+    with Pool(1, PLENTY) as pool:
+        expected = pool.run(SCENES, 0.3)
+        for number in (signal.SIGKILL, signal.SIGSEGV):
+            os.kill(pool.pids[0], number)
+            assert pool.run(SCENES, 0.3) == expected
+
+
+def test_a_worker_that_stops_does_not_hold_up_the_others(monkeypatch: pytest.MonkeyPatch):
+    with Pool(2, PLENTY) as pool:
+        expected = pool.run(SCENES, 0.3)
+        stopped = pool.pids[0]
+        os.kill(stopped, signal.SIGSTOP)
+        outcomes = pool.run(SCENES, 0.3, budget=3.0)
+        assert sum(a == b for a, b in zip(outcomes, expected, strict=True)) == len(SCENES) - 1, "one is stuck"
+        monkeypatch.setattr(pool_module, "_STUCK", 0.0)
+        pool.run([], 0.3)
+        assert stopped not in pool.pids
+        assert pool.run(SCENES, 0.3) == expected
+
+
+def test_workers_that_cannot_live_are_given_up_and_the_work_is_done_here(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(process_module.sys, "executable", "/bin/false")
+    with Pool(2, PLENTY) as pool, Pool(0) as here:
+        assert pool.run(SCENES, 0.2) == [None] * len(SCENES)
+        assert pool.pids == ()
+        assert pool.run(SCENES, 0.2) == here.run(SCENES, 0.2)
+
+
+def test_closing_ends_the_workers_and_leaves_no_descriptor():
+    before = set(Path("/proc/self/fd").iterdir())
+    with Pool(2, PLENTY) as pool:
+        pids = pool.pids
+        pool.run(SCENES[:2], 0.1)
+    assert not any(map(psutil.pid_exists, pids))
+    assert len(set(Path("/proc/self/fd").iterdir()) - before) == 0
+    pool.close()
+
+
+USER = """
+import signal, sys
+from simulation_handler.rollouts import Pool
+from tests.simulation_handler.rollouts.scenes import random_scene
+pool = Pool(2, 1000.0)
+pool.run([random_scene(seed) for seed in range(4)], 0.1)
+print(*pool.pids, flush=True)
+pool.run([random_scene(seed) for seed in range(100_000)], 10.0)
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT], ids=["killed", "Ctrl-C"])
+def test_workers_end_with_the_process_that_uses_them(number: signal.Signals):
+    command = [sys.executable, "-c", USER]
+    options = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL, "text": True, "start_new_session": True}
+    with subprocess.Popen(command, cwd=Path(__file__).parents[3], **options) as user:
+        pids = [int(word) for word in user.stdout.readline().split()]
+        assert len(pids) == 2 and all(map(psutil.pid_exists, pids))
+        os.killpg(user.pid, number)
+        user.wait(20)
+    assert wait_until(lambda: not any(map(is_running, pids)))
+
+
+def is_running(pid: int) -> bool:
+    try:
+        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False
+
+
+def test_workers_load_nothing_of_the_network(shared: Pool):
+    for pid in shared.pids:
+        assert "zenoh" not in Path(f"/proc/{pid}/maps").read_text()
+
+
+def test_a_pool_of_less_than_nothing_is_refused():
+    with pytest.raises(SimulationError, match="-1 workers"):
+        Pool(-1)
