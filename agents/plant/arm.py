@@ -6,7 +6,9 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import pybullet
+from numpy.typing import NDArray
 
 from agents.plant.bullet import Bullet
 from agents.plant.ramp import Ramp
@@ -138,6 +140,18 @@ class Arm:
         if name not in self._links:
             raise ConfigError(f"the robot has no link {name!r}; {suggest(name, self._links)}")
         return self._bullet.link_pose(self.body, self._links[name])
+
+    def jacobian(self, link: str) -> NDArray[np.float64]:
+        """(6, n) of the link's frame at the present joint positions: world m, then rad, per rad."""
+        chain = [*self._joints, *self._fingers]
+        where = [state[0] for state in self._bullet.getJointStates(self.body, sorted(chain))]
+        zeros = [0.0] * len(where)
+        state = self._bullet.getLinkState(self.body, self._links[link])
+        linear, angular = self._bullet.calculateJacobian(
+            self.body, self._links[link], Pose(state[2], state[3]).inverse().t, where, zeros, zeros
+        )
+        columns = [sorted(chain).index(joint) for joint in self._joints]
+        return np.vstack([linear, angular])[:, columns]
 
     def camera_pose(self) -> Pose:
         """world_from_camera of the wrist camera's optical frame."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -11,11 +12,29 @@ from agents.plant.noise import Color, Depth, SensorModel, shift_bodies
 from agents.plant.renderer import Intrinsics, Renderer
 from agents.plant.world import World
 from dsr.blobs import Frame
+from dsr.quaternions import Quaternion, Vector3, product
 from dsr.transforms import Pose
 
 OVERHEAD = Pose((0.35, 0.0, 0.65), (math.sqrt(0.5), -math.sqrt(0.5), 0.0, 0.0))
 """world_from_camera of the overhead camera's optical frame: looking straight down, the image's right is world -y and
 its upper side world +x. At 640 x 480 and the default field of view it covers x 0.09 to 0.61, y -0.35 to 0.35 m."""
+
+
+@dataclass
+class Illusion:
+    """An object that is seen elsewhere than it is."""
+
+    frames: int
+    """How many more frames show it so."""
+    translation: Vector3
+    """m, world"""
+    turn: Quaternion
+    """World, about the object's centre."""
+
+    def applied_to(self, pose: Pose) -> Pose:
+        """world_from_object as it is seen."""
+        x, y, z = (true + shift for true, shift in zip(pose.t, self.translation, strict=True))
+        return Pose((x, y, z), product(self.turn, pose.q))
 
 
 class Camera:
@@ -34,6 +53,8 @@ class Camera:
         self.sensor = sensor
         self.covers = 0
         """How many things cover the lens; with any, images are black and depths unknown."""
+        self.illusions: dict[str, Illusion] = {}
+        """Objects that the next frames show elsewhere."""
         self._mount = mount
         self._displacement = Pose.identity()
 
@@ -46,6 +67,17 @@ class Camera:
         """Move it by `displacement`, given in its own optical frame; its mount is not told."""
         self._displacement = self._displacement @ displacement
 
+    def seen_poses(self, world: World) -> dict[str, Pose]:
+        """world_from_object as one frame shows them, of all objects in the scene."""
+        poses = world.poses()
+        for name, illusion in list(self.illusions.items()):
+            if name in poses:
+                poses[name] = illusion.applied_to(poses[name])
+            illusion.frames -= 1
+            if illusion.frames <= 0:
+                del self.illusions[name]
+        return poses
+
     def photograph(self, world: World, renderer: Renderer, stamp: float) -> Frame:
         """A frame as a driver delivers it: `color`, `depth` and the intrinsics."""
         lens = self.lens
@@ -54,7 +86,8 @@ class Camera:
             shape = (lens.height, lens.width)
             color, depth = np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.float32)
         else:
-            color, depth = self._expose(world, renderer)
+            with world.shown_at(self.seen_poses(world)):
+                color, depth = self._expose(world, renderer)
         return Frame(stamp, {"color": color, "depth": depth}, meta)
 
     def _expose(self, world: World, renderer: Renderer) -> tuple[Color, Depth]:

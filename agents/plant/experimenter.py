@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 from agents.plant.moves import MOVES, Steps
 from agents.plant.stage import Stage
-from agents.plant.truths import is_true
+from agents.plant.truths import PASSING, is_true
 from agents.plant.world import RATE_HZ
 from agents.scenario.format import Condition, Event
 from dsr.errors import DsrError
@@ -17,7 +17,7 @@ log = logging.getLogger("agents.plant.experimenter")
 CONDITION_EVERY = RATE_HZ // 20
 """Physics steps between two looks at the conditions."""
 CONDITION_LOOKS = 4
-"""Looks in a row at which a condition must hold, so that a passing contact does not count."""
+"""Looks in a row at which a condition must hold, so that a passing contact does not count; 1 for `PASSING` ones."""
 
 
 class Experimenter:
@@ -30,11 +30,13 @@ class Experimenter:
 
     def __init__(self, events: Iterable[Event], stage: Stage) -> None:
         self._stage = stage
-        mine = [event for event in events if not event.by_runner]
-        self._scheduled = [(event.at + event.delay, event) for event in mine if event.at is not None]
-        self._waiting = [_Waiting(event, event.condition) for event in mine if event.condition is not None]
-        self._running: list[Steps] = []
+        mine = [(number, event) for number, event in enumerate(events, start=1) if not event.by_runner]
+        self._scheduled = [(event.at + event.delay, n, event) for n, event in mine if event.at is not None]
+        self._waiting = [_Waiting(n, event, event.condition) for n, event in mine if event.condition is not None]
+        self._running: dict[int, Steps] = {}
         self._steps = 0
+        self.spans: dict[int, tuple[float, float | None]] = {}
+        """By the number of an event (in the file, from 1): when its move began and ended, s after the start."""
 
     @property
     def is_done(self) -> bool:
@@ -46,19 +48,24 @@ class Experimenter:
         if self._steps % CONDITION_EVERY == 0:
             self._look(elapsed)
         self._steps += 1
-        due = [event for start, event in self._scheduled if start <= elapsed]
-        self._scheduled = [(start, event) for start, event in self._scheduled if start > elapsed]
-        self._running += [MOVES[type(event)](event, self._stage) for event in due]
-        self._running = [steps for steps in self._running if self._advance(steps)]
+        due = [(number, event) for start, number, event in self._scheduled if start <= elapsed]
+        if due:
+            self._scheduled = [entry for entry in self._scheduled if entry[0] > elapsed]
+        for number, event in due:
+            self._running[number] = MOVES[type(event)](event, self._stage)
+            self.spans[number] = (elapsed, None)
+        for number in [number for number, steps in self._running.items() if not self._advance(steps)]:
+            del self._running[number]
+            self.spans[number] = (self.spans[number][0], elapsed)
         self._stage.act()
 
     def _look(self, elapsed: float) -> None:
         """Schedule the events whose condition has come true."""
         for waiting in self._waiting:
             waiting.look(self._stage)
-        ready = [waiting.event for waiting in self._waiting if waiting.is_ready]
+        ready = [waiting for waiting in self._waiting if waiting.is_ready]
         self._waiting = [waiting for waiting in self._waiting if not waiting.is_ready]
-        self._scheduled += [(elapsed + event.delay, event) for event in ready]
+        self._scheduled += [(elapsed + entry.event.delay, entry.number, entry.event) for entry in ready]
 
     def _advance(self, steps: Steps) -> bool:
         """Whether the move goes on; one that cannot be carried out is logged and given up."""
@@ -75,14 +82,16 @@ class Experimenter:
 class _Waiting:
     """An event with its condition, and at how many looks in a row that held."""
 
-    def __init__(self, event: Event, condition: Condition) -> None:
+    def __init__(self, number: int, event: Event, condition: Condition) -> None:
+        self.number = number
         self.event = event
         self._condition = condition
+        self._needed = 1 if any(term.predicate in PASSING for term in condition.terms) else CONDITION_LOOKS
         self._looks = 0
 
     @property
     def is_ready(self) -> bool:
-        return self._looks >= CONDITION_LOOKS
+        return self._looks >= self._needed
 
     def look(self, stage: Stage) -> None:
         holds = self._condition.holds(lambda term: is_true(term, stage))

@@ -56,6 +56,10 @@ class Truth(msgspec.Struct, frozen=True):
     """Object in the gripper."""
     camera: dict[str, Seven]
     """world_from_camera (optical frame) by name, of the cameras in use"""
+    moving: tuple[str, ...] = ()
+    """Objects that do not lie still."""
+    moves: dict[int, tuple[float, float | None]] = {}
+    """Of what the experimenter has begun, by the event's number in the file (from 1): begin, end; s after the start"""
 
 
 _arm_state_decoder = msgspec.msgpack.Decoder(ArmState)

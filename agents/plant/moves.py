@@ -9,14 +9,35 @@ import math
 from collections.abc import Callable, Iterator
 from typing import Any
 
+from agents.plant.camera import Illusion
 from agents.plant.stage import Grip, Stage
 from agents.plant.world import STEP, upright, yaw_of
-from agents.scenario.format import CameraBump, CameraCover, Carry, Drop, Event, Lift, Place, Remove, Slide, Tilt
+from agents.scenario.format import (
+    ArmError,
+    CameraBump,
+    CameraCover,
+    Carry,
+    Drop,
+    Event,
+    FalsePercept,
+    Lift,
+    Place,
+    Remove,
+    Slide,
+    Swap,
+    Tilt,
+    Topple,
+)
 from dsr import quaternions
+from dsr.errors import ConfigError
 from dsr.transforms import Pose, interpolate
 
 TURN_SPEED = 2.0
 """rad/s, when an object is turned on its way"""
+ERROR_RAMP = 0.2
+"""s in which an error of the arm's sensors grows and vanishes"""
+
+_PUSHED_OVER = 0.55  # of an object's diagonal, by which it is pushed before it falls by itself
 
 Steps = Iterator[None]
 Move = Callable[[Any, Stage], Steps]
@@ -46,17 +67,52 @@ def place(event: Place, stage: Stage) -> Steps:
         height = (world.specs[event.onto].size[2] + world.specs[event.object].size[2]) / 2
         position = (x + event.offset[0], y + event.offset[1], z + height)
     assert position is not None  # the format demands one of both
-    stage.free(event.object)
-    world.put(event.object, upright(position, yaw))
+    _put(stage, event.object, upright(position, yaw), contents=event.contents)
     yield from ()
+
+
+@move(Swap)
+def swap(event: Swap, stage: Stage) -> Steps:
+    """Each stands where the other stood, at the height that its own size asks for."""
+    world, first, second = stage.world, event.object, event.other
+    heights = {name: world.specs[name].size[2] / 2 for name in (first, second)}
+    places = {name: world.pose(name) for name in (first, second)}
+    riders = {name: world.riders(name) if event.contents else [] for name in (first, second)}
+    if second in riders[first] or first in riders[second]:
+        raise ConfigError(f"{first!r} and {second!r} stand on one another: they can only swap without contents")
+    offsets = {name: [(rider, places[name].inverse() @ world.pose(rider)) for rider in riders[name]] for name in places}
+    for name, other in ((first, second), (second, first)):
+        x, y, z = places[other].t
+        goal = Pose((x, y, z - heights[other] + heights[name]), places[name].q)
+        _set_down(stage, [(name, goal), *((rider, goal @ offset) for rider, offset in offsets[name])])
+    yield from ()
+
+
+@move(Topple)
+def topple(event: Topple, stage: Stage) -> Steps:
+    """Push at its centre until that is beyond the edge; gravity does the rest."""
+    world, name = stage.world, event.object
+    stage.free(name)
+    length = math.hypot(*event.direction)
+    along = (event.direction[0] / length, event.direction[1] / length) if length > 0 else (1.0, 0.0)
+    start = world.pose(name).t
+    reach = _PUSHED_OVER * math.hypot(*world.specs[name].size[:2])
+    for _ in range(math.ceil(2 * reach / event.speed / STEP)):
+        x, y, _z = world.pose(name).t
+        if (x - start[0]) * along[0] + (y - start[1]) * along[1] >= reach:
+            return
+        world.push(name, (event.speed * along[0], event.speed * along[1]))
+        yield
 
 
 @move(Slide)
 def slide(event: Slide, stage: Stage) -> Steps:
     """Push the object over its support."""
     grip = stage.take(event.object, contents=event.contents)
-    position = (*event.to, grip.pose.t[2])
-    turn = 0.0 if event.yaw is None else event.yaw - yaw_of(grip.pose)
+    x, y, z = grip.pose.t
+    by = event.by or (0.0, 0.0)
+    position = (*event.to, z) if event.to is not None else (x + by[0], y + by[1], z)
+    turn = event.turn if event.yaw is None else event.yaw - yaw_of(grip.pose)
     yield from _follow(grip, Pose(position, _turned(grip.pose, turn)), event.speed)
     stage.release(event.object)
 
@@ -112,6 +168,29 @@ def remove(event: Remove, stage: Stage) -> Steps:
     yield from ()
 
 
+@move(FalsePercept)
+def show_falsely(event: FalsePercept, stage: Stage) -> Steps:
+    """Let the next frames of the camera show the object elsewhere."""
+    illusion = Illusion(event.frames, event.translation, quaternions.from_rotvec(event.rotation))
+    shown = stage.camera(None).illusions
+    shown[event.object] = illusion
+    while shown.get(event.object) is illusion:
+        yield
+
+
+@move(ArmError)
+def mislead_arm(event: ArmError, stage: Stage) -> Steps:
+    """Let the joint sensors err for a while, smoothly."""
+    before = stage.arm_error
+    steps = math.ceil(event.duration / STEP)
+    for step in range(steps):
+        share = min(1.0, step * STEP / ERROR_RAMP, (steps - step) * STEP / ERROR_RAMP)
+        x, y, z = event.translation
+        stage.arm_error = (before[0] + share * x, before[1] + share * y, before[2] + share * z)
+        yield
+    stage.arm_error = before
+
+
 @move(CameraBump)
 def bump_camera(event: CameraBump, stage: Stage) -> Steps:
     """Move the true camera."""
@@ -127,6 +206,20 @@ def cover_camera(event: CameraCover, stage: Stage) -> Steps:
     for _ in range(math.ceil(event.duration / STEP)):
         yield
     camera.covers -= 1
+
+
+def _put(stage: Stage, name: str, goal: Pose, *, contents: bool) -> None:
+    """Teleport an object, or bring it back, at rest."""
+    world = stage.world
+    riders = world.riders(name) if contents and name in world else []
+    offsets = [(rider, world.pose(name).inverse() @ world.pose(rider)) for rider in riders]
+    _set_down(stage, [(name, goal), *((rider, goal @ offset) for rider, offset in offsets)])
+
+
+def _set_down(stage: Stage, goals: list[tuple[str, Pose]]) -> None:
+    for name, goal in goals:
+        stage.free(name)
+        stage.world.put(name, goal)
 
 
 def _follow(grip: Grip, goal: Pose, speed: float) -> Steps:

@@ -34,11 +34,13 @@ def read_tags(camera: Camera, world: World, stamp: float) -> TagReadings:
     """The tags that `camera` sees now, with its errors; drawn also for those it does not see."""
     errors = camera.sensor.errors()
     readings = []
+    poses = {} if camera.covers else camera.seen_poses(world)
+    camera_from_world = camera.pose.inverse()
     for name, spec in world.specs.items():
         noise = camera.sensor.normal(6)
-        if spec.marker_id is None or name not in world or camera.covers:
+        if spec.marker_id is None or name not in poses:
             continue
-        pose = camera.pose.inverse() @ world.pose(name)
+        pose = camera_from_world @ poses[name]
         if _sees(camera, world, spec, pose):
             readings.append(_measured(spec.marker_id, pose, errors[name], noise))
     return TagReadings(stamp, readings)

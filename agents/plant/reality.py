@@ -9,6 +9,7 @@ import numpy as np
 
 from agents.drivers import ArmState, TagReadings
 from agents.plant.arm import Arm
+from agents.plant.arm_error import displaced
 from agents.plant.bullet import Bullet
 from agents.plant.camera import Camera
 from agents.plant.config import PlantConfig
@@ -60,7 +61,10 @@ class Reality:
     def arm_state(self, stamp: float) -> ArmState:
         """What the arm's sensors say."""
         arm = self.arm
-        return ArmState(stamp, arm.names, arm.positions, arm.velocities, arm.opening, arm.contact)
+        positions = arm.positions
+        if any(self._stage.arm_error):
+            positions = displaced(arm, self._stage.arm_error)
+        return ArmState(stamp, arm.names, positions, arm.velocities, arm.opening, arm.contact)
 
     def truth(self, stamp: float) -> Truth:
         """Where everything is."""
@@ -71,6 +75,8 @@ class Reality:
             gripper=self.arm.opening,
             held=self.arm.held,
             camera={self.camera.name: seven(self.camera.pose)},
+            moving=tuple(name for name in self.world if not self.world.is_still(name)),
+            moves=dict(self.experimenter.spans),
         )
 
     def frame(self, stamp: float) -> Frame:
@@ -99,8 +105,8 @@ class Reality:
         cameras = self._make_cameras(scenario, config, sensors)
         self.camera = cameras[scenario.camera]
         """The one that the scenario uses."""
-        stage = Stage(self.world, self.arm, cameras, default_camera=scenario.camera)
-        self.experimenter = Experimenter(scenario.events, stage)
+        self._stage = Stage(self.world, self.arm, cameras, default_camera=scenario.camera)
+        self.experimenter = Experimenter(scenario.events, self._stage)
 
     def _make_cameras(
         self, scenario: Scenario, config: PlantConfig, rngs: Iterable[np.random.Generator]

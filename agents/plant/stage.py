@@ -69,6 +69,8 @@ class Stage:
         self._cameras = cameras
         self._default_camera = default_camera
         self._grips: dict[str, Grip] = {}
+        self.arm_error: Vector3 = (0.0, 0.0, 0.0)
+        """m, world: where the arm's sensors say the tool is, minus where it is"""
 
     def camera(self, name: str | None) -> Camera:
         """The camera called `name`, or the scenario's."""

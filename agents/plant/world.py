@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -89,6 +90,18 @@ class World:
         """world_from_object of all objects in the scene."""
         return {name: self.bullet.pose(body) for name, body in self._bodies.items()}
 
+    @contextlib.contextmanager
+    def shown_at(self, poses: Mapping[str, Pose]) -> Iterator[None]:
+        """For a picture: objects are drawn at `poses` (world_from_object); physics must not step meanwhile."""
+        moved = {name: true for name, pose in poses.items() if (true := self.pose(name)) != pose}
+        for name in moved:
+            self.bullet.set_pose(self.body(name), poses[name])
+        try:
+            yield
+        finally:
+            for name, pose in moved.items():
+                self.bullet.set_pose(self.body(name), pose)
+
     def put(self, name: str, pose: Pose) -> None:
         """Teleport an object, at rest; one that was removed comes back."""
         if name not in self._bodies:
@@ -101,6 +114,12 @@ class World:
         self.bullet.set_pose(body, pose)
         self.bullet.resetBaseVelocity(body, velocity, spin)
         self.bullet.setCollisionFilterGroupMask(body, -1, 1, -1)  # forgets the anchored contacts
+
+    def push(self, name: str, velocity: tuple[float, float]) -> None:
+        """Let an object move at `velocity` m/s along x and y; otherwise it follows physics."""
+        body = self.body(name)
+        (_, _, falling), spin = self.bullet.getBaseVelocity(body)
+        self.bullet.resetBaseVelocity(body, (*velocity, falling), spin)
 
     def remove(self, name: str) -> None:
         """Take an object out of the scene."""

@@ -5,11 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path as FilePath
 
-from agents.scenario.events import Carry, Event, Kill, Place
-from agents.scenario.expectations import Check, Edges, Recovered, Windowed
+from agents.scenario.events import ArmError, Carry, Event, FalsePercept, Kill, Place, Slide, Swap
+from agents.scenario.expectations import (
+    BeliefRecovered,
+    Check,
+    Edges,
+    Mission,
+    Recovered,
+    Replans,
+    Surprises,
+    TrueRelations,
+    Windowed,
+)
 from agents.scenario.geometry import penetration, upright_box
 from agents.scenario.layout import TOUCH, object_box, overlapping, table_box
 from agents.scenario.model import RobotSpec, Scenario
+from agents.scenario.relations import GROUND
 from dsr.errors import ConfigError, suggest
 from dsr.keys import check_name
 from dsr.runtime.config import TomlFile
@@ -131,6 +142,15 @@ def _check_event(event: Event, path: Path, scenario: Scenario) -> None:
         _require(once, path, "place: expected either `position` (m) or `onto` (an object)")
         _require(event.onto != event.object, (*path, "onto"), "an object cannot be placed onto itself")
         _check_above_table(event, event.position, (*path, "position"), scenario)
+    if isinstance(event, Slide):
+        once = (event.to is None) != (event.by is None)
+        _require(once, path, "slide: expected either `to` (m, where it goes) or `by` (m, how far)")
+        _require(event.yaw is None or not event.turn, (*path, "turn"), "expected either `yaw` or `turn` (rad)")
+    if isinstance(event, Swap):
+        _require(event.other != event.object, (*path, "other"), "an object cannot swap with itself")
+    if isinstance(event, FalsePercept | ArmError):
+        error = (*event.translation, *getattr(event, "rotation", ()))
+        _require(any(error), path, f"{event.__struct_config__.tag}: expected an error that is not zero")
     if isinstance(event, Carry):
         _check_above_table(event, event.to, (*path, "to"), scenario)
     if isinstance(event, Kill):
@@ -161,17 +181,52 @@ def _check_expectation(check: Check, path: Path, scenario: Scenario) -> None:
     _check_objects(check.named_objects, (*path, "objects"), scenario)
     at = scenario.duration if check.at is None else check.at
     _check_time(at, (*path, "at"), scenario)
-    if isinstance(check, Windowed):
-        after = scenario.settle if check.after is None else check.after
+    if check.event is not None:
+        _check_relative(check, path, scenario)
+    after = getattr(check, "after", None)
+    if isinstance(check, Windowed) and after is None:
+        after = scenario.settle if check.event is None else 0.0
+    if after is not None:
         message = f"the window begins at {after} s; expected before {at} s, when it is judged"
-        _require(after < at, (*path, "at" if check.after is None else "after"), message)
-    if isinstance(check, Edges):
+        given = getattr(check, "after", None) is not None
+        _require(after < at, (*path, "after" if given else "at"), message)
+    if isinstance(check, Edges | TrueRelations):
+        name = check.__struct_config__.tag
         some = bool(check.present or check.absent)
-        _require(some, path, "edges: expected `present` or `absent`: lists of [source, destination]")
+        _require(some, path, f"{name}: expected `present` or `absent`: lists of [source, destination]")
+    if isinstance(check, TrueRelations):
+        _check_relation_names(check, path, scenario)
+    if isinstance(check, Surprises | Replans):
+        message = f"at least {check.least} and at most {check.most} is impossible"
+        _require(check.most is None or check.least <= check.most, (*path, "most"), message)
+    if isinstance(check, Mission | Replans):
+        _require(scenario.mission is not None, path, "there is no [mission] in this file")
+    if isinstance(check, BeliefRecovered):
+        some = any(not event.by_runner for event in scenario.events)
+        _require(some, path, "belief_recovered: expected an [[event]] to recover from")
     if isinstance(check, Recovered):
         killed = {event.agent for event in scenario.events if isinstance(event, Kill)}
         message = f"no event kills {check.agent!r}; {suggest(check.agent, killed)}"
         _require(check.agent in killed, (*path, "agent"), message)
+
+
+def _check_relative(check: Check, path: Path, scenario: Scenario) -> None:
+    """Times that count from the end of an event."""
+    count = len(scenario.events)
+    known = check.event is not None and 1 <= check.event <= count
+    _require(known, (*path, "event"), f"there is no event {check.event}; expected a number from 1 to {count}")
+    _require(check.at is not None, path, "expected `at` (s) with `event`: how long after its end this is judged")
+    by_plant = check.event is not None and not scenario.events[check.event - 1].by_runner
+    _require(by_plant, (*path, "event"), "expected an event in the true world, not `kill`")
+
+
+def _check_relation_names(check: TrueRelations, path: Path, scenario: Scenario) -> None:
+    known = {spec.name for spec in scenario.objects}
+    for field, pairs in (("present", check.present), ("absent", check.absent)):
+        for upper, lower in pairs:
+            _require(upper in known, (*path, field), f"unknown object {upper!r}; {suggest(upper, known)}")
+            below = {*known, *GROUND}
+            _require(lower in below, (*path, field), f"unknown object {lower!r}; {suggest(lower, below)}")
 
 
 def _check_time(at: float, path: Path, scenario: Scenario) -> None:

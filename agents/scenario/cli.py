@@ -9,7 +9,7 @@ import shutil
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
 import typer
@@ -32,6 +32,13 @@ class SensorChoice(enum.StrEnum):
 
     PIXELS = "pixels"
     POSES = "poses"
+
+
+class PolicyChoice(enum.StrEnum):
+    """Values of `--policy`."""
+
+    HYPOTHESES = "hypotheses"
+    ALGORITHM1 = "algorithm1"
 
 
 Seed = Annotated[int, typer.Option(min=0, help="Varies where the objects start and the sensor's noise.")]
@@ -88,6 +95,9 @@ def run(
     sensor: Annotated[
         SensorChoice, typer.Option(help="Rendered images, or true poses with the noise measured on images.")
     ] = SensorChoice.PIXELS,
+    policy: Annotated[
+        PolicyChoice | None, typer.Option(help="How surprises are explained; default: the system's choice.")
+    ] = None,
     json: JsonFile = None,
     no_viewer: NoViewer = False,
 ) -> None:
@@ -98,7 +108,8 @@ def run(
 
     The run leaves a folder in runs/ with recording, logs and result.json.
     """
-    _play(scenario, lockstep=lockstep, seed=seed, sensor=sensor, json=json, viewer=not no_viewer)
+    options = {"seed": seed, "sensor": sensor.value, "policy": policy and policy.value}
+    _play(scenario, options, lockstep=lockstep, json=json, viewer=not no_viewer)
 
 
 @demo.callback()
@@ -110,13 +121,13 @@ def run_demo(seed: Seed = 0, json: JsonFile = None, no_viewer: NoViewer = False)
 
     The exit code is 0 only if all expectations hold. Ctrl-C stops everything.
     """
-    _play("hovering", lockstep=False, seed=seed, sensor=SensorChoice.PIXELS, json=json, viewer=not no_viewer)
+    _play("hovering", {"seed": seed}, lockstep=False, json=json, viewer=not no_viewer)
 
 
-def _play(scenario: str, *, lockstep: bool, seed: int, sensor: SensorChoice, json: Path | None, viewer: bool) -> None:
-    """Run, show and write the result; ends the program with its exit code."""
+def _play(scenario: str, options: Mapping[str, Any], *, lockstep: bool, json: Path | None, viewer: bool) -> None:
+    """Run with these fields of `Run`, show and write the result; ends the program with its exit code."""
     window = viewer and not lockstep and has_display(os.environ)
-    plan = make_run(scenario, seed=seed, sensor=sensor.value, window=window)
+    plan = make_run(scenario, window=window, **options)
     if json:
         _check_writable(json)
     folder = new_run_folder(plan.scenario.name)

@@ -13,11 +13,15 @@ PREDICATES = {
     "built": 2,
     "resting": 1,
     "lifted": 1,
+    "held": 1,
+    "lowering": 2,
+    "idle": 0,
 }
 """Name and number of objects of each predicate.
 
 `built(a, b)`: a stands on b and neither moves; `resting(a)`: a is supported and does not move; `lifted(a)`:
-a is more than 10 mm above whatever lies below it.
+a is more than 10 mm above whatever lies below it; `held(a)`: a is in the gripper; `lowering(a, b)`: a is in the
+gripper, over b and less than 20 mm above it; `idle()`: the gripper is empty and the arm does not move.
 """
 
 _TERM = re.compile(r"\s*(\w+)\s*\(([^()]*)\)\s*")
@@ -57,7 +61,7 @@ def _parse_term(text: str) -> Term:
     predicate, arguments = match.groups()
     if predicate not in PREDICATES:
         raise ConfigError(f"unknown predicate {predicate!r}; {suggest(predicate, PREDICATES)}")
-    objects = tuple(name.strip() for name in arguments.split(","))
+    objects = tuple(name.strip() for name in arguments.split(",")) if arguments.strip() else ()
     if len(objects) != PREDICATES[predicate] or not all(objects):
-        raise ConfigError(f"{text.strip()!r}: expected {PREDICATES[predicate]} object(s)")
+        raise ConfigError(f"{text.strip()!r}: expected {PREDICATES[predicate]} object(s), got {len(objects)}")
     return Term(predicate, objects)

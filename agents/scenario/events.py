@@ -6,9 +6,10 @@ seconds. The plant carries out all moves but `kill`, which is the runner's.
 
 from __future__ import annotations
 
-from typing import ClassVar, Literal, get_args
+from typing import Annotated, ClassVar, Literal, get_args
 
 import msgspec
+from msgspec import Meta
 
 from agents.scenario.conditions import Condition, parse_condition
 from agents.scenario.units import Length, Radians, Rotation, Seconds, Speed, Vector2, Vector3
@@ -60,6 +61,8 @@ class Place(ObjectEvent, frozen=True, kw_only=True, tag="place"):
     """m, along world x and y from the centre of `onto`"""
     yaw: Radians | None = None
     """rad; default: as before"""
+    contents: bool = False
+    """Everything on or in it comes along rigidly."""
 
     @property
     def named_objects(self) -> dict[str, str]:
@@ -70,10 +73,14 @@ class Place(ObjectEvent, frozen=True, kw_only=True, tag="place"):
 class Slide(ObjectEvent, frozen=True, kw_only=True, tag="slide"):
     """Push the object over its support in a straight line."""
 
-    to: Vector2
+    to: Vector2 | None = None
     """m, x and y of the centre at the end, world"""
+    by: Vector2 | None = None
+    """m, along world x and y from where it is, instead of `to`"""
     yaw: Radians | None = None
     """rad at the end; default: as before"""
+    turn: Radians = 0.0
+    """rad from its yaw before, instead of `yaw`"""
     speed: Speed = 0.1
     """m/s"""
     contents: bool = True
@@ -125,6 +132,48 @@ class Remove(ObjectEvent, frozen=True, kw_only=True, tag="remove"):
     """Take the object out of the scene altogether."""
 
 
+class Swap(ObjectEvent, frozen=True, kw_only=True, tag="swap"):
+    """The object and `other` take each other's place at once; each keeps its yaw."""
+
+    other: str
+    contents: bool = False
+    """Everything on or in both comes along rigidly."""
+
+    @property
+    def named_objects(self) -> dict[str, str]:
+        """Both objects."""
+        return {"object": self.object, "other": self.other}
+
+
+class Topple(ObjectEvent, frozen=True, kw_only=True, tag="topple"):
+    """Push the object over the edge of what it stands on, then let it fall."""
+
+    direction: Vector2 = (1.0, 0.0)
+    """Where to, along world x and y; its length does not matter."""
+    speed: Speed = 0.5
+    """m/s"""
+
+
+class FalsePercept(ObjectEvent, frozen=True, kw_only=True, tag="false_percept"):
+    """The camera sees the object elsewhere for some frames; the object stays where it is."""
+
+    frames: Annotated[int, Meta(ge=1, le=1000)] = 1
+    """Number of camera frames."""
+    translation: Vector3 = (0.0, 0.0, 0.0)
+    """m, world"""
+    rotation: Rotation = (0.0, 0.0, 0.0)
+    """Rotation vector, rad, world, about the object's centre."""
+
+
+class ArmError(EventBase, frozen=True, kw_only=True, tag="arm_error"):
+    """The joint sensors tell positions at which the tool would be elsewhere; the arm itself moves as it should."""
+
+    translation: Vector3
+    """m, world: where the tool seems to be, minus where it is"""
+    duration: Seconds
+    """The error grows from nothing and vanishes again within 0.2 s each."""
+
+
 class CameraBump(EventBase, frozen=True, kw_only=True, tag="camera_bump"):
     """Move the true camera; the working memory is not told."""
 
@@ -155,6 +204,21 @@ class Kill(EventBase, frozen=True, kw_only=True, tag="kill"):
     agent: str
 
 
-Event = Place | Slide | Carry | Lift | Tilt | Drop | Remove | CameraBump | CameraCover | Kill
+Event = (
+    Place
+    | Swap
+    | Slide
+    | Carry
+    | Lift
+    | Tilt
+    | Drop
+    | Topple
+    | Remove
+    | FalsePercept
+    | ArmError
+    | CameraBump
+    | CameraCover
+    | Kill
+)
 EVENTS: dict[str, type[Event]] = {str(kind.__struct_config__.tag): kind for kind in get_args(Event)}
 """The kinds of event by their `do`."""

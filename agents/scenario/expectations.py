@@ -10,14 +10,16 @@ from typing import get_args
 
 import msgspec
 
-from agents.scenario.units import Noise, Radians, Seconds
+from agents.scenario.units import Count, Noise, Radians, Seconds
 
 
 class Expectation(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="check"):
     """When a check is judged."""
 
     at: Seconds | None = None
-    """s after the start; default: the end"""
+    """s after the start, or after `event`; default: the end"""
+    event: int | None = None
+    """Number of an event in the file, from 1: times of this check count from when its motion has ended."""
 
     @property
     def named_objects(self) -> tuple[str, ...]:
@@ -41,7 +43,7 @@ class Windowed(OfObjects, frozen=True, kw_only=True):
     """A check of all moments from `after` until it is judged."""
 
     after: Seconds | None = None
-    """s after the start; default: the scenario's `settle`"""
+    """s after the start, or after `event`; default: the scenario's `settle`, or when the event has ended"""
 
 
 class BeliefCloser(Windowed, frozen=True, kw_only=True, tag="belief_closer_than_percept"):
@@ -83,6 +85,8 @@ class BeliefError(OfObjects, frozen=True, kw_only=True, tag="belief_error"):
     """m"""
     angle: Radians | None = None
     """rad; default: the rotation is not judged"""
+    after: Seconds | None = None
+    """If given, this holds at every moment from then on."""
 
 
 class Perceived(OfObjects, frozen=True, kw_only=True, tag="perceived"):
@@ -104,6 +108,9 @@ class Attribute(Expectation, frozen=True, kw_only=True, tag="attribute"):
 class Edges(Expectation, frozen=True, kw_only=True, tag="edges"):
     """All edges `present` are in the graph and none that is `absent`; each is a pair source, destination."""
 
+    after: Seconds | None = None
+    """If given, this holds at every moment from then on."""
+
     type: str = "on"
     present: tuple[tuple[str, str], ...] = ()
     absent: tuple[tuple[str, str], ...] = ()
@@ -114,6 +121,61 @@ class Recovered(Expectation, frozen=True, kw_only=True, tag="recovered"):
 
     agent: str
     within: Seconds = 10.0
+
+
+class TrueRelations(Expectation, frozen=True, kw_only=True, tag="true_relations"):
+    """In the true world, what is `present` rests on one another and what is `absent` does not."""
+
+    present: tuple[tuple[str, str], ...] = ()
+    absent: tuple[tuple[str, str], ...] = ()
+
+
+class RelationsRight(OfObjects, frozen=True, kw_only=True, tag="relations_right"):
+    """The edges `on` of the objects are those of the true world: neither one more nor one less."""
+
+
+class BeliefRecovered(OfObjects, frozen=True, kw_only=True, tag="belief_recovered"):
+    """After each perturbation has ended, all beliefs are within `tolerance` of the truth no later than `within`,
+    and stay there until the object is moved again. Every event of the file must have happened.
+    """
+
+    within: Seconds = 1.5
+    tolerance: Noise = 0.005
+    """m"""
+
+
+class Gone(OfObjects, frozen=True, kw_only=True, tag="gone"):
+    """The objects are believed to have left the scene: `present` is false; no belief of a pose, no edge `on`."""
+
+    objects: tuple[str, ...]
+
+
+class Surprising(OfObjects, frozen=True, kw_only=True, tag="surprising"):
+    """The attribute `surprising` of the objects is `value`; a node without it is not surprising."""
+
+    value: bool = False
+
+
+class Surprises(OfObjects, frozen=True, kw_only=True, tag="surprises"):
+    """How often the objects have become surprising, all together, from `after` until it is judged."""
+
+    after: Seconds | None = None
+    """s after the start, or after `event`; default: 0"""
+    least: Count = 0
+    most: Count | None = None
+
+
+class Mission(Expectation, frozen=True, kw_only=True, tag="mission"):
+    """The last status of the mission is `status`."""
+
+    status: str = "reached"
+
+
+class Replans(Expectation, frozen=True, kw_only=True, tag="replans"):
+    """How often a new plan was made for the mission until it is judged."""
+
+    least: Count = 0
+    most: Count | None = None
 
 
 Check = (
@@ -127,6 +189,14 @@ Check = (
     | Attribute
     | Edges
     | Recovered
+    | TrueRelations
+    | RelationsRight
+    | BeliefRecovered
+    | Gone
+    | Surprising
+    | Surprises
+    | Mission
+    | Replans
 )
 CHECKS: dict[str, type[Check]] = {str(kind.__struct_config__.tag): kind for kind in get_args(Check)}
 """The kinds of expectation by their `check`."""

@@ -10,7 +10,7 @@ import msgspec
 
 from agents.scenario.events import EVENTS
 from agents.scenario.expectations import CHECKS
-from agents.scenario.model import ObjectSpec, RandomSpec, RobotSpec, Scenario, SensorSpec, TableSpec
+from agents.scenario.model import MissionSpec, ObjectSpec, RandomSpec, RobotSpec, Scenario, SensorSpec, TableSpec
 from agents.scenario.units import UNITS
 from dsr.errors import ConfigError, suggest
 from dsr.runtime.toml_lines import Path, line_of
@@ -23,6 +23,7 @@ _SECTIONS: dict[str, type[msgspec.Struct]] = {
     "table": TableSpec,
     "sensor": SensorSpec,
     "random": RandomSpec,
+    "mission": MissionSpec,
     "object": ObjectSpec,
 }
 _TAGGED: dict[str, tuple[str, dict[str, Any]]] = {"event": ("do", EVENTS), "expect": ("check", CHECKS)}

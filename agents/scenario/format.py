@@ -22,22 +22,26 @@ from agents.scenario.checks import InconsistencyError, check_scenario
 from agents.scenario.conditions import PREDICATES, Condition, Term
 from agents.scenario.events import (
     EVENTS,
+    ArmError,
     CameraBump,
     CameraCover,
     Carry,
     Drop,
     Event,
+    FalsePercept,
     Kill,
     Lift,
     Place,
     Remove,
     Slide,
+    Swap,
     Tilt,
+    Topple,
 )
 from agents.scenario.expectations import Check
 from agents.scenario.explain import syntax_error, type_error, value_error
 from agents.scenario.layout import start_poses
-from agents.scenario.model import ObjectSpec, RandomSpec, RobotSpec, Scenario, SensorSpec, TableSpec
+from agents.scenario.model import MissionSpec, ObjectSpec, RandomSpec, RobotSpec, Scenario, SensorSpec, TableSpec
 from dsr.decoding import decoded
 from dsr.errors import ConfigError, suggest
 from dsr.keys import Keys
@@ -46,6 +50,7 @@ from dsr.runtime.toml_lines import Path as ValuePath
 __all__ = [
     "EVENTS",
     "PREDICATES",
+    "ArmError",
     "CameraBump",
     "CameraCover",
     "Carry",
@@ -53,8 +58,10 @@ __all__ = [
     "Condition",
     "Drop",
     "Event",
+    "FalsePercept",
     "Kill",
     "Lift",
+    "MissionSpec",
     "ObjectSpec",
     "Place",
     "RandomSpec",
@@ -64,9 +71,11 @@ __all__ = [
     "SensorSpec",
     "Slide",
     "Start",
+    "Swap",
     "TableSpec",
     "Term",
     "Tilt",
+    "Topple",
     "find_scenario",
     "load_scenario",
     "parse_scenario",

@@ -32,10 +32,37 @@ class Sample(msgspec.Struct, frozen=True, kw_only=True):
     """Type, source, destination."""
     attributes: dict[tuple[str, str], Any] = {}
     """By node and name, those that the scenario asks for."""
+    held: str | None = None
+    """True: the object in the gripper."""
+    moving: frozenset[str] = frozenset()
+    """True: objects that do not lie still."""
+    surprising: frozenset[str] = frozenset()
+    absent: frozenset[str] = frozenset()
+    """Objects believed to have left the scene."""
 
     def poses(self, source: Source) -> dict[str, Pose]:
         """The percepts or the beliefs."""
         return self.percepts if source == "percept" else self.beliefs
+
+
+class MissionState(msgspec.Struct, frozen=True):
+    """What an intention's node said from some time on."""
+
+    time: float
+    """s after the start"""
+    node: str
+    status: str
+    explanation: str
+    replans: int
+
+
+class Explained(msgspec.Struct, frozen=True):
+    """An explanation that was adopted."""
+
+    time: float
+    """s after the start, when it was in the memory"""
+    node: str
+    explanation: str
 
 
 class History:
@@ -46,6 +73,11 @@ class History:
         self.samples: list[Sample] = []
         self.agent_starts: list[tuple[float, str]] = []
         """When an agent was first ready after each of its starts: s after the start, name."""
+        self.spans: dict[int, tuple[float, float | None]] = {}
+        """By the number of an event (from 1): when its move began and ended, s after the start."""
+        self.missions: list[MissionState] = []
+        """All changes of all intentions."""
+        self.explanations: list[Explained] = []
 
     def add(self, sample: Sample) -> None:
         """Append a sample; one that is not newer than the last is ignored."""
@@ -57,10 +89,37 @@ class History:
         index = self._index_after(time)
         return self.samples[index - 1] if index else None
 
+    def before(self, time: float) -> Sample | None:
+        """The last sample before `time` (s), or None."""
+        index = bisect_right(self.samples, time - _SLACK, key=lambda sample: sample.time)
+        return self.samples[index - 1] if index else None
+
     def window(self, begin: float, end: float) -> Sequence[Sample]:
         """The samples between two times (s), both included."""
         first = bisect_right(self.samples, begin - _SLACK, key=lambda sample: sample.time)
         return self.samples[first : self._index_after(end)]
+
+    def event_end(self, number: int) -> float | None:
+        """When the motion of an event (numbered from 1) had ended: nothing but what the gripper holds still moved."""
+        end = self.spans.get(number, (0.0, None))[1]
+        return None if end is None else self.still_from(end)
+
+    def still_from(self, time: float) -> float | None:
+        """When, from `time` (s) on, all objects lay still for the first time, but for the held one."""
+        samples = self.samples[bisect_right(self.samples, time + _SLACK, key=lambda sample: sample.time) :]
+        return next((sample.time for sample in samples if not sample.moving - {sample.held}), None)
+
+    def mission(self, time: float) -> MissionState | None:
+        """The last state of any intention until `time` (s)."""
+        return next((state for state in reversed(self.missions) if state.time <= time + _SLACK), None)
+
+    def replans(self, time: float) -> int:
+        """New plans made until `time` (s), of all intentions."""
+        most: dict[str, int] = {}
+        for state in self.missions:
+            if state.time <= time + _SLACK:
+                most[state.node] = max(state.replans, most.get(state.node, 0))
+        return sum(most.values())
 
     def was_perceived(self, name: str) -> bool:
         """Whether the object was ever perceived."""

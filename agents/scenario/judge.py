@@ -5,12 +5,12 @@ from __future__ import annotations
 import logging
 from typing import Any, Literal
 
-from agents.scenario.expectations import Attribute
-from agents.scenario.history import History, Sample
+from agents.scenario.expectations import Attribute, Edges
+from agents.scenario.history import Explained, History, MissionState, Sample
 from agents.scenario.metrics import measure
 from agents.scenario.model import Scenario
 from agents.scenario.result import Result
-from agents.scenario.truth import decode_truth
+from agents.scenario.truth import Truth, decode_truth
 from agents.scenario.verdicts import judge_check
 from dsr.errors import TransformError, WireError
 from dsr.keys import Keys
@@ -40,6 +40,8 @@ class Judge:
         self._start = 0.0
         self._truth: bytes | None = None
         self._running: set[tuple[str, str]] = set()
+        self._intentions: dict[str, tuple[str, str, int]] = {}
+        self._explained: set[tuple[str, float]] = set()
         self._subscriptions = [
             bus.subscribe(keys.truth(), self._on_truth),
             bus.subscribe(keys.status(), self._on_status),
@@ -61,9 +63,18 @@ class Judge:
             self._drop(error)
             return
         if truth.stamp >= self._start:
-            self.history.add(self._look(truth.stamp - self._start, truth.poses()))
+            time = truth.stamp - self._start
+            self.history.add(self._look(time, truth))
+            self.history.spans = truth.moves
+            self._follow_mind(time)
 
-    def result(self, seed: int, mode: Literal["live", "lockstep"], sensor: Literal["pixels", "poses"]) -> Result:
+    def result(
+        self,
+        seed: int,
+        mode: Literal["live", "lockstep"],
+        sensor: Literal["pixels", "poses"],
+        policy: str | None = None,
+    ) -> Result:
         """The verdicts and numbers of the finished run."""
         scenario = self.history.scenario
         verdicts = [judge_check(check, self.history) for check in scenario.expectations]
@@ -73,6 +84,7 @@ class Judge:
             seed=seed,
             mode=mode,
             sensor=sensor,
+            policy=policy,
             passed=all(verdict.passed for verdict in verdicts),
             expectations=verdicts,
             metrics=metrics,
@@ -84,17 +96,36 @@ class Judge:
         for subscription in self._subscriptions:
             subscription.close()
 
-    def _look(self, time: float, truth: dict[str, Pose]) -> Sample:
-        names = [spec.name for spec in self.history.scenario.objects if spec.name in self._memory]
+    def _look(self, time: float, truth: Truth) -> Sample:
+        memory = self._memory
+        nodes = {spec.name: node for spec in self.history.scenario.objects if (node := memory.get_node(spec.name))}
         return Sample(
             time=time,
-            truth=truth,
-            percepts=_present({name: self._percept(name) for name in names}),
-            beliefs=_present({name: self._belief(name) for name in names}),
-            perceived={name: bool(self._memory.node(name).get("perceived", False)) for name in names},
+            truth=truth.poses(),
+            percepts=_present({name: self._percept(name) for name in nodes}),
+            beliefs=_present({name: self._belief(name) for name in nodes}),
+            perceived={name: bool(node.get("perceived", False)) for name, node in nodes.items()},
             edges=frozenset((edge.type, edge.src, edge.dst) for edge in self._relations()),
             attributes=self._attributes(),
+            held=truth.held,
+            moving=truth.moving,
+            surprising=frozenset(name for name, node in nodes.items() if node.get("surprising", False)),
+            absent=frozenset(name for name, node in nodes.items() if not node.get("present", True)),
         )
+
+    def _follow_mind(self, time: float) -> None:
+        """Note what has changed about intentions, and new explanations."""
+        history = self.history
+        for node in self._memory.nodes("intention"):
+            values = (node.get("status", ""), node.get("explanation", ""), node.get("replans", 0))
+            if self._intentions.get(node.name) != values:
+                self._intentions[node.name] = values
+                history.missions.append(MissionState(time, node.name, *values))
+        for node in self._memory.nodes("event"):
+            key = (node.name, node.get("time", 0.0))
+            if key not in self._explained:
+                self._explained.add(key)
+                history.explanations.append(Explained(time, node.name, node.get("explanation", "")))
 
     def _percept(self, name: str) -> Pose | None:
         try:
@@ -107,8 +138,8 @@ class Judge:
         return edge.pose if edge else None
 
     def _relations(self) -> list[Any]:
-        kinds = {getattr(check, "type", None) for check in self.history.scenario.expectations}
-        return [edge for kind in kinds - {None} for edge in self._memory.edges(kind)]
+        kinds = {check.type for check in self.history.scenario.expectations if isinstance(check, Edges)}
+        return [edge for kind in sorted({"on", *kinds}) for edge in self._memory.edges(kind)]
 
     def _attributes(self) -> dict[tuple[str, str], Any]:
         wanted = [check for check in self.history.scenario.expectations if isinstance(check, Attribute)]

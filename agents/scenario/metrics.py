@@ -7,8 +7,16 @@ belief from where it was at `settle`.
 
 from __future__ import annotations
 
+import math
+
+from agents.scenario.course import missing_events, rises
 from agents.scenario.history import History, Sample, Source
 from agents.scenario.measures import OverlapMeter, belief_gap, drift, height_error, mean_error
+from agents.scenario.perturbations import perturbations, recovery, wrong_explanations
+
+RECOVERED = 0.005
+"""m from the truth, within which a belief has recovered"""
+_REACHED = ("reached", "maintained")
 
 
 def measure(history: History) -> tuple[dict[str, float], list[str]]:
@@ -27,7 +35,41 @@ def measure(history: History) -> tuple[dict[str, float], list[str]]:
         metrics[f"{source}_overlap_max_m"] = worst.depth if worst else 0.0
     metrics["objects_perceived"] = sum(history.was_perceived(spec.name) for spec in scenario.objects)
     metrics["samples"] = len(window)
-    return metrics, notes
+    return metrics | _course_metrics(history), notes + missing_events(history) + _unrecovered(history)
+
+
+def _course_metrics(history: History) -> dict[str, float]:
+    """Of the whole run: perturbations, surprise, explanations, mission."""
+    scenario = history.scenario
+    found: dict[str, float] = {}
+    times = [recovery(history, one, RECOVERED).seconds for one in perturbations(history)]
+    for number, seconds in enumerate(times, start=1):
+        if seconds < math.inf:
+            found[f"recovery_time_{number}_s"] = seconds
+    if times and max(times) < math.inf:
+        found["recovery_time_max_s"] = max(times)
+    everything = {spec.name for spec in scenario.objects}
+    found["surprises_raised"] = len(rises(history, 0.0, scenario.duration, everything))
+    found["explanations"] = len(history.explanations)
+    found["wrong_beliefs"] = len(wrong_explanations(history))
+    if scenario.mission is not None:
+        found["replans"] = history.replans(scenario.duration)
+        reached = [state.time for state in history.missions if state.status in _REACHED]
+        if reached:
+            found["mission_first_reached_s"] = reached[0]
+        last = history.mission(scenario.duration)
+        if last is not None and last.status in _REACHED:
+            found["mission_reached_s"] = last.time
+    return found
+
+
+def _unrecovered(history: History) -> list[str]:
+    return [
+        f"perturbation {number} (event {', '.join(map(str, one.events))}): {found.last or 'nothing'} "
+        "was never believed where it is: it has no recovery time"
+        for number, one in enumerate(perturbations(history), start=1)
+        if (found := recovery(history, one, RECOVERED)).seconds == math.inf
+    ]
 
 
 def _object_metrics(history: History, window: list[Sample], name: str) -> dict[str, float]:

@@ -80,6 +80,17 @@ class ObjectSpec(Section, frozen=True, kw_only=True):
     """The working memory starts with a node of this object (size, mass, marker), without a pose."""
 
 
+class MissionSpec(Section, frozen=True, kw_only=True):
+    """What the robot is told to achieve."""
+
+    goal: str
+    """E.g. `on(cube_3, cube_4) & on(cube_6, cube_5)`."""
+    maintain: bool = False
+    """Watch the goal after it was reached, and reach it again."""
+    priority: int = 0
+    """Greater is more urgent."""
+
+
 class Scenario(Section, frozen=True, kw_only=True):
     """One scenario file, checked."""
 
@@ -96,6 +107,8 @@ class Scenario(Section, frozen=True, kw_only=True):
     table: TableSpec = TableSpec()
     sensor: SensorSpec = SensorSpec()
     random: RandomSpec = RandomSpec()
+    mission: MissionSpec | None = None
+    """Default: nobody wants anything."""
     objects: list[ObjectSpec] = msgspec.field(name="object", default_factory=list)
     events: list[Event] = msgspec.field(name="event", default_factory=list)
     expectations: list[Check] = msgspec.field(name="expect", default_factory=list)

@@ -26,6 +26,8 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
     seed: int
     mode: Literal["live", "lockstep"]
     sensor: Literal["pixels", "poses"]
+    policy: str | None = None
+    """Which method explained surprises, if the run was told one."""
     passed: bool
     """Every expectation holds."""
     expectations: list[Verdict]

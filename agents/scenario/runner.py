@@ -123,7 +123,7 @@ def run_lockstep(run: Run, observer: Observer | None = None) -> Result:
                 lockstep.restart(away.pop(0)[1])
 
         lockstep.run_until(start + scenario.duration + _TAIL, on_step)
-        return judge.result(run.seed, "lockstep", run.sensor)
+        return judge.result(run.seed, "lockstep", run.sensor, run.policy)
 
 
 def _get_ready(lockstep: Lockstep, agents: list[str]) -> None:
@@ -159,7 +159,7 @@ def run_live(run: Run, observer: Observer | None = None) -> Result:
             launcher.poll()
             launcher.clock.wait(threading.Event(), POLL_PERIOD)
         judge.close()
-        return judge.result(run.seed, "live", run.sensor)
+        return judge.result(run.seed, "live", run.sensor, run.policy)
 
 
 def _kill_process(launcher: Launcher, agent: str) -> None:

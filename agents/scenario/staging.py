@@ -15,6 +15,12 @@ Sensor = Literal["pixels", "poses"]
 """What the plant's camera delivers: rendered images, or the poses that would be measured in them."""
 
 
+Policy = Literal["hypotheses", "algorithm1"]
+"""How the simulation handler explains surprises: by simulated hypotheses, or by the published Algorithm 1."""
+MISSION = "mission"
+"""The agent that wants what the scenario's `[mission]` says."""
+
+
 class Run(msgspec.Struct, frozen=True, kw_only=True):
     """What is to be run."""
 
@@ -23,6 +29,8 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
     """Where the scenario comes from; agents read it again."""
     seed: int = 0
     sensor: Sensor = "pixels"
+    policy: Policy | None = None
+    """Which method explains surprises; None for the simulation handler's own choice."""
     folder: Path | None = None
     """Gets recording, logs and result; None for nothing of that."""
     window: bool = False
@@ -41,6 +49,8 @@ def staged_system(run: Run) -> System:
     An agent that the system does not have needs no configuration; without a folder nothing is recorded.
     """
     system = load_system(run.scenario.system)
+    if run.scenario.mission is None:
+        system = without(system, MISSION)
     for agent, fields in _settings(run).items():
         if agent in _names(system):
             system = system.with_config(agent, **fields)
@@ -55,7 +65,10 @@ def without(system: System, *agents: str) -> System:
 def _settings(run: Run) -> dict[str, dict[str, Any]]:
     """What each agent has to know about the run."""
     folder = str(run.folder)
+    mission = run.scenario.mission
     return {
+        MISSION: {} if mission is None else msgspec.structs.asdict(mission),
+        "simulation_handler": {} if run.policy is None else {"policy": run.policy},
         "plant": {"scenario": str(run.file), "sensor": run.sensor},
         "scene_setup": {"scenario": str(run.file)},
         "recorder": {"folder": folder},

@@ -17,6 +17,12 @@ class Truth(msgspec.Struct, frozen=True):
     """s"""
     objects: dict[str, _Seven]
     """By name: position (m) and quaternion (x, y, z, w) in the world frame."""
+    held: str | None = None
+    """Object in the gripper."""
+    moving: frozenset[str] = frozenset()
+    """Objects that do not lie still."""
+    moves: dict[int, tuple[float, float | None]] = {}
+    """By the number of an event in the file (from 1): when its move began and ended, s after the start."""
 
     def poses(self) -> dict[str, Pose]:
         """world_from_object of each object."""

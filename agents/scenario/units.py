@@ -21,6 +21,9 @@ Radians = Annotated[float, Meta(ge=-6.2832, le=6.2832)]
 Speed = Annotated[float, Meta(gt=0, le=5)]
 """m/s or rad/s"""
 
+Count = Annotated[int, Meta(ge=0, le=1000000)]
+"""How often something happens."""
+
 Vector2 = tuple[Metres, Metres]
 Vector3 = tuple[Metres, Metres, Metres]
 Size = tuple[Length, Length, Length]
@@ -29,9 +32,10 @@ Rotation = tuple[Radians, Radians, Radians]
 
 UNITS = {
     **dict.fromkeys(("at", "after", "delay", "duration", "settle", "within"), "s"),
-    **dict.fromkeys(("position", "size", "to", "offset", "height", "translation", "tolerance"), "m"),
+    **dict.fromkeys(("position", "size", "to", "by", "offset", "height", "translation", "tolerance"), "m"),
+    "direction": "along x and y",
     **dict.fromkeys(("depth_bias", "depth_jitter"), "m"),
-    **dict.fromkeys(("yaw", "angle", "start", "rotation"), "rad"),
+    **dict.fromkeys(("yaw", "turn", "angle", "start", "rotation"), "rad"),
     "mass": "kg",
     "speed": "m/s (tilt: rad/s)",
     "grey_noise": "grey levels",

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable
 from typing import Any
 
+from agents.scenario.course import COURSE
 from agents.scenario.events import Kill
 from agents.scenario.expectations import (
     Attribute,
@@ -13,15 +14,24 @@ from agents.scenario.expectations import (
     BeliefError,
     Check,
     Edges,
-    Expectation,
     NoDrift,
     NoInterpenetration,
-    OfObjects,
     Perceived,
     Recovered,
     Resting,
     RestingHeight,
-    Windowed,
+)
+from agents.scenario.findings import (
+    NOTHING,
+    Finding,
+    begin_of,
+    describe,
+    each,
+    mm,
+    names_of,
+    pairs,
+    samples_of,
+    time_of,
 )
 from agents.scenario.history import History, Sample
 from agents.scenario.measures import OverlapMeter, belief_gap, drift, height_error, mean_error, pose_error
@@ -29,96 +39,62 @@ from agents.scenario.result import Verdict
 
 STILL = 1.0
 """s that a belief must not have moved to count as resting"""
-Finding = tuple[bool, str]
-"""Whether it holds, and what was found."""
-_NOTHING: Finding = (False, "there was no object to judge")
+_ROUNDING = 0.5  # s after the end that an expectation may be judged: the run goes on a little
 
 
 def judge_check(check: Check, history: History) -> Verdict:
     """The verdict on one expectation."""
-    sample = history.at(_time(check, history))
     text = describe(check)
+    time = time_of(check, history)
+    if time is None:
+        return Verdict(text, False, f"event {check.event} has not {_stage(check, history)}")
+    if time > history.scenario.duration + _ROUNDING:
+        return Verdict(text, False, f"the run ended before {time:.1f} s, when it was to be judged")
+    sample = history.at(time)
     if sample is None:
         return Verdict(text, False, "no truth was received until then")
     passed, actual = _JUDGES[type(check)](check, history, sample)
     return Verdict(text, passed, actual)
 
 
-def describe(check: Check) -> str:
-    """The expectation in a line, e.g. `resting (tolerance 1 mm)`."""
-    details = [f"{key} {_written(key, value)}" for key, value in _stated(check) if value not in (None, ())]
-    name = str(check.__struct_config__.tag)
-    return f"{name} ({', '.join(details)})" if details else name
-
-
-def _stated(check: Check) -> Iterable[tuple[str, Any]]:
-    return ((field, getattr(check, field)) for field in check.__struct_fields__)
-
-
-def _written(key: str, value: Any) -> str:
-    if key in ("at", "after", "within"):
-        return f"{value:g} s"
-    if key == "tolerance":
-        return _mm(value)
-    if key == "angle":
-        return f"{math.degrees(value):g} deg"
-    if isinstance(value, tuple):
-        return ", ".join(" -> ".join(item) if isinstance(item, tuple) else str(item) for item in value)
-    return str(value).lower() if isinstance(value, bool) else str(value)
-
-
-def _time(check: Expectation, history: History) -> float:
-    return history.scenario.duration if check.at is None else check.at
-
-
-def _samples(check: Windowed, history: History) -> Sequence[Sample]:
-    begin = history.scenario.settle if check.after is None else check.after
-    return history.window(begin, _time(check, history))
-
-
-def _each(check: OfObjects, sample: Sample, find: Callable[[str], Finding]) -> Finding:
-    """The findings about all objects of the check, the failed ones first; without any object it does not hold."""
-    names = list(sample.truth) if check.objects is None else check.objects
-    if not names:
-        return _NOTHING
-    findings = sorted(((name, *find(name)) for name in names), key=lambda finding: finding[1])
-    return all(ok for _, ok, _ in findings), "; ".join(f"{name}: {what}" for name, _, what in findings)
+def _stage(check: Check, history: History) -> str:
+    return "ended" if check.event in history.spans else "begun"
 
 
 def _belief_closer(check: BeliefCloser, history: History, sample: Sample) -> Finding:
-    samples = _samples(check, history)
+    samples = samples_of(check, history)
 
     def find(name: str) -> Finding:
         seen = [s for s in samples if s.perceived.get(name)]
         percept, belief = mean_error(seen, "percept", name), mean_error(seen, "belief", name)
         if not percept or not belief:
             return False, "no belief" if history.was_perceived(name) else "never seen"
-        what = f"belief {_mm(belief.position)}, percept {_mm(percept.position)}"
+        what = f"belief {mm(belief.position)}, percept {mm(percept.position)}"
         return belief.position < percept.position, what
 
-    return _each(check, sample, find)
+    return each(check, sample, find)
 
 
 def _no_interpenetration(check: NoInterpenetration, history: History, sample: Sample) -> Finding:
-    names = list(sample.truth) if check.objects is None else check.objects
+    names = names_of(check, sample)
     if not names:
-        return _NOTHING
+        return NOTHING
     if missing := [name for name in names if name not in sample.beliefs]:
         return False, f"no belief of {', '.join(missing)}"
-    worst = OverlapMeter(history.scenario, "belief").deepest(_samples(check, history), names.__contains__)
+    worst = OverlapMeter(history.scenario, "belief").deepest(samples_of(check, history), names.__contains__)
     if not worst:
         return True, "none"
-    return worst.depth <= check.tolerance, f"{_mm(worst.depth)} ({worst.first}, {worst.second})"
+    return worst.depth <= check.tolerance, f"{mm(worst.depth)} ({worst.first}, {worst.second})"
 
 
 def _no_drift(check: NoDrift, history: History, sample: Sample) -> Finding:
-    samples = _samples(check, history)
+    samples = samples_of(check, history)
 
     def find(name: str) -> Finding:
         moved = drift(samples, name)
-        return (False, "no belief") if moved is None else (moved <= check.tolerance, _mm(moved))
+        return (False, "no belief") if moved is None else (moved <= check.tolerance, mm(moved))
 
-    return _each(check, sample, find)
+    return each(check, sample, find)
 
 
 def _resting(check: Resting, history: History, sample: Sample) -> Finding:
@@ -129,31 +105,37 @@ def _resting(check: Resting, history: History, sample: Sample) -> Finding:
         if gap is None or moved is None:
             return False, "no belief"
         resting = abs(gap) <= check.tolerance and moved <= check.tolerance
-        return resting, f"gap {_mm(gap)}, moved {_mm(moved)}"
+        return resting, f"gap {mm(gap)}, moved {mm(moved)}"
 
-    return _each(check, sample, find)
+    return each(check, sample, find)
 
 
 def _resting_height(check: RestingHeight, history: History, sample: Sample) -> Finding:
     def find(name: str) -> Finding:
         error = height_error(sample, name)
-        return (False, "no belief") if error is None else (abs(error) <= check.tolerance, _mm(error))
+        return (False, "no belief") if error is None else (abs(error) <= check.tolerance, mm(error))
 
-    return _each(check, sample, find)
+    return each(check, sample, find)
 
 
 def _belief_error(check: BeliefError, history: History, sample: Sample) -> Finding:
-    def find(name: str) -> Finding:
-        error = pose_error(sample, "belief", name)
-        if error is None:
-            return False, "no belief" if name in sample.truth else "not in the true world"
-        near = error.position <= check.tolerance
-        if check.angle is None:
-            return near, _mm(error.position)
-        turned = f"{math.degrees(error.rotation):.2f} deg"
-        return near and error.rotation <= check.angle, f"{_mm(error.position)}, {turned}"
+    begin = begin_of(check, history, None)
+    samples = [sample] if begin is None else [*history.window(begin, sample.time)]
 
-    return _each(check, sample, find)
+    def find(name: str) -> Finding:
+        if any(name not in one.truth for one in samples):
+            return False, "not in the true world"
+        errors = [error for one in samples if (error := pose_error(one, "belief", name))]
+        if len(errors) < len(samples):
+            return False, "no belief"
+        position = max(error.position for error in errors)
+        near = position <= check.tolerance
+        if check.angle is None:
+            return near, mm(position)
+        rotation = max(error.rotation for error in errors)
+        return near and rotation <= check.angle, f"{mm(position)}, {math.degrees(rotation):.2f} deg"
+
+    return each(check, sample, find)
 
 
 def _perceived(check: Perceived, history: History, sample: Sample) -> Finding:
@@ -161,7 +143,7 @@ def _perceived(check: Perceived, history: History, sample: Sample) -> Finding:
         perceived = sample.perceived.get(name)
         return perceived is check.value, "no node" if perceived is None else str(perceived).lower()
 
-    return _each(check, sample, find)
+    return each(check, sample, find)
 
 
 def _attribute(check: Attribute, history: History, sample: Sample) -> Finding:
@@ -174,9 +156,12 @@ def _attribute(check: Attribute, history: History, sample: Sample) -> Finding:
 
 
 def _edges(check: Edges, history: History, sample: Sample) -> Finding:
-    found = {(src, dst) for kind, src, dst in sample.edges if kind == check.type}
-    passed = found.issuperset(check.present) and found.isdisjoint(check.absent)
-    return passed, ", ".join(f"{src} -> {dst}" for src, dst in sorted(found)) or "none"
+    begin = begin_of(check, history, None)
+    for one in [sample] if begin is None else history.window(begin, sample.time):
+        found = {(src, dst) for kind, src, dst in one.edges if kind == check.type}
+        if not (found.issuperset(check.present) and found.isdisjoint(check.absent)):
+            return False, pairs(found) if begin is None else f"{pairs(found)} at {one.time:.2f} s"
+    return True, pairs((src, dst) for kind, src, dst in sample.edges if kind == check.type)
 
 
 def _recovered(check: Recovered, history: History, sample: Sample) -> Finding:
@@ -186,10 +171,6 @@ def _recovered(check: Recovered, history: History, sample: Sample) -> Finding:
     after = [min((start - kill for start in starts if start > kill), default=math.inf) for kill in killed]
     worst = max(after, default=math.inf)
     return worst <= check.within, f"ready after {worst:.1f} s" if worst < math.inf else "not ready again"
-
-
-def _mm(metres: float) -> str:
-    return f"{metres * 1000:.2f} mm"
 
 
 _JUDGES: dict[type, Callable[[Any, History, Sample], Finding]] = {
@@ -203,4 +184,5 @@ _JUDGES: dict[type, Callable[[Any, History, Sample], Finding]] = {
     Attribute: _attribute,
     Edges: _edges,
     Recovered: _recovered,
+    **COURSE,
 }

@@ -9,20 +9,24 @@ import pytest
 from agents.plant import truths
 from agents.plant.moves import MOVES
 from agents.plant.reality import Reality
-from agents.plant.world import yaw_of
+from agents.plant.world import upright, yaw_of
 from agents.scenario.format import (
     EVENTS,
     PREDICATES,
+    ArmError,
     CameraBump,
     CameraCover,
     Carry,
     Drop,
+    FalsePercept,
     Lift,
     ObjectSpec,
     Place,
     Remove,
     Slide,
+    Swap,
     Tilt,
+    Topple,
 )
 
 MakeReality = Callable[..., Reality]
@@ -199,3 +203,134 @@ def test_experimenter_takes_an_object_out_of_the_gripper(make_reality: MakeReali
     assert reality.arm.held is None
     assert reality.world.pose("cube_3").t == pytest.approx((0.5, 0.1, 0.02), abs=1e-3)
     assert np.isfinite(reality.arm.positions).all()
+
+
+def test_swapped_objects_stand_at_their_own_height(make_reality: MakeReality, cube: MakeCube, play: Play) -> None:
+    event = Swap(at=0.1, object="cube_3", other="cube_4")
+    reality = make_reality(cube(3, 0.42, 0.08, 0.04, size=(0.04, 0.04, 0.08)), cube(4, 0.3, 0.0), events=[event])
+    play(reality, 0.5)
+    assert reality.world.pose("cube_3").t == pytest.approx((0.3, 0.0, 0.04), abs=1e-3)
+    assert reality.world.pose("cube_4").t == pytest.approx((0.42, 0.08, 0.02), abs=1e-3)
+
+
+def test_towers_swap_and_are_put_elsewhere_with_their_contents(
+    make_reality: MakeReality, cube: MakeCube, play: Play
+) -> None:
+    events = [
+        Swap(at=0.1, object="cube_4", other="cube_5", contents=True),
+        Place(at=1.0, object="cube_4", position=(0.2, 0.2, 0.02), yaw=0.5, contents=True),
+    ]
+    reality = make_reality(cube(4, 0.3, 0.08), cube(3, 0.3, 0.09, 0.06), cube(5, 0.4, -0.1), events=events)
+    play(reality, 0.9)
+    assert reality.world.pose("cube_5").t == pytest.approx((0.3, 0.08, 0.02), abs=1e-3)
+    assert reality.world.pose("cube_3").t == pytest.approx((0.4, -0.09, 0.06), abs=1e-3)
+    play(reality, 0.5, start=0.9)
+    turned = (0.2 - 0.01 * math.sin(0.5), 0.2 + 0.01 * math.cos(0.5), 0.06)
+    assert reality.world.pose("cube_3").t == pytest.approx(turned, abs=1e-3)
+
+
+def test_an_upper_cube_falls_when_it_is_toppled(make_reality: MakeReality, cube: MakeCube, play: Play) -> None:
+    event = Topple(at=0.1, object="cube_3", direction=(0.0, -2.0), speed=0.3)
+    reality = make_reality(cube(4, 0.3, 0.08), cube(3, 0.3, 0.08, 0.06), events=[event])
+    play(reality, 2.0)
+    x, y, z = reality.world.pose("cube_3").t
+    assert (x, z) == pytest.approx((0.3, 0.02), abs=5e-3) and y < 0.045
+    assert reality.world.pose("cube_4").t == pytest.approx((0.3, 0.08, 0.02), abs=2e-3)
+
+
+def test_a_cube_turns_in_place(make_reality: MakeReality, cube: MakeCube, play: Play) -> None:
+    event = Slide(at=0.0, object="cube_3", by=(0.0, 0.0), turn=math.pi / 4)
+    reality = make_reality(cube(3, 0.3, 0.08, yaw=0.2), events=[event])
+    play(reality, 1.0)
+    assert reality.world.pose("cube_3").t == pytest.approx((0.3, 0.08, 0.02), abs=1e-3)
+    assert yaw_of(reality.world.pose("cube_3")) == pytest.approx(0.2 + math.pi / 4, abs=1e-2)
+
+
+def test_a_false_percept_lasts_for_its_frames_and_leaves_the_truth_alone(
+    make_reality: MakeReality, cube: MakeCube, play: Play
+) -> None:
+    event = FalsePercept(at=0.1, object="cube_3", frames=2, translation=(0.05, 0.0, 0.0))
+    reality = make_reality(cube(3, 0.35, 0.08), cube(4, 0.35, -0.08), events=[event])
+    play(reality, 0.2)
+    before = reality.world.poses()
+    seen = [
+        {reading.marker_id: reading.pose[:2] for reading in reality.readings(0.1 * frame).readings}
+        for frame in range(3)
+    ]
+    shifts = [math.dist(readings[3], seen[2][3]) for readings in seen[:2]]
+    assert shifts == pytest.approx([0.05, 0.05], abs=5e-3)
+    assert math.dist(seen[0][4], seen[2][4]) < 5e-3
+    assert reality.world.poses() == before
+    assert not reality.experimenter.is_done
+    play(reality, 0.1, start=0.2)
+    assert reality.experimenter.is_done
+
+
+def test_a_false_percept_shows_in_images(make_reality: MakeReality, cube: MakeCube, play: Play) -> None:
+    event = FalsePercept(at=0.0, object="cube_3", translation=(0.0, 0.1, 0.0))
+    reality = make_reality(
+        cube(3, 0.35, 0.0), events=[event], config={"sensor": "pixels", "renderer": "tiny", "width": 160, "height": 120}
+    )
+    play(reality, 0.1)
+    before = reality.world.pose("cube_3")
+    wrong, right = (reality.frame(stamp).arrays["depth"] for stamp in (0.1, 0.2))
+    assert reality.world.pose("cube_3").distance(before)[0] < 1e-9
+    nearer = np.argwhere(wrong - right < -0.02).mean(axis=0)
+    further = np.argwhere(wrong - right > 0.02).mean(axis=0)
+    assert nearer[1] < further[1] - 10, "the image's left is world +y"
+
+
+def test_an_arm_error_shifts_what_the_sensors_say_and_not_the_arm(
+    make_reality: MakeReality, cube: MakeCube, play: Play
+) -> None:
+    event = ArmError(at=0.1, translation=(0.0, 0.0, -0.015), duration=1.0)
+    reality, undisturbed = make_reality(cube(3, 0.35, 0.08), events=[event]), make_reality(cube(3, 0.35, 0.08))
+    arm, told = reality.arm, []
+    for start in (0.0, 0.6):
+        play(reality, 0.6, start=start)
+        play(undisturbed, 0.6, start=start)
+        told.append(reality.arm_state(start).positions)
+    assert arm.positions == undisturbed.arm.positions
+    true = undisturbed.arm.link_pose("tool_link")
+    for joint, position in zip(arm.names, told[0], strict=True):
+        arm_joint = next(
+            i
+            for i in range(reality.world.bullet.getNumJoints(arm.body))
+            if reality.world.bullet.getJointInfo(arm.body, i)[1].decode() == joint
+        )
+        reality.world.bullet.resetJointState(arm.body, arm_joint, position)
+    error = np.subtract(arm.link_pose("tool_link").t, true.t)
+    assert error == pytest.approx((0.0, 0.0, -0.015), abs=8e-4)
+    assert told[1] == undisturbed.arm.positions, "the error is over"
+
+
+def test_conditions_on_the_gripper(make_reality: MakeReality, cube: MakeCube) -> None:
+    reality = make_reality(cube(3, 0.35, 0.08, 0.075), cube(4, 0.35, 0.08))
+    stage = reality.experimenter._stage
+    reality.world.put("cube_3", upright((0.36, 0.08, 0.075), 0.0))
+    assert truths.idle(stage) and not truths.held(stage, "cube_3")
+    assert not truths.lowering(stage, "cube_3", "cube_4")
+    reality.arm._held = "cube_3"
+    assert truths.held(stage, "cube_3") and not truths.idle(stage)
+    assert truths.lowering(stage, "cube_3", "cube_4")
+    for elsewhere in ((0.36, 0.08, 0.081), (0.38, 0.08, 0.075), (0.36, 0.08, 0.059)):
+        reality.world.put("cube_3", upright(elsewhere, 0.0))
+        assert not truths.lowering(stage, "cube_3", "cube_4")
+
+
+def test_the_truth_tells_when_moves_began_and_ended_and_what_moves(
+    make_reality: MakeReality, cube: MakeCube, play: Play
+) -> None:
+    events = [
+        Place(at=0.1, object="cube_4", position=(0.3, -0.1, 0.02)),
+        Slide(at=0.2, object="cube_3", to=(0.3, 0.08), speed=0.1),
+        Remove(at=9.0, object="cube_3"),
+    ]
+    reality = make_reality(cube(3, 0.35, 0.08), cube(4, 0.35, -0.08), events=events)
+    play(reality, 0.5)
+    truth = reality.truth(0.5)
+    assert truth.moves == {1: (pytest.approx(0.1, abs=5e-3),) * 2, 2: (pytest.approx(0.2, abs=5e-3), None)}
+    assert truth.moving == ("cube_3",)
+    play(reality, 0.5, start=0.5)
+    assert reality.truth(1.0).moves[2] == pytest.approx((0.2, 0.7), abs=1e-2)
+    assert reality.truth(1.0).moving == ()

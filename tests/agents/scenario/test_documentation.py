@@ -63,7 +63,7 @@ def test_every_top_level_field_is_documented():
 @pytest.mark.parametrize(("name", "kind"), [*EVENTS.items(), *CHECKS.items()])
 def test_every_event_and_check_has_a_row_with_its_fields(name: str, kind: type[msgspec.Struct]):
     (row,) = re.findall(rf"^\| `{name}` \|.*$", DOCUMENT, re.MULTILINE)
-    common = {"at", "when", "delay"}
+    common = {"at", "when", "delay", "event"}
     for field in msgspec.structs.fields(kind):
         assert field.encode_name in common or f"`{field.encode_name}`" in row, field.encode_name
 

@@ -171,7 +171,7 @@ def test_wrong_values_are_refused_with_line_and_expectation(text: str, message: 
     ("event", "message"),
     [
         ("do = 'plce'", "x.toml:20: event.1.do: unknown value 'plce'; did you mean 'place'?"),
-        ("at = 1", "x.toml:19: event.1: missing required field `do`; valid: camera_bump"),
+        ("at = 1", "x.toml:19: event.1: missing required field `do`; valid: arm_error, camera_bump"),
         ("do = 'drop'\nobject = 'a'", "x.toml:19: event.1: expected either `at` (s) or `when`"),
         (
             "do = 'drop'\nobject = 'a'\nat = 1\nwhen = 'resting(a)'",

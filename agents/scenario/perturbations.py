@@ -1,0 +1,142 @@
+"""Perturbations of a run: what the experimenter did, when that had ended, and how the belief came after it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import msgspec
+
+from agents.scenario.history import Explained, History, Sample
+from agents.scenario.relations import true_relations
+from dsr.transforms import Pose
+
+DISTURBED = 0.002
+"""m that a true object must move to count as moved again"""
+WRONG = 0.020
+"""m from the truth, from where on a belief is wrong rather than inexact"""
+AFTER_EXPLANATION = 0.3
+"""s after an explanation was adopted, when what is then believed is judged: relations follow contact with a delay"""
+
+
+class Perturbation(msgspec.Struct, frozen=True):
+    """Events of the experimenter that overlap in time."""
+
+    events: tuple[int, ...]
+    """Their numbers in the file, from 1."""
+    begin: float
+    """s after the start"""
+    end: float
+    """s after the start, when all objects lay still again; infinite if they never did"""
+    until: float
+    """s after the start: the next perturbation or the end"""
+
+
+class Recovery(msgspec.Struct, frozen=True):
+    """How the belief came back to the truth after a perturbation."""
+
+    seconds: float
+    """s from its end until all beliefs stayed close; infinite if one did not"""
+    last: str
+    """The object that took longest; empty without objects."""
+    error: float
+    """m of that object when it was last too far away; infinite without a belief"""
+
+
+def perturbations(history: History) -> list[Perturbation]:
+    """In order of time; those that overlap are one."""
+    end_of_run = history.scenario.duration
+    groups: list[tuple[list[int], float, float]] = []
+    for number, (begin, end) in sorted(history.spans.items(), key=lambda item: item[1][0]):
+        last = math.inf if end is None else end
+        if groups and begin <= groups[-1][2]:
+            numbers, first, latest = groups[-1]
+            groups[-1] = ([*numbers, number], first, max(latest, last))
+        else:
+            groups.append(([number], begin, last))
+    nexts = [*(begin for _, begin, _ in groups), end_of_run][1:]
+    found = []
+    for (numbers, begin, end), until in zip(groups, nexts, strict=True):
+        still = history.still_from(end) if end < math.inf else None
+        found.append(Perturbation(tuple(numbers), begin, math.inf if still is None else still, until))
+    return found
+
+
+def recovery(history: History, after: Perturbation, tolerance: float, names: Sequence[str] | None = None) -> Recovery:
+    """How long it took from the end of a perturbation until all beliefs stayed within `tolerance` m of the truth.
+
+    Each object is looked at until it truly moves again, is taken by the gripper, or the next perturbation begins.
+    One that was removed must have no belief.
+    """
+    samples = history.window(after.end, after.until) if after.end < after.until else []
+    if not samples:
+        return Recovery(math.inf, "", math.inf)
+    known = {spec.name for spec in history.scenario.objects} if names is None else set(names)
+    worst = Recovery(0.0, "", 0.0)
+    for name in sorted(known):
+        errors = _errors(samples, name)
+        bad = [index for index, (_, error) in enumerate(errors) if error > tolerance]
+        if bad:
+            is_last = bad[-1] == len(errors) - 1
+            seconds = math.inf if is_last else errors[bad[-1] + 1][0] - after.end
+            if seconds > worst.seconds:
+                worst = Recovery(seconds, name, errors[bad[-1]][1])
+    return worst
+
+
+def _errors(samples: Sequence[Sample], name: str) -> list[tuple[float, float]]:
+    """Time and error (m) of the belief in an object while it stays where it is."""
+    start = samples[0].truth.get(name)
+    found = []
+    for sample in samples:
+        true, belief = sample.truth.get(name), sample.beliefs.get(name)
+        if name == sample.held or name in sample.moving or not _is_near(start, true):
+            break
+        if true is None:
+            error = 0.0 if belief is None else math.inf
+        else:
+            error = belief.distance(true)[0] if belief else math.inf
+        found.append((sample.time, error))
+    return found
+
+
+def _is_near(start: Pose | None, now: Pose | None) -> bool:
+    if start is None or now is None:
+        return start is now
+    return start.distance(now)[0] < DISTURBED
+
+
+def wrong_explanations(history: History) -> list[Explained]:
+    """The explanations after whose adoption something was believed wrongly that could have been known.
+
+    Looked at `AFTER_EXPLANATION` later, or just before the next explanation or perturbation if that is sooner:
+    an object at rest whose belief is missing or further than `WRONG` from the truth, or relations `on` of such
+    objects that are not the true ones.
+    """
+    found = []
+    nexts = [*(explained.time for explained in history.explanations), math.inf][1:]
+    begins = [begin for begin, _ in history.spans.values()]
+    for explained, following in zip(history.explanations, nexts, strict=True):
+        sooner = [time for time in (following, *begins) if time > explained.time]
+        sample = history.before(min(explained.time + AFTER_EXPLANATION, *sooner))
+        if sample is not None and is_wrong(history, sample):
+            found.append(explained)
+    return found
+
+
+def is_wrong(history: History, sample: Sample) -> bool:
+    """Whether an object at rest is believed elsewhere, or on something else, than it is."""
+    resting = {name for name in sample.truth if name not in sample.moving and name != sample.held}
+    for name in resting:
+        belief = sample.beliefs.get(name)
+        if belief is None or belief.distance(sample.truth[name])[0] > WRONG:
+            return True
+    if any(name in sample.beliefs for name in {spec.name for spec in history.scenario.objects} - set(sample.truth)):
+        return True
+    true = true_relations(history.scenario, sample.truth, sample.held)
+    believed = {(src, dst) for kind, src, dst in sample.edges if kind == "on"}
+    return any(_of(true, name) != _of(believed, name) for name in resting)
+
+
+def _of(relations: frozenset[tuple[str, str]] | set[tuple[str, str]], name: str) -> set[tuple[str, str]]:
+    return {pair for pair in relations if pair[0] == name}
