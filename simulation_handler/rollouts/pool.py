@@ -7,11 +7,12 @@ import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from itertools import count
-from multiprocessing.connection import wait
+from selectors import EVENT_READ, DefaultSelector
 from types import TracebackType
 
 from dsr.clock import WALL_CLOCK, Clock
 from simulation_handler.rollouts.engine import Engine, Outcome
+from simulation_handler.rollouts.messages import Job
 from simulation_handler.rollouts.process import WorkerProcess
 from simulation_handler.rollouts.scene import Scene
 from simulation_handler.simulator import SimulationError
@@ -121,11 +122,11 @@ class _Run:
         while self._waiting or self._under_way:
             self._hand_out()
             left = deadline - self._clock.monotonic()
-            alive = {worker.connection: worker for worker in self._workers if worker.deaths < _MOST_DEATHS}
+            alive = [worker for worker in self._workers if worker.deaths < _MOST_DEATHS]
             if left <= 0.0 or not alive:
                 break
-            for connection in wait(alive, min(left, _NAP)):
-                self._take(alive[connection])  # type: ignore[index]
+            for worker in _readable(alive, min(left, _NAP)):
+                self._take(worker)
         return self._outcomes
 
     def _hand_out(self) -> None:
@@ -134,22 +135,22 @@ class _Run:
                 index, number = self._waiting.popleft(), next(self._numbers)
                 self._under_way[number] = index
                 try:
-                    worker.give(number, self._scenes[index], self._seconds, self._clock.monotonic())
+                    worker.give(Job(number, self._scenes[index].bodies, self._seconds), self._clock.monotonic())
                 except OSError:
                     self._bury(worker)
 
     def _take(self, worker: WorkerProcess) -> None:
         try:
-            number, outcome = worker.take()
-        except (OSError, EOFError):
+            reply = worker.take()
+        except OSError:
             self._bury(worker)
             return
-        index = self._under_way.pop(number, None)
+        index = self._under_way.pop(reply.number, None)
         if index is None:  # it has just started, or this is an answer to an earlier run
             return
-        if isinstance(outcome, str):
-            raise SimulationError(outcome)
-        self._outcomes[index] = outcome
+        if reply.outcome is None:
+            raise SimulationError(reply.error)
+        self._outcomes[index] = reply.outcome
 
     def _bury(self, worker: WorkerProcess) -> None:
         """Start a dead worker again; its scene gets one more try, for it may be what killed it."""
@@ -167,3 +168,11 @@ class _Run:
             if worker.job is not None and now - worker.since > _STUCK:
                 _log.warning("a worker for rollouts was stuck; it is started again")
                 worker.restart(now)
+
+
+def _readable(workers: Sequence[WorkerProcess], timeout: float) -> list[WorkerProcess]:
+    """Those that have said something, or have died, within `timeout` s."""
+    with DefaultSelector() as selector:
+        for worker in workers:
+            selector.register(worker.connection, EVENT_READ, worker)
+        return [key.data for key, _ in selector.select(timeout)]

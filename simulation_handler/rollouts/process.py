@@ -6,14 +6,12 @@ import os
 import socket
 import subprocess
 import sys
-from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
 
-from simulation_handler.rollouts.scene import Scene
-from simulation_handler.rollouts.worker import READY, Reply
+from simulation_handler.rollouts.messages import READY, Job, Reply, receive_reply, send
 
 _ROOT = Path(__file__).parents[2]
+_PATIENCE = 1.0  # s for a message that has begun
 
 
 class WorkerProcess:
@@ -39,8 +37,9 @@ class WorkerProcess:
                 start_new_session=True,
                 env={**os.environ, "PYTHONPATH": os.pathsep.join(_search_path())},
             )
-        self.connection: Connection[Any, Any] = Connection(ours.detach())
-        self.job: int | None = READY
+        ours.settimeout(_PATIENCE)
+        self.connection = ours
+        self.job: int | None = READY.number
         """Number of what it is busy with; None while it waits."""
         self.since = now
         """When it was given that."""
@@ -50,14 +49,14 @@ class WorkerProcess:
         """Of the process."""
         return self._process.pid
 
-    def give(self, job: int, scene: Scene, seconds: float, now: float) -> None:
+    def give(self, job: Job, now: float) -> None:
         """Let it simulate a scene, at time `now`; raises `OSError` if it has died."""
-        self.job, self.since = job, now
-        self.connection.send((job, scene, seconds))
+        self.job, self.since = job.number, now
+        send(self.connection, job)
 
     def take(self) -> Reply:
-        """What it has answered; raises `OSError` or `EOFError` if it has died."""
-        reply: Reply = self.connection.recv()
+        """What it has answered; raises `OSError` if it has died."""
+        reply = receive_reply(self.connection)
         self.job, self.deaths = None, 0
         return reply
 

@@ -2,45 +2,38 @@
 
     python -m simulation_handler.rollouts.worker DESCRIPTOR
 
-The descriptor is that of a socket, on which it says `(READY, None)`, then answers each `(number, scene, seconds)` by
-`(number, outcome)`, or by `(number, text)` if the scene cannot be simulated. Standard input is its lifeline.
+The descriptor is that of a socket for the messages of messages.py; standard input is the lifeline.
 """
 
 from __future__ import annotations
 
 import contextlib
 import os
+import socket
 import sys
 import threading
-from multiprocessing.connection import Connection
-from typing import Any
 
-from simulation_handler.rollouts.engine import Engine, Outcome
+from simulation_handler.rollouts.engine import Engine
+from simulation_handler.rollouts.messages import READY, Job, Reply, receive_job, send
 from simulation_handler.rollouts.scene import Scene
 from simulation_handler.simulator import SimulationError
-
-READY = 0
-"""Number of the first message; jobs have others."""
-Reply = tuple[int, Outcome | str | None]
 
 
 def main() -> None:
     """Answer until the connection ends."""
     threading.Thread(target=_end_with_parent, name="lifeline", daemon=True).start()
-    connection: Connection[Any, Any] = Connection(int(sys.argv[1]))
     engine = Engine()
-    with contextlib.suppress(EOFError, OSError):
-        connection.send((READY, None))
+    with socket.socket(fileno=int(sys.argv[1])) as connection, contextlib.suppress(OSError):
+        send(connection, READY)
         while True:
-            number, scene, seconds = connection.recv()
-            connection.send((number, _simulated(engine, scene, seconds)))
+            send(connection, _simulated(engine, receive_job(connection)))
 
 
-def _simulated(engine: Engine, scene: Scene, seconds: float) -> Outcome | str:
+def _simulated(engine: Engine, job: Job) -> Reply:
     try:
-        return engine.run(scene, seconds)
+        return Reply(job.number, engine.run(Scene(job.bodies), job.seconds))
     except SimulationError as error:
-        return str(error)
+        return Reply(job.number, error=str(error))
 
 
 def _end_with_parent() -> None:
