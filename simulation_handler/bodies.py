@@ -104,7 +104,15 @@ class Bodies:
             self.sim.place(item.name, position, rotation)
         else:
             self.sim.add_box(item.name, item.size, position, rotation, mass=item.mass, friction=item.friction)
+            item.pinned, item.gone = False, False
         item.put = Pose.unchecked(position, rotation)
+
+    def take_away(self, item: BelievedObject) -> None:
+        """Take the body of an object out: it has no place any more."""
+        if item.name in self.sim:
+            self.sim.remove(item.name)
+        item.leave_to_physics()
+        item.put, item.pinned, item.gone = None, False, True
 
     def set_pinned(self, item: BelievedObject, pinned: bool) -> None:
         """Hold the body of an object where it is, or let it go."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import msgspec
 
 
@@ -63,6 +65,31 @@ class BeliefConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """s that an object must hover before something unseen is put beneath it."""
     explain_sigmas: float = 1.7
     """Standard deviations of its height by which the height of what is put beneath may miss it."""
+
+    policy: Literal["hypotheses", "algorithm1"] = "hypotheses"
+    """How surprises are explained: by simulated hypotheses, or by Algorithm 1 of the CORTEX paper."""
+    surprise_distance: float = 0.010
+    """m between percept and belief from which that is not noise but needs an explanation."""
+    surprise_angle: float = 0.2
+    """rad, likewise."""
+    unflagged_after: float = 0.5
+    """s after which something surprising is explained even though nobody has flagged it."""
+    missing_after: float = 0.8
+    """s for which something must not be seen that should be, before that needs an explanation."""
+    follow_for: float = 0.6
+    """s after an explanation in which the same object may go on moving without a new flag."""
+    look_again_after: float = 0.5
+    """s between two attempts to explain what could not be explained."""
+    least_gap_tolerance: float = 0.012
+    """m by which the height of what is put beneath may miss the gap, at least."""
+    rollout_seconds: float = 0.4
+    """s for which each hypothesis is simulated."""
+    most_rollouts: int = 48
+    """Hypotheses that are simulated for one explanation."""
+    explain_budget: float = 0.25
+    """s of wall time for one explanation, on worker processes."""
+    workers: int = 0
+    """Processes that simulate hypotheses; 0 for none but the agent's own, which lockstep needs."""
 
     relation_delay: float = 0.2
     """s that a contact must last (or be gone) before the relation `on` begins (or ends)."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -34,7 +34,7 @@ class Correction:
         What was on its way when it was last seen is let go; what hovered steadily is still held by something.
         """
         for item in self._bodies.objects.values():
-            if item.track.estimate is None or item.track.is_fresh(now):
+            if item.holder or item.track.estimate is None or item.track.is_fresh(now):
                 continue
             if item.pinned and self._was_on_its_way(item):
                 self._bodies.set_pinned(item, False)
@@ -49,12 +49,14 @@ class Correction:
         since, last = item.hovering_since, item.track.last_stamp
         return since is None or last - since < self._config.explain_after
 
-    def follow_perception(self, now: float) -> None:
+    def follow_perception(self, now: float, waiting: Collection[str] = ()) -> None:
         """Move the bodies of objects that are perceived elsewhere than they are believed to be.
 
-        They are placed from the lowest up, so that each finds its support at its final height.
+        They are placed from the lowest up, so that each finds its support at its final height. Those that are
+        `waiting` for an explanation stay.
         """
-        led = [item for item in self._bodies.objects.values() if self._is_led_by_perception(item, now)]
+        free = [item for item in self._bodies.objects.values() if not item.holder and item.name not in waiting]
+        led = [item for item in free if self._is_led_by_perception(item, now)]
         changed = [item for item in led if item.track.take_change()]
         if not changed:
             return
@@ -147,7 +149,7 @@ class Correction:
     def _realise(self, moving: Iterable[BelievedObject], scene: Scene, now: float) -> None:
         """Put bodies where they are believed to be, and out of each other's way."""
         items = {item.name: item for item in moving}
-        softness = {name: self._softness(item, now) for name, item in self._bodies.objects.items()}
+        softness = {name: self._softness(item, now) for name, item in self._bodies.objects.items() if not item.holder}
         pushed = separate(list(scene.values()), softness)
         for name in sorted(items.keys() | pushed.keys()):
             solid = scene[name]

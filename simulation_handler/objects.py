@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -51,6 +51,10 @@ class BelievedObject:
     """s"""
     restarts: int = 0
     """Of its track, when it was last looked at."""
+    holder: str = ""
+    """The gripper that holds it; percepts then say nothing of it."""
+    gone: bool = False
+    """It was taken out of the scene."""
 
     def estimate_at(self, now: float) -> Estimate | None:
         """What perception says at `now` (s); None while it is not seen."""
@@ -79,6 +83,19 @@ class BelievedObject:
         self.placement = placement
         if UNKNOWN not in placement.supports:
             self.prop = None
+
+    def settle(self, placement: Placement, solid: Solid) -> None:
+        """Take over the placement of an explanation, put at `solid`."""
+        self.adopt(replace(placement, solid=solid))
+        self.strikes, self.hovering_since, self.gone = 0, None, False
+        self.restarts = self.track.restarts
+
+    def leave_to_physics(self) -> None:
+        """What was perceived of it so far says nothing any more."""
+        self.track.forget()
+        self.placement = None
+        self.prop = None
+        self.gone = False
 
     def learn_bias(self, placement: Placement) -> None:
         """Learn the systematic error of its percepts, if it has been resting on something known for a while."""

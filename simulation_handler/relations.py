@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 from simulation_handler.simulator import Contact
 
 Relation = tuple[str, str]
 """(object, what it rests on)"""
+CONTACT = "contact"
+"""Source of a relation that comes from contact in the simulation."""
 _STEEP = 0.7  # vertical part of a contact normal from which one body carries the other
 
 
@@ -20,6 +22,7 @@ class Relations:
         self._since: dict[Relation, float] = {}
         self._last_seen: dict[Relation, float] = {}
         self._holding: set[Relation] = set()
+        self._sources: dict[Relation, str] = {}
 
     def update(self, contacts: Iterable[Contact], now: float) -> None:
         """Take in the contacts at time `now` (s)."""
@@ -40,6 +43,28 @@ class Relations:
         self._since[relation], self._last_seen[relation] = since, now
         self._holding.add(relation)
 
+    def settle(self, names: Collection[str], contacts: Iterable[Contact], now: float, source: str) -> None:
+        """Let the relations of objects that were put elsewhere be those of the contacts at once.
+
+        Those that go on keep their beginning; new ones are said to come from `source`.
+        """
+        touching = {(c.upper, c.lower) for c in contacts if c.steepness >= _STEEP}
+        about = {relation for relation in touching | self._since.keys() if not set(names).isdisjoint(relation)}
+        for relation in about - touching:
+            self.end(relation)
+        for relation in sorted(about & touching - self._holding):
+            self.recall(relation, now, now)
+            self._sources[relation] = source
+
+    def end(self, relation: Relation) -> None:
+        """End a relation now; harmless if it does not hold."""
+        if relation in self._since:
+            self._drop(relation)
+
+    def source(self, relation: Relation) -> str:
+        """What says that a relation holds."""
+        return self._sources.get(relation, CONTACT)
+
     def forget(self, name: str) -> None:
         """End all relations of a body that is no more."""
         for relation in [relation for relation in self._since if name in relation]:
@@ -51,4 +76,5 @@ class Relations:
 
     def _drop(self, relation: Relation) -> None:
         del self._since[relation], self._last_seen[relation]
+        self._sources.pop(relation, None)
         self._holding.discard(relation)

@@ -70,16 +70,20 @@ def _like(hovering: Solid, gap: float, tolerance: float) -> list[tuple[str, Vect
 
 def _stack_of(gap: float, unseen: Mapping[str, Vector3], tolerance: float) -> tuple[str, ...]:
     """The fewest, then best fitting, then first by name, whose heights add up to `gap` (m)."""
+    return next(iter(stacks_of(gap, unseen, tolerance)), ())
+
+
+def stacks_of(gap: float, unseen: Mapping[str, Vector3], tolerance: float) -> list[tuple[str, ...]]:
+    """All sets of objects whose heights add up to `gap` (m): the fewest first, then the best fitting, then by name."""
     names = sorted(unseen)[:_MOST_CANDIDATES]
+    fitting = []
     for count in range(1, min(_MOST_BENEATH, len(names)) + 1):
         misses = [
             (abs(gap - sum(unseen[name][2] for name in chosen)), chosen)
             for chosen in itertools.combinations(names, count)
         ]
-        miss, best = min(misses)
-        if miss <= tolerance:
-            return best
-    return ()
+        fitting += [chosen for miss, chosen in sorted(misses) if miss <= tolerance]
+    return fitting
 
 
 def _piled(parts: Sequence[tuple[str, Vector3]], above: Solid, level: float) -> tuple[Solid, ...]:

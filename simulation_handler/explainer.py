@@ -1,0 +1,140 @@
+"""Lets a policy explain what is surprising, and makes the belief what the explanation says."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+from simulation_handler.bodies import Bodies
+from simulation_handler.config import BeliefConfig
+from simulation_handler.explaining.policy import Explanation, Policy
+from simulation_handler.explaining.situation import Properties, Shares, Situation, seen_now
+from simulation_handler.noticing import Noticing
+from simulation_handler.relations import Relations
+
+EXPLANATION = "explanation"
+"""Source of relations that hold because of an explanation."""
+_MOST_WAITING = 64
+
+
+class Explainer:
+    """Watches a belief for surprises and explains them.
+
+    Args:
+        bodies: what is believed.
+        relations: what rests on what.
+        policy: explains.
+        config: when to explain.
+    """
+
+    def __init__(self, bodies: Bodies, relations: Relations, policy: Policy, config: BeliefConfig) -> None:
+        self.flagged: frozenset[str] = frozenset()
+        """Objects that the working memory says are surprising."""
+        self.planned: frozenset[tuple[str, str]] = frozenset()
+        """(object, support): where a plan has just put something."""
+        self.shares: Shares | None = None
+        """What cameras should see; None without one."""
+        self._bodies = bodies
+        self._relations = relations
+        self._policy = policy
+        self._config = config
+        self._noticing = Noticing(bodies, config)
+        self._news: list[tuple[float, Explanation]] = []
+        self._moved: set[str] = set()
+        self._look_again_at = 0.0
+        self._last_text = ""
+
+    @property
+    def waiting(self) -> Collection[str]:
+        """Objects that perception must not move by itself."""
+        return self._noticing.displaced
+
+    def notice(self, now: float) -> None:
+        """Compare percepts with beliefs at time `now` (s)."""
+        self._noticing.update(now, self.shares)
+
+    def explain(self, now: float) -> None:
+        """Explain what is due at time `now` (s), and adopt that."""
+        due = self._noticing.due(now, self.flagged)
+        if not due:
+            self._last_text = ""
+            return
+        if now < self._look_again_at:
+            return
+        explanation = self._policy.explain(self._situation(now, due))
+        if explanation is None:
+            return
+        if explanation.changes_belief:
+            self._adopt(explanation, now)
+            self._noticing.update(now, self.shares)
+        else:
+            self._look_again_at = now + self._config.look_again_after
+        if explanation.changes_belief or explanation.text != self._last_text:
+            self._news = [*self._news, (now, explanation)][-_MOST_WAITING:]
+        self._last_text = explanation.text
+
+    def settle_relations(self, now: float) -> None:
+        """After physics: let the relations of what was put elsewhere be those of its contacts."""
+        if self._moved:
+            self._relations.settle(self._moved, self._bodies.sim.contacts(), now, EXPLANATION)
+            self._moved.clear()
+
+    def take_news(self) -> list[tuple[float, Explanation]]:
+        """Explanations that were given since the last call, with when (s)."""
+        news, self._news = self._news, []
+        return news
+
+    def close(self) -> None:
+        """Release what the policy uses."""
+        self._policy.close()
+
+    def _situation(self, now: float, due: tuple[str, ...]) -> Situation:
+        bodies, config = self._bodies, self._config
+        placed = {name: bodies.solid(name) for name in bodies.objects if name in bodies.sim}
+        beneath: dict[str, tuple[str, ...]] = {}
+        for upper, lower in self._relations.current():
+            beneath[upper] = (*beneath.get(upper, ()), lower)
+        objects = bodies.objects
+        return Situation(
+            now=now,
+            config=config,
+            fixtures=dict(bodies.fixtures),
+            believed=placed,
+            properties={
+                **{name: Properties(0.0, config.default_friction) for name in bodies.fixtures},
+                **{name: Properties(item.mass, item.friction) for name, item in objects.items()},
+            },
+            seen={
+                name: seen_now(item, config)
+                for name, item in objects.items()
+                if not item.holder and item.estimate_at(now) is not None
+            },
+            surprising=due,
+            beneath=beneath,
+            unplaced=bodies.never_placed(),
+            held=frozenset(name for name, item in objects.items() if item.holder and name in placed),
+            planned=self.planned,
+            missing_for=self._noticing.missing_for(now),
+            evidence=self._noticing.evidence(now),
+            shares=self.shares,
+        )
+
+    def _adopt(self, explanation: Explanation, now: float) -> None:
+        """Make the belief what the explanation says."""
+        bodies = self._bodies
+        for name in sorted(explanation.removed):
+            bodies.take_away(bodies.object(name))
+            self._relations.forget(name)
+        for name, solid in explanation.solids.items():
+            item = bodies.object(name)
+            bodies.put(item, solid.position, solid.rotation)
+            if name in explanation.placements:
+                item.settle(explanation.placements[name], solid)
+            else:
+                item.leave_to_physics()
+        for name, item in bodies.objects.items():
+            if name in explanation.solids or (item.pinned and not item.holder and item.estimate_at(now) is None):
+                bodies.set_pinned(item, name in explanation.held)
+        for relation in explanation.ended:
+            self._relations.end(relation)
+        self._moved |= explanation.solids.keys()
+        self._noticing.follow(explanation.placements.keys(), now)

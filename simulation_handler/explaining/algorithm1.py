@@ -1,0 +1,49 @@
+"""Algorithm 1 of the CORTEX paper (section 4.4.2), as published: one surprising object after the other.
+
+    for each surprising object c:
+        if something is beneath c by the relations:  put that under c again
+        elif c is beneath something:                 delete that relation; put c where it is seen
+        else:                                        put c where it is seen
+"""
+
+from __future__ import annotations
+
+from simulation_handler.explaining.drafting import draft
+from simulation_handler.explaining.hypotheses import Hypothesis, Move
+from simulation_handler.explaining.policy import Explanation
+from simulation_handler.explaining.situation import Situation
+
+
+class Algorithm1:
+    """The published method: no simulation of alternatives, no scores, no visibility."""
+
+    name = "algorithm1"
+
+    def explain(self, situation: Situation) -> Explanation | None:
+        """What Algorithm 1 makes of the surprising objects that are seen; of the others it says nothing."""
+        hypothesis, parts, ended = Hypothesis(), [], []
+        about = [name for name in situation.surprising if name in situation.seen]
+        for name in about:
+            below = [other for other in situation.beneath.get(name, ()) if other in situation.believed]
+            above = sorted(upper for upper, lower in situation.beneath.items() if name in lower)
+            if below:
+                hypothesis = hypothesis.with_move(Move(name, beneath=(below[0],)))
+                parts.append(f"placed_under({below[0]}; {name})")
+                continue
+            hypothesis = hypothesis.with_move(Move(name))
+            ended += [(upper, name) for upper in above]
+            parts += [f"relation_ended({upper}, {name})" for upper in above] or [f"moved_alone({name})"]
+        if not about:
+            return None
+        drafted = draft(situation, hypothesis)
+        return Explanation(
+            text=" & ".join(parts),
+            about=tuple(about),
+            solids={name: drafted.solids[name] for name in drafted.placements},
+            placements={name: drafted.placements[name] for name in about},
+            ended=tuple(ended),
+            hypothesis=hypothesis,
+        )
+
+    def close(self) -> None:
+        """Nothing to release."""

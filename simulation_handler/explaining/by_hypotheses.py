@@ -1,0 +1,114 @@
+"""Explains by hypotheses that are simulated and weighed against what is seen and what should be."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from simulation_handler.explaining.drafting import Draft
+from simulation_handler.explaining.hypotheses import Hypothesis
+from simulation_handler.explaining.policy import Explanation
+from simulation_handler.explaining.search import Candidate, search
+from simulation_handler.explaining.situation import Situation
+from simulation_handler.explaining.wording import describe
+from simulation_handler.geometry import Solid
+from simulation_handler.rollouts import Body, Pool, Scene
+
+_MARGIN = 2.0  # nats by which the best must lead, while more evidence is to come
+_ENOUGH_EVIDENCE = 0.8  # s after which the best is taken, however small its lead
+_ALTERNATIVES = 5  # that are kept on record
+
+
+class ByHypotheses:
+    """The default policy.
+
+    Args:
+        pool: simulates the hypotheses.
+    """
+
+    name = "hypotheses"
+
+    def __init__(self, pool: Pool) -> None:
+        self._pool = pool
+        self._last: Hypothesis | None = None
+
+    def explain(self, situation: Situation) -> Explanation | None:
+        """The best hypothesis, if it leads clearly or waiting will not help."""
+        first = self._last if self._last and self._fits(self._last, situation) else None
+        ranking = search(situation, self._simulate, situation.config.most_rollouts, first)
+        if not ranking or not self._is_clear(situation, ranking):
+            return None
+        self._last = ranking[0].hypothesis
+        return self._explanation(situation, ranking)
+
+    def close(self) -> None:
+        """End the processes that simulate."""
+        self._pool.close()
+
+    def _fits(self, hypothesis: Hypothesis, situation: Situation) -> bool:
+        """Whether a hypothesis is about the objects that are surprising now: something goes on as before."""
+        names = {move.name for move in hypothesis.moves}
+        known = situation.believed.keys() | situation.unplaced.keys()
+        return names == set(situation.surprising) and names <= situation.seen.keys() and hypothesis.unseen <= known
+
+    def _is_clear(self, situation: Situation, ranking: Sequence[Candidate]) -> bool:
+        if situation.evidence >= _ENOUGH_EVIDENCE or len(ranking) < 2:
+            return True
+        return ranking[1].score.total - ranking[0].score.total >= _MARGIN
+
+    def _explanation(self, situation: Situation, ranking: Sequence[Candidate]) -> Explanation:
+        best = ranking[0]
+        hypothesis = best.hypothesis
+        placed = set(best.drafted.placements)
+        seen = {name for name in placed if name in situation.seen}
+        settled = {name: best.settled[name] for name in placed - seen}
+        wanted = {name: best.drafted.solids[name] for name in seen}
+        pushed = {
+            name: solid
+            for name, solid in best.settled.items()
+            if name not in placed and name not in situation.seen and name not in situation.held
+        }
+        told = {move.name for move in hypothesis.moves} | hypothesis.unseen | hypothesis.kept
+        return Explanation(
+            text=describe(situation, best),
+            about=tuple(sorted(told | set(situation.surprising))),
+            solids={**pushed, **settled, **wanted},
+            placements={name: best.drafted.placements[name] for name in seen},
+            held=best.drafted.held - situation.held,
+            removed=hypothesis.removed,
+            changes_belief=bool(placed or hypothesis.removed),
+            score=best.score.total,
+            alternatives=tuple((c.score.total, describe(situation, c)) for c in ranking[1 : 1 + _ALTERNATIVES]),
+            hypothesis=hypothesis,
+        )
+
+    def _simulate(self, situation: Situation, drafts: Sequence[Draft]) -> list[Mapping[str, Solid] | None]:
+        scenes = [scene_of(situation, drafted) for drafted in drafts]
+        outcomes = self._pool.run(scenes, situation.config.rollout_seconds)
+        return [
+            None
+            if outcome is None
+            else {
+                name: Solid(name, solid.size, *outcome.poses[name]) for name, solid in drafted.solids.items()
+            }
+            for drafted, outcome in zip(drafts, outcomes, strict=True)
+        ]
+
+
+def scene_of(situation: Situation, drafted: Draft) -> Scene:
+    """What is to be simulated of a draft."""
+    bodies = []
+    for solid in (*situation.fixtures.values(), *drafted.solids.values()):
+        fixed = solid.name in situation.fixtures
+        properties = situation.properties[solid.name]
+        bodies.append(
+            Body(
+                solid.name,
+                solid.size,
+                solid.position,
+                solid.rotation,
+                mass=0.0 if fixed else properties.mass,
+                friction=properties.friction,
+                fixed=fixed or solid.name in drafted.held,
+            )
+        )
+    return Scene(tuple(bodies))

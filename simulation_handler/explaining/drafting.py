@@ -1,0 +1,127 @@
+"""From a hypothesis to a scene that can be simulated: everything where the hypothesis puts it, on contact."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsr import quaternions
+from simulation_handler.explaining.hypotheses import FALLS, Hypothesis, Move
+from simulation_handler.explaining.situation import Situation, as_pose
+from simulation_handler.geometry import Solid
+from simulation_handler.percepts import Array
+from simulation_handler.placement import Placement, place, separate
+
+_UNSEEN_COVARIANCE: Array = np.diag((1e-6, 1e-6, 1e-4))  # m^2: free in height only
+_SOFT = 2.5e-5  # m^2, how easily what is not seen gives way
+
+
+@dataclass(frozen=True)
+class Draft:
+    """The scene of a hypothesis before physics has looked at it."""
+
+    solids: Mapping[str, Solid]
+    """All objects with a place."""
+    placements: Mapping[str, Placement]
+    """Of the objects that the hypothesis moves."""
+    held: frozenset[str]
+    """Objects that do not fall: in a gripper, or held by something unknown."""
+
+
+def draft(situation: Situation, hypothesis: Hypothesis) -> Draft:
+    """Put everything where the hypothesis has it, from the lowest object up, and out of each other's way."""
+    wanted = _wanted(situation, hypothesis)
+    for _ in range(2):  # the second time with what the heights say about the rest of the positions
+        placements = _placed(situation, hypothesis, wanted)
+        wanted = _aligned(hypothesis, wanted, placements)
+    gone = hypothesis.removed
+    stay = {name: solid for name, solid in situation.believed.items() if name not in gone and name not in placements}
+    solids = stay | {name: placement.solid for name, placement in placements.items()}
+    hovering = {name for name, placement in placements.items() if not placement.rests}
+    held_moves = {name for move in hypothesis.moves if move.held for name in (move.name, *move.riders)}
+    held = situation.held | (hovering & held_moves)
+    return Draft(_separated(situation, solids, frozenset(placements), held), placements, frozenset(held))
+
+
+def _wanted(situation: Situation, hypothesis: Hypothesis) -> dict[str, Solid]:
+    """Where each object that moved should be, before contact is looked for."""
+    wanted: dict[str, Solid] = {}
+    for move in hypothesis.moves:
+        top = situation.seen[move.name].percept
+        wanted[move.name] = top
+        if move.name in situation.believed:
+            displacement = situation.displacement(move.name)
+            for name in move.riders:
+                pose = displacement @ as_pose(situation.believed[name])
+                wanted[name] = Solid(name, situation.believed[name].size, pose.t, pose.q)
+        wanted |= _piled_under(situation, move, top)
+    for name, direction in hypothesis.fallen:
+        solid = situation.believed[name]
+        dx, dy = FALLS[direction]
+        dx, dy, _ = quaternions.rotate(solid.rotation, (dx * solid.size[0], dy * solid.size[1], 0.0))
+        x, y, z = solid.position
+        wanted[name] = solid.moved((x + dx, y + dy, z))
+    return wanted
+
+
+def _piled_under(situation: Situation, move: Move, top: Solid) -> dict[str, Solid]:
+    """What came from elsewhere, upright in a pile that reaches up to `top`."""
+    pile: dict[str, Solid] = {}
+    level = top.bottom
+    for name in reversed(move.beneath):
+        size = situation.believed[name].size if name in situation.believed else situation.unplaced[name]
+        x, y, _ = top.position
+        pile[name] = Solid(name, size, (x, y, level - 0.5 * size[2]), top.rotation)
+        level -= size[2]
+    return pile
+
+
+def _placed(situation: Situation, hypothesis: Hypothesis, wanted: Mapping[str, Solid]) -> dict[str, Placement]:
+    """Onto contact, from the lowest up."""
+    scene = dict(situation.fixtures)
+    scene |= {n: s for n, s in situation.believed.items() if n not in wanted and n not in hypothesis.removed}
+    placements: dict[str, Placement] = {}
+    falling = {name for name, _ in hypothesis.fallen}
+    for name, solid in sorted(wanted.items(), key=lambda item: (item[1].bottom, item[0])):
+        seen = situation.seen.get(name)
+        covariance = _UNSEEN_COVARIANCE if seen is None else seen.covariance
+        if name in falling:
+            placements[name] = Placement(solid, (), covariance)
+        else:
+            placements[name] = place(solid, covariance, list(scene.values()), situation.config)
+        scene[name] = placements[name].solid
+    return placements
+
+
+def _aligned(
+    hypothesis: Hypothesis, wanted: Mapping[str, Solid], placements: Mapping[str, Placement]
+) -> dict[str, Solid]:
+    """What moves with a seen object shifted sideways as that was, once its height was known."""
+    aligned = dict(wanted)
+    for move in hypothesis.moves:
+        before, after = wanted[move.name].position, placements[move.name].solid.position
+        for name in (*move.riders, *move.beneath):
+            x, y, z = wanted[name].position
+            aligned[name] = wanted[name].moved((x + after[0] - before[0], y + after[1] - before[1], z))
+    return aligned
+
+
+def _separated(
+    situation: Situation, solids: Mapping[str, Solid], moved: frozenset[str], held: frozenset[str] | set[str]
+) -> dict[str, Solid]:
+    """Overlapping neighbours pushed apart; the unseen gives way to the seen, the moved to what stays."""
+    softness = {name: _softness(situation, name, name in moved) for name in solids if name not in held}
+    pushed = separate([*situation.fixtures.values(), *solids.values()], softness)
+    return {name: solid.moved(pushed[name]) if name in pushed else solid for name, solid in solids.items()}
+
+
+def _softness(situation: Situation, name: str, moved: bool) -> float:
+    seen = situation.seen.get(name)
+    return _SOFT if seen is None or not moved else float(np.trace(seen.covariance[:2, :2]))
+
+
+def supports_of(placements: Mapping[str, Placement], name: str) -> Sequence[str]:
+    """What an object of a draft stands on."""
+    return placements[name].supports if name in placements else ()

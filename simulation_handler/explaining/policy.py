@@ -1,0 +1,51 @@
+"""The interface of the methods that explain surprises, and what an explanation is."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Protocol
+
+from simulation_handler.explaining.hypotheses import Hypothesis
+from simulation_handler.explaining.situation import Situation
+from simulation_handler.geometry import Solid
+from simulation_handler.placement import Placement
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """What happened, as far as a method can tell, and what must be believed because of it."""
+
+    text: str
+    """e.g. `moved_with_supports(cube_3; cube_4)`; parts are joined by `&`."""
+    about: tuple[str, ...]
+    """Objects that it explains, sorted."""
+    solids: Mapping[str, Solid] = field(default_factory=dict)
+    """Where objects are to be put."""
+    placements: Mapping[str, Placement] = field(default_factory=dict)
+    """Of those among them that are seen."""
+    held: frozenset[str] = frozenset()
+    """Those among them that something unknown holds."""
+    removed: frozenset[str] = frozenset()
+    """Objects that are gone."""
+    ended: tuple[tuple[str, str], ...] = ()
+    """Relations (object, support) that are to end, whatever touches."""
+    changes_belief: bool = True
+    """False if all stays as it is: false percepts, a moved camera."""
+    score: float | None = None
+    """nats: minus its log-probability, up to a constant; None from methods that do not weigh."""
+    alternatives: tuple[tuple[float, str], ...] = ()
+    """Scores and texts of what was rejected, the best first."""
+    hypothesis: Hypothesis | None = None
+
+
+class Policy(Protocol):
+    """A method that explains surprises."""
+
+    name: str
+
+    def explain(self, situation: Situation) -> Explanation | None:
+        """The best explanation of `situation.surprising`; None to wait for more evidence."""
+
+    def close(self) -> None:
+        """Release what it uses."""

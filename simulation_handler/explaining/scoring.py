@@ -1,0 +1,169 @@
+"""How well a hypothesis explains what is seen, and what is not: minus its log-probability, up to a constant.
+
+A hypothesis is charged for what it assumes (prior), for percepts that do not fit where physics lets things end up
+(likelihood), for things that should be seen and are not, and for things that are seen where they cannot be.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from simulation_handler.config import BeliefConfig
+from simulation_handler.explaining.drafting import Draft
+from simulation_handler.explaining.hypotheses import Hypothesis, Move
+from simulation_handler.explaining.situation import Seen, Situation, as_pose
+from simulation_handler.geometry import Solid
+from simulation_handler.percepts import Array
+
+# Nats that are charged for each assumption.
+MOVED = 3.0
+RIDES = 1.0
+FROM_ELSEWHERE = 5.0
+AS_PLANNED = 1.0
+HELD = 6.0
+HELD_ON_ITS_WAY = 1.0
+REMOVED = 6.0
+FELL = 5.0
+FALSE_PERCEPT = 3.0
+FALSE_FRAME = 3.0
+CAMERA_MOVED = 6.0
+
+_MOST_MISFIT = 20.0  # nats, of one object: beyond, its percept is as good as false
+_MISS = 3.0  # nats for each frame in which something is missing that should be seen
+_MOST_MISSED = 15.0
+_IMPOSSIBLE = 12.0  # nats for something that is seen though it should be hidden
+_FRAMES_PER_SECOND = 10.0
+_SURE = 0.9  # share of a face from which it should be seen
+_HIDDEN = 0.05  # share of a face up to which it cannot be seen
+_RESIDUAL = 8.0  # nats from which an object is still surprising: four standard deviations of one coordinate
+_SLACK = 0.010  # m that physics may move what is not seen
+
+
+@dataclass(frozen=True)
+class Score:
+    """What a hypothesis costs, and what it leaves unexplained."""
+
+    total: float
+    """nats"""
+    residuals: tuple[str, ...]
+    """Objects that would still be surprising, the worst first."""
+
+
+def score(situation: Situation, hypothesis: Hypothesis, drafted: Draft, settled: Mapping[str, Solid]) -> Score:
+    """Judge a hypothesis by where physics lets things end up.
+
+    Args:
+        situation: what is seen.
+        hypothesis: what is assumed.
+        drafted: where that puts things.
+        settled: where they are some time later.
+    """
+    costs: dict[str, float] = {}
+    correction = camera_correction(situation) if hypothesis.camera_moved else None
+    for name, seen in situation.seen.items():
+        if name in hypothesis.kept:
+            continue
+        shown = seen if correction is None else correction.get(name, seen)
+        if name not in settled:
+            costs[name] = _MOST_MISFIT
+            continue
+        costs[name] = min(shown.misfit(settled[name]), _MOST_MISFIT)
+    for name, solid in settled.items():
+        if name not in situation.seen and name in drafted.solids and name not in situation.held:
+            if name not in dict(hypothesis.fallen):
+                drift = math.dist(solid.position, drafted.solids[name].position)
+                costs[name] = min(0.5 * (drift / _SLACK) ** 2, _MOST_MISFIT)
+    for name, cost in _visibility(situation, hypothesis, settled).items():
+        costs[name] = costs.get(name, 0.0) + cost
+    worst = sorted((name for name, cost in costs.items() if cost > _RESIDUAL), key=lambda name: (-costs[name], name))
+    return Score(prior(situation, hypothesis) + sum(costs.values()), tuple(worst))
+
+
+def prior(situation: Situation, hypothesis: Hypothesis) -> float:
+    """Nats for what a hypothesis assumes."""
+    cost = sum(_move_prior(situation, move) for move in hypothesis.moves)
+    cost += REMOVED * len(hypothesis.removed) + FELL * len(hypothesis.fallen)
+    for name in hypothesis.kept:
+        cost += FALSE_PERCEPT + FALSE_FRAME * situation.seen[name].count
+    return cost + CAMERA_MOVED * hypothesis.camera_moved
+
+
+def _move_prior(situation: Situation, move: Move) -> float:
+    cost = MOVED + RIDES * len(move.riders)
+    for name in move.beneath:
+        cost += AS_PLANNED if (move.name, name) in situation.planned else FROM_ELSEWHERE
+    if move.held:
+        cost += HELD_ON_ITS_WAY if situation.seen[move.name].moving else HELD
+    return cost
+
+
+def _visibility(situation: Situation, hypothesis: Hypothesis, settled: Mapping[str, Solid]) -> dict[str, float]:
+    """Nats for each object that should be seen and is not, or is seen and should not be."""
+    if situation.shares is None or hypothesis.camera_moved:
+        return {}
+    shares: dict[str, float] = {}
+    for (_, name), share in situation.shares(list(settled.values())).items():
+        shares[name] = max(share, shares.get(name, 0.0))
+    costs = {}
+    for name, share in shares.items():
+        if name in situation.seen:
+            if share <= _HIDDEN and name not in hypothesis.kept:
+                costs[name] = _IMPOSSIBLE
+        elif share >= _SURE and name not in situation.held:
+            frames = situation.missing_for.get(name, situation.evidence) * _FRAMES_PER_SECOND
+            costs[name] = min(_MISS * frames, _MOST_MISSED)
+    return costs
+
+
+def camera_correction(situation: Situation) -> dict[str, Seen] | None:
+    """What would be seen if the camera had moved: all percepts brought back rigidly onto the beliefs (Kabsch, 1976)."""
+    names = sorted(name for name in situation.seen if name in situation.believed)
+    if len(names) < 3:
+        return None
+    seen = np.array([situation.seen[name].percept.position for name in names])
+    believed = np.array([situation.believed[name].position for name in names])
+    rotation = _rotation(seen - seen.mean(0), believed - believed.mean(0))
+    shift = believed.mean(0) - rotation @ seen.mean(0)
+    return {name: _carried(situation.seen[name], rotation, shift) for name in names}
+
+
+def _rotation(source: Array, target: Array) -> Array:
+    """(3, 3) rotation that brings centred points (n, 3) closest to others."""
+    left, _, right = np.linalg.svd(source.T @ target)
+    sign = np.sign(np.linalg.det(right.T @ left.T))
+    result: Array = right.T @ np.diag((1.0, 1.0, sign)) @ left.T
+    return result
+
+
+def _carried(seen: Seen, rotation: Array, shift: Array) -> Seen:
+    x, y, z = (rotation @ np.array(seen.percept.position) + shift).tolist()
+    turned = (Rotation.from_matrix(rotation) * Rotation.from_quat(seen.percept.rotation)).as_quat()
+    qx, qy, qz, qw = turned.tolist()
+    return replace(seen, percept=Solid(seen.percept.name, seen.percept.size, (x, y, z), (qx, qy, qz, qw)))
+
+
+def is_displaced(seen: Seen, solid: Solid, config: BeliefConfig) -> bool:
+    """Whether a percept is off a pose by more than noise, and by enough to need an explanation."""
+    metres, radians = as_pose(solid).distance(as_pose(seen.percept))
+    if metres <= config.surprise_distance and radians <= config.surprise_angle:
+        return False
+    hovers = abs(solid.position[2] - seen.percept.position[2]) > config.hover_tolerance
+    return hovers or seen.misfit(solid) > _RESIDUAL
+
+
+def displaced(situation: Situation) -> tuple[str, ...]:
+    """The surprising objects that are seen, but not where they are believed to be."""
+    return tuple(
+        name
+        for name in situation.surprising
+        if name in situation.seen
+        and (
+            name not in situation.believed
+            or is_displaced(situation.seen[name], situation.believed[name], situation.config)
+        )
+    )

@@ -1,0 +1,197 @@
+"""Looks for the best explanation: assume, simulate, score, and go on from what the assumption makes surprising.
+
+Best-first search. It begins with the simplest hypotheses about what is surprising; the best one that leaves
+something unexplained is extended by assumptions about just that, until the budget is spent or nothing better can
+be expected.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+from simulation_handler.explaining.drafting import Draft, draft
+from simulation_handler.explaining.hypotheses import FALLS, Hypothesis, Move
+from simulation_handler.explaining.scoring import Score, displaced, prior, score
+from simulation_handler.explaining.situation import Situation
+from simulation_handler.geometry import Solid
+from simulation_handler.placement import find_support
+from simulation_handler.supports import stacks_of
+
+Simulate = Callable[[Situation, Sequence[Draft]], Sequence[Mapping[str, Solid] | None]]
+"""Where everything is some time after each of the drafts; None for what could not be simulated in time."""
+
+_MOST_TOGETHER = 3  # displaced objects of which all combinations of two ways are tried at once
+_MOST_PILES = 3
+_PATIENCE = 3  # expansions without a better hypothesis after which the search ends
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A hypothesis that was simulated and scored."""
+
+    hypothesis: Hypothesis
+    drafted: Draft
+    settled: Mapping[str, Solid]
+    """Where everything comes to be by physics."""
+    score: Score
+
+
+def search(situation: Situation, simulate: Simulate, most: int, first: Hypothesis | None = None) -> list[Candidate]:
+    """The hypotheses that were looked at, the best first.
+
+    Args:
+        situation: what is believed, seen and surprising.
+        simulate: runs drafts.
+        most: how many may be simulated.
+        first: one to try first; if it explains everything, nothing else is tried.
+    """
+    seen: set[Hypothesis] = set()
+    found: list[Candidate] = []
+    expanded: set[Hypothesis] = set()
+
+    def evaluate(hypotheses: Iterator[Hypothesis] | Sequence[Hypothesis]) -> None:
+        new = [h for h in dict.fromkeys(hypotheses) if h not in seen][: max(most - len(seen), 0)]
+        seen.update(new)
+        drafts = [draft(situation, hypothesis) for hypothesis in new]
+        for hypothesis, drafted, settled in zip(new, drafts, simulate(situation, drafts), strict=True):
+            if settled is not None:
+                judged = score(situation, hypothesis, drafted, settled)
+                found.append(Candidate(hypothesis, drafted, settled, judged))
+        found.sort(key=lambda c: (c.score.total, len(c.hypothesis.unseen), str(c.hypothesis)))
+
+    if first is not None:
+        evaluate([first])
+        if found and not found[0].score.residuals:
+            return found
+    evaluate(_beginnings(situation))
+    stale = 0
+    while stale < _PATIENCE and len(seen) < most:
+        open_ = [c for c in found if c.hypothesis not in expanded and c.score.residuals]
+        if not open_ or (found[0] is not open_[0] and prior(situation, open_[0].hypothesis) > found[0].score.total):
+            break
+        best = found[0].score.total
+        expanded.add(open_[0].hypothesis)
+        evaluate(list(_extensions(situation, open_[0])))
+        stale = 0 if found[0].score.total < best else stale + 1
+    return found
+
+
+def _beginnings(situation: Situation) -> list[Hypothesis]:
+    """The simplest hypotheses: nothing happened; the displaced objects moved, alone or with what they stand on."""
+    nothing = Hypothesis()
+    moved = displaced(situation)
+    alone = nothing
+    for name in moved:
+        alone = alone.with_move(Move(name))
+    beginnings = [alone]
+    together = alone
+    for name in moved:
+        chain = situation.chain_beneath(name) + situation.chain_above(name)
+        if chain and name in situation.believed:
+            together = together.with_move(Move(name, riders=chain))
+            beginnings.append(alone.with_move(Move(name, riders=chain)))
+    beginnings.append(together)
+    false = nothing
+    for name in moved:
+        false = false.without_percept(name)
+    beginnings.append(false)
+    if len(moved) >= 2 and len(moved) == len([name for name in situation.seen if name in situation.believed]):
+        beginnings.append(Hypothesis(camera_moved=True))
+    if not moved:
+        beginnings.append(nothing)
+    return beginnings
+
+
+def _extensions(situation: Situation, candidate: Candidate) -> Iterator[Hypothesis]:
+    """Hypotheses that go on from one, about the worst of what it leaves unexplained."""
+    for name in candidate.score.residuals[:_MOST_TOGETHER]:
+        if name in situation.seen:
+            yield from _about_seen(situation, candidate, name)
+        else:
+            yield from _about_unseen(situation, candidate, name)
+
+
+def _about_seen(situation: Situation, candidate: Candidate, name: str) -> Iterator[Hypothesis]:
+    """Why a seen object is not where the hypothesis leaves it."""
+    hypothesis = candidate.hypothesis
+    move = hypothesis.moved.get(name, Move(name))
+    if name in situation.believed:
+        chain = situation.chain_beneath(name)
+        for length in range(1, len(chain) + 1):
+            yield hypothesis.with_move(Move(name, riders=chain[:length]))
+    for pile in _piles(situation, candidate, name):
+        yield hypothesis.with_move(Move(name, beneath=pile))
+    yield hypothesis.with_move(Move(name, riders=move.riders, held=True))
+    yield hypothesis.with_move(Move(name, held=True))
+    yield hypothesis.without_percept(name)
+    yield hypothesis.with_move(Move(name))
+    covers = _covers(candidate, name, situation)
+    if covers:
+        yield hypothesis.with_removed(covers)
+        yield from (hypothesis.with_fall(cover, k) for cover in covers[:1] for k in range(len(FALLS)))
+
+
+def _about_unseen(situation: Situation, candidate: Candidate, name: str) -> Iterator[Hypothesis]:
+    """Why an object that should be seen is not."""
+    hypothesis = candidate.hypothesis
+    for move in hypothesis.moves:
+        if name in situation.chain_beneath(move.name) and name not in move.riders and move.name in situation.believed:
+            chain = situation.chain_beneath(move.name)
+            yield hypothesis.with_move(Move(move.name, riders=chain[: chain.index(name) + 1]))
+        for pile in _piles(situation, candidate, move.name):
+            if name in pile:
+                yield hypothesis.with_move(Move(move.name, beneath=pile))
+    yield hypothesis.with_removed([name])
+    together = [other for other in candidate.score.residuals if other not in situation.seen]
+    if len(together) > 1:
+        yield hypothesis.with_removed(together)
+    if situation.beneath.get(name) and not set(situation.beneath[name]) <= set(situation.fixtures):
+        yield from (hypothesis.with_fall(name, k) for k in range(len(FALLS)))
+
+
+def _piles(situation: Situation, candidate: Candidate, name: str) -> Iterator[tuple[str, ...]]:
+    """Unseen objects that fill the gap beneath a seen one; the likeliest first, lowest first in each."""
+    solid = situation.seen[name].percept
+    free = {
+        other: (situation.believed[other].size if other in situation.believed else situation.unplaced[other])
+        for other in (*situation.believed, *situation.unplaced)
+        if other not in situation.seen and other not in situation.held and other != name
+    }
+    others = [s for n, s in candidate.drafted.solids.items() if n not in free and n != name]
+    others += situation.fixtures.values()
+    level = find_support(solid, solid.bottom, [o for o in others if o.top < solid.bottom], math.inf)[1]
+    if level is None:
+        return
+    tolerance = situation.config.explain_sigmas * math.sqrt(situation.seen[name].covariance[2, 2])
+    tolerance = max(tolerance, situation.config.least_gap_tolerance)
+    chain = situation.chain_beneath(name)
+    missing = {other for other in candidate.score.residuals if other in free}
+
+    def rank(pile: tuple[str, ...]) -> tuple[int, int, tuple[str, ...]]:
+        known = sum((name, other) in situation.planned or other in chain for other in pile)
+        return (-known - sum(other in missing for other in pile), len(pile), pile)
+
+    def ordered(pile: tuple[str, ...]) -> tuple[str, ...]:
+        """As it was before, as far as it was beneath the object."""
+        return tuple(sorted(pile, key=lambda other: -chain.index(other) if other in chain else 0))
+
+    piles = sorted(stacks_of(solid.bottom - level, free, tolerance), key=rank)
+    yield from itertools.islice(map(ordered, piles), _MOST_PILES)
+
+
+def _covers(candidate: Candidate, name: str, situation: Situation) -> list[str]:
+    """Unseen objects above a seen one, in the scene of a hypothesis, that would hide it."""
+    solid = candidate.settled.get(name)
+    if solid is None:
+        return []
+    return sorted(
+        other.name
+        for other in candidate.settled.values()
+        if other.name not in situation.seen
+        and other.name not in situation.held
+        and other.position[2] > solid.position[2]
+        and math.dist(other.position[:2], solid.position[:2]) < other.radius + solid.radius
+    )

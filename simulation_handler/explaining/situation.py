@@ -1,0 +1,135 @@
+"""What is believed and what is seen at one moment: all that an explanation can be drawn from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dsr import quaternions
+from dsr.quaternions import Vector3
+from dsr.transforms import Pose
+from simulation_handler.config import BeliefConfig
+from simulation_handler.geometry import Solid, face_down
+from simulation_handler.objects import BelievedObject
+from simulation_handler.percepts import Array
+
+_PLACE_FLOOR = 0.002  # m, standard deviation of what is no noise of percepts: of bodies in contact, of models
+_TURN_FLOOR = 0.03  # rad, likewise
+
+Shares = Callable[[Sequence[Solid]], Mapping[tuple[str, str], float]]
+"""What cameras should see if solids are there: share (0 to 1) of each object's face, by (camera, object)."""
+
+
+@dataclass(frozen=True)
+class Seen:
+    """An object as perception has it now."""
+
+    percept: Solid
+    """Without the systematic error that is known, and without the tilt that noise alone may have given it."""
+    covariance: Array
+    """(3, 3) m^2 of its position"""
+    turning: Array
+    """(3, 3) rad^2 of its rotation"""
+    count: int
+    """Percepts that agree on it."""
+    moving: bool
+    """The newest percepts contradict each other: it is on its way."""
+
+    def misfit(self, solid: Solid) -> float:
+        """How badly a pose fits the percept: half the squared Mahalanobis distance, in nats."""
+        shift = np.array(self.percept.position) - np.array(solid.position)
+        between = quaternions.product(self.percept.rotation, quaternions.conjugate(solid.rotation))
+        turn = np.array(quaternions.to_rotvec(between))
+        return 0.5 * (_squared(shift, self.covariance) + _squared(turn, self.turning))
+
+
+def seen_now(item: BelievedObject, config: BeliefConfig) -> Seen:
+    """What perception says of an object that it shows."""
+    estimate = item.track.estimate
+    assert estimate is not None
+    percept = item.percept()
+    flat, tilt = face_down(percept.rotation)
+    return Seen(
+        percept=percept.turned(flat) if tilt <= config.tilt_tolerance else percept,
+        covariance=item.percept_covariance(config) + _PLACE_FLOOR**2 * np.eye(3),
+        turning=estimate.rotation_covariance + _TURN_FLOOR**2 * np.eye(3),
+        count=estimate.count,
+        moving=item.track.moving,
+    )
+
+
+@dataclass(frozen=True)
+class Properties:
+    """What a body is made of."""
+
+    mass: float
+    """kg"""
+    friction: float
+    """Coulomb coefficient."""
+
+
+@dataclass(frozen=True)
+class Situation:
+    """One moment in the life of the belief; a value, which nobody changes."""
+
+    now: float
+    """s"""
+    config: BeliefConfig
+    fixtures: Mapping[str, Solid]
+    believed: Mapping[str, Solid]
+    """All objects with a place, where they are believed to be."""
+    properties: Mapping[str, Properties]
+    """Of all objects and fixtures."""
+    seen: Mapping[str, Seen]
+    """The objects that perception shows now and that nothing holds."""
+    surprising: tuple[str, ...]
+    """Objects to explain, sorted."""
+    beneath: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """Objects on which each one rests, by the relations `on`."""
+    unplaced: Mapping[str, Vector3] = field(default_factory=dict)
+    """Edge lengths (m) of the objects that exist without a place."""
+    held: frozenset[str] = frozenset()
+    """Objects in a gripper: they are where it is."""
+    planned: frozenset[tuple[str, str]] = frozenset()
+    """(object, support): where a plan has just put something."""
+    missing_for: Mapping[str, float] = field(default_factory=dict)
+    """s for which each object has not been seen although it should have been."""
+    evidence: float = 1.0
+    """s for which cameras have shown things as they are now."""
+    shares: Shares | None = None
+    """None without a camera whose place is known."""
+
+    def chain_beneath(self, name: str) -> tuple[str, ...]:
+        """What carries an object, directly and indirectly, and is not seen; the nearest first."""
+        chain: list[str] = []
+        level = [name]
+        while level := [below for upper in level for below in self.beneath.get(upper, ())]:
+            level = [below for below in level if self._is_hidden(below) and below not in chain]
+            chain += level
+        return tuple(chain)
+
+    def chain_above(self, name: str) -> tuple[str, ...]:
+        """What rests on an object, directly and indirectly, and is not seen."""
+        above: list[str] = []
+        level = {name}
+        while level := {upper for upper, lower in self.beneath.items() if level & set(lower)} - set(above):
+            above += sorted(filter(self._is_hidden, level))
+        return tuple(above)
+
+    def _is_hidden(self, name: str) -> bool:
+        return name in self.believed and name not in self.seen and name not in self.held
+
+    def displacement(self, name: str) -> Pose:
+        """From the believed to the perceived pose of a seen object: perceived_world_from_believed_world."""
+        return as_pose(self.seen[name].percept) @ as_pose(self.believed[name]).inverse()
+
+
+def as_pose(solid: Solid) -> Pose:
+    """world_from_solid."""
+    return Pose.unchecked(solid.position, solid.rotation)
+
+
+def _squared(difference: Array, covariance: Array) -> float:
+    return float(difference @ np.linalg.solve(covariance, difference))

@@ -1,0 +1,82 @@
+"""What the belief cannot go on with: objects seen elsewhere than believed, and objects that should be seen and are not."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+
+from simulation_handler.bodies import Bodies
+from simulation_handler.config import BeliefConfig
+from simulation_handler.explaining.scoring import is_displaced
+from simulation_handler.explaining.situation import Shares, seen_now
+from simulation_handler.objects import BelievedObject
+
+_SURE = 0.9  # share of its face from which an object should be seen
+_CONFIRMING = 0.2  # s that percepts have disagreed before that is confirmed
+
+
+class Noticing:
+    """Keeps count of since when objects disagree with what is seen."""
+
+    def __init__(self, bodies: Bodies, config: BeliefConfig) -> None:
+        self._bodies = bodies
+        self._config = config
+        self._displaced_since: dict[str, float] = {}
+        self._expected_since: dict[str, float] = {}
+        self._follow_until: dict[str, float] = {}
+
+    @property
+    def displaced(self) -> Collection[str]:
+        """Objects that are seen elsewhere than believed."""
+        return self._displaced_since.keys()
+
+    def update(self, now: float, shares: Shares | None) -> None:
+        """Compare percepts with beliefs at time `now` (s)."""
+        off = [item.name for item in self._bodies.objects.values() if self._is_displaced(item, now)]
+        self._displaced_since = {name: self._displaced_since.get(name, now) for name in off}
+        expected = self._expected(shares) if shares is not None else set[str]()
+        self._expected_since = {name: self._expected_since.get(name, now) for name in sorted(expected)}
+
+    def missing_for(self, now: float) -> dict[str, float]:
+        """s for which each object that should be seen was not."""
+        objects = self._bodies.objects
+        times = {
+            name: now - max(since, objects[name].track.last_stamp)
+            for name, since in self._expected_since.items()
+            if name in objects and objects[name].estimate_at(now) is None
+        }
+        expected = [name for name in self._expected_since if name in objects]
+        blind = len(times) == len(expected)  # a camera that shows nothing of what it should is covered, or dead
+        return {} if blind else {name: seconds for name, seconds in times.items() if seconds > 0.0}
+
+    def due(self, now: float, flagged: Collection[str]) -> tuple[str, ...]:
+        """Objects that must be explained now, sorted; empty as long as that can wait.
+
+        It can wait until one of them was flagged as surprising, or has been off for too long, or went on moving.
+        """
+        config = self._config
+        missing = {name: s for name, s in self.missing_for(now).items() if s >= config.missing_after}
+        late = [name for name, since in self._displaced_since.items() if now - since >= config.unflagged_after]
+        late += [name for name, seconds in missing.items() if seconds >= config.missing_after + config.unflagged_after]
+        late += [name for name in self._displaced_since if now <= self._follow_until.get(name, now - 1.0)]
+        open_ = self._displaced_since.keys() | missing.keys()
+        return tuple(sorted(open_)) if late or not open_.isdisjoint(flagged) else ()
+
+    def evidence(self, now: float) -> float:
+        """s for which things have been seen as they are now."""
+        return now - min(self._displaced_since.values(), default=now) + _CONFIRMING
+
+    def follow(self, names: Collection[str], now: float) -> None:
+        """Let objects that were just explained go on moving without a new flag."""
+        self._follow_until |= dict.fromkeys(names, now + self._config.follow_for)
+
+    def _is_displaced(self, item: BelievedObject, now: float) -> bool:
+        if item.holder or item.name not in self._bodies.sim or item.estimate_at(now) is None:
+            return False
+        return is_displaced(seen_now(item, self._config), self._bodies.solid(item.name), self._config)
+
+    def _expected(self, shares: Shares) -> set[str]:
+        """Objects that some camera should see."""
+        bodies = self._bodies
+        solids = [bodies.solid(name) for name, item in bodies.objects.items() if name in bodies.sim]
+        best: Mapping[tuple[str, str], float] = shares(solids)
+        return {name for (_, name), share in best.items() if share >= _SURE and not bodies.objects[name].holder}
