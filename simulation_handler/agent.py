@@ -5,6 +5,7 @@ from __future__ import annotations
 from dsr.agent import Access, Agent
 from simulation_handler.belief import Belief
 from simulation_handler.config import BeliefConfig
+from simulation_handler.explaining import make_policy
 from simulation_handler.reading import FIXTURES, OBJECTS, Reading
 from simulation_handler.seeing import SEEN, Seeing
 from simulation_handler.views import LENS, PARTS
@@ -25,29 +26,36 @@ class SimulationHandler(Agent):
     name = "simulation_handler"
     rate_hz = 20.0
     reads = Access(
-        nodes=(*FIXTURES, *OBJECTS, *PARTS, "world", "camera"),
-        edges=("RT", "Virtual_RT", "on", "sees"),
-        attributes=("size", "mass", "friction", "plausible", "source", "since", "bounds", *LENS, *SEEN),
+        nodes=(*FIXTURES, *OBJECTS, *PARTS, "world", "camera", "gripper", "action", "event"),
+        edges=("RT", "Virtual_RT", "on", "sees", "grasping"),
+        attributes=(
+            *("size", "mass", "friction", "plausible", "source", "since", "bounds", *LENS, *SEEN),
+            *("surprising", "present", "skill", "target", "destination", "status"),
+        ),
     )
     writes = Access(
-        nodes=OBJECTS,
-        edges=("Virtual_RT", "on", "sees"),
-        attributes=("plausible", "source", "since", *SEEN),
-        exclusive=("Virtual_RT", "plausible", "sees"),
+        nodes=(*OBJECTS, "mind", "event"),
+        edges=("Virtual_RT", "on", "sees", "has"),
+        attributes=(
+            *("plausible", "source", "since", *SEEN),
+            *("present", "explanation", "time", "score", "alternatives", "policy", "target"),
+        ),
+        exclusive=("Virtual_RT", "on", "plausible", "sees", "present", "event"),
     )
     Config = BeliefConfig
     config: BeliefConfig
 
     def setup(self) -> None:
         """Begin with an empty simulation; the first tick fills it."""
-        self._belief = Belief(self.config)
+        self._belief = Belief(self.config, make_policy(self.config, self.clock))
         self._reading = Reading(self.memory, self._belief, self.log)
-        self._writing = Writing(self.memory, self._belief)
+        self._writing = Writing(self.memory, self._belief, self.log)
         self._seeing = Seeing(self.memory, self._belief)
 
     def tick(self, now: float) -> None:
         """Bring the belief to time `now` (s), and the graph into step with it."""
         self._reading.update(now)
+        self._belief.look(self._seeing.shares)
         self._belief.step(now)
         self._writing.update(now)
         self._seeing.update(now)

@@ -1,19 +1,24 @@
 """The belief: a physics simulation that perception keeps in step with the world.
 
 Each step, what was perceived is fused over time (tracking), made physically plausible (placement) and put into
-the simulation where it differs from what is there (correction); then time passes. What is not seen obeys
-physics alone.
+the simulation where it differs from what is there (correction), or explained where it differs too much for that
+(explainer); then time passes. What is not seen obeys physics alone, and what a gripper holds goes where that goes
+(holding).
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Mapping
 
 from dsr.quaternions import Vector3
 from dsr.transforms import Pose
 from simulation_handler.bodies import FLOOR, Bodies
 from simulation_handler.config import BeliefConfig
 from simulation_handler.correction import Correction
+from simulation_handler.explainer import Explainer
+from simulation_handler.explaining import Explanation, Policy, Shares, make_policy
+from simulation_handler.holding import Holding
 from simulation_handler.percepts import make_percept
 from simulation_handler.relations import Relation, Relations
 from simulation_handler.rollouts.scene import Scene
@@ -23,17 +28,26 @@ _MOST_STEPS = 48  # of physics in one step of the belief; time beyond is lost
 
 
 class Belief:
-    """Where the objects are and what they rest on, as far as perception and physics tell."""
+    """Where the objects are and what they rest on, as far as perception and physics tell.
 
-    def __init__(self, config: BeliefConfig | None = None) -> None:
+    Args:
+        config: tolerances.
+        policy: explains what is surprising; default: the one that `config` names, in this process.
+    """
+
+    def __init__(self, config: BeliefConfig | None = None, policy: Policy | None = None) -> None:
         self.config = config or BeliefConfig()
         self._bodies = Bodies(self.config)
         self._correction = Correction(self._bodies, self.config)
         self._relations = Relations(self.config.relation_delay)
+        self._holding = Holding(self._bodies)
+        policy = policy or make_policy(self.config)
+        self._explainer = Explainer(self._bodies, self._relations, policy, self.config)
         self._now: float | None = None
 
     def close(self) -> None:
         """Free the simulation."""
+        self._explainer.close()
         self._bodies.sim.close()
 
     def __contains__(self, name: str) -> bool:
@@ -81,6 +95,7 @@ class Belief:
 
     def remove(self, name: str) -> None:
         """Forget an object or a fixture; what rested on it falls. Harmless if there is none."""
+        self._holding.forget(name)
         self._bodies.remove(name)
         self._relations.forget(name)
 
@@ -95,13 +110,40 @@ class Belief:
         """
         self._bodies.object(name).track.add(make_percept(world_pose, stamp, seen_from, self.config))
 
+    def look(self, shares: Shares | None) -> None:
+        """Know from now on what the cameras should see; None without a camera."""
+        self._explainer.shares = shares
+
+    def flag(self, names: Collection[str]) -> None:
+        """These objects are surprising from now on, and no others: what is off with them is explained soon."""
+        self._explainer.flagged = frozenset(names)
+
+    def plan(self, relations: Collection[Relation]) -> None:
+        """(object, support): a plan is putting these objects down there."""
+        self._explainer.planned = frozenset(relations)
+
+    def hold(self, grasps: Mapping[str, tuple[str, Pose]]) -> None:
+        """These objects, by name, are in a gripper: its name, and world_from_gripper now. All others are free."""
+        self._holding.update(grasps)
+
+    def explanations(self) -> list[tuple[float, Explanation]]:
+        """What was explained since the last call, and when (s)."""
+        return self._explainer.take_news()
+
+    def is_gone(self, name: str) -> bool:
+        """Whether the object is believed to have been taken out of the scene."""
+        return self._bodies.object(name).gone
+
     def step(self, now: float) -> None:
         """Bring the belief to time `now` (s)."""
         self._correction.leave_to_physics(now)
-        self._correction.follow_perception(now)
+        self._explainer.notice(now)
+        self._correction.follow_perception(now, self._explainer.waiting)
+        self._explainer.explain(now)
         if self._now is not None and now > self._now:
             self._bodies.sim.step(min(round((now - self._now) / TIME_STEP), _MOST_STEPS))
         self._now = now
+        self._explainer.settle_relations(now)
         self._relations.update(self._bodies.sim.contacts(), now)
 
     def pose(self, name: str) -> Pose | None:
@@ -120,6 +162,10 @@ class Belief:
         """(object, what it rests on) and since when (s); nothing is said of the floor."""
         return {relation: since for relation, since in self._relations.current().items() if FLOOR not in relation}
 
+    def source(self, relation: Relation) -> str:
+        """What says that a relation holds: "contact" or "explanation"."""
+        return self._relations.source(relation)
+
     def perceived(self, name: str, now: float) -> bool:
         """Whether the object was seen lately, at time `now` (s)."""
         return self._bodies.object(name).estimate_at(now) is not None
@@ -127,6 +173,8 @@ class Belief:
     def plausible(self, name: str) -> bool:
         """Whether the newest percepts fit a pose that physics allows, up to their noise."""
         item = self._bodies.object(name)
+        if item.holder:
+            return True
         if item.pinned:
             return False
         if item.track.estimate is None or name not in self._bodies.sim:

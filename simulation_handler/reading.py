@@ -17,14 +17,16 @@ from dsr.memory import Memory
 from dsr.quaternions import Vector3
 from dsr.transforms import Pose
 from simulation_handler.belief import Belief
+from simulation_handler.explainer import EXPLANATION
+from simulation_handler.relations import CONTACT
 
 WORLD = "world"
 FIXTURES = ("table",)
 """Node types of what never moves by itself."""
 OBJECTS = ("cube", "box")
 """Node types of what the belief follows."""
-CONTACT = "contact"
-"""Source of the relations that the belief writes."""
+SOURCES = (CONTACT, EXPLANATION)
+"""Of the relations that the belief writes."""
 _MOST_AHEAD = 0.5  # s that a percept's stamp may be ahead of this machine's clock
 
 Properties = tuple[Vector3, float | None, float | None]
@@ -63,6 +65,28 @@ class Reading:
             for edge in self._memory.edges("RT", dst=name):
                 with self._skipping(name):
                     self._note_percept(edge, now)
+        self._belief.flag({name for name in self._known if present[name].get("surprising") is True})
+        self._belief.plan(self._planned())
+        self._belief.hold(self._grasps())
+
+    def _planned(self) -> set[tuple[str, str]]:
+        """(object, support) of what an arm is putting down now."""
+        actions = (node for node in self._memory.nodes("action") if node.get("skill") == "place")
+        return {
+            (node.get("target", ""), node.get("destination", ""))
+            for node in actions
+            if node.get("status") in ("running", "done")
+        }
+
+    def _grasps(self) -> dict[str, tuple[str, Pose]]:
+        """The gripper of each object that is held, and world_from_gripper."""
+        grasps = {}
+        for edge in self._memory.edges("grasping"):
+            gripper = self._memory.get_node(edge.src)
+            if edge.dst in self._known and gripper is not None and gripper.type == "gripper":
+                with self._skipping(edge.src):
+                    grasps[edge.dst] = (edge.src, self._memory.transform(WORLD, edge.src))
+        return grasps
 
     def _nodes(self, types: Iterable[str]) -> list[Node]:
         return sorted((node for type in types for node in self._memory.nodes(type)), key=lambda node: node.name)
@@ -98,7 +122,7 @@ class Reading:
             return
         self._belief.recall(node.name, edge.pose, held=node.get("plausible") is False)
         for relation in self._memory.edges("on", src=node.name):
-            if relation.get("source") == CONTACT:
+            if relation.get("source") in SOURCES:
                 self._belief.recall_support((relation.src, relation.dst), relation.get("since", now), now)
 
     def _note_percept(self, edge: Edge, now: float) -> None:

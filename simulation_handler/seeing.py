@@ -10,6 +10,7 @@ import numpy as np
 from dsr.errors import DsrError
 from dsr.memory import Memory
 from simulation_handler.belief import Belief
+from simulation_handler.explaining import Shares
 from simulation_handler.geometry import Solid
 from simulation_handler.sight import Glance, Sight
 from simulation_handler.views import obstacles, views
@@ -33,6 +34,8 @@ class Seeing:
         self._memory = memory
         self._belief = belief
         self._last = -math.inf
+        self.shares: Shares | None = None
+        """What the cameras should see by the last look; None without a camera."""
 
     def update(self, now: float) -> None:
         """Look with each camera at the belief of time `now` (s), at most ten times a second, and write what is news."""
@@ -40,8 +43,10 @@ class Seeing:
             return
         self._last = now
         with contextlib.suppress(np.linalg.LinAlgError):
-            glances = Sight(views(self._memory), obstacles(self._memory)).glances(self._solids())
-            self._write(glances)
+            cameras = views(self._memory)
+            sight = Sight(cameras, obstacles(self._memory))
+            self.shares = sight.shares if cameras else None
+            self._write(sight.glances(self._solids()))
 
     def _solids(self) -> list[Solid]:
         """All objects that have a place, there."""

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import logging
 
 from dsr.errors import GraphError
 from dsr.memory import Memory
 from dsr.transforms import Pose
 from simulation_handler.belief import Belief
-from simulation_handler.reading import CONTACT, WORLD
+from simulation_handler.events import Events
+from simulation_handler.reading import SOURCES, WORLD
 
 _REFRESH = 1.0  # s after which a pose is written again, unchanged
 _SHIFT = 5e-5  # m that a body must have moved since its pose was written
@@ -18,10 +20,11 @@ _TURN = 5e-4  # rad, likewise
 class Writing:
     """Keeps the graph in step with a belief."""
 
-    def __init__(self, memory: Memory, belief: Belief) -> None:
+    def __init__(self, memory: Memory, belief: Belief, log: logging.Logger) -> None:
         self._memory = memory
         self._belief = belief
         self._written: dict[str, Pose] = {}
+        self._events = Events(memory, belief.config.policy, log)
 
     def update(self, now: float) -> None:
         """Write what changed up to time `now` (s). A node that is gone meanwhile is left out."""
@@ -32,7 +35,10 @@ class Writing:
             with contextlib.suppress(GraphError):
                 self._write_pose(name, now)
                 self._write_plausible(name)
+                self._write_present(name)
         self._write_supports()
+        for time, explanation in self._belief.explanations():
+            self._events.record(time, explanation)
 
     def _write_pose(self, name: str, now: float) -> None:
         pose = self._belief.pose(name)
@@ -52,14 +58,24 @@ class Writing:
         if self._belief.pose(name) is not None and self._memory.node(name).get("plausible") is not plausible:
             self._memory.update_node(name, plausible=plausible)
 
+    def _write_present(self, name: str) -> None:
+        """Take the pose of what is gone out of the graph, and say so."""
+        gone, before = self._belief.is_gone(name), self._memory.node(name).get("present")
+        if gone and self._belief.pose(name) is None:
+            self._memory.remove_edge(WORLD, name, "Virtual_RT")
+            self._written.pop(name, None)
+        if before is not (not gone) and (gone or before is not None):
+            self._memory.update_node(name, present=not gone)
+
     def _write_supports(self) -> None:
-        """Let the relations `on` whose source is contact be those of the belief."""
+        """Let the relations `on` that the belief wrote be those that it has."""
         supports = self._belief.supports()
         for edge in self._memory.edges("on"):
-            if edge.get("source") == CONTACT and (edge.src, edge.dst) not in supports:
+            if edge.get("source") in SOURCES and (edge.src, edge.dst) not in supports:
                 self._memory.remove_edge(edge.src, edge.dst, "on")
-        for (name, support), since in supports.items():
-            written = self._memory.get_edge(name, support, "on")
-            if written is None or written.get("source") != CONTACT or written.get("since") != since:
+        for relation, since in supports.items():
+            values = {"source": self._belief.source(relation), "since": since}
+            written = self._memory.get_edge(*relation, "on")
+            if written is None or any(written.get(name) != value for name, value in values.items()):
                 with contextlib.suppress(GraphError):
-                    self._memory.add_edge(name, support, "on", source=CONTACT, since=since)
+                    self._memory.add_edge(*relation, "on", **values)

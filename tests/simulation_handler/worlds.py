@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from dsr.transforms import Pose
 from simulation_handler.belief import Belief
+from simulation_handler.config import BeliefConfig
+from simulation_handler.geometry import Solid
+from simulation_handler.sight import Sight, View
 
 CAMERA = (0.35, 0.0, 0.65)
 CUBE = (0.04, 0.04, 0.04)
@@ -48,14 +53,22 @@ class SyntheticCamera:
         return Pose(position + noise, rotation, stamp, covariance)
 
 
-class World:
-    """True poses, a camera at 10 Hz and a belief at 20 Hz."""
+VIEW = View("camera", Pose(CAMERA, (1.0, 0.0, 0.0, 0.0)), 600.0, 600.0, 319.5, 239.5, 640, 480)
 
-    def __init__(self, truths: dict[str, Pose], seed: int = 0) -> None:
+
+class World:
+    """True poses, a camera at 10 Hz and a belief at 20 Hz, to which everything is flagged as surprising at once.
+
+    With `sight`, the belief knows the camera, so that it can tell what it should see; and the camera sees of the
+    `seen` objects only those that nothing hides.
+    """
+
+    def __init__(self, truths: dict[str, Pose], seed: int = 0, *, sight: bool = False, policy: Any = "hypotheses") -> None:
         self.truths = dict(truths)
         self.seen = set(truths)
         self.camera = SyntheticCamera(seed)
-        self.belief = Belief()
+        self.belief = Belief(BeliefConfig(policy=policy))
+        self.sight = Sight([VIEW]) if sight else None
         self.belief.set_fixture("table", TABLE, Pose((0.35, 0.0, -0.02)))
         self.percepts: dict[str, Pose] = {}
         self.now, self.ticks = 1000.0, 0
@@ -72,9 +85,17 @@ class World:
         self.now += PERIOD
         self.ticks += 1
         if self.ticks % 2:
-            for name in sorted(self.seen):
+            for name in sorted(self.seen & self._in_view()):
                 self.see(name, self.camera.percept(name, self.truths[name], self.now))
+        self.belief.flag(self.belief.names)
+        self.belief.look(None if self.sight is None else self.sight.shares)
         self.belief.step(self.now)
+
+    def _in_view(self) -> set[str]:
+        if self.sight is None:
+            return set(self.truths)
+        solids = [Solid(name, CUBE, pose.t, pose.q) for name, pose in self.truths.items()]
+        return {name for (_, name), share in self.sight.shares(solids).items() if share > 0.9}
 
     def see(self, name: str, percept: Pose) -> None:
         """Let the belief perceive an object."""

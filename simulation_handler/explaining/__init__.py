@@ -1,0 +1,24 @@
+"""Explanations of what is surprising: two methods behind one interface.
+
+Read `situation` (what is known), `hypotheses` (what may have happened), `drafting` (where things would be),
+`scoring` (how well that explains what is seen), `search`, and the policies `by_hypotheses` and `algorithm1`.
+"""
+
+from __future__ import annotations
+
+from dsr.clock import Clock
+from simulation_handler.config import BeliefConfig
+from simulation_handler.explaining.algorithm1 import Algorithm1
+from simulation_handler.explaining.by_hypotheses import ByHypotheses
+from simulation_handler.explaining.policy import Explanation, Policy
+from simulation_handler.explaining.situation import Shares
+from simulation_handler.rollouts import Pool
+
+__all__ = ["Explanation", "Policy", "Shares", "make_policy"]
+
+
+def make_policy(config: BeliefConfig, clock: Clock | None = None) -> Policy:
+    """The policy that `config` names; `clock` measures its budget where processes simulate."""
+    if config.policy == "algorithm1":
+        return Algorithm1()
+    return ByHypotheses(Pool(config.workers, config.explain_budget, clock))

@@ -1,0 +1,48 @@
+"""Objects in a gripper: their bodies go where it goes, whatever they meet."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from dsr.transforms import Pose
+from simulation_handler.bodies import Bodies
+from simulation_handler.objects import BelievedObject
+
+
+class Holding:
+    """Attaches bodies to grippers."""
+
+    def __init__(self, bodies: Bodies) -> None:
+        self._bodies = bodies
+        self._gripper_from_object: dict[str, Pose] = {}
+
+    def update(self, grasps: Mapping[str, tuple[str, Pose]]) -> None:
+        """Let these objects, by name, be held: the gripper's name, and world_from_gripper now. All others are free."""
+        for item in self._bodies.objects.values():
+            grasp = grasps.get(item.name)
+            if grasp is None or item.name not in self._bodies.sim:
+                self._release(item)
+            else:
+                self._carry(item, *grasp)
+
+    def forget(self, name: str) -> None:
+        """Of an object that is no more."""
+        self._gripper_from_object.pop(name, None)
+
+    def _carry(self, item: BelievedObject, gripper: str, world_from_gripper: Pose) -> None:
+        if item.holder != gripper:
+            self._gripper_from_object[item.name] = world_from_gripper.inverse() @ self._bodies.pose(item.name)
+            item.leave_to_physics()
+            item.holder = gripper
+            self._bodies.set_pinned(item, True)
+        world_from_object = world_from_gripper @ self._gripper_from_object[item.name]
+        if self._bodies.pose(item.name).distance(world_from_object) != (0.0, 0.0):
+            self._bodies.put(item, world_from_object.t, world_from_object.q)
+
+    def _release(self, item: BelievedObject) -> None:
+        if not item.holder:
+            return
+        item.holder = ""
+        self._gripper_from_object.pop(item.name, None)
+        if item.name in self._bodies.sim:
+            self._bodies.set_pinned(item, False)
