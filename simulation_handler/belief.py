@@ -139,6 +139,7 @@ class Belief:
         self._correction.leave_to_physics(now)
         self._explainer.notice(now)
         self._correction.follow_perception(now, self._explainer.waiting)
+        self._explainer.drag(now)
         self._explainer.explain(now)
         if self._now is not None and now > self._now:
             self._bodies.sim.step(min(round((now - self._now) / TIME_STEP), _MOST_STEPS))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 
+from dsr.transforms import Pose
 from simulation_handler.bodies import Bodies
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.policy import Explanation, Policy
@@ -14,6 +16,9 @@ from simulation_handler.relations import Relations
 EXPLANATION = "explanation"
 """Source of relations that hold because of an explanation."""
 _MOST_WAITING = 64
+_REMEMBERED = 10.0  # s for which it is known what was beneath an object
+_PAUSE = 0.09  # s until a better look at what is not clear yet: the next frame of the camera
+_STEP = 0.0005  # m that an object must have moved for its riders to follow
 
 
 class Explainer:
@@ -38,9 +43,11 @@ class Explainer:
         self._policy = policy
         self._config = config
         self._noticing = Noticing(bodies, config)
+        self._riders: dict[str, dict[str, Pose]] = {}  # leader_from_rider of what moves with a followed object
+        self._former: dict[tuple[str, str], tuple[float, Pose]] = {}  # (upper, lower) -> until when, upper_from_lower
         self._news: list[tuple[float, Explanation]] = []
         self._moved: set[str] = set()
-        self._look_again_at = 0.0
+        self._look_again_at = -math.inf
         self._last_text = ""
 
     @property
@@ -52,6 +59,17 @@ class Explainer:
         """Compare percepts with beliefs at time `now` (s)."""
         self._noticing.update(now, self.shares)
 
+    def drag(self, now: float) -> None:
+        """Let what moved with an object that goes on moving go on with it."""
+        noticing, bodies = self._noticing, self._bodies
+        self._riders = {name: riders for name, riders in self._riders.items() if noticing.is_followed(name, now)}
+        for leader, riders in self._riders.items():
+            for rider, leader_from_rider in riders.items():
+                there = bodies.pose(leader) @ leader_from_rider
+                if bodies.pose(rider).distance(there)[0] > _STEP:
+                    bodies.put(bodies.object(rider), there.t, there.q)
+                    noticing.follow([leader], now)
+
     def explain(self, now: float) -> None:
         """Explain what is due at time `now` (s), and adopt that."""
         due = self._noticing.due(now, self.flagged)
@@ -62,6 +80,7 @@ class Explainer:
             return
         explanation = self._policy.explain(self._situation(now, due))
         if explanation is None:
+            self._look_again_at = now + _PAUSE
             return
         if explanation.changes_belief:
             self._adopt(explanation, now)
@@ -110,17 +129,36 @@ class Explainer:
             },
             surprising=due,
             beneath=beneath,
+            former=self._remembered(now),
             unplaced=bodies.never_placed(),
             held=frozenset(name for name, item in objects.items() if item.holder and name in placed),
             planned=self.planned,
+            restless=frozenset(name for name, item in objects.items() if item.track.moving),
             missing_for=self._noticing.missing_for(now),
             evidence=self._noticing.evidence(now),
             shares=self.shares,
         )
 
+    def _remembered(self, now: float) -> dict[str, dict[str, Pose]]:
+        """What was beneath each object until lately, and how."""
+        self._former = {pair: entry for pair, entry in self._former.items() if now <= entry[0]}
+        former: dict[str, dict[str, Pose]] = {}
+        for (upper, lower), (_, upper_from_lower) in self._former.items():
+            former.setdefault(upper, {})[lower] = upper_from_lower
+        return former
+
+    def _remember(self, now: float) -> None:
+        """Keep in mind how things stand, before that changes."""
+        sim = self._bodies.sim
+        for upper, lower in self._relations.current():
+            if upper in self._bodies.objects and lower in self._bodies.objects and upper in sim and lower in sim:
+                upper_from_lower = self._bodies.pose(upper).inverse() @ self._bodies.pose(lower)
+                self._former[upper, lower] = (now + _REMEMBERED, upper_from_lower)
+
     def _adopt(self, explanation: Explanation, now: float) -> None:
         """Make the belief what the explanation says."""
         bodies = self._bodies
+        self._remember(now)
         for name in sorted(explanation.removed):
             bodies.take_away(bodies.object(name))
             self._relations.forget(name)
@@ -128,13 +166,25 @@ class Explainer:
             item = bodies.object(name)
             bodies.put(item, solid.position, solid.rotation)
             if name in explanation.placements:
-                item.settle(explanation.placements[name], solid)
+                item.settle(explanation.placements[name], solid, now)
             else:
                 item.leave_to_physics()
         for name, item in bodies.objects.items():
             if name in explanation.solids or (item.pinned and not item.holder and item.estimate_at(now) is None):
-                bodies.set_pinned(item, name in explanation.held)
+                bodies.set_pinned(item, name in explanation.held or item.strikes >= self._config.strikes)
         for relation in explanation.ended:
             self._relations.end(relation)
         self._moved |= explanation.solids.keys()
         self._noticing.follow(explanation.placements.keys(), now)
+        self._note_riders(explanation)
+
+    def _note_riders(self, explanation: Explanation) -> None:
+        """Keep in mind what moves with which object, as long as that goes on moving."""
+        moves = explanation.hypothesis.moves if explanation.hypothesis else ()
+        self._riders |= {
+            move.name: {
+                rider: self._bodies.pose(move.name).inverse() @ self._bodies.pose(rider)
+                for rider in (*move.riders, *move.beneath)
+            }
+            for move in moves
+        }

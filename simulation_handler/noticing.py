@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping
 
 from simulation_handler.bodies import Bodies
@@ -57,17 +58,23 @@ class Noticing:
         missing = {name: s for name, s in self.missing_for(now).items() if s >= config.missing_after}
         late = [name for name, since in self._displaced_since.items() if now - since >= config.unflagged_after]
         late += [name for name, seconds in missing.items() if seconds >= config.missing_after + config.unflagged_after]
-        late += [name for name in self._displaced_since if now <= self._follow_until.get(name, now - 1.0)]
+        late += [name for name in self._displaced_since if self.is_followed(name, now)]
         open_ = self._displaced_since.keys() | missing.keys()
         return tuple(sorted(open_)) if late or not open_.isdisjoint(flagged) else ()
 
     def evidence(self, now: float) -> float:
         """s for which things have been seen as they are now."""
-        return now - min(self._displaced_since.values(), default=now) + _CONFIRMING
+        if self._displaced_since:
+            return now - min(self._displaced_since.values()) + _CONFIRMING
+        return max(self.missing_for(now).values(), default=0.0)
 
     def follow(self, names: Collection[str], now: float) -> None:
         """Let objects that were just explained go on moving without a new flag."""
         self._follow_until |= dict.fromkeys(names, now + self._config.follow_for)
+
+    def is_followed(self, name: str, now: float) -> bool:
+        """Whether an object may go on moving."""
+        return now <= self._follow_until.get(name, -math.inf)
 
     def _is_displaced(self, item: BelievedObject, now: float) -> bool:
         if item.holder or item.name not in self._bodies.sim or item.estimate_at(now) is None:

@@ -84,11 +84,16 @@ class BelievedObject:
         if UNKNOWN not in placement.supports:
             self.prop = None
 
-    def settle(self, placement: Placement, solid: Solid) -> None:
-        """Take over the placement of an explanation, put at `solid`."""
+    def settle(self, placement: Placement, solid: Solid, now: float) -> None:
+        """Take over the placement of an explanation, put at `solid` at time `now` (s).
+
+        If perception had not changed, it was physics that moved the object from where it is seen.
+        """
         self.adopt(replace(placement, solid=solid))
-        self.strikes, self.hovering_since, self.gone = 0, None, False
-        self.restarts = self.track.restarts
+        if self.restarts == self.track.restarts:
+            self.strike(now)
+        self.notice_restart()
+        self.hovering_since, self.gone = None, False
 
     def leave_to_physics(self) -> None:
         """What was perceived of it so far says nothing any more."""

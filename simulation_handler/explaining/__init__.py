@@ -12,7 +12,7 @@ from simulation_handler.explaining.algorithm1 import Algorithm1
 from simulation_handler.explaining.by_hypotheses import ByHypotheses
 from simulation_handler.explaining.policy import Explanation, Policy
 from simulation_handler.explaining.situation import Shares
-from simulation_handler.rollouts import Pool
+from simulation_handler.rollouts.pool import Pool
 
 __all__ = ["Explanation", "Policy", "Shares", "make_policy"]
 

@@ -11,7 +11,8 @@ from simulation_handler.explaining.search import Candidate, search
 from simulation_handler.explaining.situation import Situation
 from simulation_handler.explaining.wording import describe
 from simulation_handler.geometry import Solid
-from simulation_handler.rollouts import Body, Pool, Scene
+from simulation_handler.rollouts import Body, Scene
+from simulation_handler.rollouts.pool import Pool
 
 _MARGIN = 2.0  # nats by which the best must lead, while more evidence is to come
 _ENOUGH_EVIDENCE = 0.8  # s after which the best is taken, however small its lead
@@ -51,9 +52,12 @@ class ByHypotheses:
         return names == set(situation.surprising) and names <= situation.seen.keys() and hypothesis.unseen <= known
 
     def _is_clear(self, situation: Situation, ranking: Sequence[Candidate]) -> bool:
-        if situation.evidence >= _ENOUGH_EVIDENCE or len(ranking) < 2:
+        if situation.evidence >= _ENOUGH_EVIDENCE:
             return True
-        return ranking[1].score.total - ranking[0].score.total >= _MARGIN
+        best = ranking[0].hypothesis
+        if not (best.moves or best.unseen):
+            return False
+        return len(ranking) < 2 or ranking[1].score.total - ranking[0].score.total >= _MARGIN
 
     def _explanation(self, situation: Situation, ranking: Sequence[Candidate]) -> Explanation:
         best = ranking[0]

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from dsr import quaternions
 from simulation_handler.explaining.hypotheses import FALLS, Hypothesis, Move
-from simulation_handler.explaining.situation import Situation, as_pose
+from simulation_handler.explaining.situation import Situation
 from simulation_handler.geometry import Solid
 from simulation_handler.percepts import Array
 from simulation_handler.placement import Placement, place, separate
@@ -51,11 +51,7 @@ def _wanted(situation: Situation, hypothesis: Hypothesis) -> dict[str, Solid]:
     for move in hypothesis.moves:
         top = situation.seen[move.name].percept
         wanted[move.name] = top
-        if move.name in situation.believed:
-            displacement = situation.displacement(move.name)
-            for name in move.riders:
-                pose = displacement @ as_pose(situation.believed[name])
-                wanted[name] = Solid(name, situation.believed[name].size, pose.t, pose.q)
+        wanted |= {name: situation.carried(move.name, name) for name in move.riders}
         wanted |= _piled_under(situation, move, top)
     for name, direction in hypothesis.fallen:
         solid = situation.believed[name]
@@ -71,7 +67,7 @@ def _piled_under(situation: Situation, move: Move, top: Solid) -> dict[str, Soli
     pile: dict[str, Solid] = {}
     level = top.bottom
     for name in reversed(move.beneath):
-        size = situation.believed[name].size if name in situation.believed else situation.unplaced[name]
+        size = situation.size(name)
         x, y, _ = top.position
         pile[name] = Solid(name, size, (x, y, level - 0.5 * size[2]), top.rotation)
         level -= size[2]
@@ -120,8 +116,3 @@ def _separated(
 def _softness(situation: Situation, name: str, moved: bool) -> float:
     seen = situation.seen.get(name)
     return _SOFT if seen is None or not moved else float(np.trace(seen.covariance[:2, :2]))
-
-
-def supports_of(placements: Mapping[str, Placement], name: str) -> Sequence[str]:
-    """What an object of a draft stands on."""
-    return placements[name].supports if name in placements else ()

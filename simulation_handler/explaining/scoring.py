@@ -28,7 +28,8 @@ AS_PLANNED = 1.0
 HELD = 6.0
 HELD_ON_ITS_WAY = 1.0
 REMOVED = 6.0
-FELL = 5.0
+FELL = 9.0
+FELL_IN_VIEW = 4.0
 FALSE_PERCEPT = 3.0
 FALSE_FRAME = 3.0
 CAMERA_MOVED = 6.0
@@ -41,6 +42,7 @@ _FRAMES_PER_SECOND = 10.0
 _SURE = 0.9  # share of a face from which it should be seen
 _HIDDEN = 0.05  # share of a face up to which it cannot be seen
 _RESIDUAL = 8.0  # nats from which an object is still surprising: four standard deviations of one coordinate
+_FALLS_BY_ITSELF = 0.5  # nats for an unseen object that falls because its support is gone
 _SLACK = 0.010  # m that physics may move what is not seen
 
 
@@ -73,11 +75,10 @@ def score(situation: Situation, hypothesis: Hypothesis, drafted: Draft, settled:
             costs[name] = _MOST_MISFIT
             continue
         costs[name] = min(shown.misfit(settled[name]), _MOST_MISFIT)
-    for name, solid in settled.items():
-        if name not in situation.seen and name in drafted.solids and name not in situation.held:
-            if name not in dict(hypothesis.fallen):
-                drift = math.dist(solid.position, drafted.solids[name].position)
-                costs[name] = min(0.5 * (drift / _SLACK) ** 2, _MOST_MISFIT)
+    for name in settled.keys() - situation.seen.keys() - situation.held - dict(hypothesis.fallen).keys():
+        drift = math.dist(settled[name].position, drafted.solids[name].position)
+        most = _MOST_MISFIT if name in drafted.placements else _FALLS_BY_ITSELF
+        costs[name] = min(0.5 * (drift / _SLACK) ** 2, most)
     for name, cost in _visibility(situation, hypothesis, settled).items():
         costs[name] = costs.get(name, 0.0) + cost
     worst = sorted((name for name, cost in costs.items() if cost > _RESIDUAL), key=lambda name: (-costs[name], name))
@@ -87,7 +88,8 @@ def score(situation: Situation, hypothesis: Hypothesis, drafted: Draft, settled:
 def prior(situation: Situation, hypothesis: Hypothesis) -> float:
     """Nats for what a hypothesis assumes."""
     cost = sum(_move_prior(situation, move) for move in hypothesis.moves)
-    cost += REMOVED * len(hypothesis.removed) + FELL * len(hypothesis.fallen)
+    cost += REMOVED * len(hypothesis.removed)
+    cost += sum(FELL_IN_VIEW if name in situation.restless else FELL for name, _ in hypothesis.fallen)
     for name in hypothesis.kept:
         cost += FALSE_PERCEPT + FALSE_FRAME * situation.seen[name].count
     return cost + CAMERA_MOVED * hypothesis.camera_moved

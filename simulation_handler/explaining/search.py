@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from simulation_handler.explaining.drafting import Draft, draft
 from simulation_handler.explaining.hypotheses import FALLS, Hypothesis, Move
@@ -122,6 +122,7 @@ def _about_seen(situation: Situation, candidate: Candidate, name: str) -> Iterat
         chain = situation.chain_beneath(name)
         for length in range(1, len(chain) + 1):
             yield hypothesis.with_move(Move(name, riders=chain[:length]))
+            yield hypothesis.with_move(Move(name, riders=chain[:length], held=True))
     for pile in _piles(situation, candidate, name):
         yield hypothesis.with_move(Move(name, beneath=pile))
     yield hypothesis.with_move(Move(name, riders=move.riders, held=True))
@@ -141,10 +142,14 @@ def _about_unseen(situation: Situation, candidate: Candidate, name: str) -> Iter
         if name in situation.chain_beneath(move.name) and name not in move.riders and move.name in situation.believed:
             chain = situation.chain_beneath(move.name)
             yield hypothesis.with_move(Move(move.name, riders=chain[: chain.index(name) + 1]))
+        if name in situation.former.get(move.name, {}):
+            yield hypothesis.with_move(replace(move, riders=(*move.riders, name)))
         for pile in _piles(situation, candidate, move.name):
             if name in pile:
                 yield hypothesis.with_move(Move(move.name, beneath=pile))
     yield hypothesis.with_removed([name])
+    if chain := situation.chain_beneath(name):
+        yield hypothesis.with_removed([name, *chain])
     together = [other for other in candidate.score.residuals if other not in situation.seen]
     if len(together) > 1:
         yield hypothesis.with_removed(together)
@@ -156,7 +161,7 @@ def _piles(situation: Situation, candidate: Candidate, name: str) -> Iterator[tu
     """Unseen objects that fill the gap beneath a seen one; the likeliest first, lowest first in each."""
     solid = situation.seen[name].percept
     free = {
-        other: (situation.believed[other].size if other in situation.believed else situation.unplaced[other])
+        other: situation.size(other)
         for other in (*situation.believed, *situation.unplaced)
         if other not in situation.seen and other not in situation.held and other != name
     }

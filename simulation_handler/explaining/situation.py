@@ -88,12 +88,16 @@ class Situation:
     """Objects to explain, sorted."""
     beneath: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """Objects on which each one rests, by the relations `on`."""
+    former: Mapping[str, Mapping[str, Pose]] = field(default_factory=dict)
+    """upper_from_lower of what was beneath each object until lately, by the names of both."""
     unplaced: Mapping[str, Vector3] = field(default_factory=dict)
     """Edge lengths (m) of the objects that exist without a place."""
     held: frozenset[str] = frozenset()
     """Objects in a gripper: they are where it is."""
     planned: frozenset[tuple[str, str]] = frozenset()
     """(object, support): where a plan has just put something."""
+    restless: frozenset[str] = frozenset()
+    """Unseen objects that moved when they were last seen."""
     missing_for: Mapping[str, float] = field(default_factory=dict)
     """s for which each object has not been seen although it should have been."""
     evidence: float = 1.0
@@ -121,9 +125,17 @@ class Situation:
     def _is_hidden(self, name: str) -> bool:
         return name in self.believed and name not in self.seen and name not in self.held
 
-    def displacement(self, name: str) -> Pose:
-        """From the believed to the perceived pose of a seen object: perceived_world_from_believed_world."""
-        return as_pose(self.seen[name].percept) @ as_pose(self.believed[name]).inverse()
+    def size(self, name: str) -> Vector3:
+        """Edge lengths of an object, m."""
+        return self.believed[name].size if name in self.believed else self.unplaced[name]
+
+    def carried(self, name: str, rider: str) -> Solid:
+        """Where a rider is if it has moved rigidly with a seen object."""
+        offset = self.former.get(name, {}).get(rider)
+        if offset is None:
+            offset = as_pose(self.believed[name]).inverse() @ as_pose(self.believed[rider])
+        pose = as_pose(self.seen[name].percept) @ offset
+        return Solid(rider, self.size(rider), pose.t, pose.q)
 
 
 def as_pose(solid: Solid) -> Pose:
