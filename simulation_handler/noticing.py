@@ -1,4 +1,4 @@
-"""What the belief cannot go on with: objects seen elsewhere than believed, and objects that should be seen and are not."""
+"""What the belief cannot go on with: what is seen elsewhere than believed, and what should be seen and is not."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Noticing:
         self._expected_since = {name: self._expected_since.get(name, now) for name in sorted(expected)}
 
     def missing_for(self, now: float) -> dict[str, float]:
-        """s for which each object that should be seen was not."""
+        """How long each object that should be seen was not, in s."""
         objects = self._bodies.objects
         times = {
             name: now - max(since, objects[name].track.last_stamp)
@@ -63,7 +63,7 @@ class Noticing:
         return tuple(sorted(open_)) if late or not open_.isdisjoint(flagged) else ()
 
     def evidence(self, now: float) -> float:
-        """s for which things have been seen as they are now."""
+        """How long things have been seen as they are now, in s."""
         if self._displaced_since:
             return now - min(self._displaced_since.values()) + _CONFIRMING
         return max(self.missing_for(now).values(), default=0.0)

@@ -6,7 +6,7 @@ Read `situation` (what is known), `hypotheses` (what may have happened), `drafti
 
 from __future__ import annotations
 
-from dsr.clock import Clock
+from dsr.clock import WALL_CLOCK, Clock
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.algorithm1 import Algorithm1
 from simulation_handler.explaining.by_hypotheses import ByHypotheses
@@ -17,8 +17,8 @@ from simulation_handler.rollouts.pool import Pool
 __all__ = ["Explanation", "Policy", "Shares", "make_policy"]
 
 
-def make_policy(config: BeliefConfig, clock: Clock | None = None) -> Policy:
+def make_policy(config: BeliefConfig, clock: Clock = WALL_CLOCK) -> Policy:
     """The policy that `config` names; `clock` measures its budget where processes simulate."""
     if config.policy == "algorithm1":
         return Algorithm1()
-    return ByHypotheses(Pool(config.workers, config.explain_budget, clock))
+    return ByHypotheses(Pool(config.workers, clock=clock), clock)

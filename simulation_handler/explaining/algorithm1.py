@@ -1,9 +1,9 @@
 """Algorithm 1 of the CORTEX paper (section 4.4.2), as published: one surprising object after the other.
 
-    for each surprising object c:
-        if something is beneath c by the relations:  put that under c again
-        elif c is beneath something:                 delete that relation; put c where it is seen
-        else:                                        put c where it is seen
+for each surprising object c:
+    if something is beneath c by the relations:  put that under c again
+    elif c is beneath something:                 delete that relation; put c where it is seen
+    else:                                        put c where it is seen
 """
 
 from __future__ import annotations

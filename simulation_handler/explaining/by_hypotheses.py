@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 
+from dsr.clock import Clock
 from simulation_handler.explaining.drafting import Draft
 from simulation_handler.explaining.hypotheses import Hypothesis
 from simulation_handler.explaining.policy import Explanation
@@ -24,16 +26,20 @@ class ByHypotheses:
 
     Args:
         pool: simulates the hypotheses.
+        clock: measures the budget of an explanation; a pool without processes needs none.
     """
 
     name = "hypotheses"
 
-    def __init__(self, pool: Pool) -> None:
+    def __init__(self, pool: Pool, clock: Clock) -> None:
         self._pool = pool
+        self._clock = clock
+        self._deadline = math.inf
         self._last: Hypothesis | None = None
 
     def explain(self, situation: Situation) -> Explanation | None:
         """The best hypothesis, if it leads clearly or waiting will not help."""
+        self._deadline = self._clock.monotonic() + situation.config.explain_budget
         first = self._last if self._last and self._fits(self._last, situation) else None
         ranking = search(situation, self._simulate, situation.config.most_rollouts, first)
         if not ranking or not self._is_clear(situation, ranking):
@@ -87,13 +93,12 @@ class ByHypotheses:
 
     def _simulate(self, situation: Situation, drafts: Sequence[Draft]) -> list[Mapping[str, Solid] | None]:
         scenes = [scene_of(situation, drafted) for drafted in drafts]
-        outcomes = self._pool.run(scenes, situation.config.rollout_seconds)
+        left = max(self._deadline - self._clock.monotonic(), 0.0) if self._pool.pids else None
+        outcomes = self._pool.run(scenes, situation.config.rollout_seconds, left)
         return [
             None
             if outcome is None
-            else {
-                name: Solid(name, solid.size, *outcome.poses[name]) for name, solid in drafted.solids.items()
-            }
+            else {name: Solid(name, solid.size, *outcome.poses[name]) for name, solid in drafted.solids.items()}
             for drafted, outcome in zip(drafts, outcomes, strict=True)
         ]
 

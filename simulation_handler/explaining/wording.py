@@ -40,8 +40,10 @@ def _move(situation: Situation, move: Move, candidate: Candidate) -> str:
         return f"{hand}moved_with_{what}({name}; {', '.join(move.riders)})"
     if move.beneath:
         return f"put_back_under({', '.join(reversed(move.beneath))}; {name})"
-    if move.held:
-        return f"held({name})"
+    return f"held({name})" if move.held else _alone(situation, name, candidate)
+
+
+def _alone(situation: Situation, name: str, candidate: Candidate) -> str:
     before = set(situation.beneath.get(name, ())) - set(situation.fixtures)
     placement = candidate.drafted.placements.get(name)
     after = set(placement.supports if placement else ()) - set(situation.fixtures)

@@ -63,7 +63,9 @@ class World:
     `seen` objects only those that nothing hides.
     """
 
-    def __init__(self, truths: dict[str, Pose], seed: int = 0, *, sight: bool = False, policy: Any = "hypotheses") -> None:
+    def __init__(
+        self, truths: dict[str, Pose], seed: int = 0, *, sight: bool = False, policy: Any = "hypotheses"
+    ) -> None:
         self.truths = dict(truths)
         self.seen = set(truths)
         self.camera = SyntheticCamera(seed)
