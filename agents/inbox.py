@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from collections.abc import Iterable
 from typing import NamedTuple
 
 from dsr.clock import Clock
@@ -19,22 +20,24 @@ class Message(NamedTuple):
 
 
 class Inbox:
-    """Collects the messages on one key until they are taken; beyond `most`, the oldest are dropped and counted."""
+    """Collects the messages on its keys until they are taken; beyond `most`, the oldest are dropped and counted."""
 
-    def __init__(self, bus: Transport, key: str, clock: Clock, most: int) -> None:
+    def __init__(self, bus: Transport, keys: str | Iterable[str], clock: Clock, most: int) -> None:
         self.dropped = 0
         """Messages lost because nobody took them in time."""
         self._clock = clock
         self._waiting: deque[Message] = deque(maxlen=most)
-        self._subscription = bus.subscribe(key, self._receive)
+        keys = [keys] if isinstance(keys, str) else keys
+        self._subscriptions = [bus.subscribe(key, self._receive) for key in keys]
 
     def take(self) -> list[Message]:
-        """All messages since the last call, oldest first."""
+        """All messages since the last call, in the order in which they came."""
         return [self._waiting.popleft() for _ in range(len(self._waiting))]
 
     def close(self) -> None:
         """Stop collecting."""
-        self._subscription.close()
+        for subscription in self._subscriptions:
+            subscription.close()
 
     def _receive(self, key: str, payload: bytes) -> None:
         if len(self._waiting) == self._waiting.maxlen:

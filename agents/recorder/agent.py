@@ -21,6 +21,8 @@ from dsr.errors import WireError
 _MOST_WAITING = 20_000
 _MOST_IMAGES_WAITING = 64
 _LARGE = 1 << 16  # bytes; larger blobs are images or meshes
+_DEVICES = ("*/state", "*/command", "*/*/poses")
+"""What is recorded of the traffic with devices: an arm, a sensor that tells poses; images come as blobs."""
 
 
 class RecorderConfig(msgspec.Struct, frozen=True):
@@ -61,22 +63,24 @@ class Recorder(Agent):
         self._images: dict[str, Message] = {}
         self._image_stamps: dict[str, float] = {}
         self._last_flush = self._last_snapshot = -math.inf
+        self._repairs = 0
         path = next_segment(Path(self.config.folder), FILE_NAME)
         self._writer = RecordingWriter(path, {"graph": keys.graph, "root": keys.root, "segment": path.name})
-        wanted = (keys.delta(), keys.stream(), keys.truth(), keys.log(), keys.status())
+        wanted = (keys.delta(), keys.stream(), keys.truth(), keys.log(), keys.status(), *map(keys.device, _DEVICES))
         images = Inbox(self.bus, keys.blob("**"), self.clock, _MOST_IMAGES_WAITING)
-        self._inboxes = (images, *(Inbox(self.bus, key, self.clock, _MOST_WAITING) for key in wanted))
+        self._inboxes = (images, Inbox(self.bus, wanted, self.clock, _MOST_WAITING))
         self.log.info("recording to %s", path)
 
     def tick(self, now: float) -> None:
         """Write what arrived since the last tick, in the order of arrival."""
         assert self._writer is not None
-        if self.memory.joined and now - self._last_snapshot >= self.config.snapshot_period:
-            self._writer.write(Record(now, SNAPSHOT, self.memory.snapshot()))
-            self._last_snapshot = now
+        if self._last_snapshot == -math.inf:
+            self._write_snapshot(now)
         for message in self._take(now):
             topic = message.key.removeprefix(self.keys.root + "/")
             self._writer.write(Record(message.stamp, topic, message.payload))
+        if now - self._last_snapshot >= self.config.snapshot_period or self._repairs != self.memory.statistics.repairs:
+            self._write_snapshot(now)
         if now - self._last_flush >= self.config.flush_period:
             self._writer.flush()
             self._last_flush = now
@@ -89,6 +93,13 @@ class Recorder(Agent):
         if self._writer is not None:
             self.tick(self.clock.now())
             self._writer.close()
+
+    def _write_snapshot(self, now: float) -> None:
+        """Also after a repair: what it brought came in no message that is recorded."""
+        if self._writer is not None and self.memory.joined:
+            self._repairs = self.memory.statistics.repairs
+            self._writer.write(Record(now, SNAPSHOT, self.memory.snapshot()))
+            self._last_snapshot = now
 
     def _take(self, now: float) -> list[Message]:
         """What arrived and is to be recorded, oldest first."""

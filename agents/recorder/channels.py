@@ -46,6 +46,13 @@ KINDS = (
         "MessagePack map of a simulated reality: stamp (s), objects {name: [x, y, z (m), qx, qy, qz, qw]} in the "
         "world frame, robot [joint positions (rad)], camera.\n",
     ),
+    ChannelKind(
+        "device/",
+        "dsr.Device",
+        "msgpack",
+        "MessagePack map: state of an arm, command to it, or tags seen by a camera; see agents/drivers.py and "
+        "agents/plant/messages.py.\n",
+    ),
     ChannelKind("log/", "dsr.LogRecord", "msgpack", "MessagePack array [stamp (s), level, agent, text].\n"),
     ChannelKind(
         "status/",

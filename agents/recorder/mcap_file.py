@@ -84,6 +84,14 @@ class RecordingWriter:
         return self._channels[topic]
 
 
+class Piece(NamedTuple):
+    """Messages that were written together."""
+
+    position: int
+    """Bytes before it in the file."""
+    records: list[Record]
+
+
 class RecordingFile:
     """Reads one MCAP file from its beginning; iterate over it once, then look at what was found.
 
@@ -100,6 +108,7 @@ class RecordingFile:
         self.metadata: dict[str, str] = {}
         self.read_bytes = 0
         """How far reading came."""
+        self._topics: dict[int, str] = {}
         try:
             self.size = path.stat().st_size
             with path.open("rb") as file:
@@ -111,10 +120,20 @@ class RecordingFile:
 
     def __iter__(self) -> Iterator[Record]:
         """The messages in the order they were written; damaged parts are left out."""
+        for piece in self.pieces():
+            yield from piece.records
+
+    def pieces(self, position: int = 0) -> Iterator[Piece]:
+        """The messages in pieces, one in memory at a time.
+
+        Args:
+            position: where to begin, that of a piece; all before it must have been read once, for the topics' names.
+        """
         with self.path.open("rb") as file:
-            source = _WholeReads(file)
+            file.seek(position)
+            source = _WholeReads(file, position)
             try:
-                yield from self._messages(source)
+                yield from self._read_pieces(source)
                 self.complete = True
             except _CutError:
                 self.problems.append(f"never closed or cut off, after {self.size} bytes")
@@ -122,19 +141,26 @@ class RecordingFile:
                 self.problems.append(f"not readable from byte {source.position} on ({_text(error)})")
             self.read_bytes = source.position
 
-    def _messages(self, source: _WholeReads) -> Iterator[Record]:
-        topics: dict[int, str] = {}
-        reader = StreamReader(source, emit_chunks=True, record_size_limit=_LARGEST_RECORD)  # type: ignore[arg-type]
+    def _read_pieces(self, source: _WholeReads) -> Iterator[Piece]:
+        reader = StreamReader(
+            source,  # type: ignore[arg-type]
+            skip_magic=source.position > 0,
+            emit_chunks=True,
+            record_size_limit=_LARGEST_RECORD,
+        )
+        begun = source.position
         for record in reader.records:
             if isinstance(record, Chunk):
-                yield from self._unpack(record, topics, source.position)
+                yield Piece(begun, list(self._unpack(record, source.position)))
             elif isinstance(record, Header) and record.profile != PROFILE:
                 raise RecordingError(f"{self.path}: an MCAP file of profile {record.profile!r}, expected {PROFILE!r}")
             elif isinstance(record, Metadata) and record.name == _METADATA:
                 self.metadata = record.metadata
+            begun = source.position
 
-    def _unpack(self, chunk: Chunk, topics: dict[int, str], end: int) -> Iterator[Record]:
-        """The messages of a chunk; `topics` by channel are known from it and the ones before."""
+    def _unpack(self, chunk: Chunk, end: int) -> Iterator[Record]:
+        """The messages of a chunk; topics by channel are known from it and the ones before."""
+        topics = self._topics
         try:
             records = breakup_chunk(chunk, validate_crc=True)
         except _DAMAGE as error:
@@ -154,10 +180,10 @@ class _CutError(Exception):
 class _WholeReads:
     """A file whose `read` gives all the bytes asked for or raises `_CutError`."""
 
-    def __init__(self, file: BinaryIO) -> None:
+    def __init__(self, file: BinaryIO, position: int) -> None:
         self._file = file
-        self.position = 0
-        """Bytes read so far."""
+        self.position = position
+        """Bytes of the file before the next read."""
 
     def read(self, count: int) -> bytes:
         """The next `count` bytes."""

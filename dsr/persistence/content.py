@@ -73,7 +73,7 @@ class GraphContent:
         for _, attributes in self.elements():
             for name, value in attributes.items():
                 if name not in self.schema.attributes:
-                    kinds.setdefault(name, []).append(_KINDS[type(value)])
+                    kinds.setdefault(name, []).append(kind_of(value))
         for name, found in kinds.items():
             self.schema.register_attribute(name, known.attributes.get(name) or AttributeType(_common_kind(found)))
 
@@ -154,6 +154,11 @@ def register(names: Schema, schema: Schema) -> None:
             schema.register_edge_type(name, names.edge_types[name], geometric=name in names.geometric)
     except SchemaError as error:
         raise ConfigError(str(error)) from error
+
+
+def kind_of(value: Any) -> Kind:
+    """The kind of attribute that has a value like this one."""
+    return _KINDS[type(value)]
 
 
 def _common_kind(kinds: list[Kind]) -> Kind:

@@ -66,6 +66,7 @@ class Lockstep:
         self.clock = clock or ManualClock()
         self.network = LocalNetwork(self.clock, seed=seed)
         self.keys = Keys(graph)
+        self._memories: list[Memory] = []
         self._seed = seed
         self._strict = strict
         self.memory = self._join("observer", "observer", None)
@@ -124,6 +125,7 @@ class Lockstep:
         """End an agent as `kill -9` would: nothing that it has not sent is sent any more."""
         seat = self._seat(name)
         del self._seats[name]
+        self._memories = [memory for memory in self._memories if memory is not seat.memory]
         seat.bus.close()
         with contextlib.suppress(DsrError):  # it can no longer reach anybody, only release what it took
             seat.runner.agent.teardown()
@@ -174,13 +176,17 @@ class Lockstep:
         return self._seats[name]
 
     def _join(self, name: str, rid: str, guard: WriteGuard | None) -> Memory:
-        """A new replica that holds what the others know."""
+        """A new replica that holds what the others know, who take in first what they were sent."""
+        self.network.deliver()
+        for memory in self._memories:
+            memory.poll()
         transport = self.network.connect(rid)
         memory = Memory(self.keys.graph, name, transport=transport, clock=self.clock, guard=guard, rid=rid)
         for _ in range(_ROUNDS):
             self.network.deliver()
             memory.poll()
         memory.wait_joined(0.0, alone=not memory.peers)
+        self._memories.append(memory)
         return memory
 
     def _step(self, now: float) -> None:

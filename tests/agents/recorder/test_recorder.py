@@ -121,12 +121,38 @@ def test_other_traffic_is_recorded_as_it_is(world: World) -> None:
     bus = world.memory.transport
     for key, payload in ((KEYS.truth(), truth), (KEYS.log("x"), b"\x01"), (KEYS.status("x"), b"not even MessagePack")):
         bus.publish(key, payload)
-    bus.publish(KEYS.device("arm/state"), b"not recorded")
+    bus.publish(KEYS.device("arm/state"), b"state")
+    bus.publish(KEYS.device("camera/overhead/poses"), b"poses")
+    bus.publish(KEYS.device("camera/overhead"), b"images are recorded as blobs")
     world.run(1.0)
     recorder.teardown()
     found = {record.topic: record.payload for record in world.records()}
     assert found["truth"] == truth and found["log/x"] == b"\x01" and found["status/x"] == b"not even MessagePack"
-    assert not any("device" in topic for topic in found)
+    devices = {topic: payload for topic, payload in found.items() if topic.startswith("device/")}
+    assert devices == {"device/arm/state": b"state", "device/camera/overhead/poses": b"poses"}
+
+
+def test_messages_of_one_instant_keep_their_order(world: World) -> None:
+    recorder = world.start_recorder()
+    wanted = [KEYS.log("x"), KEYS.truth(), KEYS.status("x"), KEYS.device("arm/state"), KEYS.log("y")]
+    for key in wanted:
+        world.memory.transport.publish(key, b"")
+    world.run(0.5)
+    recorder.teardown()
+    found = [f"{KEYS.root}/{record.topic}" for record in world.records()]
+    assert [key for key in found if key in wanted] == wanted
+
+
+def test_what_a_repair_brought_is_recorded(world: World) -> None:
+    recorder = world.start_recorder()
+    world.run(1.0)
+    world.network.partition(["writer"], ["recorder"])
+    world.memory.add_node("world", "world")
+    world.run(0.3)
+    world.network.heal()
+    world.run(3.0)
+    recorder.teardown()
+    assert {node.name for node in rebuilt(world.records()).nodes()} == {"world"}
 
 
 def camera_frame(stamp: float) -> Frame:

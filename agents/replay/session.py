@@ -1,0 +1,80 @@
+"""A replay in a terminal: joins the graph, plays, obeys keys and the control service, shows where it is."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Callable
+from datetime import UTC, datetime
+
+from rich.console import Console
+from rich.live import Live
+from rich.text import Text
+
+from agents.replay.control import Command, Controls
+from agents.replay.keyboard import Keyboard
+from agents.replay.player import STEP, Player
+from agents.replay.source import ReplayedGraph
+from dsr.clock import WALL_CLOCK
+
+_JUMP = 5.0  # s, of the arrow keys
+_BAR = 30  # characters
+_HINT = "space pause  ←→ 5 s  ↑↓ speed  home  q quit"
+
+
+class Session:
+    """Plays until the end, `q`, the command `quit` or Ctrl-C.
+
+    Args:
+        source: the recording.
+        player: plays it.
+        controls: of the player.
+        stay: at the end, hold the last state until told to quit.
+        console: for the status line.
+    """
+
+    def __init__(
+        self, source: ReplayedGraph, player: Player, controls: Controls, *, stay: bool, console: Console
+    ) -> None:
+        self._source = source
+        self._player = player
+        self._controls = controls
+        self._stay = stay
+        self._console = console
+        keys: dict[str, Callable[[], Command]] = {
+            "space": lambda: Command("pause" if player.playing and not player.ended else "resume"),
+            "left": lambda: Command("seek", player.time - _JUMP),
+            "right": lambda: Command("seek", player.time + _JUMP),
+            "up": lambda: Command("speed", player.speed * 2.0),
+            "down": lambda: Command("speed", player.speed / 2.0 if math.isfinite(player.speed) else 1.0),
+            "home": lambda: Command("seek", 0.0),
+            "q": lambda: Command("quit"),
+        }
+        self._keys = keys
+
+    def run(self) -> None:
+        """Play."""
+        clock, player, never = WALL_CLOCK, self._player, threading.Event()
+        with Keyboard() as keyboard, Live(console=self._console, auto_refresh=False, transient=True) as live:
+            while not (self._controls.wants_to_quit or (player.ended and not self._stay)):
+                for key in keyboard.pressed():
+                    if key in self._keys:
+                        self._controls.obey(self._keys[key]())
+                self._controls.run()
+                player.step(clock.monotonic())
+                if self._console.is_terminal:
+                    live.update(self._line(keyboard.present), refresh=True)
+                fast = player.speed == math.inf and player.playing and not player.ended
+                clock.wait(never, 0.0 if fast else STEP)
+
+    def _line(self, has_keys: bool) -> Text:
+        """Where the replay is."""
+        player = self._player
+        share = player.time / player.until if player.until else 1.0
+        filled = round(share * _BAR)
+        state = "■ end " if player.ended else "▶ " if player.playing else "❚❚ "
+        of_day = datetime.fromtimestamp(self._source.index.begin + player.time, UTC).strftime("%H:%M:%S")
+        speed = "max" if player.speed == math.inf else f"×{player.speed:g}"
+        text = Text(f"{state}{player.time:7.1f} / {player.until:.1f} s  {of_day} UTC  {speed:<5} ")
+        text.append("━" * filled, "bold cyan").append("━" * (_BAR - filled), "dim")
+        return text.append(f"  {_HINT}", "dim") if has_keys else text

@@ -1,0 +1,70 @@
+"""What a recording holds besides the graph, published again: images, statuses, logs, truth, devices."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+from msgspec.structs import replace
+
+from agents.recorder.images import unpack
+from agents.recorder.index import TimedRecord
+from dsr.blobs import decode_frame, frame_chunks
+from dsr.clock import Clock
+from dsr.errors import WireError
+from dsr.keys import Keys, is_key
+from dsr.runtime.status import decode_status, encode_status
+from dsr.transport import Qos, Transport
+
+_PLAIN = ("log/", "truth", "device/")
+"""Topics that are published as they were."""
+
+
+class Traffic:
+    """Publishes records under the keys of another graph."""
+
+    def __init__(self, bus: Transport, keys: Keys, clock: Clock) -> None:
+        self._bus = bus
+        self._keys = keys
+        self._clock = clock
+        self.malformed = 0
+        """Records that could not be published."""
+
+    def publish(self, record: TimedRecord) -> None:
+        """Publish a record, unless it is a change of the graph."""
+        for publish in self.later(record).values():
+            publish()
+
+    def later(self, record: TimedRecord) -> dict[str, Callable[[], None]]:
+        """How to publish a record, by its topic; empty for a change of the graph."""
+        topic = record.topic
+        if not is_key(topic):
+            self.malformed += 1
+            return {}
+        if topic.startswith("blob/"):
+            return {topic: partial(self._publish_blob, record)}
+        if topic.startswith("status/"):
+            return {topic: partial(self._publish_status, record)}
+        if topic.startswith(_PLAIN):
+            return {topic: partial(self._bus.publish, self._key(topic), record.payload, Qos.STREAM)}
+        return {}
+
+    def _key(self, topic: str) -> str:
+        return f"{self._keys.root}/{topic}"
+
+    def _publish_blob(self, record: TimedRecord) -> None:
+        """Images are unpacked; what is no frame stays as it is."""
+        try:
+            chunks = frame_chunks(unpack(decode_frame(record.payload)))
+        except WireError:
+            chunks = [record.payload]
+        self._bus.publish_bulk(self._key(record.topic), chunks)
+
+    def _publish_status(self, record: TimedRecord) -> None:
+        """With the present time: its readers ask how old it is. The process is none of today."""
+        try:
+            status = replace(decode_status(record.payload), stamp=self._clock.now(), pid=0)
+        except WireError:
+            self.malformed += 1
+            return
+        self._bus.publish(self._key(record.topic), encode_status(status), Qos.STREAM)
