@@ -1,4 +1,4 @@
-"""The commands `dsr scenario list | check | run` and `dsr demo`."""
+"""The commands `dsr scenario list | check | run | sweep` and `dsr demo`."""
 
 from __future__ import annotations
 
@@ -17,21 +17,16 @@ from rich.markup import escape
 from rich.table import Table
 
 from agents.scenario.format import load_scenario, scenario_files
+from agents.scenario.options import SensorChoice, check_writable
 from agents.scenario.report import ProgressBar, show_result
 from agents.scenario.result import write_result
 from agents.scenario.runner import run_live, run_lockstep
 from agents.scenario.staging import make_run
+from agents.scenario.sweep_cli import sweep
 from dsr.cli.common import JsonOption, console, new_run_folder, print_json
 from dsr.errors import ConfigError
 
 _INTERRUPTED = 130
-
-
-class SensorChoice(enum.StrEnum):
-    """Values of `--sensor`."""
-
-    PIXELS = "pixels"
-    POSES = "poses"
 
 
 class PolicyChoice(enum.StrEnum):
@@ -51,6 +46,7 @@ app = typer.Typer(
     help="Play scenarios: a simulated world, an experimenter, and what must then hold in the working memory. "
     "A scenario is a TOML file; docs/scenarios.md describes the format.",
 )
+app.command()(sweep)
 demo = typer.Typer(name="demo", invoke_without_command=True)
 
 
@@ -129,7 +125,7 @@ def _play(scenario: str, options: Mapping[str, Any], *, lockstep: bool, json: Pa
     window = viewer and not lockstep and has_display(os.environ)
     plan = make_run(scenario, window=window, **options)
     if json:
-        _check_writable(json)
+        check_writable(json)
     folder = new_run_folder(plan.scenario.name)
     plan = msgspec.structs.replace(plan, folder=folder)
     try:
@@ -143,15 +139,6 @@ def _play(scenario: str, options: Mapping[str, Any], *, lockstep: bool, json: Pa
     show_result(result, plan.scenario, console)
     _show_files(folder)
     raise typer.Exit(0 if result.passed else 1)
-
-
-def _check_writable(file: Path) -> None:
-    """Raise `ConfigError` before a run rather than lose its result after it."""
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        file.open("a").close()
-    except OSError as error:
-        raise ConfigError(f"--json {file}: cannot be written ({error.strerror})") from error
 
 
 def has_display(environment: Mapping[str, str]) -> bool:

@@ -1,0 +1,128 @@
+"""The command `dsr scenario sweep`."""
+
+from __future__ import annotations
+
+import enum
+import os
+import re
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+
+from agents.scenario.format import find_scenario, load_scenario
+from agents.scenario.options import SensorChoice, check_writable
+from agents.scenario.staging import Policy
+from agents.scenario.statistics import Summary, summarise
+from agents.scenario.sweep import LIMIT, Outcome, Sweep
+from agents.scenario.sweep_report import SweepBar, show_sweep
+from agents.scenario.sweep_worker import Job
+from dsr.cli.common import console
+from dsr.errors import ConfigError
+
+MOST_SEEDS = 100_000
+_INTERRUPTED = 130
+_PART = re.compile(r"\s*(\d+)\s*(?:-\s*(\d+)\s*)?")
+
+
+class SweptPolicy(enum.StrEnum):
+    """Values of `--policy`."""
+
+    HYPOTHESES = "hypotheses"
+    ALGORITHM1 = "algorithm1"
+    BOTH = "both"
+
+
+class Report(msgspec.Struct, frozen=True):
+    """What is written to the file of `--json`."""
+
+    complete: bool
+    """Every run was made."""
+    summaries: list[Summary]
+    runs: list[Outcome]
+
+
+def sweep(
+    scenarios: Annotated[list[str], typer.Argument(help="Built-in scenarios or TOML files.")],
+    seeds: Annotated[str, typer.Option(help="Which seeds: 0-49, 7, or 0-9,20-29.")] = "0-49",
+    sensor: Annotated[
+        SensorChoice, typer.Option(help="True poses with the noise measured on images (fast), or rendered images.")
+    ] = SensorChoice.POSES,
+    policy: Annotated[
+        list[SweptPolicy] | None,
+        typer.Option(help="How surprises are explained; several, or `both`, side by side. Default: the system's."),
+    ] = None,
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; default: one per core.")] = None,
+    limit: Annotated[float, typer.Option(min=1.0, help="s of real time that one run may take.")] = LIMIT,
+    metrics: Annotated[bool, typer.Option("--metrics", help="Show every metric, also of several scenarios.")] = False,
+    json: Annotated[Path | None, typer.Option("--json", help="Write all runs and the statistics to this file.")] = None,
+) -> None:
+    """Run scenarios with many seeds, in lockstep on all cores, and show how often and how well they work.
+
+    A run that crashes or takes too long counts as failed and is listed with its reason.
+
+    The exit code is 0 only if every run passed. Ctrl-C stops all, shows what was done, and still writes --json.
+    """
+    plan = make_jobs(scenarios, parse_seeds(seeds), sensor.value, _policies(policy or []))
+    if json:
+        check_writable(json)
+    outcomes: list[Outcome] = []
+    try:
+        with Sweep(plan, jobs or os.cpu_count() or 1, limit) as running, SweepBar(len(plan), console) as bar:
+            for outcome in running.outcomes():
+                outcomes.append(outcome)
+                bar.show(outcomes)
+    except KeyboardInterrupt:
+        console.print(f"stopped after {len(outcomes)} of {len(plan)} runs")
+    complete = len(outcomes) == len(plan)
+    summaries = summarise(outcomes)
+    show_sweep(summaries, console, metrics=metrics or len(set(scenarios)) == 1)
+    if json:
+        write_report(Report(complete, summaries, outcomes), json)
+        console.print(f"results  {json}", soft_wrap=True)
+    if not complete:
+        raise typer.Exit(_INTERRUPTED)
+    raise typer.Exit(0 if all(outcome.passed for outcome in outcomes) else 1)
+
+
+def parse_seeds(text: str) -> list[int]:
+    """The seeds of `0-49`, `7` or `0-9,20-29`, each once. Raises `ConfigError`."""
+    seeds: dict[int, None] = {}
+    for part in text.split(","):
+        match = _PART.fullmatch(part)
+        if match is None:
+            raise ConfigError(f"--seeds {text!r}: expected numbers and ranges, like 0-49 or 3,7,20-29; got {part!r}")
+        first, last = int(match[1]), int(match[2] or match[1])
+        if last < first:
+            raise ConfigError(f"--seeds {text!r}: {part.strip()!r} ends before it begins")
+        if last - first >= MOST_SEEDS:
+            raise ConfigError(f"--seeds {text!r}: expected at most {MOST_SEEDS} seeds")
+        seeds |= dict.fromkeys(range(first, last + 1))
+    return list(seeds)
+
+
+def make_jobs(scenarios: list[str], seeds: list[int], sensor: str, policies: list[Policy | None]) -> list[Job]:
+    """All runs, scenario by scenario. Raises `ConfigError` for a scenario that is wrong."""
+    files = {load_scenario(name).name: find_scenario(name).resolve() for name in scenarios}
+    if len(files) < len({find_scenario(name).resolve() for name in scenarios}):
+        raise ConfigError("two of the scenarios have the same name; expected different ones")
+    return [
+        msgspec.convert({"name": name, "file": str(file), "seed": seed, "sensor": sensor, "policy": policy}, Job)
+        for name, file in files.items()
+        for seed in seeds
+        for policy in policies
+    ]
+
+
+def write_report(report: Report, file: Path) -> None:
+    """Write `report` as JSON."""
+    file.write_bytes(msgspec.json.format(msgspec.json.encode(report), indent=2) + b"\n")
+
+
+def _policies(chosen: list[SweptPolicy]) -> list[Policy | None]:
+    if not chosen:
+        return [None]
+    both = SweptPolicy.BOTH in chosen
+    known: tuple[Policy, Policy] = ("hypotheses", "algorithm1")
+    return [policy for policy in known if both or policy in chosen]
