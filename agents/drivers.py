@@ -64,6 +64,9 @@ class ArmDriver(Protocol):
     def move_joints(self, positions: tuple[float, ...], speed: float = 1.0) -> None:
         """Go to joint `positions` (rad) at `speed` (0 to 1 of the joint limits)."""
 
+    def follow(self, times: tuple[float, ...], positions: tuple[tuple[float, ...], ...]) -> None:
+        """Pass through joint `positions` (rad) at `times` (s from now, increasing), and stay at the last ones."""
+
     def move_gripper(self, opening: float) -> None:
         """Open or close to `opening` m between the pads."""
 

@@ -10,6 +10,7 @@ import numpy as np
 from agents.arm_controller.body import Body
 from agents.arm_controller.cameras import CameraFeed
 from agents.arm_controller.config import ArmControllerConfig
+from agents.arm_controller.figure import Figure
 from agents.arm_controller.grip import Grip
 from agents.arm_controller.holding import Holding
 from agents.arm_controller.joints import Joints, JointsError, read_joints, to_driver
@@ -17,7 +18,10 @@ from agents.arm_controller.kinematics import Chain
 from agents.arm_controller.motion import Motion
 from agents.arm_controller.report import NO_DRIVER
 from agents.arm_controller.scene import Scene
-from agents.arm_controller.urdf import load_robot
+from agents.arm_controller.skills.actions import Actions
+from agents.arm_controller.skills.manipulator import Manipulator
+from agents.arm_controller.trajectory import Trajectory
+from agents.arm_controller.urdf import Robot, load_robot
 from agents.drivers import ArmDriver, ArmState, make_driver
 from dsr.agent import Access, Agent
 from dsr.errors import ConfigError
@@ -43,9 +47,12 @@ class ArmController(Agent):
     name = "arm_controller"
     rate_hz = 50.0
     reads = Access(
-        nodes=("arm", "gripper", "table", *OBJECTS),
+        nodes=("arm", "gripper", "table", "action", *OBJECTS),
         edges=("RT", "Virtual_RT", "grasping"),
-        attributes=("size", "present", "target_joints", "target_pose", "target_speed", "target_opening"),
+        attributes=(
+            *("size", "present", "target_joints", "target_pose", "target_speed", "target_opening"),
+            *("skill", "target", "destination", "request"),
+        ),
     )
     writes = Access(
         nodes=("world", "robot", "body", "mind", "arm", "gripper", "camera", "action"),
@@ -86,6 +93,7 @@ class ArmController(Agent):
         )
         self._scene = Scene(self.memory)
         self._holding = Holding(self.memory, self._scene, config, self._chain.forward)
+        self._actions = Actions(self.memory, self._make_manipulator(robot), config, self.log)
         widest = robot.stroke(config.end_effector_link) or math.inf
         self._grip = Grip(self.memory, config, widest, send=self._driver.move_gripper, log=self.log)
 
@@ -99,13 +107,14 @@ class ArmController(Agent):
             self._follow_targets(joints)
         elif now - self._heard > (SILENCE if self._state else START_UP) and not self.degraded:
             self.degraded = f"no sample of the arm for {now - self._heard:.1f} s"
+            self._actions.fail(self.degraded)
             self._motion.report.say(NO_DRIVER, self.degraded)
         for feed in self._feeds:
             feed.forward()
 
     def teardown(self) -> None:
         """Stop the arm if it moves, and release the devices."""
-        closers = (getattr(self, name, None) for name in ("_motion", "_grip", "_driver"))
+        closers = (getattr(self, name, None) for name in ("_actions", "_motion", "_grip", "_driver"))
         for closer in (*closers, *getattr(self, "_feeds", ())):
             if closer is not None:
                 closer.close()
@@ -124,6 +133,14 @@ class ArmController(Agent):
             driver = make_driver(camera.driver, self.bus, self.keys, **options)
             feeds.append(CameraFeed(self.memory, node, driver, self.log))
         return feeds
+
+    def _make_manipulator(self, robot: Robot) -> Manipulator:
+        config = self.config
+        figure = Figure(robot, self._chain, config.base_link, config.end_effector_link, config.tool_link)
+        rng = np.random.default_rng([self.seed, 1])
+        return Manipulator(
+            self._chain, figure, self._scene, self._holding, self._driver, self._follow_trajectory, config, rng
+        )
 
     def _new_sample(self) -> Joints | None:
         """The driver's newest sample if it was not seen before and describes this arm."""
@@ -146,8 +163,15 @@ class ArmController(Agent):
             self.log.info("samples of the arm arrive again")
             self._motion.resume(joints)
             self._grip.resume()
+        self._actions.tick(joints)
         self._motion.tick(joints)
         self._grip.tick(joints)
+
+    def _follow_trajectory(self, way: Trajectory) -> None:
+        assert self._state is not None
+        state, names = self._state, self._chain.names
+        rows = tuple(to_driver(row, names, state) for row in way.positions.tolist())
+        self._driver.follow(tuple(way.times.tolist()), rows)
 
     def _send(self, positions: tuple[float, ...], speed: float) -> None:
         assert self._state is not None

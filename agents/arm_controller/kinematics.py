@@ -84,6 +84,12 @@ class Chain:
         """base_from_tip at joint `positions` (n,), rad or m."""
         return Pose.from_matrix(self._frames(_row(positions))[0, -1])
 
+    def frames(self, positions: Array) -> Array:
+        """(m, n + 2, 4, 4) base_from_link of the base, each moving link and the tip at joint `positions` (m, n)."""
+        frames = self._frames(positions)
+        base = np.broadcast_to(np.eye(4), (len(frames), 1, 4, 4))
+        return np.concatenate([base, frames], axis=1)
+
     def jacobian(self, positions: ArrayLike) -> Array:
         """(6, n) velocity of the tip (m/s, rad/s, in the base frame) per joint velocity."""
         jacobian: Array = self._jacobian(self._frames(_row(positions)))[0]
@@ -135,6 +141,21 @@ class Chain:
         best = int(np.argmin(np.where(reached, np.abs(q - first).max(axis=1), np.inf)))
         return Solution(tuple(q[best].tolist()), float(distance[best]), float(angle[best]))
 
+    def track(self, base_from_tips: Array, starts: Array, posture: ArrayLike) -> tuple[Array, NDArray[np.bool_]]:
+        """Joint positions (m, n) that bring the tip to each of (m, 4, 4), the ones that the iteration leads to.
+
+        Args:
+            base_from_tips: the targets.
+            starts: (m, n) where the search for each begins.
+            posture: (n,) wanted as far as a target leaves freedom.
+
+        Returns:
+            The positions, those of continuous joints within half a turn of the start, and (m,) which are solutions.
+        """
+        near = starts + np.where(self.turning, _wrapped(np.asarray(posture) - starts), np.asarray(posture) - starts)
+        q, errors = self._iterate(starts, base_from_tips, near, patient=True)
+        return np.where(self.turning, starts + _wrapped(q - starts), q), _reached(errors)
+
     def _starts(self, first: Array, restarts: int, rng: np.random.Generator) -> Array:
         """(1 + restarts, n) starting points, `first` in front."""
         lower = np.where(self.turning, first - np.pi, self.lower)
@@ -142,15 +163,19 @@ class Chain:
         others = rng.uniform(lower, upper, (restarts, len(self)))
         return np.clip(np.vstack([first, others]), self.lower, self.upper)
 
-    def _iterate(self, q: Array, target: Array, posture: Array) -> tuple[Array, Array]:
-        """Improve all rows of `q` (m, n) at once; returns them with their errors (m, 6)."""
-        patience = _PATIENCE
+    def _iterate(self, q: Array, target: Array, posture: Array, patient: bool = False) -> tuple[Array, Array]:
+        """Improve all rows of `q` (m, n) at once, until one is good enough, or all that can be if `patient`.
+
+        The target, (4, 4) or (m, 4, 4), and the posture, (n,) or (m, n), are one for all or for each of them.
+        Returns the rows with their errors (m, 6).
+        """
+        patience = _MOST_STEPS if patient else _PATIENCE
         for _ in range(_MOST_STEPS):
             frames = self._frames(q)
             errors = _errors(frames[:, -1], target)
             reached = _reached(errors)
             patience -= bool(reached.any())
-            if reached[0] or reached.all() or patience < 0:
+            if (reached[0] and not patient) or reached.all() or patience < 0:
                 return q, errors
             jacobian = self._jacobian(frames)
             step = _step(jacobian, errors, posture - q)
@@ -224,9 +249,11 @@ def _reached(errors: Array) -> NDArray[np.bool_]:
 
 
 def _errors(base_from_tip: Array, target: Array) -> Array:
-    """(m, 6) way (m) and rotation vector (rad), in the base frame, from tips (m, 4, 4) to the target (4, 4)."""
-    translation = target[:3, 3] - base_from_tip[:, :3, 3]
-    return np.concatenate([translation, _rotvecs(target[:3, :3] @ base_from_tip[:, :3, :3].transpose(0, 2, 1))], axis=1)
+    """(m, 6) way (m) and rotation vector (rad), in the base frame, from tips (m, 4, 4) to the targets (.., 4, 4)."""
+    translation = target[..., :3, 3] - base_from_tip[:, :3, 3]
+    return np.concatenate(
+        [translation, _rotvecs(target[..., :3, :3] @ base_from_tip[:, :3, :3].transpose(0, 2, 1))], axis=1
+    )
 
 
 def _rotvecs(r: Array) -> Array:

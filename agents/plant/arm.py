@@ -68,6 +68,7 @@ class Arm:
         """m, the largest opening"""
         self._target_opening = self.widest
         self._touching = 0
+        self._may_hold = True
         self._constraint: int | None = None
         self._held: str | None = None
         self._reset(start)
@@ -101,23 +102,30 @@ class Arm:
         """Go to `positions` (rad, cut to the joints' limits) at `speed` (0 to 1 of theirs)."""
         self._ramp.aim(self._within_limits(positions), speed)
 
+    def follow(self, times: Sequence[float], positions: Sequence[Sequence[float]]) -> None:
+        """Pass through `positions` (rad, cut to the joints' limits) at `times` (s from now), and stay at the last."""
+        self._ramp.follow(times, [self._within_limits(row) for row in positions])
+
     def move_gripper(self, opening: float) -> None:
         """Open or close to `opening` m; a held object is let go when that is wider than it is."""
         self._target_opening = min(max(opening, 0.0), self.widest)
+        self._may_hold = True
         if self._held is not None and self._target_opening > self.opening + _LET_GO:
             self.let_go()
 
     def stop(self) -> None:
-        """Stay where it is."""
+        """Stay where it is; fingers that touch something go on pressing."""
         self._ramp.stop()
-        self._target_opening = self.opening
+        if self._held is None and not any(map(self._touched, self._fingers)):
+            self._target_opening = self.opening
 
     def let_go(self) -> None:
-        """Drop the held object; harmless when there is none."""
+        """Drop the held object, and hold nothing until the gripper is moved again; harmless when there is none."""
         if self._constraint is not None:
             self._bullet.removeConstraint(self._constraint)
         self._constraint = self._held = None
         self._touching = 0
+        self._may_hold = False
 
     def step(self) -> None:
         """Prepare the next step of physics."""
@@ -132,7 +140,7 @@ class Arm:
             positionGains=[_POSITION_GAIN] * len(self._joints),
         )
         self._drive_fingers()
-        if self._held is None and self._target_opening < self.opening:
+        if self._held is None and self._may_hold and self._target_opening < self.opening:
             self._try_to_hold()
 
     def link_pose(self, name: str) -> Pose:

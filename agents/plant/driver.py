@@ -11,6 +11,7 @@ import msgspec
 from agents.drivers import ArmState, TagReadings
 from agents.plant.messages import (
     Command,
+    Follow,
     MoveGripper,
     MoveJoints,
     Stop,
@@ -81,6 +82,10 @@ class PlantArm:
     def move_joints(self, positions: tuple[float, ...], speed: float = 1.0) -> None:
         """Go to joint `positions` (rad) at `speed` (0 to 1 of the joint limits)."""
         self._send(MoveJoints(tuple(map(float, positions)), speed))
+
+    def follow(self, times: tuple[float, ...], positions: tuple[tuple[float, ...], ...]) -> None:
+        """Pass through joint `positions` (rad) at `times` (s from now, increasing), and stay at the last ones."""
+        self._send(Follow(times, positions))
 
     def move_gripper(self, opening: float) -> None:
         """Open or close to `opening` m between the pads."""

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
+from itertools import pairwise
 from typing import Annotated
 
 import msgspec
@@ -14,6 +16,8 @@ from dsr.errors import WireError
 from dsr.keys import Keys
 from dsr.transforms import Pose
 
+MOST_POINTS = 5000
+"""Of one trajectory."""
 Seven = tuple[float, float, float, float, float, float, float]
 """A pose: translation (m), then a quaternion (x, y, z, w)."""
 
@@ -27,6 +31,15 @@ class MoveJoints(msgspec.Struct, frozen=True, tag="move_joints"):
     """Share of the joints' limits."""
 
 
+class Follow(msgspec.Struct, frozen=True, tag="follow"):
+    """Pass through joint positions at given times."""
+
+    times: Annotated[tuple[float, ...], Meta(min_length=1, max_length=MOST_POINTS)]
+    """s since the command arrived, increasing"""
+    positions: tuple[tuple[float, ...], ...]
+    """rad, for each of the times"""
+
+
 class MoveGripper(msgspec.Struct, frozen=True, tag="move_gripper"):
     """Open or close the gripper."""
 
@@ -38,7 +51,7 @@ class Stop(msgspec.Struct, frozen=True, tag="stop"):
     """Hold the present position."""
 
 
-Command = MoveJoints | MoveGripper | Stop
+Command = MoveJoints | Follow | MoveGripper | Stop
 
 
 class Truth(msgspec.Struct, frozen=True):
@@ -70,13 +83,36 @@ _command_decoder: msgspec.msgpack.Decoder[Command] = msgspec.msgpack.Decoder(Com
 def decode_command(payload: bytes, joints: int) -> Command:
     """The command for an arm with that many joints; raises `WireError` for anything else."""
     command = decoded(payload, "arm command", _command_decoder.decode)
-    numbers = msgspec.structs.astuple(command)
-    values = [*numbers[0], numbers[1]] if isinstance(command, MoveJoints) else numbers
-    if not all(map(math.isfinite, values)):
-        raise WireError(f"arm command {command}: expected finite numbers")
-    if isinstance(command, MoveJoints) and len(command.positions) != joints:
-        raise WireError(f"arm command with {len(command.positions)} positions: expected {joints}")
+    if not all(map(math.isfinite, _numbers(command))):
+        raise WireError(f"arm command {command!s:.200}: expected finite numbers")
+    for positions in _positions(command):
+        if len(positions) != joints:
+            raise WireError(f"arm command with {len(positions)} positions: expected {joints}")
+    if isinstance(command, Follow) and not _is_timed(command):
+        raise WireError("trajectory: expected increasing times from 0 on, and positions for each of them")
     return command
+
+
+def _positions(command: Command) -> tuple[tuple[float, ...], ...]:
+    if isinstance(command, Follow):
+        return command.positions
+    return (command.positions,) if isinstance(command, MoveJoints) else ()
+
+
+def _numbers(command: Command) -> Iterator[float]:
+    for positions in _positions(command):
+        yield from positions
+    if isinstance(command, Follow):
+        yield from command.times
+    elif isinstance(command, MoveJoints):
+        yield command.speed
+    elif isinstance(command, MoveGripper):
+        yield command.opening
+
+
+def _is_timed(command: Follow) -> bool:
+    increasing = all(early < late for early, late in pairwise(command.times))
+    return increasing and command.times[0] >= 0.0 and len(command.times) == len(command.positions)
 
 
 def decode_arm_state(payload: bytes) -> ArmState:

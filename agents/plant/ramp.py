@@ -1,4 +1,4 @@
-"""Set-points of joints on their way to a target, within limits of velocity and acceleration."""
+"""Set-points of joints on their way to a target, or along a trajectory, within limits of velocity."""
 
 from __future__ import annotations
 
@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 
 ACCELERATION = 5.0
 """rad/s^2, of the joint with the longest way"""
+
+CATCH_UP = 1.1
+"""Of the velocity limits, at which a trajectory that is elsewhere is caught up with"""
 
 _LEAST_SHARE = 0.05  # of speed and acceleration, for joints that are nearly there already
 
@@ -30,9 +33,12 @@ class Ramp:
         self._target = self.positions.copy()
         self._cruise = self._limits
         self._acceleration: Array = np.full(len(positions), ACCELERATION)
+        self._trajectory: tuple[Array, Array] | None = None
+        self._elapsed = 0.0
 
     def aim(self, target: Sequence[float], speed: float = 1.0) -> None:
         """Go to `target` (n,) rad at `speed` (0 to 1) of the limits; may be called while moving."""
+        self._trajectory = None
         self._target = np.array(target, dtype=float)
         ways = np.abs(self._target - self.positions) + self.velocities**2 / (2 * ACCELERATION)
         if not ways.any():
@@ -41,13 +47,22 @@ class Ramp:
         self._cruise = shares * speed * float((self._limits / shares).min())
         self._acceleration = shares * ACCELERATION
 
+    def follow(self, times: Sequence[float], positions: Sequence[Sequence[float]]) -> None:
+        """Pass through `positions` (m, n) rad at `times` (m,) s from now, straight in between; stay at the last."""
+        self._trajectory = np.array(times, dtype=float), np.array(positions, dtype=float)
+        self._elapsed = 0.0
+
     def stop(self) -> None:
         """Stay where it is."""
+        self._trajectory = None
         self._target = self.positions.copy()
         self.velocities[:] = 0.0
 
     def step(self, duration: float) -> None:
         """Advance by `duration` s."""
+        if self._trajectory is not None:
+            self._play(*self._trajectory, duration)
+            return
         error = self._target - self.positions
         distance = np.abs(error)
         stopping = np.sqrt(2 * self._acceleration * distance)
@@ -56,3 +71,18 @@ class Ramp:
         change = np.where(slows, ACCELERATION, self._acceleration) * duration
         self.velocities += np.clip(wanted - self.velocities, -change, change)
         self.positions += self.velocities * duration
+
+    def _play(self, times: Array, positions: Array, duration: float) -> None:
+        self._elapsed += duration
+        after = int(np.searchsorted(times, self._elapsed))
+        if after == 0 or after == len(times):
+            wanted = positions[min(after, len(times) - 1)]
+        else:
+            share = (self._elapsed - times[after - 1]) / (times[after] - times[after - 1])
+            wanted = positions[after - 1] + share * (positions[after] - positions[after - 1])
+        most = CATCH_UP * self._limits * duration
+        step = np.clip(wanted - self.positions, -most, most)
+        self.positions += step
+        self.velocities = step / duration
+        if after == len(times) and not step.any():
+            self.stop()

@@ -14,7 +14,7 @@ from agents.plant.bullet import Bullet
 from agents.plant.camera import Camera
 from agents.plant.config import PlantConfig
 from agents.plant.experimenter import Experimenter
-from agents.plant.messages import Command, MoveGripper, MoveJoints, Truth, seven
+from agents.plant.messages import Command, Follow, MoveGripper, MoveJoints, Truth, seven
 from agents.plant.noise import SensorModel
 from agents.plant.poses import read_tags
 from agents.plant.renderer import Intrinsics, Renderer
@@ -53,6 +53,8 @@ class Reality:
         """Do what a driver asks of the arm."""
         if isinstance(command, MoveJoints):
             self.arm.move_joints(command.positions, command.speed)
+        elif isinstance(command, Follow):
+            self.arm.follow(command.times, command.positions)
         elif isinstance(command, MoveGripper):
             self.arm.move_gripper(command.opening)
         else:

@@ -43,8 +43,18 @@ class FakeArm:
         self.closed = False
         self._goal = self.positions
         self._speed = 0.0
+        self._trajectory: tuple[np.ndarray, np.ndarray] | None = None
+        self._began = self._now = 0.0
 
     def advance(self, now: float) -> None:
+        self._now = now
+        if self._trajectory is not None and not self.stuck:
+            times, rows = self._trajectory
+            here = np.array([np.interp(now - self._began, times, joint) for joint in rows.T])
+            self.velocities, self.positions = (here - self.positions) / PERIOD, here
+            self._goal = here
+            self.present = self.sample(now)
+            return
         step = np.clip(self._goal - self.positions, -self._speed * PERIOD, self._speed * PERIOD)
         step = np.zeros(7) if self.stuck else step
         self.positions = self.positions + step
@@ -60,7 +70,12 @@ class FakeArm:
 
     def move_joints(self, positions: tuple[float, ...], speed: float = 1.0) -> None:
         self.told.append(("move_joints", positions, speed))
+        self._trajectory = None
         self._goal, self._speed = np.array(positions), speed * SPEED
+
+    def follow(self, times: tuple[float, ...], positions: tuple[tuple[float, ...], ...]) -> None:
+        self.told.append(("follow", times, positions))
+        self._trajectory, self._began = (np.array(times), np.array(positions)), self._now
 
     def move_gripper(self, opening: float) -> None:
         self.told.append(("move_gripper", opening))
@@ -68,6 +83,7 @@ class FakeArm:
 
     def stop(self) -> None:
         self.told.append(("stop",))
+        self._trajectory = None
         self._goal = self.positions
 
     def close(self) -> None:

@@ -1,0 +1,78 @@
+"""The arm's shape at given joint positions: all its collision boxes, and those that must not meet."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.arm_controller.kinematics import Chain
+from agents.arm_controller.overlap import Array, Boxes, gaps
+from agents.arm_controller.shapes import Box
+from agents.arm_controller.urdf import Robot
+from dsr.transforms import Pose
+
+_NEIGHBOURS = 2
+"""Links this many joints apart or less touch by construction."""
+
+
+class Figure:
+    """Collision boxes of one arm.
+
+    Args:
+        robot: its description.
+        chain: from base to tool point.
+        base: link at which the chain begins.
+        end_effector: link that carries the fingers; the tool point is fixed to it.
+        tool: link of the tool point.
+    """
+
+    def __init__(self, robot: Robot, chain: Chain, base: str, end_effector: str, tool: str) -> None:
+        self._robot = robot
+        self._chain = chain
+        self._end_effector = end_effector
+        self.widest = robot.stroke(end_effector)
+        """m, between the open fingers"""
+        pose = Pose.identity()
+        for joint in robot.between(end_effector, tool):
+            pose = pose @ joint.origin
+        self._tool_from_end = pose.inverse()
+        links = [base, *(joint.child for joint in chain.joints)]
+        fixed = [(number, box) for number, link in enumerate(links) for box in robot.rigid(link, without=end_effector)]
+        self._links = [number for number, _ in fixed]
+        self._fixed = [box for _, box in fixed]
+        self._palm = [box.seen_from(self._tool_from_end) for box in robot.rigid(end_effector)]
+        self._tip = len(links)
+        self.base_boxes = self._links.count(0)
+        """How many of the boxes stand still with the base; they come first."""
+
+    def gripper_boxes(self, opening: float) -> int:
+        """How many of the boxes are of palm and fingers."""
+        return len(self._palm) + len(self._robot.fingers(self._end_effector, opening))
+
+    def boxes(self, positions: Array, opening: float, held: Sequence[Box] = ()) -> Boxes:
+        """Boxes (m, b) in the base frame at joint `positions` (m, n), fingers `opening` m apart.
+
+        Those of the links come first, then palm and fingers, then `held`, given in the tool's frame.
+        """
+        fingers = [box.seen_from(self._tool_from_end) for box in self._robot.fingers(self._end_effector, opening)]
+        parts = [*self._fixed, *self._palm, *fingers, *held]
+        frames = self._chain.frames(positions)
+        index = np.array([*self._links, *[self._tip] * (len(parts) - len(self._fixed))])
+        local = np.array([box.pose.matrix for box in parts])
+        placed = frames[:, index] @ local
+        halves = np.broadcast_to(np.array([box.half for box in parts]), (*placed.shape[:2], 3))
+        return Boxes(placed[..., :3, 3], placed[..., :3, :3], halves)
+
+    def meets_itself(self, boxes: Boxes, margin: float) -> NDArray[np.bool_]:
+        """(m,) whether parts of the arm that are not neighbours are closer than `margin` m."""
+        count = boxes.centers.shape[1]
+        number = np.array([*self._links, *[self._tip - 1] * (count - len(self._fixed))])
+        one, other = np.nonzero(np.subtract.outer(number, number) > _NEIGHBOURS)
+        a, b = (Boxes(*(part[:, pick].reshape(-1, *part.shape[2:]) for part in boxes)) for pick in (one, other))
+        close = np.linalg.norm(a.centers - b.centers, axis=1) < a.radii + b.radii + margin
+        near = np.flatnonzero(close)
+        hit = np.zeros(len(close), dtype=bool)
+        hit[near] = gaps(a.at(near), b.at(near)) < margin
+        return np.asarray(hit.reshape(len(boxes.centers), -1).any(axis=1))

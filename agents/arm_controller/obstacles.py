@@ -1,0 +1,99 @@
+"""Whether a path of the arm is free of what is believed to be there, and of the arm itself."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from agents.arm_controller.figure import Figure
+from agents.arm_controller.overlap import Array, Boxes, gaps
+from agents.arm_controller.scene import Thing
+from agents.arm_controller.shapes import Box
+from dsr.transforms import Pose
+
+MARGIN = 0.01
+"""m that the arm and what it carries keep away from things"""
+GRIPPER_MARGIN = 0.003
+"""m that palm and fingers keep away on a final line, where they work between things"""
+HELD_MARGIN = -0.003
+"""m for the held object on a final line: it ends in contact, and poses are known to some mm only"""
+ITSELF = "the arm itself"
+
+_CLOSER = 0.001  # m by which the arm may come closer to what it is too close to at the start
+
+
+@dataclass(frozen=True)
+class Load:
+    """What moves with the tool."""
+
+    opening: float
+    """m between the fingers"""
+    held: tuple[Box, ...] = ()
+    """In the tool's frame."""
+
+
+class Obstacles:
+    """Things around one arm.
+
+    Args:
+        figure: the arm's shape.
+        things: what must not be touched.
+        arm_from_world: where the world is in the arm's frame.
+        target: the one of them that the gripper may be around at the end of a path.
+    """
+
+    def __init__(self, figure: Figure, things: Sequence[Thing], arm_from_world: Pose, target: str = "") -> None:
+        self._figure = figure
+        self._names = [thing.name for thing in things]
+        self._target = self._names.index(target) if target in self._names else None
+        matrices = np.array([(arm_from_world @ thing.pose).matrix for thing in things]).reshape(-1, 4, 4)
+        halves = np.array([thing.size for thing in things]).reshape(-1, 3) / 2
+        self._boxes = Boxes(matrices[:, :3, 3], matrices[:, :3, :3], halves)
+
+    def blocking(self, path: Array, load: Load, final: int) -> str | None:
+        """What a path (m, n) of joint positions meets first, by name; None if it is free.
+
+        Whatever the arm is too close to at the start it may leave. On the `final` points the gripper works between
+        things, and around the target.
+        """
+        boxes = self._figure.boxes(path, load.opening, load.held)
+        found = [(row, name) for row, name in self._meetings(boxes, load, final)]
+        return min(found)[1] if found else None
+
+    def _meetings(self, boxes: Boxes, load: Load, final: int) -> list[tuple[int, str]]:
+        """Rows at which things are met, and their names."""
+        room = self._room(boxes, load, final)
+        met = [(_first_met(column), name) for column, name in zip(room.T, self._names, strict=True)]
+        itself = _first_met(np.where(self._figure.meets_itself(boxes, 0.0), -1.0, 1.0))
+        return [(row, name) for row, name in [*met, (itself, ITSELF)] if row is not None]
+
+    def _room(self, boxes: Boxes, load: Load, final: int) -> Array:
+        """(m, k) m that is left between the arm and each thing beyond the margin; inf where there is plenty."""
+        rows, parts = boxes.centers.shape[:2]
+        held = len(load.held)
+        gripper = parts - self._figure.gripper_boxes(load.opening) - held
+        margins = np.full((rows, parts), MARGIN)
+        late = rows - final
+        margins[late:, gripper:] = GRIPPER_MARGIN
+        margins[late:, parts - held :] = HELD_MARGIN
+        away = np.linalg.norm(boxes.centers[:, :, None] - self._boxes.centers, axis=-1)
+        near = away < boxes.radii[:, :, None] + self._boxes.radii + MARGIN
+        near[:, : self._figure.base_boxes] = False
+        if self._target is not None:
+            near[late:, gripper:, self._target] = False
+        row, part, thing = np.nonzero(near)
+        room = np.full((rows, len(self._names)), np.inf)
+        arm = Boxes(boxes.centers[row, part], boxes.axes[row, part], boxes.halves[row, part])
+        np.minimum.at(room, (row, thing), gaps(arm, self._boxes.at(thing)) - margins[row, part])
+        return room
+
+
+def _first_met(room: Array) -> int | None:
+    """The first row without room (m), but for those at the beginning on which the arm only leaves; None if none."""
+    met = np.flatnonzero(room < 0.0)
+    leaving = 0
+    while leaving < len(met) and met[leaving] == leaving and room[leaving] >= room[0] - _CLOSER:
+        leaving += 1
+    return int(met[leaving]) if leaving < len(met) else None

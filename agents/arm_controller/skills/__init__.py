@@ -1,0 +1,1 @@
+"""What the arm can do by itself: pick, place, move, observe, stop."""

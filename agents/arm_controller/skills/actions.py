@@ -1,0 +1,149 @@
+"""Action nodes: starts the skill that one asks for, advances it, and says in the node how that goes."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+
+from agents.arm_controller.config import ArmControllerConfig
+from agents.arm_controller.joints import Joints
+from agents.arm_controller.skills.manipulator import Manipulator, SkillError, Steps
+from agents.arm_controller.skills.move import move, observe, stop
+from agents.arm_controller.skills.pick import pick
+from agents.arm_controller.skills.place import place
+from dsr import Memory, Node
+from dsr.errors import DsrError, suggest
+
+RUNNING, DONE, FAILED, HALTED = "running", "done", "failed", "halted"
+_ENDED = frozenset({DONE, FAILED, HALTED})
+_SKILLS: dict[str, Callable[[Manipulator, Node], Steps[None]]] = {
+    "pick": lambda arm, node: pick(arm, _needed(node, "target")),
+    "place": lambda arm, node: place(
+        arm, node.get("target", ""), _needed(node, "destination"), node.get("target_pose")
+    ),
+    "move": lambda arm, node: move(arm, node.get("target_pose")),
+    "observe": lambda arm, node: observe(arm),
+    "stop": lambda arm, node: stop(arm),
+}
+
+
+class Actions:
+    """Runs what action nodes request, one at a time.
+
+    Args:
+        memory: holds the nodes.
+        arm: what skills work with.
+        config: names and default speed.
+        log: tells how each action went.
+    """
+
+    def __init__(self, memory: Memory, arm: Manipulator, config: ArmControllerConfig, log: logging.Logger) -> None:
+        self._memory = memory
+        self._arm = arm
+        self._config = config
+        self._log = log
+        self._watch = memory.watch(node_type="action", attribute="request")
+        self._steps: Steps[None] | None = None
+        self._joints: Joints | None = None
+        self.running = ""
+        """Name of the action under way."""
+        self.step = ""
+        """Name of its present step."""
+        for node in memory.nodes("action"):
+            if node.get("status") == RUNNING:
+                self._arm.hold_still()
+                self._say(node.name, FAILED, "the arm controller was restarted")
+
+    def tick(self, joints: Joints) -> None:
+        """Take requests, and do a step of the action under way."""
+        self._arm.joints = joints
+        self.take_requests(joints)
+        if self._steps is not None:
+            self._advance(self._steps)
+
+    def take_requests(self, joints: Joints | None) -> None:
+        """Start and halt what is requested; without a sample of the arm nothing can be started."""
+        for change in self._watch.poll():
+            node = self._memory.get_node(change.name)
+            if node is None or node.type != "action":
+                if change.name == self.running:
+                    self._end(HALTED, "")
+            elif node.get("request") == "halt" and node.name == self.running:
+                self._end(HALTED, "")
+            elif node.get("request") == "run" and node.get("status") not in (*_ENDED, RUNNING):
+                self._begin(node, joints)
+
+    def fail(self, explanation: str) -> None:
+        """End what is under way, for a reason outside of it."""
+        if self.running:
+            self._end(FAILED, explanation)
+
+    def close(self) -> None:
+        """Hold still if an action is under way, and take no more requests."""
+        self._watch.close()
+        if self.running:
+            self._arm.hold_still()
+
+    def _begin(self, node: Node, joints: Joints | None) -> None:
+        skill = node.get("skill", "")
+        if skill == "stop" and self.running:
+            self._end(HALTED, f"{node.name} asked to stop")
+        if problem := self._problem(node, skill, joints):
+            self._say(node.name, FAILED, problem)
+            return
+        assert joints is not None
+        self.running, self.step = node.name, ""
+        try:
+            self._arm.begin(joints, self._speed())
+            self._steps = _SKILLS[skill](self._arm, node)
+        except DsrError as error:
+            self._end(FAILED, str(error), moving=False)
+        else:
+            self._say(node.name, RUNNING, "")
+
+    def _problem(self, node: Node, skill: str, joints: Joints | None) -> str:
+        """Why the action cannot begin, or nothing."""
+        if self.running:
+            return f"the arm is busy with {self.running}"
+        if skill not in _SKILLS:
+            return f"unknown skill {skill!r}; {suggest(skill, _SKILLS)}"
+        return "" if joints is not None else "the arm is not there"
+
+    def _speed(self) -> float:
+        node = self._memory.get_node(self._config.arm)
+        wanted = self._config.default_speed if node is None else node.get("target_speed", self._config.default_speed)
+        return wanted if 0.0 < wanted <= 1.0 else self._config.default_speed
+
+    def _advance(self, steps: Steps[None]) -> None:
+        try:
+            self.step = next(steps)
+        except StopIteration:
+            self._end(DONE, "", moving=False)
+        except DsrError as error:
+            self._end(FAILED, str(error))
+
+    def _end(self, status: str, explanation: str, *, moving: bool = True) -> None:
+        name, steps = self.running, self._steps
+        self.running, self.step, self._steps = "", "", None
+        if steps is not None:
+            steps.close()
+        if moving:
+            self._arm.hold_still()
+        self._say(name, status, explanation)
+
+    def _say(self, name: str, status: str, explanation: str) -> None:
+        node = self._memory.get_node(name)
+        if node is None:
+            return
+        about = " ".join(str(node.get(part)) for part in ("skill", "target", "destination") if node.get(part))
+        level = logging.WARNING if status == FAILED else logging.INFO
+        self._log.log(level, "%s %s (%s)%s", name, status, about, f": {explanation}" if explanation else "")
+        self._memory.update_node(name, status=status, explanation=explanation)
+
+
+def _needed(node: Node, attribute: str) -> str:
+    """The attribute of an action that cannot be without it. Raises `SkillError`."""
+    value: str = node.get(attribute, "")
+    if not value:
+        raise SkillError(f"the action has no {attribute}")
+    return value

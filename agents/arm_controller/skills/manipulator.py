@@ -1,0 +1,243 @@
+"""What skills are made of: moving, gripping, looking at the belief; each wait is a step that a tick advances."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator, Sequence
+from typing import TypeVar
+
+import numpy as np
+
+from agents.arm_controller.config import ArmControllerConfig
+from agents.arm_controller.figure import Figure
+from agents.arm_controller.holding import Holding
+from agents.arm_controller.joints import Joints
+from agents.arm_controller.kinematics import Chain, UnreachableError
+from agents.arm_controller.obstacles import Load, Obstacles
+from agents.arm_controller.overlap import Array
+from agents.arm_controller.routes import BlockedError, Goal, Router
+from agents.arm_controller.scene import Scene, Thing
+from agents.arm_controller.shapes import Box
+from agents.arm_controller.trajectory import Trajectory
+from agents.drivers import ArmDriver
+from dsr.errors import DsrError
+from dsr.transforms import Pose
+
+T = TypeVar("T")
+Steps = Generator[str, None, T]
+"""Yields the name of the step under way at each tick."""
+
+CLEARANCE = 0.06
+"""m between what is carried, when it travels, and all that is below"""
+PATIENCE = 1.0
+"""s that a motion may take longer than planned"""
+STILL_OPENING = 0.0002
+"""m per sample; less is no motion of the fingers"""
+_OPENED = 0.003  # m short of an opening that will do
+
+
+class SkillError(DsrError):
+    """A skill cannot go on."""
+
+
+class Manipulator:
+    """One arm with its gripper and what is believed around it; for one skill at a time.
+
+    Args:
+        chain: from the arm's base to the tool point.
+        figure: its shape.
+        scene: the belief.
+        holding: what the gripper holds.
+        driver: moves the arm.
+        follow: has the driver pass through joint positions of the chain.
+        config: speeds and heights.
+        rng: starting points of the inverse kinematics.
+    """
+
+    def __init__(
+        self,
+        chain: Chain,
+        figure: Figure,
+        scene: Scene,
+        holding: Holding,
+        driver: ArmDriver,
+        follow: Callable[[Trajectory], None],
+        config: ArmControllerConfig,
+        rng: np.random.Generator,
+    ) -> None:
+        self.config = config
+        self.figure = figure
+        self.scene = scene
+        self.holding = holding
+        self.joints: Joints
+        """The newest sample."""
+        self.speed = config.default_speed
+        """0 to 1 of the joints' limits"""
+        self._chain = chain
+        self._driver = driver
+        self._follow = follow
+        self._rng = rng
+        self._router: Router
+        self._end = 0.0
+        self._goal: Array
+
+    def begin(self, joints: Joints, speed: float) -> None:
+        """Get ready for a skill. Raises `TransformError` if it is unknown where the arm stands."""
+        self.joints, self.speed = joints, speed
+        self._router = Router(self._chain, self.scene.world_from(self.config.arm))
+
+    # ---- belief
+
+    def believed(self, name: str) -> Thing:
+        """The object as it is believed to be now. Raises `SkillError` if it is not."""
+        thing = self.scene.object(name)
+        if thing is None:
+            raise SkillError(f"{name} is not believed to be anywhere")
+        return thing
+
+    def check_held(self, name: str | None) -> None:
+        """Hold still and raise `SkillError` if the gripper does not hold this (None: nothing) any more."""
+        if self.holding.held != name:
+            self.hold_still()
+            raise SkillError(f"dropped {name}" if name else f"the gripper holds {self.holding.held}")
+
+    @property
+    def tool_from_held(self) -> Pose | None:
+        """Where the held object is between the pads."""
+        return self.holding.tool_from_object
+
+    def held_box(self) -> tuple[Box, ...]:
+        """The held object in the tool's frame, if there is one with a known size."""
+        name, pose = self.holding.held, self.tool_from_held
+        thing = None if name is None else self.scene.object(name)
+        if thing is None or pose is None:
+            return ()
+        x, y, z = thing.size
+        return (Box(pose, (x / 2, y / 2, z / 2)),)
+
+    # ---- motion
+
+    @property
+    def tool(self) -> Pose:
+        """world_from_tool, as measured."""
+        return self._router.tool(self._here)
+
+    def solve(self, poses: Sequence[Pose]) -> list[tuple[int, Array]]:
+        """Joint positions for tool `poses` (world), with the index of each; the least motion first.
+
+        Raises:
+            SkillError: if none can be reached.
+        """
+        arm_from_world = self.scene.world_from(self.config.arm).inverse()
+        targets = [arm_from_world @ pose for pose in poses]
+        tips = np.array([pose.matrix for pose in targets])
+        starts = np.broadcast_to(self._here, (len(tips), len(self._here)))
+        rows, reached = self._chain.track(tips, starts, self._posture)
+        found = [(index, row) for index, row in enumerate(rows) if reached[index]]
+        if not found:
+            found = [(0, self._searched(targets[0]))]
+        return sorted(found, key=lambda pair: self._router.effort(self._here, pair[1]))
+
+    def way_to(self, goal: Goal, opening: float, target: str = "") -> Trajectory:
+        """A free way to joint positions, around everything but what is held. Raises `BlockedError`."""
+        held = self.held_box()
+        things = self._things()
+        below = max((-float(self.tool.apply(box.corners)[:, 2].min()) + self.tool.t[2] for box in held), default=0.015)
+        travel = max((thing.top for thing in things), default=0.0) + max(below, 0.015) + CLEARANCE
+        load = Load(opening, held)
+        return self._router.plan(self._here, goal, load, self._obstacles(things, target), travel, self._limits)
+
+    def rise(self, held: str | None) -> Steps[None]:
+        """Straight up, with `held` in the gripper."""
+        load = Load(self.joints.opening, self.held_box())
+        obstacles = self._obstacles(self._things(), "")
+        way = self._router.rise(self._here, self.config.approach, load, obstacles, self._limits)
+        yield from self.go(way, "rise", held)
+
+    def start(self, way: Trajectory) -> None:
+        """Set out on a way."""
+        self._goal = way.positions[-1]
+        self._end = self.joints.stamp + way.duration
+        self._follow(way)
+
+    def has_arrived(self) -> bool:
+        """Whether the way is done. Raises `SkillError` if the arm does not get there."""
+        if self.joints.stamp < self._end:
+            return False
+        away = float(np.abs(self._here - self._goal).max())
+        if away <= self.config.joint_tolerance:
+            return True
+        if self.joints.stamp > self._end + PATIENCE:
+            raise SkillError(f"the arm stands still {away:.3f} rad short of its goal")
+        return False
+
+    def go(self, way: Trajectory, step: str, held: str | None) -> Steps[None]:
+        """Follow a way to its end. Raises `SkillError` if the gripper does not hold `held` all the way."""
+        self.start(way)
+        while not self.has_arrived():
+            yield step
+            self.check_held(held)
+
+    def hold_still(self) -> None:
+        """Stop at once; the grip stays."""
+        self._driver.stop()
+
+    # ---- gripper
+
+    def open(self, opening: float) -> Steps[None]:
+        """Open to at least `opening` m."""
+        self._driver.move_gripper(opening)
+        until = self.joints.stamp + PATIENCE
+        while abs(self.joints.opening - opening) > _OPENED:
+            if self.joints.stamp > until:
+                raise SkillError(f"the gripper stands still at {self.joints.opening * 1e3:.0f} mm")
+            yield "open"
+
+    def close(self) -> Steps[bool]:
+        """Close until the fingers stand still; returns whether both pads touch something."""
+        self._driver.move_gripper(0.0)
+        still, last, until = 0, self.joints.opening, self.joints.stamp + 2.0 * PATIENCE
+        while still < 4 and self.joints.stamp < until:
+            yield "close"
+            still = still + 1 if abs(self.joints.opening - last) < STILL_OPENING else 0
+            last = self.joints.opening
+        return self.joints.contact
+
+    # ---- inside
+
+    @property
+    def _here(self) -> Array:
+        return np.array(self.joints.positions)
+
+    @property
+    def _posture(self) -> Array:
+        wanted = self.config.posture or self.config.observe_joints
+        return np.array(wanted) if wanted else self._here
+
+    @property
+    def _limits(self) -> tuple[float, float]:
+        return self.speed, self.config.acceleration
+
+    def _things(self) -> list[Thing]:
+        objects = [thing for thing in self.scene.objects() if thing.name != self.holding.held]
+        return [*objects, *self.scene.tables()]
+
+    def _obstacles(self, things: Sequence[Thing], target: str) -> Obstacles:
+        return Obstacles(self.figure, things, self.scene.world_from(self.config.arm).inverse(), target)
+
+    def _searched(self, arm_from_tool: Pose) -> Array:
+        try:
+            found = self._chain.inverse(arm_from_tool, self._here, rng=self._rng, posture=self._posture)
+        except UnreachableError as error:
+            raise SkillError(f"unreachable: {error}") from error
+        return np.array(found.positions)
+
+
+def first_free(ways: Sequence[Callable[[], T]]) -> T:
+    """The first of several ways that is not blocked. Raises `SkillError` with what blocks the first one."""
+    blocked: BlockedError | None = None
+    for plan in ways:
+        try:
+            return plan()
+        except BlockedError as error:
+            blocked = blocked or error
+    raise SkillError(str(blocked or "no way"))

@@ -1,0 +1,84 @@
+"""The skill `pick`: grasp an object from above and lift it."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from agents.arm_controller.grasps import Grasp, GraspError, grasps
+from agents.arm_controller.holding import WIDTH_TOLERANCE
+from agents.arm_controller.routes import Goal
+from agents.arm_controller.scene import Thing
+from agents.arm_controller.skills.manipulator import Manipulator, SkillError, Steps, first_free
+from agents.arm_controller.trajectory import Trajectory
+
+MOVED = 0.005
+"""m by which a target must have moved to aim again"""
+TURNED = 0.1
+"""rad, likewise"""
+
+_MOST_AIMS = 5
+_KNOWN_WITHIN = 0.5  # s after contact until the object between the pads must be known
+
+
+def pick(arm: Manipulator, name: str) -> Steps[None]:
+    """Grasp the object `name` and lift it straight up."""
+    if arm.joints.contact or arm.holding.held is not None:
+        raise SkillError(f"the gripper holds {arm.holding.held or 'something'} already")
+    for _ in range(_MOST_AIMS):
+        target = arm.believed(name)
+        grasp, way = _choose(arm, target)
+        yield from arm.open(grasp.opening)
+        if (yield from _approach(arm, target, way)):
+            break
+    else:
+        raise SkillError(f"{name} keeps moving")
+    problem = yield from _close(arm, name, grasp)
+    if problem:
+        yield from arm.open(grasp.opening)
+        yield from arm.rise(arm.holding.held)
+        raise SkillError(problem)
+    yield from arm.rise(name)
+
+
+def _choose(arm: Manipulator, target: Thing) -> tuple[Grasp, Trajectory]:
+    """The best grasp that can be reached, with the way there."""
+    try:
+        candidates = grasps(target, arm.figure.widest)
+    except GraspError as error:
+        raise SkillError(str(error)) from error
+    solved = arm.solve([grasp.world_from_tool for grasp in candidates])
+    solved.sort(key=lambda pair: candidates[pair[0]].rank)
+
+    def way(index: int, goal: Goal) -> tuple[Grasp, Trajectory]:
+        grasp = candidates[index]
+        return grasp, arm.way_to(goal, grasp.opening, target.name)
+
+    return first_free([partial(way, index, Goal(q, arm.config.approach)) for index, q in solved])
+
+
+def _approach(arm: Manipulator, target: Thing, way: Trajectory) -> Steps[bool]:
+    """Go down around the target; returns False, with the arm at rest, if it moved meanwhile."""
+    arm.start(way)
+    while not arm.has_arrived():
+        yield "approach"
+        metres, radians = arm.believed(target.name).pose.distance(target.pose)
+        if metres > MOVED or radians > TURNED:
+            arm.hold_still()
+            yield "aim"
+            return False
+    return True
+
+
+def _close(arm: Manipulator, name: str, grasp: Grasp) -> Steps[str]:
+    """Close the gripper; returns what is wrong with what is between the pads then, or nothing."""
+    contact = yield from arm.close()
+    if not contact or abs(arm.joints.opening - grasp.width) > WIDTH_TOLERANCE:
+        if not contact:
+            return "nothing between the pads"
+        return f"what is between the pads is {arm.joints.opening * 1e3:.0f} mm wide, not {grasp.width * 1e3:.0f} mm"
+    until = arm.joints.stamp + _KNOWN_WITHIN
+    while arm.holding.held is None and arm.joints.stamp < until:
+        yield "check"
+    if arm.holding.held != name:
+        return f"between the pads is {arm.holding.held or 'nothing that is known'}"
+    return ""

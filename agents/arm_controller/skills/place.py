@@ -1,0 +1,60 @@
+"""The skill `place`: put what is held down on an object or on a table."""
+
+from __future__ import annotations
+
+from functools import partial
+
+from agents.arm_controller.grasps import SIDE_ROOM, GraspError, resting_poses, upright
+from agents.arm_controller.routes import Goal
+from agents.arm_controller.scene import Thing
+from agents.arm_controller.skills.manipulator import Manipulator, SkillError, Steps, first_free
+from agents.arm_controller.trajectory import Trajectory
+from dsr.transforms import Pose
+
+GAP = 0.001
+"""m between the held object and its support when it is let go"""
+
+
+def place(arm: Manipulator, name: str, destination: str, target_pose: Pose | None) -> Steps[None]:
+    """Put the held object `name` on `destination`: in the middle of an object, or on a table at `target_pose`."""
+    held = arm.holding.held
+    if held is None or (name and held != name):
+        raise SkillError(f"the gripper holds {held or 'nothing'}, not {name or 'an object'}")
+    way = _choose(arm, held, _resting(arm, held, destination, target_pose))
+    yield from arm.go(way, "approach", held)
+    yield from arm.open(min(arm.joints.opening + SIDE_ROOM[0], arm.figure.widest))
+    while arm.holding.held is not None and arm.joints.contact is False:
+        yield "release"
+    if arm.joints.contact:
+        raise SkillError(f"{held} is still in the gripper")
+    yield from arm.rise(None)
+
+
+def _resting(arm: Manipulator, held: str, destination: str, target_pose: Pose | None) -> list[Pose]:
+    """world_from_object of the held object at rest, in different ways."""
+    object_in_tool = arm.tool_from_held
+    assert object_in_tool is not None
+    size = arm.believed(held).size
+    carried = Thing(held, arm.tool @ object_in_tool, size)
+    table = arm.scene.table(destination)
+    try:
+        if table is None:
+            support = upright(arm.believed(destination))
+            x, y, yaw, top = float(support.center[0]), float(support.center[1]), support.yaw, support.top
+        elif target_pose is None:
+            raise SkillError(f"where on {destination}? the action has no target_pose")
+        else:
+            goal = upright(Thing(held, target_pose, size))
+            x, y, yaw, top = target_pose.t[0], target_pose.t[1], goal.yaw, table.top
+        return resting_poses(carried, (x, y), top + GAP, yaw)
+    except GraspError as error:
+        raise SkillError(str(error)) from error
+
+
+def _choose(arm: Manipulator, held: str, resting: list[Pose]) -> Trajectory:
+    object_in_tool = arm.tool_from_held
+    assert object_in_tool is not None
+    tool_from_object = object_in_tool.inverse()
+    solved = arm.solve([pose @ tool_from_object for pose in resting])
+    approach = arm.config.approach
+    return first_free([partial(arm.way_to, Goal(q, approach), arm.joints.opening, held) for _, q in solved])
