@@ -13,6 +13,7 @@
     │   └── ListenError         the endpoint to listen on cannot be had (port in use)
     ├── ClockDriftError         this process's clock is too far from its peers' to write
     ├── ConfigError             a wrong file or option: says which file, line and what was expected
+    │   └── GoalError           a text that is no goal: shows the place
     └── AgentError              an agent broke its declaration or life cycle
 """
 
@@ -78,10 +79,25 @@ class ConfigError(DsrError):
         super().__init__(place + message)
 
 
+class GoalError(ConfigError):
+    """A text that is no goal. The message shows the text with a caret below `column`, and says what was expected."""
+
+    def __init__(self, text: str, column: int, message: str) -> None:
+        begin = max(0, column - _SHOWN // 2)
+        part = text[begin : begin + _SHOWN]
+        super().__init__(f"{part}\n{' ' * (column - begin)}^\n{message}")
+        self.column = column
+        """Of the first character that is wrong, from 0."""
+        self.reason = message
+        """What is wrong with it, without the text."""
+
+
 class AgentError(DsrError):
     """An agent broke its declaration or its life cycle."""
 
 
+_SHOWN = 100
+"""Characters of a long text that an error shows around the place."""
 _MOST_COMPARED = 500
 """Names that are worth a search for the closest: with 10000, an error would cost 0.1 s."""
 

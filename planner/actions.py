@@ -1,0 +1,109 @@
+"""Action nodes: the plan as the graph has it, what is asked of the arm, and what the arm says."""
+
+from __future__ import annotations
+
+import contextlib
+from typing import Any, NamedTuple
+
+from dsr.elements import Node
+from dsr.errors import GraphError
+from dsr.goals import MIND
+from dsr.memory import Memory
+from planner.grounding import Skill
+
+PLANNED, RUNNING, DONE, FAILED, HALTED = "planned", "running", "done", "failed", "halted"
+ENDED = (DONE, FAILED, HALTED)
+RUN, HALT = "run", "halt"
+_SOURCE = "planner"
+
+
+class Progress(NamedTuple):
+    """What the arm says of an action."""
+
+    status: str
+    explanation: str
+
+
+GONE = Progress(FAILED, "somebody removed the action")
+
+
+class Actions:
+    """The action nodes below one intention.
+
+    Names are never used twice in the life of an intention, so that nobody takes a new action for an old one.
+    """
+
+    def __init__(self, memory: Memory, intention: str) -> None:
+        self._memory = memory
+        self._intention = intention
+        self._stem = f"action_{intention.removeprefix('intention_')}_"
+        numbers = [int(number) for node in own_actions(memory) if (number := node.name[len(self._stem) :]).isdigit()]
+        self._next = max(numbers, default=-1) + 1
+        self._names: list[str] = []
+
+    def write(self, skills: list[Skill]) -> list[str]:
+        """Write a plan behind what is there; returns the names of its nodes."""
+        names = []
+        for skill in skills:
+            name = f"{self._stem}{self._next}"
+            self._add(name, skill)
+            if self._names:
+                self._memory.add_edge(self._names[-1], name, "next")
+            self._names.append(name)
+            names.append(name)
+            self._next += 1
+        return names
+
+    def _add(self, name: str, skill: Skill) -> None:
+        memory = self._memory
+        values: dict[str, Any] = {"target": skill.target, "destination": skill.destination}
+        if skill.target_pose is not None:
+            values["target_pose"] = skill.target_pose
+        values |= {"order": self._next, "skill": skill.name, "status": PLANNED, "request": "", "source": _SOURCE}
+        memory.add_node(name, "action", **values)
+        parent = self._intention if self._intention in memory else MIND
+        with contextlib.suppress(GraphError):
+            memory.add_edge(parent, name, "has")
+
+    def ask(self, name: str, request: str) -> None:
+        """Let the arm run or halt an action."""
+        with contextlib.suppress(GraphError):
+            self._memory.update_node(name, request=request)
+
+    def aim(self, name: str, skill: Skill) -> None:
+        """Change where an action that was not begun shall end."""
+        with contextlib.suppress(GraphError):
+            self._memory.update_node(name, target_pose=skill.target_pose)
+
+    def progress(self, name: str) -> Progress:
+        """What the arm says of an action."""
+        node = self._memory.get_node(name)
+        return GONE if node is None else _progress(node)
+
+    def drop(self, *, ended_too: bool) -> None:
+        """Remove the nodes of the plan; those that have ended only if wanted."""
+        kept = [] if ended_too else [name for name in self._names if self.progress(name).status in ENDED]
+        for name in self._names:
+            if name not in kept:
+                self._memory.remove_node(name)
+        self._names = [name for name in kept if name in self._memory]
+
+
+def _progress(node: Node) -> Progress:
+    return Progress(node.get("status", PLANNED), node.get("explanation", ""))
+
+
+def own_actions(memory: Memory) -> list[Node]:
+    """All action nodes that a planner wrote, in order of their names."""
+    return sorted((node for node in memory.nodes("action") if node.get("source") == _SOURCE), key=lambda n: n.name)
+
+
+def is_under_way(node: Node) -> bool:
+    """Whether the arm was asked to run it and has not said that it ended."""
+    return node.get("request", "") != "" and _progress(node).status not in ENDED
+
+
+def other_action(memory: Memory, own: str) -> str | None:
+    """An action that the arm carries out now, other than `own`."""
+    names = sorted(node.name for node in memory.nodes("action") if _progress(node).status == RUNNING)
+    return next((name for name in names if name != own), None)

@@ -1,0 +1,58 @@
+"""All times and distances of the planner in one place."""
+
+from __future__ import annotations
+
+import msgspec
+
+
+class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """How long the planner waits for what, and where it puts things. The defaults are for cubes of 4 cm and a Gen3."""
+
+    arm_agent: str = "arm_controller"
+    """The agent that carries out actions; while it is away nothing is begun."""
+    robot: str = "arm"
+    """Node at the arm's base, from which the reach is measured."""
+
+    solver_limit: float = 20.0
+    """s after which the solver is ended."""
+    solver_delay: float = 0.5
+    """s of a manual clock after which the solver's result is there: as long as it takes on a slow machine. On the wall
+    clock the result is taken as soon as it is there."""
+
+    settle: float = 0.5
+    """s that the relations must have been the same, and nothing surprising, before a plan is made of them."""
+    debounce: float = 0.4
+    """s that a change which nobody planned must last to count."""
+    explain: float = 2.0
+    """s more that it may last while objects are surprising: they are being explained, and the relations flicker."""
+    verify: float = 4.0
+    """s that the effects of an action may take to be believed."""
+    confirm: float = 1.0
+    """s that a goal must hold without a break to be reached."""
+    patience: float = 10.0
+    """s that things which the goal names may take to be seen."""
+    begin: float = 5.0
+    """s that the arm may take to begin an action; then the status says that it does not."""
+    action_limit: float = 90.0
+    """s that an action may take; then it is halted."""
+    halt_limit: float = 10.0
+    """s that the arm may take to halt."""
+    linger: float = 4.0
+    """s after which an intention that was reached is removed."""
+    most_failures: int = 4
+    """Actions that may fail without anything put where it belongs; then the goal counts as failed."""
+
+    widest_grip: float = 0.08
+    """m, the widest thing that can be grasped."""
+    clearance: float = 0.05
+    """m between a thing put on the table and all others: room for the fingers."""
+    edge_margin: float = 0.02
+    """m between a thing put on the table and the table's edge."""
+    least_reach: float = 0.25
+    """m from the arm's base, along the ground: nothing is put nearer."""
+    most_reach: float = 0.60
+    """m, likewise, farther."""
+    image_margin: float = 0.06
+    """Of the image's width and height: what is put down shall be seen at least so far inside."""
+    what_if_patience: float = 1.0
+    """s that the answer may take whether a place would topple something."""

@@ -1,0 +1,67 @@
+"""Intentions as the graph has them, and their status as the planner writes it."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass
+
+from dsr.elements import Node
+from dsr.errors import GraphError
+from dsr.goals import PREFIX
+from dsr.memory import Memory
+
+WANTED, PLANNING, EXECUTING, WAITING = "wanted", "planning", "executing", "waiting"
+ACTIVE = (WANTED, PLANNING, EXECUTING, WAITING)
+"""Statuses of intentions that are still to be pursued."""
+REACHED, MAINTAINED = "reached", "maintained"
+INVALID, UNSOLVABLE, FAILED, NO_SOLVER = "invalid", "unsolvable", "failed", "no_solver"
+GIVEN_UP = (INVALID, UNSOLVABLE, FAILED, NO_SOLVER)
+STATUSES = (*ACTIVE, REACHED, MAINTAINED, *GIVEN_UP)
+
+
+@dataclass(frozen=True)
+class Intention:
+    """What somebody wants."""
+
+    name: str
+    goal: str
+    maintain: bool
+    priority: int
+    status: str
+    replans: int
+
+    @property
+    def urgency(self) -> tuple[int, int, str]:
+        """Sorts the most urgent first: by priority, then the lowest number."""
+        return -self.priority, number_of(self.name), self.name
+
+
+def number_of(name: str) -> int:
+    """N of `intention_N`; those of other names come after all numbers."""
+    digits = name.removeprefix(PREFIX)
+    return int(digits) if digits.isascii() and digits.isdigit() and len(digits) < 10 else 1 << 31
+
+
+def read_intentions(memory: Memory) -> list[Intention]:
+    """All intentions, the most urgent first."""
+    return sorted(map(_read, memory.nodes("intention")), key=lambda intention: intention.urgency)
+
+
+def _read(node: Node) -> Intention:
+    return Intention(
+        name=node.name,
+        goal=node.get("goal", ""),
+        maintain=node.get("maintain", False),
+        priority=node.get("priority", 0),
+        status=node.get("status", WANTED),
+        replans=node.get("replans", 0),
+    )
+
+
+def tell(memory: Memory, name: str, status: str, explanation: str = "", **attributes: int) -> None:
+    """Write what is new about an intention; nothing if its node is gone."""
+    node = memory.get_node(name)
+    values = {"status": status, "explanation": explanation, **attributes}
+    if node is not None and any(node.get(key) != value for key, value in values.items()):
+        with contextlib.suppress(GraphError):  # removed just now
+            memory.update_node(name, **values)

@@ -1,0 +1,78 @@
+"""Watches the relations while the arm works: what changes although nobody planned it."""
+
+from __future__ import annotations
+
+from dsr.memory import Memory
+from dsr.relations import THINGS, Relations
+from planner.config import PlannerConfig
+from planner.plan import Step
+
+
+def surprising(memory: Memory) -> list[str]:
+    """Names of the things that are being explained, in order."""
+    return sorted(node.name for kind in THINGS for node in memory.nodes(kind) if node.get("surprising") is True)
+
+
+def differences(before: Relations, after: Relations, step: Step | None = None) -> list[str]:
+    """What began or ended between two moments, but for what `step` does; as text, in order."""
+    found = [(fact, "ended") for fact in before.facts - after.facts]
+    found += [(fact, "began") for fact in after.facts - before.facts]
+    texts = [f"{fact} {how}" for fact, how in found if step is None or not step.may_change(fact)]
+    texts += [f"{thing} is gone" for thing in before.things - after.things]
+    texts += [f"{thing} appeared" for thing in after.things - before.things]
+    return sorted(texts)
+
+
+class Monitor:
+    """Tells when a change that `step` does not explain has lasted long enough to be believed.
+
+    Relations flicker while a surprise is being explained. A change of what the step does not touch may then last
+    longer; one of what it touches may not, for the arm is about to rely on it.
+    """
+
+    def __init__(self, before: Relations, step: Step | None, config: PlannerConfig) -> None:
+        self._before = before
+        self._step = step
+        self._config = config
+        self._since: float | None = None
+        self.change = ""
+        """What deviates now, as text; empty if nothing does."""
+        self.about_step = False
+        """Whether it concerns the very thing that is being moved."""
+
+    def deviates(self, relations: Relations, surprises: list[str], now: float) -> bool:
+        """Whether what holds at `now` (s) deviates, and has for long enough."""
+        found = differences(self._before, relations, self._step)
+        self.change = ", ".join(found)
+        if not found:
+            self._since = None
+            return False
+        if self._since is None:
+            self._since = now
+        self.about_step = self._concerns_thing(relations)
+        patient = bool(surprises) and not self._concerns_step(relations)
+        limit = self._config.explain if patient else self._config.debounce
+        return now - self._since >= limit - 1e-6
+
+    def _changed(self, relations: Relations) -> set[str]:
+        step = self._step
+        changed = self._before.facts ^ relations.facts
+        facts = [fact for fact in changed if step is None or not step.may_change(fact)]
+        return {name for fact in facts for name in fact.arguments} | (self._before.things ^ relations.things)
+
+    def _concerns_thing(self, relations: Relations) -> bool:
+        changed = self._before.facts ^ relations.facts
+        step = self._step
+        return step is not None and any(f.arguments[0] == step.thing and not step.may_change(f) for f in changed)
+
+    def _concerns_step(self, relations: Relations) -> bool:
+        """Whether it is about the thing, its support, or what carries them."""
+        if self._step is None:
+            return False
+        concerned: set[str] = set()
+        grown = {self._step.thing, self._step.support} - self._before.tables
+        while grown != concerned:
+            concerned = grown
+            grown = concerned | {support for name in concerned for support in self._before.supports(name)}
+            grown -= self._before.tables
+        return not concerned.isdisjoint(self._changed(relations) - self._before.tables)

@@ -1,0 +1,132 @@
+"""What a plan is made of: the relations that are believed, and the geometry that tells where things can go."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from dsr.errors import TransformError
+from dsr.memory import Memory
+from dsr.relations import Relations, read_relations
+from dsr.transforms import Pose
+from planner.config import PlannerConfig
+
+_BELIEVED = ("Virtual_RT", "RT")
+_WORLD = "world"
+_FLAT = ("cube", "box")
+"""Node types on which something can be put."""
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A thing or a table: how large, and where."""
+
+    size: tuple[float, float, float]
+    """m"""
+    pose: Pose
+    """world_from_thing as believed; a table's frame is at the centre of its top."""
+
+    @property
+    def radius(self) -> float:
+        """m, of the circle about its footprint, however it is turned about the vertical."""
+        return 0.5 * math.hypot(self.size[0], self.size[1])
+
+
+@dataclass(frozen=True)
+class View:
+    """A camera that looks at the table."""
+
+    camera_from_world: Pose
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    width: int
+    height: int
+
+    def sees(self, point: tuple[float, float, float], margin: float) -> bool:
+        """Whether a point (m, world) is in the image, at least `margin` of its width and height inside."""
+        x, y, z = (float(number) for number in self.camera_from_world.apply(point))
+        if z <= 0.0:
+            return False
+        u, v = self.fx * x / z + self.cx, self.fy * y / z + self.cy
+        du, dv = margin * self.width, margin * self.height
+        return du <= u <= self.width - du and dv <= v <= self.height - dv
+
+
+@dataclass(frozen=True)
+class WorldState:
+    """What is believed at one moment."""
+
+    relations: Relations
+    solids: Mapping[str, Solid] = field(default_factory=dict)
+    """The things and the table, by name; without those whose size or pose is not known."""
+    table: str | None = None
+    """The table on which things are put down."""
+    graspable: frozenset[str] = frozenset()
+    """Things that fit between the fingers and that nobody else holds."""
+    flat: frozenset[str] = frozenset()
+    """Things on which something can be put."""
+    base: tuple[float, float] = (0.0, 0.0)
+    """x, y (m) of the arm's base in the world."""
+    views: tuple[View, ...] = ()
+    """Cameras that do not move with the arm."""
+
+
+def read_state(memory: Memory, config: PlannerConfig) -> WorldState:
+    """What `memory` holds now."""
+    relations = read_relations(memory)
+    solids: dict[str, Solid] = {}
+    for name in sorted(relations.things | relations.tables):
+        node, pose = memory.get_node(name), _pose(memory, name)
+        size = None if node is None else node.get("size")
+        if pose is not None and size is not None:
+            solids[name] = Solid(size, pose)
+    return WorldState(
+        relations=relations,
+        solids=solids,
+        table=_choose_table(relations, solids),
+        graspable=frozenset(
+            name for name in relations.things - relations.taken if name in solids and _fits(solids[name], config)
+        ),
+        flat=frozenset(node.name for kind in _FLAT for node in memory.nodes(kind) if node.name in relations.things),
+        base=_base(memory, config.robot),
+        views=_views(memory),
+    )
+
+
+def _pose(memory: Memory, name: str) -> Pose | None:
+    try:
+        return memory.transform(_WORLD, name, types=_BELIEVED)
+    except TransformError:
+        return None
+
+
+def _choose_table(relations: Relations, solids: Mapping[str, Solid]) -> str | None:
+    """The one that carries most things; among equals, the first by name."""
+    loads = Counter(support for _, support in relations.on)
+    tables = sorted(name for name in relations.tables if name in solids)
+    return max(tables, key=lambda name: loads[name], default=None)
+
+
+def _fits(solid: Solid, config: PlannerConfig) -> bool:
+    return min(solid.size[:2]) <= config.widest_grip
+
+
+def _base(memory: Memory, robot: str) -> tuple[float, float]:
+    pose = _pose(memory, robot) if robot in memory else None
+    return (0.0, 0.0) if pose is None else (pose.t[0], pose.t[1])
+
+
+def _views(memory: Memory) -> tuple[View, ...]:
+    """The cameras that hang from the world by one edge."""
+    views = []
+    for camera in sorted(memory.nodes("camera"), key=lambda node: node.name):
+        edge = memory.get_edge(_WORLD, camera.name, "RT")
+        numbers = [camera.get(name) for name in ("fx", "fy", "cx", "cy", "width", "height")]
+        if edge is None or None in numbers or "pose" not in edge:
+            continue
+        views.append(View(edge.pose.inverse(), *numbers))
+    return tuple(views)
