@@ -30,6 +30,7 @@ UNSOLVABLE = (10, 11)
 """Exit codes: the translator, or the search, has proved that there is no plan."""
 _COMPLETE = "; cost ="
 """Begins the last line of a plan file that was written to its end."""
+_PROBE_LIMIT = 20.0  # s
 _TAIL = 6  # lines of output in an error
 _CPU_MARGIN = 5  # s that the solver's own limit is above ours
 
@@ -42,6 +43,16 @@ def find_solver() -> Path:
         if program.is_file():
             return program
     raise SolverMissing(f"the solver Fast Downward is not installed; run: {INSTALL}")
+
+
+def probe() -> str:
+    """Name and version, as the solver itself says. Raises `SolverMissing`, or `SolverFailed` if it does not start."""
+    program = [sys.executable, str(find_solver()), "--version"]
+    found = subprocess.run(program, capture_output=True, text=True, timeout=_PROBE_LIMIT, check=False)
+    lines = found.stdout.splitlines()
+    if found.returncode != 0 or not lines:
+        raise SolverFailed(f"the solver does not start: {_tail(found.stdout + found.stderr)}")
+    return lines[0]
 
 
 @dataclass(frozen=True)

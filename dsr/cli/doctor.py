@@ -40,6 +40,7 @@ PACKAGES = {
 """What must be installed, with the module that each provides; pybullet has a check of its own."""
 _COMPILERS = ("c++", "g++", "clang++", "cl")
 _EGL_PROBE = "from agents.plant.renderer import egl_works; raise SystemExit(0 if egl_works() else 3)"
+_SOLVER_PROBE = "from planner.solver import probe; print(probe())"
 _PROBE = b"frame"
 _PATIENCE = 30.0  # s
 
@@ -74,6 +75,7 @@ def run_checks() -> Iterable[Check]:
         check_python,
         check_packages,
         check_pybullet,
+        check_solver,
         check_egl,
         check_runtime_folder,
         check_shared_memory,
@@ -113,6 +115,16 @@ def check_pybullet() -> Check:
     else:
         advice = f"run: pip install pybullet (if there is no wheel, {compiler} builds it in about ten minutes)"
     return Check("pybullet", "missing", f"not installed; {advice}")
+
+
+def check_solver() -> Check:
+    """The planner's solver, which is optional; started as a process."""
+    probe = [sys.executable, "-c", _SOLVER_PROBE]
+    found = subprocess.run(probe, capture_output=True, text=True, timeout=_PATIENCE, check=False)
+    if found.returncode == 0:
+        return Check("planner", "ok", found.stdout.strip())
+    reason = found.stderr.strip().rpartition("\n")[2].partition(": ")[2]
+    return Check("planner", "limited", f"{reason} (only goals need it: dsr mission, scenarios with a mission)")
 
 
 def check_egl() -> Check:
