@@ -10,7 +10,9 @@ from simulation_handler.bodies import Bodies
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.policy import Explanation, Policy
 from simulation_handler.explaining.situation import Properties, Shares, Situation, seen_now
+from simulation_handler.geometry import Solid
 from simulation_handler.noticing import Noticing
+from simulation_handler.objects import BelievedObject
 from simulation_handler.relations import Relations
 
 EXPLANATION = "explanation"
@@ -133,7 +135,7 @@ class Explainer:
             unplaced=bodies.never_placed(),
             held=frozenset(name for name, item in objects.items() if item.holder and name in placed),
             planned=self.planned,
-            restless=frozenset(name for name, item in objects.items() if item.track.moving),
+            glimpsed={name: solid for name, item in objects.items() if (solid := _glimpse(item, now)) is not None},
             missing_for=self._noticing.missing_for(now),
             evidence=self._noticing.evidence(now),
             shares=self.shares,
@@ -188,3 +190,12 @@ class Explainer:
             }
             for move in moves
         }
+
+
+def _glimpse(item: BelievedObject, now: float) -> Solid | None:
+    """Where an unseen object was when it was last seen, if it was on its way then."""
+    percept = item.track.glimpse
+    if percept is None or item.track.is_fresh(now):
+        return None
+    x, y, z = percept.position.tolist()
+    return Solid(item.name, item.size, (x, y, z), percept.rotation)

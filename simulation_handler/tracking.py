@@ -48,6 +48,11 @@ class Track:
         if len(self._pending) >= self._needed():
             self._restart(list(self._pending), self.estimate)
 
+    @property
+    def glimpse(self) -> Percept | None:
+        """The newest percept, if it disagrees with the estimate and was not confirmed."""
+        return self._pending[-1] if self._pending else None
+
     def take_change(self) -> bool:
         """Whether the estimate changed since the last call."""
         changed, self.changed = self.changed, False

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dsr import quaternions
-from simulation_handler.explaining.hypotheses import FALLS, Hypothesis, Move
+from simulation_handler.explaining.hypotheses import FALLS, FROM_GLIMPSE, Hypothesis, Move
 from simulation_handler.explaining.situation import Situation
 from simulation_handler.geometry import Solid
 from simulation_handler.percepts import Array
@@ -54,6 +54,9 @@ def _wanted(situation: Situation, hypothesis: Hypothesis) -> dict[str, Solid]:
         wanted |= {name: situation.carried(move.name, name) for name in move.riders}
         wanted |= _piled_under(situation, move, top)
     for name, direction in hypothesis.fallen:
+        if direction == FROM_GLIMPSE:
+            wanted[name] = situation.glimpsed[name]
+            continue
         solid = situation.believed[name]
         dx, dy = FALLS[direction]
         dx, dy, _ = quaternions.rotate(solid.rotation, (dx * solid.size[0], dy * solid.size[1], 0.0))

@@ -89,7 +89,7 @@ def prior(situation: Situation, hypothesis: Hypothesis) -> float:
     """Nats for what a hypothesis assumes."""
     cost = sum(_move_prior(situation, move) for move in hypothesis.moves)
     cost += REMOVED * len(hypothesis.removed)
-    cost += sum(FELL_IN_VIEW if name in situation.restless else FELL for name, _ in hypothesis.fallen)
+    cost += sum(FELL_IN_VIEW if name in situation.glimpsed else FELL for name, _ in hypothesis.fallen)
     for name in hypothesis.kept:
         cost += FALSE_PERCEPT + FALSE_FRAME * situation.seen[name].count
     return cost + CAMERA_MOVED * hypothesis.camera_moved

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from simulation_handler.explaining.drafting import Draft, draft
-from simulation_handler.explaining.hypotheses import FALLS, Hypothesis, Move
+from simulation_handler.explaining.hypotheses import FALLS, FROM_GLIMPSE, Hypothesis, Move
 from simulation_handler.explaining.scoring import Score, displaced, prior, score
 from simulation_handler.explaining.situation import Situation
 from simulation_handler.geometry import Solid
@@ -153,7 +153,9 @@ def _about_unseen(situation: Situation, candidate: Candidate, name: str) -> Iter
     together = [other for other in candidate.score.residuals if other not in situation.seen]
     if len(together) > 1:
         yield hypothesis.with_removed(together)
-    if situation.beneath.get(name) and not set(situation.beneath[name]) <= set(situation.fixtures):
+    if name in situation.glimpsed:
+        yield hypothesis.with_fall(name, FROM_GLIMPSE)
+    elif situation.beneath.get(name) and not set(situation.beneath[name]) <= set(situation.fixtures):
         yield from (hypothesis.with_fall(name, k) for k in range(len(FALLS)))
 
 

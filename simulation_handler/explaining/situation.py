@@ -96,8 +96,8 @@ class Situation:
     """Objects in a gripper: they are where it is."""
     planned: frozenset[tuple[str, str]] = frozenset()
     """(object, support): where a plan has just put something."""
-    restless: frozenset[str] = frozenset()
-    """Unseen objects that moved when they were last seen."""
+    glimpsed: Mapping[str, Solid] = field(default_factory=dict)
+    """Unseen objects that were on their way when they were last seen, and where."""
     missing_for: Mapping[str, float] = field(default_factory=dict)
     """s for which each object has not been seen although it should have been."""
     evidence: float = 1.0
