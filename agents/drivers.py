@@ -47,12 +47,27 @@ class TagReading(msgspec.Struct, frozen=True):
     """rad, standard deviation about each axis"""
 
 
+class Lens(msgspec.Struct, frozen=True):
+    """Intrinsics of a camera without distortion; pixel (0, 0) is centred on the upper left one."""
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    """px"""
+    width: int
+    height: int
+    """px"""
+
+
 class TagReadings(msgspec.Struct, frozen=True):
     """The tagged objects that a camera sees at one instant."""
 
     stamp: float
     """s"""
     readings: list[TagReading]
+    lens: Lens | None = None
+    """Through which they are seen, if the device tells."""
 
 
 class ArmDriver(Protocol):

@@ -19,8 +19,7 @@ class SimulationHandler(Agent):
 
     Writes Virtual_RT edges from the world to each object, with covariance, relations `on` from contact,
     `plausible`: whether what is perceived of an object is possible by what else is known, and edges `sees`: how much
-    of an object each camera should see. After a restart it
-    goes on from the Virtual_RT edges that it finds.
+    of an object each camera should see. After a restart it goes on from the Virtual_RT edges that it finds.
     """
 
     name = "simulation_handler"

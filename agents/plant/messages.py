@@ -10,7 +10,7 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from agents.drivers import ArmState, TagReadings
+from agents.drivers import ArmState, Lens, TagReadings
 from dsr.decoding import decoded
 from dsr.errors import WireError
 from dsr.keys import Keys
@@ -141,7 +141,15 @@ def _read_tag_readings(payload: bytes) -> TagReadings:
         _check_finite(reading.sigma_translation, reading.sigma_rotation)
         if min(reading.sigma_translation, reading.sigma_rotation) < 0.0:
             raise ValueError(f"a negative standard deviation of marker {reading.marker_id}")
+    if seen.lens is not None:
+        _check_lens(seen.lens)
     return seen
+
+
+def _check_lens(lens: Lens) -> None:
+    _check_finite(lens.fx, lens.fy, lens.cx, lens.cy)
+    if min(lens.fx, lens.fy, lens.width, lens.height) <= 0:
+        raise ValueError(f"{lens}: focal lengths and image size must be positive")
 
 
 def _check_finite(*numbers: float) -> None:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.drivers import TagReading, TagReadings
+from agents.drivers import Lens, TagReading, TagReadings
 from agents.plant.camera import Camera
 from agents.plant.messages import seven
 from agents.plant.tags import TAG_RATIO
@@ -43,7 +43,8 @@ def read_tags(camera: Camera, world: World, stamp: float) -> TagReadings:
         pose = camera_from_world @ poses[name]
         if _sees(camera, world, spec, pose):
             readings.append(_measured(spec.marker_id, pose, errors[name], noise))
-    return TagReadings(stamp, readings)
+    lens = camera.lens
+    return TagReadings(stamp, readings, Lens(lens.fx, lens.fy, lens.cx, lens.cy, lens.width, lens.height))
 
 
 def _measured(marker_id: int, camera_from_object: Pose, error: float, noise: NDArray[np.float64]) -> TagReading:

@@ -6,7 +6,9 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import ExitStack, closing
 
-from agents.drivers import TagDriver, make_driver
+import msgspec
+
+from agents.drivers import Lens, TagDriver, make_driver
 from agents.scene_estimator.config import SceneEstimatorConfig, TagSensor
 from agents.scene_estimator.objects import KINDS, TaggedObjects
 from agents.scene_estimator.sighting import FrameReader, Outlines, Sighting, read_sensor
@@ -25,7 +27,11 @@ class SceneEstimator(Agent):
     name = "scene_estimator"
     rate_hz = 20.0
     reads = Access(nodes=("camera", *KINDS), edges=("RT",), attributes=("marker_id", "size", "perceived", "last_seen"))
-    writes = Access(nodes=KINDS, edges=("RT",), attributes=("marker_id", "size", "perceived", "last_seen"))
+    writes = Access(
+        nodes=("camera", *KINDS),
+        edges=("RT",),
+        attributes=("marker_id", "size", "perceived", "last_seen", *Lens.__struct_fields__),
+    )
     publishes = ("blob/*/detections",)
     Config = SceneEstimatorConfig
     config: SceneEstimatorConfig
@@ -68,10 +74,17 @@ class SceneEstimator(Agent):
         for camera, sensor in self._sensors.items():
             readings = sensor.readings()
             if readings is not None:
+                self._describe(camera, readings.lens)
                 try:
                     yield camera, readings.stamp, read_sensor(readings, self.config.noise)
                 except WireError as error:
                     self._skip("malformed", f"{camera}: {error}")
+
+    def _describe(self, camera: str, lens: Lens | None) -> None:
+        """Write the intrinsics of a sensor without images, whose frames would tell them, if the node says others."""
+        node, intrinsics = self.memory.get_node(camera), {} if lens is None else msgspec.structs.asdict(lens)
+        if node is not None and any(node.get(name) != value for name, value in intrinsics.items()):
+            self.memory.update_node(camera, **intrinsics)
 
     def _read(self, camera: str, frame: Frame) -> list[Sighting] | None:
         try:

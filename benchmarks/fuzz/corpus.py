@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.drivers import ArmState, TagReading, TagReadings
+from agents.drivers import ArmState, Lens, TagReading, TagReadings
 from agents.plant.messages import MoveGripper, MoveJoints, Stop, Truth
 from agents.scenario.format import Start
 from dsr import Pose
@@ -104,7 +104,8 @@ def arm_states() -> list[bytes]:
 def tag_readings() -> list[bytes]:
     """What a camera that detects tags sees."""
     readings = [TagReading(number, _SEVEN, 0.001, 0.01) for number in (3, 4)]
-    return [msgspec.msgpack.encode(TagReadings(NOW, readings)), msgspec.msgpack.encode(TagReadings(NOW, []))]
+    lens = Lens(600.0, 600.0, 319.5, 239.5, 640, 480)
+    return [msgspec.msgpack.encode(TagReadings(NOW, readings, lens)), msgspec.msgpack.encode(TagReadings(NOW, []))]
 
 
 def commands() -> list[bytes]:

@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from agents.drivers import TagReading, TagReadings
+from agents.drivers import Lens, TagReading, TagReadings
 from agents.scene_estimator import SceneEstimator
 from dsr import Frame, Pose
 from dsr.errors import AgentError, ConfigError
@@ -232,6 +232,14 @@ def test_a_tag_sensor_does_without_images(make_bench: Callable[..., Bench], sens
     assert sensor.closed
 
 
+def test_a_tag_sensor_tells_its_intrinsics(make_bench: Callable[..., Bench], sensor: FakeSensor) -> None:
+    bench = make_bench(tag_sensors=SENSORS)
+    sensor.next = TagReadings(bench.clock.now(), [], Lens(600.0, 601.0, 319.5, 239.5, 640, 480))
+    bench.run(PERIOD)
+    node = bench.memory.node("camera_overhead")
+    assert [node[name] for name in ("fx", "fy", "cx", "cy", "width", "height")] == [600, 601, 319.5, 239.5, 640, 480]
+
+
 def test_a_driver_that_does_not_exist_is_a_configuration_error(bench: Bench, caplog: pytest.LogCaptureFixture) -> None:
     bench.stop()
     bench.config = {"tag_sensors": {"camera_overhead": {"driver": "nowhere:Sensor"}}}
@@ -250,4 +258,4 @@ def test_wrong_configurations_are_refused(make_bench: Callable[..., Bench], wron
 def test_it_writes_only_what_it_declares(bench: Bench) -> None:
     assert "Virtual_RT" not in SceneEstimator.writes.edges
     with pytest.raises(AgentError):
-        bench.own.update_node("camera_overhead", fx=1.0)
+        bench.own.update_node("camera_overhead", surprising=True)

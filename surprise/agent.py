@@ -1,0 +1,178 @@
+"""The surprise detector: flags objects whose percepts and belief disagree, and cameras that see nothing."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+
+from dsr.agent import Access, Agent
+from dsr.elements import Node
+from dsr.errors import DsrError
+from surprise.config import SurpriseConfig
+from surprise.evidence import Reason, Track
+from surprise.expectation import Expectations
+from surprise.reading import OBJECTS, Beliefs, Percept, Percepts
+from surprise.suspicion import Suspicion
+
+
+class SurpriseDetector(Agent):
+    """Compares for each object what cameras perceive with what the simulation believes, and says where they disagree.
+
+    Writes `surprising` and `surprise` (why, with figures) on objects and cameras. An object is surprising when
+
+    - several percepts disagree alike with its Virtual_RT, beyond noise and beyond a least extent,
+    - a camera that delivers should see it (edge `sees`) and does not,
+    - a camera sees it although another object should hide it,
+    - it is seen, although it is believed to be gone (`present` is False).
+
+    A camera is surprising that sees nothing at all although it should. Everything is derived from the graph: after a
+    restart, flags stay until percept and belief agree.
+    """
+
+    name = "surprise"
+    rate_hz = 20.0
+    reads = Access(
+        nodes=(*OBJECTS, "camera", "gripper", "world"),
+        edges=("RT", "Virtual_RT", "sees", "grasping"),
+        attributes=("surprising", "surprise", "present", "share", "hidden_by"),
+    )
+    writes = Access(
+        nodes=(*OBJECTS, "camera"),
+        attributes=("surprising", "surprise"),
+        exclusive=("surprising", "surprise"),
+    )
+    Config = SurpriseConfig
+    config: SurpriseConfig
+
+    def setup(self) -> None:
+        """Begin with nothing seen yet."""
+        self._suspicions: dict[str, Suspicion] = {}
+        self._start_anew()
+
+    def _start_anew(self) -> None:
+        """Forget all evidence, not the flags."""
+        config = self.config
+        self._percepts = Percepts(self.memory)
+        self._beliefs = Beliefs(self.memory, config.jump, config.jump_turn)
+        self._expectations = Expectations(self.memory, config)
+        self._tracks: dict[tuple[str, str], Track] = {}
+        self._held_until: dict[str, float] = {}
+        self._gone_since: dict[str, float] = {}
+        self._now: float | None = None
+
+    def tick(self, now: float) -> None:
+        """Compare what is new at time `now` (s). A clock that was set back makes all evidence void."""
+        if self._now is not None and now < self._now:
+            self.log.warning("the clock was set back by %.1f s: beginning anew", self._now - now)
+            self._start_anew()
+        self._now = now
+        objects = sorted((node for type in OBJECTS for node in self.memory.nodes(type)), key=lambda node: node.name)
+        held = self._note_held(now)
+        jumped = self._beliefs.update(now, objects, held)
+        new = list(self._percepts.new(now))
+        self._reconsider(now, {node.name for node in objects}, jumped, held)
+        self._take_in(new)
+        self._expectations.update(now, new, jumped | held)
+        with self.memory.batch():
+            for node in objects:
+                self._judge_object(node, now, held)
+            for camera in self.memory.nodes("camera"):
+                self._judge_camera(camera, now)
+        self._suspicions = {name: found for name, found in self._suspicions.items() if name in self.memory}
+
+    @property
+    def skipped(self) -> Counter[str]:
+        """Percepts that could not be used, by reason."""
+        return self._percepts.skipped
+
+    def _note_held(self, now: float) -> set[str]:
+        """Objects that the gripper holds, or has just released."""
+        for edge in self.memory.edges("grasping"):
+            self._held_until[edge.dst] = now + self.config.held_grace
+        self._held_until = {name: until for name, until in self._held_until.items() if now < until}
+        return set(self._held_until)
+
+    def _reconsider(self, now: float, objects: set[str], jumped: set[str], held: set[str]) -> None:
+        """See earlier percepts in the light of what is believed now; forget those of what is gone."""
+        self._tracks = {key: track for key, track in self._tracks.items() if key[1] in objects}
+        for (_, name), track in self._tracks.items():
+            track.forget_old(now)
+            belief = self._beliefs.now(name)
+            if belief is not None and name in jumped:
+                track.belief_jumped(belief)
+            elif belief is not None and name in held:
+                track.belief_changed(belief)
+
+    def _take_in(self, percepts: Iterable[Percept]) -> None:
+        """Compare with what was believed when they were made and what is believed now, and keep them."""
+        for percept in percepts:
+            beliefs = (self._beliefs.at(percept.name, percept.stamp), self._beliefs.now(percept.name))
+            known = [belief for belief in beliefs if belief is not None]
+            if known:
+                track = self._tracks.setdefault(percept[:2], Track(percept.camera, self.config))
+                track.add(percept.stamp, percept.pose, percept.eye, known)
+
+    def _judge_object(self, node: Node, now: float, held: set[str]) -> None:
+        name = node.name
+        tracks = [track for (_, other), track in self._tracks.items() if other == name]
+        reasons = self._reasons(node, tracks, now, held)
+        fresh = [track for track in tracks if track.is_fresh(now)]
+        agrees = bool(fresh) and all(track.agrees(now) for track in fresh)
+        is_believed = self._beliefs.now(name) is not None
+        suspicion = self._suspicion(node)
+        changed = suspicion.update(now, reasons, agrees=agrees or not is_believed, undecided=bool(fresh))
+        if changed or (is_believed and "surprising" not in node):
+            self._write(node, suspicion)
+
+    def _reasons(self, node: Node, tracks: list[Track], now: float, held: set[str]) -> list[Reason]:
+        """All that makes an object surprising."""
+        name = node.name
+        gone = self._seen_though_gone(node, now)
+        if gone is not None or self._beliefs.now(name) is None:
+            return [gone] if gone else []
+        worst = max((track.contradictions(held=name in held) for track in tracks), key=len, default=[])
+        reasons = list(worst)
+        if name not in held:
+            expectations = (self._expectations.unseen(name), self._expectations.impossible(name))
+            reasons += [reason for reason in expectations if reason is not None]
+        return reasons
+
+    def _seen_though_gone(self, node: Node, now: float) -> Reason | None:
+        """Whether an object is seen that is believed to be gone."""
+        if node.get("present") is not False:
+            self._gone_since.pop(node.name, None)
+            return None
+        since = self._gone_since.setdefault(node.name, now)
+        if self._expectations.times_seen(node.name, since) >= self.config.needed:
+            return Reason("gone", "seen, though believed gone")
+        return None
+
+    def _judge_camera(self, node: Node, now: float) -> None:
+        """A camera that sees nothing is surprising until it delivers again, or nothing is expected of it any more."""
+        reason = self._expectations.silent(node.name, now)
+        suspicion = self._suspicion(node)
+        delivers = self._expectations.delivers(node.name, now)
+        waits = self._expectations.expects(node.name)
+        if suspicion.update(now, [reason] if reason else [], agrees=delivers, undecided=waits):
+            self._write(node, suspicion)
+
+    def _suspicion(self, node: Node) -> Suspicion:
+        """What is known of the flag, or what the graph says of it."""
+        known = self._suspicions.get(node.name)
+        if known is None:
+            known = Suspicion(self.config, raised=node.get("surprising") is True, text=node.get("surprise", ""))
+            self._suspicions[node.name] = known
+        return known
+
+    def _write(self, node: Node, suspicion: Suspicion) -> None:
+        """Tell the graph, and the log when something begins or ends."""
+        was = node.get("surprising") is True
+        try:
+            self.memory.update_node(node.name, surprising=suspicion.raised, surprise=suspicion.text)
+        except DsrError as error:
+            self.log.warning("%s: not told that it is surprising: %s", node.name, error)
+            return
+        if suspicion.raised and not was:
+            self.log.info("%s is surprising: %s", node.name, suspicion.text)
+        elif was and not suspicion.raised:
+            self.log.info("%s is not surprising any more", node.name)

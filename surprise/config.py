@@ -1,0 +1,98 @@
+"""All tolerances of the surprise detector in one place."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+
+Positive = Annotated[float, msgspec.Meta(gt=0)]
+NotNegative = Annotated[float, msgspec.Meta(ge=0)]
+Count = Annotated[int, msgspec.Meta(ge=1)]
+
+
+class SurpriseConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What counts as a disagreement, and how long it must last.
+
+    The defaults are for percepts 10 times a second from an RGB-D camera at 0.3 to 1 m whose depth is off by up to
+    15 mm, always alike for one object, and jitters by 3 mm. A disagreement must be beyond a least extent and beyond
+    `sigmas`.
+    """
+
+    shift: Positive = 0.008
+    """m across the viewing ray"""
+    turn: Positive = 0.15
+    """rad about the vertical"""
+    tilt: Positive = 0.30
+    """rad about a horizontal axis, which perception knows least well"""
+    depth_bound: Positive = 0.020
+    """m along the viewing ray that the systematic error may be, while it is not known"""
+    depth_change: Positive = 0.012
+    """m along the viewing ray from the systematic error, once that is known"""
+    sigmas: Positive = 4.0
+    """Standard deviations in the direction of the disagreement."""
+    hysteresis: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.7
+    """Share of these limits within which percept and belief agree again."""
+
+    needed: Count = 3
+    """Percepts that must disagree alike ..."""
+    window: Count = 5
+    """... of the last so many."""
+    held_needed: Count = 6
+    """Likewise, of an object that the gripper holds or has just released."""
+    held_window: Count = 8
+    held_grace: NotNegative = 1.0
+    """s after its release that an object counts as held"""
+    alike: Annotated[float, msgspec.Meta(ge=-1, le=1)] = 0.7
+    """Cosine between disagreements that are alike."""
+
+    depth_bias: NotNegative = 0.010
+    """m, the part of a percept's standard deviation along the viewing ray that is systematic"""
+    learned_bias: NotNegative = 0.003
+    """m, what is left of it once it was learned"""
+    learn_after: Count = 10
+    """Percepts that agree after which it is known."""
+    learn_window: Count = 50
+    """Percepts over which it is averaged."""
+    position_noise: Positive = 0.001
+    """m, standard deviation that is added to each percept's own covariance"""
+    depth_noise: NotNegative = 0.003
+    """m along the viewing ray, likewise"""
+    rotation_noise: Positive = 0.01
+    """rad, likewise"""
+    tilt_noise: NotNegative = 0.04
+    """rad about horizontal axes, likewise"""
+    default_rotation_noise: NotNegative = 0.03
+    """rad, of a percept without covariance"""
+    unseen_noise: NotNegative = 0.005
+    """m, of a belief without covariance: of what was never seen where it is believed to be"""
+    unseen_rotation_noise: NotNegative = 0.1
+    """rad, likewise"""
+
+    all_seen: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.95
+    """Share of its tag from which an object should be seen."""
+    nothing_seen: Annotated[float, msgspec.Meta(ge=0, lt=1)] = 0.05
+    """Share up to which it cannot be seen."""
+    unexpected_after: Positive = 0.5
+    """s of camera frames that show other things but not what should be seen, or what cannot be"""
+    frames: Count = 4
+    """Least number of these frames."""
+    silent_after: Positive = 1.0
+    """s without any percept from a camera that should see something"""
+    camera_speed: Positive = 0.01
+    """m/s at which a camera moves: nothing is expected of it then"""
+    camera_turn: Positive = 0.025
+    """rad/s, likewise"""
+
+    calm_after: NotNegative = 0.5
+    """s without contradiction, of an object that is not seen any more, after which it is not surprising"""
+    fresh: Positive = 1.0
+    """s for which a percept counts as new"""
+    forget_after: Positive = 5.0
+    """s after which a disagreement that was not seen again counts no more"""
+    jump: Positive = 0.005
+    """m by which a belief changes at once when it was changed on purpose"""
+    jump_turn: Positive = 0.1
+    """rad, likewise"""
+    text_period: NotNegative = 0.5
+    """s between two changes of the figures in the text"""

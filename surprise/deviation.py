@@ -1,0 +1,118 @@
+"""How far one percept is from the belief: across and along the viewing ray, and in rotation; how sure that is."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsr import quaternions
+from dsr.quaternions import Vector3
+from dsr.transforms import Pose
+from surprise.config import SurpriseConfig
+
+Array = NDArray[np.float64]
+
+_EYE = np.eye(3)
+_HORIZONTAL = np.diag((1.0, 1.0, 0.0))
+_NOTHING = 1e-9  # m or rad
+
+
+@dataclass(frozen=True)
+class Deviation:
+    """From where an object is believed to be to where it is perceived, in the world frame."""
+
+    beside: Vector3
+    """m, across the viewing ray"""
+    beside_sigmas: float
+    """Its length in standard deviations."""
+    depth: float
+    """m along the viewing ray, positive if it is perceived farther away; holds the sensor's systematic error"""
+    depth_std: float
+    """m, standard deviation of that without the systematic error"""
+    turn: Vector3
+    """rad, rotation vector"""
+    turn_sigmas: float
+    """Its length in standard deviations."""
+
+    def extent(self, config: SurpriseConfig) -> float:
+        """How large it is, in the least extents that count: what is less deviates less."""
+        return max(
+            math.hypot(*self.beside) / config.shift,
+            abs(self.depth) / config.depth_bound,
+            self.turning(config),
+        )
+
+    def turning(self, config: SurpriseConfig) -> float:
+        """How large the rotation is, in the least that counts."""
+        x, y, z = self.turn
+        return max(abs(z) / config.turn, math.hypot(x, y) / config.tilt)
+
+
+def compare(percept: Pose, eye: Vector3, belief: Pose, config: SurpriseConfig) -> Deviation:
+    """Deviation of a percept from a belief (both world_from_object), seen from `eye` (m, world frame).
+
+    Covariances are right perturbations in the object's frame; those of percept and belief add up, as the one is not
+    made of this percept alone. Standard deviations are those along the deviation itself, which needs no inverse.
+    """
+    difference = np.subtract(percept.t, belief.t)
+    ray = _unit(np.subtract(percept.t, eye))
+    depth = float(difference @ ray)
+    across = difference - depth * ray
+    turn = np.array(quaternions.to_rotvec(quaternions.product(percept.q, quaternions.conjugate(belief.q))))
+    place, rotation = _percept_noise(percept, ray, config)
+    believed_place, believed_rotation = _belief_noise(belief, config)
+    along = float(ray @ place @ ray)
+    along = max(along - config.depth_bias**2, float(np.trace(place) - along) / 2)
+    variance = along + config.depth_noise**2 + float(ray @ believed_place @ ray)
+    return Deviation(
+        _vector(across),
+        _sigmas(across, place + believed_place),
+        depth,
+        math.sqrt(max(variance, _NOTHING**2)),
+        _vector(turn),
+        _sigmas(turn, rotation + believed_rotation),
+    )
+
+
+def _percept_noise(percept: Pose, ray: Array, config: SurpriseConfig) -> tuple[Array, Array]:
+    """Covariances (3, 3) of its position (m^2) and rotation (rad^2) in the world frame."""
+    if percept.cov is None:
+        place = config.depth_bias**2 * np.outer(ray, ray)
+        rotation = config.default_rotation_noise**2 * _EYE
+    else:
+        place, rotation = _in_world(percept)
+    place = place + config.position_noise**2 * _EYE
+    return place, rotation + config.rotation_noise**2 * _EYE + config.tilt_noise**2 * _HORIZONTAL
+
+
+def _belief_noise(belief: Pose, config: SurpriseConfig) -> tuple[Array, Array]:
+    if belief.cov is None:
+        return config.unseen_noise**2 * _EYE, config.unseen_rotation_noise**2 * _EYE
+    return _in_world(belief)
+
+
+def _in_world(pose: Pose) -> tuple[Array, Array]:
+    covariance, turn = np.array(pose.cov).reshape(6, 6), np.array(quaternions.to_matrix(pose.q))
+    return turn @ covariance[:3, :3] @ turn.T, turn @ covariance[3:, 3:] @ turn.T
+
+
+def _sigmas(vector: Array, covariance: Array) -> float:
+    """Length of a vector in standard deviations along it; a covariance that is none counts as no noise."""
+    length = float(np.linalg.norm(vector))
+    if length < _NOTHING:
+        return 0.0
+    direction = vector / length
+    return length / max(math.sqrt(max(float(direction @ covariance @ direction), 0.0)), _NOTHING)
+
+
+def _unit(vector: Array) -> Array:
+    length = float(np.linalg.norm(vector))
+    return vector / length if length > _NOTHING else np.array((0.0, 0.0, -1.0))
+
+
+def _vector(array: Array) -> Vector3:
+    x, y, z = array.tolist()
+    return x, y, z
