@@ -9,6 +9,7 @@ from simulation_handler.explaining import make_policy
 from simulation_handler.reading import FIXTURES, OBJECTS, Reading
 from simulation_handler.seeing import SEEN, Seeing
 from simulation_handler.views import LENS, PARTS
+from simulation_handler.what_if import KEY, WhatIfService
 from simulation_handler.writing import Writing
 
 _MOST_PROBLEMS = 3  # told in its status
@@ -19,7 +20,8 @@ class SimulationHandler(Agent):
 
     Writes Virtual_RT edges from the world to each object, with covariance, relations `on` from contact,
     `plausible`: whether what is perceived of an object is possible by what else is known, and edges `sees`: how much
-    of an object each camera should see. After a restart it goes on from the Virtual_RT edges that it finds.
+    of an object each camera should see. Answers what-if questions (dsr/what_if.py) about the belief of its last tick.
+    After a restart it goes on from the Virtual_RT edges that it finds.
     """
 
     name = "simulation_handler"
@@ -41,6 +43,7 @@ class SimulationHandler(Agent):
         ),
         exclusive=("Virtual_RT", "on", "plausible", "sees", "present", "event"),
     )
+    publishes = (KEY,)
     Config = BeliefConfig
     config: BeliefConfig
 
@@ -50,6 +53,7 @@ class SimulationHandler(Agent):
         self._reading = Reading(self.memory, self._belief, self.log)
         self._writing = Writing(self.memory, self._belief, self.log)
         self._seeing = Seeing(self.memory, self._belief)
+        self._what_if = WhatIfService(self.bus, self.keys, self.clock)
 
     def tick(self, now: float) -> None:
         """Bring the belief to time `now` (s), and the graph into step with it."""
@@ -58,10 +62,11 @@ class SimulationHandler(Agent):
         self._belief.step(now)
         self._writing.update(now)
         self._seeing.update(now)
+        self._what_if.offer(self._belief.scene(), now)
         self.degraded = "; ".join(list(self._reading.problems.values())[:_MOST_PROBLEMS])
 
     def teardown(self) -> None:
-        """Free the simulation."""
-        belief = getattr(self, "_belief", None)
-        if belief is not None:
-            belief.close()
+        """Free the simulations."""
+        for taken in (getattr(self, "_what_if", None), getattr(self, "_belief", None)):
+            if taken is not None:
+                taken.close()

@@ -10,7 +10,8 @@ Relation = tuple[str, str]
 """(object, what it rests on)"""
 CONTACT = "contact"
 """Source of a relation that comes from contact in the simulation."""
-_STEEP = 0.7  # vertical part of a contact normal from which one body carries the other
+STEEP = 0.7
+"""Vertical part of a contact normal from which one body carries the other."""
 
 
 class Relations:
@@ -27,7 +28,7 @@ class Relations:
     def update(self, contacts: Iterable[Contact], now: float) -> None:
         """Take in the contacts at time `now` (s)."""
         for contact in contacts:
-            if contact.steepness >= _STEEP:
+            if contact.steepness >= STEEP:
                 relation = (contact.upper, contact.lower)
                 self._since.setdefault(relation, now)
                 self._last_seen[relation] = now
@@ -48,7 +49,7 @@ class Relations:
 
         Those that go on keep their beginning; new ones are said to come from `source`.
         """
-        touching = {(c.upper, c.lower) for c in contacts if c.steepness >= _STEEP}
+        touching = {(c.upper, c.lower) for c in contacts if c.steepness >= STEEP}
         about = {relation for relation in touching | self._since.keys() if not set(names).isdisjoint(relation)}
         for relation in about - touching:
             self.end(relation)

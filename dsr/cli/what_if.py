@@ -1,0 +1,94 @@
+"""`dsr what-if`: what would become of the objects if some were elsewhere, held or gone?"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated
+
+import msgspec
+import typer
+from rich.box import SIMPLE_HEAD
+from rich.table import Table
+
+from dsr.cli.common import (
+    GraphOption,
+    JsonOption,
+    RouterOption,
+    SecurityOption,
+    console,
+    print_json,
+    reading,
+    shown,
+)
+from dsr.errors import ConfigError
+from dsr.transforms import Pose
+from dsr.what_if import MAX_SECONDS, TIMEOUT, Answer, Change, Question, WhatIf
+
+app = typer.Typer()
+
+
+@app.command("what-if")
+def what_if(
+    place: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="NAME=X,Y,Z",
+            help="Put an object there (m, world frame), upright; or ...,YAW (rad); or ...,QX,QY,QZ,QW.",
+        ),
+    ] = None,
+    hold: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Hold an object where it is.")] = None,
+    remove: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Take an object away.")] = None,
+    seconds: Annotated[float, typer.Option(min=0.0, max=MAX_SECONDS, help="How long to simulate (s).")] = 1.0,
+    timeout: Annotated[float, typer.Option(min=0.1, help="How long to wait for the answer (s).")] = TIMEOUT,
+    graph: GraphOption = None,
+    as_json: JsonOption = False,
+    router: RouterOption = None,
+    security: SecurityOption = None,
+) -> None:
+    """Simulate the belief some seconds on, from now, with changes; neither belief nor world is disturbed."""
+    changes = [parsed_placing(text) for text in place or ()]
+    changes += [Change.hold(name) for name in hold or ()]
+    changes += [Change.remove(name) for name in remove or ()]
+    with reading(graph, router, security) as memory:
+        asker = WhatIf(memory.transport, memory.keys, memory.clock, timeout)
+        answer = asker.ask_and_wait(Question(seconds, tuple(changes)))
+    if as_json:
+        print_json(msgspec.to_builtins(answer))
+    else:
+        _show(answer)
+
+
+def parsed_placing(text: str) -> Change:
+    """The change that `NAME=X,Y,Z` asks for, with a yaw or a quaternion if more follows. Raises `ConfigError`."""
+    name, _, pose = text.rpartition("=")
+    try:
+        numbers = [float(part) for part in pose.split(",")]
+        if name and len(numbers) in (3, 4):
+            return Change.place(name, Pose.from_rotvec(numbers[:3], (0.0, 0.0, *(numbers[3:] or [0.0]))))
+        if name and len(numbers) == 7:
+            return Change.place(name, Pose(numbers[:3], numbers[3:]))
+    except ValueError as error:
+        raise ConfigError(f"--place {text!r}: {error}") from error
+    raise ConfigError(
+        f"--place {text!r}: expected NAME=X,Y,Z, and then a yaw or a quaternion QX,QY,QZ,QW if not upright"
+    )
+
+
+def _show(answer: Answer) -> None:
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    table.add_column("object", no_wrap=True)
+    for column in ("then at (m)", "moved (mm)", "turned (deg)"):
+        table.add_column(column, justify="right", no_wrap=True)
+    table.add_column("rests on")
+    for name in sorted(answer.poses):
+        position = " ".join(f"{round(number, 4) + 0.0:7.4f}" for number in answer.poses[name][:3])
+        supports = list(answer.rests_on[name]) + ["(the floor)"] * (name in answer.on_floor)
+        table.add_row(
+            shown(name),
+            position,
+            f"{1e3 * answer.moved[name]:.1f}",
+            f"{math.degrees(answer.turned[name]):.1f}",
+            shown(", ".join(supports)),
+        )
+    console.print(table)
+    console.print(f"after {answer.seconds:.2f} s, " + ("all at rest" if answer.at_rest else "not yet at rest"))

@@ -1,0 +1,146 @@
+"""Answers what-if questions (dsr/what_if.py) by simulating a copy of the believed scene."""
+
+from __future__ import annotations
+
+import logging
+import math
+import threading
+
+from dsr.clock import Clock
+from dsr.errors import DsrError, suggest
+from dsr.keys import Keys
+from dsr.quaternions import conjugate, product
+from dsr.transforms import Pose
+from dsr.transport import Transport
+from dsr.what_if import SERVICE, Answer, Change, Question, decode_question, encode_answer
+from simulation_handler.bodies import FLOOR
+from simulation_handler.relations import STEEP
+from simulation_handler.rollouts.engine import Engine, Outcome
+from simulation_handler.rollouts.scene import Body, Placing, Scene
+
+KEY = f"service/{SERVICE}"
+"""Where it answers, below the graph's root: what a secured graph must grant."""
+_MOST_WAITING = 16
+_FARTHEST = 100.0  # m from the world's origin that something may be put
+
+_log = logging.getLogger("simulation_handler.what_if")
+
+
+class RefusedError(DsrError):
+    """A question that has no answer; says why."""
+
+
+class WhatIfService:
+    """Serves a graph; knows the scene that was offered last, and never touches the belief.
+
+    Whatever comes in, the caller gets an answer, if only a refusal. Questions are simulated one at a time; beyond
+    16 that wait, or when the asker has stopped waiting, they are refused, which costs nothing.
+    """
+
+    def __init__(self, bus: Transport, keys: Keys, clock: Clock) -> None:
+        self._clock = clock
+        self._offered: tuple[Scene, float] | None = None
+        self._engine: Engine | None = None
+        self._closed = False
+        self._one_at_a_time = threading.Lock()
+        self._seats = threading.BoundedSemaphore(_MOST_WAITING)
+        self._subscription = bus.serve(keys.service(SERVICE), lambda _, payload: encode_answer(self.answer(payload)))
+
+    def offer(self, scene: Scene, now: float) -> None:
+        """Answer from this scene, as it is at `now` (s), from now on."""
+        self._offered = (scene, now)
+
+    def close(self) -> None:
+        """Answer no more and free the simulation; harmless when repeated."""
+        self._subscription.close()
+        with self._one_at_a_time:
+            self._closed = True
+            if self._engine is not None:
+                self._engine.close()
+
+    def answer(self, payload: bytes) -> Answer:
+        """What to reply to a message, from any thread; never raises."""
+        try:
+            return self._answer(decode_question(payload))
+        except DsrError as error:
+            return Answer(refused=str(error))
+        except Exception as error:
+            _log.exception("a what-if question could not be answered")
+            return Answer(refused=f"the simulation handler failed: {error!r}")
+
+    def _answer(self, question: Question) -> Answer:
+        if not self._seats.acquire(blocking=False):
+            raise RefusedError(f"{_MOST_WAITING} questions wait already; ask again later")
+        try:
+            with self._one_at_a_time:
+                return self._simulated(question)
+        finally:
+            self._seats.release()
+
+    def _simulated(self, question: Question) -> Answer:
+        late = self._clock.now() - question.expires
+        if question.expires and late > 0.0:
+            raise RefusedError(
+                f"nobody waits for this answer any more, for {late:.1f} s; too many questions, or clocks apart"
+            )
+        if self._offered is None or self._closed:
+            raise RefusedError("the simulation handler holds no scene; it has just started, or ends")
+        scene, now = self._offered
+        for change in question.changes:
+            scene = changed(scene, change)
+        self._engine = self._engine or Engine()
+        return _described(scene, self._engine.run(scene, question.seconds), now)
+
+
+def changed(scene: Scene, change: Change) -> Scene:
+    """The scene with a change made. Raises `RefusedError` for one that makes no sense."""
+    name = change.object
+    known = [body for body in scene.names if body != FLOOR]
+    if name not in known:
+        raise RefusedError(f"no object {name!r} has a place in the belief; {suggest(name, known)}")
+    if change.action == "remove":
+        return scene.without([name])
+    if change.pose is not None:
+        scene = scene.moved({name: _placing(name, change.pose)})
+    elif change.action == "place":
+        raise RefusedError(f"change of {name!r}: to place it needs a pose")
+    return scene.held([name]) if change.action == "hold" else scene.released([name])
+
+
+def _placing(name: str, numbers: tuple[float, ...]) -> Placing:
+    try:
+        pose = Pose(numbers[:3], numbers[3:])
+    except ValueError as error:
+        raise RefusedError(f"pose of {name!r}: {error}") from error
+    if math.hypot(*pose.t) > _FARTHEST:
+        raise RefusedError(
+            f"pose of {name!r}: {math.hypot(*pose.t):.3g} m from the world's origin; at most {_FARTHEST}"
+        )
+    return pose.t, pose.q
+
+
+def _described(scene: Scene, outcome: Outcome, now: float) -> Answer:
+    objects = [body for body in scene.bodies if body.mass > 0.0]
+    contacts = [contact for contact in outcome.contacts if FLOOR not in contact[:2]]
+    rests_on: dict[str, list[str]] = {body.name: [] for body in objects}
+    for contact in contacts:
+        if contact.steepness >= STEEP and contact.upper in rests_on:
+            rests_on[contact.upper].append(contact.lower)
+    pairs = {(min(contact[:2]), max(contact[:2])) for contact in contacts}
+    return Answer(
+        stamp=now,
+        seconds=outcome.seconds,
+        at_rest=outcome.at_rest,
+        poses={body.name: (*outcome.poses[body.name][0], *outcome.poses[body.name][1]) for body in objects},
+        moved={body.name: outcome.drift[body.name] for body in objects},
+        turned={body.name: _angle(body, outcome) for body in objects},
+        rests_on={name: tuple(supports) for name, supports in rests_on.items()},
+        touches=tuple(sorted(pairs)),
+        on_floor=tuple(c.upper for c in outcome.contacts if c.lower == FLOOR and c.upper in rests_on),
+    )
+
+
+def _angle(body: Body, outcome: Outcome) -> float:
+    """Between the rotation at the beginning and at the end, rad."""
+    x, y, z, w = product(conjugate(body.rotation), outcome.poses[body.name][1])
+    return 2.0 * math.atan2(math.hypot(x, y, z), abs(w))

@@ -1,0 +1,300 @@
+"""What-if questions to the simulation handler: in lockstep, live over Zenoh, secured; nothing disturbs the belief."""
+
+from __future__ import annotations
+
+import json
+import logging
+import math
+import re
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+from typer.testing import CliRunner
+
+import dsr
+from dsr import LocalNetwork, ManualClock, Memory, Pose
+from dsr.agent import Agent
+from dsr.cli.common import console
+from dsr.cli.main import app
+from dsr.clock import WALL_CLOCK
+from dsr.connect import SECURITY
+from dsr.errors import ConfigError, TransportError
+from dsr.keys import Keys
+from dsr.runtime.launcher import Launcher
+from dsr.runtime.lockstep import Lockstep
+from dsr.runtime.system import AgentSpec, System
+from dsr.security.authority import SecurityFolder
+from dsr.security.policy import Grant, checked, grant_for, standard_grants, write_policy
+from dsr.what_if import Answer, Change, Pending, Question, WhatIf, decode_answer, encode_question
+from simulation_handler import SimulationHandler
+from simulation_handler.rollouts.engine import Engine
+from simulation_handler.rollouts.scene import Scene
+from simulation_handler.what_if import WhatIfService
+from tests.simulation_handler.rollouts.scenes import cube, scene_of
+
+STACK = scene_of(cube("cube_1", 0.3, 0.0), cube("cube_2", 0.3, 0.0, 0.06), cube("cube_3", 0.0, 0.2))
+ABOVE_3 = Pose((0.0, 0.2, 0.0601))
+
+
+@pytest.fixture
+def service() -> Iterator[WhatIfService]:
+    """Serves the scene with a stack of two cubes, and one beside."""
+    clock = ManualClock(1000.0)
+    service = WhatIfService(LocalNetwork(clock).connect("handler"), Keys("g"), clock)
+    service.offer(STACK, 990.0)
+    yield service
+    service.close()
+
+
+def ask(service: WhatIfService, seconds: float, *changes: Change) -> Answer:
+    return service.answer(encode_question(Question(seconds, changes)))
+
+
+def test_without_changes_everything_stays_as_it_is(service: WhatIfService) -> None:
+    answer = ask(service, 1.0)
+    assert answer.refused == "" and answer.at_rest and answer.stamp == 990.0 and answer.seconds < 1.0
+    assert answer.rests_on == {"cube_1": ("table",), "cube_2": ("cube_1",), "cube_3": ("table",)}
+    assert answer.touches == (("cube_1", "cube_2"), ("cube_1", "table"), ("cube_3", "table"))
+    assert set(answer.moved) == set(answer.turned) == set(answer.poses) == {"cube_1", "cube_2", "cube_3"}
+    assert max(answer.moved.values()) < 5e-4 and max(answer.turned.values()) < 0.01
+
+
+def test_what_is_placed_well_stays_there(service: WhatIfService) -> None:
+    answer = ask(service, 1.0, Change.place("cube_2", ABOVE_3))
+    assert answer.rests_on["cube_2"] == ("cube_3",) and answer.moved["cube_2"] < 1e-3
+
+
+def test_what_is_placed_badly_topples(service: WhatIfService) -> None:
+    answer = ask(service, 2.0, Change.place("cube_2", Pose((0.025, 0.2, 0.0601))))
+    assert answer.rests_on["cube_2"] == ("table",)
+    assert answer.moved["cube_2"] > 0.03 and answer.turned["cube_2"] > 1.0
+
+
+def test_what_carried_it_is_taken_away_or_is_held(service: WhatIfService) -> None:
+    assert ask(service, 1.0, Change.remove("cube_1")).rests_on == {"cube_2": ("table",), "cube_3": ("table",)}
+    held = ask(service, 1.0, Change.hold("cube_2"), Change.remove("cube_1"))
+    assert held.poses["cube_2"][2] == 0.06 and held.rests_on["cube_2"] == ()
+    lifted = ask(
+        service, 1.0, Change.hold("cube_1", Pose((0.3, 0.0, 0.5))), Change.place("cube_2", Pose((0.3, 0.0, 0.55)))
+    )
+    assert lifted.rests_on["cube_2"] == ("cube_1",) and lifted.moved["cube_1"] == 0.0
+
+
+def test_changes_are_made_in_order_and_placing_lets_go(service: WhatIfService) -> None:
+    answer = ask(service, 1.0, Change.hold("cube_3", Pose((0.0, 0.2, 0.5))), Change.place("cube_3", ABOVE_3))
+    assert answer.moved["cube_3"] == pytest.approx(0.04, abs=2e-3)
+
+
+def test_fixtures_can_be_changed_too_and_what_falls_is_on_the_floor(service: WhatIfService) -> None:
+    answer = ask(service, 3.0, Change.remove("table"))
+    assert answer.on_floor == ("cube_1", "cube_3") and answer.rests_on["cube_1"] == ()
+    assert answer.rests_on["cube_2"] == ("cube_1",) and answer.touches == (("cube_1", "cube_2"),)
+
+
+@pytest.mark.parametrize(
+    "payload, message",
+    [
+        (encode_question(Question(1.0, (Change.remove("cube_33"),))), "no object 'cube_33'.*did you mean 'cube_3'"),
+        (encode_question(Question(1.0, (Change.remove("_floor"),))), "no object '_floor'"),
+        (encode_question(Question(1.0, (Change("cube_1", "place"),))), "to place it needs a pose"),
+        (encode_question(Question(1.0, (Change("cube_1", "place", (math.nan, *[0.0] * 5, 1.0)),))), "pose of 'cube_1'"),
+        (encode_question(Question(1.0, (Change("cube_1", "hold", (0.0,) * 7),))), "pose of 'cube_1'"),
+        (encode_question(Question(1.0, (Change.place("cube_1", Pose((1e9, 0.0, 0.0))),))), "1e\\+09 m from the world"),
+        (encode_question(Question(1.0, (Change.remove("cube_1"), Change.hold("cube_1")))), "no object 'cube_1'"),
+        (encode_question(Question(1.0, expires=998.5)), "nobody waits for this answer any more, for 1.5 s"),
+        (encode_question(Question(11.0)), "10"),
+        (msgspec.msgpack.encode({"seconds": "long"}), "malformed"),
+        (b"", "malformed"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_with_a_reason(service: WhatIfService, payload: bytes, message: str) -> None:
+    answer = service.answer(payload)
+    assert re.search(message, answer.refused), answer.refused
+    assert msgspec.structs.replace(answer, refused="") == Answer()
+    assert ask(service, 0.1).refused == ""
+
+
+def test_a_failure_of_ours_is_an_answer_too(
+    service: WhatIfService, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    def fail(*_: object) -> None:
+        raise RuntimeError("oops")
+
+    monkeypatch.setattr(Engine, "run", fail)
+    assert "the simulation handler failed: RuntimeError('oops')" in ask(service, 0.1).refused
+    assert [record.levelno for record in caplog.records] == [logging.ERROR]
+
+
+def test_before_the_first_scene_and_after_the_end_it_says_so() -> None:
+    clock = ManualClock()
+    service = WhatIfService(LocalNetwork(clock).connect("handler"), Keys("g"), clock)
+    assert "holds no scene" in ask(service, 0.1).refused
+    service.offer(Scene(()), 1.0)
+    assert ask(service, 0.1).at_rest
+    service.close()
+    service.close()
+    assert "holds no scene" in ask(service, 0.1).refused
+
+
+def test_too_many_at_once_are_refused(service: WhatIfService, monkeypatch: pytest.MonkeyPatch) -> None:
+    go, run = threading.Event(), Engine.run
+
+    def slow(self: Engine, scene: Scene, seconds: float) -> Any:
+        go.wait(20)
+        return run(self, scene, seconds)
+
+    monkeypatch.setattr(Engine, "run", slow)
+    answers: list[Answer] = []
+    threads = [threading.Thread(target=lambda: answers.append(ask(service, 0.1))) for _ in range(20)]
+    for thread in threads:
+        thread.start()
+    assert eventually(lambda: len(answers) == 4)
+    assert {answer.refused for answer in answers} == {"16 questions wait already; ask again later"}
+    go.set()
+    for thread in threads:
+        thread.join()
+    assert sum(answer.refused == "" for answer in answers) == 16
+
+
+def eventually(is_true: Callable[[], bool], timeout: float = 20.0) -> bool:
+    end = WALL_CLOCK.monotonic() + timeout
+    while not is_true() and WALL_CLOCK.monotonic() < end:
+        WALL_CLOCK.wait(threading.Event(), 0.02)
+    return is_true()
+
+
+# ---- through the agents
+
+
+class Asker(Agent):
+    """Asks in one tick and has the answer in a later one."""
+
+    name = "asker"
+    uses_memory = False
+
+    def setup(self) -> None:
+        self.what_if = WhatIf(self.bus, self.keys, self.clock)
+        self.pending: Pending | None = None
+        self.answers: list[Answer] = []
+
+    def tick(self, now: float) -> None:
+        if self.pending is None:
+            self.pending = self.what_if.ask(Question(1.0, (Change.remove("cube_1"),)))
+        elif self.pending.done:
+            assert self.pending.answer is not None, self.pending.failed
+            self.answers.append(self.pending.answer)
+            self.pending = None
+
+
+def set_scene(memory: Memory) -> None:
+    """A table with a stack of two cubes, as if it had been believed before."""
+    memory.add_node("world", "world")
+    memory.add_node("table", "table", size=(1.2, 1.2, 0.04))
+    memory.add_edge("world", "table", "RT", pose=Pose())
+    for name, height in (("cube_1", 0.02), ("cube_2", 0.06)):
+        memory.add_node(name, "cube", size=(0.04, 0.04, 0.04), mass=0.05)
+        memory.add_edge("world", name, "Virtual_RT", pose=Pose((0.3, 0.0, height)))
+
+
+def run_lockstep(agents: list[AgentSpec]) -> tuple[Lockstep, dict[str, Pose]]:
+    lockstep = Lockstep(agents, seed=3, strict=True)
+    set_scene(lockstep.memory)
+    lockstep.memory.flush()
+    lockstep.run_for(1.5)
+    return lockstep, {edge.dst: edge["pose"] for edge in lockstep.memory.edges("Virtual_RT")}
+
+
+def test_in_lockstep_agents_get_answers_and_the_belief_is_not_disturbed() -> None:
+    handler = AgentSpec("simulation_handler", SimulationHandler)
+    lockstep, undisturbed = run_lockstep([handler])
+    lockstep.close()
+    runs = [run_lockstep([handler, AgentSpec("asker", Asker)]) for _ in range(2)]
+    answers = [lockstep.runner("asker").agent.answers for lockstep, _ in runs]
+    for lockstep, _ in runs:
+        lockstep.close()
+    assert [poses for _, poses in runs] == [undisturbed] * 2
+    assert answers[0] == answers[1] and len(answers[0]) >= 5
+    assert answers[0][-1].rests_on == {"cube_2": ("table",)}
+
+
+def secure(folder: Path) -> None:
+    """Certificates for the simulation handler as it declares itself, for us who set the scene, and for readers."""
+    security = SecurityFolder(folder)
+    security.create(WALL_CLOCK.now())
+    scene = Grant(("*",), ("*",), ("*",))
+    grants = {"simulation_handler": grant_for(SimulationHandler), "scene": scene, **standard_grants()}
+    for name in grants:
+        security.issue(name, WALL_CLOCK.now())
+    write_policy(security.policy, checked(grants))
+
+
+@pytest.fixture(params=["open", "secured"])
+def live(
+    request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> Iterator[Callable[..., Any]]:
+    """The simulation handler as a process; runs `dsr what-if --json` or without."""
+    (tmp_path / "runtime").mkdir(mode=0o700)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "runtime"))
+    monkeypatch.delenv(SECURITY, raising=False)
+    monkeypatch.setattr(console, "width", 160)
+    folder = tmp_path / "keys" if request.param == "secured" else None
+    if folder is not None:
+        secure(folder)
+        monkeypatch.setenv(SECURITY, str(folder))
+    system = System("what_if", (AgentSpec("simulation_handler", SimulationHandler, module="simulation_handler"),))
+
+    def run(*arguments: str) -> Any:
+        return CliRunner().invoke(app, ["what-if", *arguments])
+
+    with (
+        Launcher(system, tmp_path / "run", security=folder) as launcher,
+        dsr.connect("what_if", agent="scene") as memory,
+    ):
+        set_scene(memory)
+        launcher.wait_ready()
+        assert eventually(lambda: not run("--hold", "cube_2", "--seconds", "0").exception)
+        yield run
+
+
+def test_live_the_command_tells_what_would_be(live: Callable[..., Any]) -> None:
+    answer = json.loads(live("--place", "cube_2=0.1,0.1,0.0201", "--seconds", "1", "--json").output)
+    assert answer["rests_on"] == {"cube_1": ["table"], "cube_2": ["table"]}
+    assert answer["poses"]["cube_2"][:2] == pytest.approx([0.1, 0.1], abs=1e-3)
+    text = live("--remove", "cube_1", "--hold", "cube_2").output
+    assert "cube_2" in text and "0.0600" in text and "all at rest" in text and "cube_1" not in text
+    result = live("--remove", "cube_11")
+    assert isinstance(result.exception, TransportError) and "did you mean 'cube_1'" in str(result.exception)
+
+
+def test_live_many_questions_at_once_are_all_answered(live: Callable[..., Any]) -> None:
+    with dsr.connect("what_if", agent="dsr") as memory:
+        what_if = WhatIf(memory.transport, memory.keys, memory.clock)
+        asked = [what_if.ask(Question(0.5, (Change.place("cube_2", Pose((0.01 * k, 0.1, 0.3))),))) for k in range(30)]
+        assert eventually(lambda: all(pending.done for pending in asked))
+        assert [pending.failed for pending in asked] == [""] * 30
+        x = [pending.answer.poses["cube_2"][0] for pending in asked if pending.answer]
+        assert x == pytest.approx([0.01 * k for k in range(30)], abs=2e-3)
+
+
+def test_live_nobody_there_is_said_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    with dsr.connect("empty", agent="script") as memory:
+        what_if = WhatIf(memory.transport, memory.keys, memory.clock, timeout=1.0)
+        with pytest.raises(TransportError, match="does the simulation handler run"):
+            what_if.ask_and_wait(Question(0.5))
+
+
+@pytest.mark.parametrize(
+    "text", ["cube_1", "=1,2,3", "cube_1=1,2", "cube_1=1,2,x", "cube_1=0,0,0,0,0,0,0", "a=nan,0,0"]
+)
+def test_a_malformed_place_is_an_error_of_the_command(text: str) -> None:
+    result = CliRunner().invoke(app, ["what-if", "--place", text])
+    assert isinstance(result.exception, ConfigError) and "--place" in str(result.exception)
+
+
+def test_answers_are_bounded_by_what_the_wire_takes(service: WhatIfService) -> None:
+    assert decode_answer(msgspec.msgpack.encode(ask(service, 0.1))) == ask(service, 0.1)
