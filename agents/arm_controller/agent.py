@@ -107,8 +107,9 @@ class ArmController(Agent):
             self._follow_targets(joints)
         elif now - self._heard > (SILENCE if self._state else START_UP) and not self.degraded:
             self.degraded = f"no sample of the arm for {now - self._heard:.1f} s"
-            self._actions.fail(self.degraded)
             self._motion.report.say(NO_DRIVER, self.degraded)
+        if self.degraded:
+            self._actions.refuse(self.degraded)
         for feed in self._feeds:
             feed.forward()
 
@@ -164,8 +165,11 @@ class ArmController(Agent):
             self._motion.resume(joints)
             self._grip.resume()
         self._actions.tick(joints)
-        self._motion.tick(joints)
-        self._grip.tick(joints)
+        for follower in (self._motion, self._grip):
+            if self._actions.running:
+                follower.give_way(self._actions.running)
+            else:
+                follower.tick(joints)
 
     def _follow_trajectory(self, way: Trajectory) -> None:
         assert self._state is not None

@@ -69,7 +69,7 @@ class ArmControllerConfig(msgspec.Struct, frozen=True):
     """0 to 1 of the joint limits, where no `target_speed` is given."""
     posture: tuple[float, ...] = ()
     """rad, preferred joint positions where a `target_pose` leaves a choice; the present ones if empty."""
-    observe_joints: tuple[float, ...] = (0.0, 0.0, 3.14159265, -0.96, 0.0, -2.08, 1.57079633)
+    observe_joints: tuple[float, ...] = (0.0, 0.0, 3.14159, -0.96, 0.0, -2.09, 1.5708)
     """rad, where `observe` goes: the arm hides nothing from the camera there; also what skills prefer to be near to"""
     acceleration: float = 4.0
     """rad/s^2, of joints in skills"""

@@ -7,7 +7,17 @@ from collections.abc import Callable
 
 from agents.arm_controller.config import ArmControllerConfig
 from agents.arm_controller.joints import Joints
-from agents.arm_controller.report import IDLE, MOVING, REACHED, STOPPED, UNREACHABLE, Report, StallDetector
+from agents.arm_controller.report import (
+    ACTING,
+    IDLE,
+    MOVING,
+    REACHED,
+    REFUSED,
+    STOPPED,
+    UNREACHABLE,
+    Report,
+    StallDetector,
+)
 from dsr import Memory
 
 _STILL = 0.0002  # m per sample; less is no motion
@@ -45,9 +55,13 @@ class Grip:
         self._stall = StallDetector()
         self._goal: float | None = None
         self._last = 0.0
+        self._yields = False
 
     def tick(self, joints: Joints) -> None:
         """Take a new opening if there is one, else see how far the fingers are."""
+        if self._yields:
+            self._yields = False
+            self.report.say(IDLE)
         changed = any(change.name == self._config.gripper for change in self._watch.poll())
         if changed:
             self._follow()
@@ -56,6 +70,23 @@ class Grip:
         elif not self.report.status:
             self.report.say(IDLE)
         self._last = joints.opening
+
+    def give_way(self, action: str) -> None:
+        """Forget the opening, because an action moves the gripper; call it in place of `tick` while it does.
+
+        One that is written meanwhile is taken away again.
+        """
+        self._watch.poll()
+        node = self._memory.get_node(self._config.gripper)
+        written = node is not None and "target_opening" in node
+        if written:
+            self._memory.remove_attribute(self._config.gripper, "target_opening")
+        if not self._yields:
+            self._goal = None
+            self.report.say(ACTING)
+        elif written:
+            self.report.say(REFUSED, f"target_opening: {action} is running")
+        self._yields = True
 
     def resume(self) -> None:
         """Follow the opening again, because the driver may have forgotten it."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+import numpy as np
+
 from agents.arm_controller.config import ArmControllerConfig
 from agents.arm_controller.joints import Joints
 from agents.arm_controller.scene import Scene, Thing
@@ -18,6 +20,7 @@ WIDTH_TOLERANCE = 0.008
 """m by which an opening may differ from the width of what is between the pads"""
 
 _SEARCH_PERIOD = 0.1  # s between two looks at the belief while what is touched is unknown
+_ASKEW = 0.35  # rad about the vertical up to which pads turn a face towards them
 _BESIDE = 0.012  # m that the tool point may be outside of the believed object
 
 
@@ -45,7 +48,7 @@ class Holding:
         self.held: str | None = None
         """Name of the object in the gripper."""
         self.tool_from_object: Pose | None = None
-        """Where it was in the gripper when it was grasped."""
+        """Where it was in the gripper when it was grasped: as believed, with its faces on the pads."""
         self._contact_at = -math.inf
         self._look_at = -math.inf
 
@@ -71,7 +74,7 @@ class Holding:
         found = candidates[0] if candidates else _between(self._scene.objects(), world_from_tool, joints.opening)
         if found is None:
             return
-        self.tool_from_object = world_from_tool.inverse() @ found.pose
+        self.tool_from_object = _between_pads(world_from_tool.inverse() @ found.pose)
         self.held = found.name
         if found.name not in known:
             self._memory.add_edge(self._config.gripper, found.name, "grasping", since=joints.stamp, source="gripper")
@@ -93,3 +96,16 @@ def _between(things: list[Thing], world_from_tool: Pose, opening: float) -> Thin
         if fits and beside <= _BESIDE:
             found.append((math.dist(inside.pose.t, (0.0, 0.0, 0.0)), thing))
     return min(found, key=lambda pair: pair[0])[1] if found else None
+
+
+def _between_pads(tool_from_object: Pose) -> Pose:
+    """The believed pose, corrected by what closed pads know: the object is midway between them, its face along them."""
+    _, y, z = tool_from_object.t
+    turn = tool_from_object.rotation_matrix
+    side = turn[:, int(np.argmax(np.abs(turn[0])))]
+    askew = math.atan2(side[1], side[0])
+    askew -= math.pi * round(askew / math.pi)
+    if abs(askew) > _ASKEW:
+        return Pose((0.0, y, z), tool_from_object.q)
+    aligned = Pose.from_rotvec((0.0, 0.0, 0.0), (0.0, 0.0, -askew)) @ Pose((0.0, 0.0, 0.0), tool_from_object.q)
+    return Pose((0.0, y, z), aligned.q)

@@ -2,7 +2,7 @@
 
 The target is what is wanted, not an event: it is followed again after the driver or this process was away.
 Writing `target_joints` or `target_pose` (or the same value again) is a new target and takes the other one
-away; removing the target, or `target_speed` 0, stops the arm.
+away; removing the target, or `target_speed` 0, stops the arm. While an action runs, targets are refused.
 """
 
 from __future__ import annotations
@@ -15,7 +15,17 @@ import numpy as np
 from agents.arm_controller.config import ArmControllerConfig
 from agents.arm_controller.joints import Joints
 from agents.arm_controller.kinematics import Chain, UnreachableError
-from agents.arm_controller.report import IDLE, MOVING, REACHED, STOPPED, UNREACHABLE, Report, StallDetector
+from agents.arm_controller.report import (
+    ACTING,
+    IDLE,
+    MOVING,
+    REACHED,
+    REFUSED,
+    STOPPED,
+    UNREACHABLE,
+    Report,
+    StallDetector,
+)
 from dsr import Memory, Node
 from dsr.errors import TransformError
 
@@ -67,9 +77,13 @@ class Motion:
         self._stall = StallDetector()
         self._active = ""  # the attribute that is followed
         self._goal: Positions | None = None  # while on the way
+        self._yields = False
 
     def tick(self, joints: Joints) -> None:
         """Take a new target if there is one, else see how far the arm is."""
+        if self._yields:
+            self._yields = False
+            self.report.say(IDLE)
         changes = [change for change in self._watch.poll() if change.name == self._config.arm]
         changed = frozenset[str]().union(*(change.attributes for change in changes))
         node = self._memory.get_node(self._config.arm)
@@ -79,6 +93,23 @@ class Motion:
             self._supervise(self._goal, joints)
         elif not self.report.status:
             self.report.say(IDLE)
+
+    def give_way(self, action: str) -> None:
+        """Forget the target, because an action moves the arm; call it in place of `tick` while it does.
+
+        A target that is written meanwhile is taken away again.
+        """
+        self._watch.poll()
+        node = self._memory.get_node(self._config.arm)
+        written = [] if node is None else [name for name in _TARGETS if name in node]
+        for name in written:
+            self._memory.remove_attribute(self._config.arm, name)
+        if not self._yields:
+            self._active, self._goal = "", None
+            self.report.say(ACTING)
+        elif written:
+            self.report.say(REFUSED, f"{written[0]}: {action} is running")
+        self._yields = True
 
     def resume(self, joints: Joints) -> None:
         """Follow the target again, because the driver may have forgotten it."""

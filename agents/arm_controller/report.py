@@ -13,6 +13,8 @@ REACHED = "reached"
 UNREACHABLE = "unreachable"
 STOPPED = "stopped"
 NO_DRIVER = "no_driver"
+ACTING = "acting"
+REFUSED = "refused"
 
 PATIENCE = 1.0
 """s that something may stand still short of its target before it counts as stopped"""

@@ -88,5 +88,5 @@ def timed(path: Array, velocity: Array, acceleration: float) -> Trajectory:
     passed = even - times[before]
     gained = 0.5 * passed * (rates[before + 1] - rates[before]) / durations[before]
     way = before + passed * (rates[before] + gained)
-    index = np.arange(len(path))
-    return Trajectory(even, np.stack([np.interp(way, index, joint) for joint in path.T], axis=1))
+    points = np.arange(len(path))
+    return Trajectory(even, np.stack([np.interp(way, points, joint) for joint in path.T], axis=1))

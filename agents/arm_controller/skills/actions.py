@@ -44,7 +44,6 @@ class Actions:
         self._log = log
         self._watch = memory.watch(node_type="action", attribute="request")
         self._steps: Steps[None] | None = None
-        self._joints: Joints | None = None
         self.running = ""
         """Name of the action under way."""
         self.step = ""
@@ -57,12 +56,23 @@ class Actions:
     def tick(self, joints: Joints) -> None:
         """Take requests, and do a step of the action under way."""
         self._arm.joints = joints
-        self.take_requests(joints)
+        self._take_requests(joints)
         if self._steps is not None:
             self._advance(self._steps)
 
-    def take_requests(self, joints: Joints | None) -> None:
-        """Start and halt what is requested; without a sample of the arm nothing can be started."""
+    def refuse(self, reason: str) -> None:
+        """Fail what is under way and what is requested, because the arm cannot be moved."""
+        if self.running:
+            self._end(FAILED, reason)
+        self._take_requests(None, reason)
+
+    def close(self) -> None:
+        """Hold still if an action is under way, and take no more requests."""
+        self._watch.close()
+        if self.running:
+            self._arm.hold_still()
+
+    def _take_requests(self, joints: Joints | None, refused: str = "") -> None:
         for change in self._watch.poll():
             node = self._memory.get_node(change.name)
             if node is None or node.type != "action":
@@ -71,27 +81,16 @@ class Actions:
             elif node.get("request") == "halt" and node.name == self.running:
                 self._end(HALTED, "")
             elif node.get("request") == "run" and node.get("status") not in (*_ENDED, RUNNING):
-                self._begin(node, joints)
+                self._begin(node, joints, refused)
 
-    def fail(self, explanation: str) -> None:
-        """End what is under way, for a reason outside of it."""
-        if self.running:
-            self._end(FAILED, explanation)
-
-    def close(self) -> None:
-        """Hold still if an action is under way, and take no more requests."""
-        self._watch.close()
-        if self.running:
-            self._arm.hold_still()
-
-    def _begin(self, node: Node, joints: Joints | None) -> None:
+    def _begin(self, node: Node, joints: Joints | None, refused: str) -> None:
         skill = node.get("skill", "")
         if skill == "stop" and self.running:
             self._end(HALTED, f"{node.name} asked to stop")
-        if problem := self._problem(node, skill, joints):
+        problem = refused or self._problem(skill)
+        if problem or joints is None:
             self._say(node.name, FAILED, problem)
             return
-        assert joints is not None
         self.running, self.step = node.name, ""
         try:
             self._arm.begin(joints, self._speed())
@@ -101,13 +100,13 @@ class Actions:
         else:
             self._say(node.name, RUNNING, "")
 
-    def _problem(self, node: Node, skill: str, joints: Joints | None) -> str:
+    def _problem(self, skill: str) -> str:
         """Why the action cannot begin, or nothing."""
         if self.running:
             return f"the arm is busy with {self.running}"
         if skill not in _SKILLS:
             return f"unknown skill {skill!r}; {suggest(skill, _SKILLS)}"
-        return "" if joints is not None else "the arm is not there"
+        return ""
 
     def _speed(self) -> float:
         node = self._memory.get_node(self._config.arm)
