@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 from agents.arm_controller.config import ArmControllerConfig, CameraConfig
@@ -11,6 +12,13 @@ from agents.arm_controller.urdf import Joint, Robot
 from dsr import Memory
 from dsr.errors import ConfigError, suggest
 from dsr.transforms import Pose
+
+STILL = 1e-4
+"""rad or m; a joint that moved less stands still"""
+STILL_OPENING = 1e-4
+"""m, likewise for the gripper"""
+REFRESH = 0.05
+"""s after which the edge of a joint that stands still is written again"""
 
 
 @dataclass(frozen=True)
@@ -55,23 +63,35 @@ class Body:
         self._memory = memory
         self._config = config
         self._plan = _plan(robot, config)
+        self._written: list[tuple[float, float]] = []  # position and stamp of each segment's edge
+        self._opening = math.inf
         self._contact: bool | None = None
+        self._forget()
         joints = [segment.joint.name for segment in self._plan.segments]
         self._joint_names = ",".join(joints)
 
     def write(self, joints: Joints) -> None:
-        """Write one sample as a bundle: the moving edges with its stamp, and the measured attributes."""
+        """Write one sample as a bundle: the moving edges with its stamp, and the measured attributes.
+
+        What stands still is written every `REFRESH` s only: a pose holds for longer than that after its stamp.
+        """
         config, memory = self._config, self._memory
         if not self._is_complete():
             self.build()
+        segments, stamp = self._plan.segments, joints.stamp
+        moved = False
         with memory.batch():
-            for segment, position in zip(self._plan.segments, joints.positions, strict=True):
-                memory.add_edge(segment.parent, segment.child, "RT", pose=segment.pose(position, joints.stamp))
-            memory.update_node(config.arm, joint_positions=joints.positions, joint_velocities=joints.velocities)
-            memory.update_node(config.gripper, opening=joints.opening)
-            if joints.contact != self._contact:
-                memory.update_node(config.gripper, contact=joints.contact)
-                self._contact = joints.contact
+            for index, (segment, position) in enumerate(zip(segments, joints.positions, strict=True)):
+                last, at = self._written[index]
+                if abs(position - last) <= STILL and stamp - at < REFRESH:
+                    continue
+                memory.add_edge(segment.parent, segment.child, "RT", pose=segment.pose(position, stamp))
+                self._written[index], moved = (position, stamp), True
+            if moved:
+                memory.update_node(config.arm, joint_positions=joints.positions, joint_velocities=joints.velocities)
+            if abs(joints.opening - self._opening) > STILL_OPENING or joints.contact != self._contact:
+                memory.update_node(config.gripper, opening=joints.opening, contact=joints.contact)
+                self._opening, self._contact = joints.opening, joints.contact
 
     def build(self) -> None:
         """Put all nodes and fixed edges in place; mounts that are there already are left as they are."""
@@ -89,7 +109,12 @@ class Body:
             for (parent, child), pose in plan.mounts.items():
                 if memory.get_edge(parent, child, "RT") is None:
                     memory.add_edge(parent, child, "RT", pose=pose)
-        self._contact = None
+        self._forget()
+
+    def _forget(self) -> None:
+        """Write everything with the next sample."""
+        self._written = [(math.inf, -math.inf)] * len(self._plan.segments)
+        self._opening, self._contact = math.inf, None
 
     def _is_complete(self) -> bool:
         """Whether nobody removed a part since `build`."""

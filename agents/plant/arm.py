@@ -115,7 +115,7 @@ class Arm:
 
     def stop(self) -> None:
         """Stay where it is; fingers that touch something go on pressing."""
-        self._ramp.stop()
+        self._ramp.stop(self.positions)
         if self._held is None and not any(map(self._touched, self._fingers)):
             self._target_opening = self.opening
 

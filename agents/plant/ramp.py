@@ -52,9 +52,11 @@ class Ramp:
         self._trajectory = np.array(times, dtype=float), np.array(positions, dtype=float)
         self._elapsed = 0.0
 
-    def stop(self) -> None:
-        """Stay where it is."""
+    def stop(self, positions: Sequence[float] | None = None) -> None:
+        """Stay where it is, or at `positions` (n,) rad."""
         self._trajectory = None
+        if positions is not None:
+            self.positions = np.array(positions, dtype=float)
         self._target = self.positions.copy()
         self.velocities[:] = 0.0
 

@@ -28,8 +28,10 @@ Steps = Generator[str, None, T]
 
 CLEARANCE = 0.06
 """m between what is carried, when it travels, and all that is below"""
-PATIENCE = 1.0
+PATIENCE = 0.5
 """s that a motion may take longer than planned"""
+GRIP_PATIENCE = 2.0
+"""s that the fingers may take"""
 STILL_OPENING = 0.0002
 """m per sample; less is no motion of the fingers"""
 _OPENED = 0.003  # m short of an opening that will do
@@ -37,6 +39,10 @@ _OPENED = 0.003  # m short of an opening that will do
 
 class SkillError(DsrError):
     """A skill cannot go on."""
+
+
+class StuckError(SkillError):
+    """The arm does not get where it was sent."""
 
 
 class Manipulator:
@@ -160,15 +166,19 @@ class Manipulator:
         self._follow(way)
 
     def has_arrived(self) -> bool:
-        """Whether the way is done. Raises `SkillError` if the arm does not get there."""
+        """Whether the way is done. Raises `StuckError` if the arm does not get there."""
         if self.joints.stamp < self._end:
             return False
         away = float(np.abs(self._here - self._goal).max())
         if away <= self.config.joint_tolerance:
             return True
         if self.joints.stamp > self._end + PATIENCE:
-            raise SkillError(f"the arm stands still {away:.3f} rad short of its goal")
+            raise StuckError(f"the arm stands still {away:.3f} rad short of its goal")
         return False
+
+    def away(self) -> float:
+        """How far the tool point is from where it was sent, m."""
+        return self._router.tool(self._goal).distance(self.tool)[0]
 
     def go(self, way: Trajectory, step: str, held: str | None) -> Steps[None]:
         """Follow a way to its end. Raises `SkillError` if the gripper does not hold `held` all the way."""
@@ -186,7 +196,7 @@ class Manipulator:
     def open(self, opening: float) -> Steps[None]:
         """Open to at least `opening` m."""
         self._driver.move_gripper(opening)
-        until = self.joints.stamp + PATIENCE
+        until = self.joints.stamp + GRIP_PATIENCE
         while abs(self.joints.opening - opening) > _OPENED:
             if self.joints.stamp > until:
                 raise SkillError(f"the gripper stands still at {self.joints.opening * 1e3:.0f} mm")
@@ -195,7 +205,7 @@ class Manipulator:
     def close(self) -> Steps[bool]:
         """Close until the fingers stand still; returns whether both pads touch something."""
         self._driver.move_gripper(0.0)
-        still, last, until = 0, self.joints.opening, self.joints.stamp + 2.0 * PATIENCE
+        still, last, until = 0, self.joints.opening, self.joints.stamp + GRIP_PATIENCE
         while still < 4 and self.joints.stamp < until:
             yield "close"
             still = still + 1 if abs(self.joints.opening - last) < STILL_OPENING else 0

@@ -7,12 +7,14 @@ from functools import partial
 from agents.arm_controller.grasps import SIDE_ROOM, GraspError, resting_poses, upright
 from agents.arm_controller.routes import Goal
 from agents.arm_controller.scene import Thing
-from agents.arm_controller.skills.manipulator import Manipulator, SkillError, Steps, first_free
+from agents.arm_controller.skills.manipulator import Manipulator, SkillError, Steps, StuckError, first_free
 from agents.arm_controller.trajectory import Trajectory
 from dsr.transforms import Pose
 
 GAP = 0.001
 """m between the held object and its support when it is let go"""
+EARLY = 0.015
+"""m above its place at which the held object may meet its support"""
 
 
 def place(arm: Manipulator, name: str, destination: str, target_pose: Pose | None) -> Steps[None]:
@@ -21,13 +23,23 @@ def place(arm: Manipulator, name: str, destination: str, target_pose: Pose | Non
     if held is None or (name and held != name):
         raise SkillError(f"the gripper holds {held or 'nothing'}, not {name or 'an object'}")
     way = _choose(arm, held, _resting(arm, held, destination, target_pose))
-    yield from arm.go(way, "approach", held)
+    yield from _go_down(arm, way, held)
     yield from arm.open(min(arm.joints.opening + SIDE_ROOM[0], arm.figure.widest))
     while arm.holding.held is not None and arm.joints.contact is False:
         yield "release"
     if arm.joints.contact:
         raise SkillError(f"{held} is still in the gripper")
     yield from arm.rise(None)
+
+
+def _go_down(arm: Manipulator, way: Trajectory, held: str) -> Steps[None]:
+    """To the place; what stops the arm a little above it is what the object shall stand on."""
+    try:
+        yield from arm.go(way, "approach", held)
+    except StuckError:
+        if arm.away() > EARLY:
+            raise
+        arm.hold_still()
 
 
 def _resting(arm: Manipulator, held: str, destination: str, target_pose: Pose | None) -> list[Pose]:
