@@ -89,16 +89,16 @@ class Router:
             limits: 0 to 1 of the joints' speed limits, and rad/s^2.
 
         Raises:
-            BlockedError: if each way that was tried is blocked, with what blocks the first one.
+            BlockedError: if each way that was tried is blocked, with what blocks the last one.
         """
-        blocked = ""
+        blocked = ITSELF
         for path in self._paths(start, goal, travel):
             rows, final = _smooth(path, goal.approach)
             by = obstacles.blocking(rows, load, final)
             if by is None:
                 return timed(rows, limits[0] * self._velocity, limits[1])
-            blocked = blocked or by
-        raise BlockedError(blocked or ITSELF)
+            blocked = by
+        raise BlockedError(blocked)
 
     def rise(
         self, start: Array, height: float, load: Load, obstacles: Obstacles, limits: tuple[float, float]

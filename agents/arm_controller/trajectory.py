@@ -19,6 +19,7 @@ SPACING = 0.02
 """rad between two points of a path, along the joint that moves most"""
 PERIOD = 0.02
 """s between two points of a trajectory"""
+_LEAST_POINTS = 5  # so that there is room to gain speed and lose it
 _ROUNDS = 2  # of smoothing: the second one makes the curvature continuous
 _BEND_SHARE = 0.7  # of the acceleration that may go into bends
 
@@ -41,7 +42,7 @@ class Trajectory:
 def resampled(path: Array) -> Array:
     """Points (m, n) evenly along the polyline `path` (k, n), ends included."""
     lengths = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(path, axis=0)).max(axis=1, initial=0.0))])
-    count = max(2, math.ceil(lengths[-1] / SPACING) + 1)
+    count = max(_LEAST_POINTS, math.ceil(lengths[-1] / SPACING) + 1)
     at = np.linspace(0.0, lengths[-1], count)
     return np.stack([np.interp(at, lengths, joint) for joint in path.T], axis=1)
 
@@ -65,7 +66,7 @@ def timed(path: Array, velocity: Array, acceleration: float) -> Trajectory:
     """The fastest way along `path` (m, n) from rest to rest.
 
     Args:
-        path: rad, evenly spaced.
+        path: rad, evenly spaced; three points or more.
         velocity: (n,) rad/s, the most for each joint.
         acceleration: rad/s^2, the most for every joint.
     """

@@ -22,6 +22,8 @@ def place(arm: Manipulator, name: str, destination: str, target_pose: Pose | Non
     held = arm.holding.held
     if held is None or (name and held != name):
         raise SkillError(f"the gripper holds {held or 'nothing'}, not {name or 'an object'}")
+    if destination == held:
+        raise SkillError(f"{held} cannot stand on itself")
     way = _choose(arm, held, _resting(arm, held, destination, target_pose))
     yield from _go_down(arm, way, held)
     yield from arm.open(min(arm.joints.opening + SIDE_ROOM[0], arm.figure.widest))

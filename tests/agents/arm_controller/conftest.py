@@ -175,8 +175,8 @@ class Bench:
 def make_bench(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Bench]]:
     benches: list[Bench] = []
 
-    def make(**config: Any) -> Bench:
-        benches.append(Bench({"driver": "fake:Arm", **config}, monkeypatch))
+    def make(kind: type[Bench] = Bench, **config: Any) -> Bench:
+        benches.append(kind({"driver": "fake:Arm", **config}, monkeypatch))
         return benches[-1]
 
     yield make
