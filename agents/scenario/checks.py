@@ -21,7 +21,8 @@ from agents.scenario.geometry import penetration, upright_box
 from agents.scenario.layout import TOUCH, object_box, overlapping, table_box
 from agents.scenario.model import RobotSpec, Scenario
 from agents.scenario.relations import GROUND
-from dsr.errors import ConfigError, suggest
+from dsr.errors import ConfigError, GoalError, suggest
+from dsr.goals import parse_goal
 from dsr.keys import check_name
 from dsr.runtime.config import TomlFile
 from dsr.runtime.toml_lines import Path
@@ -46,6 +47,7 @@ def check_scenario(scenario: Scenario, etc: FilePath | None) -> None:
         _check_kills(scenario, etc / "systems" / f"{scenario.system}.toml")
     _check_settings(scenario)
     _check_names(scenario)
+    _check_mission(scenario)
     _check_places(scenario)
     for index, event in enumerate(scenario.events):
         _check_event(event, ("event", index), scenario)
@@ -108,6 +110,17 @@ def _check_names(scenario: Scenario) -> None:
             other = markers.setdefault(spec.marker_id, spec.name)
             message = f"{spec.name!r} has the marker {spec.marker_id} of {other!r}; expected one used once"
             _require(other == spec.name, ("object", index, "marker_id"), message)
+
+
+def _check_mission(scenario: Scenario) -> None:
+    """The goal can be read, and is about things that are there."""
+    if scenario.mission is None:
+        return
+    try:
+        goal = parse_goal(scenario.mission.goal)
+        goal.check_names({*GROUND, *(spec.name for spec in scenario.objects)})
+    except GoalError as error:
+        raise InconsistencyError(("mission", "goal"), str(error)) from error
 
 
 def _check_places(scenario: Scenario) -> None:
