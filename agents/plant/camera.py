@@ -53,6 +53,8 @@ class Camera:
         self.sensor = sensor
         self.covers = 0
         """How many things cover the lens; with any, images are black and depths unknown."""
+        self.in_view: list[str] = []
+        """Objects whose tag could be seen in the last frame."""
         self.illusions: dict[str, Illusion] = {}
         """Objects that the next frames show elsewhere."""
         self._mount = mount

@@ -71,6 +71,8 @@ class Truth(msgspec.Struct, frozen=True):
     """world_from_camera (optical frame) by name, of the cameras in use"""
     moving: tuple[str, ...] = ()
     """Objects that do not lie still."""
+    in_view: tuple[str, ...] = ()
+    """Objects whose tag the camera could see in its last frame."""
     moves: dict[int, tuple[float, float | None]] = {}
     """Of what the experimenter has begun, by the event's number in the file (from 1): begin, end; s after the start"""
 

@@ -34,6 +34,7 @@ def read_tags(camera: Camera, world: World, stamp: float) -> TagReadings:
     """The tags that `camera` sees now, with its errors; drawn also for those it does not see."""
     errors = camera.sensor.errors()
     readings = []
+    camera.in_view = []
     poses = {} if camera.covers else camera.seen_poses(world)
     camera_from_world = camera.pose.inverse()
     for name, spec in world.specs.items():
@@ -43,8 +44,18 @@ def read_tags(camera: Camera, world: World, stamp: float) -> TagReadings:
         pose = camera_from_world @ poses[name]
         if _sees(camera, world, spec, pose):
             readings.append(_measured(spec.marker_id, pose, errors[name], noise))
+            camera.in_view.append(name)
     lens = camera.lens
     return TagReadings(stamp, readings, Lens(lens.fx, lens.fy, lens.cx, lens.cy, lens.width, lens.height))
+
+
+def tags_in_view(camera: Camera, world: World) -> list[str]:
+    """Names of the objects whose tag `camera` could see now."""
+    camera_from_world = camera.pose.inverse()
+    specs = [spec for name, spec in world.specs.items() if name in world and spec.marker_id is not None]
+    if camera.covers:
+        return []
+    return [spec.name for spec in specs if _sees(camera, world, spec, camera_from_world @ world.pose(spec.name))]
 
 
 def _measured(marker_id: int, camera_from_object: Pose, error: float, noise: NDArray[np.float64]) -> TagReading:

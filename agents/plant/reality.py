@@ -16,7 +16,7 @@ from agents.plant.config import PlantConfig
 from agents.plant.experimenter import Experimenter
 from agents.plant.messages import Command, Follow, MoveGripper, MoveJoints, Truth, seven
 from agents.plant.noise import SensorModel
-from agents.plant.poses import read_tags
+from agents.plant.poses import read_tags, tags_in_view
 from agents.plant.renderer import Intrinsics, Renderer
 from agents.plant.stage import Stage
 from agents.plant.world import World
@@ -78,12 +78,14 @@ class Reality:
             held=self.arm.held,
             camera={self.camera.name: seven(self.camera.pose)},
             moving=tuple(name for name in self.world if not self.world.is_still(name)),
+            in_view=tuple(self.camera.in_view),
             moves=dict(self.experimenter.spans),
         )
 
     def frame(self, stamp: float) -> Frame:
         """What the camera sees, as images; only with the sensor `pixels`."""
         assert self._renderer is not None
+        self.camera.in_view = tags_in_view(self.camera, self.world)
         return self.camera.photograph(self.world, self._renderer, stamp)
 
     def readings(self, stamp: float) -> TagReadings:

@@ -8,6 +8,7 @@ from typing import Any
 
 from agents.scenario.expectations import BeliefError, Check, Edges, Expectation, OfObjects, Surprises, Windowed
 from agents.scenario.history import History, Sample
+from agents.scenario.perturbations import event_end
 
 WithWindow = Windowed | BeliefError | Edges | Surprises
 Finding = tuple[bool, str]
@@ -26,7 +27,7 @@ def time_of(check: Expectation, history: History) -> float | None:
     """When it is judged, s after the start; None if the event that it counts from has not ended."""
     if check.event is None:
         return history.scenario.duration if check.at is None else check.at
-    end = history.event_end(check.event)
+    end = event_end(history, check.event)
     return None if end is None or check.at is None else end + check.at
 
 
@@ -34,7 +35,7 @@ def begin_of(check: WithWindow, history: History, default: float | None) -> floa
     """When its window begins, s after the start; `default` if the file does not say and it follows no event."""
     if check.event is None:
         return default if check.after is None else check.after
-    end = history.event_end(check.event) or 0.0
+    end = event_end(history, check.event) or 0.0
     if check.after is None:
         return end if isinstance(check, Windowed | Surprises) else None
     return end + check.after

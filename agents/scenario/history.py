@@ -36,6 +36,8 @@ class Sample(msgspec.Struct, frozen=True, kw_only=True):
     """True: the object in the gripper."""
     moving: frozenset[str] = frozenset()
     """True: objects that do not lie still."""
+    in_view: frozenset[str] = frozenset()
+    """True: objects whose tag the camera could see."""
     surprising: frozenset[str] = frozenset()
     absent: frozenset[str] = frozenset()
     """Objects believed to have left the scene."""
@@ -99,15 +101,9 @@ class History:
         first = bisect_right(self.samples, begin - _SLACK, key=lambda sample: sample.time)
         return self.samples[first : self._index_after(end)]
 
-    def event_end(self, number: int) -> float | None:
-        """When the motion of an event (numbered from 1) had ended: nothing but what the gripper holds still moved."""
-        end = self.spans.get(number, (0.0, None))[1]
-        return None if end is None else self.still_from(end)
-
-    def still_from(self, time: float) -> float | None:
-        """When, from `time` (s) on, all objects lay still for the first time, but for the held one."""
-        samples = self.samples[bisect_right(self.samples, time + _SLACK, key=lambda sample: sample.time) :]
-        return next((sample.time for sample in samples if not sample.moving - {sample.held}), None)
+    def after(self, time: float) -> Sequence[Sample]:
+        """The samples after `time` (s)."""
+        return self.samples[self._index_after(time) :]
 
     def mission(self, time: float) -> MissionState | None:
         """The last state of any intention until `time` (s)."""

@@ -109,6 +109,7 @@ class Judge:
             attributes=self._attributes(),
             held=truth.held,
             moving=truth.moving,
+            in_view=truth.in_view,
             surprising=frozenset(name for name, node in nodes.items() if node.get("surprising", False)),
             absent=frozenset(name for name, node in nodes.items() if not node.get("present", True)),
         )

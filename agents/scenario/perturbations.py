@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 
 import msgspec
 
@@ -12,7 +13,9 @@ from agents.scenario.relations import true_relations
 from dsr.transforms import Pose
 
 DISTURBED = 0.002
-"""m that a true object must move to count as moved again"""
+"""m that a true object must move to count as moved"""
+TURNED = 0.05
+"""rad that a true object must turn to count as moved"""
 WRONG = 0.020
 """m from the truth, from where on a belief is wrong rather than inexact"""
 AFTER_EXPLANATION = 0.3
@@ -27,7 +30,7 @@ class Perturbation(msgspec.Struct, frozen=True):
     begin: float
     """s after the start"""
     end: float
-    """s after the start, when all objects lay still again; infinite if they never did"""
+    """s after the start, when all objects lay still again and were to be seen; infinite if they never did"""
     until: float
     """s after the start: the next perturbation or the end"""
 
@@ -57,9 +60,39 @@ def perturbations(history: History) -> list[Perturbation]:
     nexts = [*(begin for _, begin, _ in groups), end_of_run][1:]
     found = []
     for (numbers, begin, end), until in zip(groups, nexts, strict=True):
-        still = history.still_from(end) if end < math.inf else None
-        found.append(Perturbation(tuple(numbers), begin, math.inf if still is None else still, until))
+        over = None if end == math.inf else clear_from(history, begin, end, until)
+        found.append(Perturbation(tuple(numbers), begin, math.inf if over is None else over, until))
     return found
+
+
+def event_end(history: History, number: int) -> float | None:
+    """When an event (numbered from 1) was over, as `clear_from` says; None if it was not."""
+    begin, end = history.spans.get(number, (0.0, None))
+    return None if end is None else clear_from(history, begin, end, math.inf)
+
+
+def clear_from(history: History, begin: float, end: float, until: float) -> float | None:
+    """When what happened between `begin` and `end` (s) was over, and to be seen; None if never before `until`.
+
+    All objects lie still, but for the held one, and what was moved and nothing stands on has come into the camera's
+    view since: the arm may have been in front of it. What never does, like a tag on its side, is not waited for.
+    """
+    still = next(
+        (
+            earlier
+            for earlier, later in pairwise(history.after(end))
+            if not (earlier.moving | later.moving) - {earlier.held, later.held}
+        ),
+        None,
+    )
+    if still is None:
+        return None
+    samples = history.window(still.time, until)
+    before = history.before(begin) or history.samples[0]
+    covered = {lower for _, lower in true_relations(history.scenario, still.truth)}
+    moved = {name for name, pose in still.truth.items() if not _stays(before.truth.get(name), pose)} - covered
+    seen = (next((one.time for one in samples if name in one.in_view), still.time) for name in moved)
+    return max(seen, default=still.time)
 
 
 def recovery(history: History, after: Perturbation, tolerance: float, names: Sequence[str] | None = None) -> Recovery:
@@ -90,7 +123,7 @@ def _errors(samples: Sequence[Sample], name: str) -> list[tuple[float, float]]:
     found = []
     for sample in samples:
         true, belief = sample.truth.get(name), sample.beliefs.get(name)
-        if name == sample.held or name in sample.moving or not _is_near(start, true):
+        if name == sample.held or not _stays(start, true):
             break
         if true is None:
             error = 0.0 if belief is None else math.inf
@@ -100,10 +133,11 @@ def _errors(samples: Sequence[Sample], name: str) -> list[tuple[float, float]]:
     return found
 
 
-def _is_near(start: Pose | None, now: Pose | None) -> bool:
+def _stays(start: Pose | None, now: Pose | None) -> bool:
     if start is None or now is None:
         return start is now
-    return start.distance(now)[0] < DISTURBED
+    distance, angle = start.distance(now)
+    return distance < DISTURBED and angle < TURNED
 
 
 def wrong_explanations(history: History) -> list[Explained]:

@@ -21,6 +21,8 @@ class Truth(msgspec.Struct, frozen=True):
     """Object in the gripper."""
     moving: frozenset[str] = frozenset()
     """Objects that do not lie still."""
+    in_view: frozenset[str] = frozenset()
+    """Objects whose tag the camera could see in its last frame."""
     moves: dict[int, tuple[float, float | None]] = {}
     """By the number of an event in the file (from 1): when its move began and ended, s after the start."""
 

@@ -334,3 +334,18 @@ def test_the_truth_tells_when_moves_began_and_ended_and_what_moves(
     play(reality, 0.5, start=0.5)
     assert reality.truth(1.0).moves[2] == pytest.approx((0.2, 0.7), abs=1e-2)
     assert reality.truth(1.0).moving == ()
+
+
+@pytest.mark.parametrize("sensor", ["poses", "pixels"])
+def test_the_truth_tells_which_tags_the_camera_could_see(
+    make_reality: MakeReality, cube: MakeCube, play: Play, sensor: str
+) -> None:
+    config = {"sensor": sensor, "renderer": "tiny"}
+    cubes = (cube(4, 0.35, 0.1), cube(3, 0.35, 0.1, 0.06), cube(5, 0.35, -0.1))
+    reality = make_reality(*cubes, events=[CameraCover(at=0.1, duration=1.0)], config=config)
+    look = reality.frame if sensor == "pixels" else reality.readings
+    look(0.0)
+    assert set(reality.truth(0.0).in_view) == {"cube_3", "cube_5"}
+    play(reality, 0.2)
+    look(0.2)
+    assert reality.truth(0.2).in_view == ()

@@ -91,6 +91,18 @@ def test_recovery_counts_from_when_all_lies_still():
     assert recovery(history, one, 0.2).seconds == 0.0
 
 
+def test_recovery_counts_from_when_what_was_moved_can_be_seen():
+    history = course(fields=lambda time: {"in_view": frozenset("a" if time < 4.0 or time >= 5.7 else "")})
+    (one,) = perturbations(history)
+    assert one.end == pytest.approx(5.7)
+    assert recovery(history, one, 0.005).seconds == pytest.approx(0.3)
+
+
+def test_a_passing_tremble_does_not_end_what_is_looked_at():
+    history = course(fields=lambda time: {"moving": frozenset("a")} if time == 5.5 else {})
+    assert recovery(history, perturbations(history)[0], 0.005).seconds == pytest.approx(1.0)
+
+
 def test_events_that_overlap_are_one_perturbation_and_one_under_way_never_ends():
     history = course()
     history.spans = {2: (4.5, 6.0), 1: (4.0, 4.9), 3: (8.0, None)}
