@@ -99,8 +99,9 @@ def own_actions(memory: Memory) -> list[Node]:
 
 
 def is_under_way(node: Node) -> bool:
-    """Whether the arm was asked to run it and has not said that it ended."""
-    return node.get("request", "") != "" and _progress(node).status not in ENDED
+    """Whether the arm runs it, or may be about to."""
+    status = _progress(node).status
+    return status == RUNNING or (status == PLANNED and node.get("request", "") == RUN)
 
 
 def other_action(memory: Memory, own: str) -> str | None:

@@ -41,6 +41,8 @@ class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """s after which an intention that was reached is removed."""
     most_failures: int = 4
     """Actions that may fail without anything put where it belongs; then the goal counts as failed."""
+    most_plans_in_vain: int = 6
+    """Plans that may be carried out to their end without the goal holding then; then it counts as failed."""
 
     widest_grip: float = 0.08
     """m, the widest thing that can be grasped."""

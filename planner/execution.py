@@ -15,7 +15,19 @@ from dsr.keys import agent_of
 from dsr.memory import Memory
 from dsr.relations import SURFACES, THINGS, Relations, read_relations
 from planner import intentions
-from planner.actions import DONE, ENDED, FAILED, HALT, HALTED, PLANNED, RUN, Actions, Progress, other_action
+from planner.actions import (
+    DONE,
+    ENDED,
+    FAILED,
+    HALT,
+    HALTED,
+    PLANNED,
+    RUN,
+    Actions,
+    Progress,
+    is_under_way,
+    other_action,
+)
 from planner.config import PlannerConfig
 from planner.errors import GoalNotPossible, NoPlace, PlanningError, SolverFailed, SolverMissing, Unsolvable
 from planner.grounding import OBSERVE, Place, Skill
@@ -25,6 +37,8 @@ from planner.monitor import Monitor, differences, surprising
 from planner.plan import Step
 from planner.state import read_state
 
+_ONE_LOOK = 0.5
+"""s in which the arm sees a request"""
 Script = Generator[None, None, None]
 """Does a part of its work each time it is resumed."""
 
@@ -85,8 +99,13 @@ class Execution:
         self._actions = Actions(self._memory, self.intention.name)
         self._replans = self.intention.replans
         self._failures = 0
+        self._plans = 0
+        self._in_vain = 0
         self._avoid: list[Place] = []
         self._running = ""
+        self._at_rest = True
+        self._last = self._relations()
+        self._last_since = self._now()
 
     # ---- the whole
 
@@ -95,6 +114,9 @@ class Execution:
         try:
             yield from self._pursue()
         except GivingUp as end:
+            yield from self._halt()
+            if not self._at_rest:
+                yield from self._observe()
             self._actions.drop(ended_too=False)
             self._end(end.status, str(end))
 
@@ -119,7 +141,7 @@ class Execution:
     def _pursue(self) -> Script:
         goal = self._read_goal()
         yield from self._until_there(goal)
-        if self._hidden(goal):
+        if self._is_hidden(goal.things):
             yield from self._observe()
         while True:
             yield from self._settle()
@@ -134,6 +156,17 @@ class Execution:
                 yield from self._act(goal, steps, skills)
             except Setback as setback:
                 yield from self._recover(setback)
+            else:
+                yield from self._settle()
+                self._check_worth(goal)
+
+    def _check_worth(self, goal: Goal) -> None:
+        """After a plan that was carried out to its end: raise `GivingUp` if that has been in vain too often."""
+        missing = goal.missing(self._relations())
+        self._in_vain += bool(missing)
+        if self._in_vain >= self._config.most_plans_in_vain:
+            wrong = " & ".join(map(str, missing))
+            raise GivingUp(intentions.FAILED, f"{self._in_vain} plans were carried out, and still not: {wrong}")
 
     def _reached(self) -> None:
         status = intentions.MAINTAINED if self.intention.maintain else intentions.REACHED
@@ -168,29 +201,25 @@ class Execution:
         known = relations.things | relations.tables
         return next((name for name in goal.things if name not in known), "")
 
-    def _hidden(self, goal: Goal) -> bool:
-        """Whether cameras should see less than half of something on top: the arm may be in front of it."""
+    def _is_hidden(self, things: Iterable[str]) -> bool:
+        """Whether no camera should see one of `things` although nothing is on it: the arm may be in front of it."""
         relations = self._relations()
-        covered = {support for _, support in relations.on}
-        return any(
-            edge.get("visible") is False and edge.dst not in covered
-            for name in goal.things
-            for edge in self._memory.edges("sees", dst=name)
-        )
+        covered = {support for _, support in relations.on} | relations.held
+        views = {name: self._memory.edges("sees", dst=name) for name in things if name not in covered}
+        return any(edges and not any(edge.get("visible") for edge in edges) for edges in views.values())
 
     # ---- planning
 
     def _settle(self) -> Script:
         """Wait for relations that stay the same and for surprises to be explained, both not for ever."""
         config, began = self._config, self._now()
-        relations, since = self._relations(), self._now()
         while True:
             now, surprises = self._now(), surprising(self._memory)
-            if (newer := self._relations()) != relations:
-                relations, since = newer, now
+            if (newer := self._relations()) != self._last:
+                self._last, self._last_since = newer, now
             explained = not surprises or now - began >= config.settle + config.explain
             if self._arm_there():
-                if explained and now - since >= config.settle - 1e-6:
+                if explained and now - self._last_since >= config.settle - 1e-6:
                     return
                 if surprises:
                     self._tell(WAITING, f"surprising: {', '.join(surprises)}")
@@ -200,6 +229,8 @@ class Execution:
 
     def _plan(self, goal: Goal) -> Generator[None, None, tuple[tuple[Step, ...], list[Skill]]]:
         """A plan from what is believed now, in the graph. Raises `GivingUp`."""
+        self._replans += self._plans > 0
+        self._plans += 1
         self._tell(PLANNING)
         state = read_state(self._memory, self._config)
         kept = [(name, other) for name, other in self.around.kept(self.intention) if other.holds(state.relations)]
@@ -242,6 +273,7 @@ class Execution:
                 self._failures = 0 if step.name != "pick" else self._failures
             before = self._relations()
         yield from self._run_action(names[-1], f"action {len(names)} of {len(names)}: {OBSERVE}", lambda: None)
+        self._at_rest = True
 
     def _replaced(self, skills: list[Skill]) -> list[str]:
         """Fresh nodes for what is left of a plan: an action that was halted is not begun again."""
@@ -285,7 +317,7 @@ class Execution:
             watch()
             yield
         self._actions.ask(name, RUN)
-        self._running, began = name, self._now()
+        self._running, self._at_rest, began = name, False, self._now()
         while (progress := self._actions.progress(name)).status not in ENDED:
             elapsed = self._now() - began
             if not self._arm_there():
@@ -309,13 +341,20 @@ class Execution:
         """Halt, look, and let the relations settle: 0 if they are as before the step, 1 as after it, else None."""
         self._tell(WAITING, str(setback))
         yield from self._halt()
-        yield from self._observe()
+        if self._must_look():
+            yield from self._observe()
         yield from self._settle()
         relations = self._relations()
         for steps_done, wanted in enumerate((before, step.after(before))):
             if relations.facts == wanted.facts and relations.things == wanted.things:
                 return steps_done
         return None
+
+    def _must_look(self) -> bool:
+        """Whether the arm may hide something where it is; it does unless all is known to be in view."""
+        things = self._relations().things
+        known = any(self._memory.edges("sees", dst=thing) for thing in things)
+        return not known or self._is_hidden(things)
 
     def _recover(self, setback: Setback) -> Script:
         """Come to rest after a setback, and count it. Raises `GivingUp` after too many failures."""
@@ -327,7 +366,6 @@ class Execution:
             self._failures += 1
             if self._failures >= self._config.most_failures:
                 raise GivingUp(intentions.FAILED, str(setback))
-        self._replans += 1
         self._tell(PLANNING, str(setback))
 
     def _halt(self) -> Script:
@@ -342,6 +380,8 @@ class Execution:
                 if self._running in self._memory and self.intention.name not in self._memory:
                     break
                 began = self._now()
+            elif not is_under_way(self._memory.node(self._running)) and self._now() - began > _ONE_LOOK:
+                break  # it was never begun, and will not be
             elif self._now() - began > self._config.halt_limit:
                 self.around.log.error("the arm does not halt %s", self._running)
                 break
@@ -359,6 +399,7 @@ class Execution:
         except Setback as setback:
             progress = Progress(FAILED, str(setback))
             yield from self._halt()
+        self._at_rest = True
         if progress.status in (FAILED, HALTED):
             self.around.log.warning("the arm could not go to its rest: %s", progress.explanation)
 
