@@ -20,6 +20,7 @@ from dsr.graph import Graph
 from dsr.runtime.logs import LogRecord
 from dsr.runtime.status import State, Status, encode_status
 from dsr.shared_ring import Ticket
+from dsr.what_if import Answer, Change, Question, encode_answer, encode_question
 from dsr.wire import Digest, encode_delta, encode_digest
 
 NOW = 1_000_000_000.0
@@ -122,6 +123,28 @@ def truths() -> list[bytes]:
     """The true world."""
     truth = Truth(NOW, {"cube_3": _SEVEN, "cube_4": _SEVEN}, (0.1,) * JOINTS, 0.08, "cube_3", {"overhead": _SEVEN})
     return [msgspec.msgpack.encode(truth)]
+
+
+def questions() -> list[bytes]:
+    """Questions to the belief's simulator."""
+    changes = (Change.place("cube_3", Pose(_SEVEN[:3])), Change.hold("cube_4"), Change.remove("cube_5"))
+    return [encode_question(Question(0.5, changes, NOW)), encode_question(Question(1.0))]
+
+
+def answers() -> list[bytes]:
+    """Its answers."""
+    whole = Answer(
+        stamp=NOW,
+        seconds=0.5,
+        at_rest=True,
+        poses={"cube_3": _SEVEN},
+        moved={"cube_3": 0.001},
+        turned={"cube_3": 0.02},
+        rests_on={"cube_3": ("table",)},
+        touches=(("cube_3", "table"),),
+        on_floor=("cube_4",),
+    )
+    return [encode_answer(whole), encode_answer(Answer(refused="no object 'cube_9'"))]
 
 
 def endpoint_files() -> list[bytes]:

@@ -28,6 +28,7 @@ from dsr.persistence.records import HEADER, append_record, read_records
 from dsr.rendezvous import members
 from dsr.runtime.logs import decode_log
 from dsr.runtime.status import decode_status
+from dsr.what_if import decode_answer, decode_question
 from dsr.wire import decode_delta, decode_digest, encode_delta
 
 _LOOK_EVERY = 500
@@ -60,6 +61,8 @@ def targets(folder: Path) -> list[Target]:
         Target("tag readings", decode_tag_readings, corpus.tag_readings(), 1),
         Target("scenario start", decode_start, corpus.starts(), 0.5),
         Target("truth", decode_truth, corpus.truths(), 1),
+        Target("what-if question", decode_question, corpus.questions(), 1),
+        Target("what-if answer", decode_answer, corpus.answers(), 1),
         Target("endpoint file", _endpoint_reader(folder), corpus.endpoint_files(), 0.3),
         Target("graph file", lambda payload: read_graph(write_file(folder / "graph.json", payload)),
                corpus.graph_files(), 0.5, json.loads, dump_json),

@@ -18,7 +18,9 @@ from simulation_handler.rollouts.scene import Body, Placing, Scene
 from simulation_handler.simulator import TIME_STEP, Contact, SimulationError, Simulator
 
 _STRIDE = 8  # steps from one look at what still moves to the next
-_STILL = 2e-6  # m that a corner moves in those steps at most when all is at rest
+_STILL = 2e-6  # m that a corner moves in those steps at most when its body is at rest
+_SETTLING = 1e-5  # m, likewise, when it also gets slower by _DECAY or more: contacts settle, what topples gets faster
+_DECAY = 0.75
 
 
 @dataclass(frozen=True)
@@ -62,16 +64,18 @@ class Engine:
         if not 0.0 <= seconds < math.inf:
             raise SimulationError(f"{seconds} s cannot be simulated; expected 0 or more")
         self._load(scene)
-        free = [body for body in self._loaded if not _is_fixed(body)]
+        free = [body for body in scene.bodies if not _is_fixed(body)]
         left = steps = round(seconds / TIME_STEP)
         poses = {body.name: (body.position, body.rotation) for body in free}
+        motions = [math.inf] * len(free)
         at_rest = False
         while left and not at_rest:
             count = min(left, _STRIDE)
             self._sim.step(count)
             left -= count
             before, poses = poses, {body.name: self._sim.pose(body.name) for body in free}
-            at_rest = count == _STRIDE and all(_motion(body, before, poses) <= _STILL for body in free)
+            earlier, motions = motions, [_motion(body, before, poses) for body in free]
+            at_rest = count == _STRIDE and all(map(_is_at_rest, earlier, motions))
         return self._outcome(scene, poses, (steps - left) * TIME_STEP, at_rest)
 
     def _load(self, scene: Scene) -> None:
@@ -110,6 +114,11 @@ def _is_fixed(body: Body) -> bool:
 def _what_stays(body: Body) -> Body:
     """What must be equal for a simulated body to be used again: all of a fixed one, all but the pose of another."""
     return body if _is_fixed(body) else body._replace(position=(0.0, 0.0, 0.0), rotation=(0.0, 0.0, 0.0, 1.0))
+
+
+def _is_at_rest(earlier: float, motion: float) -> bool:
+    """Whether a body that moved by `earlier` and then by `motion` m, in a stride each, will stay where it is."""
+    return motion <= _STILL or motion <= min(_SETTLING, _DECAY * earlier)
 
 
 def _motion(body: Body, before: Mapping[str, Placing], now: Mapping[str, Placing]) -> float:

@@ -6,6 +6,8 @@ import json
 import logging
 import math
 import re
+import subprocess
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -16,6 +18,8 @@ import pytest
 from typer.testing import CliRunner
 
 import dsr
+from benchmarks.fuzz import corpus
+from benchmarks.fuzz.mutations import Mutator
 from dsr import LocalNetwork, ManualClock, Memory, Pose
 from dsr.agent import Agent
 from dsr.cli.common import console
@@ -29,7 +33,7 @@ from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec, System
 from dsr.security.authority import SecurityFolder
 from dsr.security.policy import Grant, checked, grant_for, standard_grants, write_policy
-from dsr.what_if import Answer, Change, Pending, Question, WhatIf, decode_answer, encode_question
+from dsr.what_if import Answer, Change, Pending, Question, WhatIf, decode_answer, encode_answer, encode_question
 from simulation_handler import SimulationHandler
 from simulation_handler.rollouts.engine import Engine
 from simulation_handler.rollouts.scene import Scene
@@ -37,6 +41,7 @@ from simulation_handler.what_if import WhatIfService
 from tests.simulation_handler.rollouts.scenes import cube, scene_of
 
 STACK = scene_of(cube("cube_1", 0.3, 0.0), cube("cube_2", 0.3, 0.0, 0.06), cube("cube_3", 0.0, 0.2))
+DOCUMENT = Path(__file__).parents[2] / "docs/what_if.md"
 ABOVE_3 = Pose((0.0, 0.2, 0.0601))
 
 
@@ -296,5 +301,20 @@ def test_a_malformed_place_is_an_error_of_the_command(text: str) -> None:
     assert isinstance(result.exception, ConfigError) and "--place" in str(result.exception)
 
 
-def test_answers_are_bounded_by_what_the_wire_takes(service: WhatIfService) -> None:
-    assert decode_answer(msgspec.msgpack.encode(ask(service, 0.1))) == ask(service, 0.1)
+def test_nonsense_is_always_answered(service: WhatIfService, caplog: pytest.LogCaptureFixture) -> None:
+    mutate = Mutator([*corpus.questions(), encode_question(Question(0.1, (Change.place("cube_2", ABOVE_3),)))], 1)
+    answers = [decode_answer(encode_answer(service.answer(mutate()))) for _ in range(400)]
+    assert sum(answer.refused != "" for answer in answers) > 200
+    assert caplog.records == [], "no failure of ours"
+    assert ask(service, 0.1).refused == ""
+
+
+@pytest.mark.parametrize("live", ["open"], indirect=True)
+def test_the_example_of_the_document_works(live: Callable[..., Any]) -> None:
+    (code,) = re.findall(r"`would_it_stand.py`:\n```python\n(.*?)^```$", DOCUMENT.read_text(), re.DOTALL | re.MULTILINE)
+    code = code.replace("tabletop", "what_if").replace("cube_3", "cube_2").replace("cube_4", "cube_1")
+    outputs = [
+        subprocess.run([sys.executable, "-c", version], capture_output=True, text=True, check=True, timeout=60).stdout
+        for version in (code, code.replace("0.015", "0.025"))
+    ]
+    assert outputs[0].startswith("stands") and outputs[1].startswith("falls")

@@ -29,15 +29,26 @@ def fresh(scene: Scene, seconds: float) -> Outcome:
         engine.close()
 
 
+def never_end_early(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(engine_module, "_is_at_rest", lambda *_: False)
+
+
 def test_outcomes_are_bit_identical_whatever_ran_before(engine: Engine, monkeypatch: pytest.MonkeyPatch):
     """Also after runs long enough for Bullet's timers of sleep (2 s), which cannot be reset."""
-    monkeypatch.setattr(engine_module, "_STILL", 0.0)
+    never_end_early(monkeypatch)
     rng = np.random.default_rng(7)
     jobs = {seed: (random_scene(seed), float(rng.choice([0.25, 0.5, 2.6]))) for seed in range(10)}
     alone = {seed: fresh(*job) for seed, job in jobs.items()}
     history = rng.integers(0, len(jobs), 40).tolist()
     for seed in (seed for pair in zip(history, history, strict=True) for seed in pair):
         assert engine.run(*jobs[seed]) == alone[seed], seed
+
+
+def test_when_it_ends_does_not_depend_on_what_ran_before(engine: Engine, monkeypatch: pytest.MonkeyPatch):
+    """A run ends at once if nothing has moved since the scene's poses, whatever the last scene's were."""
+    monkeypatch.setattr(engine_module, "_STILL", 1.0)
+    low, high = scene_of(cube("a", 0.0, 0.0, 0.1)), scene_of(cube("a", 0.0, 0.0, 5.0))
+    assert [engine.run(scene, 0.5).seconds for scene in (low, high, low)] == [8 / 240] * 3
 
 
 def test_moving_and_holding_the_same_bodies_is_bit_identical_too(engine: Engine):
@@ -67,7 +78,7 @@ def test_what_topples_slowly_is_not_taken_to_be_at_rest(engine: Engine, overhang
 
 def test_an_early_end_changes_nothing_that_matters(engine: Engine, monkeypatch: pytest.MonkeyPatch):
     early = [engine.run(random_scene(seed), 3.0) for seed in range(12)]
-    monkeypatch.setattr(engine_module, "_STILL", 0.0)
+    never_end_early(monkeypatch)
     full = [engine.run(random_scene(seed), 3.0) for seed in range(12)]
     assert any(outcome.seconds < 2.0 for outcome in early) and all(outcome.seconds == 3.0 for outcome in full)
     for ended, whole in zip(early, full, strict=True):
