@@ -48,7 +48,9 @@ class Bench:
 
     def __init__(self, places: list[tuple[float, float, float]], *, seed: int = 0, noise: float = 0.0) -> None:
         rng = np.random.default_rng(seed)
-        self._errors = {f"cube_{3 + index}": (*rng.normal(0.0, noise, 2), 0.0) for index in range(len(places))}
+        self._errors: dict[str, tuple[float, float, float]] = {
+            f"cube_{3 + index}": (*rng.normal(0.0, noise, 2).tolist(), 0.0) for index in range(len(places))
+        }
         with tempfile.TemporaryDirectory(prefix="dsr-pick-") as folder:
             file = Path(folder) / "cubes.toml"
             file.write_text(_scenario(places), encoding="utf-8")
@@ -101,6 +103,11 @@ class Bench:
         assert self.truth is not None
         seven = self.truth.objects[name]
         return Pose(seven[:3], seven[3:])
+
+    def lower(self, name: str, by: float) -> None:
+        """Let the object be believed `by` m too low."""
+        x, y, z = self._errors[name]
+        self._errors[name] = (x, y, z - by)
 
     def _believe(self, key: str, payload: bytes) -> None:
         self.truth = msgspec.msgpack.decode(payload, type=Truth)

@@ -23,7 +23,7 @@ SIDE_ROOM = (0.03, 0.012)
 """m that the fingers open wider than the object: usually, and between neighbours"""
 
 _GROUND = 0.003  # m that the pads stay above what the object stands on
-_DEPTH = 0.02  # m below the top of an object at which it is held, if it is high enough
+_DEPTH = 0.017  # m below the top of an object at which it is held, if it is high enough
 _SQUARE = 0.002  # m by which the sides of a square may differ
 
 

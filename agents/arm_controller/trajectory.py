@@ -68,7 +68,7 @@ def timed(path: Array, velocity: Array, acceleration: float) -> Trajectory:
     Args:
         path: rad, evenly spaced; three points or more.
         velocity: (n,) rad/s, the most for each joint.
-        acceleration: rad/s^2, the most for every joint.
+        acceleration: rad/s^2, the most for every joint along the path; bends add to it at most as much again.
     """
     slope = np.gradient(path, axis=0)
     bend = np.abs(np.gradient(slope, axis=0)).max(axis=1)

@@ -91,7 +91,9 @@ def decode_command(payload: bytes, joints: int) -> Command:
         if len(positions) != joints:
             raise WireError(f"arm command with {len(positions)} positions: expected {joints}")
     if isinstance(command, Follow) and not _is_timed(command):
-        raise WireError("trajectory: expected increasing times from 0 on, and positions for each of them")
+        raise WireError(
+            "arm command with a trajectory: expected increasing times from 0 on, and positions for each of them"
+        )
     return command
 
 

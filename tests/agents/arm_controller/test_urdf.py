@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from agents.arm_controller.shapes import bounds
 from agents.arm_controller.urdf import load_robot, parse_robot
 from dsr.errors import ConfigError
 
@@ -72,3 +73,24 @@ def test_wrong_file_is_refused_with_its_reason(old: bytes, new: bytes, message: 
 def test_missing_file_is_a_configuration_error(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="cannot be read"):
         load_robot(tmp_path / "none.urdf")
+
+
+def test_boxes_around_collision_shapes_and_what_is_fixed_to_them() -> None:
+    robot = load_robot(Path(__file__).parents[3] / "etc" / "robots" / "gen3.urdf")
+    base, palm = robot.boxes["base_link"], robot.boxes["end_effector_link"]
+    assert base[0].half == (0.05, 0.05, 0.075) and base[0].pose.t == (0.0, 0.0, 0.075)
+    assert [box.half for box in palm] == [(0.0375, 0.0375, 0.03), (0.0625, 0.015, 0.01)]
+    assert len(robot.rigid("link_7")) == len(robot.boxes["link_7"]) + len(palm)
+    assert len(robot.rigid("link_7", without="end_effector_link")) == len(robot.boxes["link_7"])
+    assert robot.stroke("end_effector_link") == 0.085 and robot.stroke("base_link") == 0.085
+    assert bounds(robot.fingers("end_effector_link", 0.04)) == pytest.approx(
+        (-0.036, -0.011, 0.08, 0.036, 0.011, 0.135)
+    )
+    assert bounds(()) is None
+
+
+def test_a_shape_without_geometry_or_numbers_is_refused() -> None:
+    for shape in (b"<collision/>", b'<collision><geometry><box size="1 2"/></geometry></collision>'):
+        text = SLIDER.replace(b'<link name="hand"/>', b'<link name="hand">' + shape + b"</link>")
+        with pytest.raises(ConfigError, match=r"no <geometry>|expected 3 finite numbers"):
+            parse_robot(text)

@@ -10,6 +10,7 @@ from agents.plant.reality import Reality
 from agents.plant.world import World
 from agents.scenario.format import ObjectSpec, RobotSpec
 from dsr.errors import ConfigError
+from dsr.transforms import Pose
 
 MakeReality = Callable[..., Reality]
 MakeCube = Callable[..., ObjectSpec]
@@ -60,6 +61,28 @@ def test_stop_holds_the_present_position(make_reality: MakeReality, play: Play) 
     assert reality.arm.positions == pytest.approx(here, abs=1e-3)
 
 
+def test_passes_through_a_trajectory_in_time(make_reality: MakeReality, play: Play) -> None:
+    reality = make_reality()
+    start = np.array(reality.arm.positions)
+    rows = [start + offset for offset in (0.0, 0.1, 0.3)]
+    reality.arm.follow((0.0, 0.3, 0.8), rows)
+    play(reality, 0.55)
+    assert reality.arm.positions == pytest.approx(start + 0.2, abs=0.01)
+    assert reality.arm.velocities == pytest.approx(np.full(7, 0.4), abs=0.02)
+    play(reality, 0.5)
+    assert reality.arm.positions == pytest.approx(rows[-1], abs=1e-3)
+
+
+def test_a_new_command_ends_a_trajectory(make_reality: MakeReality, play: Play) -> None:
+    reality = make_reality()
+    here = np.array(reality.arm.positions)
+    reality.arm.follow((0.0, 5.0), [here, here + 1.0])
+    play(reality, 0.5)
+    reality.arm.move_joints(here)
+    play(reality, 1.5)
+    assert reality.arm.positions == pytest.approx(here, abs=1e-3)
+
+
 def test_targets_are_cut_to_the_limits(make_reality: MakeReality, play: Play) -> None:
     reality = make_reality()
     positions = list(RobotSpec().start)
@@ -83,6 +106,35 @@ def test_grasps_carries_and_lets_go(make_reality: MakeReality, cube: MakeCube, p
     play(reality, 1.5)
     assert arm.held is None and not arm.contact
     assert world.pose("cube_4").t[2] == pytest.approx(0.02, abs=1e-3)
+
+
+def test_a_stopped_arm_keeps_what_it_holds(make_reality: MakeReality, cube: MakeCube, play: Play) -> None:
+    reality = make_reality(cube(4, 0.30, 0.08), robot=RobotSpec(start=AT))
+    arm = reality.arm
+    arm.move_gripper(0.0)
+    play(reality, 1.0)
+    arm.move_joints(ABOVE)
+    play(reality, 0.4)
+    arm.stop()
+    here = reality.world.pose("cube_4")
+    play(reality, 2.0)
+    assert arm.held == "cube_4" and arm.contact
+    assert reality.world.pose("cube_4").distance(here)[0] < 2e-3
+
+
+def test_what_is_taken_out_of_the_gripper_is_not_grasped_again(
+    make_reality: MakeReality, cube: MakeCube, play: Play
+) -> None:
+    reality = make_reality(cube(4, 0.30, 0.08), robot=RobotSpec(start=AT))
+    arm = reality.arm
+    arm.move_gripper(0.0)
+    play(reality, 1.0)
+    arm.let_go()
+    play(reality, 0.5)
+    assert arm.held is None
+    reality.world.put("cube_4", Pose((0.5, 0.3, 0.02)))
+    play(reality, 0.5)
+    assert not arm.contact
 
 
 def test_closing_on_nothing_holds_nothing(make_reality: MakeReality, play: Play) -> None:

@@ -5,11 +5,16 @@ from typing import Any
 import msgspec
 import pytest
 
-from agents.plant.messages import MoveGripper, MoveJoints, Stop, decode_command
+from agents.plant.messages import MOST_POINTS, Follow, MoveGripper, MoveJoints, Stop, decode_command
 from dsr.errors import WireError
 
+TWO = ((0.1, 0.2), (0.3, 0.4))
 
-@pytest.mark.parametrize("command", [MoveJoints((0.1, 0.2)), MoveJoints((0.1, 0.2), 0.5), MoveGripper(0.04), Stop()])
+
+@pytest.mark.parametrize(
+    "command",
+    [MoveJoints((0.1, 0.2)), MoveJoints((0.1, 0.2), 0.5), Follow((0.0, 1.5), TWO), MoveGripper(0.04), Stop()],
+)
 def test_commands_survive_the_wire(command: Any) -> None:
     assert decode_command(msgspec.msgpack.encode(command), joints=2) == command
 
@@ -21,6 +26,14 @@ def test_commands_survive_the_wire(command: Any) -> None:
         MoveJoints((0.1, float("nan"))),
         MoveJoints((0.1, 0.2), float("inf")),
         MoveJoints((0.1, 0.2), 0.0),
+        Follow((), ()),
+        Follow((0.0, 0.0), TWO),
+        Follow((0.0, float("nan")), TWO),
+        Follow((-1.0, 1.0), TWO),
+        Follow((0.0,), TWO),
+        Follow((0.0, 1.0), ((0.1, 0.2), (0.3,))),
+        Follow((0.0, 1.0), ((0.1, 0.2), (0.3, float("inf")))),
+        Follow(tuple(map(float, range(MOST_POINTS + 1))), ((0.1, 0.2),) * (MOST_POINTS + 1)),
         MoveGripper(float("nan")),
         MoveGripper(-0.1),
         {"type": "dance"},

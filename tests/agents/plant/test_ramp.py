@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agents.plant.ramp import ACCELERATION, Ramp
+from agents.plant.ramp import ACCELERATION, CATCH_UP, Ramp
 
 STEP = 1 / 240
 LIMITS = (1.4, 0.5)
@@ -65,3 +65,34 @@ def test_stops_at_once() -> None:
     here = run(ramp, 100)[-1]
     ramp.stop()
     assert (run(ramp, 10) == here).all()
+
+
+def test_a_trajectory_is_passed_through_in_time_and_its_end_is_kept() -> None:
+    ramp = Ramp((0.0, 0.0), LIMITS)
+    ramp.follow((0.0, 0.5, 1.0), [(0.0, 0.0), (0.5, 0.1), (0.5, 0.3)])
+    positions = run(ramp, 360)
+    assert positions[59] == pytest.approx((0.25, 0.05), abs=1e-6)
+    assert positions[179] == pytest.approx((0.5, 0.2), abs=1e-6)
+    assert positions[-1].tolist() == [0.5, 0.3]
+    assert ramp.velocities.tolist() == [0.0, 0.0]
+
+
+def test_a_trajectory_that_begins_elsewhere_is_caught_up_with_within_the_limits() -> None:
+    ramp = Ramp((0.0, 0.0), LIMITS)
+    ramp.follow((0.0, 0.1), [(1.0, 0.0), (1.0, 0.1)])
+    positions = np.vstack([[0.0, 0.0], run(ramp, 480)])
+    assert (np.abs(np.diff(positions, axis=0)) / STEP <= np.array(LIMITS) * CATCH_UP + 1e-9).all()
+    assert positions[-1] == pytest.approx((1.0, 0.1))
+
+
+@pytest.mark.parametrize("command", ["aim", "stop"])
+def test_another_command_ends_a_trajectory(command: str) -> None:
+    ramp = Ramp((0.0, 0.0), LIMITS)
+    ramp.follow((0.0, 1.0), [(0.0, 0.0), (0.5, 0.0)])
+    run(ramp, 60)
+    here = ramp.positions.copy()
+    if command == "aim":
+        ramp.aim(here)
+    else:
+        ramp.stop()
+    assert run(ramp, 240)[-1] == pytest.approx(here, abs=1e-6)

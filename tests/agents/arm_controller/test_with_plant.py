@@ -1,0 +1,131 @@
+"""Arm controller and simulated reality in lockstep: cubes are truly grasped, carried, stacked, and lost."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from agents.plant import Plant
+from agents.plant.reality import Reality
+from benchmarks.pick_place import CUBE, Bench
+from dsr import Pose
+
+PLACES = [(0.42, 0.08, 0.4), (0.30, 0.08, -1.2), (0.30, -0.08, 2.0), (0.42, -0.08, 0.1)]
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    with Bench(PLACES) as bench:
+        yield bench
+
+
+def reality(bench: Bench) -> Reality:
+    plant = bench.lockstep.runner("plant").agent
+    assert isinstance(plant, Plant)
+    return plant._reality
+
+
+def grasped(bench: Bench) -> list[str]:
+    return [edge.dst for edge in bench.memory.edges("grasping")]
+
+
+def tilt(pose: Pose) -> float:
+    return math.acos(min(1.0, float(pose.rotation_matrix[2, 2])))
+
+
+def test_four_cubes_become_two_towers(bench: Bench) -> None:
+    for cube, support in (("cube_3", "cube_4"), ("cube_6", "cube_5")):
+        assert bench.act("pick", target=cube) == "done"
+        assert grasped(bench) == [cube]
+        assert bench.act("place", target=cube, destination=support) == "done"
+        assert grasped(bench) == []
+    bench.run(0.5)
+    for cube, support in (("cube_3", "cube_4"), ("cube_6", "cube_5")):
+        above, below = bench.pose(cube), bench.pose(support)
+        assert above.t == pytest.approx((*below.t[:2], CUBE * 1.5), abs=1e-3)
+        assert tilt(above) < 0.01
+        yaws = [math.atan2(*pose.rotation_matrix[1::-1, 0]) for pose in (above, below)]
+        assert math.remainder(yaws[0] - yaws[1], math.pi / 2) == pytest.approx(0.0, abs=0.03)
+
+
+def test_a_tower_is_taken_down_again(bench: Bench) -> None:
+    for skill, attributes in (
+        ("pick", {"target": "cube_3"}),
+        ("place", {"target": "cube_3", "destination": "cube_4"}),
+        ("pick", {"target": "cube_3"}),
+        ("place", {"target": "cube_3", "destination": "table", "target_pose": Pose((0.42, 0.0, 0.02))}),
+    ):
+        assert bench.act(skill, **attributes) == "done"
+    bench.run(0.5)
+    assert bench.pose("cube_3").t == pytest.approx((0.42, 0.0, 0.02), abs=2e-3)
+    assert bench.pose("cube_4").t == pytest.approx((0.30, 0.08, 0.02), abs=2e-3)
+
+
+def test_a_halted_arm_keeps_what_it_holds_and_goes_on_when_asked(bench: Bench) -> None:
+    assert bench.act("pick", target="cube_3") == "done"
+    name = bench.request("place", target="cube_3", destination="cube_5")
+    bench.run(0.8)
+    bench.memory.update_node(name, request="halt")
+    bench.run(0.2)
+    assert bench.memory.node(name)["status"] == "halted"
+    here = bench.pose("cube_3")
+    bench.run(2.0)
+    assert bench.pose("cube_3").distance(here)[0] < 2e-3
+    assert grasped(bench) == ["cube_3"]
+    assert bench.act("place", target="cube_3", destination="cube_5") == "done"
+    assert bench.pose("cube_3").t == pytest.approx((0.30, -0.08, 0.06), abs=2e-3)
+
+
+def test_what_the_experimenter_takes_out_of_the_gripper_is_dropped(bench: Bench) -> None:
+    assert bench.act("pick", target="cube_3") == "done"
+    name = bench.request("place", target="cube_3", destination="cube_5")
+    bench.run(0.8)
+    stage = reality(bench).experimenter._stage
+    taken = stage.take("cube_3", contents=False)
+    for step in range(60):
+        taken.move_to(Pose((0.0, 0.0, 0.002)) @ taken.pose)
+        bench.run(1 / 60)
+        stage.act()
+        if step == 59:
+            stage.release("cube_3")
+    bench.run(1.0)
+    node = bench.memory.node(name)
+    assert (node["status"], node["explanation"]) == ("failed", "dropped cube_3")
+    assert grasped(bench) == []
+
+
+def test_a_restarted_controller_knows_what_it_holds(bench: Bench) -> None:
+    assert bench.act("pick", target="cube_3") == "done"
+    name = bench.request("place", target="cube_3", destination="cube_5")
+    bench.run(0.8)
+    bench.lockstep.kill("arm_controller")
+    bench.run(0.5)
+    bench.lockstep.restart("arm_controller")
+    bench.run(0.5)
+    node = bench.memory.node(name)
+    assert (node["status"], node["explanation"]) == ("failed", "the arm controller was restarted")
+    assert grasped(bench) == ["cube_3"]
+    assert bench.act("place", target="cube_3", destination="cube_5") == "done"
+    assert bench.pose("cube_3").t == pytest.approx((0.30, -0.08, 0.06), abs=3e-3)
+
+
+def test_a_support_that_is_higher_than_believed_is_met_and_stood_upon(bench: Bench) -> None:
+    assert bench.act("pick", target="cube_3") == "done"
+    bench.lower("cube_4", 0.008)
+    assert bench.act("place", target="cube_3", destination="cube_4") == "done"
+    bench.run(0.5)
+    assert bench.pose("cube_3").t == pytest.approx((0.30, 0.08, 0.06), abs=6e-3)
+
+
+def test_the_same_seed_gives_the_same_run() -> None:
+    ends = []
+    for _ in range(2):
+        with Bench(PLACES, seed=3) as bench:
+            bench.act("pick", target="cube_3")
+            bench.act("place", target="cube_3", destination="cube_4")
+            ends.append([bench.pose(name) for name in ("cube_3", "cube_4")])
+    assert ends[0] == ends[1]
+    assert np.isfinite(ends[0][0].t).all()
