@@ -9,10 +9,13 @@ from dsr.agent import Access, Agent
 from dsr.errors import GoalError
 from dsr.goals import Goal, parse_goal
 from dsr.relations import SURFACES, THINGS, Relations, read_relations
+from dsr.what_if import WhatIf
 from planner import intentions
 from planner.actions import HALT, is_under_way, own_actions
+from planner.arm import Script
 from planner.config import PlannerConfig
-from planner.execution import Execution, Script, Surroundings
+from planner.execution import Execution, Surroundings
+from planner.foresight import Foresight
 from planner.intentions import ACTIVE, FAILED, MAINTAINED, REACHED, UNSOLVABLE, WANTED, Intention, read_intentions
 from planner.making import PlanMaker
 from planner.monitor import surprising
@@ -66,6 +69,7 @@ class Planner(Agent):
         self._around = Surroundings(
             memory=self.memory,
             maker=self._maker,
+            foresight=self._foresight(),
             config=self.config,
             log=self.log,
             now=lambda: self._time,
@@ -111,6 +115,11 @@ class Planner(Agent):
         if execution is not None and execution.result:
             watched = _Watched(execution.result, self._time, read_relations(self.memory))
             self._watched[execution.intention.name] = watched
+
+    def _foresight(self) -> Foresight:
+        patience = self.config.what_if_patience
+        what_if = WhatIf(self.bus, self.keys, self.clock, max(patience, 0.1))
+        return Foresight(what_if, patience, lambda: self._time, self.log)
 
     # ---- choosing
 

@@ -57,4 +57,4 @@ class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     image_margin: float = 0.06
     """Of the image's width and height: what is put down shall be seen at least so far inside."""
     what_if_patience: float = 1.0
-    """s that the answer may take whether a place would topple something."""
+    """s that the answer may take whether something would topple where it is to be put; with 0 nobody is asked."""

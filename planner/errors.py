@@ -1,4 +1,4 @@
-"""Why there is no plan.
+"""Why there is no plan, and why one cannot be carried out.
 
 PlanningError
 ├── SolverMissing       it is not installed
@@ -35,3 +35,31 @@ class Unsolvable(PlanningError):  # noqa: N818
 
 class NoPlace(PlanningError):  # noqa: N818
     """There is no room."""
+
+
+class Setback(Exception):  # noqa: N818 - nothing is wrong with the program
+    """Execution cannot go on as planned."""
+
+
+class Deviation(Setback):
+    """The relations changed, and nobody planned it."""
+
+
+class Outdated(Setback):
+    """The next step is not possible in what is believed now."""
+
+
+class Failure(Setback):
+    """An action failed, or did not have its effect."""
+
+
+class Interruption(Setback):
+    """The arm controller is gone; the world may be as it was."""
+
+
+class GivingUp(Exception):  # noqa: N818
+    """The goal cannot be reached: the status to write, and why."""
+
+    def __init__(self, status: str, explanation: str) -> None:
+        super().__init__(explanation)
+        self.status = status

@@ -11,64 +11,38 @@ from dataclasses import dataclass, field
 
 from dsr.errors import GoalError, suggest
 from dsr.goals import Goal, parse_goal
-from dsr.keys import agent_of
 from dsr.memory import Memory
 from dsr.relations import SURFACES, THINGS, Relations, read_relations
 from planner import intentions
 from planner.actions import (
     DONE,
-    ENDED,
-    FAILED,
-    HALT,
-    HALTED,
-    PLANNED,
-    RUN,
-    Actions,
-    Progress,
-    is_under_way,
-    other_action,
 )
+from planner.arm import Arm, Script
 from planner.config import PlannerConfig
-from planner.errors import GoalNotPossible, NoPlace, PlanningError, SolverFailed, SolverMissing, Unsolvable
-from planner.grounding import OBSERVE, Place, Skill
-from planner.intentions import EXECUTING, INVALID, NO_SOLVER, PLANNING, UNSOLVABLE, WAITING, Intention
+from planner.errors import (
+    Deviation,
+    Failure,
+    GivingUp,
+    GoalNotPossible,
+    Interruption,
+    NoPlace,
+    Outdated,
+    PlanningError,
+    Setback,
+    SolverFailed,
+    SolverMissing,
+    Unsolvable,
+)
+from planner.foresight import Foresight
+from planner.grounding import OBSERVE, Place, Skill, stacked
+from planner.intentions import INVALID, NO_SOLVER, PLANNING, UNSOLVABLE, WAITING, Intention
 from planner.making import PlanMaker
 from planner.monitor import Monitor, differences, surprising
 from planner.plan import Step
 from planner.state import read_state
 
-_ONE_LOOK = 0.5
-"""s in which the arm sees a request"""
-Script = Generator[None, None, None]
-"""Does a part of its work each time it is resumed."""
-
-
-class Setback(Exception):  # noqa: N818 - nothing is wrong with the program
-    """Execution cannot go on as planned."""
-
-
-class Deviation(Setback):
-    """The relations changed, and nobody planned it."""
-
-
-class Outdated(Setback):
-    """The next step is not possible in what is believed now."""
-
-
-class Failure(Setback):
-    """An action failed, or did not have its effect."""
-
-
-class Interruption(Setback):
-    """The arm controller is gone; the world may be as it was."""
-
-
-class GivingUp(Exception):  # noqa: N818
-    """The goal cannot be reached: the status to write, and why."""
-
-    def __init__(self, status: str, explanation: str) -> None:
-        super().__init__(explanation)
-        self.status = status
+_MOST_PLACES = 4
+"""that are asked about for one thing"""
 
 
 @dataclass
@@ -77,6 +51,7 @@ class Surroundings:
 
     memory: Memory
     maker: PlanMaker
+    foresight: Foresight
     config: PlannerConfig
     log: logging.Logger
     now: Callable[[], float]
@@ -96,14 +71,14 @@ class Execution:
 
     def __post_init__(self) -> None:
         self._memory, self._config, self._now = self.around.memory, self.around.config, self.around.now
-        self._actions = Actions(self._memory, self.intention.name)
+        around = self.around
+        self._arm = Arm(around.memory, self.intention.name, around.config, around.log, around.now, self._tell)
+        self._actions = self._arm.actions
         self._replans = self.intention.replans
         self._failures = 0
         self._plans = 0
         self._in_vain = 0
         self._avoid: list[Place] = []
-        self._running = ""
-        self._at_rest = True
         self._last = self._relations()
         self._last_since = self._now()
 
@@ -114,23 +89,23 @@ class Execution:
         try:
             yield from self._pursue()
         except GivingUp as end:
-            yield from self._halt()
-            if not self._at_rest:
-                yield from self._observe()
+            yield from self._arm.halt()
+            if not self._arm.at_rest:
+                yield from self._arm.rest()
             self._actions.drop(ended_too=False)
             self._end(end.status, str(end))
 
     def wind_down(self) -> Script:
         """Stop wherever it is: halt the arm, take the plan away, let the arm rest."""
-        yield from self._halt()
+        yield from self._arm.halt()
         self._actions.drop(ended_too=True)
-        if self._arm_there():
-            yield from self._observe()
+        if self._arm.there:
+            yield from self._arm.rest()
         self._actions.drop(ended_too=True)
 
     def step_aside(self) -> Script:
         """Stop for a more urgent intention; this one stays wanted."""
-        yield from self._halt()
+        yield from self._arm.halt()
         self._actions.drop(ended_too=True)
         self._tell(intentions.WANTED, "a more urgent intention comes first")
 
@@ -141,8 +116,8 @@ class Execution:
     def _pursue(self) -> Script:
         goal = self._read_goal()
         yield from self._until_there(goal)
-        if self._is_hidden(goal.things):
-            yield from self._observe()
+        if self._arm.is_hidden(goal.things):
+            yield from self._arm.rest()
         while True:
             yield from self._settle()
             yield from self._until_there(goal)
@@ -201,13 +176,6 @@ class Execution:
         known = relations.things | relations.tables
         return next((name for name in goal.things if name not in known), "")
 
-    def _is_hidden(self, things: Iterable[str]) -> bool:
-        """Whether no camera should see one of `things` although nothing is on it: the arm may be in front of it."""
-        relations = self._relations()
-        covered = {support for _, support in relations.on} | relations.held
-        views = {name: self._memory.edges("sees", dst=name) for name in things if name not in covered}
-        return any(edges and not any(edge.get("visible") for edge in edges) for edges in views.values())
-
     # ---- planning
 
     def _settle(self) -> Script:
@@ -218,13 +186,13 @@ class Execution:
             if (newer := self._relations()) != self._last:
                 self._last, self._last_since = newer, now
             explained = not surprises or now - began >= config.settle + config.explain
-            if self._arm_there():
+            if self._arm.there:
                 if explained and now - self._last_since >= config.settle - 1e-6:
                     return
                 if surprises:
                     self._tell(WAITING, f"surprising: {', '.join(surprises)}")
             else:
-                self._tell_arm_gone()
+                self._arm.tell_gone()
             yield
 
     def _plan(self, goal: Goal) -> Generator[None, None, tuple[tuple[Step, ...], list[Skill]]]:
@@ -272,8 +240,8 @@ class Execution:
                 at += 1
                 self._failures = 0 if step.name != "pick" else self._failures
             before = self._relations()
-        yield from self._run_action(names[-1], f"action {len(names)} of {len(names)}: {OBSERVE}", lambda: None)
-        self._at_rest = True
+        yield from self._arm.run(names[-1], f"action {len(names)} of {len(names)}: {OBSERVE}", lambda: None)
+        self._arm.at_rest = True
 
     def _replaced(self, skills: list[Skill]) -> list[str]:
         """Fresh nodes for what is left of a plan: an action that was halted is not begun again."""
@@ -284,10 +252,8 @@ class Execution:
         """Let the arm do a step, and see that it has its effect. Raises `Setback`."""
         if not step.possible(before):
             raise Outdated(f"{step} is not possible any more")
-        if skill.target_pose is not None:
-            fresh = self.around.maker.still_good(skill, read_state(self._memory, self._config), self._avoid)
-            if fresh is not skill:
-                self._actions.aim(name, fresh)
+        if skill.name == "place":
+            skill = yield from self._aimed(skill, name)
         monitor = Monitor(before, step, self._config)
 
         def watch() -> None:
@@ -295,7 +261,7 @@ class Execution:
                 kind = Failure if monitor.about_step else Deviation
                 raise kind(f"during {skill}: {monitor.change}")
 
-        progress = yield from self._run_action(name, told, watch, lambda: monitor.change)
+        progress = yield from self._arm.run(name, told, watch, lambda: monitor.change)
         if progress.status != DONE:
             if skill.target_pose is not None:
                 self._avoid.append((skill.target_pose.t[0], skill.target_pose.t[1]))
@@ -308,41 +274,31 @@ class Execution:
                 raise Failure(f"{skill} is done, but it is not believed: {wrong}")
             yield
 
-    def _run_action(
-        self, name: str, told: str, watch: Callable[[], None], trouble: Callable[[], str] = str
-    ) -> Generator[None, None, Progress]:
-        """Ask the arm to run an action; what became of it. Raises what `watch` raises, and `Interruption`."""
-        while (busy := other_action(self._memory, name)) is not None:
-            self._tell(WAITING, f"the arm is busy with {busy}")
-            watch()
-            yield
-        self._actions.ask(name, RUN)
-        self._running, self._at_rest, began = name, False, self._now()
-        while (progress := self._actions.progress(name)).status not in ENDED:
-            elapsed = self._now() - began
-            if not self._arm_there():
-                raise Interruption("the arm controller is gone")
-            if elapsed > self._config.action_limit:
-                raise Failure(f"{name} takes longer than {self._config.action_limit:g} s")
-            if progress.status == PLANNED and elapsed > self._config.begin:
-                self._tell(WAITING, f"the arm does not begin {name}")
-            elif change := trouble():
-                self._tell(WAITING, change)
-            else:
-                self._tell(EXECUTING, told)
-            watch()
-            yield
-        self._running = ""
-        return progress
+    def _aimed(self, skill: Skill, name: str) -> Generator[None, None, Skill]:
+        """The skill with a place that is still free and where nothing would topple. Raises `Failure` without one."""
+        for _ in range(_MOST_PLACES):
+            state = read_state(self._memory, self._config)
+            skill = self.around.maker.still_good(skill, state, self._avoid)
+            pose = skill.target_pose or stacked(skill.target, skill.destination, state)
+            trouble = "" if pose is None else (yield from self.around.foresight.trouble(skill.target, pose))
+            if not trouble:
+                if skill.target_pose is not None:
+                    self._actions.aim(name, skill)
+                return skill
+            self.around.log.warning("not %s there: %s", skill, trouble)
+            if skill.target_pose is None:
+                break
+            self._avoid.append((skill.target_pose.t[0], skill.target_pose.t[1]))
+        raise Failure(f"{skill} is not wise: {trouble}")
 
     # ---- setbacks
 
     def _resumable(self, step: Step, before: Relations, setback: Setback) -> Generator[None, None, int | None]:
         """Halt, look, and let the relations settle: 0 if they are as before the step, 1 as after it, else None."""
         self._tell(WAITING, str(setback))
-        yield from self._halt()
-        if self._must_look():
-            yield from self._observe()
+        yield from self._arm.halt()
+        if self._arm.may_hide_something():
+            yield from self._arm.rest()
         yield from self._settle()
         relations = self._relations()
         for steps_done, wanted in enumerate((before, step.after(before))):
@@ -350,58 +306,17 @@ class Execution:
                 return steps_done
         return None
 
-    def _must_look(self) -> bool:
-        """Whether the arm may hide something where it is; it does unless all is known to be in view."""
-        things = self._relations().things
-        known = any(self._memory.edges("sees", dst=thing) for thing in things)
-        return not known or self._is_hidden(things)
-
     def _recover(self, setback: Setback) -> Script:
         """Come to rest after a setback, and count it. Raises `GivingUp` after too many failures."""
         self._tell(WAITING, str(setback))
         self.around.log.warning("%s: %s", self.intention.name, setback)
-        yield from self._halt()
+        yield from self._arm.halt()
         if isinstance(setback, Failure):
-            yield from self._observe()
+            yield from self._arm.rest()
             self._failures += 1
             if self._failures >= self._config.most_failures:
                 raise GivingUp(intentions.FAILED, str(setback))
         self._tell(PLANNING, str(setback))
-
-    def _halt(self) -> Script:
-        """Let the arm hold still, if it is doing something for us."""
-        if not self._running:
-            return
-        self._actions.ask(self._running, HALT)
-        began = self._now()
-        while self._actions.progress(self._running).status not in ENDED:
-            if not self._arm_there():
-                self._tell_arm_gone()
-                if self._running in self._memory and self.intention.name not in self._memory:
-                    break
-                began = self._now()
-            elif not is_under_way(self._memory.node(self._running)) and self._now() - began > _ONE_LOOK:
-                break  # it was never begun, and will not be
-            elif self._now() - began > self._config.halt_limit:
-                self.around.log.error("the arm does not halt %s", self._running)
-                break
-            yield
-        self._running = ""
-
-    def _observe(self) -> Script:
-        """Let the arm rest where it hides nothing. If it cannot, so be it."""
-        while not self._arm_there():
-            self._tell_arm_gone()
-            yield
-        [name] = self._actions.write([OBSERVE])
-        try:
-            progress = yield from self._run_action(name, "looking", lambda: None)
-        except Setback as setback:
-            progress = Progress(FAILED, str(setback))
-            yield from self._halt()
-        self._at_rest = True
-        if progress.status in (FAILED, HALTED):
-            self.around.log.warning("the arm could not go to its rest: %s", progress.explanation)
 
     # ---- the end
 
@@ -423,12 +338,6 @@ class Execution:
 
     def _relations(self) -> Relations:
         return read_relations(self._memory)
-
-    def _arm_there(self) -> bool:
-        return any(agent_of(rid) == self._config.arm_agent for rid in self._memory.peers)
-
-    def _tell_arm_gone(self) -> None:
-        self._tell(WAITING, f"agent {self._config.arm_agent!r} does not run")
 
     def _tell(self, status: str, explanation: str = "") -> None:
         intentions.tell(self._memory, self.intention.name, status, explanation, replans=self._replans)

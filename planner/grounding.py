@@ -61,13 +61,10 @@ def ground(
 
 def _moved(state: WorldState, step: Step, pose: Pose | None) -> WorldState:
     """The state with the thing where the step puts it: at `pose`, or on its support."""
-    solid, support = state.solids.get(step.thing), state.solids.get(step.support)
-    if solid is None or support is None:
-        return state
+    pose = pose or stacked(step.thing, step.support, state)
     if pose is None:
-        x, y, z = support.pose.t
-        pose = Pose((x, y, z + 0.5 * (support.size[2] + solid.size[2])))
-    return replace(state, solids={**state.solids, step.thing: Solid(solid.size, pose)})
+        return state
+    return replace(state, solids={**state.solids, step.thing: Solid(state.solids[step.thing].size, pose)})
 
 
 def place_on_table(thing: str, state: WorldState, config: PlannerConfig, avoid: Collection[Place] = ()) -> Pose:
@@ -87,10 +84,19 @@ def place_on_table(thing: str, state: WorldState, config: PlannerConfig, avoid: 
     raise NoPlace(f"there is no room on {state.table} for {thing}: everything within reach is taken or out of view")
 
 
-def is_free(pose: Pose, thing: str, state: WorldState, config: PlannerConfig) -> bool:
+def is_free(pose: Pose, thing: str, state: WorldState, config: PlannerConfig, avoid: Collection[Place] = ()) -> bool:
     """Whether a place that was chosen earlier is still good."""
     place = (pose.t[0], pose.t[1])
-    return thing in state.solids and _is_good(place, thing, state.solids[thing], state, config, ())
+    return thing in state.solids and _is_good(place, thing, state.solids[thing], state, config, avoid)
+
+
+def stacked(thing: str, support: str, state: WorldState) -> Pose | None:
+    """world_from_thing resting in the middle of `support`, turned like it; None if their sizes are not known."""
+    solid, below = state.solids.get(thing), state.solids.get(support)
+    if solid is None or below is None:
+        return None
+    x, y, z = below.pose.t
+    return Pose((x, y, z + 0.5 * (below.size[2] + solid.size[2])), _turn(below.pose))
 
 
 def _is_good(

@@ -37,7 +37,7 @@ class PlanMaker:
     def still_good(self, skill: Skill, state: WorldState, avoid: Collection[Place]) -> Skill:
         """The same skill, or one with another place on the table if somebody has taken this one."""
         pose: Pose | None = skill.target_pose
-        if pose is None or is_free(pose, skill.target, state, self._config):
+        if pose is None or is_free(pose, skill.target, state, self._config, avoid):
             return skill
         try:
             return Skill(

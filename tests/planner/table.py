@@ -152,6 +152,7 @@ class Run:
     """A planner and an arm in lockstep."""
 
     def __init__(self, places: Mapping[str, tuple[float, float]] = PLACES, **config: object) -> None:
+        config = {"what_if_patience": 0.0, **config}
         agents = [AgentSpec("arm_controller", FakeArm), AgentSpec("planner", Planner, config)]
         self.lockstep = Lockstep(agents, strict=True)
         self.memory = self.lockstep.memory

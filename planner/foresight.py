@@ -1,0 +1,68 @@
+"""Asks the belief's simulator whether a thing would stay where it is to be put."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Generator
+
+from dsr.errors import TransportError
+from dsr.transforms import Pose
+from dsr.what_if import Answer, Change, Pending, Question, WhatIf
+
+SECONDS = 1.0
+"""s that are simulated: what topples has left its place by then"""
+_MOVED = 0.015
+"""m that a thing may be off its place then"""
+_TURNED = 0.3
+"""rad, likewise"""
+
+
+class Foresight:
+    """Puts questions to the what-if service.
+
+    Args:
+        what_if: asks.
+        patience: s to wait for an answer; with 0 nothing is asked.
+        now: gives the time, s.
+        log: says once when there is no answer.
+    """
+
+    def __init__(self, what_if: WhatIf, patience: float, now: Callable[[], float], log: logging.Logger) -> None:
+        self._what_if = what_if
+        self._patience = patience
+        self._now = now
+        self._log = log
+        self._complained = False
+
+    def trouble(self, thing: str, pose: Pose) -> Generator[None, None, str]:
+        """What would happen if `thing` were put at `pose` (world_from_thing): empty if it stays, or nobody knows."""
+        if self._patience <= 0.0:
+            return ""
+        try:
+            pending = self._what_if.ask(Question(SECONDS, (Change.place(thing, pose),)))
+        except TransportError as error:
+            return self._unknown(str(error))
+        began = self._now()
+        while not pending.done and self._now() - began < self._patience:
+            yield
+        return self._unknown(_reason(pending)) if pending.answer is None else _movement(pending.answer)
+
+    def _unknown(self, reason: str) -> str:
+        if not self._complained:
+            self._log.warning("going on without knowing what would topple: %s (logged once)", reason)
+        self._complained = True
+        return ""
+
+
+def _reason(pending: Pending) -> str:
+    return pending.failed or "no answer yet"
+
+
+def _movement(answer: Answer) -> str:
+    worst = max(answer.moved, key=lambda name: (answer.moved[name], name), default="")
+    most = max(answer.turned, key=lambda name: (answer.turned[name], name), default="")
+    if worst and answer.moved[worst] > _MOVED:
+        return f"{worst} would move by {answer.moved[worst] * 1e3:.0f} mm"
+    if most and answer.turned[most] > _TURNED:
+        return f"{most} would turn by {answer.turned[most]:.1f} rad"
+    return ""

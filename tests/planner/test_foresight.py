@@ -1,0 +1,79 @@
+"""What-if questions before something is put down: a bad place is rejected, and no answer keeps nobody from going on."""
+
+from __future__ import annotations
+
+import pytest
+
+from dsr.what_if import SERVICE, Answer, decode_question, encode_answer
+from planner import foresight
+from tests.planner.table import Run, add_cube, supports
+
+
+def serve(run: Run, answers: list[Answer]) -> list[tuple[float, ...]]:
+    """Let these be the answers, the last one again and again; returns the places asked about."""
+    asked: list[tuple[float, ...]] = []
+
+    def reply(_: str, payload: bytes) -> bytes:
+        [change] = decode_question(payload).changes
+        assert change.action == "place" and change.pose is not None
+        asked.append(tuple(round(number, 3) for number in change.pose[:3]))
+        return encode_answer(answers[min(len(asked), len(answers)) - 1])
+
+    run.lockstep.bus.serve(run.lockstep.keys.service(SERVICE), reply)
+    return asked
+
+
+STAYS = Answer(seconds=0.2, at_rest=True, moved={"cube_3": 0.001, "cube_4": 0.0}, turned={"cube_3": 0.01})
+SLIDES = Answer(seconds=1.0, moved={"cube_3": 0.04, "cube_4": 0.02}, turned={})
+TURNS = Answer(seconds=1.0, moved={"cube_3": 0.004}, turned={"cube_3": 0.8})
+
+
+def test_what_stays_is_put_down() -> None:
+    with Run(what_if_patience=1.0) as run:
+        asked = serve(run, [STAYS])
+        run.want("on(cube_3,cube_4)")
+        run.until("reached")
+        assert asked == [(0.3, 0.08, 0.06)]
+
+
+@pytest.mark.parametrize("bad", [SLIDES, TURNS])
+def test_another_place_on_the_table_is_chosen_where_something_would_topple(bad: Answer) -> None:
+    with Run(what_if_patience=1.0) as run:
+        add_cube(run.memory, "cube_9", 0.42, 0.08, 0.06, "cube_3")
+        asked = serve(run, [bad, bad, STAYS])
+        run.want("clear(cube_3)")
+        run.until("reached")
+        assert len(set(asked)) == 3 and run.replans == 0
+        x, y, _ = run.memory.transform("world", "cube_9", types=("Virtual_RT",)).t
+        assert (round(x, 3), round(y, 3)) == asked[-1][:2]
+
+
+def test_a_tower_that_would_topple_is_not_built() -> None:
+    with Run(what_if_patience=1.0) as run:
+        serve(run, [SLIDES])
+        run.want("on(cube_3,cube_4)")
+        run.until("failed", 120.0)
+        assert run.explanation == "place cube_3 on cube_4 is not wise: cube_3 would move by 40 mm"
+        assert "place cube_3 cube_4 done" not in run.arm.done
+
+
+def test_without_an_answer_it_goes_on(caplog: pytest.LogCaptureFixture) -> None:
+    with Run(what_if_patience=1.0) as run:
+        run.want()
+        run.until("reached")
+        assert supports(run.memory)["cube_3"] == "cube_4"
+        assert caplog.text.count("without knowing what would topple") == 1
+
+
+def test_a_refusal_is_no_verdict() -> None:
+    with Run(what_if_patience=1.0) as run:
+        serve(run, [Answer(refused="it has just started")])
+        run.want("on(cube_3,cube_4)")
+        run.until("reached")
+
+
+def test_the_worst_movement_is_told() -> None:
+    assert foresight._movement(Answer()) == ""
+    assert foresight._movement(STAYS) == ""
+    assert foresight._movement(SLIDES) == "cube_3 would move by 40 mm"
+    assert foresight._movement(TURNS) == "cube_3 would turn by 0.8 rad"
