@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from agents.plant.camera import OVERHEAD
 from agents.plant.poses import DISTANCES, SIGMA_ROTATION, SIGMA_TRANSLATION
 from agents.scene_estimator.pose import NoiseModel
 from agents.scene_estimator.sighting import read_sensor
+from benchmarks.timing import duration
 from dsr.agent import make_agent
 from dsr.clock import ManualClock
 from dsr.keys import Keys
@@ -70,6 +72,10 @@ class SurpriseScene:
         self._config = config
         self._written: dict[str, tuple[Pose, float]] = {}
         self._ticks = 0
+        self.detector_seconds = 0.0
+        """s that its ticks took"""
+        self.exposed = 0.0
+        """s, when the last frame was exposed"""
         self.events: list[tuple[float, str, bool, str]] = []
         """Each change of a flag: (s, node, surprising, why)"""
         self._flags: dict[str, bool] = {}
@@ -119,9 +125,10 @@ class SurpriseScene:
         self.clock.advance(PERIOD)
         self._ticks += 1
         if self._ticks % 2:
-            self._expose(self.clock.now() - PERIOD)
+            self.exposed = self.clock.now() - PERIOD
+            self._expose(self.exposed)
         self._believe()
-        self.detector.tick(self.clock.now())
+        self.detector_seconds += duration(partial(self.detector.tick, self.clock.now()))
         self._record()
 
     def is_surprising(self, name: str) -> bool:

@@ -111,7 +111,7 @@ class Track:
             if len(alike) >= needed:
                 text = describe(way, alike, self._bias, self._camera)
                 found.append(Reason(way, text, extent(way, alike, self._bias)))
-        return found
+        return _essential(found)
 
     def _alike(self, way: Way, last: Sequence[Deviation]) -> list[Deviation]:
         """Those that disagree in the same direction as the newest; none if that one agrees."""
@@ -129,3 +129,9 @@ class Track:
 
     def _least(self, deviations: Sequence[Deviation]) -> Deviation:
         return min(deviations, key=lambda deviation: deviation.extent(self._config))
+
+
+def _essential(reasons: list[Reason]) -> list[Reason]:
+    """Without the change of depth that a larger move across the viewing ray entails."""
+    across = max((reason.extent for reason in reasons if reason.kind == "beside"), default=0.0)
+    return [reason for reason in reasons if reason.kind != "depth" or reason.extent > across]
