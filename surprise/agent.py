@@ -106,8 +106,8 @@ class SurpriseDetector(Agent):
     def _take_in(self, percepts: Iterable[Percept]) -> None:
         """Compare with what was believed when they were made and what is believed now, and keep them."""
         for percept in percepts:
-            beliefs = (self._beliefs.at(percept.name, percept.stamp), self._beliefs.now(percept.name))
-            known = [belief for belief in beliefs if belief is not None]
+            now, then = self._beliefs.now(percept.name), self._beliefs.at(percept.name, percept.stamp)
+            known = [belief for belief in (now, then if then is not now else None) if belief is not None]
             if known:
                 track = self._tracks.setdefault(percept[:2], Track(percept.camera, self.config))
                 track.add(percept.stamp, percept.pose, percept.eye, known)
@@ -117,9 +117,9 @@ class SurpriseDetector(Agent):
         tracks = [track for (_, other), track in self._tracks.items() if other == name]
         reasons = self._reasons(node, tracks, now, held)
         fresh = [track for track in tracks if track.is_fresh(now)]
-        agrees = bool(fresh) and all(track.agrees(now) for track in fresh)
         is_believed = self._beliefs.now(name) is not None
         suspicion = self._suspicion(node)
+        agrees = suspicion.raised and bool(fresh) and all(track.agrees(now) for track in fresh)
         changed = suspicion.update(now, reasons, agrees=agrees or not is_believed, undecided=bool(fresh))
         if changed or (is_believed and "surprising" not in node):
             self._write(node, suspicion)

@@ -51,6 +51,7 @@ class Track:
         self._sightings: deque[Sighting] = deque(maxlen=max(_KEPT, config.window, config.held_window))
         self._offset = 0.0  # m along the viewing ray, mean of the percepts that agree
         self._learned = 0  # percepts of which that is made
+        self._contradictions: dict[bool, list[Reason]] = {}  # by whether it is held, until something changes
 
     @property
     def last_stamp(self) -> float:
@@ -63,6 +64,7 @@ class Track:
 
     def add(self, stamp: float, pose: Pose, eye: Vector3, beliefs: Sequence[Pose]) -> None:
         """Take in a percept (world_from_object, seen from `eye`); of several beliefs, the one it fits best counts."""
+        self._contradictions.clear()
         deviation = self._least([compare(pose, eye, belief, self._config) for belief in beliefs])
         self._sightings.append(Sighting(stamp, pose, eye, deviation))
         if not disagrees(deviation, self._bias, self._config):
@@ -79,6 +81,7 @@ class Track:
 
     def belief_changed(self, belief: Pose) -> None:
         """Compare the last percepts with a newer belief as well; the one that they fit best counts."""
+        self._contradictions.clear()
         for sighting in self._sightings:
             new = compare(sighting.pose, sighting.eye, belief, self._config)
             sighting.deviation = self._least([sighting.deviation, new])
@@ -87,6 +90,7 @@ class Track:
         """Drop percepts that are too old to say anything."""
         while self._sightings and now - self._sightings[0].stamp > self._config.forget_after:
             self._sightings.popleft()
+            self._contradictions.clear()
 
     def is_fresh(self, now: float) -> bool:
         """Whether the camera saw the object lately."""
@@ -102,6 +106,11 @@ class Track:
 
     def contradictions(self, *, held: bool = False) -> list[Reason]:
         """In which ways the last percepts contradict the belief; more of them must, of an object that is held."""
+        if held not in self._contradictions:
+            self._contradictions[held] = self._find_contradictions(held)
+        return self._contradictions[held]
+
+    def _find_contradictions(self, held: bool) -> list[Reason]:
         config = self._config
         needed, window = (config.held_needed, config.held_window) if held else (config.needed, config.window)
         last = [sighting.deviation for sighting in self._sightings][-window:]
