@@ -41,7 +41,7 @@ def test_another_place_on_the_table_is_chosen_where_something_would_topple(bad: 
     with Run(what_if_patience=1.0) as run:
         add_cube(run.memory, "cube_9", 0.42, 0.08, 0.06, "cube_3")
         asked = serve(run, [bad, bad, STAYS])
-        run.want("clear(cube_3)")
+        run.want("clear(cube_3) & handempty")
         run.until("reached")
         assert len(set(asked)) == 3 and run.replans == 0
         x, y, _ = run.memory.transform("world", "cube_9", types=("Virtual_RT",)).t
