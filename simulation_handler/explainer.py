@@ -9,7 +9,7 @@ from dsr.transforms import Pose
 from simulation_handler.bodies import Bodies
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.policy import Explanation, Policy
-from simulation_handler.explaining.situation import Properties, Shares, Situation, seen_now
+from simulation_handler.explaining.situation import Properties, Shares, Situation, as_pose, seen_now
 from simulation_handler.geometry import Solid
 from simulation_handler.noticing import Noticing
 from simulation_handler.objects import BelievedObject
@@ -50,7 +50,7 @@ class Explainer:
         self._news: list[tuple[float, Explanation]] = []
         self._moved: set[str] = set()
         self._look_again_at = -math.inf
-        self._last_text = ""
+        self._told = ("", -math.inf)  # the last explanation, and until when the same one is no news
 
     @property
     def waiting(self) -> Collection[str]:
@@ -75,10 +75,7 @@ class Explainer:
     def explain(self, now: float) -> None:
         """Explain what is due at time `now` (s), and adopt that."""
         due = self._noticing.due(now, self.flagged)
-        if not due:
-            self._last_text = ""
-            return
-        if now < self._look_again_at:
+        if not due or now < self._look_again_at:
             return
         explanation = self._policy.explain(self._situation(now, due))
         if explanation is None:
@@ -89,9 +86,10 @@ class Explainer:
             self._noticing.update(now, self.shares)
         else:
             self._look_again_at = now + self._config.look_again_after
-        if explanation.changes_belief or explanation.text != self._last_text:
+        text, until = self._told
+        if explanation.text != text or now > until:  # what only goes on is told once
             self._news = [*self._news, (now, explanation)][-_MOST_WAITING:]
-        self._last_text = explanation.text
+        self._told = (explanation.text, now + 2.0 * self._config.follow_for)
 
     def settle_relations(self, now: float) -> None:
         """After physics: let the relations of what was put elsewhere be those of its contacts."""
@@ -125,7 +123,7 @@ class Explainer:
                 **{name: Properties(item.mass, item.friction) for name, item in objects.items()},
             },
             seen={
-                name: seen_now(item, config)
+                name: seen_now(item, config, now)
                 for name, item in objects.items()
                 if not item.holder and item.estimate_at(now) is not None
             },
@@ -135,11 +133,22 @@ class Explainer:
             unplaced=bodies.never_placed(),
             held=frozenset(name for name, item in objects.items() if item.holder and name in placed),
             planned=self.planned,
-            glimpsed={name: solid for name, item in objects.items() if (solid := _glimpse(item, now)) is not None},
+            glimpsed={name: solid for name in placed if (solid := self._glimpse(objects[name], now)) is not None},
             missing_for=self._noticing.missing_for(now),
             evidence=self._noticing.evidence(now),
             shares=self.shares,
         )
+
+    def _glimpse(self, item: BelievedObject, now: float) -> Solid | None:
+        """Where an unseen object was when it was last seen, if that was not where it is believed to be."""
+        percept, config = item.track.last, self._config
+        if percept is None or item.track.is_fresh(now) or item.holder:
+            return None
+        x, y, z = percept.position.tolist()
+        solid, believed = Solid(item.name, item.size, (x, y, z), percept.rotation), self._bodies.solid(item.name)
+        metres, radians = as_pose(solid).distance(as_pose(believed))
+        is_off = metres > config.hover_tolerance or radians > config.tilt_tolerance
+        return solid if is_off or item.track.is_restless else None
 
     def _remembered(self, now: float) -> dict[str, dict[str, Pose]]:
         """What was beneath each object until lately, and how."""
@@ -190,12 +199,3 @@ class Explainer:
             }
             for move in moves
         }
-
-
-def _glimpse(item: BelievedObject, now: float) -> Solid | None:
-    """Where an unseen object was when it was last seen, if it was on its way then."""
-    percept = item.track.glimpse
-    if percept is None or item.track.is_fresh(now):
-        return None
-    x, y, z = percept.position.tolist()
-    return Solid(item.name, item.size, (x, y, z), percept.rotation)

@@ -79,7 +79,7 @@ class Noticing:
     def _is_displaced(self, item: BelievedObject, now: float) -> bool:
         if item.holder or item.name not in self._bodies.sim or item.estimate_at(now) is None:
             return False
-        return is_displaced(seen_now(item, self._config), self._bodies.solid(item.name), self._config)
+        return is_displaced(seen_now(item, self._config, now), self._bodies.solid(item.name), self._config)
 
     def _expected(self, shares: Shares) -> set[str]:
         """Objects that some camera should see."""

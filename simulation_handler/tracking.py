@@ -29,6 +29,8 @@ class Track:
         """None until perception is sure enough."""
         self.last_stamp = -math.inf
         """s, of the newest percept."""
+        self.last: Percept | None = None
+        """The newest percept."""
         self.moving = False
         """The newest percepts contradict each other: it is on its way."""
         self.changed = False
@@ -40,7 +42,7 @@ class Track:
         """Take in a percept; one that is not newer than the last is ignored."""
         if percept.stamp <= self.last_stamp:
             return
-        self.last_stamp = percept.stamp
+        self.last_stamp, self.last = percept.stamp, percept
         if self.estimate is not None and self.estimate.accepts(percept):
             self._fuse(self.estimate, percept)
             return
@@ -49,9 +51,9 @@ class Track:
             self._restart(list(self._pending), self.estimate)
 
     @property
-    def glimpse(self) -> Percept | None:
-        """The newest percept, if it disagrees with the estimate and was not confirmed."""
-        return self._pending[-1] if self._pending else None
+    def is_restless(self) -> bool:
+        """Whether the newest percept disagrees with the estimate, or with those before."""
+        return self.moving or bool(self._pending)
 
     def take_change(self) -> bool:
         """Whether the estimate changed since the last call."""

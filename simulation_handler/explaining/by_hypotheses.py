@@ -16,8 +16,9 @@ from simulation_handler.geometry import Solid
 from simulation_handler.rollouts import Body, Scene
 from simulation_handler.rollouts.pool import Pool
 
-_MARGIN = 2.0  # nats by which the best must lead, while more evidence is to come
+_MARGIN = 1.5  # nats by which the best must lead, while more evidence is to come
 _ENOUGH_EVIDENCE = 0.8  # s after which the best is taken, however small its lead
+_SAME_PLACE = 0.005  # m
 _ALTERNATIVES = 5  # that are kept on record
 
 
@@ -63,7 +64,8 @@ class ByHypotheses:
         best = ranking[0].hypothesis
         if not (best.moves or best.unseen):
             return False
-        return len(ranking) < 2 or ranking[1].score.total - ranking[0].score.total >= _MARGIN
+        rival = next((other for other in ranking[1:] if _differ(ranking[0], other)), None)
+        return rival is None or rival.score.total - ranking[0].score.total >= _MARGIN
 
     def _explanation(self, situation: Situation, ranking: Sequence[Candidate]) -> Explanation:
         best = ranking[0]
@@ -101,6 +103,13 @@ class ByHypotheses:
             else {name: Solid(name, solid.size, *outcome.poses[name]) for name, solid in drafted.solids.items()}
             for drafted, outcome in zip(drafts, outcomes, strict=True)
         ]
+
+
+def _differ(a: Candidate, b: Candidate) -> bool:
+    """Whether two hypotheses leave something in different places."""
+    return a.settled.keys() != b.settled.keys() or any(
+        math.dist(solid.position, b.settled[name].position) > _SAME_PLACE for name, solid in a.settled.items()
+    )
 
 
 def scene_of(situation: Situation, drafted: Draft) -> Scene:

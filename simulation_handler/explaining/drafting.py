@@ -82,7 +82,7 @@ def _placed(situation: Situation, hypothesis: Hypothesis, wanted: Mapping[str, S
     scene = dict(situation.fixtures)
     scene |= {n: s for n, s in situation.believed.items() if n not in wanted and n not in hypothesis.removed}
     placements: dict[str, Placement] = {}
-    falling = {name for name, _ in hypothesis.fallen}
+    falling = {name for name, direction in hypothesis.fallen if direction != FROM_GLIMPSE}
     for name, solid in sorted(wanted.items(), key=lambda item: (item[1].bottom, item[0])):
         seen = situation.seen.get(name)
         covariance = _UNSEEN_COVARIANCE if seen is None else seen.covariance

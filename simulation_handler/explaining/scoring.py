@@ -39,6 +39,7 @@ _MISS = 3.0  # nats for each frame in which something is missing that should be 
 _MOST_MISSED = 15.0
 _IMPOSSIBLE = 12.0  # nats for something that is seen though it should be hidden
 _FRAMES_PER_SECOND = 10.0
+_THIS_FRAME = 0.25  # s up to which a percept is of things as they are now
 _SURE = 0.9  # share of a face from which it should be seen
 _HIDDEN = 0.05  # share of a face up to which it cannot be seen
 _RESIDUAL = 8.0  # nats from which an object is still surprising: four standard deviations of one coordinate
@@ -91,7 +92,8 @@ def prior(situation: Situation, hypothesis: Hypothesis) -> float:
     cost += REMOVED * len(hypothesis.removed)
     cost += sum(FELL_IN_VIEW if name in situation.glimpsed else FELL for name, _ in hypothesis.fallen)
     for name in hypothesis.kept:
-        cost += FALSE_PERCEPT + FALSE_FRAME * situation.seen[name].count
+        frames = max(situation.seen[name].count, situation.evidence * _FRAMES_PER_SECOND)
+        cost += FALSE_PERCEPT + FALSE_FRAME * frames
     return cost + CAMERA_MOVED * hypothesis.camera_moved
 
 
@@ -114,7 +116,7 @@ def _visibility(situation: Situation, hypothesis: Hypothesis, settled: Mapping[s
     costs = {}
     for name, share in shares.items():
         if name in situation.seen:
-            if share <= _HIDDEN and name not in hypothesis.kept:
+            if share <= _HIDDEN and name not in hypothesis.kept and situation.seen[name].age < _THIS_FRAME:
                 costs[name] = _IMPOSSIBLE
         elif share >= _SURE and name not in situation.held:
             frames = situation.missing_for.get(name, situation.evidence) * _FRAMES_PER_SECOND

@@ -36,6 +36,8 @@ class Seen:
     """Percepts that agree on it."""
     moving: bool
     """The newest percepts contradict each other: it is on its way."""
+    age: float = 0.0
+    """s since the newest percept"""
 
     def misfit(self, solid: Solid) -> float:
         """How badly a pose fits the percept: half the squared Mahalanobis distance, in nats."""
@@ -45,8 +47,8 @@ class Seen:
         return 0.5 * (_squared(shift, self.covariance) + _squared(turn, self.turning))
 
 
-def seen_now(item: BelievedObject, config: BeliefConfig) -> Seen:
-    """What perception says of an object that it shows."""
+def seen_now(item: BelievedObject, config: BeliefConfig, now: float) -> Seen:
+    """What perception says at `now` (s) of an object that it shows."""
     estimate = item.track.estimate
     assert estimate is not None
     percept = item.percept()
@@ -57,6 +59,7 @@ def seen_now(item: BelievedObject, config: BeliefConfig) -> Seen:
         turning=estimate.rotation_covariance + _TURN_FLOOR**2 * np.eye(3),
         count=estimate.count,
         moving=item.track.moving,
+        age=now - item.track.last_stamp,
     )
 
 
