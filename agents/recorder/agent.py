@@ -18,6 +18,8 @@ from dsr.agent import Access, Agent
 from dsr.blobs import decode_frame, encode_frame
 from dsr.errors import WireError
 
+ABOUT = "agents"
+"""Name of the metadata that hold the configurations of the agents of the run, as JSON by agent."""
 _MOST_WAITING = 20_000
 _MOST_IMAGES_WAITING = 64
 _LARGE = 1 << 16  # bytes; larger blobs are images or meshes
@@ -38,6 +40,8 @@ class RecorderConfig(msgspec.Struct, frozen=True):
     """s, at most so much is lost when the recorder is killed"""
     snapshot_period: float = 30.0
     """s between two messages that hold the whole graph, from which reading may begin"""
+    about: dict[str, str] = {}
+    """What else the file shall say about itself, such as the run's seed."""
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.frames_hz) and self.frames_hz >= 0):
@@ -65,7 +69,7 @@ class Recorder(Agent):
         self._last_flush = self._last_snapshot = -math.inf
         self._repairs = 0
         path = next_segment(Path(self.config.folder), FILE_NAME)
-        self._writer = RecordingWriter(path, {"graph": keys.graph, "root": keys.root, "segment": path.name})
+        self._writer = RecordingWriter(path, {**self.config.about, "graph": keys.graph, "root": keys.root, "segment": path.name})
         wanted = (keys.delta(), keys.stream(), keys.truth(), keys.log(), keys.status(), *map(keys.device, _DEVICES))
         images = Inbox(self.bus, keys.blob("**"), self.clock, _MOST_IMAGES_WAITING)
         self._inboxes = (images, Inbox(self.bus, wanted, self.clock, _MOST_WAITING))

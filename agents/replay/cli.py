@@ -8,9 +8,12 @@ from typing import Annotated
 
 import msgspec
 import typer
+from rich.progress import Progress
 
+from agents.replay.compare import Outcome
 from agents.replay.control import Controls, parse_command, send
 from agents.replay.player import Player
+from agents.replay.report import show, to_json
 from agents.replay.session import Session
 from agents.replay.source import ReplayedGraph
 from dsr.cli.common import JsonOption, RouterOption, SecurityOption, console, errors, print_json, reading, shown
@@ -18,6 +21,7 @@ from dsr.connect import connect
 from dsr.errors import ConfigError
 from dsr.keys import check_name
 from dsr.rendezvous import endpoints
+from dsr.runtime.native_output import silenced
 
 _INTERRUPTED = 130
 _SHOWN = 5  # reasons why something was left out
@@ -41,6 +45,20 @@ def replay(
         str | None,
         typer.Option(metavar="COMMAND", help="Tell the running replay: pause, resume, seek S, speed X, state, quit."),
     ] = None,
+    agents: Annotated[
+        str | None,
+        typer.Option(metavar="NAME,...", help="Run these agents anew on the recording, compare, play nothing."),
+    ] = None,
+    tolerance: Annotated[float, typer.Option(min=0.0, metavar="M", help="With --agents: of positions, m.")] = 1e-3,
+    turn_tolerance: Annotated[float, typer.Option(min=0.0, metavar="RAD", help="Of rotations, rad.")] = 0.05,
+    grace: Annotated[
+        float, typer.Option(min=0.0, metavar="S", help="How long one run may be alone with a relation or flag.")
+    ] = 0.15,
+    report: Annotated[bool, typer.Option("--report", help="With --agents: exit code 0 also if runs differ.")] = False,
+    system: Annotated[
+        str | None, typer.Option(metavar="SYSTEM", help="With --agents: configures them; default: as recorded.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="With --agents; default: as recorded.")] = None,
     as_json: JsonOption = False,
     router: RouterOption = None,
     security: SecurityOption = None,
@@ -52,27 +70,63 @@ def replay(
 
         dsr replay --control "seek 12.5"
 
+    With --agents, the agents run anew, as fast as possible, on what was recorded, without what they had
+    written themselves; the exit code is 0 only if they do the same again:
+
+        dsr replay --agents simulation_handler runs/hovering-20260101-120000
+
     A truncated recording is played up to the cut.
     """
     if control is not None:
-        command = parse_command(control)
-        with reading(name, router, security) as memory:
-            state = send(memory.transport, memory.keys, command)
-        if as_json:
-            print_json(msgspec.to_builtins(state))
-        else:
-            playing = "at the end" if state.ended else "playing" if state.playing else "paused"
-            console.print(f"{playing} at {state.time:.3f} s of {state.until:.3f} s, speed {state.speed:g}")
+        _control(control, name, router, security, as_json)
         return
+    if agents is not None:
+        names = [part.strip() for part in agents.split(",") if part.strip()]
+        outcome = compare(_named(recording), names, system, seed, until)
+        differences = outcome.differences(tolerance, turn_tolerance, grace)
+        if as_json:
+            print_json(to_json(outcome, differences))
+        else:
+            show(outcome, differences, console)
+        raise typer.Exit(1 if differences and not report else 0)
     source = open_recording(recording)
     play(source, check_name("graph name", name), _speed(speed), begin, until, pause_at, stay, router, security)
 
 
-def open_recording(path: Path | None) -> ReplayedGraph:
-    """The recording, after telling what of it is missing. Raises `ConfigError` if none was named."""
+def compare(path: Path, agents: list[str], system: str | None, seed: int | None, until: float | None) -> Outcome:
+    """Run agents anew, with a progress bar in a terminal."""
+    with Progress(console=errors, transient=True, disable=not errors.is_terminal) as progress:
+        task = progress.add_task(f"{', '.join(agents)} anew", total=None)
+
+        def advance(time: float, duration: float) -> None:
+            progress.update(task, completed=time, total=duration)
+
+        with silenced():  # pybullet introduces itself
+            from agents.replay.anew import run_anew
+        return run_anew(path, agents, system=system, seed=seed, until=until, on_progress=advance)
+
+
+def _control(text: str, name: str, router: str | None, security: Path | None, as_json: bool) -> None:
+    """Tell a running replay what to do."""
+    command = parse_command(text)
+    with reading(name, router, security) as memory:
+        state = send(memory.transport, memory.keys, command)
+    if as_json:
+        print_json(msgspec.to_builtins(state))
+        return
+    playing = "at the end" if state.ended else "playing" if state.playing else "paused"
+    console.print(f"{playing} at {state.time:.3f} s of {state.until:.3f} s, speed {state.speed:g}")
+
+
+def _named(path: Path | None) -> Path:
     if path is None:
         raise ConfigError("which recording? Give a recording.mcap or the folder of a run")
-    source = ReplayedGraph(path)
+    return path
+
+
+def open_recording(path: Path | None) -> ReplayedGraph:
+    """The recording, after telling what of it is missing. Raises `ConfigError` if none was named."""
+    source = ReplayedGraph(_named(path))
     for problem in source.problems:
         errors.print(f"[yellow]{shown(problem)}; what could be read: {source.duration:.1f} s[/]", soft_wrap=True)
     return source

@@ -14,10 +14,18 @@ from dsr.clock import Clock
 from dsr.errors import WireError
 from dsr.keys import Keys, is_key
 from dsr.runtime.status import decode_status, encode_status
-from dsr.transport import Qos, Transport
+from dsr.transport import Chunks, Qos, Transport
 
 _PLAIN = ("log/", "truth", "device/")
 """Topics that are published as they were."""
+
+
+def unpacked(payload: bytes) -> Chunks:
+    """A recorded blob as it was published, in pieces: images are unpacked; what is no frame stays as it is."""
+    try:
+        return frame_chunks(unpack(decode_frame(payload)))
+    except WireError:
+        return [payload]
 
 
 class Traffic:
@@ -53,12 +61,7 @@ class Traffic:
         return f"{self._keys.root}/{topic}"
 
     def _publish_blob(self, record: TimedRecord) -> None:
-        """Images are unpacked; what is no frame stays as it is."""
-        try:
-            chunks = frame_chunks(unpack(decode_frame(record.payload)))
-        except WireError:
-            chunks = [record.payload]
-        self._bus.publish_bulk(self._key(record.topic), chunks)
+        self._bus.publish_bulk(self._key(record.topic), unpacked(record.payload))
 
     def _publish_status(self, record: TimedRecord) -> None:
         """With the present time: its readers ask how old it is. The process is none of today."""

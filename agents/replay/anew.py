@@ -1,0 +1,122 @@
+"""Runs some agents of a recording anew, in lockstep with it, and compares what they do with what was recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from pathlib import Path
+
+import msgspec
+
+from agents.recorder.agent import ABOUT
+from agents.recorder.index import RecordingIndex
+from agents.replay.compare import Comparison, Outcome
+from agents.replay.feed import Feed, feeder_for
+from agents.replay.source import ReplayedGraph
+from dsr.clock import ManualClock
+from dsr.errors import ConfigError
+from dsr.runtime.lockstep import Lockstep
+from dsr.runtime.system import AgentSpec, load_system
+from dsr.schema import Schema
+
+DEFAULT_SYSTEM = "tabletop"
+_ROUNDING = 1e-6  # s; stamps in a file are rounded
+
+OnProgress = Callable[[float, float], None]
+"""Called with the time and the duration, s."""
+
+
+def run_anew(
+    path: Path | str,
+    agents: Sequence[str],
+    *,
+    system: str | None = None,
+    seed: int | None = None,
+    until: float | None = None,
+    on_progress: OnProgress = lambda time, duration: None,
+) -> Outcome:
+    """Run agents on a recording and compare.
+
+    They get all that was recorded at the time at which it was, without what they had written themselves, and tick on a
+    clock that follows the recording, as fast as this machine allows. Of a recording made in lockstep, unchanged
+    agents do exactly the same again; of a live one, they tick at slightly other moments.
+
+    Args:
+        path: a file, or the folder of a run.
+        agents: names of agents of the system.
+        system: name or file of the system that configures them; by default that of the recording, or `tabletop`.
+        seed: of the run; by default the recorded one.
+        until: s since the first message, where to end.
+        on_progress: called with the time since the first message and the duration, s.
+
+    Raises:
+        RecordingError: if it is no recording.
+        ConfigError: for an unknown agent, or one that cannot be run on recorded data.
+        AgentError: if an agent fails.
+    """
+    reference = ReplayedGraph(path)
+    index = reference.index
+    specs = _specs(index, agents, system)
+    feed = Feed(index, agents, [pattern for spec in specs for pattern in spec.kind.publishes])
+    ordered = sorted(specs, key=lambda spec: feed.rank(spec.name))
+    clock = ManualClock(index.begin)
+    seats = [seat for spec in ordered for seat in (_feeder(spec, feed), spec)]
+    seed = int(index.metadata.get("seed", 0)) if seed is None else seed
+    end = index.begin + (reference.duration if until is None else min(until, reference.duration))
+    graph = reference.memory.graph_name
+    with Lockstep(seats, graph=graph, clock=clock, seed=seed, strict=True) as lockstep:
+        comparison = Comparison(reference.memory, lockstep.memory, _geometric(specs), index.begin)
+
+        def on_step(now: float) -> None:
+            reference.forward(now - index.begin + _ROUNDING)
+            comparison.sample(now)
+            on_progress(now - index.begin, end - index.begin)
+
+        lockstep.run_until(end + _ROUNDING, on_step)
+        return comparison.outcome(agents, _notes(reference, feed, agents))
+
+
+def _specs(index: RecordingIndex, agents: Collection[str], system: str | None) -> list[AgentSpec]:
+    """The agents, configured as they were recorded if the recording tells."""
+    loaded = load_system(system or index.metadata.get("system", DEFAULT_SYSTEM))
+    recorded = _recorded_configs(index) if system is None else {}
+    specs = []
+    for name in dict.fromkeys(agents):
+        spec = loaded.agent(name)
+        if name in recorded:
+            spec = loaded.with_config(name, **recorded[name]).agent(name)
+        if not spec.kind.uses_memory:
+            raise ConfigError(f"agent {name!r} does not use the memory: there is nothing to compare")
+        specs.append(spec)
+    if not specs:
+        raise ConfigError("--agents: expected names of agents, separated by commas")
+    return specs
+
+
+def _recorded_configs(index: RecordingIndex) -> dict[str, dict[str, object]]:
+    try:
+        return msgspec.json.decode(index.metadata.get(ABOUT, "{}"), type=dict[str, dict[str, object]])
+    except msgspec.DecodeError as error:
+        raise ConfigError(f"{index.path}: the configurations of its agents cannot be read ({error})") from error
+
+
+def _feeder(spec: AgentSpec, feed: Feed) -> AgentSpec:
+    return AgentSpec(f"feeder_{spec.name}"[:64], feeder_for(spec.kind, feed, spec.name))
+
+
+def _geometric(specs: Collection[AgentSpec]) -> set[str]:
+    """Types of edges with poses that the agents write."""
+    return {type for spec in specs for type in spec.kind.writes.edges if type in Schema().geometric}
+
+
+def _notes(reference: ReplayedGraph, feed: Feed, agents: Collection[str]) -> list[str]:
+    notes = list(reference.problems)
+    unheard = [name for name in agents if feed.rank(name) == feed.rank("")]
+    if unheard:
+        notes.append(f"never heard in the recording: {', '.join(unheard)}")
+    if feed.kept_past:
+        notes.append("the agents had been at work before the recording began: they go on from what they had written")
+    for writer, count in sorted(feed.lost.items()):
+        notes.append(f"{count} writes of {writer} into what the agents had made were lost: they make it anew")
+    if feed.malformed:
+        notes.append(f"{feed.malformed} recorded messages were malformed, and left out")
+    return notes

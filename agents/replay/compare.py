@@ -1,0 +1,181 @@
+"""Two runs of the same recording, compared as they go: poses, relations, surprises, explanations."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+
+import msgspec
+
+from dsr.memory import Memory
+from dsr.timeline import OBJECTS, RELATIONS, Event, Timeline
+from dsr.transforms import Pose
+from dsr.watch import Watch
+
+EdgeId = tuple[str, str, str]
+"""(type, source, destination)"""
+_COMPARED = ("explained", "surprised", "calmed", "began", "ended", "appeared", "gone")
+"""Kinds of events that are put side by side."""
+
+
+class PoseDifference(msgspec.Struct):
+    """How far a geometric edge differs between the two runs."""
+
+    edge: str
+    """`type source destination`"""
+    max_m: float = 0.0
+    max_rad: float = 0.0
+    mean_m: float = 0.0
+    max_at_s: float = 0.0
+    """When it is greatest, s since the recording's first message."""
+    both_s: float = 0.0
+    """How long both runs had it."""
+    only_recorded_s: float = 0.0
+    only_anew_s: float = 0.0
+
+
+class Disagreement(msgspec.Struct):
+    """How long something held in one run only."""
+
+    what: str
+    only_recorded_s: float = 0.0
+    only_anew_s: float = 0.0
+
+
+class Outcome(msgspec.Struct, kw_only=True):
+    """What the comparison found."""
+
+    agents: list[str]
+    seconds: float
+    """How long the runs were compared."""
+    poses: list[PoseDifference]
+    relations: list[Disagreement]
+    """`source type destination`"""
+    surprising: list[Disagreement]
+    recorded_events: list[Event]
+    """Times are seconds since the recording's first message."""
+    anew_events: list[Event]
+    notes: list[str] = []
+
+    def differences(self, tolerance: float, tolerance_rad: float, grace: float) -> list[str]:
+        """What differs by more than `tolerance` (m), `tolerance_rad`, or for longer than `grace` (s); one line each."""
+        found = []
+        for pose in self.poses:
+            if pose.max_m > tolerance or pose.max_rad > tolerance_rad:
+                found.append(f"{pose.edge}: {pose.max_m * 1e3:.2f} mm, {pose.max_rad:.3f} rad at {pose.max_at_s:.2f} s")
+            found += _lasting(pose.edge, pose, grace)
+        for held in self.relations:
+            found += _lasting(held.what, held, grace)
+        for held in self.surprising:
+            found += _lasting(f"{held.what} surprising", held, grace)
+        recorded, anew = _explanations(self.recorded_events), _explanations(self.anew_events)
+        if recorded != anew:
+            found.append(f"explanations: recorded {'; '.join(recorded) or 'none'}, anew {'; '.join(anew) or 'none'}")
+        return found
+
+
+def _lasting(what: str, held: PoseDifference | Disagreement, grace: float) -> list[str]:
+    sides = (("recorded", held.only_recorded_s), ("anew", held.only_anew_s))
+    return [f"{what}: only {side}, for {seconds:.2f} s" for side, seconds in sides if seconds > grace]
+
+
+def _explanations(events: Iterable[Event]) -> list[str]:
+    return [str(event.details.get("explanation", "")) for event in events if event.kind == "explained"]
+
+
+class _Side:
+    """One of the two runs."""
+
+    def __init__(self, memory: Memory) -> None:
+        self.memory = memory
+        self.events: list[Event] = []
+        self._timeline = Timeline()
+        self._watch: Watch = memory.watch()
+
+    def look(self, now: float, begin: float) -> None:
+        """Note what happened until `now` (stamp, s)."""
+        for event in self._timeline.note(self._watch.poll(), self.memory, now):
+            if event.kind in _COMPARED:
+                self.events.append(msgspec.structs.replace(event, time=event.time - begin))
+
+    def poses(self, types: Collection[str]) -> dict[EdgeId, Pose]:
+        """The geometric edges of these types to objects."""
+        return {
+            (edge.type, edge.src, edge.dst): edge.pose
+            for type in types
+            for edge in self.memory.edges(type)
+            if "pose" in edge and self.memory.node(edge.dst).type in OBJECTS
+        }
+
+    def relations(self) -> set[str]:
+        """`source type destination` of each."""
+        return {f"{edge.src} {type} {edge.dst}" for type in RELATIONS for edge in self.memory.edges(type)}
+
+    def surprising(self) -> set[str]:
+        """Names of nodes."""
+        return {node.name for node in self.memory.nodes() if node.get("surprising") is True}
+
+
+class Comparison:
+    """Compares two graphs at each call of `sample`.
+
+    Args:
+        recorded: the graph as it was.
+        anew: the graph of the agents that run anew.
+        types: types of geometric edges to compare.
+        begin: stamp of the recording's first message, s.
+    """
+
+    def __init__(self, recorded: Memory, anew: Memory, types: Collection[str], begin: float) -> None:
+        self._recorded, self._anew = _Side(recorded), _Side(anew)
+        self._types = sorted(types)
+        self._begin = begin
+        self._last = begin
+        self._poses: dict[EdgeId, PoseDifference] = {}
+        self._relations: dict[str, Disagreement] = {}
+        self._surprising: dict[str, Disagreement] = {}
+
+    def sample(self, now: float) -> None:
+        """Compare the present states, which hold since the last call; `now` is a stamp, s."""
+        passed, self._last = now - self._last, now
+        for side in (self._recorded, self._anew):
+            side.look(now, self._begin)
+        self._compare_poses(now, passed)
+        for found, recorded, anew in (
+            (self._relations, self._recorded.relations(), self._anew.relations()),
+            (self._surprising, self._recorded.surprising(), self._anew.surprising()),
+        ):
+            for what in sorted(recorded | anew):
+                held = found.setdefault(what, Disagreement(what))
+                held.only_recorded_s += passed * (what not in anew)
+                held.only_anew_s += passed * (what not in recorded)
+
+    def _compare_poses(self, now: float, passed: float) -> None:
+        recorded, anew = self._recorded.poses(self._types), self._anew.poses(self._types)
+        for key in dict.fromkeys([*recorded, *anew]):
+            found = self._poses.setdefault(key, PoseDifference(" ".join(key)))
+            if key not in anew:
+                found.only_recorded_s += passed
+            elif key not in recorded:
+                found.only_anew_s += passed
+            else:
+                metres, radians = recorded[key].distance(anew[key])
+                if metres > found.max_m:
+                    found.max_m, found.max_at_s = metres, now - self._begin
+                found.max_rad = max(found.max_rad, radians)
+                found.both_s += passed
+                found.mean_m += metres * passed  # a sum until `outcome`
+
+    def outcome(self, agents: Collection[str], notes: list[str]) -> Outcome:
+        """What was found until now; nothing may be sampled after that."""
+        for pose in self._poses.values():
+            pose.mean_m = pose.mean_m / pose.both_s if pose.both_s > 0.0 else 0.0
+        return Outcome(
+            agents=sorted(agents),
+            seconds=self._last - self._begin,
+            poses=sorted(self._poses.values(), key=lambda pose: pose.edge),
+            relations=[self._relations[name] for name in sorted(self._relations)],
+            surprising=[self._surprising[name] for name in sorted(self._surprising)],
+            recorded_events=sorted(self._recorded.events, key=lambda event: event.time),
+            anew_events=sorted(self._anew.events, key=lambda event: event.time),
+            notes=notes,
+        )

@@ -1,0 +1,174 @@
+"""What agents that are run anew get from a recording: everything but what they had written themselves."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Collection, Iterator
+from typing import ClassVar
+
+from msgspec.structs import replace
+
+from agents.recorder.channels import SNAPSHOT
+from agents.recorder.index import RecordingIndex, TimedRecord
+from agents.replay.traffic import unpacked
+from dsr.agent import Agent
+from dsr.crdt.context import CausalContext, Dot
+from dsr.crdt.delta import Delta
+from dsr.crdt.hlc import physical_time
+from dsr.errors import WireError
+from dsr.keys import agent_of, is_key
+from dsr.transport import Chunks, key_matches
+from dsr.wire import decode_delta, encode_delta
+
+_MICRO = 1e6
+_LATE = 1.0
+"""s before the recording's first message; who had written earlier was at work before, and goes on from that."""
+_SNAPSHOT_RID = "recording-snapshot"
+
+
+class Feed:
+    """Hands out recorded messages up to a moment, without those of the agents that run anew.
+
+    Recorded changes keep their dots and stamps. Writes of others into elements that the agents had made are lost, since
+    the agents make them anew; `lost` counts them by writer.
+
+    Args:
+        index: of the recording.
+        anew: names of the agents.
+        publishes: patterns of topics that the agents publish on the bus.
+    """
+
+    def __init__(self, index: RecordingIndex, anew: Collection[str], publishes: Collection[str] = ()) -> None:
+        self.lost: Counter[str] = Counter()
+        self.malformed = 0
+        self._index = index
+        self._anew = frozenset(anew)
+        self._publishes = tuple(publishes)
+        self._records = index.read_for(0.0)
+        self._following = next(self._records, None)
+        self._waiting: list[tuple[int, int, TimedRecord]] = []
+        self._ranks = _ranks(index.topics)
+        self._alive: dict[Dot, None] = {}
+        self._is_first = True
+        self._past: frozenset[Dot] = frozenset()
+
+    @property
+    def kept_past(self) -> bool:
+        """Whether the agents had been at work before the recording began, and go on from what they had written."""
+        return bool(self._past)
+
+    def rank(self, agent: str) -> int:
+        """The place of an agent in the order in which they work at one instant."""
+        return self._ranks.get(agent, len(self._ranks))
+
+    def take(self, now: float, rank: int) -> Iterator[tuple[str, bytes | Chunks]]:
+        """(topic, payload, or pieces of a large one) of all that an agent of this rank knows at `now` (stamp, s)."""
+        moment = round(now * _MICRO)
+        while self._following is not None and self._moment(self._following) <= moment:
+            record = self._following
+            self._waiting.append((self._moment(record), self._rank_of(record.topic), record))
+            self._following = next(self._records, None)
+        due = [item for item in self._waiting if item[:2] < (moment, rank)]
+        self._waiting = [item for item in self._waiting if item[:2] >= (moment, rank)]
+        for _, _, record in due:
+            try:
+                yield from self._filtered(record)
+            except WireError:
+                self.malformed += 1
+
+    def _moment(self, record: TimedRecord) -> int:
+        return round((self._index.begin + record.time) * _MICRO)
+
+    def _rank_of(self, topic: str) -> int:
+        """Sensors and images come first."""
+        writer = _writer(topic)
+        return -1 if writer is None else self.rank(writer)
+
+    def _filtered(self, record: TimedRecord) -> Iterator[tuple[str, bytes | Chunks]]:
+        topic = record.topic
+        if topic == SNAPSHOT:
+            yield f"d/{_SNAPSHOT_RID}", encode_delta(self._settled(decode_delta(record.payload)))
+        elif not is_key(topic) or _writer(topic) in self._anew:
+            return
+        elif any(key_matches(pattern, topic) for pattern in self._publishes):
+            return
+        elif topic.startswith(("d/", "rt/")):
+            if delta := self._without(decode_delta(record.payload)):
+                yield topic, encode_delta(delta)
+        elif topic.startswith("blob/"):
+            yield topic, unpacked(record.payload)
+        else:
+            yield topic, record.payload
+
+    def _settled(self, snapshot: Delta) -> Delta:
+        """A snapshot as an ordinary change: what it knows and does not hold is removed."""
+        if self._is_first:
+            self._is_first = False
+            begun = self._index.begin - _LATE
+            writes = [write for write in snapshot.writes if agent_of(write.writer) in self._anew]
+            if any(physical_time(write.stamp) < begun for write in writes):
+                self._past = frozenset(add.dot for add in snapshot.adds)
+                self._alive = dict.fromkeys(self._past)
+                return Delta(snapshot.adds, snapshot.writes, [], snapshot.context)
+        seen, live = CausalContext(snapshot.context), snapshot.live or frozenset()
+        gone = [dot for dot in self._alive if dot in seen and dot not in live]
+        return self._without(Delta(snapshot.adds, snapshot.writes, gone, snapshot.context))
+
+    def _is_anew(self, dot: Dot) -> bool:
+        """Whether a dot stands for something that the agents will make themselves."""
+        return agent_of(dot[0]) in self._anew and dot not in self._past
+
+    def _without(self, delta: Delta) -> Delta:
+        """The part of a change that concerns nothing of the agents that run anew."""
+        is_anew = self._is_anew
+        kept = Delta()
+        kept.adds = [add for add in delta.adds if not is_anew(add.dot)]
+        for write in delta.writes:
+            if agent_of(write.writer) in self._anew:
+                continue
+            if is_anew(write.owner):
+                self.lost[agent_of(write.writer)] += 1
+            else:
+                kept.writes.append(replace(write, dot=None) if write.dot and is_anew(write.dot) else write)
+        kept.removed = [dot for dot in delta.removed if not is_anew(dot)]
+        kept.context = [dots for dots in delta.context if agent_of(dots[0]) not in self._anew]
+        self._alive.update((add.dot, None) for add in kept.adds)
+        for dot in kept.removed:
+            self._alive.pop(dot, None)
+        return kept
+
+
+class Feeder(Agent):
+    """Publishes what a feed has for the agent that ticks next. Made into a class of its own for each agent."""
+
+    uses_memory = False
+    feed: ClassVar[Feed]
+    rank: ClassVar[int]
+
+    def tick(self, now: float) -> None:
+        """Publish what the agent after this one would have known by `now`."""
+        for topic, payload in self.feed.take(now, self.rank):
+            key = f"{self.keys.root}/{topic}"
+            if isinstance(payload, bytes):
+                self.bus.publish(key, payload)
+            else:
+                self.bus.publish_bulk(key, payload)
+
+
+def feeder_for(agent: type[Agent], feed: Feed, name: str) -> type[Feeder]:
+    """The feeder that ticks just before the agent of this class and name."""
+    fields = {"feed": feed, "rank": feed.rank(name), "rate_hz": agent.rate_hz}
+    return type("Feeder", (Feeder,), fields)
+
+
+def _writer(topic: str) -> str | None:
+    """The agent that wrote a message, if its topic tells."""
+    kind, _, name = topic.partition("/")
+    if kind in ("d", "rt"):
+        return agent_of(name)
+    return name if kind in ("status", "log") else None
+
+
+def _ranks(topics: Collection[str]) -> dict[str, int]:
+    """Agents by when they were first heard; in lockstep that is the order in which they tick."""
+    return {writer: rank for rank, writer in enumerate(dict.fromkeys(filter(None, map(_writer, topics))))}
