@@ -69,7 +69,9 @@ class Recorder(Agent):
         self._last_flush = self._last_snapshot = -math.inf
         self._repairs = 0
         path = next_segment(Path(self.config.folder), FILE_NAME)
-        self._writer = RecordingWriter(path, {**self.config.about, "graph": keys.graph, "root": keys.root, "segment": path.name})
+        self._writer = RecordingWriter(
+            path, {**self.config.about, "graph": keys.graph, "root": keys.root, "segment": path.name}
+        )
         wanted = (keys.delta(), keys.stream(), keys.truth(), keys.log(), keys.status(), *map(keys.device, _DEVICES))
         images = Inbox(self.bus, keys.blob("**"), self.clock, _MOST_IMAGES_WAITING)
         self._inboxes = (images, Inbox(self.bus, wanted, self.clock, _MOST_WAITING))

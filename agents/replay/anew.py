@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 
 import msgspec
@@ -13,7 +13,7 @@ from agents.replay.compare import Comparison, Outcome
 from agents.replay.feed import Feed, feeder_for
 from agents.replay.source import ReplayedGraph
 from dsr.clock import ManualClock
-from dsr.errors import ConfigError
+from dsr.errors import ConfigError, suggest
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec, load_system
 from dsr.schema import Schema
@@ -31,6 +31,7 @@ def run_anew(
     *,
     system: str | None = None,
     seed: int | None = None,
+    settings: Mapping[str, Mapping[str, object]] | None = None,
     until: float | None = None,
     on_progress: OnProgress = lambda time, duration: None,
 ) -> Outcome:
@@ -45,6 +46,7 @@ def run_anew(
         agents: names of agents of the system.
         system: name or file of the system that configures them; by default that of the recording, or `tabletop`.
         seed: of the run; by default the recorded one.
+        settings: fields of the agents' configurations to change, by agent.
         until: s since the first message, where to end.
         on_progress: called with the time since the first message and the duration, s.
 
@@ -55,15 +57,18 @@ def run_anew(
     """
     reference = ReplayedGraph(path)
     index = reference.index
-    specs = _specs(index, agents, system)
+    specs = _specs(index, agents, system, settings or {})
     feed = Feed(index, agents, [pattern for spec in specs for pattern in spec.kind.publishes])
     ordered = sorted(specs, key=lambda spec: feed.rank(spec.name))
     clock = ManualClock(index.begin)
+    fastest = max(specs, key=lambda spec: spec.kind.rate_hz)
     seats = [seat for spec in ordered for seat in (_feeder(spec, feed), spec)]
+    seats.append(AgentSpec("feeder", feeder_for(fastest.kind, feed)))
     seed = int(index.metadata.get("seed", 0)) if seed is None else seed
     end = index.begin + (reference.duration if until is None else min(until, reference.duration))
     graph = reference.memory.graph_name
     with Lockstep(seats, graph=graph, clock=clock, seed=seed, strict=True) as lockstep:
+        feed.memory = lockstep.memory
         comparison = Comparison(reference.memory, lockstep.memory, _geometric(specs), index.begin)
 
         def on_step(now: float) -> None:
@@ -75,15 +80,18 @@ def run_anew(
         return comparison.outcome(agents, _notes(reference, feed, agents))
 
 
-def _specs(index: RecordingIndex, agents: Collection[str], system: str | None) -> list[AgentSpec]:
+def _specs(
+    index: RecordingIndex, agents: Collection[str], system: str | None, settings: Mapping[str, Mapping[str, object]]
+) -> list[AgentSpec]:
     """The agents, configured as they were recorded if the recording tells."""
     loaded = load_system(system or index.metadata.get("system", DEFAULT_SYSTEM))
     recorded = _recorded_configs(index) if system is None else {}
+    for name in sorted(settings.keys() - set(agents)):
+        raise ConfigError(f"agent {name!r} is not run anew, and cannot be configured; {suggest(name, agents)}")
     specs = []
     for name in dict.fromkeys(agents):
+        loaded = loaded.with_config(name, **{**recorded.get(name, {}), **settings.get(name, {})})
         spec = loaded.agent(name)
-        if name in recorded:
-            spec = loaded.with_config(name, **recorded[name]).agent(name)
         if not spec.kind.uses_memory:
             raise ConfigError(f"agent {name!r} does not use the memory: there is nothing to compare")
         specs.append(spec)
@@ -116,7 +124,7 @@ def _notes(reference: ReplayedGraph, feed: Feed, agents: Collection[str]) -> lis
     if feed.kept_past:
         notes.append("the agents had been at work before the recording began: they go on from what they had written")
     for writer, count in sorted(feed.lost.items()):
-        notes.append(f"{count} writes of {writer} into what the agents had made were lost: they make it anew")
+        notes.append(f"{count} changes of {writer} concern what the agents had made, and did not make anew")
     if feed.malformed:
         notes.append(f"{feed.malformed} recorded messages were malformed, and left out")
     return notes

@@ -23,6 +23,8 @@ from dsr.keys import check_name
 from dsr.rendezvous import endpoints
 from dsr.runtime.native_output import silenced
 
+Settings = dict[str, dict[str, object]]
+"""Fields of configurations, by agent."""
 _INTERRUPTED = 130
 _SHOWN = 5  # reasons why something was left out
 
@@ -59,6 +61,10 @@ def replay(
         str | None, typer.Option(metavar="SYSTEM", help="With --agents: configures them; default: as recorded.")
     ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="With --agents; default: as recorded.")] = None,
+    settings: Annotated[
+        list[str] | None,
+        typer.Option("--set", metavar="AGENT.FIELD=VALUE", help="With --agents: configure one differently."),
+    ] = None,
     as_json: JsonOption = False,
     router: RouterOption = None,
     security: SecurityOption = None,
@@ -82,7 +88,7 @@ def replay(
         return
     if agents is not None:
         names = [part.strip() for part in agents.split(",") if part.strip()]
-        outcome = compare(_named(recording), names, system, seed, until)
+        outcome = compare(_named(recording), names, system, seed, until, read_settings(settings or []))
         differences = outcome.differences(tolerance, turn_tolerance, grace)
         if as_json:
             print_json(to_json(outcome, differences))
@@ -93,7 +99,25 @@ def replay(
     play(source, check_name("graph name", name), _speed(speed), begin, until, pause_at, stay, router, security)
 
 
-def compare(path: Path, agents: list[str], system: str | None, seed: int | None, until: float | None) -> Outcome:
+def read_settings(texts: list[str]) -> Settings:
+    """The fields by agent in texts such as `agent.field=value`, the value as JSON or plain text. `ConfigError`."""
+    settings: Settings = {}
+    for text in texts:
+        path, equals, value = text.partition("=")
+        agent, dot, field = path.strip().partition(".")
+        if not (equals and dot and agent and field):
+            raise ConfigError(f"--set {text}: expected AGENT.FIELD=VALUE")
+        try:
+            parsed = msgspec.json.decode(value)
+        except msgspec.DecodeError:
+            parsed = value
+        settings.setdefault(agent, {})[field] = parsed
+    return settings
+
+
+def compare(
+    path: Path, agents: list[str], system: str | None, seed: int | None, until: float | None, settings: Settings
+) -> Outcome:
     """Run agents anew, with a progress bar in a terminal."""
     with Progress(console=errors, transient=True, disable=not errors.is_terminal) as progress:
         task = progress.add_task(f"{', '.join(agents)} anew", total=None)
@@ -103,7 +127,7 @@ def compare(path: Path, agents: list[str], system: str | None, seed: int | None,
 
         with silenced():  # pybullet introduces itself
             from agents.replay.anew import run_anew
-        return run_anew(path, agents, system=system, seed=seed, until=until, on_progress=advance)
+        return run_anew(path, agents, system=system, seed=seed, settings=settings, until=until, on_progress=advance)
 
 
 def _control(text: str, name: str, router: str | None, security: Path | None, as_json: bool) -> None:

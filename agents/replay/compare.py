@@ -82,6 +82,11 @@ def _explanations(events: Iterable[Event]) -> list[str]:
     return [str(event.details.get("explanation", "")) for event in events if event.kind == "explained"]
 
 
+def _order(event: Event) -> tuple[float, str, str]:
+    """By time; those of one instant always alike."""
+    return event.time, event.kind, event.subject
+
+
 class _Side:
     """One of the two runs."""
 
@@ -175,7 +180,7 @@ class Comparison:
             poses=sorted(self._poses.values(), key=lambda pose: pose.edge),
             relations=[self._relations[name] for name in sorted(self._relations)],
             surprising=[self._surprising[name] for name in sorted(self._surprising)],
-            recorded_events=sorted(self._recorded.events, key=lambda event: event.time),
-            anew_events=sorted(self._anew.events, key=lambda event: event.time),
+            recorded_events=sorted(self._recorded.events, key=_order),
+            anew_events=sorted(self._anew.events, key=_order),
             notes=notes,
         )

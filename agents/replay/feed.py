@@ -10,27 +10,29 @@ from msgspec.structs import replace
 
 from agents.recorder.channels import SNAPSHOT
 from agents.recorder.index import RecordingIndex, TimedRecord
+from agents.replay.rebinding import Rebinding
 from agents.replay.traffic import unpacked
 from dsr.agent import Agent
 from dsr.crdt.context import CausalContext, Dot
-from dsr.crdt.delta import Delta
+from dsr.crdt.delta import Delta, Key
 from dsr.crdt.hlc import physical_time
 from dsr.errors import WireError
 from dsr.keys import agent_of, is_key
+from dsr.memory import Memory
 from dsr.transport import Chunks, key_matches
 from dsr.wire import decode_delta, encode_delta
 
 _MICRO = 1e6
 _LATE = 1.0
 """s before the recording's first message; who had written earlier was at work before, and goes on from that."""
-_SNAPSHOT_RID = "recording-snapshot"
+_SNAPSHOT_RID, _BOUND_RID = "recording-snapshot", "recording-bound"
 
 
 class Feed:
     """Hands out recorded messages up to a moment, without those of the agents that run anew.
 
-    Recorded changes keep their dots and stamps. Writes of others into elements that the agents had made are lost, since
-    the agents make them anew; `lost` counts them by writer.
+    Recorded changes keep their dots and stamps. Changes of others to elements that the agents had made go to those that
+    they make anew, by name; `lost` counts, by writer, those for which there was none.
 
     Args:
         index: of the recording.
@@ -39,8 +41,10 @@ class Feed:
     """
 
     def __init__(self, index: RecordingIndex, anew: Collection[str], publishes: Collection[str] = ()) -> None:
-        self.lost: Counter[str] = Counter()
         self.malformed = 0
+        self.memory: Memory | None = None
+        """A replica of the graph of the agents that run anew."""
+        self._rebinding = Rebinding(self._is_anew)
         self._index = index
         self._anew = frozenset(anew)
         self._publishes = tuple(publishes)
@@ -53,6 +57,11 @@ class Feed:
         self._past: frozenset[Dot] = frozenset()
 
     @property
+    def lost(self) -> Counter[str]:
+        """Changes to elements that the agents had made, and have not made anew until now; by writer."""
+        return self._rebinding.waiting
+
+    @property
     def kept_past(self) -> bool:
         """Whether the agents had been at work before the recording began, and go on from what they had written."""
         return bool(self._past)
@@ -60,6 +69,11 @@ class Feed:
     def rank(self, agent: str) -> int:
         """The place of an agent in the order in which they work at one instant."""
         return self._ranks.get(agent, len(self._ranks))
+
+    @property
+    def last_rank(self) -> int:
+        """A rank after all others."""
+        return len(self._ranks) + 1
 
     def take(self, now: float, rank: int) -> Iterator[tuple[str, bytes | Chunks]]:
         """(topic, payload, or pieces of a large one) of all that an agent of this rank knows at `now` (stamp, s)."""
@@ -75,6 +89,16 @@ class Feed:
                 yield from self._filtered(record)
             except WireError:
                 self.malformed += 1
+        if self.memory is not None:
+            self.memory.poll()
+            if bound := self._rebinding.bound(self._live):
+                self._note_alive(bound)
+                yield f"d/{_BOUND_RID}", encode_delta(bound)
+
+    def _live(self, key: Key) -> list[Dot]:
+        """Where the agents that run anew have made an element."""
+        assert self.memory is not None
+        return [dot for dot in self.memory.replica.graph.store.by_key.get(key, ()) if agent_of(dot[0]) in self._anew]
 
     def _moment(self, record: TimedRecord) -> int:
         return round((self._index.begin + record.time) * _MICRO)
@@ -88,17 +112,20 @@ class Feed:
         topic = record.topic
         if topic == SNAPSHOT:
             yield f"d/{_SNAPSHOT_RID}", encode_delta(self._settled(decode_delta(record.payload)))
-        elif not is_key(topic) or _writer(topic) in self._anew:
-            return
-        elif any(key_matches(pattern, topic) for pattern in self._publishes):
-            return
         elif topic.startswith(("d/", "rt/")):
-            if delta := self._without(decode_delta(record.payload)):
+            delta = self._without(decode_delta(record.payload))
+            if delta and is_key(topic) and not self._is_theirs(topic):
                 yield topic, encode_delta(delta)
+        elif not is_key(topic) or self._is_theirs(topic):
+            return
         elif topic.startswith("blob/"):
             yield topic, unpacked(record.payload)
         else:
             yield topic, record.payload
+
+    def _is_theirs(self, topic: str) -> bool:
+        """Whether the agents that run anew publish there."""
+        return _writer(topic) in self._anew or any(key_matches(pattern, topic) for pattern in self._publishes)
 
     def _settled(self, snapshot: Delta) -> Delta:
         """A snapshot as an ordinary change: what it knows and does not hold is removed."""
@@ -120,22 +147,29 @@ class Feed:
 
     def _without(self, delta: Delta) -> Delta:
         """The part of a change that concerns nothing of the agents that run anew."""
-        is_anew = self._is_anew
+        is_anew, rebinding = self._is_anew, self._rebinding
         kept = Delta()
-        kept.adds = [add for add in delta.adds if not is_anew(add.dot)]
+        for add in delta.adds:
+            if is_anew(add.dot):
+                rebinding.note_made(add)
+            elif not rebinding.take_add(add):
+                kept.adds.append(add)
         for write in delta.writes:
-            if agent_of(write.writer) in self._anew:
-                continue
-            if is_anew(write.owner):
-                self.lost[agent_of(write.writer)] += 1
-            else:
+            if agent_of(write.writer) not in self._anew and not rebinding.take_write(write):
                 kept.writes.append(replace(write, dot=None) if write.dot and is_anew(write.dot) else write)
+        for dot in delta.removed:
+            rebinding.note_removed(dot)
         kept.removed = [dot for dot in delta.removed if not is_anew(dot)]
-        kept.context = [dots for dots in delta.context if agent_of(dots[0]) not in self._anew]
-        self._alive.update((add.dot, None) for add in kept.adds)
-        for dot in kept.removed:
-            self._alive.pop(dot, None)
+        kept.context = rebinding.without_waiting(
+            [dots for dots in delta.context if agent_of(dots[0]) not in self._anew]
+        )
+        self._note_alive(kept)
         return kept
+
+    def _note_alive(self, delta: Delta) -> None:
+        self._alive.update((add.dot, None) for add in delta.adds)
+        for dot in delta.removed:
+            self._alive.pop(dot, None)
 
 
 class Feeder(Agent):
@@ -155,9 +189,10 @@ class Feeder(Agent):
                 self.bus.publish_bulk(key, payload)
 
 
-def feeder_for(agent: type[Agent], feed: Feed, name: str) -> type[Feeder]:
-    """The feeder that ticks just before the agent of this class and name."""
-    fields = {"feed": feed, "rank": feed.rank(name), "rate_hz": agent.rate_hz}
+def feeder_for(agent: type[Agent], feed: Feed, name: str | None = None) -> type[Feeder]:
+    """The feeder that ticks just before the agent of this class and name; without a name, after all agents."""
+    rank = feed.last_rank if name is None else feed.rank(name)
+    fields = {"feed": feed, "rank": rank, "rate_hz": agent.rate_hz}
     return type("Feeder", (Feeder,), fields)
 
 

@@ -26,9 +26,8 @@ def show(outcome: Outcome, differences: list[str], console: Console) -> None:
     """Print tables, then the verdict."""
     if outcome.poses:
         console.print(_poses(outcome))
-    disagreements = [
-        ("relation", held) for held in outcome.relations if held.only_recorded_s or held.only_anew_s
-    ] + [("surprising", held) for held in outcome.surprising]
+    held = [("relation", item) for item in outcome.relations] + [("surprising", item) for item in outcome.surprising]
+    disagreements = [(kind, item) for kind, item in held if item.only_recorded_s or item.only_anew_s]
     if disagreements:
         console.print(_disagreements(disagreements))
     told = [event for event in outcome.recorded_events + outcome.anew_events if event.kind in _TOLD]

@@ -54,6 +54,8 @@ def staged_system(run: Run) -> System:
     for agent, fields in _settings(run).items():
         if agent in _names(system):
             system = system.with_config(agent, **fields)
+    if "recorder" in _names(system):
+        system = system.with_config("recorder", about=_about(run, system))
     return system if run.folder else without(system, "recorder", "viewer")
 
 
@@ -73,6 +75,18 @@ def _settings(run: Run) -> dict[str, dict[str, Any]]:
         "scene_setup": {"scenario": str(run.file)},
         "recorder": {"folder": folder},
         "viewer": {"folder": folder, "spawn": run.window},
+    }
+
+
+def _about(run: Run, system: System) -> dict[str, str]:
+    """What the recording says about the run, so that its agents can be run anew as they were."""
+    configs = {spec.name: spec.config for spec in system.agents if spec.name not in ("recorder", "viewer")}
+    return {
+        "scenario": run.scenario.name,
+        "system": run.scenario.system,
+        "seed": str(run.seed),
+        "sensor": run.sensor,
+        "agents": msgspec.json.encode(configs).decode(),
     }
 
 

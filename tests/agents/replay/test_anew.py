@@ -1,0 +1,241 @@
+"""Agents run anew on a recording: they do the same again, or it is told what they do differently."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import pytest
+from typer.testing import CliRunner
+
+from agents.recorder.index import RecordingIndex
+from agents.replay.anew import run_anew
+from agents.replay.cli import app
+from agents.replay.compare import Comparison, Outcome
+from agents.replay.feed import Feed
+from agents.scenario.runner import run_lockstep
+from agents.scenario.staging import make_run
+from dsr import Memory
+from dsr.clock import ManualClock
+from dsr.errors import ConfigError
+from dsr.graph import Graph
+from dsr.local_transport import LocalNetwork
+from dsr.wire import decode_delta
+from tests.agents.replay.conftest import STEP, Studio
+
+EXACT = (0.0, 1e-12, 0.0)
+
+
+@pytest.fixture(scope="session")
+def perturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a lockstep run in which a cube is put on another."""
+    run = make_run("tower_toppled", sensor="poses", seed=4, folder=tmp_path_factory.mktemp("perturbed"))
+    scenario = msgspec.structs.replace(run.scenario, duration=7.0, expectations=[])
+    run_lockstep(msgspec.structs.replace(run, scenario=scenario))
+    assert run.folder is not None
+    return run.folder
+
+
+def explanations(outcome: Outcome) -> tuple[list[str], list[str]]:
+    recorded, anew = (
+        [event.text for event in events if event.kind == "explained"]
+        for events in (outcome.recorded_events, outcome.anew_events)
+    )
+    return recorded, anew
+
+
+@pytest.mark.parametrize(
+    "agents",
+    [
+        ["simulation_handler"],
+        ["scene_estimator"],
+        ["surprise", "simulation_handler"],
+        ["scene_estimator", "surprise", "simulation_handler"],
+    ],
+)
+def test_unchanged_agents_do_exactly_the_same_again(perturbed: Path, agents: list[str]) -> None:
+    outcome = run_anew(perturbed, agents)
+    assert outcome.differences(*EXACT) == []
+    assert outcome.seconds > 7.0 and len(outcome.poses) >= 4
+    assert [event.text for event in outcome.recorded_events] == [event.text for event in outcome.anew_events]
+    recorded, anew = explanations(outcome)
+    assert recorded == anew and len(recorded) >= 1
+    assert outcome.notes == []
+
+
+def test_two_replays_are_equal(perturbed: Path) -> None:
+    agents = ["surprise", "simulation_handler"]
+    assert run_anew(perturbed, agents) == run_anew(perturbed, agents)
+
+
+def test_agents_that_do_otherwise_are_noticed(perturbed: Path) -> None:
+    settings = {"simulation_handler": {"policy": "algorithm1"}}
+    outcome = run_anew(perturbed, ["simulation_handler"], settings=settings)
+    recorded, anew = explanations(outcome)
+    assert "hypotheses" in recorded[0] and "algorithm1" in anew[0]
+    found = outcome.differences(0.001, 0.05, 0.15)
+    assert any(line.startswith("explanations") for line in found)
+
+
+def test_a_recording_without_percepts_leaves_the_belief_empty(perturbed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing of what the agents had written may reach them: all that they believe they made themselves."""
+    take = Feed.take
+
+    def without_estimator(self: Feed, now: float, rank: int) -> Any:
+        return [item for item in take(self, now, rank) if "scene_estimator" not in item[0]]
+
+    monkeypatch.setattr(Feed, "take", without_estimator)
+    outcome = run_anew(perturbed, ["simulation_handler"])
+    assert all(pose.both_s == 0.0 and pose.only_recorded_s > 5.0 for pose in outcome.poses)
+    assert outcome.differences(1.0, 10.0, 0.15)
+
+
+def fed(index: RecordingIndex, anew: list[str]) -> tuple[Feed, Graph]:
+    """What agents that run anew find in the graph in the end."""
+    feed, graph = Feed(index, anew), Graph("reader")
+    for topic, payload in feed.take(index.end + 1.0, feed.last_rank):
+        if topic.startswith(("d/", "rt/")) and isinstance(payload, bytes):
+            graph.join(decode_delta(payload))
+    return feed, graph
+
+
+class TwoWriters(Studio):
+    """The agent `thinker` beside the writer."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder)
+        transport = self._network.connect("thinker")
+        self.thinker = Memory("tabletop", "thinker", transport=transport, clock=self.clock, rid="thinker-1")
+
+    def run(self, seconds: float) -> None:
+        for _ in range(round(seconds / STEP)):
+            self.thinker.poll()
+            self.thinker.flush()
+            super().run(STEP)
+
+
+def test_what_the_agents_had_written_is_left_out_and_all_else_is_kept(tmp_path: Path) -> None:
+    studio = TwoWriters(tmp_path)
+    studio.memory.add_node("world", "world")
+    studio.memory.add_node("cube_3", "cube", mass=1.0)
+    studio.memory.add_node("cube_4", "cube")
+    studio.run(3.0)
+    studio.thinker.add_edge("world", "cube_3", "Virtual_RT", translation=(1.0, 0.0, 0.0))
+    studio.thinker.add_node("event_0", "event", explanation="x")
+    studio.thinker.update_node("cube_3", plausible=True, mass=2.0)
+    studio.thinker.add_edge("world", "cube_4", "Virtual_RT", translation=(1.0, 0.0, 0.0))
+    studio.run(1.0)
+    studio.memory.update_node("event_0", note="of another agent")
+    studio.memory.remove_node("cube_4")
+    studio.run(40.0)
+    feed, graph = fed(RecordingIndex(studio.finish()), ["thinker"])
+    assert set(graph.nodes) == {"world", "cube_3"} and not graph.edges
+    assert graph.node("cube_3").attributes == {"mass": 1.0}
+    assert feed.lost["writer"] >= 1 and not feed.kept_past
+    assert not any(rid == "thinker-1" for rid, _, _ in graph.store.context.ranges())
+
+
+def test_agents_that_had_been_at_work_before_go_on_from_what_they_wrote(tmp_path: Path) -> None:
+    class Late(TwoWriters):
+        def __init__(self, folder: Path) -> None:
+            super().__init__(folder)
+            self.memory.add_node("world", "world")
+            self.thinker.add_node("cube_3", "cube", mass=2.0)
+            for _ in range(3):
+                for memory in (self.memory, self.thinker, self._recorder.memory):
+                    memory.poll()
+                    memory.flush()
+                self._network.deliver()
+            self._recorder.memory.poll()
+            self.clock.advance(60.0)
+
+    studio = Late(tmp_path)
+    studio.run(2.0)
+    studio.thinker.update_node("cube_3", mass=3.0)
+    studio.run(2.0)
+    feed, graph = fed(RecordingIndex(studio.finish()), ["thinker"])
+    assert feed.kept_past
+    assert graph.node("cube_3").attributes == {"mass": 2.0}
+
+
+def test_what_only_a_snapshot_tells_to_be_removed_is_removed(tmp_path: Path) -> None:
+    studio = Studio(tmp_path)
+    studio.memory.add_node("world", "world")
+    studio.memory.add_node("cube_3", "cube")
+    studio.run(1.0)
+    studio.finish()
+    later = Studio(tmp_path)
+    later.memory.restore(studio.memory.snapshot())
+    later.memory.remove_node("cube_3")
+    later.clock.advance(10.0)
+    later.run(4.0)
+    _, graph = fed(RecordingIndex(later.finish()), ["thinker"])
+    assert set(graph.nodes) == {"world"}
+
+
+def test_the_comparison_measures_what_differs() -> None:
+    clock = ManualClock()
+    one, other = (Memory("a", name, transport=LocalNetwork(clock).connect(name), clock=clock) for name in ("x", "y"))
+    for memory, shift in ((one, 0.0), (other, 0.01)):
+        for name, kind in (("world", "world"), ("table", "table"), ("cube_3", "cube"), ("cube_4", "cube")):
+            memory.add_node(name, kind)
+        memory.add_edge("world", "cube_3", "Virtual_RT", translation=(shift, 0.0, 0.0))
+        memory.add_edge("world", "table", "Virtual_RT", translation=(shift, 0.0, 0.0))
+    comparison = Comparison(one, other, ["Virtual_RT"], clock.now())
+    begin = clock.now()
+    for second in range(1, 5):
+        if second == 3:
+            other.add_edge("cube_3", "cube_4", "on", source="contact")
+            one.update_node("cube_4", surprising=True)
+        if second == 4:
+            other.add_edge("world", "cube_3", "Virtual_RT", translation=(0.03, 0.0, 0.0))
+        comparison.sample(begin + second)
+    outcome = comparison.outcome(["y"], [])
+    (pose,) = outcome.poses
+    assert pose.edge == "Virtual_RT world cube_3"
+    assert pose.max_m == pytest.approx(0.03) and pose.mean_m == pytest.approx(0.015) and pose.max_at_s == 4.0
+    assert [(held.what, held.only_recorded_s, held.only_anew_s) for held in outcome.relations] == [
+        ("cube_3 on cube_4", 0.0, 2.0)
+    ]
+    assert [(held.what, held.only_recorded_s) for held in outcome.surprising] == [("cube_4", 2.0)]
+    assert len(outcome.differences(0.05, 0.1, 0.5)) == 2
+    assert len(outcome.differences(0.02, 0.1, 5.0)) == 1
+    assert outcome.differences(0.05, 0.1, 5.0) == []
+
+
+def test_the_command_tells_and_its_exit_code_says_whether_they_are_equal(hovering: Path, tmp_path: Path) -> None:
+    def run(*options: str) -> Any:
+        return CliRunner().invoke(app, ["--agents", "simulation_handler", str(hovering), *options])
+
+    found = run("--json")
+    assert found.exit_code == 0 and json.loads(found.stdout)["equal"]
+    file = hovering / "recording.mcap"
+    (tmp_path / "cut.mcap").write_bytes(file.read_bytes()[: file.stat().st_size * 2 // 3])
+    cut = CliRunner().invoke(app, ["--agents", "simulation_handler", str(tmp_path / "cut.mcap")])
+    assert cut.exit_code == 0 and "cut off" in cut.stdout and "equal" in cut.stdout
+    other = run("--tolerance", "0", "--set", "simulation_handler.gate=0.0001")
+    assert other.exit_code in (1, 2) or isinstance(other.exception, ConfigError)
+
+
+@pytest.mark.parametrize(
+    ("options", "expected"),
+    [
+        ({"agents": ["simulation_handlr"]}, "did you mean 'simulation_handler'"),
+        ({"agents": ["plant"]}, "does not use the memory"),
+        ({"agents": []}, "expected names"),
+        ({"agents": ["surprise"], "system": "nowhere"}, "unknown system"),
+        ({"agents": ["surprise"], "settings": {"planner": {}}}, "is not run anew"),
+        ({"agents": ["surprise"], "settings": {"surprise": {"nonsense": 1}}}, "nonsense"),
+    ],
+)
+def test_wrong_input_is_told(hovering: Path, options: dict[str, Any], expected: str) -> None:
+    with pytest.raises(ConfigError, match=expected):
+        run_anew(hovering, **options)
+
+
+@pytest.mark.parametrize("text", ["x", "a=1", ".b=2", "a.=2"])
+def test_settings_that_make_no_sense_are_told(hovering: Path, text: str) -> None:
+    with pytest.raises(ConfigError, match=r"expected AGENT\.FIELD=VALUE"):
+        CliRunner().invoke(app, ["--agents", "surprise", str(hovering), "--set", text], catch_exceptions=False)

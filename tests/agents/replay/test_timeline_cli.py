@@ -1,0 +1,74 @@
+"""`dsr timeline` of a recording and of a running graph."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+import dsr
+from agents.replay.timeline_cli import app
+from dsr.cli.common import console
+
+
+@pytest.fixture(autouse=True)
+def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "runtime").mkdir()
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "runtime"))
+    monkeypatch.setattr(console, "width", 160)
+
+
+def run(*arguments: str) -> Any:
+    return CliRunner().invoke(app, list(arguments), catch_exceptions=False)
+
+
+def test_a_recording_tells_what_happened(counted: Path) -> None:
+    text = run(str(counted)).stdout
+    lines = [line.split(maxsplit=2) for line in text.splitlines() if "cube" in line]
+    assert [(words[1], words[2].strip()) for words in lines] == [
+        ("appeared", "cube_old appeared"),
+        ("appeared", "cube_3 appeared"),
+        ("gone", "cube_old gone"),
+        ("surprised", "cube_new is surprising"),
+        ("appeared", "cube_new appeared"),
+    ]
+    assert [float(words[0]) for words in lines] == pytest.approx([0.0, 0.0, 4.0, 8.0, 8.0], abs=0.06)
+
+
+def test_kinds_can_be_chosen_and_json_holds_them(hovering: Path) -> None:
+    events = json.loads(run(str(hovering), "--kind", "began", "-k", "agent", "--json").stdout)
+    assert {event["kind"] for event in events} == {"began", "agent"}
+    assert "cube_3 on table" in {event["subject"] for event in events}
+    assert {"plant", "simulation_handler"} <= {event["subject"] for event in events}
+    assert [event["time"] for event in events] == sorted(event["time"] for event in events)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [(["x.mcap", "--kind", "surprise"], "did you mean 'surprised'"), (["x.mcap", "-f"], "a recording has an end"),
+     (["x.mcap"], "cannot be read"), ([], "no graph runs")],
+)  # fmt: skip
+def test_wrong_input_is_told(arguments: list[str], expected: str) -> None:
+    with pytest.raises(dsr.DsrError, match=expected):
+        run(*arguments)
+
+
+def test_a_running_graph_is_followed_until_ctrl_c() -> None:
+    command = [sys.executable, "-c", "from agents.replay.timeline_cli import app; app()", "--follow", "--json"]
+    with dsr.connect("scene", agent="owner") as memory:
+        memory.add_node("table", "table")
+        memory.add_node("cube_3", "cube")
+        assert "cube_3 appeared" in run().stdout
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+            assert process.stdout
+            assert json.loads(process.stdout.readline())["text"] == "cube_3 appeared"
+            memory.add_edge("cube_3", "table", "on", source="contact")
+            assert json.loads(process.stdout.readline())["text"] == "cube_3 on table (contact)"
+            process.send_signal(signal.SIGINT)
+            assert process.wait(10) == 0
