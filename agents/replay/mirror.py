@@ -77,12 +77,13 @@ class Mirror:
         try:
             self._know(theirs)
             if ours is None:
-                self._target.add_node(name, theirs.type)
+                self._target.add_node(name, theirs.type, **self._fitting(theirs, theirs.attributes))
+                return True
         except DsrError as error:
             self.left_out[str(error)] += 1
             return False
         self._write_values(theirs, ours)
-        return ours is None
+        return False
 
     def _write_edge(self, source: Memory, key: EdgeKey) -> None:
         theirs, ours = source.get_edge(*key), self._target.get_edge(*key)
@@ -99,17 +100,16 @@ class Mirror:
             return
         self._write_values(theirs, ours)
 
-    def _write_values(self, theirs: Node | Edge, ours: Node | Edge | None) -> None:
-        wanted, present = theirs.attributes, ours.attributes if ours is not None else {}
+    def _write_values(self, theirs: Node | Edge, ours: Node | Edge) -> None:
+        wanted, present = theirs.attributes, ours.attributes
         changed = {name: value for name, value in wanted.items() if name not in present or present[name] != value}
         values = self._fitting(theirs, changed)
         if values and isinstance(theirs, Node):
             self._target.update_node(theirs.name, **values)
         elif values and isinstance(theirs, Edge):
             self._target.update_edge(*theirs.key, **values)
-        if ours is not None:
-            for name in present.keys() - wanted.keys():
-                self._target.remove_attribute(ours, name)
+        for name in present.keys() - wanted.keys():
+            self._target.remove_attribute(ours, name)
 
     def _know(self, element: Node | Edge) -> None:
         """Let the target's schema know the names of an element. Raises `SchemaError` for one that is no name."""

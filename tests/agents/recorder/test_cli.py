@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,7 @@ from typer.testing import CliRunner
 import dsr
 from agents.recorder.cli import app
 from agents.replay import ReplayedGraph
+from dsr.clock import WALL_CLOCK
 from dsr.errors import ConfigError
 
 COMMAND = [sys.executable, "-c", "from agents.recorder.cli import app; app()"]
@@ -34,12 +36,11 @@ def test_the_running_graph_is_recorded_until_told_to_end(tmp_path: Path, ending:
         with subprocess.Popen(COMMAND + options, stdout=subprocess.PIPE, text=True) as process:
             assert process.stdout
             assert "recording graph scene" in process.stdout.readline()
-            watch = memory.watch(existing=False)
             while not (folder / "recording.mcap").exists():
-                watch.next(0.05)
+                WALL_CLOCK.wait(threading.Event(), 0.05)
             for step in range(30):
                 memory.update_node("cube_3", mass=float(step))
-                watch.next(0.05)
+                WALL_CLOCK.wait(threading.Event(), 0.05)
             if ending:
                 process.send_signal(ending)
             output = process.stdout.read()
