@@ -77,3 +77,15 @@ def test_the_exit_code_tells_whether_something_is_missing(
     monkeypatch.setattr(doctor, "run_checks", lambda: [doctor.Check("x", state, "detail")])
     assert CliRunner().invoke(app).exit_code == code
     assert '"detail"' in CliRunner().invoke(app, ["--json"]).output
+
+
+def test_the_solver_tells_its_version() -> None:
+    assert doctor.check_solver().state == "ok"
+
+
+def test_a_missing_solver_is_a_limit_with_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
+    code = "import planner.solver as s; s.PACKAGE = 'no_such_package'; print(s.probe())"
+    monkeypatch.setattr(doctor, "_SOLVER_PROBE", code)
+    check = doctor.check_solver()
+    assert check.state == "limited"
+    assert check.detail.startswith("the solver Fast Downward is not installed; run: pip install 'dsr[planning]'")
