@@ -26,7 +26,7 @@ def describe(check: Check) -> str:
 def time_of(check: Expectation, history: History) -> float | None:
     """When it is judged, s after the start; None if the event that it counts from has not ended."""
     if check.event is None:
-        return history.scenario.duration if check.at is None else check.at
+        return history.end if check.at is None else check.at
     end = event_end(history, check.event)
     return None if end is None or check.at is None else end + check.at
 

@@ -80,6 +80,8 @@ class History:
         self.missions: list[MissionState] = []
         """All changes of all intentions."""
         self.explanations: list[Explained] = []
+        self.end = scenario.duration
+        """s after the start: when the run ended"""
 
     def add(self, sample: Sample) -> None:
         """Append a sample; one that is not newer than the last is ignored."""

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import logging
+import math
 from typing import Any, Literal
 
+from agents.scenario.course import missing_events
 from agents.scenario.expectations import Attribute, Edges
 from agents.scenario.history import Explained, History, MissionState, Sample
 from agents.scenario.metrics import measure
@@ -20,6 +22,10 @@ from dsr.transforms import Pose
 from dsr.transport import Transport
 
 _log = logging.getLogger("scenario.judge")
+
+
+AT_REST = frozenset({"reached", "maintained", "invalid", "unsolvable", "failed", "no_solver"})
+"""What the status of a mission says when nothing more is done for it."""
 
 
 class Judge:
@@ -67,6 +73,22 @@ class Judge:
             self.history.add(self._look(time, truth))
             self.history.spans = truth.moves
             self._follow_mind(time)
+
+    def is_over(self, time: float) -> bool:
+        """Whether the run may end at `time` (s after the start): see the scenario's `linger`."""
+        history, linger = self.history, self.history.scenario.linger
+        if linger is None or missing_events(history):
+            return False
+        ends = [end for _, end in history.spans.values() if end is not None]
+        if history.scenario.mission is not None:
+            state = history.mission(time)
+            if state is None or state.status not in AT_REST:
+                return False
+            ends.append(state.time)
+        over = time > max(ends, default=math.inf) + linger
+        if over:
+            history.end = time
+        return over
 
     def result(
         self,

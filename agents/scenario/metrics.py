@@ -22,7 +22,7 @@ _REACHED = ("reached", "maintained")
 def measure(history: History) -> tuple[dict[str, float], list[str]]:
     """Metrics and notes of a finished run."""
     scenario = history.scenario
-    window = history.window(scenario.settle, scenario.duration)
+    window = history.window(scenario.settle, history.end)
     if not window:
         return {}, [f"no truth was received after {scenario.settle} s: nothing could be measured"]
     metrics: dict[str, float] = {}
@@ -49,15 +49,15 @@ def _course_metrics(history: History) -> dict[str, float]:
     if times and max(times) < math.inf:
         found["recovery_time_max_s"] = max(times)
     everything = {spec.name for spec in scenario.objects}
-    found["surprises_raised"] = len(rises(history, 0.0, scenario.duration, everything))
+    found["surprises_raised"] = len(rises(history, 0.0, history.end, everything))
     found["explanations"] = len(history.explanations)
     found["wrong_beliefs"] = len(wrong_explanations(history))
     if scenario.mission is not None:
-        found["replans"] = history.replans(scenario.duration)
+        found["replans"] = history.replans(history.end)
         reached = [state.time for state in history.missions if state.status in _REACHED]
         if reached:
             found["mission_first_reached_s"] = reached[0]
-        last = history.mission(scenario.duration)
+        last = history.mission(history.end)
         if last is not None and last.status in _REACHED:
             found["mission_reached_s"] = last.time
     return found

@@ -102,6 +102,8 @@ class Scenario(Section, frozen=True, kw_only=True):
     """s, from when all agents are ready"""
     settle: Seconds = 4.0
     """s after the start from when on the belief is judged: the default window of checks and metrics"""
+    linger: Annotated[float, Meta(gt=0, le=3600)] | None = None
+    """s after all events are over and the mission, if any, is at rest, after which the run ends before `duration`"""
     camera: Literal["overhead", "wrist"] = "overhead"
     robot: RobotSpec = RobotSpec()
     table: TableSpec = TableSpec()

@@ -48,7 +48,7 @@ class Recovery(msgspec.Struct, frozen=True):
 
 def perturbations(history: History) -> list[Perturbation]:
     """In order of time; those that overlap are one."""
-    end_of_run = history.scenario.duration
+    end_of_run = history.end
     groups: list[tuple[list[int], float, float]] = []
     for number, (begin, end) in sorted(history.spans.items(), key=lambda item: item[1][0]):
         last = math.inf if end is None else end
@@ -74,24 +74,29 @@ def event_end(history: History, number: int) -> float | None:
 def clear_from(history: History, begin: float, end: float, until: float) -> float | None:
     """When what happened between `begin` and `end` (s) was over, and to be seen; None if never before `until`.
 
-    All objects lie still, but for the held one, and what was moved and nothing stands on has come into the camera's
-    view since: the arm may have been in front of it. What never does, like a tag on its side, is not waited for.
+    What it moved lies still, and what of that nothing stands on has come into the camera's view since: the arm may
+    have been in front of it. What never does, like a tag on its side, is not waited for; nor is what the arm moves.
     """
+    samples = [sample for sample in history.after(end) if sample.time <= until]
+    if not samples:
+        return None
+    first, before = samples[0], history.before(begin) or history.samples[0]
+    disturbed = {name for name, pose in first.truth.items() if not _stays(before.truth.get(name), pose)}
+    disturbed = (disturbed | first.moving) - {before.held, first.held}
     still = next(
         (
             earlier
-            for earlier, later in pairwise(history.after(end))
-            if not (earlier.moving | later.moving) - {earlier.held, later.held}
+            for earlier, later in pairwise(samples)
+            if not (earlier.moving | later.moving) & disturbed - {earlier.held, later.held}
         ),
         None,
     )
     if still is None:
         return None
-    samples = history.window(still.time, until)
-    before = history.before(begin) or history.samples[0]
     covered = {lower for _, lower in true_relations(history.scenario, still.truth)}
-    moved = {name for name, pose in still.truth.items() if not _stays(before.truth.get(name), pose)} - covered
-    seen = (next((one.time for one in samples if name in one.in_view), still.time) for name in moved)
+    open_ones = disturbed - covered - {still.held}
+    rest = [sample for sample in samples if sample.time >= still.time]
+    seen = (next((one.time for one in rest if name in one.in_view), still.time) for name in open_ones)
     return max(seen, default=still.time)
 
 

@@ -81,6 +81,8 @@ class Conductor:
         kills = [event for event in scenario.events if isinstance(event, Kill)]
         self._kills = sorted(((event.at or 0.0) + event.delay, event.agent) for event in kills)
         self._tell_at = start - LEAD
+        self.is_over = False
+        """Whether the run may end early."""
         judge.begin(start)
 
     def step(self, now: float) -> float:
@@ -92,6 +94,7 @@ class Conductor:
         while self._kills and self._kills[0][0] <= elapsed:
             self._kill(self._kills.pop(0)[1])
         self._judge.sample()
+        self.is_over = self._judge.is_over(elapsed)
         return elapsed
 
 
@@ -117,10 +120,11 @@ def run_lockstep(run: Run, observer: Observer | None = None) -> Result:
         start = lockstep.clock.now() + LEAD
         conductor = Conductor(scenario, start, judge, lockstep.bus, lockstep.keys, kill)
 
-        def on_step(now: float) -> None:
+        def on_step(now: float) -> bool:
             observer.running(conductor.step(now))
             while away and away[0][0] <= now:
                 lockstep.restart(away.pop(0)[1])
+            return conductor.is_over
 
         lockstep.run_until(start + scenario.duration + _TAIL, on_step)
         return judge.result(run.seed, "lockstep", run.sensor, run.policy)
@@ -156,6 +160,8 @@ def run_live(run: Run, observer: Observer | None = None) -> Result:
         )
         while (elapsed := conductor.step(launcher.clock.now())) < run.scenario.duration + _TAIL:
             observer.running(elapsed)
+            if conductor.is_over:
+                break
             launcher.poll()
             launcher.clock.wait(threading.Event(), POLL_PERIOD)
         judge.close()

@@ -31,7 +31,7 @@ Rotation = tuple[Radians, Radians, Radians]
 """Rotation vector: axis times angle, rad."""
 
 UNITS = {
-    **dict.fromkeys(("at", "after", "delay", "duration", "settle", "within"), "s"),
+    **dict.fromkeys(("at", "after", "delay", "duration", "linger", "settle", "within"), "s"),
     **dict.fromkeys(("position", "size", "to", "by", "offset", "height", "translation", "tolerance"), "m"),
     "direction": "along x and y",
     **dict.fromkeys(("depth_bias", "depth_jitter"), "m"),

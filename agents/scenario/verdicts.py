@@ -48,7 +48,7 @@ def judge_check(check: Check, history: History) -> Verdict:
     time = time_of(check, history)
     if time is None:
         return Verdict(text, False, f"event {check.event} has not {_stage(check, history)}")
-    if time > history.scenario.duration + _ROUNDING:
+    if time > history.end + _ROUNDING:
         return Verdict(text, False, f"the run ended before {time:.1f} s, when it was to be judged")
     sample = history.at(time)
     if sample is None:

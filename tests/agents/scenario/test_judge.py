@@ -341,3 +341,44 @@ def test_agent_starts_are_noticed_once_per_start(rig: Rig):
         )
         rig.step()
     assert rig.judge.history.agent_starts == [(pytest.approx(0.1), "x"), (pytest.approx(0.2), "x")]
+
+
+MISSION = """
+linger = 1.0
+
+[mission]
+goal = "on(a, b)"
+
+[[event]]
+at = 0.5
+do = "remove"
+object = "b"
+"""
+
+
+def test_a_run_may_end_when_all_is_over_and_the_judge_follows_the_mind():
+    rig = Rig(parse_scenario(FILE.replace("settle = 2.0", MISSION.partition("\n\n")[0]) + MISSION.partition("\n\n")[2]))
+    fill(rig.writer)
+    rig.writer.add_node("intention_0", "intention", status="executing", goal="on(a,b)")
+    rig.judge.begin(1000.0)
+    objects = {name: (*pose.t, *pose.q) for name, pose in TRUE.items()}
+    over = []
+    for step in range(1, 61):
+        now = step / 20
+        moves = {1: (0.5, 0.5)} if now > 0.5 else {}
+        values = {"objects": objects, "moves": moves, "held": "a", "moving": ["a"], "in_view": ["b"]}
+        rig.step(msgspec.msgpack.encode({"stamp": 1000.0 + now, **values}))
+        if now == 1.0:
+            rig.writer.update_node("intention_0", status="reached", replans=2)
+            rig.writer.update_node("a", surprising=True)
+            rig.writer.update_node("b", present=False)
+            rig.writer.add_node("event_0", "event", time=1000.9, explanation="removed(b)")
+        if not over and rig.judge.is_over(now):
+            over.append(now)
+    history = rig.judge.history
+    assert over == [pytest.approx(2.05, abs=0.06)] and history.end == over[0]
+    assert [(state.status, state.replans) for state in history.missions] == [("executing", 0), ("reached", 2)]
+    assert [explained.explanation for explained in history.explanations] == ["removed(b)"]
+    last = history.samples[-1]
+    assert (last.held, last.moving, last.in_view) == ("a", {"a"}, {"b"})
+    assert (last.surprising, last.absent) == ({"a"}, {"b"})
