@@ -34,6 +34,9 @@ class Faults:
     """Bounds of a uniform delay, s; different delays reorder messages."""
 
 
+_FAULTLESS = Faults()
+
+
 class _Declaration:
     """Something that a transport declared and can take back."""
 
@@ -137,6 +140,9 @@ class LocalNetwork:
             if self.reaches(sender, receiver) and not receiver.closed:
                 action()
 
+        if self.faults == _FAULTLESS:
+            self.later(0.0, arrive)
+            return
         copies = 0 if self._random.random() < self.faults.loss else 1
         copies += bool(copies and self._random.random() < self.faults.duplication)
         for _ in range(copies):

@@ -9,6 +9,7 @@ thread of its own, in which its handler may take its time.
 from __future__ import annotations
 
 import enum
+import functools
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
@@ -93,6 +94,7 @@ class Transport(Protocol):
         """Leave the network; harmless when repeated."""
 
 
+@functools.lru_cache(maxsize=4096)
 def key_matches(pattern: str, key: str) -> bool:
     """Whether `key` matches `pattern` (`*` is one part, a final `**` any number of parts)."""
     wanted, parts = pattern.split("/"), key.split("/")

@@ -68,6 +68,8 @@ class Arm:
         """m, the largest opening"""
         self._target_opening = self.widest
         self._touching = 0
+        self._rests = False
+        self._fingers_told: tuple[float, float] | None = None
         self._may_hold = True
         self._constraint: int | None = None
         self._held: str | None = None
@@ -129,16 +131,12 @@ class Arm:
 
     def step(self) -> None:
         """Prepare the next step of physics."""
-        self._ramp.step(STEP)
-        self._bullet.setJointMotorControlArray(
-            self.body,
-            self._joints,
-            pybullet.POSITION_CONTROL,
-            targetPositions=self._ramp.positions.tolist(),
-            targetVelocities=self._ramp.velocities.tolist(),
-            forces=self._forces,
-            positionGains=[_POSITION_GAIN] * len(self._joints),
-        )
+        resting = self._ramp.is_resting
+        if not resting:
+            self._ramp.step(STEP)
+        if not (resting and self._rests):  # motors keep their targets
+            self._drive_joints()
+        self._rests = resting
         self._drive_fingers()
         if self._held is None and self._may_hold and self._target_opening < self.opening:
             self._try_to_hold()
@@ -174,14 +172,29 @@ class Arm:
         for finger in self._fingers:
             self._bullet.resetJointState(self.body, finger, self.widest / 2)
 
+    def _drive_joints(self) -> None:
+        self._bullet.setJointMotorControlArray(
+            self.body,
+            self._joints,
+            pybullet.POSITION_CONTROL,
+            targetPositions=self._ramp.positions.tolist(),
+            targetVelocities=self._ramp.velocities.tolist(),
+            forces=self._forces,
+            positionGains=[_POSITION_GAIN] * len(self._joints),
+        )
+
     def _drive_fingers(self) -> None:
+        wanted = (self._target_opening, GRIP_FORCE if self._held is None else _HOLD_FORCE)
+        if wanted == self._fingers_told:
+            return
+        self._fingers_told = wanted
         for finger in self._fingers:
             self._bullet.setJointMotorControl2(
                 self.body,
                 finger,
                 pybullet.POSITION_CONTROL,
-                targetPosition=self._target_opening / 2,
-                force=GRIP_FORCE if self._held is None else _HOLD_FORCE,
+                targetPosition=wanted[0] / 2,
+                force=wanted[1],
                 maxVelocity=self._finger_speed,
             )
 

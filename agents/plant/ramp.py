@@ -60,6 +60,11 @@ class Ramp:
         self._target = self.positions.copy()
         self.velocities[:] = 0.0
 
+    @property
+    def is_resting(self) -> bool:
+        """Whether it has arrived: another step would change nothing."""
+        return self._trajectory is None and not self.velocities.any() and bool((self.positions == self._target).all())
+
     def step(self, duration: float) -> None:
         """Advance by `duration` s."""
         if self._trajectory is not None:

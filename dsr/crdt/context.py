@@ -65,7 +65,10 @@ class CausalContext:
 
     def covers(self, other: CausalContext) -> bool:
         """Whether every dot of `other` is included."""
-        return all(self._covers_range(*dots) for dots in other.ranges())
+        known = self.vector
+        if any(last > known.get(rid, 0) and not self._covers_range(rid, 1, last) for rid, last in other.vector.items()):
+            return False
+        return all(self._covers_range(rid, *dots) for rid, beyond in other.cloud.items() for dots in beyond)
 
     def _covers_range(self, rid: str, first: int, last: int) -> bool:
         start = max(first, self.vector.get(rid, 0) + 1)
