@@ -1,4 +1,4 @@
-# make demo    show it: sets up .venv, starts everything, compares belief with truth
+# make demo    show it: sets up .venv, starts everything, builds two towers, compares belief with truth
 # make test    ruff, mypy, all tests
 # make lint    ruff and mypy only
 # make bench   dsr bench with all peers and plots: make bench ARGS="--quick"

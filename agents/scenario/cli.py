@@ -26,6 +26,8 @@ from agents.scenario.sweep_cli import sweep
 from dsr.cli.common import JsonOption, console, new_run_folder, print_json
 from dsr.errors import ConfigError
 
+DEMO = "towers"
+"""The scenario of `dsr demo`."""
 _INTERRUPTED = 130
 
 
@@ -110,14 +112,15 @@ def run(
 
 @demo.callback()
 def run_demo(seed: Seed = 0, json: JsonFile = None, no_viewer: NoViewer = False) -> None:
-    """Show what this is about: four cubes are seen hovering; the belief of them rests on the table.
+    """Show what this is about: the robot builds two towers, one is moved as a whole, and the robot knows.
 
-    Starts plant, arm controller, scene estimator, simulation handler, viewer
-    and recorder as processes, and compares the belief with the truth.
+    Starts plant, arm controller, scene estimator, simulation handler, surprise
+    detector, planner, viewer and recorder as processes, tells what happens,
+    and compares the belief with the truth.
 
     The exit code is 0 only if all expectations hold. Ctrl-C stops everything.
     """
-    _play("hovering", {"seed": seed}, lockstep=False, json=json, viewer=not no_viewer)
+    _play(DEMO, {"seed": seed}, lockstep=False, json=json, viewer=not no_viewer)
 
 
 def _play(scenario: str, options: Mapping[str, Any], *, lockstep: bool, json: Path | None, viewer: bool) -> None:

@@ -9,14 +9,24 @@ from types import TracebackType
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
+from rich.text import Text
 
 from agents.scenario.model import Scenario
 from agents.scenario.result import Result
+from agents.scenario.story import Line, Topic
 from dsr.runtime.launcher import AgentRow
 
 STILL_RESTS = 0.001
 """m, the largest gap under a belief that the table calls resting"""
 _LINE_PERIOD = 5.0  # s of the scenario between two lines of progress, where no bar can be drawn
+_STYLES = {
+    Topic.MISSION: "bold cyan",
+    Topic.PLAN: "cyan",
+    Topic.ACTION: "default",
+    Topic.MOVE: "bold magenta",
+    Topic.SURPRISE: "bold yellow",
+    Topic.EXPLANATION: "bold green",
+}
 _LONGEST = 150  # characters of a finding; the result's file holds all
 
 
@@ -64,6 +74,17 @@ class ProgressBar:
             self._console.print(f"{self._name}: {done:.0f} of {self._duration:.0f} s")
             self._next_line = done + _LINE_PERIOD
         self._progress.update(self._task, description=self._name, completed=done, total=self._duration, unit="s")
+
+    def happened(self, elapsed: float, line: Line) -> None:
+        """Print one line of the story, above the bar."""
+        self._console.print(story_line(max(elapsed, 0.0), line), soft_wrap=not self._console.is_terminal)
+
+
+def story_line(elapsed: float, line: Line) -> Text:
+    """When it happened, what it is about, and what happened."""
+    style = _STYLES[line.topic]
+    said = "bold red" if not line.good else "default" if line.topic is Topic.ACTION else style
+    return Text.assemble((f"{elapsed:6.1f} s  ", "dim"), (f"{line.topic:<13}", style), (line.text, said))
 
 
 def show_result(result: Result, scenario: Scenario, console: Console) -> None:

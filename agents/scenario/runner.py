@@ -16,8 +16,10 @@ from agents.scenario.judge import Judge
 from agents.scenario.model import Scenario
 from agents.scenario.result import Result
 from agents.scenario.staging import Run, staged_system, without
+from agents.scenario.story import Line, Story
 from dsr.errors import AgentError
 from dsr.keys import Keys
+from dsr.memory import Memory
 from dsr.runtime.launcher import POLL_PERIOD, AgentRow, Launcher
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.status import State
@@ -41,6 +43,9 @@ class Observer(Protocol):
     def running(self, elapsed: float) -> None:
         """`elapsed` s of the scenario have passed; negative before the start."""
 
+    def happened(self, elapsed: float, line: Line) -> None:
+        """Something worth telling happened."""
+
 
 class Silent:
     """An observer that does nothing."""
@@ -50,6 +55,32 @@ class Silent:
 
     def running(self, elapsed: float) -> None:
         """Ignored."""
+
+    def happened(self, elapsed: float, line: Line) -> None:
+        """Ignored."""
+
+
+class Teller:
+    """Tells an observer what happens.
+
+    Args:
+        observer: who is told.
+        scenario: what is played.
+        memory: a replica; only read.
+        judge: knows which events have begun.
+    """
+
+    def __init__(self, observer: Observer, scenario: Scenario, memory: Memory, judge: Judge) -> None:
+        self._observer = observer
+        self._story = None if isinstance(observer, Silent) else Story(memory, scenario.events)
+        self._judge = judge
+
+    def tell(self, elapsed: float) -> None:
+        """Tell what is new, `elapsed` s after the start."""
+        if self._story is not None:
+            for line in self._story.news(self._judge.history.spans):
+                self._observer.happened(elapsed, line)
+        self._observer.running(elapsed)
 
 
 class Conductor:
@@ -120,8 +151,10 @@ def run_lockstep(run: Run, observer: Observer | None = None) -> Result:
         start = lockstep.clock.now() + LEAD
         conductor = Conductor(scenario, start, judge, lockstep.bus, lockstep.keys, kill)
 
+        teller = Teller(observer, scenario, lockstep.memory, judge)
+
         def on_step(now: float) -> bool:
-            observer.running(conductor.step(now))
+            teller.tell(conductor.step(now))
             while away and away[0][0] <= now:
                 lockstep.restart(away.pop(0)[1])
             return conductor.is_over
@@ -158,8 +191,9 @@ def run_live(run: Run, observer: Observer | None = None) -> Result:
         conductor = Conductor(
             run.scenario, start, judge, memory.transport, memory.keys, lambda agent: _kill_process(launcher, agent)
         )
+        teller = Teller(observer, run.scenario, memory, judge)
         while (elapsed := conductor.step(launcher.clock.now())) < run.scenario.duration + _TAIL:
-            observer.running(elapsed)
+            teller.tell(elapsed)
             if conductor.is_over:
                 break
             launcher.poll()

@@ -124,11 +124,11 @@ def test_ctrl_c_is_no_error_message(recorded: Recorded):
     assert "stopped" in output and "Traceback" not in output
 
 
-def test_the_demo_runs_hovering_live_from_pixels(recorded: Recorded):
+def test_the_demo_runs_towers_live_from_pixels(recorded: Recorded):
     outcome = CliRunner().invoke(cli.demo, ["--seed", "3"])
     ((mode, run),) = recorded.runs
     assert outcome.exit_code == 0
-    assert (mode, run.scenario.name, run.sensor, run.seed) == ("live", "hovering", "pixels", 3)
+    assert (mode, run.scenario.name, run.sensor, run.seed) == ("live", "towers", "pixels", 3)
 
 
 @pytest.mark.parametrize("arguments", [("run", "--sensor", "eyes", "hovering"), ("run", "--seed", "-1", "hovering")])
