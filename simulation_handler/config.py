@@ -76,7 +76,7 @@ class BeliefConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """s after which something surprising is explained even though nobody has flagged it."""
     missing_after: float = 0.8
     """s for which something must not be seen that should be, before that needs an explanation."""
-    follow_for: float = 0.6
+    follow_for: float = 1.0
     """s after an explanation in which the same object may go on moving without a new flag."""
     look_again_after: float = 0.5
     """s between two attempts to explain what could not be explained."""

@@ -20,6 +20,7 @@ EXPLANATION = "explanation"
 _MOST_WAITING = 64
 _REMEMBERED = 10.0  # s for which it is known what was beneath an object
 _PAUSE = 0.09  # s until a better look at what is not clear yet: the next frame of the camera
+_TOGETHER = 3.0  # s for which what moved together is taken to go on doing so
 _STEP = 0.0005  # m that an object must have moved for its riders to follow
 
 
@@ -45,6 +46,7 @@ class Explainer:
         self._policy = policy
         self._config = config
         self._noticing = Noticing(bodies, config)
+        self._companions: dict[str, tuple[float, frozenset[str]]] = {}  # until when, what moves with an object
         self._riders: dict[str, dict[str, Pose]] = {}  # leader_from_rider of what moves with a followed object
         self._former: dict[tuple[str, str], tuple[float, Pose]] = {}  # (upper, lower) -> until when, upper_from_lower
         self._news: list[tuple[float, Explanation]] = []
@@ -130,6 +132,7 @@ class Explainer:
             surprising=due,
             beneath=beneath,
             former=self._remembered(now),
+            companions={name: riders for name, (until, riders) in self._companions.items() if now <= until},
             unplaced=bodies.never_placed(),
             held=frozenset(name for name, item in objects.items() if item.holder and name in placed),
             planned=self.planned,
@@ -187,11 +190,12 @@ class Explainer:
             self._relations.end(relation)
         self._moved |= explanation.solids.keys()
         self._noticing.follow(explanation.placements.keys(), now)
-        self._note_riders(explanation)
+        self._note_riders(explanation, now)
 
-    def _note_riders(self, explanation: Explanation) -> None:
+    def _note_riders(self, explanation: Explanation, now: float) -> None:
         """Keep in mind what moves with which object, as long as that goes on moving."""
         moves = explanation.hypothesis.moves if explanation.hypothesis else ()
+        self._companions |= {move.name: (now + _TOGETHER, frozenset(move.riders)) for move in moves}
         self._riders |= {
             move.name: {
                 rider: self._bodies.pose(move.name).inverse() @ self._bodies.pose(rider)

@@ -89,9 +89,16 @@ class ByHypotheses:
             removed=hypothesis.removed,
             changes_belief=bool(placed or hypothesis.removed),
             score=best.score.total,
-            alternatives=tuple((c.score.total, describe(situation, c)) for c in ranking[1 : 1 + _ALTERNATIVES]),
+            alternatives=self._alternatives(situation, ranking),
             hypothesis=hypothesis,
         )
+
+    def _alternatives(self, situation: Situation, ranking: Sequence[Candidate]) -> tuple[tuple[float, str], ...]:
+        """The best of what was rejected, each in other words."""
+        best: dict[str, float] = {}
+        for candidate in ranking:
+            best.setdefault(describe(situation, candidate), candidate.score.total)
+        return tuple((score, text) for text, score in list(best.items())[1 : 1 + _ALTERNATIVES])
 
     def _simulate(self, situation: Situation, drafts: Sequence[Draft]) -> list[Mapping[str, Solid] | None]:
         scenes = [scene_of(situation, drafted) for drafted in drafts]

@@ -23,6 +23,7 @@ from simulation_handler.percepts import Array
 # Nats that are charged for each assumption.
 MOVED = 3.0
 RIDES = 1.0
+PARTED = 4.0
 FROM_ELSEWHERE = 5.0
 AS_PLANNED = 1.0
 HELD = 6.0
@@ -98,7 +99,8 @@ def prior(situation: Situation, hypothesis: Hypothesis) -> float:
 
 
 def _move_prior(situation: Situation, move: Move) -> float:
-    cost = MOVED + RIDES * len(move.riders)
+    companions = situation.companions.get(move.name, frozenset())
+    cost = MOVED + RIDES * len(set(move.riders) - companions) + PARTED * len(companions - set(move.riders))
     for name in move.beneath:
         cost += AS_PLANNED if (move.name, name) in situation.planned else FROM_ELSEWHERE
     if move.held:

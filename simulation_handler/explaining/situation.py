@@ -93,6 +93,8 @@ class Situation:
     """Objects on which each one rests, by the relations `on`."""
     former: Mapping[str, Mapping[str, Pose]] = field(default_factory=dict)
     """upper_from_lower of what was beneath each object until lately, by the names of both."""
+    companions: Mapping[str, frozenset[str]] = field(default_factory=dict)
+    """What has just moved together with each object."""
     unplaced: Mapping[str, Vector3] = field(default_factory=dict)
     """Edge lengths (m) of the objects that exist without a place."""
     held: frozenset[str] = frozenset()
