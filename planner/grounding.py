@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from dsr import quaternions
-from dsr.transforms import Pose
+from dsr.transforms import Array, Pose
 from planner.config import PlannerConfig
 from planner.errors import NoPlace
 from planner.plan import Step
@@ -15,6 +18,8 @@ from planner.state import Solid, WorldState
 
 _GRID = 0.02
 """m between places that are considered"""
+_CLEARANCES = (1.0, 0.5, 0.2)
+"""Shares of the clearance that are tried, one after the other, where the table is full"""
 _UPRIGHT = 0.2
 """rad that a thing may lean and still keep its turn about the vertical when it is put down"""
 
@@ -76,18 +81,27 @@ def place_on_table(thing: str, state: WorldState, config: PlannerConfig, avoid: 
     table = state.solids.get(state.table or "")
     if solid is None or table is None:
         raise NoPlace(f"{thing} cannot be put down: {'its size or pose' if table else 'a table'} is not known")
-    near, turn = (solid.pose.t[0], solid.pose.t[1]), _turn(solid.pose)
-    options = sorted(_places(table, solid.radius + config.edge_margin), key=lambda place: _preference(place, near))
-    for place in options:
-        if _is_good(place, thing, solid, state, config, avoid):
-            return Pose((*place, table.pose.t[2] + 0.5 * solid.size[2]), turn)
-    raise NoPlace(f"there is no room on {state.table} for {thing}: everything within reach is taken or out of view")
+    places = _grid(table, solid.radius + config.edge_margin)
+    places = places[_usable(places, solid, state, config, avoid)]
+    gaps = _gaps(places, thing, solid, state)
+    for share in _CLEARANCES:
+        free = places[gaps >= share * config.clearance]
+        if len(free):
+            break
+    else:
+        raise NoPlace(f"there is no room on {state.table} for {thing}: everything within reach is taken or out of view")
+    far = np.round(np.hypot(*(free - solid.pose.t[:2]).T), 6)  # so that rounding errors decide nothing
+    x, y = free[np.lexsort((np.round(free[:, 1], 6), np.round(free[:, 0], 6), far))[0]].tolist()
+    return Pose((x, y, table.pose.t[2] + 0.5 * solid.size[2]), _turn(solid.pose))
 
 
 def is_free(pose: Pose, thing: str, state: WorldState, config: PlannerConfig, avoid: Collection[Place] = ()) -> bool:
     """Whether a place that was chosen earlier is still good."""
-    place = (pose.t[0], pose.t[1])
-    return thing in state.solids and _is_good(place, thing, state.solids[thing], state, config, avoid)
+    place = np.array([pose.t[:2]])
+    solid = state.solids.get(thing)
+    if solid is None or not _usable(place, solid, state, config, avoid)[0]:
+        return False
+    return bool(_gaps(place, thing, solid, state)[0] >= _CLEARANCES[-1] * config.clearance)
 
 
 def stacked(thing: str, support: str, state: WorldState) -> Pose | None:
@@ -99,39 +113,41 @@ def stacked(thing: str, support: str, state: WorldState) -> Pose | None:
     return Pose((x, y, z + 0.5 * (below.size[2] + solid.size[2])), _turn(below.pose))
 
 
-def _is_good(
-    place: Place, thing: str, solid: Solid, state: WorldState, config: PlannerConfig, avoid: Collection[Place]
-) -> bool:
-    reach = math.dist(place, state.base)
-    if not config.least_reach <= reach <= config.most_reach:
-        return False
-    if any(math.dist(place, other) < _GRID for other in avoid):
-        return False
-    for name, other in state.solids.items():
-        if name != thing and name not in state.relations.tables:
-            gap = math.dist(place, other.pose.t[:2]) - solid.radius - other.radius
-            if gap < config.clearance:
-                return False
-    top = (*place, state.solids[state.table or ""].pose.t[2] + solid.size[2])
-    return all(view.sees(top, config.image_margin) for view in state.views)
+def _grid(table: Solid, margin: float) -> Array:
+    """(n, 2) places over the table's top, x and y in the world (m), at least `margin` inside its edges."""
+    counts = [int((0.5 * edge - margin) / _GRID) for edge in table.size[:2]]
+    steps = [np.arange(-count, count + 1) * _GRID for count in counts]
+    x, y = (axis.ravel() for axis in np.meshgrid(*steps, indexing="ij"))
+    places: Array = table.pose.apply(np.stack([x, y, np.zeros_like(x)], axis=1))[:, :2]
+    return places
 
 
-def _places(table: Solid, margin: float) -> Iterator[Place]:
-    """A grid over the table's top (x, y in the world), at least `margin` inside its edges."""
-    for x in _steps(0.5 * table.size[0] - margin):
-        for y in _steps(0.5 * table.size[1] - margin):
-            point = table.pose.apply((x, y, 0.0))
-            yield float(point[0]), float(point[1])
+def _usable(
+    places: Array, solid: Solid, state: WorldState, config: PlannerConfig, avoid: Collection[Place]
+) -> NDArray[np.bool_]:
+    """(n,) which of the places (n, 2) are within reach, in view of all fixed cameras, and not to be avoided."""
+    reach = np.hypot(*(places - state.base).T)
+    usable: NDArray[np.bool_] = (config.least_reach <= reach) & (reach <= config.most_reach)
+    for bad in avoid:
+        usable &= np.hypot(*(places - bad).T) >= _GRID
+    table = state.solids.get(state.table or "")
+    top = solid.size[2] + (table.pose.t[2] if table else 0.0)
+    points = np.column_stack([places, np.full(len(places), top)])
+    for view in state.views:
+        usable &= view.sees(points, config.image_margin)
+    return usable
 
 
-def _steps(most: float) -> list[float]:
-    count = max(int(most / _GRID + 1e-9), -1)
-    return [number * _GRID for number in range(-count, count + 1)]
-
-
-def _preference(place: Place, near: Place) -> tuple[float, float, float]:
-    """Order: by distance, rounded so that rounding errors decide nothing, then by coordinates."""
-    return round(math.dist(place, near), 6), round(place[0], 6), round(place[1], 6)
+def _gaps(places: Array, thing: str, solid: Solid, state: WorldState) -> Array:
+    """(n,) m between a thing at each of the places (n, 2) and the nearest other one; their footprints are circles."""
+    others = [other for name, other in state.solids.items() if name != thing and name not in state.relations.tables]
+    if not others:
+        return np.full(len(places), np.inf)
+    centres = np.array([other.pose.t[:2] for other in others])
+    radii = np.array([solid.radius + other.radius for other in others])
+    between = places[:, None, :] - centres
+    gaps: Array = (np.hypot(between[..., 0], between[..., 1]) - radii).min(axis=1)
+    return gaps
 
 
 def _turn(pose: Pose) -> tuple[float, float, float, float]:

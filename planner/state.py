@@ -7,10 +7,13 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+from numpy.typing import NDArray
+
 from dsr.errors import TransformError
 from dsr.memory import Memory
 from dsr.relations import Relations, read_relations
-from dsr.transforms import Pose
+from dsr.transforms import Array, Pose
 from planner.config import PlannerConfig
 
 _BELIEVED = ("Virtual_RT", "RT")
@@ -46,14 +49,15 @@ class View:
     width: int
     height: int
 
-    def sees(self, point: tuple[float, float, float], margin: float) -> bool:
-        """Whether a point (m, world) is in the image, at least `margin` of its width and height inside."""
-        x, y, z = (float(number) for number in self.camera_from_world.apply(point))
-        if z <= 0.0:
-            return False
-        u, v = self.fx * x / z + self.cx, self.fy * y / z + self.cy
+    def sees(self, points: Array, margin: float) -> NDArray[np.bool_]:
+        """(n,) which of the points (n, 3) (m, world) are in the image, `margin` of its width and height inside."""
+        x, y, z = self.camera_from_world.apply(points).T
+        ahead = z > 0.0
+        depth = np.where(ahead, z, 1.0)
+        u, v = self.fx * x / depth + self.cx, self.fy * y / depth + self.cy
         du, dv = margin * self.width, margin * self.height
-        return du <= u <= self.width - du and dv <= v <= self.height - dv
+        inside: NDArray[np.bool_] = ahead & (du <= u) & (u <= self.width - du) & (dv <= v) & (v <= self.height - dv)
+        return inside
 
 
 @dataclass(frozen=True)
