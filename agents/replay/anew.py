@@ -9,6 +9,7 @@ import msgspec
 
 from agents.recorder.agent import ABOUT
 from agents.recorder.index import RecordingIndex
+from agents.replay.beginnings import beginnings
 from agents.replay.compare import Comparison, Outcome
 from agents.replay.feed import Feed, feeder_for
 from agents.replay.source import ReplayedGraph
@@ -33,6 +34,8 @@ def run_anew(
     seed: int | None = None,
     settings: Mapping[str, Mapping[str, object]] | None = None,
     until: float | None = None,
+    tolerance: float = 0.0,
+    turn_tolerance: float = 0.0,
     on_progress: OnProgress = lambda time, duration: None,
 ) -> Outcome:
     """Run agents on a recording and compare.
@@ -48,6 +51,8 @@ def run_anew(
         seed: of the run; by default the recorded one.
         settings: fields of the agents' configurations to change, by agent.
         until: s since the first message, where to end.
+        tolerance: m, up to which positions count as equal.
+        turn_tolerance: rad, likewise.
         on_progress: called with the time since the first message and the duration, s.
 
     Raises:
@@ -62,22 +67,33 @@ def run_anew(
     ordered = sorted(specs, key=lambda spec: feed.rank(spec.name))
     clock = ManualClock(index.begin)
     fastest = max(specs, key=lambda spec: spec.kind.rate_hz)
-    seats = [seat for spec in ordered for seat in (_feeder(spec, feed), spec)]
+    pairs = {spec.name: (_feeder(spec, feed), spec) for spec in ordered}
+    seats = [seat for pair in pairs.values() for seat in pair]
+    starts = beginnings(index, {spec.name: spec.kind.rate_hz for spec in ordered})
+    later = {seat.name: starts[name] for name, pair in pairs.items() for seat in pair if starts[name] > index.begin}
     seats.append(AgentSpec("feeder", feeder_for(fastest.kind, feed)))
     seed = int(index.metadata.get("seed", 0)) if seed is None else seed
     end = index.begin + (reference.duration if until is None else min(until, reference.duration))
     graph = reference.memory.graph_name
-    with Lockstep(seats, graph=graph, clock=clock, seed=seed, strict=True) as lockstep:
+    with Lockstep(seats, graph=graph, clock=clock, seed=seed, later=later) as lockstep:
         feed.memory = lockstep.memory
-        comparison = Comparison(reference.memory, lockstep.memory, _geometric(specs), index.begin)
+        comparison = Comparison(
+            reference.memory, lockstep.memory, _geometric(specs), index.begin, tolerance, turn_tolerance
+        )
 
         def on_step(now: float) -> None:
             reference.forward(now - index.begin + _ROUNDING)
             comparison.sample(now)
             on_progress(now - index.begin, end - index.begin)
 
+        for name in sorted(later, key=lambda name: later[name]):  # of equal ones, the feeder comes first
+            if later[name] < end:
+                lockstep.run_until(later[name], on_step)
+                lockstep.restart(name)
         lockstep.run_until(end + _ROUNDING, on_step)
-        return comparison.outcome(agents, _notes(reference, feed, agents))
+        outcome = comparison.outcome(agents, _notes(reference, feed, agents))
+        outcome.failures = _failures(lockstep, [name for name in pairs if starts[name] < end])
+        return outcome
 
 
 def _specs(
@@ -114,6 +130,12 @@ def _feeder(spec: AgentSpec, feed: Feed) -> AgentSpec:
 def _geometric(specs: Collection[AgentSpec]) -> set[str]:
     """Types of edges with poses that the agents write."""
     return {type for spec in specs for type in spec.kind.writes.edges if type in Schema().geometric}
+
+
+def _failures(lockstep: Lockstep, agents: Collection[str]) -> list[str]:
+    """What went wrong in the agents' ticks."""
+    statuses = [lockstep.runner(name).status() for name in agents]
+    return [f"{s.agent}: {s.errors} ticks failed, the last with {s.last_error}" for s in statuses if s.errors]
 
 
 def _notes(reference: ReplayedGraph, feed: Feed, agents: Collection[str]) -> list[str]:

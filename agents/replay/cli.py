@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
 import typer
@@ -54,8 +54,8 @@ def replay(
     tolerance: Annotated[float, typer.Option(min=0.0, metavar="M", help="With --agents: of positions, m.")] = 1e-3,
     turn_tolerance: Annotated[float, typer.Option(min=0.0, metavar="RAD", help="Of rotations, rad.")] = 0.05,
     grace: Annotated[
-        float, typer.Option(min=0.0, metavar="S", help="How long one run may be alone with a relation or flag.")
-    ] = 0.15,
+        float, typer.Option(min=0.0, metavar="S", help="How long without a break the runs may differ.")
+    ] = 0.25,
     report: Annotated[bool, typer.Option("--report", help="With --agents: exit code 0 also if runs differ.")] = False,
     system: Annotated[
         str | None, typer.Option(metavar="SYSTEM", help="With --agents: configures them; default: as recorded.")
@@ -88,8 +88,17 @@ def replay(
         return
     if agents is not None:
         names = [part.strip() for part in agents.split(",") if part.strip()]
-        outcome = compare(_named(recording), names, system, seed, until, read_settings(settings or []))
-        differences = outcome.differences(tolerance, turn_tolerance, grace)
+        outcome = compare(
+            _named(recording),
+            names,
+            system=system,
+            seed=seed,
+            until=until,
+            settings=read_settings(settings or []),
+            tolerance=tolerance,
+            turn_tolerance=turn_tolerance,
+        )
+        differences = outcome.differences(grace)
         if as_json:
             print_json(to_json(outcome, differences))
         else:
@@ -115,10 +124,8 @@ def read_settings(texts: list[str]) -> Settings:
     return settings
 
 
-def compare(
-    path: Path, agents: list[str], system: str | None, seed: int | None, until: float | None, settings: Settings
-) -> Outcome:
-    """Run agents anew, with a progress bar in a terminal."""
+def compare(path: Path, agents: list[str], **options: Any) -> Outcome:
+    """Run agents anew (options as of `run_anew`), with a progress bar in a terminal."""
     with Progress(console=errors, transient=True, disable=not errors.is_terminal) as progress:
         task = progress.add_task(f"{', '.join(agents)} anew", total=None)
 
@@ -127,7 +134,7 @@ def compare(
 
         with silenced():  # pybullet introduces itself
             from agents.replay.anew import run_anew
-        return run_anew(path, agents, system=system, seed=seed, settings=settings, until=until, on_progress=advance)
+        return run_anew(path, agents, on_progress=advance, **options)
 
 
 def _control(text: str, name: str, router: str | None, security: Path | None, as_json: bool) -> None:

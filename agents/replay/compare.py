@@ -17,6 +17,22 @@ _COMPARED = ("explained", "surprised", "calmed", "began", "ended", "appeared", "
 """Kinds of events that are put side by side."""
 
 
+class Stretch(msgspec.Struct):
+    """How long something was so."""
+
+    total_s: float = 0.0
+    longest_s: float = 0.0
+    """Without a break."""
+    lasting_s: float = 0.0
+    """Until now without a break."""
+
+    def note(self, holds: bool, passed: float) -> None:
+        """It was so for the last `passed` s, or not."""
+        self.lasting_s = self.lasting_s + passed if holds else 0.0
+        self.total_s += passed * holds
+        self.longest_s = max(self.longest_s, self.lasting_s)
+
+
 class PoseDifference(msgspec.Struct):
     """How far a geometric edge differs between the two runs."""
 
@@ -29,16 +45,18 @@ class PoseDifference(msgspec.Struct):
     """When it is greatest, s since the recording's first message."""
     both_s: float = 0.0
     """How long both runs had it."""
-    only_recorded_s: float = 0.0
-    only_anew_s: float = 0.0
+    beyond: Stretch = msgspec.field(default_factory=Stretch)
+    """How long they differed by more than the tolerance."""
+    only_recorded: Stretch = msgspec.field(default_factory=Stretch)
+    only_anew: Stretch = msgspec.field(default_factory=Stretch)
 
 
 class Disagreement(msgspec.Struct):
     """How long something held in one run only."""
 
     what: str
-    only_recorded_s: float = 0.0
-    only_anew_s: float = 0.0
+    only_recorded: Stretch = msgspec.field(default_factory=Stretch)
+    only_anew: Stretch = msgspec.field(default_factory=Stretch)
 
 
 class Outcome(msgspec.Struct, kw_only=True):
@@ -55,13 +73,16 @@ class Outcome(msgspec.Struct, kw_only=True):
     """Times are seconds since the recording's first message."""
     anew_events: list[Event]
     notes: list[str] = []
+    failures: list[str] = []
+    """Agents whose ticks failed, and why."""
 
-    def differences(self, tolerance: float, tolerance_rad: float, grace: float) -> list[str]:
-        """What differs by more than `tolerance` (m), `tolerance_rad`, or for longer than `grace` (s); one line each."""
-        found = []
+    def differences(self, grace: float) -> list[str]:
+        """What differs for longer than `grace` (s) without a break, and explanations that differ; one line each."""
+        found = list(self.failures)
         for pose in self.poses:
-            if pose.max_m > tolerance or pose.max_rad > tolerance_rad:
-                found.append(f"{pose.edge}: {pose.max_m * 1e3:.2f} mm, {pose.max_rad:.3f} rad at {pose.max_at_s:.2f} s")
+            if pose.beyond.longest_s > grace:
+                most = f"{pose.max_m * 1e3:.2f} mm at {pose.max_at_s:.2f} s, {pose.max_rad:.3f} rad"
+                found.append(f"{pose.edge}: apart for {pose.beyond.longest_s:.2f} s, by up to {most}")
             found += _lasting(pose.edge, pose, grace)
         for held in self.relations:
             found += _lasting(held.what, held, grace)
@@ -74,8 +95,8 @@ class Outcome(msgspec.Struct, kw_only=True):
 
 
 def _lasting(what: str, held: PoseDifference | Disagreement, grace: float) -> list[str]:
-    sides = (("recorded", held.only_recorded_s), ("anew", held.only_anew_s))
-    return [f"{what}: only {side}, for {seconds:.2f} s" for side, seconds in sides if seconds > grace]
+    sides = (("recorded", held.only_recorded), ("anew", held.only_anew))
+    return [f"{what}: only {side}, for {alone.longest_s:.2f} s" for side, alone in sides if alone.longest_s > grace]
 
 
 def _explanations(events: Iterable[Event]) -> list[str]:
@@ -128,9 +149,20 @@ class Comparison:
         anew: the graph of the agents that run anew.
         types: types of geometric edges to compare.
         begin: stamp of the recording's first message, s.
+        tolerance: m, up to which positions count as equal.
+        turn_tolerance: rad, likewise.
     """
 
-    def __init__(self, recorded: Memory, anew: Memory, types: Collection[str], begin: float) -> None:
+    def __init__(
+        self,
+        recorded: Memory,
+        anew: Memory,
+        types: Collection[str],
+        begin: float,
+        tolerance: float = 0.0,
+        turn_tolerance: float = 0.0,
+    ) -> None:
+        self._tolerance, self._turn_tolerance = tolerance, turn_tolerance
         self._recorded, self._anew = _Side(recorded), _Side(anew)
         self._types = sorted(types)
         self._begin = begin
@@ -149,26 +181,26 @@ class Comparison:
             (self._relations, self._recorded.relations(), self._anew.relations()),
             (self._surprising, self._recorded.surprising(), self._anew.surprising()),
         ):
-            for what in sorted(recorded | anew):
+            for what in sorted(recorded | anew | found.keys()):
                 held = found.setdefault(what, Disagreement(what))
-                held.only_recorded_s += passed * (what not in anew)
-                held.only_anew_s += passed * (what not in recorded)
+                held.only_recorded.note(what in recorded and what not in anew, passed)
+                held.only_anew.note(what in anew and what not in recorded, passed)
 
     def _compare_poses(self, now: float, passed: float) -> None:
         recorded, anew = self._recorded.poses(self._types), self._anew.poses(self._types)
-        for key in dict.fromkeys([*recorded, *anew]):
+        for key in dict.fromkeys([*recorded, *anew, *self._poses]):
             found = self._poses.setdefault(key, PoseDifference(" ".join(key)))
-            if key not in anew:
-                found.only_recorded_s += passed
-            elif key not in recorded:
-                found.only_anew_s += passed
-            else:
+            found.only_recorded.note(key in recorded and key not in anew, passed)
+            found.only_anew.note(key in anew and key not in recorded, passed)
+            metres = radians = 0.0
+            if key in recorded and key in anew:
                 metres, radians = recorded[key].distance(anew[key])
                 if metres > found.max_m:
                     found.max_m, found.max_at_s = metres, now - self._begin
                 found.max_rad = max(found.max_rad, radians)
                 found.both_s += passed
                 found.mean_m += metres * passed  # a sum until `outcome`
+            found.beyond.note(metres > self._tolerance or radians > self._turn_tolerance, passed)
 
     def outcome(self, agents: Collection[str], notes: list[str]) -> Outcome:
         """What was found until now; nothing may be sampled after that."""

@@ -27,7 +27,7 @@ def show(outcome: Outcome, differences: list[str], console: Console) -> None:
     if outcome.poses:
         console.print(_poses(outcome))
     held = [("relation", item) for item in outcome.relations] + [("surprising", item) for item in outcome.surprising]
-    disagreements = [(kind, item) for kind, item in held if item.only_recorded_s or item.only_anew_s]
+    disagreements = [(kind, item) for kind, item in held if item.only_recorded.total_s or item.only_anew.total_s]
     if disagreements:
         console.print(_disagreements(disagreements))
     told = [event for event in outcome.recorded_events + outcome.anew_events if event.kind in _TOLD]
@@ -44,7 +44,7 @@ def show(outcome: Outcome, differences: list[str], console: Console) -> None:
 
 def _poses(outcome: Outcome) -> Table:
     table = Table("pose", box=SIMPLE_HEAD, pad_edge=False)
-    for column in ("max", "mean", "max turn", "greatest at", "only recorded", "only anew"):
+    for column in ("max", "mean", "max turn", "greatest at", "apart", "only recorded", "only anew"):
         table.add_column(column, justify="right", no_wrap=True)
     for pose in outcome.poses:
         table.add_row(
@@ -53,8 +53,9 @@ def _poses(outcome: Outcome) -> Table:
             f"{pose.mean_m * 1e3:.2f} mm",
             f"{pose.max_rad:.3f} rad",
             f"{pose.max_at_s:.2f} s" if pose.max_m > 0.0 else "",
-            _seconds(pose.only_recorded_s),
-            _seconds(pose.only_anew_s),
+            _seconds(pose.beyond.total_s),
+            _seconds(pose.only_recorded.total_s),
+            _seconds(pose.only_anew.total_s),
         )
     return table
 
@@ -64,7 +65,8 @@ def _disagreements(held: list[tuple[str, Disagreement]]) -> Table:
     for column in ("only recorded", "only anew"):
         table.add_column(column, justify="right", no_wrap=True)
     for kind, item in held:
-        table.add_row(kind, shown(item.what), _seconds(item.only_recorded_s), _seconds(item.only_anew_s))
+        alone = (_seconds(item.only_recorded.total_s), _seconds(item.only_anew.total_s))
+        table.add_row(kind, shown(item.what), *alone)
     return table
 
 

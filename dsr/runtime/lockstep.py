@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import contextlib
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from types import TracebackType
 
@@ -47,6 +47,7 @@ class Lockstep:
         clock: moved forward by this class only.
         seed: of the run; each agent gets one of its own from it.
         strict: an exception in a tick ends the run, rather than being counted as in a process.
+        later: names of agents that do not begin yet; `restart` starts them.
 
     Raises:
         ConfigError: for a wrong configuration, or writers that exclude each other.
@@ -60,6 +61,7 @@ class Lockstep:
         clock: ManualClock | None = None,
         seed: int = 0,
         strict: bool = False,
+        later: Collection[str] = (),
     ) -> None:
         self._specs = {spec.name: spec for spec in agents}
         check_writers({name: spec.kind.writes for name, spec in self._specs.items()})
@@ -77,7 +79,8 @@ class Lockstep:
         self._starts: Counter[str] = Counter()
         try:
             for spec in self._specs.values():
-                self._start(spec)
+                if spec.name not in later:
+                    self._start(spec)
         except BaseException:
             self.close()
             raise
@@ -116,7 +119,7 @@ class Lockstep:
         return self._seat(name).runner
 
     def restart(self, name: str) -> None:
-        """Start an agent that was killed, as a new replica. Raises `AgentError` if it is running."""
+        """Start an agent that was killed, or has not begun, as a new replica. Raises `AgentError` if it is running."""
         if name in self._seats:
             raise AgentError(f"agent {name!r} is running")
         self._start(self._spec(name))
