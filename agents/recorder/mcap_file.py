@@ -186,7 +186,9 @@ class _WholeReads:
         """Bytes of the file before the next read."""
 
     def read(self, count: int) -> bytes:
-        """The next `count` bytes."""
+        """The next `count` bytes. Raises `struct.error` for a number that no record has."""
+        if count > _LARGEST_RECORD:
+            raise struct.error(f"a length of {count} bytes")
         data = self._file.read(count)
         if len(data) < count:
             raise _CutError
