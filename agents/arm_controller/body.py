@@ -64,6 +64,7 @@ class Body:
         self._config = config
         self._plan = _plan(robot, config)
         self._written: list[tuple[float, float]] = []  # position and stamp of each segment's edge
+        self._moves = True  # as the joint values in the graph say
         self._opening = math.inf
         self._contact: bool | None = None
         self._forget()
@@ -79,16 +80,19 @@ class Body:
         if not self._is_complete():
             self.build()
         segments, stamp = self._plan.segments, joints.stamp
-        moved = False
+        moves = refreshed = False
         with memory.batch():
             for index, (segment, position) in enumerate(zip(segments, joints.positions, strict=True)):
                 last, at = self._written[index]
-                if abs(position - last) <= STILL and stamp - at < REFRESH:
+                still = abs(position - last) <= STILL
+                if still and stamp - at < REFRESH:
                     continue
                 memory.add_edge(segment.parent, segment.child, "RT", pose=segment.pose(position, stamp))
-                self._written[index], moved = (position, stamp), True
-            if moved:
+                self._written[index] = position, stamp
+                moves, refreshed = moves or not still, True
+            if moves or (refreshed and self._moves):
                 memory.update_node(config.arm, joint_positions=joints.positions, joint_velocities=joints.velocities)
+                self._moves = moves
             if abs(joints.opening - self._opening) > STILL_OPENING or joints.contact != self._contact:
                 memory.update_node(config.gripper, opening=joints.opening, contact=joints.contact)
                 self._opening, self._contact = joints.opening, joints.contact
@@ -114,6 +118,7 @@ class Body:
     def _forget(self) -> None:
         """Write everything with the next sample."""
         self._written = [(math.inf, -math.inf)] * len(self._plan.segments)
+        self._moves = True
         self._opening, self._contact = math.inf, None
 
     def _is_complete(self) -> bool:
