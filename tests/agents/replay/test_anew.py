@@ -298,3 +298,9 @@ def test_an_agent_whose_ticks_fail_is_told(hovering: Path, monkeypatch: pytest.M
     assert "simulation_handler: 1 ticks failed, the last with RuntimeError: changed for the worse" in (
         outcome.differences(10.0)
     )
+
+
+def test_a_scenario_in_lockstep_tells_its_recording_how_its_agents_were_configured(perturbed: Path) -> None:
+    metadata = RecordingIndex(perturbed).metadata
+    assert (metadata["scenario"], metadata["seed"], metadata["sensor"]) == ("tower_toppled", "4", "poses")
+    assert "scene_estimator" in json.loads(metadata["agents"]) and metadata["system"] == "tabletop"

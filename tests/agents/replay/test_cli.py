@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import pty
 import signal
 import subprocess
 import sys
+import termios
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -16,7 +20,7 @@ from typer.testing import CliRunner
 import dsr
 from agents.replay import ReplayedGraph
 from agents.replay.cli import app
-from agents.replay.control import Command, parse_command, send
+from agents.replay.control import Command, PlayState, parse_command, send
 from agents.replay.keyboard import split_keys
 from dsr.clock import WALL_CLOCK
 from dsr.errors import ConfigError
@@ -115,3 +119,37 @@ def test_nonsense_on_the_service_is_refused_and_does_no_harm(counted: Path, payl
 
 def test_keys_of_a_terminal_are_told_apart() -> None:
     assert list(split_keys(" \x1b[C\x1b[Dq\x1b[Ax")) == ["space", "right", "left", "q", "up", "x"]
+
+
+def test_keys_of_a_terminal_pause_jump_and_quit(counted: Path) -> None:
+    terminal, inside = pty.openpty()
+    before = termios.tcgetattr(inside)
+    command = [sys.executable, "-c", "from agents.replay.cli import app; app()", str(counted), "--speed", "0.5"]
+    with subprocess.Popen(command, stdin=inside, stdout=inside, stderr=inside) as process:
+        shown = bytearray()
+        reader = threading.Thread(target=lambda: read_all(terminal, shown), daemon=True)
+        reader.start()
+        wait_until(lambda: "▶" in shown.decode(errors="ignore"))
+        with dsr.connect("replay", agent="audience") as memory:
+
+            def found() -> PlayState:
+                return send(memory.transport, memory.keys, Command("state"))
+
+            os.write(terminal, b" ")
+            wait_until(lambda: not found().playing)
+            paused_at = found().time
+            os.write(terminal, b"\x1b[C")
+            wait_until(lambda: found().time == pytest.approx(paused_at + 5.0))
+            os.write(terminal, b"\x1b[A")
+            wait_until(lambda: found().speed == 1.0)
+        os.write(terminal, b"q")
+        assert process.wait(10) == 0
+        assert termios.tcgetattr(inside) == before
+    os.close(inside)
+    os.close(terminal)
+
+
+def read_all(terminal: int, into: bytearray) -> None:
+    with contextlib.suppress(OSError):
+        while data := os.read(terminal, 4096):
+            into.extend(data)
