@@ -14,6 +14,7 @@ import argparse
 import json
 import math
 import statistics
+from collections import deque
 from collections.abc import Callable, Iterator
 from functools import partial
 from pathlib import Path
@@ -41,7 +42,8 @@ IN_TIME = 0.5
 _FRAME = 0.1  # s
 _SETTLE = (2.0, 2.5)  # s, least and greatest, before a trial
 _WATCH = 2.0  # s that a trial lasts
-_FALSE_EVERY = 30  # frames
+_FALSE = 0.03  # share of the percepts that are false
+_SPAN = 5  # percepts
 _LAYOUT = ((0.15, 0.55), (-0.25, 0.25))  # m, x and y of what is well in view
 
 
@@ -73,24 +75,28 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def quiet(hours: float, seed: int) -> dict[str, Any]:
-    """Alarms while nothing moves: with noise alone, and with one false percept in 30 frames of each cube."""
+    """Alarms while nothing moves: with noise alone, and with false percepts of each cube at random moments."""
     scene = SurpriseScene(SIX, seed)
     scene.run(hours * 3600.0)
     return {
         "hours": hours,
         "alarms": _alarms(scene),
-        "alarms_with_false_percepts": _alarms(_with_false_percepts(hours / 4, seed)),
+        "alarms_with_false_percepts": _alarms(_with_false_percepts(hours / 4, seed, together=2)),
+        "alarms_with_false_bursts": _alarms(_with_false_percepts(hours / 4, seed, together=_SPAN)),
         "ms_per_tick": 1e3 * scene.detector_seconds * PERIOD / (hours * 3600.0),
     }
 
 
-def _with_false_percepts(hours: float, seed: int) -> SurpriseScene:
+def _with_false_percepts(hours: float, seed: int, together: int) -> SurpriseScene:
+    """A scene in which percepts are false at random, at most `together` of five in a row of one cube."""
     scene, rng = SurpriseScene(SIX, seed), np.random.default_rng(seed)
+    last = {name: deque([False] * _SPAN, maxlen=_SPAN) for name in SIX}
     for _ in range(round(hours * 3600.0 / _FRAME)):
-        for name in SIX:
-            if rng.random() < 1.0 / _FALSE_EVERY:
-                turn = rng.uniform(-math.pi, math.pi)
-                scene.false[name] = moved(scene.truths[name], rng.uniform(0.01, 0.3), turn, turn)
+        for name, before in last.items():
+            before.append(bool(rng.random() < _FALSE) and sum(list(before)[1:]) < together)
+            if before[-1]:
+                turn, direction = rng.uniform(-math.pi, math.pi, 2)
+                scene.false[name] = moved(scene.truths[name], rng.uniform(0.01, 0.3), direction, turn)
         scene.run(_FRAME)
     return scene
 
@@ -187,9 +193,10 @@ _REQUIRED = {("move", "15 mm"), ("move", "20 mm"), ("move", "40 mm"), ("turn in 
 
 def _print(console: Console, result: dict[str, Any]) -> None:
     found = result["quiet"]
-    false = len(found["alarms_with_false_percepts"])
+    false, bursts = len(found["alarms_with_false_percepts"]), len(found["alarms_with_false_bursts"])
     console.print(f"nothing moves, 6 cubes: {len(found['alarms'])} alarms in {found['hours']} h")
-    console.print(f"with 1 of {_FALSE_EVERY} percepts false: {false} alarms in {found['hours'] / 4} h")
+    console.print(f"{_FALSE:.0%} of the percepts false, at most 2 of 5: {false} alarms in {found['hours'] / 4} h")
+    console.print(f"{_FALSE:.0%} of the percepts false, however many together: {bursts} alarms")
     console.print(f"{found['ms_per_tick']:.2f} ms a tick")
     if "system" in result:
         whole = result["system"]

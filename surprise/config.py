@@ -44,7 +44,9 @@ class SurpriseConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     held_grace: NotNegative = 1.0
     """s after its release that an object counts as held"""
     alike: Annotated[float, msgspec.Meta(ge=-1, le=1)] = 0.7
-    """Cosine between disagreements that are alike."""
+    """Least cosine between disagreements that are alike ..."""
+    close: Positive = 0.5
+    """... and how far apart they may be, in lengths of the greater."""
 
     depth_bias: NotNegative = 0.010
     """m, the part of a percept's standard deviation along the viewing ray that is systematic"""
@@ -77,7 +79,7 @@ class SurpriseConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """s of camera frames that show other things but not what should be seen, or what cannot be"""
     frames: Count = 4
     """Least number of these frames."""
-    silent_after: Positive = 1.0
+    silent_after: Positive = 1.5
     """s without any percept from a camera that should see something"""
     camera_speed: Positive = 0.01
     """m/s at which a camera moves: nothing is expected of it then"""

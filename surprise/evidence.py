@@ -14,7 +14,7 @@ from dsr.quaternions import Vector3
 from dsr.transforms import Pose
 from surprise.config import SurpriseConfig
 from surprise.deviation import Deviation, compare
-from surprise.limits import WAYS, Way, cosine, describe, disagrees, exceeds, extent, vector
+from surprise.limits import WAYS, Way, are_alike, describe, disagrees, exceeds, extent, vector
 
 _KEPT = 8  # percepts, at least; more if the configuration looks at more
 
@@ -123,13 +123,13 @@ class Track:
         return _essential(found)
 
     def _alike(self, way: Way, last: Sequence[Deviation]) -> list[Deviation]:
-        """Those that disagree in the same direction as the newest; none if that one agrees."""
+        """Those that disagree as the newest does; none if that one agrees."""
         config, bias = self._config, self._bias
         if not last or not exceeds(way, last[-1], bias, config):
             return []
         newest = vector(way, last[-1], bias)
         beyond = [deviation for deviation in last if exceeds(way, deviation, bias, config)]
-        return [deviation for deviation in beyond if cosine(vector(way, deviation, bias), newest) >= config.alike]
+        return [deviation for deviation in beyond if are_alike(vector(way, deviation, bias), newest, config)]
 
     @property
     def _bias(self) -> float | None:

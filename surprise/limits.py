@@ -64,7 +64,8 @@ def describe(way: Way, deviations: Sequence[Deviation], bias: float | None, came
     return f"seen {amount * 1e3:.0f} mm {side} {camera} ({amount / std:.0f} sigma)"
 
 
-def cosine(a: Vector3, b: Vector3) -> float:
-    """Of the angle between two vectors; 1 if one of them is 0."""
-    lengths = math.hypot(*a) * math.hypot(*b)
-    return sum(x * y for x, y in zip(a, b, strict=True)) / lengths if lengths > 0.0 else 1.0
+def are_alike(a: Vector3, b: Vector3, config: SurpriseConfig) -> bool:
+    """Whether two disagreements point in the same direction and are of similar length, as those of one move are."""
+    lengths = math.hypot(*a), math.hypot(*b)
+    cosine = sum(x * y for x, y in zip(a, b, strict=True))
+    return cosine >= config.alike * lengths[0] * lengths[1] and math.dist(a, b) <= config.close * max(lengths)
