@@ -240,7 +240,10 @@ class Execution:
                 at += 1
                 self._failures = 0 if step.name != "pick" else self._failures
             before = self._relations()
-        yield from self._arm.run(names[-1], f"action {len(names)} of {len(names)}: {OBSERVE}", lambda: None)
+        told = f"action {len(names)} of {len(names)}: {OBSERVE}"
+        progress = yield from self._arm.run(names[-1], told, lambda: None)
+        if progress.status != DONE:
+            yield from self._arm.rest()
         self._arm.at_rest = True
 
     def _replaced(self, skills: list[Skill]) -> list[str]:

@@ -76,7 +76,7 @@ class Story:
 
     def _surprises(self) -> Iterator[Line]:
         found = {node.name: node for node in self._memory.nodes() if node.get("surprising", False)}
-        new = [f"{name} is {found[name].get('surprise', '')}" for name in sorted(found.keys() - self._surprising)]
+        new = [f"{name}: {found[name].get('surprise', '')}" for name in sorted(found.keys() - self._surprising)]
         self._surprising = set(found)
         if new:
             more = f" and {len(new) - _MOST_SURPRISES} more" if len(new) > _MOST_SURPRISES else ""

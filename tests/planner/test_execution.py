@@ -156,6 +156,14 @@ def test_a_failed_action_is_tried_again_and_then_given_up() -> None:
         assert run.arm.done[-1] == "observe done" and run.arm.done.count("pick cube_3 failed") == 4
 
 
+def test_the_arm_goes_out_of_the_way_at_the_second_attempt() -> None:
+    with Run() as run:
+        run.arm.failing = ["observe"]
+        run.want()
+        run.until("reached")
+        assert run.arm.done[-2:] == ["observe failed", "observe done"]
+
+
 def test_a_dropped_cube_is_picked_up_again_but_not_for_ever() -> None:
     with Run() as run:
         run.arm.dropping = 1

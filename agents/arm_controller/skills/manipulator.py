@@ -166,13 +166,15 @@ class Manipulator:
         self._follow(way)
 
     def has_arrived(self) -> bool:
-        """Whether the way is done. Raises `StuckError` if the arm does not get there."""
+        """Whether the way is done. Raises `StuckError` if the arm stands still before its end."""
         if self.joints.stamp < self._end:
             return False
         away = float(np.abs(self._here - self._goal).max())
         if away <= self.config.joint_tolerance:
             return True
-        if self.joints.stamp > self._end + PATIENCE:
+        if max(map(abs, self.joints.velocities)) > self.config.still_speed:
+            self._end = self.joints.stamp  # late, but on its way
+        elif self.joints.stamp > self._end + PATIENCE:
             raise StuckError(f"the arm stands still {away:.3f} rad short of its goal")
         return False
 

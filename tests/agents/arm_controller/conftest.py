@@ -38,6 +38,7 @@ class FakeArm:
         self.obstacle = 0.0
         self.stuck = False
         self.drift = 0.0
+        self.pace = 1.0
         self.present: ArmState | None = None
         self.told: list[tuple[Any, ...]] = []
         self.closed = False
@@ -50,7 +51,7 @@ class FakeArm:
         self._now = now
         if self._trajectory is not None and not self.stuck:
             times, rows = self._trajectory
-            here = np.array([np.interp(now - self._began, times, joint) for joint in rows.T])
+            here = np.array([np.interp((now - self._began) * self.pace, times, joint) for joint in rows.T])
             self.velocities, self.positions = (here - self.positions) / PERIOD, here
             self._goal = here
             self.present = self.sample(now)

@@ -75,7 +75,7 @@ def test_a_setback_is_told_with_its_reason(memory: Memory) -> None:
 def test_surprises_and_explanations_are_told_once(memory: Memory) -> None:
     story = Story(memory, [])
     memory.update_node("cube_3", surprising=True, surprise="seen 38 mm beside its belief")
-    assert texts(story) == [("surprise", "cube_3 is seen 38 mm beside its belief")]
+    assert texts(story) == [("surprise", "cube_3: seen 38 mm beside its belief")]
     rejected = "9.5 moved_alone(cube_3)\n12.0 false_percept(cube_3)"
     memory.add_node("event_0", "event", time=1.0, explanation="a(cube_3)", score=8.51, alternatives=rejected)
     told = "a(cube_3) (score 8.5); rejected: 9.5 moved_alone(cube_3), and 1 more"
@@ -83,14 +83,14 @@ def test_surprises_and_explanations_are_told_once(memory: Memory) -> None:
     memory.update_node("cube_3", surprising=False)
     assert texts(story) == []
     memory.update_node("cube_3", surprising=True)
-    assert texts(story) == [("surprise", "cube_3 is seen 38 mm beside its belief")]
+    assert texts(story) == [("surprise", "cube_3: seen 38 mm beside its belief")]
 
 
 def test_many_surprises_make_one_short_line(memory: Memory) -> None:
     for number in range(30, 50):
         memory.add_node(f"cube_{number}", "cube", surprising=True, surprise="unseen")
     (line,) = Story(memory, []).news(())
-    assert line.text == "cube_30 is unseen; cube_31 is unseen; cube_32 is unseen and 17 more"
+    assert line.text == "cube_30: unseen; cube_31: unseen; cube_32: unseen and 17 more"
 
 
 def test_moves_of_the_experimenter_are_told_when_they_begin(memory: Memory) -> None:
