@@ -16,6 +16,7 @@ from dsr.transforms import Pose
 
 _LINE_STEP = 0.02  # m between two solved poses on a straight line
 _LEAST_LINE = 0.002  # m; less is no line
+_LONGEST_LINE = 2.0  # m; more is out of any arm's reach
 _LONGEST_JUMP = 0.5  # rad between two solved poses: more is another branch of the inverse kinematics
 _ROUNDING = 8  # points on either side over which corners are cut
 _STRAIGHT = 0.05  # m at the end of a line that no rounding touches
@@ -127,6 +128,8 @@ class Router:
         """(k, n) rad, from `start` straight up by `length` m; none if the arm cannot, or only a part if `cut`."""
         if length < _LEAST_LINE:
             return start[None]
+        if length > _LONGEST_LINE:
+            return start[None][:0]
         steps = np.linspace(0.0, length, max(2, int(np.ceil(length / _LINE_STEP)) + 1))
         tips = np.broadcast_to(self._chain.forward(start).matrix, (len(steps), 4, 4)).copy()
         tips[:, :3, 3] += steps[:, None] * self._up

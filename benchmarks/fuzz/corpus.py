@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.drivers import ArmState, Lens, TagReading, TagReadings
-from agents.plant.messages import MoveGripper, MoveJoints, Stop, Truth
+from agents.plant.messages import Follow, MoveGripper, MoveJoints, Stop, Truth
 from agents.scenario.format import Start
 from dsr import Pose
 from dsr.blobs import Frame, encode_frame
@@ -111,7 +111,9 @@ def tag_readings() -> list[bytes]:
 
 def commands() -> list[bytes]:
     """Commands to the arm."""
-    return [msgspec.msgpack.encode(c) for c in (MoveJoints((0.1,) * JOINTS, 0.5), MoveGripper(0.04), Stop())]
+    row = (0.1,) * JOINTS
+    samples = (MoveJoints(row, 0.5), Follow((0.0, 0.5), (row, row)), MoveGripper(0.04), Stop())
+    return [msgspec.msgpack.encode(command) for command in samples]
 
 
 def starts() -> list[bytes]:

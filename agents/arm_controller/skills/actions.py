@@ -120,6 +120,9 @@ class Actions:
             self._end(DONE, "", moving=False)
         except DsrError as error:
             self._end(FAILED, str(error))
+        except Exception as error:
+            self._end(FAILED, f"unexpected {type(error).__name__}: {error}")
+            raise
 
     def _end(self, status: str, explanation: str, *, moving: bool = True) -> None:
         name, steps = self.running, self._steps

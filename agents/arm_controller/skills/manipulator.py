@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Generator, Sequence
 from typing import TypeVar
 
@@ -34,6 +35,8 @@ GRIP_PATIENCE = 2.0
 """s that the fingers may take"""
 STILL_OPENING = 0.0002
 """m per sample; less is no motion of the fingers"""
+FARTHEST = 10.0
+"""m from its base that no arm reaches"""
 _OPENED = 0.003  # m short of an opening that will do
 
 
@@ -135,6 +138,8 @@ class Manipulator:
         """
         arm_from_world = self.scene.world_from(self.config.arm).inverse()
         targets = [arm_from_world @ pose for pose in poses]
+        if (away := max(math.hypot(*target.t) for target in targets)) > FARTHEST:
+            raise SkillError(f"unreachable: {away:.3g} m away")
         tips = np.array([pose.matrix for pose in targets])
         starts = np.broadcast_to(self._here, (len(tips), len(self._here)))
         rows, reached = self._chain.track(tips, starts, self._posture)

@@ -450,3 +450,24 @@ def test_the_speed_of_the_arm_is_that_of_skills(table: Table) -> None:
         assert table.act("observe") == ("done", "")
         durations.append([told[1][-1] for told in table.arm.told if told[0] == "follow"][-1])
     assert durations[0] > 1.8 * durations[1]
+
+
+def test_absurd_beliefs_end_in_an_explanation(table: Table) -> None:
+    table.believe("cube_4", Pose((0.30, 0.08, 1e9)))
+    table.believe("cube_5", Pose((0.30, -0.08, 0.02)), (0.0, 0.04, 1e12))
+    assert table.act("pick", target="cube_3")[0] in ("done", "failed")
+    assert table.act("pick", target="cube_4")[0] == "failed"
+    assert table.act("pick", target="cube_5")[0] == "failed"
+    assert table.act("move", target_pose=Pose((1e300, 0.0, 0.0), DOWN))[0] == "failed"
+
+
+def test_an_error_of_ours_fails_the_action(table: Table, monkeypatch: pytest.MonkeyPatch) -> None:
+    name = table.request("pick", target="cube_3")
+    table.run(0.5)
+    monkeypatch.setattr(table.agent._scene, "object", lambda name: 1 / 0)  # type: ignore[attr-defined]
+    with pytest.raises(AssertionError, match="ZeroDivisionError"):
+        table.run(0.1)
+    monkeypatch.undo()
+    table.memory.poll()
+    table.exchange(0.0)
+    assert table.said(name) == ("failed", "unexpected ZeroDivisionError: division by zero")
