@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from itertools import combinations
 
 import msgspec
 import numpy as np
@@ -100,7 +99,7 @@ class OverlapMeter:
     def _overlaps(self, sample: Sample, wanted: Callable[[str], bool]) -> Iterable[Overlap]:
         poses = sample.poses(self._source)
         boxes = pose_boxes(self._scenario, poses)
-        pairs = [(name, "table") for name in boxes] + list(combinations(boxes, 2))
+        pairs = [(name, "table") for name in boxes] + _neighbours(boxes)
         for first, second in pairs:
             if wanted(first) or wanted(second):
                 other = self._table if second == "table" else boxes[second]
@@ -110,6 +109,16 @@ class OverlapMeter:
                     known = self._known[first, second] = (where, _depth(boxes[first], other))
                 if known[1] > 0:
                     yield Overlap(known[1], first, second)
+
+
+def _neighbours(boxes: dict[str, Box]) -> list[tuple[str, str]]:
+    """Pairs of boxes that are near enough to touch."""
+    names = list(boxes)
+    centers = np.array([box.center for box in boxes.values()]).reshape(-1, 3)
+    reaches = np.linalg.norm([box.size for box in boxes.values()], axis=1) / 2 if names else np.zeros(0)
+    distances = np.linalg.norm(centers[:, None] - centers[None, :], axis=2)
+    first, second = np.nonzero(np.triu(distances < reaches[:, None] + reaches[None, :], 1))
+    return [(names[i], names[j]) for i, j in zip(first.tolist(), second.tolist(), strict=True)]
 
 
 def _depth(first: Box, second: Box) -> float:
