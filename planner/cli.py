@@ -33,6 +33,7 @@ from dsr.relations import SURFACES, THINGS
 from planner.intentions import GIVEN_UP, MAINTAINED, REACHED, read_intentions
 
 _PERIOD = 0.1  # s between two looks
+_ALONE = 5.0  # s without any other process of the graph until it counts as gone
 _TIDY_WITHIN = 20.0  # s that the planner may take to bring the arm to rest
 _INTERRUPTED = 130
 _MARKS = {"done": "[green]✓[/]", "running": "[yellow]▶[/]", "failed": "[red]✗[/]", "halted": "[red]■[/]"}
@@ -93,6 +94,7 @@ def mission(
 def _follow(memory: Memory, name: str, timeout: float, *, quiet: bool) -> dict[str, Any]:
     """Show how an intention goes until it has an outcome, which is returned."""
     began, state, told = WALL_CLOCK.monotonic(), describe(memory, name), ""
+    in_company = began
     with Live(console=console, refresh_per_second=8, transient=False, auto_refresh=False) as live:
         try:
             while state["status"] not in (REACHED, MAINTAINED, *GIVEN_UP):
@@ -100,6 +102,9 @@ def _follow(memory: Memory, name: str, timeout: float, *, quiet: bool) -> dict[s
                     hint = f"still {state['status']} after {timeout:g} s; dsr mission --cancel {name} ends it"
                     return state | {"status": "timeout", "explanation": hint}
                 WALL_CLOCK.wait(threading.Event(), _PERIOD)
+                in_company = WALL_CLOCK.monotonic() if memory.peers else in_company
+                if WALL_CLOCK.monotonic() - in_company > _ALONE:
+                    return state | {"status": "lost", "explanation": "the system has ended, or cannot be reached"}
                 if name not in memory:
                     return state | {"status": "cancelled", "explanation": "somebody has removed it"}
                 state = describe(memory, name)

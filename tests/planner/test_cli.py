@@ -112,6 +112,17 @@ def test_without_a_planner_it_says_so_and_gives_up_waiting(memory: Memory, missi
     assert memory.node("intention_0")["status"] == "wanted"
 
 
+def test_a_system_that_ends_meanwhile_is_told_of(
+    memory: Memory, mission: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cli, "_ALONE", 0.5)
+    ending = threading.Timer(2.0, memory.close)
+    ending.start()
+    result = mission(TOWERS, "--timeout", "20")
+    ending.join()
+    assert result.exit_code == 1 and "the system has ended" in result.output
+
+
 def test_no_wait_only_writes_the_intention(memory: Memory, mission: Command) -> None:
     result = mission("clear(cube_3)", "--no-wait", "--json", "--priority", "3")
     assert result.exit_code == 0 and json.loads(result.stdout) == {"intention": "intention_0"}
