@@ -46,6 +46,7 @@ class Explainer:
         self._policy = policy
         self._config = config
         self._noticing = Noticing(bodies, config)
+        self._planned: dict[tuple[str, str], float] = {}  # until when it counts
         self._companions: dict[str, tuple[float, frozenset[str]]] = {}  # until when, what moves with an object
         self._riders: dict[str, dict[str, Pose]] = {}  # leader_from_rider of what moves with a followed object
         self._former: dict[tuple[str, str], tuple[float, Pose]] = {}  # (upper, lower) -> until when, upper_from_lower
@@ -61,6 +62,7 @@ class Explainer:
 
     def notice(self, now: float) -> None:
         """Compare percepts with beliefs at time `now` (s)."""
+        self._planned |= dict.fromkeys(self.planned, now + _REMEMBERED)
         self._noticing.update(now, self.shares)
 
     def drag(self, now: float) -> None:
@@ -135,7 +137,7 @@ class Explainer:
             companions={name: riders for name, (until, riders) in self._companions.items() if now <= until},
             unplaced=bodies.never_placed(),
             held=frozenset(name for name, item in objects.items() if item.holder and name in placed),
-            planned=self.planned,
+            planned=frozenset(pair for pair, until in self._planned.items() if now <= until),
             glimpsed={name: solid for name in placed if (solid := self._glimpse(objects[name], now)) is not None},
             missing_for=self._noticing.missing_for(now),
             evidence=self._noticing.evidence(now),

@@ -35,24 +35,24 @@ class Noticing:
         off = [item.name for item in self._bodies.objects.values() if self._is_displaced(item, now)]
         self._displaced_since = {name: self._displaced_since.get(name, now) for name in off}
         expected = self._expected(shares) if shares is not None else set[str]()
-        self._expected_since = {name: self._expected_since.get(name, now) for name in sorted(expected)}
+        blind = not any(self._bodies.objects[name].estimate_at(now) for name in expected)
+        since = {} if blind else self._expected_since  # a camera that shows nothing of what it should is covered
+        self._expected_since = {name: since.get(name, now) for name in sorted(expected)}
 
     def missing_for(self, now: float) -> dict[str, float]:
         """How long each object that should be seen was not, in s."""
         objects = self._bodies.objects
-        times = {
+        return {
             name: now - max(since, objects[name].track.last_stamp)
             for name, since in self._expected_since.items()
-            if name in objects and objects[name].estimate_at(now) is None
+            if name in objects and objects[name].estimate_at(now) is None and now > since
         }
-        expected = [name for name in self._expected_since if name in objects]
-        blind = len(times) == len(expected)  # a camera that shows nothing of what it should is covered, or dead
-        return {} if blind else {name: seconds for name, seconds in times.items() if seconds > 0.0}
 
     def due(self, now: float, flagged: Collection[str]) -> tuple[str, ...]:
         """Objects that must be explained now, sorted; empty as long as that can wait.
 
-        It can wait until one of them was flagged as surprising, or has been off for too long, or went on moving.
+        It can wait until all that are displaced were flagged as surprising, or one has been off for too long, or goes
+        on moving.
         """
         config = self._config
         missing = {name: s for name, s in self.missing_for(now).items() if s >= config.missing_after}
@@ -60,7 +60,8 @@ class Noticing:
         late += [name for name, seconds in missing.items() if seconds >= config.missing_after + config.unflagged_after]
         late += [name for name in self._displaced_since if self.is_followed(name, now)]
         open_ = self._displaced_since.keys() | missing.keys()
-        return tuple(sorted(open_)) if late or not open_.isdisjoint(flagged) else ()
+        is_flagged = not open_.isdisjoint(flagged) and self._displaced_since.keys() <= set(flagged)
+        return tuple(sorted(open_)) if late or is_flagged else ()
 
     def evidence(self, now: float) -> float:
         """How long things have been seen as they are now, in s."""

@@ -73,9 +73,7 @@ class Reading:
         """(object, support) of what an arm is putting down now."""
         actions = (node for node in self._memory.nodes("action") if node.get("skill") == "place")
         return {
-            (node.get("target", ""), node.get("destination", ""))
-            for node in actions
-            if node.get("status") in ("running", "done")
+            (node.get("target", ""), node.get("destination", "")) for node in actions if node.get("status") == "running"
         }
 
     def _grasps(self) -> dict[str, tuple[str, Pose]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -53,16 +54,20 @@ def _wanted(situation: Situation, hypothesis: Hypothesis) -> dict[str, Solid]:
         wanted[move.name] = top
         wanted |= {name: situation.carried(move.name, name) for name in move.riders}
         wanted |= _piled_under(situation, move, top)
-    for name, direction in hypothesis.fallen:
-        if direction == FROM_GLIMPSE:
-            wanted[name] = situation.glimpsed[name]
-            continue
-        solid = situation.believed[name]
-        dx, dy = FALLS[direction]
-        dx, dy, _ = quaternions.rotate(solid.rotation, (dx * solid.size[0], dy * solid.size[1], 0.0))
-        x, y, z = solid.position
-        wanted[name] = solid.moved((x + dx, y + dy, z))
+    wanted |= {name: _fallen(situation, name, direction) for name, direction in hypothesis.fallen}
     return wanted
+
+
+def _fallen(situation: Situation, name: str, direction: int) -> Solid:
+    """An object that has just tipped over the edge of its support, or that falls from where it was last seen."""
+    if direction == FROM_GLIMPSE:
+        return situation.glimpsed[name]
+    solid = situation.believed[name]
+    dx, dy = FALLS[direction]
+    quarter = quaternions.from_rotvec((-0.5 * math.pi * dy, 0.5 * math.pi * dx, 0.0))
+    ox, oy, _ = quaternions.rotate(solid.rotation, (dx * solid.size[0], dy * solid.size[1], 0.0))
+    x, y, z = solid.position
+    return Solid(name, solid.size, (x + ox, y + oy, z), quaternions.product(solid.rotation, quarter))
 
 
 def _piled_under(situation: Situation, move: Move, top: Solid) -> dict[str, Solid]:

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.drafting import Draft
-from simulation_handler.explaining.hypotheses import Hypothesis, Move
+from simulation_handler.explaining.hypotheses import FROM_GLIMPSE, Hypothesis, Move
 from simulation_handler.explaining.situation import Seen, Situation, as_pose
 from simulation_handler.geometry import Solid
 from simulation_handler.percepts import Array
@@ -91,7 +91,9 @@ def prior(situation: Situation, hypothesis: Hypothesis) -> float:
     """Nats for what a hypothesis assumes."""
     cost = sum(_move_prior(situation, move) for move in hypothesis.moves)
     cost += REMOVED * len(hypothesis.removed)
-    cost += sum(FELL_IN_VIEW if name in situation.glimpsed else FELL for name, _ in hypothesis.fallen)
+    for name, direction in hypothesis.fallen:
+        is_seen = direction in (FROM_GLIMPSE, situation.fall_seen(name)) and name in situation.glimpsed
+        cost += FELL_IN_VIEW if is_seen else FELL
     for name in hypothesis.kept:
         frames = max(situation.seen[name].count, situation.evidence * _FRAMES_PER_SECOND)
         cost += FALSE_PERCEPT + FALSE_FRAME * frames

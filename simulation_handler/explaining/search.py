@@ -132,7 +132,7 @@ def _about_seen(situation: Situation, candidate: Candidate, name: str) -> Iterat
     covers = _covers(candidate, name, situation)
     if covers:
         yield hypothesis.with_removed(covers)
-        yield from (hypothesis.with_fall(cover, k) for cover in covers[:1] for k in range(len(FALLS)))
+        yield from _falls(situation, hypothesis, covers[0])
 
 
 def _about_unseen(situation: Situation, candidate: Candidate, name: str) -> Iterator[Hypothesis]:
@@ -153,7 +153,14 @@ def _about_unseen(situation: Situation, candidate: Candidate, name: str) -> Iter
     together = [other for other in candidate.score.residuals if other not in situation.seen]
     if len(together) > 1:
         yield hypothesis.with_removed(together)
-    if name in situation.glimpsed:
+    yield from _falls(situation, hypothesis, name)
+
+
+def _falls(situation: Situation, hypothesis: Hypothesis, name: str) -> Iterator[Hypothesis]:
+    """Ways in which an unseen object may have fallen: as it was seen to, or off its support in any direction."""
+    direction = situation.fall_seen(name)
+    if direction is not None:
+        yield hypothesis.with_fall(name, direction)
         yield hypothesis.with_fall(name, FROM_GLIMPSE)
     elif situation.beneath.get(name) and not set(situation.beneath[name]) <= set(situation.fixtures):
         yield from (hypothesis.with_fall(name, k) for k in range(len(FALLS)))

@@ -11,6 +11,7 @@ from dsr import quaternions
 from dsr.quaternions import Vector3
 from dsr.transforms import Pose
 from simulation_handler.config import BeliefConfig
+from simulation_handler.explaining.hypotheses import FALLS
 from simulation_handler.geometry import Solid, face_down
 from simulation_handler.objects import BelievedObject
 from simulation_handler.percepts import Array
@@ -129,6 +130,15 @@ class Situation:
 
     def _is_hidden(self, name: str) -> bool:
         return name in self.believed and name not in self.seen and name not in self.held
+
+    def fall_seen(self, name: str) -> int | None:
+        """Into which of the directions `FALLS` an object was on its way when it was last seen; None if it was not."""
+        if name not in self.glimpsed or name not in self.believed:
+            return None
+        believed = self.believed[name]
+        x, y, z = (a - b for a, b in zip(self.glimpsed[name].position, believed.position, strict=True))
+        dx, dy, _ = quaternions.rotate(quaternions.conjugate(believed.rotation), (x, y, z))
+        return max(range(len(FALLS)), key=lambda k: dx * FALLS[k][0] + dy * FALLS[k][1])
 
     def size(self, name: str) -> Vector3:
         """Edge lengths of an object, m."""
