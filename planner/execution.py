@@ -96,9 +96,8 @@ class Execution:
             self._end(end.status, str(end))
 
     def wind_down(self) -> Script:
-        """Stop wherever it is: halt the arm, take the plan away, let the arm rest."""
+        """Stop wherever it is: halt the arm, let it rest, and take the plan away then."""
         yield from self._arm.halt()
-        self._actions.drop(ended_too=True)
         if self._arm.there:
             yield from self._arm.rest()
         self._actions.drop(ended_too=True)
