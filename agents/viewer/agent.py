@@ -16,6 +16,7 @@ from agents.viewer.blueprint import TIMELINE, make_blueprint
 from agents.viewer.events import EventView
 from agents.viewer.graph_view import GraphView
 from agents.viewer.images import ImageView
+from agents.viewer.mind import MindView
 from agents.viewer.model import read_scene
 from agents.viewer.scene import SceneView
 from agents.viewer.series import SeriesView
@@ -64,6 +65,7 @@ class Viewer(Agent):
         recording = self._recording = self._open()
         self._graph = GraphView(recording)
         self._scene = SceneView(recording)
+        self._mind = MindView(recording)
         self._images = ImageView(recording, self.memory, self.config.images_hz, self.config.jpeg_quality, self.log)
         self._series = SeriesView(recording, self.log)
         self._events = EventView(recording, self.log)
@@ -83,6 +85,7 @@ class Viewer(Agent):
         self._events.draw_changes(changes, self.memory, now)
         if any(change.kind != "updated" for change in changes):
             self._graph.draw(self.memory)
+        self._mind.draw(self.memory)
         scene = read_scene(self.memory)
         self._scene.draw(scene)
         self._images.draw(scene.cameras, now)

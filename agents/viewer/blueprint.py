@@ -6,11 +6,11 @@ from collections.abc import Sequence
 
 import rerun.blueprint as rrb
 
-from agents.viewer import events, graph_view, scene, series
+from agents.viewer import events, graph_view, mind, scene, series
 
 TIMELINE = "stamp"
-_OVERVIEW = rrb.EyeControls3D(position=(1.3, -0.85, 0.78), look_target=(0.2, 0.03, 0.3), eye_up=(0.0, 0.0, 1.0))
-_CLOSE_UP = rrb.EyeControls3D(position=(0.66, -0.2, 0.14), look_target=(0.35, 0.0, 0.01), eye_up=(0.0, 0.0, 1.0))
+_OVERVIEW = rrb.EyeControls3D(position=(1.35, -0.9, 0.85), look_target=(0.2, 0.03, 0.34), eye_up=(0.0, 0.0, 1.0))
+_CLOSE_UP = rrb.EyeControls3D(position=(0.69, -0.24, 0.22), look_target=(0.35, 0.0, 0.03), eye_up=(0.0, 0.0, 1.0))
 _BACKGROUND = (24, 27, 32)
 
 
@@ -21,10 +21,11 @@ def make_blueprint(cameras: Sequence[str], with_truth: bool) -> rrb.Blueprint:
         cameras: that send images.
         with_truth: errors against the truth are known.
     """
+    below = rrb.Horizontal(_graph(), _images(cameras), column_shares=[3, 2])
     return rrb.Blueprint(
         rrb.Horizontal(
-            rrb.Vertical(_scenes(), _graph(), row_shares=[5, 3]),
-            rrb.Vertical(_images(cameras), _numbers(with_truth), _log(), row_shares=[4, 3, 3]),
+            rrb.Vertical(_scenes(), below, row_shares=[5, 3]),
+            rrb.Vertical(*_thoughts(), _numbers(with_truth), _log(), row_shares=[7, 7, 5, 6]),
             column_shares=[5, 3],
         ),
         rrb.BlueprintPanel(state="collapsed"),
@@ -35,9 +36,13 @@ def make_blueprint(cameras: Sequence[str], with_truth: bool) -> rrb.Blueprint:
 
 def _scenes() -> rrb.Container:
     """All of it, and its objects from nearby."""
-    all_of_it = _scene("Scene: percepts orange, beliefs blue", ["$origin/**"], _OVERVIEW)
-    objects = [f"$origin/{part}" for part in ("table", "percepts", "beliefs", "names")]
-    return rrb.Horizontal(all_of_it, _scene("Objects", objects, _CLOSE_UP), column_shares=[1, 1])
+    all_of_it = _scene("Scene", ["$origin/**"], _OVERVIEW)
+    objects = [f"$origin/{part}" for part in ("table", "percepts", "beliefs", "surprising", "robot/grippers", "names")]
+    return rrb.Horizontal(
+        all_of_it,
+        _scene("Belief solid, held green; percepts orange; surprising red", objects, _CLOSE_UP),
+        column_shares=[2, 3],
+    )
 
 
 def _scene(name: str, contents: list[str], eye: rrb.EyeControls3D) -> rrb.View:
@@ -45,6 +50,12 @@ def _scene(name: str, contents: list[str], eye: rrb.EyeControls3D) -> rrb.View:
     return rrb.Spatial3DView(
         origin=scene.ENTITY, name=name, contents=contents, line_grid=False, background=background, eye_controls=eye
     )
+
+
+def _thoughts() -> tuple[rrb.View, rrb.View]:
+    """What the robot is about to do, and what it makes of what it sees."""
+    plan = rrb.TextDocumentView(origin=mind.PLAN, name="Mission and plan")
+    return plan, rrb.TextDocumentView(origin=mind.EXPLANATIONS, name="Surprises and explanations")
 
 
 def _graph() -> rrb.View:
@@ -59,7 +70,7 @@ def _images(cameras: Sequence[str]) -> rrb.Container | rrb.View:
 def _numbers(with_truth: bool) -> rrb.Container:
     errors = rrb.TimeSeriesView(
         origin=series.ERRORS,
-        name="Error against the truth [mm]",
+        name="Error against the truth [mm]: percepts orange, beliefs blue",
         plot_legend=rrb.PlotLegend(visible=False),
     )
     distances = rrb.TimeSeriesView(origin=series.DISTANCES, name="Percept to belief [mm]")
@@ -70,6 +81,6 @@ def _numbers(with_truth: bool) -> rrb.Container:
 def _log() -> rrb.View:
     """The lines say when and who, in less room than columns would take."""
     columns = rrb.TextLogColumns(
-        timeline_columns=[rrb.encodings.TimelineColumn(TIMELINE, visible=False)], text_log_columns=["LogLevel", "Body"]
+        timeline_columns=[rrb.encodings.TimelineColumn(TIMELINE, visible=False)], text_log_columns=["Body"]
     )
     return rrb.TextLogView(origin=events.ENTITY, name="Events", columns=columns)

@@ -1,4 +1,4 @@
-"""The event log: what agents say, and what comes and goes in the graph."""
+"""The event log: what agents say, what comes and goes in the graph, what is surprising, and what explains it."""
 
 from __future__ import annotations
 
@@ -10,13 +10,18 @@ from datetime import UTC, datetime
 import rerun as rr
 
 from agents.inbox import Message
-from dsr import Change, Memory, WireError
+from agents.viewer import palette
+from agents.viewer.palette import Color
+from agents.viewer.texts import drawable
+from dsr import Change, Memory, Node, WireError
 from dsr.runtime.logs import decode_log
 
 ENTITY = "log"
 _RELATIONS = ("on", "in", "grasping")
 _JUDGEMENTS = ("perceived", "plausible", "surprising")
+_TOLD_ELSEWHERE = ("action",)  # node types whose coming and going the plan shows
 _MOST_NAMES = 8
+_MOST_REJECTED = 3
 _LEVELS = {
     "DEBUG": rr.TextLogLevel.DEBUG,
     "INFO": rr.TextLogLevel.INFO,
@@ -24,6 +29,7 @@ _LEVELS = {
     "ERROR": rr.TextLogLevel.ERROR,
     "CRITICAL": rr.TextLogLevel.CRITICAL,
 }
+_COLORS = {"WARNING": palette.PERCEPT, "ERROR": palette.SURPRISE, "CRITICAL": palette.SURPRISE}
 
 
 class EventView:
@@ -39,7 +45,8 @@ class EventView:
         """Log what an agent said."""
         try:
             record = decode_log(message.payload)
-            self._say(record.agent, record.text, record.stamp, _LEVELS.get(record.level, rr.TextLogLevel.INFO))
+            level = _LEVELS.get(record.level, rr.TextLogLevel.INFO)
+            self._say(record.agent, record.text, record.stamp, level, _COLORS.get(record.level, palette.NAME))
         except (WireError, ValueError, OverflowError) as error:  # the latter two for a stamp that is no time
             self.malformed += 1
             if self.malformed == 1:
@@ -52,7 +59,8 @@ class EventView:
             for predicate in self._predicates(change, memory):
                 subjects[predicate].append(change.src or change.name)
         for predicate, names in subjects.items():
-            self._say("graph", _sentence(names, predicate), now, rr.TextLogLevel.INFO)
+            color = palette.SURPRISE if predicate.startswith("surprising") else palette.NAME
+            self._say("graph", _sentence(names, predicate), now, rr.TextLogLevel.INFO, color)
 
     def _predicates(self, change: Change, memory: Memory) -> Iterator[str]:
         """What to say about the changed node, or the source of the changed edge."""
@@ -60,19 +68,42 @@ class EventView:
             if change.type in _RELATIONS and change.kind != "updated":
                 yield f"{'no more ' if change.kind == 'removed' else ''}{change.type} {change.dst}"
             return
-        if change.kind != "updated":
-            yield "appeared" if change.kind == "added" else "gone"
         node = memory.get_node(change.name)
+        if change.type == "event":
+            if change.kind == "added" and node is not None:
+                self._say("explained", _explanation(node), node.get("time", 0.0), rr.TextLogLevel.INFO, palette.HELD)
+            return
+        if change.kind != "updated" and change.type not in _TOLD_ELSEWHERE:
+            yield "appeared" if change.kind == "added" else "gone"
         for name in sorted(change.attributes.intersection(_JUDGEMENTS)):
             value = node.get(name) if node is not None else None
             if isinstance(value, bool) and self._judgements.get((change.name, name)) is not value:
                 self._judgements[change.name, name] = value
-                yield name if value else f"not {name}"
+                yield (name if value else f"not {name}") + _reason(node, name)
 
-    def _say(self, who: str, text: str, stamp: float, level: rr.TextLogLevel) -> None:
-        """Log a line that begins with the time of day (UTC, as rerun shows it) and who says it."""
+    def _say(self, who: str, text: str, stamp: float, level: rr.TextLogLevel, color: Color) -> None:
+        """Log a line that begins with the time of day (UTC, as rerun shows it) and who says it.
+
+        Always with a colour: rerun draws lines that have none in that of the line before.
+        """
         time = datetime.fromtimestamp(stamp, UTC).strftime("%H:%M:%S")
-        self._recording.log([ENTITY, who], rr.TextLog(f"{time}  {who}: {text}", level=level))
+        line = f"{time}  {drawable(who)}: {drawable(text)}"
+        self._recording.log([ENTITY, who], rr.TextLog(line, level=level, color=color))
+
+
+def _reason(node: Node | None, judgement: str) -> str:
+    """Why something is surprising, if it is."""
+    is_surprising = judgement == "surprising" and node is not None and node.get("surprising", False)
+    return f": {node['surprise']}" if is_surprising and node is not None and "surprise" in node else ""
+
+
+def _explanation(event: Node) -> str:
+    """What was chosen, with its score, and the best of what was rejected."""
+    score = f" ({event['score']:.1f})" if "score" in event else ""
+    rejected = event.get("alternatives", "").splitlines()
+    others = f"; rejected: {', '.join(rejected[:_MOST_REJECTED])}" if rejected else ""
+    more = f" and {len(rejected) - _MOST_REJECTED} more" if len(rejected) > _MOST_REJECTED else ""
+    return f"{event.get('explanation', '')}{score}{others}{more}"
 
 
 def _sentence(names: list[str], predicate: str) -> str:

@@ -2,7 +2,8 @@
 
 rerun draws all edges alike and without labels. So an edge whose type matters runs through a small box with
 its type's name and colour. Edges of one type at one node share the box, which keeps a graph with many
-objects readable: `camera -> [RT] -> cubes`, `cubes -> [on] -> table`. Edges of the kinematic chain are plain.
+objects readable: `camera -> [RT] -> cubes`, `cubes -> [on] -> table`. Edges of the kinematic chain, of parts and of
+plans are plain.
 """
 
 from __future__ import annotations
@@ -23,6 +24,8 @@ _GAP = 32.0
 _LETTER = 7.0
 _MARGIN = 22.0
 _TALLEST = 6  # leaves below one another
+_LEFT_OUT = ("sees",)  # edges that images show better
+_PLAIN = ("has", "next")  # edges of parts and plans, without a box
 _TOWARDS_DESTINATION = ("on", "in")
 _PARENTS = ("Virtual_RT", "RT", "has", "next", "in", "on")  # edge types by which a node is placed, best first
 _FIRST = {"robot": 0, "camera": 1, "": 2, "table": 4}  # "" is a box of edges
@@ -76,7 +79,9 @@ def arrange(nodes: Mapping[str, str], edges: Iterable[EdgeKey]) -> Drawing:
     parents: dict[str, list[tuple[int, str]]] = defaultdict(list)
     for src, dst, type in sorted(edges):
         rank = _PARENTS.index(type) if type in _PARENTS else len(_PARENTS)
-        if type == "RT" and nodes[src] != "camera":
+        if type in _LEFT_OUT:
+            continue
+        if type in _PLAIN or (type == "RT" and nodes[src] != "camera"):
             arrows[src, dst] = None
             parents[dst].append((-1, src))
             continue

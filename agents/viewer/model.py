@@ -15,6 +15,8 @@ BELIEF_FIRST = ("Virtual_RT", "RT")
 _BODY_TYPES = ("robot", "arm", "body", "gripper")
 _FRAME_TYPES = (WORLD, "robot", "gripper", "camera", "table")
 _DEFAULT_SIZE = {"table": (1.0, 1.0, 0.02), "hand": (0.08, 0.08, 0.08), "finger": (0.016, 0.016, 0.016)}
+_APART = 0.002  # m from which percept and belief differ
+_TURNED = 0.05  # rad, likewise
 _OTHER_SIZE = (0.04, 0.04, 0.04)
 
 Vector = tuple[float, float, float]
@@ -39,6 +41,8 @@ class Solid(msgspec.Struct, frozen=True):
     """m, extent along its own x, y, z"""
     seen: bool = True
     """A camera perceives it now."""
+    held: bool = False
+    """The gripper holds it, as far as is known."""
 
 
 class Camera(msgspec.Struct, frozen=True):
@@ -66,7 +70,13 @@ class Scene(msgspec.Struct, frozen=True):
 
     tables: list[Solid]
     percepts: list[Solid]
+    ghosts: list[Solid]
+    """Percepts of which the belief differs, or is missing"""
     beliefs: list[Solid]
+    surprising: list[Solid]
+    """Objects that are marked so, where they are believed to be, or perceived"""
+    parts: list[Solid]
+    """Boxes around the parts of robots, by which views are known to be hidden"""
     frames: list[Place]
     links: list[tuple[Vector, Vector]]
     """Segments of robots, from joint to joint"""
@@ -79,10 +89,15 @@ def read_scene(memory: Memory) -> Scene:
     objects = _nodes(memory, OBJECT_TYPES)
     percepts = [solid for node in objects if (solid := _solid(memory, node, ("RT",)))]
     believed = [node for node in objects if memory.edges("Virtual_RT", dst=node.name)]
+    beliefs = [solid for node in believed if (solid := _solid(memory, node, BELIEF_FIRST))]
+    known = {solid.name: solid for solid in [*percepts, *beliefs]}
     return Scene(
         tables=[solid for node in _nodes(memory, ("table",)) if (solid := _solid(memory, node, BELIEF_FIRST))],
         percepts=percepts,
-        beliefs=[solid for node in believed if (solid := _solid(memory, node, BELIEF_FIRST))],
+        ghosts=[percept for percept in percepts if _differs(percept, known[percept.name])],
+        beliefs=beliefs,
+        surprising=[known[node.name] for node in objects if node.get("surprising", False) and node.name in known],
+        parts=[part for node in _nodes(memory, _BODY_TYPES) if (part := _part(memory, node))],
         frames=[place for node in _nodes(memory, _FRAME_TYPES) if (place := _place(memory, node.name))],
         links=_links(memory),
         grippers=[gripper for node in _nodes(memory, ("gripper",)) if (gripper := _gripper(memory, node))],
@@ -111,7 +126,36 @@ def _solid(memory: Memory, node: Node, types: tuple[str, ...]) -> Solid | None:
     if place is None:
         return None
     x, y, z = node.get("size", _DEFAULT_SIZE.get(node.type, _OTHER_SIZE))
-    return Solid(node.name, node.type, place, (x, y, z), bool(node.get("perceived", True)))
+    held = bool(memory.edges("grasping", dst=node.name))
+    return Solid(node.name, node.type, place, (x, y, z), bool(node.get("perceived", True)), held)
+
+
+def _differs(percept: Solid, known: Solid) -> bool:
+    """Whether a percept is elsewhere than what is believed, or nothing is believed."""
+    if known is percept:
+        return True
+    apart, turn = _pose(percept.place).distance(_pose(known.place))
+    return apart > _APART or turn > _TURNED
+
+
+def _pose(place: Place) -> Pose:
+    return Pose.unchecked(place.translation, place.rotation)
+
+
+def moved(place: Place, offset: Vector) -> Place:
+    """The place at `offset` (m) in the frame of `place`."""
+    return place_of(_pose(place) @ Pose(offset))
+
+
+def _part(memory: Memory, node: Node) -> Solid | None:
+    """The box around a part of the robot."""
+    bounds = node.get("bounds")
+    place = None if bounds is None else _place(memory, node.name)
+    if bounds is None or place is None:
+        return None
+    (x, y, z), (x_end, y_end, z_end) = bounds[:3], bounds[3:]
+    centre = ((x + x_end) / 2, (y + y_end) / 2, (z + z_end) / 2)
+    return Solid(node.name, node.type, moved(place, centre), (abs(x_end - x), abs(y_end - y), abs(z_end - z)))
 
 
 def _links(memory: Memory) -> list[tuple[Vector, Vector]]:

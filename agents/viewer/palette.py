@@ -9,6 +9,10 @@ PERCEPT: Color = (255, 176, 0)
 UNSEEN_PERCEPT: Color = (110, 90, 50)
 """The last percept of what is not perceived any more."""
 BELIEF: Color = (64, 156, 255)
+HELD: Color = (110, 230, 130)
+"""A belief that the gripper holds."""
+SURPRISE: Color = (255, 64, 96)
+"""What percepts and belief disagree about."""
 NAME: Color = (235, 235, 235)
 ROBOT: Color = (205, 210, 216)
 JOINT: Color = (90, 96, 104)
@@ -30,13 +34,14 @@ NODE_TYPES: dict[str, Color] = {
     **dict.fromkeys(("cube", "box", "container", "cup", "ball"), _OBJECT),
     **dict.fromkeys(("hand", "finger"), _HUMAN),
     **dict.fromkeys(("mind", "intention", "action"), _PLAN),
+    "event": SURPRISE,
 }
 EDGE_TYPES: dict[str, Color] = {
     "RT": PERCEPT,
     "Virtual_RT": BELIEF,
     "on": (140, 220, 90),
     "in": (90, 200, 160),
-    "grasping": (255, 110, 110),
+    "grasping": HELD,
     "sees": CAMERA,
     "next": _PLAN,
 }

@@ -11,7 +11,7 @@ import numpy as np
 import rerun as rr
 
 from agents.viewer import palette
-from agents.viewer.model import Camera, Gripper, Place, Scene, Solid, Vector
+from agents.viewer.model import Camera, Gripper, Place, Scene, Solid, Vector, moved
 from dsr import Pose
 
 ENTITY = "world"
@@ -22,6 +22,8 @@ _PALM = ((0.0, 0.0, 0.04), (0.09, 0.05, 0.08))  # centre and size in the gripper
 _FINGER = (0.012, 0.022, 0.055)
 _FINGER_AHEAD = 0.1075
 _FRUSTUM = 0.12
+_ASIDE = (0.035, 0.055)  # along world x and y: to the right as the views look
+_MARK = 1.35  # times the size of what is marked
 
 
 def camera_entity(camera: str) -> str:
@@ -43,8 +45,10 @@ class SceneView:
         self._update("robot/links", scene.links, _links)
         self._update("robot/grippers", scene.grippers, _grippers)
         self._update("frames", scene.frames, _axes)
-        self._update("percepts", scene.percepts, _percepts)
+        self._update("robot/bounds", scene.parts, _parts)
+        self._update("percepts", scene.ghosts, _percepts)
         self._update("beliefs", scene.beliefs, _beliefs)
+        self._update("surprising", scene.surprising, _surprising)
         self._update("names", list({solid.name: solid for solid in scene.percepts + scene.beliefs}.values()), _names)
         for camera in scene.cameras:
             self._draw_camera(camera)
@@ -92,14 +96,31 @@ def _percepts(percepts: list[Solid]) -> rr.Boxes3D:
 
 
 def _beliefs(beliefs: list[Solid]) -> rr.Boxes3D:
-    return _boxes(beliefs, colors=[palette.BELIEF] * len(beliefs), fill_mode="solid")
+    colors = [palette.HELD if solid.held else palette.BELIEF for solid in beliefs]
+    return _boxes(beliefs, colors=colors, fill_mode="solid")
+
+
+def _surprising(solids: list[Solid]) -> rr.Boxes3D:
+    """A frame around each."""
+    marks = [msgspec.structs.replace(solid, size=_larger(solid.size)) for solid in solids]
+    count = len(solids)
+    return _boxes(marks, colors=[palette.SURPRISE] * count, fill_mode="majorwireframe", radii=[0.003] * count)
+
+
+def _larger(size: Vector) -> Vector:
+    return _MARK * size[0], _MARK * size[1], _MARK * size[2]
+
+
+def _parts(parts: list[Solid]) -> rr.Boxes3D:
+    return _boxes(parts, colors=[palette.JOINT] * len(parts), fill_mode="majorwireframe", radii=[0.0008] * len(parts))
 
 
 def _names(solids: list[Solid]) -> rr.Points3D:
-    """A name above each object; all but invisible points carry them."""
-    above = [(x, y, z + 1.6 * max(solid.size)) for solid in solids for x, y, z in [solid.place.translation]]
+    """A name beside each object, where it does not hide what is above; all but invisible points carry them."""
+    x, y = _ASIDE
+    beside = [(at[0] + x, at[1] + y, at[2]) for solid in solids for at in [solid.place.translation]]
     return rr.Points3D(
-        np.array(above).reshape(-1, 3),
+        np.array(beside).reshape(-1, 3),
         labels=[solid.name for solid in solids],
         show_labels=True,
         radii=[0.0001] * len(solids),
@@ -109,7 +130,7 @@ def _names(solids: list[Solid]) -> rr.Points3D:
 
 def _tables(tables: list[Solid]) -> rr.Boxes3D:
     """A table's frame is in the middle of its top surface."""
-    centres = [_moved(table.place, (0.0, 0.0, -table.size[2] / 2)) for table in tables]
+    centres = [moved(table.place, (0.0, 0.0, -table.size[2] / 2)) for table in tables]
     lowered = [msgspec.structs.replace(table, place=centre) for table, centre in zip(tables, centres, strict=True)]
     return _boxes(lowered, colors=[palette.TABLE] * len(lowered), fill_mode="solid")
 
@@ -142,17 +163,11 @@ def _grippers(grippers: list[Gripper]) -> rr.Boxes3D:
 
 
 def _gripper_parts(gripper: Gripper) -> list[Solid]:
-    parts = [Solid("palm", "gripper", _moved(gripper.place, _PALM[0]), _PALM[1])]
+    parts = [Solid("palm", "gripper", moved(gripper.place, _PALM[0]), _PALM[1])]
     for side in (-1.0, 1.0):
         offset = side * (gripper.opening + _FINGER[0]) / 2
-        parts.append(Solid("finger", "gripper", _moved(gripper.place, (offset, 0.0, _FINGER_AHEAD)), _FINGER))
+        parts.append(Solid("finger", "gripper", moved(gripper.place, (offset, 0.0, _FINGER_AHEAD)), _FINGER))
     return parts
-
-
-def _moved(place: Place, offset: Vector) -> Place:
-    """The place at `offset` (m) in the frame of `place`."""
-    moved = Pose.unchecked(place.translation, place.rotation) @ Pose(offset)
-    return Place(moved.t, moved.q)
 
 
 def _axes(frames: list[Place]) -> rr.Arrows3D:

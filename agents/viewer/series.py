@@ -12,6 +12,7 @@ from agents.inbox import Message
 from agents.viewer import palette
 from agents.viewer.model import Scene, Solid, Vector
 from agents.viewer.palette import Color
+from agents.viewer.texts import drawable
 from dsr import WireError
 from dsr.decoding import decoded
 from dsr.runtime.status import decode_status
@@ -82,7 +83,9 @@ class SeriesView:
         if entity not in self._named:
             self._named.add(entity)
             colors = None if color is None else [color]
-            self._recording.log(entity, rr.SeriesLines(names=[name], colors=colors, widths=[1.2]), static=True)
+            self._recording.log(
+                entity, rr.SeriesLines(names=[drawable(name)], colors=colors, widths=[1.2]), static=True
+            )
         self._recording.log(entity, rr.Scalars(value))
 
     def _drop(self, message: Message, error: Exception) -> None:

@@ -23,7 +23,7 @@ EDGES = [("world", "robot", "RT"), ("world", "camera", "RT"), ("world", "table",
 def reaches(drawing: Drawing, src: str, dst: str, type: str) -> bool:
     """Whether an arrow leads from `src` to `dst`, at once or through a box that is labelled with the type."""
     if (src, dst) in drawing.arrows:
-        return type == "RT"
+        return type in ("RT", "next", "has")
     boxes = [box.id for box in drawing.boxes if box.label == type]
     return any((src, box) in drawing.arrows and (box, dst) in drawing.arrows for box in boxes)
 

@@ -1,0 +1,109 @@
+"""What the robot wants, does, holds, finds surprising, and how it explains that: as two pages of text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from datetime import UTC, datetime
+
+import rerun as rr
+
+from agents.viewer.texts import markdown
+from dsr import Memory, Node
+
+PLAN = "mind/plan"
+EXPLANATIONS = "mind/explanations"
+_NEWEST = 3  # explanations with what was rejected
+_EARLIER = 5  # explanations without
+_MOST_REJECTED = 4
+_MOST_ACTIONS = 12
+
+
+class MindView:
+    """Logs the pages, each only when it changed."""
+
+    def __init__(self, recording: rr.RecordingStream) -> None:
+        self._recording = recording
+        self._shown: dict[str, str] = {}
+
+    def draw(self, memory: Memory) -> None:
+        """Log what is not as it was before."""
+        self._update(PLAN, plan_page(memory))
+        self._update(EXPLANATIONS, explanations_page(memory))
+
+    def _update(self, entity: str, page: str) -> None:
+        if self._shown.get(entity) != page:
+            self._shown[entity] = page
+            self._recording.log(entity, rr.TextDocument(page, media_type=rr.MediaType.MARKDOWN))
+
+
+def plan_page(memory: Memory) -> str:
+    """Markdown: each intention with its status and its actions, and what the gripper holds."""
+    intentions = sorted(memory.nodes("intention"), key=lambda node: node.name)
+    held = sorted(edge.dst for edge in memory.edges("grasping"))
+    holds = f"Holds **{markdown(', '.join(held))}**." if held else "Holds nothing."
+    return "\n\n".join([holds, *([_intention(memory, node) for node in intentions] or ["*Nothing is wanted.*"])])
+
+
+def _intention(memory: Memory, intention: Node) -> str:
+    replans = intention.get("replans", 0)
+    again = f", planned again {replans} times" if replans else ""
+    status = f"*{markdown(intention.get('status', 'wanted'))}{again}*"
+    why = markdown(intention.get("explanation", ""))
+    lines = [f"**{markdown(intention.get('goal', ''))}** {status}{f': {why}' if why else ''}"]
+    children = (memory.get_node(edge.dst) for edge in memory.edges("has", src=intention.name))
+    actions = sorted(
+        (node for node in children if node is not None and node.type == "action"),
+        key=lambda node: (node.get("order", 0), node.name),
+    )
+    return "\n".join(lines + (["", "| action | status |", "|---|---|", *_rows(actions)] if actions else []))
+
+
+def _rows(actions: list[Node]) -> Iterable[str]:
+    """The last of many: the others are done."""
+    for node in actions[-_MOST_ACTIONS:]:
+        status, why = node.get("status", ""), node.get("explanation", "")
+        said = markdown(f"{status}: {why}" if why else status)
+        emphasis = "**" if status == "running" else ""
+        yield f"| {emphasis}{markdown(describe_action(node))}{emphasis} | {emphasis}{said}{emphasis} |"
+
+
+def describe_action(node: Node) -> str:
+    """An action as a few words: `place cube_3 on cube_4`."""
+    where = f"on {node['destination']}" if node.get("destination", "") else ""
+    return " ".join(part for part in (node.get("skill", ""), node.get("target", ""), where) if part)
+
+
+def explanations_page(memory: Memory) -> str:
+    """Markdown: what is surprising now, the newest explanations with what was rejected, and earlier ones."""
+    events = sorted(memory.nodes("event"), key=lambda node: (node.get("time", 0.0), node.name), reverse=True)
+    surprising = sorted((node for node in memory.nodes() if node.get("surprising", False)), key=lambda node: node.name)
+    parts = [f"**Surprising: {markdown(node.name)}**, {markdown(node.get('surprise', ''))}" for node in surprising]
+    parts += [_explained(node) for node in events[:_NEWEST]] or ["*Nothing had to be explained.*"]
+    parts += [f"{_time(node)} {markdown(node.get('explanation', ''))}" for node in events[_NEWEST:][:_EARLIER]]
+    return "\n\n".join(parts)
+
+
+def _explained(event: Node) -> str:
+    """A table: the explanation chosen first, then those rejected, each with its score."""
+    rejected = event.get("alternatives", "").splitlines()
+    rows = [("**chosen**", _score(event), f"**{markdown(event.get('explanation', ''))}**")]
+    for line in rejected[:_MOST_REJECTED]:
+        score, _, label = line.partition(" ")
+        rows.append(("rejected", markdown(score), markdown(label)))
+    if len(rejected) > _MOST_REJECTED:
+        rows.append(("", "", f"and {len(rejected) - _MOST_REJECTED} more"))
+    title = f"{_time(event)} {markdown(event.get('target', ''))}, by {markdown(event.get('policy', ''))}"
+    table = "\n".join(f"| {' | '.join(row)} |" for row in rows)
+    return f"{title}\n\n| | score | explanation |\n|---|---|---|\n{table}"
+
+
+def _score(event: Node) -> str:
+    return f"{event['score']:.1f}" if "score" in event else ""
+
+
+def _time(node: Node) -> str:
+    """Time of day (UTC, as rerun shows it)."""
+    try:
+        return datetime.fromtimestamp(node.get("time", 0.0), UTC).strftime("%H:%M:%S")
+    except (ValueError, OverflowError, OSError):
+        return "--:--:--"
