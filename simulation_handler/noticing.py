@@ -12,6 +12,7 @@ from simulation_handler.explaining.situation import Shares, seen_now
 from simulation_handler.objects import BelievedObject
 
 _SURE = 0.9  # share of its face from which an object should be seen
+_GATHERING = 0.1  # s in which others that were moved at the same time may show
 _CONFIRMING = 0.2  # s that percepts have disagreed before that is confirmed
 
 
@@ -60,6 +61,9 @@ class Noticing:
         late += [name for name, seconds in missing.items() if seconds >= config.missing_after + config.unflagged_after]
         late += [name for name in self._displaced_since if self.is_followed(name, now)]
         open_ = self._displaced_since.keys() | missing.keys()
+        newest = max(self._displaced_since.values(), default=-math.inf)
+        if now - newest < _GATHERING and not late:
+            return ()
         is_flagged = not open_.isdisjoint(flagged) and self._displaced_since.keys() <= set(flagged)
         return tuple(sorted(open_)) if late or is_flagged else ()
 

@@ -189,8 +189,8 @@ def _piles(situation: Situation, candidate: Candidate, name: str) -> Iterator[tu
         return (-known - sum(other in missing for other in pile), len(pile), pile)
 
     def ordered(pile: tuple[str, ...]) -> tuple[str, ...]:
-        """As it was before, as far as it was beneath the object."""
-        return tuple(sorted(pile, key=lambda other: -chain.index(other) if other in chain else 0))
+        """Lowest first, as they stood on each other before."""
+        return tuple(sorted(pile, key=lambda other: len(situation.known_beneath(other) & set(pile))))
 
     piles = sorted(stacks_of(solid.bottom - level, free, tolerance), key=rank)
     yield from itertools.islice(map(ordered, piles), _MOST_PILES)

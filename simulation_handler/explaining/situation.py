@@ -120,6 +120,16 @@ class Situation:
             chain += level
         return tuple(chain)
 
+    def known_beneath(self, name: str) -> set[str]:
+        """All that is, or was until lately, beneath an object, directly and indirectly."""
+        found: set[str] = set()
+        level = {name}
+        while (
+            level := {n for upper in level for n in (*self.beneath.get(upper, ()), *self.former.get(upper, ()))} - found
+        ):
+            found |= level
+        return found
+
     def chain_above(self, name: str) -> tuple[str, ...]:
         """What rests on an object, directly and indirectly, and is not seen."""
         above: list[str] = []
