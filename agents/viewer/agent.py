@@ -87,7 +87,7 @@ class Viewer(Agent):
             self._graph.draw(self.memory)
         self._mind.draw(self.memory)
         scene = read_scene(self.memory)
-        self._scene.draw(scene)
+        self._scene.draw(scene, now)
         self._images.draw(scene.cameras, now)
         self._series.draw_distances(scene)
         self._check_window()

@@ -21,11 +21,11 @@ def make_blueprint(cameras: Sequence[str], with_truth: bool) -> rrb.Blueprint:
         cameras: that send images.
         with_truth: errors against the truth are known.
     """
-    below = rrb.Horizontal(_graph(), _images(cameras), column_shares=[3, 2])
+    below = rrb.Horizontal(_graph(), _images(cameras), column_shares=[2, 1])
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(_scenes(), below, row_shares=[5, 3]),
-            rrb.Vertical(*_thoughts(), _numbers(with_truth), _log(), row_shares=[7, 7, 5, 6]),
+            rrb.Vertical(*_thoughts(), _numbers(with_truth), _log(), row_shares=[8, 8, 5, 6]),
             column_shares=[5, 3],
         ),
         rrb.BlueprintPanel(state="collapsed"),
@@ -70,7 +70,7 @@ def _images(cameras: Sequence[str]) -> rrb.Container | rrb.View:
 def _numbers(with_truth: bool) -> rrb.Container:
     errors = rrb.TimeSeriesView(
         origin=series.ERRORS,
-        name="Error against the truth [mm]: percepts orange, beliefs blue",
+        name="Error [mm]: percepts, beliefs",
         plot_legend=rrb.PlotLegend(visible=False),
     )
     distances = rrb.TimeSeriesView(origin=series.DISTANCES, name="Percept to belief [mm]")

@@ -19,8 +19,8 @@ from agents.viewer.palette import Color
 EdgeKey = tuple[str, str, str]
 """(source, destination, type)"""
 
-_ROW = 44.0  # px, all lengths below as well
-_GAP = 32.0
+_ROW = 52.0  # px, all lengths below as well
+_GAP = 24.0
 _LETTER = 7.0
 _MARGIN = 22.0
 _TALLEST = 6  # leaves below one another

@@ -23,6 +23,7 @@ _FINGER = (0.012, 0.022, 0.055)
 _FINGER_AHEAD = 0.1075
 _FRUSTUM = 0.12
 _ASIDE = (0.035, 0.055)  # along world x and y: to the right as the views look
+_LINGER = 1.5  # s for which a mark stays
 _MARK = 1.35  # times the size of what is marked
 
 
@@ -37,10 +38,11 @@ class SceneView:
     def __init__(self, recording: rr.RecordingStream) -> None:
         self._recording = recording
         self._shown: dict[str, Any] = {}
+        self._marks: dict[str, float] = {}
         recording.log(ENTITY, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
 
-    def draw(self, scene: Scene) -> None:
-        """Log what is not as it was before."""
+    def draw(self, scene: Scene, now: float) -> None:
+        """Log what is not at time `now` (s) as it was before."""
         self._update("table", scene.tables, _tables)
         self._update("robot/links", scene.links, _links)
         self._update("robot/grippers", scene.grippers, _grippers)
@@ -48,10 +50,17 @@ class SceneView:
         self._update("robot/bounds", scene.parts, _parts)
         self._update("percepts", scene.ghosts, _percepts)
         self._update("beliefs", scene.beliefs, _beliefs)
-        self._update("surprising", scene.surprising, _surprising)
+        self._update("surprising", self._marked(scene, now), _surprising)
         self._update("names", list({solid.name: solid for solid in scene.percepts + scene.beliefs}.values()), _names)
         for camera in scene.cameras:
             self._draw_camera(camera)
+
+    def _marked(self, scene: Scene, now: float) -> list[Solid]:
+        """What is surprising, or was a moment ago: explanations come faster than eyes."""
+        self._marks |= {solid.name: now + _LINGER for solid in scene.surprising}
+        known = {solid.name: solid for solid in [*scene.percepts, *scene.beliefs]}
+        self._marks = {name: until for name, until in self._marks.items() if now < until and name in known}
+        return [known[name] for name in sorted(self._marks)]
 
     def _update(self, entity: str, content: Any, draw: Callable[[Any], Any]) -> None:
         if self._shown.get(entity) != content:

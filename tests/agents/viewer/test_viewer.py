@@ -42,6 +42,53 @@ def test_percepts_and_beliefs_are_drawn_apart(stage: Any) -> None:
     assert fills[0] != fills[1]
 
 
+def test_a_percept_is_a_ghost_only_where_the_belief_differs(stage: Any) -> None:
+    stage.start_viewer()
+    stage.build_table("cube_3", "cube_4")
+    stage.memory.add_edge("world", "cube_4", "Virtual_RT", pose=Pose((0.1, 0.0, 0.0305)))
+    stage.run()
+    shown = stage.finish()
+    np.testing.assert_allclose(shown.values("/world/percepts", "Boxes3D:centers")[-1], [(0, 0, 0.03)], atol=1e-6)
+    assert len(shown.values("/world/beliefs", "Boxes3D:centers")[-1]) == 2
+
+
+def test_a_percept_without_a_belief_is_a_ghost(stage: Any) -> None:
+    stage.start_viewer()
+    stage.build_table("cube_3")
+    stage.memory.remove_edge("world", "cube_3", "Virtual_RT")
+    stage.run()
+    assert len(stage.finish().values("/world/percepts", "Boxes3D:centers")[-1]) == 1
+
+
+def test_what_is_surprising_is_marked_for_a_moment_longer(stage: Any) -> None:
+    stage.start_viewer()
+    stage.build_table("cube_3", "cube_4")
+    stage.run()
+    stage.memory.update_node("cube_4", surprising=True)
+    stage.run(0.3)
+    stage.memory.update_node("cube_4", surprising=False)
+    stage.run(3.0)
+    marks = stage.finish().values("/world/surprising", "Boxes3D:centers")
+    assert [len(boxes) for boxes in marks] == [0, 1, 0]
+    np.testing.assert_allclose(marks[1], [(0.1, 0.0, 0.02)], atol=1e-6)
+
+
+def test_what_is_held_and_where_the_arm_is_are_drawn(stage: Any) -> None:
+    stage.start_viewer()
+    stage.build_table("cube_3", "cube_4")
+    memory = stage.memory
+    memory.add_node("gripper", "gripper", bounds=(-0.1, -0.2, 0.0, 0.3, 0.2, 0.1))
+    memory.add_edge("world", "gripper", "RT", pose=Pose((0.0, 0.0, 1.0)))
+    memory.add_edge("gripper", "cube_4", "grasping")
+    stage.run()
+    shown = stage.finish()
+    colors = [rgba(palette.BELIEF), rgba(palette.HELD)]
+    assert shown.values("/world/beliefs", "Boxes3D:colors")[-1] == colors
+    np.testing.assert_allclose(shown.values("/world/robot/bounds", "Boxes3D:centers")[-1], [(0.1, 0, 1.05)], atol=1e-6)
+    sizes = shown.values("/world/robot/bounds", "Boxes3D:half_sizes")[-1]
+    np.testing.assert_allclose(sizes, [(0.2, 0.2, 0.05)], atol=1e-6)
+
+
 def test_an_object_that_is_gone_is_not_drawn_any_more(stage: Any) -> None:
     stage.start_viewer()
     stage.build_table("cube_3", "cube_4")
