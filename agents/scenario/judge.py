@@ -45,6 +45,7 @@ class Judge:
         self._memory = memory
         self._start = 0.0
         self._truth: bytes | None = None
+        self._flagged: set[str] = set()
         self._running: set[tuple[str, str]] = set()
         self._intentions: dict[str, tuple[str, str, int]] = {}
         self._explained: set[tuple[str, float]] = set()
@@ -59,7 +60,11 @@ class Judge:
         self.history = History(self.history.scenario)
 
     def sample(self) -> None:
-        """Note the present state of the memory beside the newest truth, if that is new."""
+        """Note the present state of the memory beside the newest truth, if that is new.
+
+        Flags that rise and fall between two truths count for the second one.
+        """
+        self._flagged |= {name for spec in self.history.scenario.objects if self._is_surprising(name := spec.name)}
         payload, self._truth = self._truth, None
         if payload is None:
             return
@@ -73,6 +78,7 @@ class Judge:
             self.history.add(self._look(time, truth))
             self.history.spans = truth.moves
             self._follow_mind(time)
+        self._flagged.clear()
 
     def is_over(self, time: float) -> bool:
         """Whether the run may end at `time` (s after the start): see the scenario's `linger`."""
@@ -132,7 +138,7 @@ class Judge:
             held=truth.held,
             moving=truth.moving,
             in_view=truth.in_view,
-            surprising=frozenset(name for name, node in nodes.items() if node.get("surprising", False)),
+            surprising=frozenset(self._flagged),
             absent=frozenset(name for name, node in nodes.items() if not node.get("present", True)),
         )
 
@@ -149,6 +155,10 @@ class Judge:
             if key not in self._explained:
                 self._explained.add(key)
                 history.explanations.append(Explained(time, node.name, node.get("explanation", "")))
+
+    def _is_surprising(self, name: str) -> bool:
+        node = self._memory.get_node(name)
+        return node is not None and bool(node.get("surprising", False))
 
     def _percept(self, name: str) -> Pose | None:
         try:

@@ -267,12 +267,13 @@ class Rig:
         self.reader = reader
         self.judge = Judge(scenario, reader, link, self.keys)
 
-    def step(self, truth: bytes | None = None, seconds: float = 0.05) -> None:
+    def step(self, truth: bytes | None = None, seconds: float = 0.05, *, silent: bool = False) -> None:
         self.clock.advance(seconds)
         if truth is None:
             objects = {name: (*pose.t, *pose.q) for name, pose in TRUE.items()}
             truth = msgspec.msgpack.encode({"stamp": self.clock.now(), "objects": objects, "robot": [0.0]})
-        self.bus.publish(self.keys.truth(), truth)
+        if not silent:
+            self.bus.publish(self.keys.truth(), truth)
         for _ in range(4):
             self.writer.poll()
             self.writer.flush()
@@ -341,6 +342,18 @@ def test_agent_starts_are_noticed_once_per_start(rig: Rig):
         )
         rig.step()
     assert rig.judge.history.agent_starts == [(pytest.approx(0.1), "x"), (pytest.approx(0.2), "x")]
+
+
+def test_a_flag_that_rises_and_falls_between_two_truths_counts(rig: Rig):
+    fill(rig.writer)
+    rig.judge.begin(1000.0)
+    rig.step()
+    for flag in (True, False):
+        rig.writer.update_node("a", surprising=flag)
+        rig.step(silent=True)
+    rig.step()
+    rig.step()
+    assert [sample.surprising for sample in rig.judge.history.samples] == [set(), {"a"}, set()]
 
 
 MISSION = """
