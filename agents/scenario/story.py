@@ -101,7 +101,8 @@ class Story:
                 asked = " (and keep it so)" if node.get("maintain", False) else ""
                 yield Line(Topic.MISSION, f"{node.get('goal', '')}{asked}")
             elif replans > before[2]:
-                yield Line(Topic.MISSION, f"planning again: {node.get('explanation', '') or status}", good=False)
+                reason = node.get("explanation", "")
+                yield Line(Topic.MISSION, f"planning again{f': {reason}' if reason else ''}", good=False)
             if status not in ("", "wanted", *_TOLD_BY_ACTIONS):
                 yield Line(Topic.MISSION, f"{status}: {why}" if why else status, status in ("reached", "maintained"))
 
