@@ -86,10 +86,10 @@ class BeliefConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """s for which each hypothesis is simulated."""
     most_rollouts: int = 48
     """Hypotheses that are simulated for one explanation."""
-    explain_budget: float = 0.25
+    explain_budget: float = 0.4
     """s of wall time for one explanation, on worker processes."""
     workers: int = 0
-    """Processes that simulate hypotheses; 0 for none but the agent's own, which lockstep needs."""
+    """Processes that simulate hypotheses, live; 0 for none but the agent's own. In lockstep there are none."""
 
     relation_delay: float = 0.2
     """s that a contact must last (or be gone) before the relation `on` begins (or ends)."""

@@ -6,7 +6,7 @@ Read `situation` (what is known), `hypotheses` (what may have happened), `drafti
 
 from __future__ import annotations
 
-from dsr.clock import WALL_CLOCK, Clock
+from dsr.clock import WALL_CLOCK, Clock, ManualClock
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.algorithm1 import Algorithm1
 from simulation_handler.explaining.by_hypotheses import ByHypotheses
@@ -18,7 +18,11 @@ __all__ = ["Explanation", "Policy", "Shares", "make_policy"]
 
 
 def make_policy(config: BeliefConfig, clock: Clock = WALL_CLOCK) -> Policy:
-    """The policy that `config` names; `clock` measures its budget where processes simulate."""
+    """The policy that `config` names; `clock` measures its budget where processes simulate.
+
+    On a manual clock no time passes while they do: everything is simulated right here then.
+    """
     if config.policy == "algorithm1":
         return Algorithm1()
-    return ByHypotheses(Pool(config.workers, clock=clock), clock)
+    workers = 0 if isinstance(clock, ManualClock) else config.workers
+    return ByHypotheses(Pool(workers, clock=clock), clock)

@@ -17,6 +17,7 @@ from simulation_handler.rollouts import Body, Scene
 from simulation_handler.rollouts.pool import Pool
 
 _MARGIN = 1.5  # nats by which the best must lead, while more evidence is to come
+_TOO_LATE = 2.0  # s of evidence after which even an incomplete search must do
 _ENOUGH_EVIDENCE = 0.8  # s after which the best is taken, however small its lead
 _SAME_PLACE = 0.005  # m
 _ALTERNATIVES = 5  # that are kept on record
@@ -36,11 +37,13 @@ class ByHypotheses:
         self._pool = pool
         self._clock = clock
         self._deadline = math.inf
+        self._is_complete = True  # whether all was simulated that had to be
         self._last: Hypothesis | None = None
 
     def explain(self, situation: Situation) -> Explanation | None:
         """The best hypothesis, if it leads clearly or waiting will not help."""
         self._deadline = self._clock.monotonic() + situation.config.explain_budget
+        self._is_complete = True
         first = self._last if self._last and self._fits(self._last, situation) else None
         ranking = search(situation, self._simulate, situation.config.most_rollouts, first)
         if not ranking or not self._is_clear(situation, ranking):
@@ -59,6 +62,8 @@ class ByHypotheses:
         return names == set(situation.surprising) and names <= situation.seen.keys() and hypothesis.unseen <= known
 
     def _is_clear(self, situation: Situation, ranking: Sequence[Candidate]) -> bool:
+        if not self._is_complete and situation.evidence < _TOO_LATE:
+            return False
         if situation.evidence >= _ENOUGH_EVIDENCE:
             return True
         best = ranking[0].hypothesis
@@ -104,6 +109,7 @@ class ByHypotheses:
         scenes = [scene_of(situation, drafted) for drafted in drafts]
         left = max(self._deadline - self._clock.monotonic(), 0.0) if self._pool.pids else None
         outcomes = self._pool.run(scenes, situation.config.rollout_seconds, left)
+        self._is_complete = self._is_complete and None not in outcomes
         return [
             None
             if outcome is None

@@ -118,6 +118,8 @@ class _Run:
 
     def until(self, deadline: float) -> list[Outcome | None]:
         """The outcomes that are here at the deadline."""
+        for worker in _readable(self._workers, 0.0):  # ready since it was started, or late with an earlier run
+            self._take(worker)
         self._restart_stuck()
         while self._waiting or self._under_way:
             self._hand_out()

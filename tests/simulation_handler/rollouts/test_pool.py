@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import select
 import signal
 import subprocess
 import sys
@@ -95,6 +96,15 @@ def test_a_worker_that_stops_does_not_hold_up_the_others(monkeypatch: pytest.Mon
         pool.run([], 0.3)
         assert stopped not in pool.pids
         assert pool.run(SCENES, 0.3) == expected
+
+
+def test_workers_that_have_waited_for_long_are_not_stuck(monkeypatch: pytest.MonkeyPatch):
+    with Pool(2, PLENTY) as pool:
+        pids = pool.pids
+        assert wait_until(lambda: all(select.select([worker.connection], [], [], 0)[0] for worker in pool._workers))
+        monkeypatch.setattr(pool_module, "_STUCK", 0.0)
+        pool.run([], 0.1)
+        assert pool.pids == pids
 
 
 def test_workers_that_cannot_live_are_given_up_and_the_work_is_done_here(monkeypatch: pytest.MonkeyPatch):
