@@ -11,17 +11,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
-from itertools import count
 from typing import NamedTuple
 
 from dsr.errors import GoalError, suggest
-from dsr.memory import Memory
 from dsr.relations import ARITY, Relation, Relations
 
-MIND = "mind"
-"""The node from which intentions hang."""
-PREFIX = "intention_"
-"""Before the number in the name of an intention."""
 _TOKEN = re.compile(r"\s*(?:(?P<name>[A-Za-z0-9_.\-]+)|(?P<mark>[(),&])|(?P<other>\S))")
 _AND = ("&", "and")
 _EXAMPLE = "on(cube_3,cube_4) & clear(cube_3)"
@@ -65,17 +59,6 @@ class Goal:
 def parse_goal(text: str) -> Goal:
     """The goal that `text` describes. Raises `GoalError`, which points at what is wrong."""
     return _Parser(" ".join(text.splitlines()).expandtabs(1)).goal()
-
-
-def add_intention(memory: Memory, goal: str, *, maintain: bool = False, priority: int = 0) -> str:
-    """Write a new intention under `mind`; returns its name, `intention_N` with the smallest N that is free."""
-    name = next(name for number in count() if (name := f"{PREFIX}{number}") not in memory)
-    with memory.batch():
-        if MIND not in memory:
-            memory.add_node(MIND, "mind")
-        memory.add_node(name, "intention", goal=goal, maintain=maintain, priority=priority, status="wanted")
-        memory.add_edge(MIND, name, "has")
-    return name
 
 
 class _Token(NamedTuple):

@@ -7,13 +7,10 @@ from typing import Any, NamedTuple
 
 from dsr.elements import Node
 from dsr.errors import GraphError
-from dsr.goals import MIND
+from dsr.intentions import ENDED, FAILED, MIND, PLANNED, PREFIX, RUN, RUNNING
 from dsr.memory import Memory
 from planner.grounding import Skill
 
-PLANNED, RUNNING, DONE, FAILED, HALTED = "planned", "running", "done", "failed", "halted"
-ENDED = (DONE, FAILED, HALTED)
-RUN, HALT = "run", "halt"
 _SOURCE = "planner"
 
 
@@ -36,7 +33,7 @@ class Actions:
     def __init__(self, memory: Memory, intention: str) -> None:
         self._memory = memory
         self._intention = intention
-        self._stem = f"action_{intention.removeprefix('intention_')}_"
+        self._stem = f"action_{intention.removeprefix(PREFIX)}_"
         numbers = [int(number) for node in own_actions(memory) if (number := node.name[len(self._stem) :]).isdigit()]
         self._next = max(numbers, default=-1) + 1
         self._names: list[str] = []

@@ -8,15 +8,15 @@ from dataclasses import dataclass
 from dsr.agent import Access, Agent
 from dsr.errors import GoalError
 from dsr.goals import Goal, parse_goal
+from dsr.intentions import ACTIVE, FAILED, HALT, MAINTAINED, REACHED, UNSOLVABLE, WANTED
 from dsr.relations import SURFACES, THINGS, Relations, read_relations
 from dsr.what_if import WhatIf
-from planner import intentions
-from planner.actions import HALT, is_under_way, own_actions
+from planner.actions import is_under_way, own_actions
 from planner.arm import Script
 from planner.config import PlannerConfig
 from planner.execution import Execution, Surroundings
 from planner.foresight import Foresight
-from planner.intentions import ACTIVE, FAILED, MAINTAINED, REACHED, UNSOLVABLE, WANTED, Intention, read_intentions
+from planner.intentions import Intention, read_intentions, tell
 from planner.making import PlanMaker
 from planner.monitor import surprising
 
@@ -167,7 +167,7 @@ class Planner(Agent):
             elif intention.status == REACHED and self._time - watched.since > self.config.linger:
                 self._remove(intention)
             elif _is_worth_another_try(intention, watched.relations, relations):
-                intentions.tell(self.memory, name, WANTED, "things have changed: trying again")
+                tell(self.memory, name, WANTED, "things have changed: trying again")
 
     def _watch_maintained(self, intention: Intention, watched: _Watched, relations: Relations) -> None:
         goal = _goal(intention)
@@ -181,7 +181,7 @@ class Planner(Agent):
         if self._time - watched.broken_since >= limit - 1e-6:
             why = f"no longer true: {' & '.join(map(str, missing))}"
             self.log.warning("%s: %s", intention.name, why)
-            intentions.tell(self.memory, intention.name, WANTED, why, replans=intention.replans + 1)
+            tell(self.memory, intention.name, WANTED, why, replans=intention.replans + 1)
 
     def _remove(self, intention: Intention) -> None:
         Execution(intention, self._around).clean_up()

@@ -6,14 +6,14 @@ import logging
 from collections.abc import Callable, Generator, Iterable
 from typing import Protocol
 
+from dsr.intentions import ENDED, EXECUTING, FAILED, HALT, HALTED, PLANNED, RUN, WAITING
 from dsr.keys import agent_of
 from dsr.memory import Memory
 from dsr.relations import read_relations
-from planner.actions import ENDED, FAILED, HALT, HALTED, PLANNED, RUN, Actions, Progress, is_under_way, other_action
+from planner.actions import Actions, Progress, is_under_way, other_action
 from planner.config import PlannerConfig
 from planner.errors import Failure, Interruption, Setback
 from planner.grounding import OBSERVE
-from planner.intentions import EXECUTING, WAITING
 
 Script = Generator[None, None, None]
 """Does a part of its work each time it is resumed."""

@@ -26,17 +26,18 @@ from dsr.cli.common import (
 )
 from dsr.clock import WALL_CLOCK
 from dsr.errors import ConfigError, suggest
-from dsr.goals import add_intention, parse_goal
+from dsr.goals import parse_goal
+from dsr.intentions import DONE, FAILED, FULFILLED, GIVEN_UP, HALTED, RUNNING, add_intention
 from dsr.keys import agent_of
 from dsr.memory import Memory
 from dsr.relations import SURFACES, THINGS
-from planner.intentions import GIVEN_UP, MAINTAINED, REACHED, read_intentions
+from planner.intentions import read_intentions
 
 _PERIOD = 0.1  # s between two looks
 _ALONE = 5.0  # s without any other process of the graph until it counts as gone
 _TIDY_WITHIN = 20.0  # s that the planner may take to bring the arm to rest
 _INTERRUPTED = 130
-_MARKS = {"done": "[green]✓[/]", "running": "[yellow]▶[/]", "failed": "[red]✗[/]", "halted": "[red]■[/]"}
+_MARKS = {DONE: "[green]✓[/]", RUNNING: "[yellow]▶[/]", FAILED: "[red]✗[/]", HALTED: "[red]■[/]"}
 
 app = typer.Typer(name="mission", invoke_without_command=True, context_settings={"allow_interspersed_args": True})
 
@@ -86,9 +87,9 @@ def mission(
         outcome = _follow(memory, name, timeout, quiet=as_json)
     if as_json:
         print_json(outcome)
-    elif outcome["status"] not in (REACHED, MAINTAINED):
+    elif outcome["status"] not in FULFILLED:
         errors.print(f"[bold red]{name}: {shown(outcome['status'])}[/] {shown(outcome['explanation'])}", soft_wrap=True)
-    raise typer.Exit(0 if outcome["status"] in (REACHED, MAINTAINED) else 1)
+    raise typer.Exit(0 if outcome["status"] in FULFILLED else 1)
 
 
 def _follow(memory: Memory, name: str, timeout: float, *, quiet: bool) -> dict[str, Any]:
@@ -97,7 +98,7 @@ def _follow(memory: Memory, name: str, timeout: float, *, quiet: bool) -> dict[s
     in_company = began
     with Live(console=console, refresh_per_second=8, transient=False, auto_refresh=False) as live:
         try:
-            while state["status"] not in (REACHED, MAINTAINED, *GIVEN_UP):
+            while state["status"] not in (*FULFILLED, *GIVEN_UP):
                 if timeout and WALL_CLOCK.monotonic() - began > timeout:
                     hint = f"still {state['status']} after {timeout:g} s; dsr mission --cancel {name} ends it"
                     return state | {"status": "timeout", "explanation": hint}

@@ -11,12 +11,20 @@ from dataclasses import dataclass, field
 
 from dsr.errors import GoalError, suggest
 from dsr.goals import Goal, parse_goal
+from dsr.intentions import (
+    DONE,
+    FAILED,
+    INVALID,
+    MAINTAINED,
+    NO_SOLVER,
+    PLANNING,
+    REACHED,
+    UNSOLVABLE,
+    WAITING,
+    WANTED,
+)
 from dsr.memory import Memory
 from dsr.relations import SURFACES, THINGS, Relations, read_relations
-from planner import intentions
-from planner.actions import (
-    DONE,
-)
 from planner.arm import Arm, Script
 from planner.config import PlannerConfig
 from planner.errors import (
@@ -35,7 +43,7 @@ from planner.errors import (
 )
 from planner.foresight import Foresight
 from planner.grounding import OBSERVE, Place, Skill, stacked
-from planner.intentions import INVALID, NO_SOLVER, PLANNING, UNSOLVABLE, WAITING, Intention
+from planner.intentions import Intention, tell
 from planner.making import PlanMaker
 from planner.monitor import Monitor, differences, surprising
 from planner.plan import Step
@@ -106,7 +114,7 @@ class Execution:
         """Stop for a more urgent intention; this one stays wanted."""
         yield from self._arm.halt()
         self._actions.drop(ended_too=True)
-        self._tell(intentions.WANTED, "a more urgent intention comes first")
+        self._tell(WANTED, "a more urgent intention comes first")
 
     def clean_up(self) -> None:
         """Take the plan's nodes away."""
@@ -140,10 +148,10 @@ class Execution:
         self._in_vain += bool(missing)
         if self._in_vain >= self._config.most_plans_in_vain:
             wrong = " & ".join(map(str, missing))
-            raise GivingUp(intentions.FAILED, f"{self._in_vain} plans were carried out, and still not: {wrong}")
+            raise GivingUp(FAILED, f"{self._in_vain} plans were carried out, and still not: {wrong}")
 
     def _reached(self) -> None:
-        status = intentions.MAINTAINED if self.intention.maintain else intentions.REACHED
+        status = MAINTAINED if self.intention.maintain else REACHED
         self._end(status, "")
 
     # ---- what is wanted, and whether it can be
@@ -166,7 +174,7 @@ class Execution:
             hint = "" if lacking in self._memory else f"; {suggest(lacking, self._relations().things)}"
             explanation = f"{lacking!r} is not believed to be anywhere{hint}"
             if self._now() - began > self._config.patience:
-                raise GivingUp(intentions.FAILED, explanation)
+                raise GivingUp(FAILED, explanation)
             self._tell(WAITING, explanation)
             yield
 
@@ -212,7 +220,7 @@ class Execution:
         except SolverMissing as error:
             raise GivingUp(NO_SOLVER, str(error)) from error
         except (NoPlace, SolverFailed, PlanningError) as error:
-            raise GivingUp(intentions.FAILED, str(error)) from error
+            raise GivingUp(FAILED, str(error)) from error
 
     # ---- acting
 
@@ -317,7 +325,7 @@ class Execution:
             yield from self._arm.rest()
             self._failures += 1
             if self._failures >= self._config.most_failures:
-                raise GivingUp(intentions.FAILED, str(setback))
+                raise GivingUp(FAILED, str(setback))
         self._tell(PLANNING, str(setback))
 
     # ---- the end
@@ -342,4 +350,4 @@ class Execution:
         return read_relations(self._memory)
 
     def _tell(self, status: str, explanation: str = "") -> None:
-        intentions.tell(self._memory, self.intention.name, status, explanation, replans=self._replans)
+        tell(self._memory, self.intention.name, status, explanation, replans=self._replans)

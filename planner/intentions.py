@@ -7,16 +7,8 @@ from dataclasses import dataclass
 
 from dsr.elements import Node
 from dsr.errors import GraphError
-from dsr.goals import PREFIX
+from dsr.intentions import PREFIX, WANTED
 from dsr.memory import Memory
-
-WANTED, PLANNING, EXECUTING, WAITING = "wanted", "planning", "executing", "waiting"
-ACTIVE = (WANTED, PLANNING, EXECUTING, WAITING)
-"""Statuses of intentions that are still to be pursued."""
-REACHED, MAINTAINED = "reached", "maintained"
-INVALID, UNSOLVABLE, FAILED, NO_SOLVER = "invalid", "unsolvable", "failed", "no_solver"
-GIVEN_UP = (INVALID, UNSOLVABLE, FAILED, NO_SOLVER)
-STATUSES = (*ACTIVE, REACHED, MAINTAINED, *GIVEN_UP)
 
 
 @dataclass(frozen=True)

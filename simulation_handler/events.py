@@ -7,10 +7,10 @@ import logging
 
 from dsr.elements import Node
 from dsr.errors import DsrError
+from dsr.intentions import MIND
 from dsr.memory import Memory
 from simulation_handler.explaining import Explanation
 
-MIND = "mind"
 _KEPT = 20  # events in the graph
 _PREFIX = "event_"
 

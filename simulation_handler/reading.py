@@ -13,6 +13,7 @@ import numpy as np
 
 from dsr.elements import Edge, Node
 from dsr.errors import DsrError, SchemaError
+from dsr.intentions import RUNNING
 from dsr.memory import Memory
 from dsr.quaternions import Vector3
 from dsr.transforms import Pose
@@ -73,7 +74,7 @@ class Reading:
         """(object, support) of what an arm is putting down now."""
         actions = (node for node in self._memory.nodes("action") if node.get("skill") == "place")
         return {
-            (node.get("target", ""), node.get("destination", "")) for node in actions if node.get("status") == "running"
+            (node.get("target", ""), node.get("destination", "")) for node in actions if node.get("status") == RUNNING
         }
 
     def _grasps(self) -> dict[str, tuple[str, Pose]]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import msgspec
 
 from dsr.agent import Access, Agent
-from dsr.goals import add_intention, parse_goal
+from dsr.goals import parse_goal
+from dsr.intentions import add_intention
 from dsr.relations import SURFACES, THINGS, read_relations
 
 

@@ -15,6 +15,7 @@ from agents.scenario.result import Result
 from agents.scenario.truth import Truth, decode_truth
 from agents.scenario.verdicts import judge_check
 from dsr.errors import TransformError, WireError
+from dsr.intentions import FULFILLED, GIVEN_UP
 from dsr.keys import Keys
 from dsr.memory import Memory
 from dsr.runtime.status import State, decode_status
@@ -22,10 +23,6 @@ from dsr.transforms import Pose
 from dsr.transport import Transport
 
 _log = logging.getLogger("scenario.judge")
-
-
-AT_REST = frozenset({"reached", "maintained", "invalid", "unsolvable", "failed", "no_solver"})
-"""What the status of a mission says when nothing more is done for it."""
 
 
 class Judge:
@@ -88,7 +85,7 @@ class Judge:
         ends = [end for _, end in history.spans.values() if end is not None]
         if history.scenario.mission is not None:
             state = history.mission(time)
-            if state is None or state.status not in AT_REST:
+            if state is None or state.status not in (*FULFILLED, *GIVEN_UP):
                 return False
             ends.append(state.time)
         over = time > max(ends, default=math.inf) + linger

@@ -13,10 +13,10 @@ from agents.scenario.course import missing_events, rises
 from agents.scenario.history import History, Sample, Source
 from agents.scenario.measures import OverlapMeter, belief_gap, drift, height_error, mean_error
 from agents.scenario.perturbations import perturbations, recovery, wrong_explanations
+from dsr.intentions import FULFILLED
 
 RECOVERED = 0.005
 """m from the truth, within which a belief has recovered"""
-_REACHED = ("reached", "maintained")
 
 
 def measure(history: History) -> tuple[dict[str, float], list[str]]:
@@ -54,11 +54,11 @@ def _course_metrics(history: History) -> dict[str, float]:
     found["wrong_beliefs"] = len(wrong_explanations(history))
     if scenario.mission is not None:
         found["replans"] = history.replans(history.end)
-        reached = [state.time for state in history.missions if state.status in _REACHED]
+        reached = [state.time for state in history.missions if state.status in FULFILLED]
         if reached:
             found["mission_first_reached_s"] = reached[0]
         last = history.mission(history.end)
-        if last is not None and last.status in _REACHED:
+        if last is not None and last.status in FULFILLED:
             found["mission_reached_s"] = last.time
     return found
 

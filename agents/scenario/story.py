@@ -10,12 +10,12 @@ import msgspec
 
 from agents.scenario.format import Event
 from dsr.elements import Node
+from dsr.intentions import EXECUTING, FAILED, FULFILLED, HALTED, PLANNED, PLANNING, RUNNING, WANTED
 from dsr.memory import Memory
 from dsr.runtime.logs import printable
 
-_TO_DO = ("planned", "running")
-_FAILED = ("failed", "halted")
-_TOLD_BY_ACTIONS = ("planning", "executing")
+_TO_DO = (PLANNED, RUNNING)
+_TOLD_BY_ACTIONS = (PLANNING, EXECUTING)
 _NOT_TOLD = ("at", "when", "delay")
 _MOST_SURPRISES = 3  # in a line
 _LONGEST = 200  # characters of a line
@@ -103,8 +103,8 @@ class Story:
             elif replans > before[2]:
                 reason = node.get("explanation", "")
                 yield Line(Topic.MISSION, f"planning again{f': {reason}' if reason else ''}", good=False)
-            if status not in ("", "wanted", *_TOLD_BY_ACTIONS):
-                yield Line(Topic.MISSION, f"{status}: {why}" if why else status, status in ("reached", "maintained"))
+            if status not in ("", WANTED, *_TOLD_BY_ACTIONS):
+                yield Line(Topic.MISSION, f"{status}: {why}" if why else status, status in FULFILLED)
 
     def _progress(self) -> Iterator[Line]:
         """Plans that were made, actions that run, and those that failed."""
@@ -119,9 +119,9 @@ class Story:
                 self._actions[node.name] = status
                 if status == before:
                     continue
-                if status == "running":
+                if status == RUNNING:
                     yield Line(Topic.ACTION, f"{position} of {len(steps)}: {_step(node)}")
-                elif status in _FAILED:
+                elif status in (FAILED, HALTED):
                     why = node.get("explanation", "")
                     yield Line(Topic.ACTION, f"{_step(node)} {status}{f': {why}' if why else ''}", good=False)
 

@@ -9,6 +9,7 @@ import rerun as rr
 
 from agents.viewer.texts import markdown
 from dsr import Memory, Node
+from dsr.intentions import RUNNING, WANTED
 
 PLAN = "mind/plan"
 EXPLANATIONS = "mind/explanations"
@@ -47,7 +48,7 @@ def plan_page(memory: Memory) -> str:
 def _intention(memory: Memory, intention: Node) -> str:
     replans = intention.get("replans", 0)
     again = f", planned again {replans} times" if replans else ""
-    status = f"*{markdown(intention.get('status', 'wanted'))}{again}*"
+    status = f"*{markdown(intention.get('status', WANTED))}{again}*"
     why = markdown(intention.get("explanation", ""))
     lines = [f"**{markdown(intention.get('goal', ''))}** {status}{f': {why}' if why else ''}"]
     children = (memory.get_node(edge.dst) for edge in memory.edges("has", src=intention.name))
@@ -63,7 +64,7 @@ def _rows(actions: list[Node]) -> Iterable[str]:
     for node in actions[-_MOST_ACTIONS:]:
         status, why = node.get("status", ""), node.get("explanation", "")
         said = markdown(f"{status}: {why}" if why else status)
-        emphasis = "**" if status == "running" else ""
+        emphasis = "**" if status == RUNNING else ""
         yield f"| {emphasis}{markdown(describe_action(node))}{emphasis} | {emphasis}{said}{emphasis} |"
 
 

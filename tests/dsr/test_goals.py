@@ -7,7 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dsr import ConfigError, GoalError, LocalNetwork, ManualClock, Memory, Pose
-from dsr.goals import Goal, add_intention, parse_goal
+from dsr.goals import Goal, parse_goal
+from dsr.intentions import add_intention
 from dsr.relations import ARITY, Relation, Relations, read_relations
 
 names = st.text("abcXYZ012_.-", min_size=1, max_size=8).filter(lambda name: name.lower() not in ("and", "or", "not"))

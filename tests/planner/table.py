@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from dsr import Access, Agent, GraphError, Memory, Pose
 from dsr.elements import Node
-from dsr.goals import add_intention
+from dsr.intentions import add_intention
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec
 from planner import Planner

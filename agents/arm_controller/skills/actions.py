@@ -13,9 +13,8 @@ from agents.arm_controller.skills.pick import pick
 from agents.arm_controller.skills.place import place
 from dsr import Memory, Node
 from dsr.errors import DsrError, suggest
+from dsr.intentions import DONE, ENDED, FAILED, HALT, HALTED, RUN, RUNNING
 
-RUNNING, DONE, FAILED, HALTED = "running", "done", "failed", "halted"
-_ENDED = frozenset({DONE, FAILED, HALTED})
 _SKILLS: dict[str, Callable[[Manipulator, Node], Steps[None]]] = {
     "pick": lambda arm, node: pick(arm, _needed(node, "target")),
     "place": lambda arm, node: place(
@@ -78,9 +77,9 @@ class Actions:
             if node is None or node.type != "action":
                 if change.name == self.running:
                     self._end(HALTED, "")
-            elif node.get("request") == "halt" and node.name == self.running:
+            elif node.get("request") == HALT and node.name == self.running:
                 self._end(HALTED, "")
-            elif node.get("request") == "run" and node.get("status") not in (*_ENDED, RUNNING):
+            elif node.get("request") == RUN and node.get("status") not in (*ENDED, RUNNING):
                 self._begin(node, joints, refused)
 
     def _begin(self, node: Node, joints: Joints | None, refused: str) -> None:

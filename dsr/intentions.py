@@ -1,0 +1,45 @@
+"""Intentions and the actions of their plans as nodes: their names, and the words of `status` and `request`.
+
+Whoever wants something writes an intention below `mind`. From then on its `status` is the planner's, who writes actions
+below it and asks for them by `request`; the `status` of an action is the arm controller's once it was asked for.
+"""
+
+from __future__ import annotations
+
+from itertools import count
+
+from dsr.memory import Memory
+
+MIND = "mind"
+"""The node from which intentions hang."""
+PREFIX = "intention_"
+"""Before the number in the name of an intention."""
+
+WANTED, PLANNING, EXECUTING, WAITING = "wanted", "planning", "executing", "waiting"
+ACTIVE = (WANTED, PLANNING, EXECUTING, WAITING)
+"""Statuses of intentions that are still to be pursued."""
+REACHED, MAINTAINED = "reached", "maintained"
+FULFILLED = (REACHED, MAINTAINED)
+"""Statuses of intentions whose goal holds."""
+INVALID, UNSOLVABLE, NO_SOLVER = "invalid", "unsolvable", "no_solver"
+FAILED = "failed"
+"""Of an intention or an action."""
+GIVEN_UP = (INVALID, UNSOLVABLE, FAILED, NO_SOLVER)
+"""Statuses of intentions for which nothing more is done."""
+
+PLANNED, RUNNING, DONE, HALTED = "planned", "running", "done", "halted"
+ENDED = (DONE, FAILED, HALTED)
+"""Statuses of actions that are over."""
+RUN, HALT = "run", "halt"
+"""What can be requested of an action."""
+
+
+def add_intention(memory: Memory, goal: str, *, maintain: bool = False, priority: int = 0) -> str:
+    """Write a new intention below `mind`; returns its name, `intention_N` with the smallest N that is free."""
+    name = next(name for number in count() if (name := f"{PREFIX}{number}") not in memory)
+    with memory.batch():
+        if MIND not in memory:
+            memory.add_node(MIND, "mind")
+        memory.add_node(name, "intention", goal=goal, maintain=maintain, priority=priority, status=WANTED)
+        memory.add_edge(MIND, name, "has")
+    return name
