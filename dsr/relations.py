@@ -8,7 +8,7 @@ from typing import NamedTuple
 from dsr.memory import Memory
 
 THINGS = ("cube", "box", "container", "cup", "ball")
-"""Node types of what can be moved."""
+"""Node types of what can be perceived and moved; all else is structure, a hand, or what stands still."""
 SURFACES = ("table",)
 """Node types of what things are put on and that never moves."""
 ARITY = {"on": 2, "ontable": 1, "clear": 1, "holding": 1, "handempty": 0}

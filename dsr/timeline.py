@@ -13,6 +13,7 @@ import msgspec
 
 from dsr.elements import Edge, Node
 from dsr.memory import Memory
+from dsr.relations import THINGS
 from dsr.runtime.status import SILENT_AFTER, State, Status
 from dsr.watch import Change
 
@@ -21,7 +22,7 @@ EventKind = Literal[
 ]
 RELATIONS = ("on", "in", "grasping")
 """Edge types whose coming and going are events."""
-OBJECTS = ("cube", "box", "container", "cup", "ball", "hand")
+OBJECTS = (*THINGS, "hand")
 """Node types whose coming and going are events."""
 _ENDED = (State.STOPPED, State.FAILED)
 

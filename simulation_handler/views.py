@@ -1,4 +1,4 @@
-"""From the graph to what `sight` needs: where the cameras are, what stands in their way, and whether they deliver."""
+"""From the graph to what `sight` needs: where the cameras are, and what stands in their way."""
 
 from __future__ import annotations
 
@@ -17,8 +17,6 @@ from simulation_handler.sight import View
 
 PARTS = ("robot", "body", "arm", "gripper", "hand", "finger")
 """Node types of parts of bodies; those with the attribute `bounds` hide what is behind them."""
-PERCEIVED = ("cube", "box", "container", "cup", "ball")
-"""Node types that a camera perceives; RT edges to other nodes are structure."""
 LENS = ("fx", "fy", "cx", "cy", "width", "height")
 """Attributes of a camera that say what it would see."""
 
@@ -44,21 +42,6 @@ def obstacles(memory: Memory) -> list[Solid]:
             centre = pose @ Pose.unchecked(_middle(least, size), (0.0, 0.0, 0.0, 1.0))
             found.append(Solid(node.name, (size[0], size[1], size[2]), centre.t, centre.q, fixed=True))
     return found
-
-
-def delivered(memory: Memory) -> dict[str, float]:
-    """When each camera last delivered a percept of anything, s, by its node's name.
-
-    A camera that is not in here has delivered nothing. One that is covered or dead falls behind the others, and
-    behind `now`: that what it should see is not seen then says nothing of the objects.
-    """
-    newest: dict[str, float] = {}
-    for camera in memory.nodes("camera"):
-        for edge in memory.edges("RT", src=camera.name):
-            node, pose = memory.get_node(edge.dst), edge.get("pose")
-            if node is not None and node.type in PERCEIVED and pose is not None:
-                newest[camera.name] = max(pose.stamp, newest.get(camera.name, -math.inf))
-    return newest
 
 
 def _places(memory: Memory, nodes: list[Node]) -> Iterator[Pose | None]:

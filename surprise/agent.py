@@ -8,10 +8,11 @@ from collections.abc import Iterable
 from dsr.agent import Access, Agent
 from dsr.elements import Node
 from dsr.errors import DsrError
+from dsr.relations import THINGS
 from surprise.config import SurpriseConfig
 from surprise.evidence import Reason, Track
 from surprise.expectation import Expectations
-from surprise.reading import OBJECTS, Beliefs, Percept, Percepts
+from surprise.reading import Beliefs, Percept, Percepts
 from surprise.suspicion import Suspicion
 
 
@@ -32,12 +33,12 @@ class SurpriseDetector(Agent):
     name = "surprise"
     rate_hz = 20.0
     reads = Access(
-        nodes=(*OBJECTS, "camera", "gripper", "world"),
+        nodes=(*THINGS, "camera", "gripper", "world"),
         edges=("RT", "Virtual_RT", "sees", "grasping"),
         attributes=("surprising", "surprise", "present", "share", "hidden_by"),
     )
     writes = Access(
-        nodes=(*OBJECTS, "camera"),
+        nodes=(*THINGS, "camera"),
         attributes=("surprising", "surprise"),
         exclusive=("surprising", "surprise"),
     )
@@ -66,7 +67,7 @@ class SurpriseDetector(Agent):
             self.log.warning("the clock was set back by %.1f s: beginning anew", self._now - now)
             self._start_anew()
         self._now = now
-        objects = sorted((node for type in OBJECTS for node in self.memory.nodes(type)), key=lambda node: node.name)
+        objects = sorted((node for type in THINGS for node in self.memory.nodes(type)), key=lambda node: node.name)
         held = self._note_held(now)
         jumped = self._beliefs.update(now, objects, held)
         new = list(self._percepts.new(now))

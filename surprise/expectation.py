@@ -10,10 +10,11 @@ from dataclasses import dataclass, field
 from dsr.elements import Edge
 from dsr.errors import TransformError
 from dsr.memory import Memory
+from dsr.relations import THINGS
 from dsr.transforms import Pose
 from surprise.config import SurpriseConfig
 from surprise.evidence import Reason
-from surprise.reading import OBJECTS, WORLD, Percept
+from surprise.reading import WORLD, Percept
 
 _KEPT = 64  # stamps
 _LATENCY = 0.15  # s after a change of the belief during which percepts may still be from before
@@ -82,7 +83,7 @@ class Expectations:
     def update(self, now: float, percepts: Iterable[Percept], changed: Collection[str]) -> None:
         """Bring it to time `now` (s). What is expected of the objects in `changed` begins anew: their belief did."""
         edges = {(edge.src, edge.dst): edge for edge in self._memory.edges("sees")}
-        names = {node.name for type in OBJECTS for node in self._memory.nodes(type)}
+        names = {node.name for type in THINGS for node in self._memory.nodes(type)}
         self._cameras = {node.name: self._cameras.get(node.name) or _Camera() for node in self._memory.nodes("camera")}
         self._last_percept = {name: stamp for name, stamp in self._last_percept.items() if name in names}
         for percept in percepts:
@@ -164,7 +165,7 @@ class Expectations:
     def _is_hidden_by_an_object(self, edge: Edge | None) -> bool:
         """Boxes around parts of the arm are larger than these, and may be seen past."""
         node = None if edge is None else self._memory.get_node(edge.get("hidden_by", ""))
-        return node is not None and node.type in OBJECTS
+        return node is not None and node.type in THINGS
 
     def _moved(self, name: str, elapsed: float) -> bool:
         """Whether a camera has moved in the last `elapsed` s; nothing is published while it does."""

@@ -10,11 +10,10 @@ from dsr.elements import Edge, Node
 from dsr.errors import DsrError, ExtrapolationError
 from dsr.memory import Memory
 from dsr.quaternions import Vector3
+from dsr.relations import THINGS
 from dsr.transforms import Pose, interpolate
 
 WORLD = "world"
-OBJECTS = ("cube", "box", "container", "cup", "ball")
-"""Node types of what is perceived."""
 
 _MOST_AHEAD = 0.5  # s that a percept's stamp may be ahead of this machine's clock
 _OLDEST = 1.0  # s, percepts older than that when they are found say nothing any more
@@ -52,7 +51,7 @@ class Percepts:
         for edge in sorted(edges, key=lambda edge: edge.key):
             node, pose = self._memory.get_node(edge.dst), edge.get("pose")
             known = self._used.get((edge.src, edge.dst))
-            if node is None or node.type not in OBJECTS or pose is None or pose is known:
+            if node is None or node.type not in THINGS or pose is None or pose is known:
                 continue
             percept = self._percept(edge, pose, now)
             if percept is not None and (known is None or pose.stamp > known.stamp or pose.stamp == 0.0):

@@ -25,8 +25,9 @@ from agents.arm_controller.urdf import Robot, load_robot
 from agents.drivers import ArmDriver, ArmState, make_driver
 from dsr.agent import Access, Agent
 from dsr.errors import ConfigError
+from dsr.relations import THINGS
 
-OBJECTS = ("cube", "box", "container", "cup", "ball", "hand", "finger")
+OBJECTS = (*THINGS, "hand", "finger")
 """Types of nodes that may be in the way or in the gripper."""
 START_UP = 10.0
 """s that the device may take until its first sample."""

@@ -10,12 +10,13 @@ import msgspec
 
 from agents.drivers import Lens, TagDriver, make_driver
 from agents.scene_estimator.config import SceneEstimatorConfig, TagSensor
-from agents.scene_estimator.objects import KINDS, TaggedObjects
+from agents.scene_estimator.objects import TaggedObjects
 from agents.scene_estimator.sighting import FrameReader, Outlines, Sighting, read_sensor
 from agents.scene_estimator.stillness import stood_still
 from dsr.agent import Access, Agent
 from dsr.blobs import Frame
 from dsr.errors import WireError
+from dsr.relations import THINGS
 
 
 class SceneEstimator(Agent):
@@ -26,9 +27,9 @@ class SceneEstimator(Agent):
 
     name = "scene_estimator"
     rate_hz = 20.0
-    reads = Access(nodes=("camera", *KINDS), edges=("RT",), attributes=("marker_id", "size", "perceived", "last_seen"))
+    reads = Access(nodes=("camera", *THINGS), edges=("RT",), attributes=("marker_id", "size", "perceived", "last_seen"))
     writes = Access(
-        nodes=("camera", *KINDS),
+        nodes=("camera", *THINGS),
         edges=("RT",),
         attributes=("marker_id", "size", "perceived", "last_seen", *Lens.__struct_fields__),
     )
@@ -121,7 +122,7 @@ class SceneEstimator(Agent):
 
     def _age(self, now: float) -> None:
         """Also those that an earlier run of this agent saw: their nodes say when."""
-        for node in (node for kind in KINDS for node in self.memory.nodes(kind)):
+        for node in (node for kind in THINGS for node in self.memory.nodes(kind)):
             if node.get("perceived") and now - self._seen_at(node.name, now) > self.config.max_age:
                 self.memory.update_node(node.name, perceived=False)
 

@@ -8,10 +8,8 @@ from agents.scene_estimator.config import SceneEstimatorConfig
 from agents.scene_estimator.sighting import Sighting, Size
 from dsr.elements import Node
 from dsr.memory import Memory
+from dsr.relations import THINGS
 from dsr.transforms import Pose
-
-KINDS = ("cube", "box", "container", "cup", "ball")
-"""Types of nodes that are looked for; a tag on anything else is known, but nothing is told about it."""
 
 
 class TaggedObjects:
@@ -35,7 +33,7 @@ class TaggedObjects:
     def find(self, marker_id: int) -> Node | None:
         """The object that carries the tag, or None."""
         node = self._memory.get_node(self._names.get(marker_id, ""))
-        return node if node is not None and node.type in KINDS else None
+        return node if node is not None and node.type in THINGS else None
 
     def size(self, marker_id: int) -> Size:
         """Extent along x, y, z of the object that carries the tag, m; an unknown one is a cube of default size."""

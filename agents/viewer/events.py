@@ -15,9 +15,9 @@ from agents.viewer.palette import Color
 from agents.viewer.texts import drawable
 from dsr import Change, Memory, Node, WireError
 from dsr.runtime.logs import decode_log
+from dsr.timeline import RELATIONS
 
 ENTITY = "log"
-_RELATIONS = ("on", "in", "grasping")
 _JUDGEMENTS = ("perceived", "plausible", "surprising")
 _TOLD_ELSEWHERE = ("action",)  # node types whose coming and going the plan shows
 _MOST_NAMES = 8
@@ -65,7 +65,7 @@ class EventView:
     def _predicates(self, change: Change, memory: Memory) -> Iterator[str]:
         """What to say about the changed node, or the source of the changed edge."""
         if change.element == "edge":
-            if change.type in _RELATIONS and change.kind != "updated":
+            if change.type in RELATIONS and change.kind != "updated":
                 yield f"{'no more ' if change.kind == 'removed' else ''}{change.type} {change.dst}"
             return
         node = memory.get_node(change.name)

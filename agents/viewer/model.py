@@ -8,9 +8,10 @@ from typing import Any
 import msgspec
 
 from dsr import Memory, Node, Pose, TransformError
+from dsr.relations import THINGS
 
 WORLD = "world"
-OBJECT_TYPES = ("cube", "box", "container", "cup", "ball", "hand", "finger")
+OBJECT_TYPES = (*THINGS, "hand", "finger")
 BELIEF_FIRST = ("Virtual_RT", "RT")
 _BODY_TYPES = ("robot", "arm", "body", "gripper")
 _FRAME_TYPES = (WORLD, "robot", "gripper", "camera", "table")

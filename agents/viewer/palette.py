@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dsr.relations import THINGS
+
 Color = tuple[int, int, int]
 """Red, green, blue from 0 to 255"""
 
@@ -31,7 +33,7 @@ NODE_TYPES: dict[str, Color] = {
     **dict.fromkeys(("robot", "body", "arm", "gripper"), _STRUCTURE),
     "camera": CAMERA,
     "table": (215, 175, 130),
-    **dict.fromkeys(("cube", "box", "container", "cup", "ball"), _OBJECT),
+    **dict.fromkeys(THINGS, _OBJECT),
     **dict.fromkeys(("hand", "finger"), _HUMAN),
     **dict.fromkeys(("mind", "intention", "action"), _PLAN),
     "event": SURPRISE,

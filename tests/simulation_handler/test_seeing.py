@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from dsr.transforms import Pose
-from simulation_handler.views import delivered, obstacles, views
+from simulation_handler.views import obstacles, views
 from tests.simulation_handler.test_agent import Table
 from tests.simulation_handler.worlds import cube_at
 
@@ -86,14 +86,3 @@ def test_unusable_cameras_and_parts_are_left_out(table: Table) -> None:
     assert set(found) == {"link", "table"}
     assert found["link"].position == pytest.approx((0.3, 0.0, 0.4))
     assert found["table"].top == pytest.approx(0.0)
-
-
-def test_when_a_camera_last_delivered(table: Table) -> None:
-    assert delivered(table.memory) == {}
-    table.memory.add_node("cube_1", "cube")
-    table.memory.add_node("cube_2", "cube")
-    table.memory.add_node("other", "camera")
-    table.memory.add_edge("camera", "cube_1", "RT", pose=Pose((0, 0, 0.5), stamp=3.0))
-    table.memory.add_edge("camera", "cube_2", "RT", pose=Pose((0, 0, 0.5), stamp=2.0))
-    table.memory.add_edge("camera", "other", "RT", pose=Pose((0, 0, 0.5), stamp=9.0))
-    assert delivered(table.memory) == {"camera": 3.0}
