@@ -14,6 +14,7 @@ import msgspec
 
 from dsr.blobs import Frame
 from dsr.errors import ConfigError
+from dsr.intrinsics import Intrinsics
 from dsr.keys import Keys
 from dsr.transport import Transport
 
@@ -47,26 +48,13 @@ class TagReading(msgspec.Struct, frozen=True):
     """rad, standard deviation about each axis"""
 
 
-class Lens(msgspec.Struct, frozen=True):
-    """Intrinsics of a camera without distortion; pixel (0, 0) is centred on the upper left one."""
-
-    fx: float
-    fy: float
-    cx: float
-    cy: float
-    """px"""
-    width: int
-    height: int
-    """px"""
-
-
 class TagReadings(msgspec.Struct, frozen=True):
     """The tagged objects that a camera sees at one instant."""
 
     stamp: float
     """s"""
     readings: list[TagReading]
-    lens: Lens | None = None
+    lens: Intrinsics | None = None
     """Through which they are seen, if the device tells."""
 
 

@@ -9,6 +9,7 @@ from dsr.agent import Access, Agent
 from dsr.errors import GoalError
 from dsr.goals import Goal, parse_goal
 from dsr.intentions import ACTIVE, FAILED, HALT, MAINTAINED, REACHED, UNSOLVABLE, WANTED
+from dsr.intrinsics import INTRINSICS
 from dsr.relations import SURFACES, THINGS, Relations, read_relations
 from dsr.what_if import WhatIf
 from planner.actions import is_under_way, own_actions
@@ -47,7 +48,7 @@ class Planner(Agent):
         edges=("on", "grasping", "has", "next", "sees", "RT", "Virtual_RT"),
         attributes=(
             *("goal", "maintain", "priority", "status", "explanation", "request", "size", "present", "surprising"),
-            *("visible", "fx", "fy", "cx", "cy", "width", "height", "source", "replans"),
+            *("visible", "source", "replans", *INTRINSICS),
         ),
     )
     writes = Access(

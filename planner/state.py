@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsr.errors import TransformError
+from dsr.intrinsics import Intrinsics, read_intrinsics
 from dsr.memory import Memory
 from dsr.relations import Relations, read_relations
 from dsr.transforms import Array, Pose
@@ -42,21 +43,15 @@ class View:
     """A camera that looks at the table."""
 
     camera_from_world: Pose
-    fx: float
-    fy: float
-    cx: float
-    cy: float
-    width: int
-    height: int
+    intrinsics: Intrinsics
 
     def sees(self, points: Array, margin: float) -> NDArray[np.bool_]:
         """(n,) which of the points (n, 3) (m, world) are in the image, `margin` of its width and height inside."""
-        x, y, z = self.camera_from_world.apply(points).T
-        ahead = z > 0.0
-        depth = np.where(ahead, z, 1.0)
-        u, v = self.fx * x / depth + self.cx, self.fy * y / depth + self.cy
-        du, dv = margin * self.width, margin * self.height
-        inside: NDArray[np.bool_] = ahead & (du <= u) & (u <= self.width - du) & (dv <= v) & (v <= self.height - dv)
+        local, lens = self.camera_from_world.apply(points), self.intrinsics
+        ahead = local[:, 2] > 0.0
+        u, v = lens.project(np.where(ahead[:, None], local, 1.0)).T
+        du, dv = margin * lens.width, margin * lens.height
+        inside: NDArray[np.bool_] = ahead & (du <= u) & (u <= lens.width - du) & (dv <= v) & (v <= lens.height - dv)
         return inside
 
 
@@ -129,8 +124,7 @@ def _views(memory: Memory) -> tuple[View, ...]:
     views = []
     for camera in sorted(memory.nodes("camera"), key=lambda node: node.name):
         edge = memory.get_edge(_WORLD, camera.name, "RT")
-        numbers = [camera.get(name) for name in ("fx", "fy", "cx", "cy", "width", "height")]
-        if edge is None or None in numbers or "pose" not in edge:
-            continue
-        views.append(View(edge.pose.inverse(), *numbers))
+        intrinsics = read_intrinsics(camera)
+        if edge is not None and intrinsics is not None and "pose" in edge:
+            views.append(View(edge.pose.inverse(), intrinsics))
     return tuple(views)

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dsr.agent import Access, Agent
+from dsr.intrinsics import INTRINSICS
 from simulation_handler.belief import Belief
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining import make_policy
 from simulation_handler.reading import FIXTURES, OBJECTS, Reading
 from simulation_handler.seeing import SEEN, Seeing
-from simulation_handler.views import LENS, PARTS
+from simulation_handler.views import PARTS
 from simulation_handler.what_if import KEY, WhatIfService
 from simulation_handler.writing import Writing
 
@@ -30,7 +31,7 @@ class SimulationHandler(Agent):
         nodes=(*FIXTURES, *OBJECTS, *PARTS, "world", "camera", "gripper", "action", "event"),
         edges=("RT", "Virtual_RT", "on", "sees", "grasping"),
         attributes=(
-            *("size", "mass", "friction", "plausible", "source", "since", "bounds", *LENS, *SEEN),
+            *("size", "mass", "friction", "plausible", "source", "since", "bounds", *INTRINSICS, *SEEN),
             *("surprising", "present", "skill", "target", "destination", "status"),
         ),
     )

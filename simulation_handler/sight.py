@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsr import quaternions
+from dsr.intrinsics import Intrinsics
 from dsr.transforms import Pose
 from simulation_handler.geometry import Solid
 
@@ -45,14 +46,7 @@ class View:
     """Name of its node."""
     world_from_camera: Pose
     """Of the optical frame: z forward, x right, y down."""
-    fx: float
-    fy: float
-    cx: float
-    cy: float
-    """px; pixel (0, 0) is centred on the upper left one"""
-    width: int
-    height: int
-    """px"""
+    intrinsics: Intrinsics
 
 
 class Glance(NamedTuple):
@@ -185,17 +179,17 @@ def _targets(solids: _Boxes) -> Array:
 
 def _found(camera: _Camera, solids: _Boxes, targets: Array) -> Flags:
     """(n, rays) which points of the tags would be seen if nothing were in the way."""
-    view = camera.view
+    lens = camera.view.intrinsics
     points = (targets - camera.eye) @ camera.turn
     depth = points[..., 2]
     ahead = depth > _LEAST
     safe = np.where(ahead, depth, 1.0)
-    u, v = points[..., 0] / safe * view.fx + view.cx, points[..., 1] / safe * view.fy + view.cy
-    inside: Flags = ahead & (u >= 0) & (u <= view.width - 1) & (v >= 0) & (v <= view.height - 1)
+    u, v = points[..., 0] / safe * lens.fx + lens.cx, points[..., 1] / safe * lens.fy + lens.cy
+    inside: Flags = ahead & (u >= 0) & (u <= lens.width - 1) & (v >= 0) & (v <= lens.height - 1)
     middle = len(_RAYS) // 2
     ray = targets[:, middle] - camera.eye
     cosine = -(ray * solids.turn[:, :, 2]).sum(axis=1)
-    side = 2 * TAG_RATIO * solids.half[:, :2].min(axis=1) * view.fx
+    side = 2 * TAG_RATIO * solids.half[:, :2].min(axis=1) * lens.fx
     found: Flags = cosine >= math.cos(STEEPEST) * np.sqrt((ray * ray).sum(axis=1))
     found &= side >= SMALLEST * safe[:, middle]
     inside &= found[:, None]

@@ -9,6 +9,7 @@ import numpy as np
 
 from dsr import quaternions
 from dsr.elements import Node
+from dsr.intrinsics import read_intrinsics
 from dsr.memory import Memory
 from dsr.transforms import Array, Pose
 from simulation_handler.geometry import Solid
@@ -17,16 +18,16 @@ from simulation_handler.sight import View
 
 PARTS = ("robot", "body", "arm", "gripper", "hand", "finger")
 """Node types of parts of bodies; those with the attribute `bounds` hide what is behind them."""
-LENS = ("fx", "fy", "cx", "cy", "width", "height")
-"""Attributes of a camera that say what it would see."""
 
 
 def views(memory: Memory) -> list[View]:
     """All cameras whose place and intrinsics are known, by name; now, or when their chains were last known."""
     nodes = sorted(memory.nodes("camera"), key=lambda node: node.name)
-    found = zip(nodes, _places(memory, nodes), strict=True)
-    made = (_view(node, pose) for node, pose in found if pose is not None)
-    return [view for view in made if view is not None]
+    return [
+        View(node.name, pose, intrinsics)
+        for node, pose in zip(nodes, _places(memory, nodes), strict=True)
+        if pose is not None and (intrinsics := read_intrinsics(node)) is not None
+    ]
 
 
 def obstacles(memory: Memory) -> list[Solid]:
@@ -56,17 +57,6 @@ def _pose(matrix: Array) -> Pose | None:
         return None
     x, y, z = matrix[:3, 3].tolist()
     return Pose.unchecked((x, y, z), quaternions.normalised(quaternions.from_matrix(matrix[:3, :3].tolist())))
-
-
-def _view(node: Node, world_from_camera: Pose) -> View | None:
-    """None without usable intrinsics."""
-    numbers = [node.get(name) for name in LENS]
-    if any(number is None for number in numbers):
-        return None
-    fx, fy, cx, cy, width, height = numbers
-    if min(fx, fy, width, height) <= 0:
-        return None
-    return View(node.name, world_from_camera, fx, fy, cx, cy, width, height)
 
 
 def _bounds(node: Node) -> tuple[Array, Array] | None:

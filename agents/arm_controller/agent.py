@@ -25,6 +25,7 @@ from agents.arm_controller.urdf import Robot, load_robot
 from agents.drivers import ArmDriver, ArmState, make_driver
 from dsr.agent import Access, Agent
 from dsr.errors import ConfigError
+from dsr.intrinsics import INTRINSICS
 from dsr.relations import THINGS
 
 OBJECTS = (*THINGS, "hand", "finger")
@@ -62,7 +63,7 @@ class ArmController(Agent):
             *("joint_names", "joint_positions", "joint_velocities", "opening", "contact"),
             *("status", "explanation", "target_joints", "target_pose", "target_opening"),
             *("bounds", "source", "since"),
-            *("fx", "fy", "cx", "cy", "width", "height", "stream"),
+            *("stream", *INTRINSICS),
         ),
         exclusive=("joint_names", "joint_positions", "joint_velocities", "opening", "contact"),
     )

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from agents.plant.noise import Color, Depth, SensorModel, shift_bodies
-from agents.plant.renderer import Intrinsics, Renderer
+from agents.plant.renderer import Renderer
 from agents.plant.world import World
 from dsr.blobs import Frame
+from dsr.intrinsics import Intrinsics
 from dsr.quaternions import Quaternion, Vector3, product
 from dsr.transforms import Pose
 

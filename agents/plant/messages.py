@@ -10,9 +10,10 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from agents.drivers import ArmState, Lens, TagReadings
+from agents.drivers import ArmState, TagReadings
 from dsr.decoding import decoded
 from dsr.errors import WireError
+from dsr.intrinsics import Intrinsics
 from dsr.keys import Keys
 from dsr.transforms import Pose
 
@@ -150,7 +151,7 @@ def _read_tag_readings(payload: bytes) -> TagReadings:
     return seen
 
 
-def _check_lens(lens: Lens) -> None:
+def _check_lens(lens: Intrinsics) -> None:
     _check_finite(lens.fx, lens.fy, lens.cx, lens.cy)
     if min(lens.fx, lens.fy, lens.width, lens.height) <= 0:
         raise ValueError(f"{lens}: focal lengths and image size must be positive")

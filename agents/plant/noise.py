@@ -14,8 +14,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.plant.renderer import Intrinsics
 from agents.scenario.format import SensorSpec
+from dsr.intrinsics import Intrinsics
 
 BASELINE = 0.055
 """m, between the two infrared cameras of a RealSense D415"""

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.drivers import Lens, TagReading, TagReadings
+from agents.drivers import TagReading, TagReadings
 from agents.plant.camera import Camera
 from agents.plant.messages import seven
 from agents.plant.tags import TAG_RATIO
@@ -45,8 +45,7 @@ def read_tags(camera: Camera, world: World, stamp: float) -> TagReadings:
         if _sees(camera, world, spec, pose):
             readings.append(_measured(spec.marker_id, pose, errors[name], noise))
             camera.in_view.append(name)
-    lens = camera.lens
-    return TagReadings(stamp, readings, Lens(lens.fx, lens.fy, lens.cx, lens.cy, lens.width, lens.height))
+    return TagReadings(stamp, readings, camera.lens)
 
 
 def tags_in_view(camera: Camera, world: World) -> list[str]:

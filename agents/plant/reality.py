@@ -17,11 +17,12 @@ from agents.plant.experimenter import Experimenter
 from agents.plant.messages import Command, Follow, MoveGripper, MoveJoints, Truth, seven
 from agents.plant.noise import SensorModel
 from agents.plant.poses import read_tags, tags_in_view
-from agents.plant.renderer import Intrinsics, Renderer
+from agents.plant.renderer import Renderer
 from agents.plant.stage import Stage
 from agents.plant.world import World
 from agents.scenario.format import Scenario, start_poses
 from dsr.blobs import Frame
+from dsr.intrinsics import Intrinsics
 from dsr.transforms import Pose
 
 

@@ -15,6 +15,7 @@ import pybullet
 from numpy.typing import NDArray
 
 from agents.plant.bullet import Bullet
+from dsr.intrinsics import Intrinsics
 from dsr.runtime.native_output import silenced
 from dsr.transforms import Pose
 
@@ -43,31 +44,6 @@ plugin = pybullet.loadPlugin(spec.origin, "_eglRendererPlugin")
 image = pybullet.getCameraImage(16, 16, renderer=pybullet.ER_BULLET_HARDWARE_OPENGL)
 raise SystemExit(0 if plugin >= 0 and len(image[2]) else 3)
 """
-
-
-class Intrinsics(msgspec.Struct, frozen=True):
-    """A pinhole camera; pixel (0, 0) is centred on the upper left one."""
-
-    width: int
-    height: int
-    """px"""
-    fx: float
-    fy: float
-    cx: float
-    cy: float
-    """px"""
-
-    @staticmethod
-    def from_fov(width: int, height: int, fov: float) -> Intrinsics:
-        """Square pixels, the axis through the middle; `fov` is the horizontal field of view in rad."""
-        focal = width / 2 / np.tan(fov / 2)
-        return Intrinsics(width, height, float(focal), float(focal), (width - 1) / 2, (height - 1) / 2)
-
-    def project(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Pixels (n, 2) of points (n, 3) m in the optical frame."""
-        focal, center = np.array([self.fx, self.fy]), np.array([self.cx, self.cy])
-        pixels: NDArray[np.float64] = points[:, :2] / points[:, 2:] * focal + center
-        return pixels
 
 
 class Picture(msgspec.Struct, frozen=True):

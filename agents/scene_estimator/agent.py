@@ -8,7 +8,7 @@ from contextlib import ExitStack, closing
 
 import msgspec
 
-from agents.drivers import Lens, TagDriver, make_driver
+from agents.drivers import TagDriver, make_driver
 from agents.scene_estimator.config import SceneEstimatorConfig, TagSensor
 from agents.scene_estimator.objects import TaggedObjects
 from agents.scene_estimator.sighting import FrameReader, Outlines, Sighting, read_sensor
@@ -16,6 +16,7 @@ from agents.scene_estimator.stillness import stood_still
 from dsr.agent import Access, Agent
 from dsr.blobs import Frame
 from dsr.errors import WireError
+from dsr.intrinsics import INTRINSICS, Intrinsics
 from dsr.relations import THINGS
 
 
@@ -31,7 +32,7 @@ class SceneEstimator(Agent):
     writes = Access(
         nodes=("camera", *THINGS),
         edges=("RT",),
-        attributes=("marker_id", "size", "perceived", "last_seen", *Lens.__struct_fields__),
+        attributes=("marker_id", "size", "perceived", "last_seen", *INTRINSICS),
     )
     publishes = ("blob/*/detections",)
     Config = SceneEstimatorConfig
@@ -81,7 +82,7 @@ class SceneEstimator(Agent):
                 except WireError as error:
                     self._skip("malformed", f"{camera}: {error}")
 
-    def _describe(self, camera: str, lens: Lens | None) -> None:
+    def _describe(self, camera: str, lens: Intrinsics | None) -> None:
         """Write the intrinsics of a sensor without images, whose frames would tell them, if the node says others."""
         node, intrinsics = self.memory.get_node(camera), {} if lens is None else msgspec.structs.asdict(lens)
         if node is not None and any(node.get(name) != value for name, value in intrinsics.items()):

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 
 import msgspec
 
 from dsr import Memory, Node, Pose, TransformError
+from dsr.intrinsics import Intrinsics, read_intrinsics
 from dsr.relations import THINGS
 
 WORLD = "world"
@@ -52,10 +52,7 @@ class Camera(msgspec.Struct, frozen=True):
     name: str
     stream: str
     place: Place | None
-    lens: tuple[float, float, float, float] | None
-    """fx, fy, cx, cy in px"""
-    resolution: tuple[int, int] | None
-    """Width and height in px"""
+    lens: Intrinsics | None
 
 
 class Gripper(msgspec.Struct, frozen=True):
@@ -178,13 +175,5 @@ def _gripper(memory: Memory, node: Node) -> Gripper | None:
 
 
 def _camera(memory: Memory, node: Node) -> Camera:
-    values: list[Any] = [node.get(name) for name in ("fx", "fy", "cx", "cy", "width", "height")]
-    known = None not in values
-    fx, fy, cx, cy, width, height = values
-    return Camera(
-        name=node.name,
-        stream=node.get("stream") or node.name,
-        place=_place(memory, node.name),
-        lens=(fx, fy, cx, cy) if known else None,
-        resolution=(width, height) if known else None,
-    )
+    stream = node.get("stream") or node.name
+    return Camera(node.name, stream, _place(memory, node.name), read_intrinsics(node))

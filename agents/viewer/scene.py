@@ -13,6 +13,7 @@ import rerun as rr
 from agents.viewer import palette
 from agents.viewer.model import Camera, Gripper, Place, Scene, Solid, Vector, moved
 from dsr import Pose
+from dsr.intrinsics import Intrinsics
 
 ENTITY = "world"
 _LINK_RADIUS = 0.038  # m, as all lengths below
@@ -71,18 +72,17 @@ class SceneView:
         if camera.place is not None:
             self._update(f"cameras/{camera.name}", camera.place, _transform)
         if camera.lens is not None:
-            self._update(f"cameras/{camera.name}/image", (camera.lens, camera.resolution), lambda lens: _pinhole(*lens))
+            self._update(f"cameras/{camera.name}/image", camera.lens, _pinhole)
 
 
 def _transform(place: Place) -> rr.Transform3D:
     return rr.Transform3D(translation=place.translation, quaternion=rr.Quaternion(xyzw=place.rotation))
 
 
-def _pinhole(lens: tuple[float, float, float, float], resolution: tuple[int, int]) -> rr.Pinhole:
-    fx, fy, cx, cy = lens
+def _pinhole(lens: Intrinsics) -> rr.Pinhole:
     return rr.Pinhole(
-        image_from_camera=[[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]],
-        resolution=resolution,
+        image_from_camera=[[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]],
+        resolution=(lens.width, lens.height),
         camera_xyz=rr.ViewCoordinates.RDF,
         image_plane_distance=_FRUSTUM,
         color=palette.CAMERA,

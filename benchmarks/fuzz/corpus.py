@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.drivers import ArmState, Lens, TagReading, TagReadings
+from agents.drivers import ArmState, TagReading, TagReadings
 from agents.plant.messages import Follow, MoveGripper, MoveJoints, Stop, Truth
 from agents.scenario.format import Start
 from dsr import Pose
@@ -17,6 +17,7 @@ from dsr.blobs import Frame, encode_frame
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Delta
 from dsr.graph import Graph
+from dsr.intrinsics import Intrinsics
 from dsr.runtime.logs import LogRecord
 from dsr.runtime.status import State, Status, encode_status
 from dsr.shared_ring import Ticket
@@ -105,7 +106,7 @@ def arm_states() -> list[bytes]:
 def tag_readings() -> list[bytes]:
     """What a camera that detects tags sees."""
     readings = [TagReading(number, _SEVEN, 0.001, 0.01) for number in (3, 4)]
-    lens = Lens(600.0, 600.0, 319.5, 239.5, 640, 480)
+    lens = Intrinsics(600.0, 600.0, 319.5, 239.5, 640, 480)
     return [msgspec.msgpack.encode(TagReadings(NOW, readings, lens)), msgspec.msgpack.encode(TagReadings(NOW, []))]
 
 

@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dsr import LocalNetwork, ManualClock, Memory, Pose
+from dsr.intrinsics import Intrinsics
 from dsr.relations import Relations
 from planner.config import PlannerConfig
 from planner.errors import NoPlace
@@ -23,7 +24,7 @@ CONFIG = PlannerConfig()
 SIZE = (0.04, 0.04, 0.04)
 TABLE = Solid((1.2, 0.8, 0.03), Pose((0.4, 0.0, 0.1)))
 DOWN = Pose((0.35, 0.0, 0.75), (0.70710678, -0.70710678, 0.0, 0.0))
-OVERHEAD = View(DOWN.inverse(), 600.0, 600.0, 319.5, 239.5, 640, 480)
+OVERHEAD = View(DOWN.inverse(), Intrinsics(600.0, 600.0, 319.5, 239.5, 640, 480))
 
 
 def world(*places: tuple[float, float], views: tuple[View, ...] = (), table: Solid = TABLE) -> WorldState:

@@ -13,9 +13,9 @@ from agents.plant.bullet import Bullet
 from agents.plant.camera import OVERHEAD, Camera
 from agents.plant.noise import SensorModel
 from agents.plant.poses import _sees
-from agents.plant.renderer import Intrinsics
 from agents.plant.world import World
 from agents.scenario.format import ObjectSpec, SensorSpec, TableSpec
+from dsr.intrinsics import Intrinsics
 from dsr.transforms import Pose
 from simulation_handler.geometry import Solid
 from simulation_handler.sight import Glance, Sight, View
@@ -25,7 +25,7 @@ LENS = Intrinsics.from_fov(640, 480, 0.98)
 
 
 def view(pose: Pose = OVERHEAD, name: str = "overhead") -> View:
-    return View(name, pose, LENS.fx, LENS.fy, LENS.cx, LENS.cy, LENS.width, LENS.height)
+    return View(name, pose, LENS)
 
 
 def solid(name: str, pose: Pose, size: tuple[float, float, float] = CUBE) -> Solid:

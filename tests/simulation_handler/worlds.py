@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from dsr.intrinsics import Intrinsics
 from dsr.transforms import Pose
 from simulation_handler.belief import Belief
 from simulation_handler.config import BeliefConfig
@@ -53,7 +54,7 @@ class SyntheticCamera:
         return Pose(position + noise, rotation, stamp, covariance)
 
 
-VIEW = View("camera", Pose(CAMERA, (1.0, 0.0, 0.0, 0.0)), 600.0, 600.0, 319.5, 239.5, 640, 480)
+VIEW = View("camera", Pose(CAMERA, (1.0, 0.0, 0.0, 0.0)), Intrinsics(600.0, 600.0, 319.5, 239.5, 640, 480))
 
 
 class World:

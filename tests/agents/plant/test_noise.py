@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from agents.plant.noise import BASELINE, DISPARITY_NOISE, FARTHEST, SensorModel, shift_bodies
-from agents.plant.renderer import Intrinsics
 from agents.scenario.format import SensorSpec
+from dsr.intrinsics import Intrinsics
 
 LENS = Intrinsics.from_fov(160, 120, 0.98)
 

@@ -8,10 +8,11 @@ import pytest
 from numpy.typing import NDArray
 
 from agents.plant.bullet import Bullet
-from agents.plant.renderer import Intrinsics, Renderer, RendererName
+from agents.plant.renderer import Renderer, RendererName
 from agents.plant.world import FLOOR_BELOW_TABLE, RATE_HZ, World, upright, yaw_of
 from agents.scenario.format import ObjectSpec, TableSpec
 from dsr.errors import ConfigError
+from dsr.intrinsics import Intrinsics
 from dsr.transforms import Pose
 
 MakeWorld = Callable[..., World]

@@ -9,10 +9,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from agents.drivers import Lens, TagReading, TagReadings
+from agents.drivers import TagReading, TagReadings
 from agents.scene_estimator import SceneEstimator
 from dsr import Frame, Pose
 from dsr.errors import AgentError, ConfigError
+from dsr.intrinsics import Intrinsics
 from dsr.transport import Qos
 
 from .conftest import MARKER, OVERHEAD, PERIOD, Bench, covariance
@@ -234,7 +235,7 @@ def test_a_tag_sensor_does_without_images(make_bench: Callable[..., Bench], sens
 
 def test_a_tag_sensor_tells_its_intrinsics(make_bench: Callable[..., Bench], sensor: FakeSensor) -> None:
     bench = make_bench(tag_sensors=SENSORS)
-    sensor.next = TagReadings(bench.clock.now(), [], Lens(600.0, 601.0, 319.5, 239.5, 640, 480))
+    sensor.next = TagReadings(bench.clock.now(), [], Intrinsics(600.0, 601.0, 319.5, 239.5, 640, 480))
     bench.run(PERIOD)
     node = bench.memory.node("camera_overhead")
     assert [node[name] for name in ("fx", "fy", "cx", "cy", "width", "height")] == [600, 601, 319.5, 239.5, 640, 480]
