@@ -123,6 +123,17 @@ class Pose:
         """(6, 6) covariance of the right perturbation, m and rad, or None; read-only."""
         return None if self.cov is None else _read_only(np.array(self.cov).reshape(6, 6))
 
+    def parent_covariances(self) -> tuple[Array, Array]:
+        """Covariances (3, 3) of position (m^2) and rotation (rad^2) along the parent's axes.
+
+        Raises:
+            ValueError: without a covariance.
+        """
+        if self.cov is None:
+            raise ValueError(f"{self} has no covariance")
+        covariance, turn = np.array(self.cov).reshape(6, 6), np.array(quaternions.to_matrix(self.q))
+        return turn @ covariance[:3, :3] @ turn.T, turn @ covariance[3:, 3:] @ turn.T
+
     @property
     def rotation_matrix(self) -> Array:
         """(3, 3) matrix of the rotation; read-only."""

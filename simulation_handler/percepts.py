@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dsr import quaternions
 from dsr.quaternions import Quaternion, Vector3
 from dsr.transforms import Pose
 from simulation_handler.config import BeliefConfig
@@ -60,20 +59,20 @@ def make_percept(pose: Pose, stamp: float, seen_from: Vector3 | None, config: Be
         noise = lateral**2 * _EYE + (depth**2 - lateral**2) * np.outer(ray, ray)
         turning = config.default_rotation_noise**2 * _EYE
     else:
-        noise, turning = _in_world(pose)
+        _check_covariance(pose)
+        noise, turning = pose.parent_covariances()
         noise, ray = _without_bias(noise, ray, config.depth_bias)
     noise = noise + config.position_noise**2 * _EYE + config.depth_noise**2 * np.outer(ray, ray)
     turning = turning + config.rotation_noise**2 * _EYE + config.tilt_noise**2 * _HORIZONTAL
     return Percept(stamp, position, pose.q, noise, turning, ray)
 
 
-def _in_world(pose: Pose) -> tuple[Array, Array]:
-    """Covariances (3, 3) of position and rotation, from the object's frame into the world's."""
-    cov, turn = np.array(pose.cov).reshape(6, 6), np.array(quaternions.to_matrix(pose.q))
-    least = np.linalg.eigvalsh(cov)[0]
-    if least < -_ROUNDING * np.trace(cov):
+def _check_covariance(pose: Pose) -> None:
+    """Raise ValueError for a covariance with a negative variance in some direction."""
+    covariance = np.array(pose.cov).reshape(6, 6)
+    least = np.linalg.eigvalsh(covariance)[0]
+    if least < -_ROUNDING * np.trace(covariance):
         raise ValueError(f"covariance with eigenvalue {least}: expected none below 0")
-    return turn @ cov[:3, :3] @ turn.T, turn @ cov[3:, 3:] @ turn.T
 
 
 def _without_bias(covariance: Array, ray: Array, bias: float) -> tuple[Array, Array]:

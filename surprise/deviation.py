@@ -83,7 +83,7 @@ def _percept_noise(percept: Pose, ray: Array, config: SurpriseConfig) -> tuple[A
         place = config.depth_bias**2 * np.outer(ray, ray)
         rotation = config.default_rotation_noise**2 * _EYE
     else:
-        place, rotation = _in_world(percept)
+        place, rotation = percept.parent_covariances()
     place = place + config.position_noise**2 * _EYE
     return place, rotation + config.rotation_noise**2 * _EYE + config.tilt_noise**2 * _HORIZONTAL
 
@@ -91,12 +91,7 @@ def _percept_noise(percept: Pose, ray: Array, config: SurpriseConfig) -> tuple[A
 def _belief_noise(belief: Pose, config: SurpriseConfig) -> tuple[Array, Array]:
     if belief.cov is None:
         return config.unseen_noise**2 * _EYE, config.unseen_rotation_noise**2 * _EYE
-    return _in_world(belief)
-
-
-def _in_world(pose: Pose) -> tuple[Array, Array]:
-    covariance, turn = np.array(pose.cov).reshape(6, 6), np.array(quaternions.to_matrix(pose.q))
-    return turn @ covariance[:3, :3] @ turn.T, turn @ covariance[3:, 3:] @ turn.T
+    return belief.parent_covariances()
 
 
 def _sigmas(vector: Array, covariance: Array) -> float:

@@ -201,6 +201,19 @@ class TestValues:
         with pytest.raises(ValueError, match=r"\(5, 5\).*expected \(6, 6\)"):
             Pose(covariance=np.eye(5))
 
+    @given(uncertain_poses)
+    def test_covariances_along_the_parents_axes(self, pose: Pose) -> None:
+        """Those of the same frame turned so that its axes are the parent's."""
+        place, rotation = pose.parent_covariances()
+        turned = pose @ Pose((0.0, 0.0, 0.0), pose.q).inverse()
+        assert turned.covariance is not None
+        np.testing.assert_allclose(place, turned.covariance[:3, :3], atol=1e-9)
+        np.testing.assert_allclose(rotation, turned.covariance[3:, 3:], atol=1e-9)
+
+    def test_an_exact_pose_has_no_covariances_along_any_axes(self) -> None:
+        with pytest.raises(ValueError, match="no covariance"):
+            Pose.identity().parent_covariances()
+
     def test_what_is_no_covariance_is_refused(self) -> None:
         lopsided = np.eye(6)
         lopsided[0, 1] = 0.1
