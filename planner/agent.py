@@ -118,9 +118,8 @@ class Planner(Agent):
             self._watched[execution.intention.name] = watched
 
     def _foresight(self) -> Foresight:
-        patience = self.config.what_if_patience
-        what_if = WhatIf(self.bus, self.keys, self.clock, max(patience, 0.1))
-        return Foresight(what_if, patience, lambda: self._time, self.log)
+        what_if = WhatIf(self.bus, self.keys, self.clock, max(self.config.what_if_patience, 0.1))
+        return Foresight(what_if, self.config, lambda: self._time, self.log)
 
     # ---- choosing
 

@@ -58,3 +58,9 @@ class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Of the image's width and height: what is put down shall be seen at least so far inside."""
     what_if_patience: float = 1.0
     """s that the answer may take whether something would topple where it is to be put; with 0 nobody is asked."""
+    what_if_seconds: float = 1.0
+    """s that are simulated for it: what topples has left its place by then."""
+    what_if_shift: float = 0.015
+    """m that a thing may be off its place then."""
+    what_if_turn: float = 0.3
+    """rad, likewise."""

@@ -8,13 +8,7 @@ from collections.abc import Callable, Generator
 from dsr.errors import TransportError
 from dsr.transforms import Pose
 from dsr.what_if import Answer, Change, Pending, Question, WhatIf
-
-SECONDS = 1.0
-"""s that are simulated: what topples has left its place by then"""
-_MOVED = 0.015
-"""m that a thing may be off its place then"""
-_TURNED = 0.3
-"""rad, likewise"""
+from planner.config import PlannerConfig
 
 
 class Foresight:
@@ -22,30 +16,30 @@ class Foresight:
 
     Args:
         what_if: asks.
-        patience: s to wait for an answer; with 0 nothing is asked.
+        config: how long to wait for an answer, and how far things may move.
         now: gives the time, s.
         log: says once when there is no answer.
     """
 
-    def __init__(self, what_if: WhatIf, patience: float, now: Callable[[], float], log: logging.Logger) -> None:
+    def __init__(self, what_if: WhatIf, config: PlannerConfig, now: Callable[[], float], log: logging.Logger) -> None:
         self._what_if = what_if
-        self._patience = patience
+        self._config = config
         self._now = now
         self._log = log
         self._complained = False
 
     def trouble(self, thing: str, pose: Pose) -> Generator[None, None, str]:
         """What would happen if `thing` were put at `pose` (world_from_thing): empty if it stays, or nobody knows."""
-        if self._patience <= 0.0:
+        if self._config.what_if_patience <= 0.0:
             return ""
         try:
-            pending = self._what_if.ask(Question(SECONDS, (Change.place(thing, pose),)))
+            pending = self._what_if.ask(Question(self._config.what_if_seconds, (Change.place(thing, pose),)))
         except TransportError as error:
             return self._unknown(str(error))
         began = self._now()
-        while not pending.done and self._now() - began < self._patience:
+        while not pending.done and self._now() - began < self._config.what_if_patience:
             yield
-        return self._unknown(_reason(pending)) if pending.answer is None else _movement(pending.answer)
+        return self._unknown(_reason(pending)) if pending.answer is None else _movement(pending.answer, self._config)
 
     def _unknown(self, reason: str) -> str:
         if not self._complained:
@@ -58,11 +52,11 @@ def _reason(pending: Pending) -> str:
     return pending.failed or "no answer yet"
 
 
-def _movement(answer: Answer) -> str:
+def _movement(answer: Answer, config: PlannerConfig) -> str:
     worst = max(answer.moved, key=lambda name: (answer.moved[name], name), default="")
     most = max(answer.turned, key=lambda name: (answer.turned[name], name), default="")
-    if worst and answer.moved[worst] > _MOVED:
+    if worst and answer.moved[worst] > config.what_if_shift:
         return f"{worst} would move by {answer.moved[worst] * 1e3:.0f} mm"
-    if most and answer.turned[most] > _TURNED:
+    if most and answer.turned[most] > config.what_if_turn:
         return f"{most} would turn by {answer.turned[most]:.1f} rad"
     return ""

@@ -13,7 +13,7 @@ from simulation_handler.config import BeliefConfig
 from simulation_handler.geometry import Solid, face_down
 from simulation_handler.objects import BelievedObject
 from simulation_handler.placement import Placement, place, separate
-from simulation_handler.supports import explain
+from simulation_handler.supports import find_beneath
 
 _UNSEEN_VARIANCE = 2.5e-5  # m^2, sideways, of an object left to physics: it gives way to what is seen
 
@@ -77,7 +77,7 @@ class Correction:
         if is_astray:
             item.strike(now)
         placement = self._placed(item, scene)
-        if self._is_unexplained(item, placement, now) and self._explain(item, scene):
+        if self._is_unexplained(item, placement, now) and self._find_beneath(item, scene):
             placement = self._placed(item, scene)
         is_new = item.placement is None or self._differs(item, item.placement, placement)
         if is_new:
@@ -100,26 +100,26 @@ class Correction:
             item.hovering_since = now
         return item.hovering_since is not None and now - item.hovering_since >= self._config.explain_after
 
-    def _explain(self, item: BelievedObject, scene: Scene) -> bool:
+    def _find_beneath(self, item: BelievedObject, scene: Scene) -> bool:
         """Put beneath a hovering object what can explain it; false if nothing can."""
         percept = item.percept()
         flat, tilt = face_down(percept.rotation)
         if tilt > self._config.tilt_tolerance:
             return False
-        explanation = explain(
+        beneath = find_beneath(
             percept.turned(flat),
             item.percept_covariance(self._config),
             self._bodies.never_placed(),
             scene.values(),
             self._config.explain_sigmas,
         )
-        if explanation is None:
+        if beneath is None:
             return False
-        for solid in explanation.stack:
+        for solid in beneath.stack:
             self._bodies.put(self._bodies.object(solid.name), solid.position, solid.rotation)
             self._bodies.object(solid.name).track.forget()
             scene[solid.name] = solid
-        item.prop = explanation.prop
+        item.prop = beneath.prop
         return True
 
     def _differs(self, item: BelievedObject, old: Placement, new: Placement) -> bool:

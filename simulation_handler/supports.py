@@ -1,7 +1,8 @@
-"""Why an object hovers: what must be beneath it, though nothing was ever seen there.
+"""What must be beneath an object that hovers steadily where it was first seen, though nothing was ever seen there.
 
 First the objects that are known to exist and were never seen, then a stack of things like itself that nobody
-told about. What neither explains is held where it is perceived.
+told about. What neither explains is held where it is perceived. This is for first placements: nothing was believed
+before, so there is nothing to compare hypotheses with. What happened to objects with a place is for `explaining`.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ _MOST_CANDIDATES = 8
 
 
 @dataclass(frozen=True)
-class Explanation:
+class Beneath:
     """What is put beneath a hovering object."""
 
     stack: tuple[Solid, ...] = ()
@@ -33,9 +34,9 @@ class Explanation:
     """An unknown support, if no known objects explain it."""
 
 
-def explain(
+def find_beneath(
     hovering: Solid, covariance: Array, unseen: Mapping[str, Vector3], others: Iterable[Solid], sigmas: float
-) -> Explanation | None:
+) -> Beneath | None:
     """What could carry an object that is steadily perceived above anything that could.
 
     Args:
@@ -56,7 +57,7 @@ def explain(
     height = level + sum(size[2] for _, size in parts) + hovering.half_height
     above = hovering.moved(given_height(hovering.position, covariance, height))
     pile = _piled(parts, above, level)
-    return Explanation(stack=pile) if names else Explanation(prop=pile[0])
+    return Beneath(stack=pile) if names else Beneath(prop=pile[0])
 
 
 def _like(hovering: Solid, gap: float, tolerance: float) -> list[tuple[str, Vector3]]:

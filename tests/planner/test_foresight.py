@@ -6,6 +6,7 @@ import pytest
 
 from dsr.what_if import SERVICE, Answer, decode_question, encode_answer
 from planner import foresight
+from planner.config import PlannerConfig
 from tests.planner.table import Run, add_cube, supports
 
 
@@ -73,7 +74,8 @@ def test_a_refusal_is_no_verdict() -> None:
 
 
 def test_the_worst_movement_is_told() -> None:
-    assert foresight._movement(Answer()) == ""
-    assert foresight._movement(STAYS) == ""
-    assert foresight._movement(SLIDES) == "cube_3 would move by 40 mm"
-    assert foresight._movement(TURNS) == "cube_3 would turn by 0.8 rad"
+    config = PlannerConfig()
+    assert foresight._movement(Answer(), config) == ""
+    assert foresight._movement(STAYS, config) == ""
+    assert foresight._movement(SLIDES, config) == "cube_3 would move by 40 mm"
+    assert foresight._movement(TURNS, config) == "cube_3 would turn by 0.8 rad"
