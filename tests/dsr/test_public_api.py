@@ -1,6 +1,31 @@
 """The public names of `dsr`, one by one: adding or removing one is a decision, not an accident."""
 
+from __future__ import annotations
+
+import ast
+import importlib
+import inspect
+
+import pytest
+
 import dsr
+
+MODULES = {
+    "dsr.goals": {"Goal", "parse_goal"},
+    "dsr.intentions": {
+        "ACTIVE", "DONE", "ENDED", "EXECUTING", "FAILED", "FULFILLED", "GIVEN_UP", "HALT", "HALTED", "INVALID",
+        "MAINTAINED", "MIND", "NO_SOLVER", "PLANNED", "PLANNING", "PREFIX", "REACHED", "RUN", "RUNNING", "UNSOLVABLE",
+        "WAITING", "WANTED", "add_intention",
+    },
+    "dsr.intrinsics": {"INTRINSICS", "Intrinsics", "read_intrinsics"},
+    "dsr.relations": {"ARITY", "SURFACES", "THINGS", "Pair", "Relation", "Relations", "read_relations"},
+    "dsr.timeline": {"OBJECTS", "RELATIONS", "Event", "EventKind", "Timeline"},
+    "dsr.what_if": {
+        "Action", "Answer", "Change", "MAX_CHANGES", "MAX_SECONDS", "Numbers", "Pending", "Question", "SERVICE",
+        "TIMEOUT", "WhatIf", "decode_answer", "decode_question", "encode_answer", "encode_question",
+    },
+}  # fmt: skip
+"""What agents of one's own import from modules rather than from `dsr`."""
 
 
 def test_public_names() -> None:
@@ -12,3 +37,21 @@ def test_public_names() -> None:
         "TransportError", "WallClock", "Watch", "WireError", "connect", "read_graph", "write_graph",
     }  # fmt: skip
     assert all(hasattr(dsr, name) for name in dsr.__all__)
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_public_names_of_a_module(module: str) -> None:
+    """What it assigns or defines itself, and does not begin with an underscore."""
+    source = inspect.getsource(importlib.import_module(module))
+    assert _assigned(source) == MODULES[module]
+
+
+def _assigned(source: str) -> set[str]:
+    names: set[str] = set()
+    for statement in ast.parse(source).body:
+        if isinstance(statement, ast.FunctionDef | ast.ClassDef):
+            names.add(statement.name)
+        elif isinstance(statement, ast.Assign | ast.AnnAssign):
+            targets = statement.targets if isinstance(statement, ast.Assign) else [statement.target]
+            names.update(node.id for target in targets for node in ast.walk(target) if isinstance(node, ast.Name))
+    return {name for name in names if not name.startswith("_")}
