@@ -21,6 +21,10 @@ class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     settle: float = 0.5
     """s that the relations must have been the same, and nothing surprising, before a plan is made of them."""
+    calm: float = 3.0
+    """s that the scene must have been left alone, after somebody changed it, before the arm reaches into it again."""
+    still: float = 0.01
+    """m that a thing may move in a scene that is left alone."""
     debounce: float = 0.4
     """s that a change which nobody planned must last to count."""
     explain: float = 2.0

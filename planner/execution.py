@@ -45,7 +45,7 @@ from planner.foresight import Foresight
 from planner.grounding import OBSERVE, Place, Skill, stacked
 from planner.intentions import Intention, tell
 from planner.making import PlanMaker
-from planner.monitor import Monitor, differences, surprising
+from planner.monitor import Monitor, believed_places, differences, have_moved, surprising
 from planner.plan import Step
 from planner.state import read_state
 
@@ -83,6 +83,7 @@ class Execution:
         self._arm = Arm(around.memory, self.intention.name, around.config, around.log, around.now, self._tell)
         self._actions = self._arm.actions
         self._replans = self.intention.replans
+        self._disturbed = self._replans > 0  # somebody has changed the scene, and may not have finished
         self._failures = 0
         self._plans = 0
         self._in_vain = 0
@@ -186,18 +187,27 @@ class Execution:
     # ---- planning
 
     def _settle(self) -> Script:
-        """Wait for relations that stay the same and for surprises to be explained, both not for ever."""
-        config, began = self._config, self._now()
+        """Wait for relations that stay the same and for surprises to be explained, both not for ever.
+
+        After somebody has changed the scene, wait until nothing has moved in it for a while: more may follow.
+        """
+        config, began, places = self._config, self._now(), believed_places(self._memory)
         while True:
             now, surprises = self._now(), surprising(self._memory)
             if (newer := self._relations()) != self._last:
                 self._last, self._last_since = newer, now
+            if self._disturbed and have_moved(places, newer_places := believed_places(self._memory), config.still):
+                places, self._last_since = newer_places, now
             explained = not surprises or now - began >= config.settle + config.explain
             if self._arm.there:
-                if explained and now - self._last_since >= config.settle - 1e-6:
+                still_for = config.calm if self._disturbed else config.settle
+                if explained and now - self._last_since >= still_for - 1e-6:
+                    self._disturbed = False
                     return
                 if surprises:
                     self._tell(WAITING, f"surprising: {', '.join(surprises)}")
+                elif self._disturbed:
+                    self._tell(WAITING, f"until nothing has moved for {still_for:g} s")
             else:
                 self._arm.tell_gone()
             yield
@@ -305,6 +315,7 @@ class Execution:
 
     def _resumable(self, step: Step, before: Relations, setback: Setback) -> Generator[None, None, int | None]:
         """Halt, look, and let the relations settle: 0 if they are as before the step, 1 as after it, else None."""
+        self._disturbed = isinstance(setback, Deviation)
         self._tell(WAITING, str(setback))
         yield from self._arm.halt()
         if self._arm.may_hide_something():

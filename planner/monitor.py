@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+
 from dsr.memory import Memory
+from dsr.quaternions import Vector3
 from dsr.relations import THINGS, Relations
 from planner.config import PlannerConfig
 from planner.plan import Step
@@ -76,3 +80,13 @@ class Monitor:
             grown = concerned | {support for name in concerned for support in self._before.supports(name)}
             grown -= self._before.tables
         return not concerned.isdisjoint(self._changed(relations) - self._before.tables)
+
+
+def believed_places(memory: Memory) -> dict[str, Vector3]:
+    """(3,) m in the world of everything that is believed to be somewhere."""
+    return {edge.dst: edge.pose.t for edge in memory.edges("Virtual_RT") if "pose" in edge}
+
+
+def have_moved(before: Mapping[str, Vector3], now: Mapping[str, Vector3], tolerance: float) -> bool:
+    """Whether something has come, gone, or moved by more than `tolerance` m."""
+    return before.keys() != now.keys() or any(math.dist(place, now[name]) > tolerance for name, place in before.items())
