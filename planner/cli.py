@@ -89,6 +89,8 @@ def mission(
         print_json(outcome)
     elif outcome["status"] not in FULFILLED:
         errors.print(f"[bold red]{name}: {shown(outcome['status'])}[/] {shown(outcome['explanation'])}", soft_wrap=True)
+        if outcome["status"] in GIVEN_UP:
+            errors.print(f"it stays in the graph until dsr mission --cancel {name}", soft_wrap=True)
     raise typer.Exit(0 if outcome["status"] in FULFILLED else 1)
 
 

@@ -166,6 +166,11 @@ class Execution:
             node = self._memory.get_node(name)
             if node is not None and node.type not in (*THINGS, *SURFACES):
                 raise GivingUp(INVALID, f"{name!r} is a {node.type}, nothing that can be moved")
+        for relation in goal.relations:
+            for name in relation.arguments[:1]:
+                node = self._memory.get_node(name)
+                if node is not None and node.type in SURFACES:
+                    raise GivingUp(INVALID, f"{relation}: {name!r} is a {node.type}, and stays where it is")
         return goal
 
     def _until_there(self, goal: Goal) -> Script:

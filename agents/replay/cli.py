@@ -105,6 +105,9 @@ def replay(
             show(outcome, differences, console)
         raise typer.Exit(1 if differences and not report else 0)
     source = open_recording(recording)
+    end = source.duration if until is None else min(until, source.duration)
+    if begin > end:
+        raise ConfigError(f"--from {begin:g}: expected at most {end:.1f} s, where the replay ends")
     play(source, check_name("graph name", name), _speed(speed), begin, until, pause_at, stay, router, security)
 
 

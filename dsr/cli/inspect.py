@@ -15,6 +15,7 @@ from dsr.cli.common import (
     RouterOption,
     SecurityOption,
     console,
+    naming,
     plain,
     print_json,
     readable,
@@ -44,7 +45,9 @@ def ls(
 ) -> None:
     """List the nodes: where they were perceived and where they are believed to be, in the world frame (m)."""
     with reading(graph, router, security) as memory:
-        rows = [_summary(memory, node) for node in sorted(memory.nodes(kind), key=lambda node: (node.type, node.name))]
+        with naming():
+            nodes = sorted(memory.nodes(kind), key=lambda node: (node.type, node.name))
+        rows = [_summary(memory, node) for node in nodes]
     if as_json:
         print_json(rows)
         return
@@ -91,7 +94,8 @@ def show(
 ) -> None:
     """Show everything about a node: its attributes with units, and the edges from and to it."""
     with reading(graph, router, security) as memory:
-        node = memory.node(name)
+        with naming():
+            node = memory.node(name)
         edges = [*memory.edges(src=name), *memory.edges(dst=name)]
         if as_json:
             print_json(

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import msgspec
 import typer
 
-from dsr.cli.common import GraphOption, RouterOption, SecurityOption, plain, readable, reading
+from dsr.cli.common import GraphOption, RouterOption, SecurityOption, naming, plain, readable, reading
 from dsr.clock import WALL_CLOCK
 from dsr.elements import Edge, Node
 from dsr.memory import Memory
@@ -38,9 +38,10 @@ def watch(
     Example: dsr watch --node-type cube --attribute perceived
     """
     with reading(graph, router, security) as memory:
-        changes = memory.watch(
-            node_type=node_type, edge_type=edge_type, attribute=attribute, existing=not changes_only
-        )
+        with naming():
+            changes = memory.watch(
+                node_type=node_type, edge_type=edge_type, attribute=attribute, existing=not changes_only
+            )
         try:
             while True:
                 for change in changes.poll():

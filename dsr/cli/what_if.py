@@ -16,6 +16,7 @@ from dsr.cli.common import (
     RouterOption,
     SecurityOption,
     console,
+    naming,
     print_json,
     reading,
     shown,
@@ -50,6 +51,9 @@ def what_if(
     changes += [Change.hold(name) for name in hold or ()]
     changes += [Change.remove(name) for name in remove or ()]
     with reading(graph, router, security) as memory:
+        with naming():
+            for change in changes:
+                memory.node(change.object)
         asker = WhatIf(memory.transport, memory.keys, memory.clock, timeout)
         answer = asker.ask_and_wait(Question(seconds, tuple(changes)))
     if as_json:
@@ -60,18 +64,20 @@ def what_if(
 
 def parsed_placing(text: str) -> Change:
     """The change that `NAME=X,Y,Z` asks for, with a yaw or a quaternion if more follows. Raises `ConfigError`."""
+    expected = "expected NAME=X,Y,Z in m, and then a yaw (rad) or a quaternion QX,QY,QZ,QW if not upright"
     name, _, pose = text.rpartition("=")
     try:
         numbers = [float(part) for part in pose.split(",")]
+    except ValueError:
+        raise ConfigError(f"--place {text!r}: {expected}") from None
+    try:
         if name and len(numbers) in (3, 4):
             return Change.place(name, Pose.from_rotvec(numbers[:3], (0.0, 0.0, *(numbers[3:] or [0.0]))))
         if name and len(numbers) == 7:
             return Change.place(name, Pose(numbers[:3], numbers[3:]))
     except ValueError as error:
         raise ConfigError(f"--place {text!r}: {error}") from error
-    raise ConfigError(
-        f"--place {text!r}: expected NAME=X,Y,Z, and then a yaw or a quaternion QX,QY,QZ,QW if not upright"
-    )
+    raise ConfigError(f"--place {text!r}: {expected}")
 
 
 def _show(answer: Answer) -> None:

@@ -93,6 +93,9 @@ def test_a_mission_that_is_given_up_says_why(mission: Command) -> None:
     assert result.exit_code == 1
     outcome = json.loads(result.stdout)
     assert outcome["status"] == "unsolvable" and "there is no plan" in outcome["explanation"]
+    told = mission("on(table,cube_4)")
+    assert told.exit_code == 1 and "intention_1: invalid" in told.stderr
+    assert "until dsr mission --cancel intention_1" in told.stderr
 
 
 @pytest.mark.usefixtures("robot")

@@ -222,6 +222,8 @@ def test_a_goal_that_is_none() -> None:
         assert "did you mean 'on'" in run.explanation
         run.want("on(gripper,cube_4)")
         run.until(lambda: run.memory.node("intention_1")["status"] == "invalid")
+        run.want("on(table,cube_4)")
+        run.until(lambda: run.memory.node("intention_2")["status"] == "invalid")
 
 
 def test_an_unknown_cube_is_waited_for_and_then_given_up() -> None:

@@ -94,6 +94,12 @@ def test_wrong_input_is_told(arguments: list[str], expected: str) -> None:
         CliRunner().invoke(app, arguments, catch_exceptions=False)
 
 
+@pytest.mark.parametrize("times", [["--from", "1000"], ["--from", "0.2", "--until", "0.1"]])
+def test_a_beginning_after_the_end_is_told(counted: Path, times: list[str]) -> None:
+    with pytest.raises(ConfigError, match=f"--from {times[1]}: expected at most"):
+        CliRunner().invoke(app, [str(counted), *times], catch_exceptions=False)
+
+
 @pytest.mark.parametrize("speed", ["0", "-1", "nan", "fast"])
 def test_a_wrong_speed_is_told(counted: Path, speed: str) -> None:
     with pytest.raises(ConfigError, match="expected a positive number"):

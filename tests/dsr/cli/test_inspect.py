@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 import dsr
-from dsr import ConfigError, Memory, NodeNotFoundError, SchemaError
+from dsr import ConfigError, Memory
 
 
 def test_ls_tells_where_things_were_perceived_and_are_believed_to_be(
@@ -33,8 +33,10 @@ def test_ls_of_one_type_for_people(memory: Memory, cli: Callable[..., str]) -> N
 
 
 def test_an_unknown_type_is_an_error_with_the_valid_ones(memory: Memory, cli: Callable[..., str]) -> None:
-    with pytest.raises(SchemaError, match="did you mean 'cube'"):
+    with pytest.raises(ConfigError, match="did you mean 'cube'"):
         cli("ls", "--type", "cubee")
+    with pytest.raises(ConfigError, match="did you mean 'cube'"):
+        cli("watch", "--type", "cubee")
 
 
 def test_show_tells_attributes_with_units_and_edges(
@@ -55,7 +57,7 @@ def test_show_tells_attributes_with_units_and_edges(
 
 
 def test_show_of_an_unknown_node_suggests_one(memory: Memory, cli: Callable[..., str]) -> None:
-    with pytest.raises(NodeNotFoundError, match="did you mean 'cube_3'"):
+    with pytest.raises(ConfigError, match="did you mean 'cube_3'"):
         cli("show", "cube3")
 
 
