@@ -59,14 +59,15 @@ class Timeline:
         return sorted(self._events(changes, memory, now), key=lambda event: event.time)
 
     def note_status(self, status: Status, now: float) -> list[Event]:
-        """The events that a status heard at time `now` (s) amounts to: an agent started, ended, works again."""
+        """The events that a status heard at time `now` (s) amounts to: an agent started or was at work, ended, is back."""
         agent, before = status.agent, self._agents.get(status.agent)
         self._agents[agent], self._heard[agent] = status, now
         was_silent = agent in self._silent
         self._silent.discard(agent)
         text = ""
         if before is None or before.rid != status.rid:
-            text = "started" if before is None else "started again"
+            first = "started" if status.state is State.STARTING else "is at work"
+            text = first if before is None else "started again"
         elif was_silent:
             text = "is heard again"
         if status.state in _ENDED and (before is None or before.state is not status.state):

@@ -148,6 +148,7 @@ def test_agents_start_fail_fall_silent_and_come_back() -> None:
     assert texts(timeline.note_status(status("x", "x-2", State.FAILED, "boom"), 8.5)) == []
     assert texts(timeline.note_silence(20.0)) == []
     assert texts(timeline.note_status(status("y", "y-1", State.STOPPED), 21.0)) == ["y stopped"]
+    assert texts(timeline.note_status(status("z", "z-1"), 22.0)) == ["z is at work"]
 
 
 def test_events_of_one_look_are_in_the_order_of_their_times(scene: Scene) -> None:
