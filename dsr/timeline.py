@@ -59,7 +59,7 @@ class Timeline:
         return sorted(self._events(changes, memory, now), key=lambda event: event.time)
 
     def note_status(self, status: Status, now: float) -> list[Event]:
-        """The events that a status heard at time `now` (s) amounts to: an agent started or was at work, ended, is back."""
+        """The events that a status heard at time `now` (s) amounts to: an agent started, is at work, ended, is back."""
         agent, before = status.agent, self._agents.get(status.agent)
         self._agents[agent], self._heard[agent] = status, now
         was_silent = agent in self._silent
