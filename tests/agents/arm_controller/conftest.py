@@ -13,12 +13,15 @@ from agents.arm_controller import ArmController
 from agents.arm_controller.kinematics import Chain
 from agents.arm_controller.urdf import load_robot
 from agents.drivers import ArmState
-from dsr import Frame, LocalNetwork, ManualClock, Memory
+from dsr import Frame, LocalNetwork, ManualClock, Memory, Pose
 from dsr.agent import make_agent
 from dsr.keys import Keys
 from dsr.runtime.access import WriteGuard
 from dsr.runtime.runner import Runner
 
+CUBE = (0.04, 0.04, 0.04)
+PLACES = {"cube_3": (0.42, 0.08), "cube_4": (0.30, 0.08), "cube_5": (0.30, -0.08)}
+DOWN = (1.0, 0.0, 0.0, 0.0)
 PERIOD = 0.02
 GEN3 = Path(__file__).parents[3] / "etc" / "robots" / "gen3.urdf"
 HOME = (0.0, 0.0, np.pi, -0.96, 0.0, -2.05, np.pi / 2)
@@ -196,3 +199,83 @@ def bench(make_bench: Callable[..., Bench]) -> Bench:
 def tool() -> Chain:
     """The Gen3 up to the tool point."""
     return Chain(load_robot(GEN3).between("base_link", "tool_link"))
+
+
+class Table(Bench):
+    """An arm at a table with believed cubes; a cube lies between the pads whenever they close."""
+
+    actions = 0
+
+    def lay(self) -> None:
+        self.memory.add_node("world", "world")
+        self.memory.add_node("table", "table", size=(1.2, 1.2, 0.04))
+        self.memory.add_edge("world", "table", "RT", pose=Pose((0.35, 0.0, 0.0)))
+        for name, (x, y) in PLACES.items():
+            self.believe(name, Pose((x, y, 0.02)))
+        self.arm.obstacle = 0.04
+        self.run(0.1)
+
+    def believe(self, name: str, pose: Pose, size: tuple[float, float, float] = CUBE) -> None:
+        self.memory.add_node(name, "cube", size=size)
+        self.memory.add_edge("world", name, "Virtual_RT", pose=pose)
+
+    def request(self, skill: str, **attributes: Any) -> str:
+        self.actions += 1
+        name = f"action_1_{self.actions}"
+        self.memory.add_node(name, "action", skill=skill, status="planned", request="run", **attributes)
+        return name
+
+    def finish(self, name: str, seconds: float = 20.0) -> tuple[str, str]:
+        """Run until the action has ended; its status and explanation."""
+        for _ in range(round(seconds / 0.1)):
+            self.run(0.1)
+            if self.said(name)[0] not in ("planned", "running"):
+                break
+        return self.said(name)
+
+    def said(self, name: str) -> tuple[str, str]:
+        node = self.memory.node(name)
+        return node["status"], node.get("explanation", "")
+
+    def act(self, skill: str, **attributes: Any) -> tuple[str, str]:
+        return self.finish(self.request(skill, **attributes))
+
+    def run_to(self, step: str, seconds: float = 15.0) -> None:
+        """Run until the action under way is at that step."""
+        for _ in range(round(seconds / PERIOD)):
+            self.run(PERIOD)
+            if self.step == step:
+                return
+        raise AssertionError(f"the action never came to {step!r}")
+
+    @property
+    def step(self) -> str:
+        actions = self.agent._actions  # type: ignore[attr-defined]
+        return str(actions.step)
+
+    @property
+    def grasped(self) -> list[str]:
+        return [edge.dst for edge in self.memory.edges("grasping")]
+
+    def tool_pose(self, tool: Chain) -> Pose:
+        return tool.forward(self.arm.positions)
+
+
+@pytest.fixture
+def table(make_bench: Callable[..., Any]) -> Table:
+    bench: Table = make_bench(Table)
+    bench.lay()
+    return bench
+
+
+def pick(table: Table, name: str = "cube_3") -> None:
+    assert table.act("pick", target=name) == ("done", "")
+    hold(table, name)
+
+
+def hold(table: Table, name: str) -> None:
+    """Let the belief have the object in the gripper."""
+    chain = table.agent._chain  # type: ignore[attr-defined]
+    pose = chain.forward(table.arm.positions)
+    table.believe(name, pose)
+    table.run(0.1)

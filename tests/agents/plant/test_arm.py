@@ -1,3 +1,5 @@
+"""The simulated arm: it goes where it is told at the speed it is told, and grips by contact."""
+
 from __future__ import annotations
 
 from collections.abc import Callable

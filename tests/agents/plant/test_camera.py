@@ -1,3 +1,5 @@
+"""The simulated cameras: what they show, and what covers or moves them."""
+
 from __future__ import annotations
 
 from collections.abc import Callable

@@ -1,3 +1,5 @@
+"""The experimenter's moves: when they begin, where things end up, and what comes along."""
+
 from __future__ import annotations
 
 import math

@@ -1,3 +1,5 @@
+"""Commands to the plant: malformed ones are refused."""
+
 from __future__ import annotations
 
 from typing import Any

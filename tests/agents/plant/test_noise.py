@@ -1,3 +1,5 @@
+"""The noise of the depth camera is that which was measured."""
+
 from __future__ import annotations
 
 import numpy as np

@@ -1,3 +1,5 @@
+"""The plant as an agent: it keeps to the clock, hears commands, and tells the truth to judges only."""
+
 from __future__ import annotations
 
 import subprocess

@@ -1,3 +1,5 @@
+"""The sensor that tells true poses with noise in place of images."""
+
 from __future__ import annotations
 
 import math

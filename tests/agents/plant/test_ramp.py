@@ -1,3 +1,5 @@
+"""Joint motion: within limits, smooth, and exactly to its goal."""
+
 from __future__ import annotations
 
 import numpy as np

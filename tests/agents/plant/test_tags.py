@@ -1,3 +1,5 @@
+"""The faces of tagged objects: a detector finds their tags."""
+
 from __future__ import annotations
 
 import cv2

@@ -1,3 +1,5 @@
+"""The true world: physics, rendering, and bodies by name."""
+
 from __future__ import annotations
 
 from collections.abc import Callable

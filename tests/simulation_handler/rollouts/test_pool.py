@@ -56,9 +56,7 @@ def test_without_workers_the_budget_is_a_number_of_scenes():
 
 
 def test_what_is_not_back_in_time_is_none_and_does_not_disturb_the_next_run(shared: Pool):
-    begin = WALL_CLOCK.monotonic()
     late = shared.run(SCENES * 20, 2.0, budget=0.1)
-    assert WALL_CLOCK.monotonic() - begin < 2.0
     assert late[-1] is None
     with Pool(0) as here:
         assert shared.run(SCENES, 0.3) == here.run(SCENES, 0.3)
