@@ -7,11 +7,10 @@ from collections.abc import Collection, Mapping
 
 from simulation_handler.bodies import Bodies
 from simulation_handler.config import BeliefConfig
-from simulation_handler.explaining.scoring import is_displaced
+from simulation_handler.explaining.scoring import SURE, is_displaced
 from simulation_handler.explaining.situation import Shares, seen_now
 from simulation_handler.objects import BelievedObject
 
-_SURE = 0.9  # share of its face from which an object should be seen
 _GATHERING = 0.1  # s in which others that were moved at the same time may show
 _CONFIRMING = 0.2  # s that percepts have disagreed before that is confirmed
 
@@ -91,4 +90,4 @@ class Noticing:
         bodies = self._bodies
         solids = [bodies.solid(name) for name, item in bodies.objects.items() if name in bodies.sim]
         best: Mapping[tuple[str, str], float] = shares(solids)
-        return {name for (_, name), share in best.items() if share >= _SURE and not bodies.objects[name].holder}
+        return {name for (_, name), share in best.items() if share >= SURE and not bodies.objects[name].holder}

@@ -87,28 +87,27 @@ def replay(
         _control(control, name, router, security, as_json)
         return
     if agents is not None:
-        names = [part.strip() for part in agents.split(",") if part.strip()]
-        outcome = compare(
-            _named(recording),
-            names,
-            system=system,
-            seed=seed,
-            until=until,
-            settings=read_settings(settings or []),
-            tolerance=tolerance,
-            turn_tolerance=turn_tolerance,
-        )
-        differences = outcome.differences(grace)
-        if as_json:
-            print_json(to_json(outcome, differences))
-        else:
-            show(outcome, differences, console)
-        raise typer.Exit(1 if differences and not report else 0)
+        options = {"system": system, "seed": seed, "until": until, "settings": read_settings(settings or [])}
+        tolerances = {"tolerance": tolerance, "turn_tolerance": turn_tolerance}
+        differ = _run_anew(_named(recording), agents, grace, as_json, **options, **tolerances)
+        raise typer.Exit(1 if differ and not report else 0)
     source = open_recording(recording)
     end = source.duration if until is None else min(until, source.duration)
     if begin > end:
         raise ConfigError(f"--from {begin:g}: expected at most {end:.1f} s, where the replay ends")
     play(source, check_name("graph name", name), _speed(speed), begin, until, pause_at, stay, router, security)
+
+
+def _run_anew(recording: Path, agents: str, grace: float, as_json: bool, **options: Any) -> bool:
+    """Run agents (names joined by commas) anew and show how that compares; whether it differs beyond `grace` (s)."""
+    names = [part.strip() for part in agents.split(",") if part.strip()]
+    outcome = compare(recording, names, **options)
+    differences = outcome.differences(grace)
+    if as_json:
+        print_json(to_json(outcome, differences))
+    else:
+        show(outcome, differences, console)
+    return bool(differences)
 
 
 def read_settings(texts: list[str]) -> Settings:

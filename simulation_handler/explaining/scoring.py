@@ -35,13 +35,15 @@ FALSE_PERCEPT = 3.0
 FALSE_FRAME = 3.0
 CAMERA_MOVED = 6.0
 
+SURE = 0.9
+"""Share of a face from which it should be seen."""
+
 _MOST_MISFIT = 20.0  # nats, of one object: beyond, its percept is as good as false
 _MISS = 3.0  # nats for each frame in which something is missing that should be seen
 _MOST_MISSED = 15.0
 _IMPOSSIBLE = 12.0  # nats for something that is seen though it should be hidden
 _FRAMES_PER_SECOND = 10.0
 _THIS_FRAME = 0.25  # s up to which a percept is of things as they are now
-_SURE = 0.9  # share of a face from which it should be seen
 _HIDDEN = 0.05  # share of a face up to which it cannot be seen
 _RESIDUAL = 8.0  # nats from which an object is still surprising: four standard deviations of one coordinate
 _FALLS_BY_ITSELF = 0.5  # nats for an unseen object that falls because its support is gone
@@ -122,7 +124,7 @@ def _visibility(situation: Situation, hypothesis: Hypothesis, settled: Mapping[s
         if name in situation.seen:
             if share <= _HIDDEN and name not in hypothesis.kept and situation.seen[name].age < _THIS_FRAME:
                 costs[name] = _IMPOSSIBLE
-        elif share >= _SURE and name not in situation.held:
+        elif share >= SURE and name not in situation.held:
             frames = situation.missing_for.get(name, situation.evidence) * _FRAMES_PER_SECOND
             costs[name] = min(_MISS * frames, _MOST_MISSED)
     return costs
