@@ -17,7 +17,7 @@ from simulation_handler.bodies import FLOOR, Bodies
 from simulation_handler.config import BeliefConfig
 from simulation_handler.correction import Correction
 from simulation_handler.explainer import Explainer
-from simulation_handler.explaining import Explanation, Policy, Shares, make_policy
+from simulation_handler.explaining import Explanation, Look, Policy, make_policy
 from simulation_handler.holding import Holding
 from simulation_handler.percepts import make_percept
 from simulation_handler.relations import Relation, Relations
@@ -110,9 +110,9 @@ class Belief:
         """
         self._bodies.object(name).track.add(make_percept(world_pose, stamp, seen_from, self.config))
 
-    def look(self, shares: Shares | None) -> None:
+    def look(self, look: Look | None) -> None:
         """Know from now on what the cameras should see; None without a camera."""
-        self._explainer.shares = shares
+        self._explainer.look = look
 
     def flag(self, names: Collection[str]) -> None:
         """These objects are surprising from now on, and no others: what is off with them is explained soon."""

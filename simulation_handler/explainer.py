@@ -9,7 +9,7 @@ from dsr.transforms import Pose
 from simulation_handler.bodies import Bodies
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.policy import Explanation, Policy
-from simulation_handler.explaining.situation import Properties, Shares, Situation, as_pose, seen_now
+from simulation_handler.explaining.situation import Look, Properties, Situation, as_pose, seen_now
 from simulation_handler.geometry import Solid
 from simulation_handler.noticing import Noticing
 from simulation_handler.objects import BelievedObject
@@ -39,7 +39,7 @@ class Explainer:
         """Objects that the working memory says are surprising."""
         self.planned: frozenset[tuple[str, str]] = frozenset()
         """(object, support): where a plan has just put something."""
-        self.shares: Shares | None = None
+        self.look: Look | None = None
         """What cameras should see; None without one."""
         self._bodies = bodies
         self._relations = relations
@@ -63,7 +63,7 @@ class Explainer:
     def notice(self, now: float) -> None:
         """Compare percepts with beliefs at time `now` (s)."""
         self._planned |= dict.fromkeys(self.planned, now + _REMEMBERED)
-        self._noticing.update(now, self.shares)
+        self._noticing.update(now, self.look)
 
     def drag(self, now: float) -> None:
         """Let what moved with an object that goes on moving go on with it."""
@@ -87,7 +87,7 @@ class Explainer:
             return
         if explanation.changes_belief:
             self._adopt(explanation, now)
-            self._noticing.update(now, self.shares)
+            self._noticing.update(now, self.look)
         else:
             self._look_again_at = now + self._config.look_again_after
         text, until = self._told
@@ -141,7 +141,7 @@ class Explainer:
             glimpsed={name: solid for name in placed if (solid := self._glimpse(objects[name], now)) is not None},
             missing_for=self._noticing.missing_for(now),
             evidence=self._noticing.evidence(now),
-            shares=self.shares,
+            look=self.look,
         )
 
     def _glimpse(self, item: BelievedObject, now: float) -> Solid | None:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 
 from simulation_handler.bodies import Bodies
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.scoring import SURE, is_displaced
-from simulation_handler.explaining.situation import Shares, seen_now
+from simulation_handler.explaining.situation import Look, seen_now
 from simulation_handler.objects import BelievedObject
 
 _GATHERING = 0.1  # s in which others that were moved at the same time may show
@@ -30,11 +30,11 @@ class Noticing:
         """Objects that are seen elsewhere than believed."""
         return self._displaced_since.keys()
 
-    def update(self, now: float, shares: Shares | None) -> None:
+    def update(self, now: float, look: Look | None) -> None:
         """Compare percepts with beliefs at time `now` (s)."""
         off = [item.name for item in self._bodies.objects.values() if self._is_displaced(item, now)]
         self._displaced_since = {name: self._displaced_since.get(name, now) for name in off}
-        expected = self._expected(shares) if shares is not None else set[str]()
+        expected = self._expected(look) if look is not None else set[str]()
         blind = not any(self._bodies.objects[name].estimate_at(now) for name in expected)
         since = {} if blind else self._expected_since  # a camera that shows nothing of what it should is covered
         self._expected_since = {name: since.get(name, now) for name in sorted(expected)}
@@ -85,9 +85,12 @@ class Noticing:
             return False
         return is_displaced(seen_now(item, self._config, now), self._bodies.solid(item.name), self._config)
 
-    def _expected(self, shares: Shares) -> set[str]:
+    def _expected(self, look: Look) -> set[str]:
         """Objects that some camera should see."""
         bodies = self._bodies
         solids = [bodies.solid(name) for name, item in bodies.objects.items() if name in bodies.sim]
-        best: Mapping[tuple[str, str], float] = shares(solids)
-        return {name for (_, name), share in best.items() if share >= SURE and not bodies.objects[name].holder}
+        return {
+            name
+            for (_, name), glance in look(solids).items()
+            if glance.share >= SURE and not bodies.objects[name].holder
+        }

@@ -10,7 +10,7 @@ import numpy as np
 from dsr.errors import DsrError
 from dsr.memory import Memory
 from simulation_handler.belief import Belief
-from simulation_handler.explaining import Shares
+from simulation_handler.explaining import Look
 from simulation_handler.geometry import Solid
 from simulation_handler.sight import Glance, Sight
 from simulation_handler.views import obstacles, views
@@ -34,7 +34,7 @@ class Seeing:
         self._memory = memory
         self._belief = belief
         self._last = -math.inf
-        self.shares: Shares | None = None
+        self.look: Look | None = None
         """What the cameras should see by the last look; None without a camera."""
 
     def update(self, now: float) -> None:
@@ -45,7 +45,7 @@ class Seeing:
         with contextlib.suppress(np.linalg.LinAlgError):
             cameras = views(self._memory)
             sight = Sight(cameras, obstacles(self._memory))
-            self.shares = sight.shares if cameras else None
+            self.look = sight.glances if cameras else None
             self._write(sight.glances(self._solids()))
 
     def _solids(self) -> list[Solid]:

@@ -11,10 +11,10 @@ from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.algorithm1 import Algorithm1
 from simulation_handler.explaining.by_hypotheses import ByHypotheses
 from simulation_handler.explaining.policy import Explanation, Policy
-from simulation_handler.explaining.situation import Shares
+from simulation_handler.explaining.situation import Look
 from simulation_handler.rollouts.pool import Pool
 
-__all__ = ["Explanation", "Policy", "Shares", "make_policy"]
+__all__ = ["Explanation", "Look", "Policy", "make_policy"]
 
 
 def make_policy(config: BeliefConfig, clock: Clock = WALL_CLOCK) -> Policy:

@@ -19,6 +19,7 @@ from simulation_handler.explaining.hypotheses import FROM_GLIMPSE, Hypothesis, M
 from simulation_handler.explaining.situation import Seen, Situation, as_pose
 from simulation_handler.geometry import Solid
 from simulation_handler.percepts import Array
+from simulation_handler.sight import Glance
 
 # Nats that are charged for each assumption.
 MOVED = 3.0
@@ -114,17 +115,19 @@ def _move_prior(situation: Situation, move: Move) -> float:
 
 def _visibility(situation: Situation, hypothesis: Hypothesis, settled: Mapping[str, Solid]) -> dict[str, float]:
     """Nats for each object that should be seen and is not, or is seen and should not be."""
-    if situation.shares is None or hypothesis.camera_moved:
+    if situation.look is None or hypothesis.camera_moved:
         return {}
-    shares: dict[str, float] = {}
-    for (_, name), share in situation.shares(list(settled.values())).items():
-        shares[name] = max(share, shares.get(name, 0.0))
+    best: dict[str, Glance] = {}
+    for (_, name), glance in situation.look(list(settled.values())).items():
+        if name not in best or glance.share > best[name].share:
+            best[name] = glance
     costs = {}
-    for name, share in shares.items():
+    for name, glance in best.items():
         if name in situation.seen:
-            if share <= _HIDDEN and name not in hypothesis.kept and situation.seen[name].age < _THIS_FRAME:
+            covered = glance.share <= _HIDDEN and glance.hidden_by in settled  # the boxes around the arm are too rough
+            if covered and name not in hypothesis.kept and situation.seen[name].age < _THIS_FRAME:
                 costs[name] = _IMPOSSIBLE
-        elif share >= SURE and name not in situation.held:
+        elif glance.share >= SURE and name not in situation.held:
             frames = situation.missing_for.get(name, situation.evidence) * _FRAMES_PER_SECOND
             costs[name] = min(_MISS * frames, _MOST_MISSED)
     return costs

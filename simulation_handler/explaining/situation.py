@@ -15,12 +15,13 @@ from simulation_handler.explaining.hypotheses import FALLS
 from simulation_handler.geometry import Solid, face_down
 from simulation_handler.objects import BelievedObject
 from simulation_handler.percepts import Array
+from simulation_handler.sight import Glance
 
 _PLACE_FLOOR = 0.002  # m, standard deviation of what is no noise of percepts: of bodies in contact, of models
 _TURN_FLOOR = 0.03  # rad, likewise
 
-Shares = Callable[[Sequence[Solid]], Mapping[tuple[str, str], float]]
-"""What cameras should see if solids are there: share (0 to 1) of each object's face, by (camera, object)."""
+Look = Callable[[Sequence[Solid]], Mapping[tuple[str, str], Glance]]
+"""What cameras should see if solids are there, by (camera, object)."""
 
 
 @dataclass(frozen=True)
@@ -108,7 +109,7 @@ class Situation:
     """s for which each object has not been seen although it should have been."""
     evidence: float = 1.0
     """s for which cameras have shown things as they are now."""
-    shares: Shares | None = None
+    look: Look | None = None
     """None without a camera whose place is known."""
 
     def chain_beneath(self, name: str) -> tuple[str, ...]:

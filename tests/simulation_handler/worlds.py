@@ -91,7 +91,7 @@ class World:
             for name in sorted(self.seen & self._in_view()):
                 self.see(name, self.camera.percept(name, self.truths[name], self.now))
         self.belief.flag(self.belief.names)
-        self.belief.look(None if self.sight is None else self.sight.shares)
+        self.belief.look(None if self.sight is None else self.sight.glances)
         self.belief.step(self.now)
 
     def _in_view(self) -> set[str]:
