@@ -22,6 +22,7 @@ WIDTH_TOLERANCE = 0.008
 _SEARCH_PERIOD = 0.1  # s between two looks at the belief while what is touched is unknown
 _ASKEW = 0.35  # rad about the vertical up to which pads turn a face towards them
 _BESIDE = 0.012  # m that the tool point may be outside of the believed object
+_CATCHING_UP = 1.0  # s in which the belief of what is known to be held may come to where the gripper is
 
 
 class Holding:
@@ -51,6 +52,7 @@ class Holding:
         """Where it was in the gripper when it was grasped: as believed, with its faces on the pads."""
         self._contact_at = -math.inf
         self._look_at = -math.inf
+        self._doubtful_since: float | None = None
 
     def tick(self, joints: Joints) -> None:
         """Take over one sample of the gripper."""
@@ -71,16 +73,26 @@ class Holding:
         except TransformError:
             return
         candidates = [thing for name in known if (thing := self._scene.object(name)) is not None]
-        found = candidates[0] if candidates else _between(self._scene.objects(), world_from_tool, joints.opening)
+        found = _between(candidates or self._scene.objects(), world_from_tool, joints.opening)
+        if found is None and candidates:
+            self._look_at = joints.stamp
+            found = None if self._is_catching_up(joints.stamp) else candidates[0]
         if found is None:
             return
+        self._doubtful_since = None
         self.tool_from_object = _between_pads(world_from_tool.inverse() @ found.pose)
         self.held = found.name
         if found.name not in known:
             self._memory.add_edge(self._config.gripper, found.name, "grasping", since=joints.stamp, source="gripper")
 
+    def _is_catching_up(self, now: float) -> bool:
+        """Whether the belief may still be where the gripper was before this agent was restarted."""
+        if self._doubtful_since is None:
+            self._doubtful_since = now
+        return now - self._doubtful_since < _CATCHING_UP
+
     def _lose(self) -> None:
-        self.held = self.tool_from_object = None
+        self.held = self.tool_from_object = self._doubtful_since = None
         for edge in self._memory.edges("grasping", src=self._config.gripper):
             self._memory.remove_edge(edge.src, edge.dst, "grasping")
 

@@ -90,6 +90,39 @@ def test_after_a_restart_the_edge_tells_what_is_held(bench: Bench, world_from_to
     assert bench.memory.edge("gripper", "cube_3", "grasping")["since"] == since
 
 
+def restart_with_an_old_belief(bench: Bench, world_from_tool: Pose) -> None:
+    """While the arm controller was away, the arm went on, and the belief stayed where the gripper had been."""
+    believe(bench, "cube_3", world_from_tool)
+    close(bench)
+    bench.run(0.3)
+    bench.own.close()
+    believe(bench, "cube_3", world_from_tool @ Pose((0.1, 0.0, 0.06)))
+    bench.start()
+    bench.run(0.3)
+
+
+def held_at(bench: Bench) -> Pose | None:
+    pose: Pose | None = bench.agent._holding.tool_from_object  # type: ignore[attr-defined]
+    return pose
+
+
+def test_after_a_restart_the_belief_may_catch_up_with_the_gripper(bench: Bench, world_from_tool: Pose) -> None:
+    restart_with_an_old_belief(bench, world_from_tool)
+    believe(bench, "cube_3", world_from_tool)
+    bench.run(0.3)
+    held = held_at(bench)
+    assert held is not None and held.t == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)
+    assert grasped(bench) == ["cube_3"]
+
+
+def test_a_belief_that_does_not_catch_up_is_taken_as_it_is(bench: Bench, world_from_tool: Pose) -> None:
+    restart_with_an_old_belief(bench, world_from_tool)
+    assert held_at(bench) is None
+    bench.run(1.2)
+    assert held_at(bench) is not None
+    assert grasped(bench) == ["cube_3"]
+
+
 def test_after_a_restart_an_edge_without_contact_goes(bench: Bench, world_from_tool: Pose) -> None:
     believe(bench, "cube_3", world_from_tool)
     bench.memory.add_node("gripper", "gripper")
