@@ -52,7 +52,7 @@ class ArmController(Agent):
         nodes=("arm", "gripper", "table", "action", *OBJECTS),
         edges=("RT", "Virtual_RT", "grasping"),
         attributes=(
-            *("size", "present", "target_joints", "target_pose", "target_speed", "target_opening"),
+            *("size", "present", "perceived", "target_joints", "target_pose", "target_speed", "target_opening"),
             *("skill", "target", "destination", "request"),
         ),
     )

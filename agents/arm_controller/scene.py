@@ -53,6 +53,11 @@ class Scene:
         pose, size = edge.get("pose"), node.get("size")
         return None if pose is None or size is None else Thing(name, pose, size)
 
+    def is_perceived(self, name: str) -> bool:
+        """Whether the object is seen now."""
+        node = self._memory.get_node(name)
+        return node is not None and node.get("perceived") is True
+
     def objects(self) -> list[Thing]:
         """All objects that are believed to be somewhere."""
         names = [edge.dst for edge in self._memory.edges("Virtual_RT", src=WORLD)]

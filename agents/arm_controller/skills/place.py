@@ -15,6 +15,12 @@ GAP = 0.001
 """m between the held object and its support when it is let go"""
 EARLY = 0.015
 """m above its place at which the held object may meet its support"""
+MOVED = 0.01
+"""m by which an object to stand on must have moved to aim again"""
+TURNED = 0.2
+"""rad, likewise"""
+
+_MOST_AIMS = 5
 
 
 def place(arm: Manipulator, name: str, destination: str, target_pose: Pose | None) -> Steps[None]:
@@ -24,8 +30,13 @@ def place(arm: Manipulator, name: str, destination: str, target_pose: Pose | Non
         raise SkillError(f"the gripper holds {held or 'nothing'}, not {name or 'an object'}")
     if destination == held:
         raise SkillError(f"{held} cannot stand on itself")
-    way = _choose(arm, held, _resting(arm, held, destination, target_pose))
-    yield from _go_down(arm, way, held)
+    for _ in range(_MOST_AIMS):
+        before = arm.scene.object(destination)
+        way = _choose(arm, held, _resting(arm, held, destination, target_pose))
+        if (yield from _go_down(arm, way, held, before)):
+            break
+    else:
+        raise SkillError(f"{destination} keeps moving")
     yield from arm.open(min(arm.joints.opening + SIDE_ROOM[0], arm.figure.widest))
     while arm.holding.held is not None and arm.joints.contact is False:
         yield "release"
@@ -34,14 +45,34 @@ def place(arm: Manipulator, name: str, destination: str, target_pose: Pose | Non
     yield from arm.rise(None)
 
 
-def _go_down(arm: Manipulator, way: Trajectory, held: str) -> Steps[None]:
-    """To the place; what stops the arm a little above it is what the object shall stand on."""
+def _go_down(arm: Manipulator, way: Trajectory, held: str, destination: Thing | None) -> Steps[bool]:
+    """To the place; returns False, with the arm at rest, if the object `destination` is seen to have moved meanwhile.
+
+    What stops the arm a little above its place is what the held object shall stand on.
+    """
+    arm.start(way)
     try:
-        yield from arm.go(way, "approach", held)
+        while not arm.has_arrived():
+            yield "approach"
+            arm.check_held(held)
+            if destination is not None and _has_moved(arm, destination):
+                arm.hold_still()
+                yield "aim"
+                return False
     except StuckError:
         if arm.away() > EARLY:
             raise
         arm.hold_still()
+    return True
+
+
+def _has_moved(arm: Manipulator, destination: Thing) -> bool:
+    """Whether a thing is seen elsewhere than it was; what is hidden is moved in the belief only, perhaps wrongly."""
+    now = arm.scene.object(destination.name)
+    if now is None or not arm.scene.is_perceived(destination.name):
+        return False
+    metres, radians = now.pose.distance(destination.pose)
+    return metres > MOVED or radians > TURNED
 
 
 def _resting(arm: Manipulator, held: str, destination: str, target_pose: Pose | None) -> list[Pose]:

@@ -102,6 +102,30 @@ def test_a_target_that_never_rests_is_given_up(table: Table) -> None:
     assert table.said(name) == ("failed", "cube_3 keeps moving")
 
 
+@pytest.mark.parametrize("perceived", [True, False])
+def test_a_destination_that_is_seen_to_move_is_aimed_at_again(table: Table, tool: Chain, perceived: bool) -> None:
+    pick(table)
+    name = table.request("place", target="cube_3", destination="cube_4")
+    table.run_to("approach")
+    table.memory.update_node("cube_4", perceived=perceived)
+    table.believe("cube_4", Pose((0.34, 0.05, 0.02)))
+    table.run_to("open")
+    assert table.tool_pose(tool).t[:2] == pytest.approx((0.34, 0.05) if perceived else (0.30, 0.08), abs=2e-3)
+    assert table.finish(name) == ("done", "")
+
+
+def test_a_destination_that_never_rests_is_given_up(table: Table) -> None:
+    pick(table)
+    name = table.request("place", target="cube_3", destination="cube_4")
+    table.memory.update_node("cube_4", perceived=True)
+    for number in range(200):
+        table.believe("cube_4", Pose((0.30, 0.08 - 0.012 * (number % 10), 0.02)))
+        table.run(0.1)
+        if table.said(name)[0] != "running":
+            break
+    assert table.said(name) == ("failed", "cube_4 keeps moving")
+
+
 def test_a_target_that_vanishes_fails_the_pick(table: Table) -> None:
     name = table.request("pick", target="cube_3")
     table.run_to("approach")
