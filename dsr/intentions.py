@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from itertools import count
 
+from dsr.elements import Node
 from dsr.memory import Memory
 
 MIND = "mind"
@@ -32,6 +33,12 @@ ENDED = (DONE, FAILED, HALTED)
 """Statuses of actions that are over."""
 RUN, HALT = "run", "halt"
 """What can be requested of an action."""
+
+
+def describe_action(action: Node) -> str:
+    """An action in a few words: `place cube_3 on cube_4`."""
+    where = f"on {action['destination']}" if action.get("destination", "") else ""
+    return " ".join(part for part in (action.get("skill", ""), action.get("target", ""), where) if part)
 
 
 def add_intention(memory: Memory, goal: str, *, maintain: bool = False, priority: int = 0) -> str:

@@ -10,7 +10,17 @@ import msgspec
 
 from agents.scenario.format import Event
 from dsr.elements import Node
-from dsr.intentions import EXECUTING, FAILED, FULFILLED, HALTED, PLANNED, PLANNING, RUNNING, WANTED
+from dsr.intentions import (
+    EXECUTING,
+    FAILED,
+    FULFILLED,
+    HALTED,
+    PLANNED,
+    PLANNING,
+    RUNNING,
+    WANTED,
+    describe_action,
+)
 from dsr.memory import Memory
 from dsr.runtime.logs import printable
 
@@ -113,17 +123,19 @@ class Story:
             newest = max(node.get("order", 0) for node in steps)
             if newest > self._plans.get(plan, -1):
                 self._plans[plan] = newest
-                yield Line(Topic.PLAN, "; ".join(_step(node) for node in steps if node.get("status") in _TO_DO))
+                yield Line(
+                    Topic.PLAN, "; ".join(describe_action(node) for node in steps if node.get("status") in _TO_DO)
+                )
             for position, node in enumerate(steps, 1):
                 status, before = node.get("status", ""), self._actions.get(node.name)
                 self._actions[node.name] = status
                 if status == before:
                     continue
                 if status == RUNNING:
-                    yield Line(Topic.ACTION, f"{position} of {len(steps)}: {_step(node)}")
+                    yield Line(Topic.ACTION, f"{position} of {len(steps)}: {describe_action(node)}")
                 elif status in (FAILED, HALTED):
                     why = node.get("explanation", "")
-                    yield Line(Topic.ACTION, f"{_step(node)} {status}{f': {why}' if why else ''}", good=False)
+                    yield Line(Topic.ACTION, f"{describe_action(node)} {status}{f': {why}' if why else ''}", good=False)
 
 
 def describe(event: Event) -> str:
@@ -157,11 +169,6 @@ def _by_plan(actions: Iterable[Node]) -> dict[str, list[Node]]:
     for node in actions:
         plans.setdefault(node.name.rpartition("_")[0], []).append(node)
     return plans
-
-
-def _step(node: Node) -> str:
-    where = f"on {node['destination']}" if node.get("destination", "") else ""
-    return " ".join(part for part in (node.get("skill", ""), node.get("target", ""), where) if part)
 
 
 def _shortened(text: str) -> str:

@@ -9,7 +9,7 @@ import rerun as rr
 
 from agents.viewer.texts import markdown
 from dsr import Memory, Node
-from dsr.intentions import RUNNING, WANTED
+from dsr.intentions import RUNNING, WANTED, describe_action
 
 PLAN = "mind/plan"
 EXPLANATIONS = "mind/explanations"
@@ -66,12 +66,6 @@ def _rows(actions: list[Node]) -> Iterable[str]:
         said = markdown(f"{status}: {why}" if why else status)
         emphasis = "**" if status == RUNNING else ""
         yield f"| {emphasis}{markdown(describe_action(node))}{emphasis} | {emphasis}{said}{emphasis} |"
-
-
-def describe_action(node: Node) -> str:
-    """An action as a few words: `place cube_3 on cube_4`."""
-    where = f"on {node['destination']}" if node.get("destination", "") else ""
-    return " ".join(part for part in (node.get("skill", ""), node.get("target", ""), where) if part)
 
 
 def explanations_page(memory: Memory) -> str:
