@@ -86,6 +86,10 @@ class BeliefConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """s for which each hypothesis is simulated."""
     most_rollouts: int = 48
     """Hypotheses that are simulated for one explanation."""
+    explain_margin: float = 1.5
+    """nats by which the best hypothesis must lead, while more evidence is to come."""
+    explain_patience: float = 0.8
+    """s of evidence after which the best hypothesis is taken, however small its lead."""
     explain_budget: float = 0.4
     """s of wall time for one explanation, on worker processes."""
     workers: int = 0

@@ -16,9 +16,7 @@ from simulation_handler.geometry import Solid
 from simulation_handler.rollouts import Body, Scene
 from simulation_handler.rollouts.pool import Pool
 
-_MARGIN = 1.5  # nats by which the best must lead, while more evidence is to come
 _TOO_LATE = 2.0  # s of evidence after which even an incomplete search must do
-_ENOUGH_EVIDENCE = 0.8  # s after which the best is taken, however small its lead
 _SAME_PLACE = 0.005  # m
 _ALTERNATIVES = 5  # that are kept on record
 
@@ -64,13 +62,13 @@ class ByHypotheses:
     def _is_clear(self, situation: Situation, ranking: Sequence[Candidate]) -> bool:
         if not self._is_complete and situation.evidence < _TOO_LATE:
             return False
-        if situation.evidence >= _ENOUGH_EVIDENCE:
+        if situation.evidence >= situation.config.explain_patience:
             return True
         best = ranking[0].hypothesis
         if not (best.moves or best.unseen):
             return False
         rival = next((other for other in ranking[1:] if _differ(ranking[0], other)), None)
-        return rival is None or rival.score.total - ranking[0].score.total >= _MARGIN
+        return rival is None or rival.score.total - ranking[0].score.total >= situation.config.explain_margin
 
     def _explanation(self, situation: Situation, ranking: Sequence[Candidate]) -> Explanation:
         best = ranking[0]
