@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import math
 import threading
+from collections.abc import Collection
 
 from dsr.clock import Clock
 from dsr.errors import DsrError, suggest
@@ -14,12 +15,14 @@ from dsr.transforms import Pose
 from dsr.transport import Transport
 from dsr.what_if import SERVICE, Answer, Change, Question, decode_question, encode_answer
 from simulation_handler.bodies import FLOOR
+from simulation_handler.geometry import Solid, overlap
 from simulation_handler.relations import STEEP
 from simulation_handler.rollouts.engine import Engine, Outcome
 from simulation_handler.rollouts.scene import Body, Placing, Scene
 
 KEY = f"service/{SERVICE}"
 """Where it answers, below the graph's root: what a secured graph must grant."""
+_DEEPEST = 0.005  # m that an object may be placed into another: physics pushes it out, but does not throw it
 _MOST_WAITING = 16
 _FARTHEST = 100.0  # m from the world's origin that something may be put
 
@@ -88,6 +91,7 @@ class WhatIfService:
         scene, now = self._offered
         for change in question.changes:
             scene = changed(scene, change)
+        check_room(scene, {change.object for change in question.changes if change.pose is not None})
         self._engine = self._engine or Engine()
         return _described(scene, self._engine.run(scene, question.seconds), now)
 
@@ -105,6 +109,22 @@ def changed(scene: Scene, change: Change) -> Scene:
     elif change.action == "place":
         raise RefusedError(f"change of {name!r}: to place it needs a pose")
     return scene.held([name]) if change.action == "hold" else scene.released([name])
+
+
+def check_room(scene: Scene, placed: Collection[str]) -> None:
+    """Raise `RefusedError` if one of the objects that were `placed` would be inside another body."""
+    for name in sorted(placed):
+        solid = scene[name].solid
+        for body in scene.bodies:
+            depth = 0.0 if body.name == name else _depth(solid, body.solid)
+            if depth > _DEEPEST:
+                raise RefusedError(f"{name!r} would be {1e3 * depth:.0f} mm inside {body.name!r} there")
+
+
+def _depth(a: Solid, b: Solid) -> float:
+    """How far two boxes would have to be moved apart, m; zero or less if they do not overlap."""
+    level = min(a.top, b.top) - max(a.bottom, b.bottom)
+    return level if level <= 0.0 else min(level, overlap(a.footprint, b.footprint)[0])
 
 
 def _placing(name: str, numbers: tuple[float, ...]) -> Placing:

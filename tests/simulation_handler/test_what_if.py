@@ -110,6 +110,7 @@ def test_fixtures_can_be_changed_too_and_what_falls_is_on_the_floor(service: Wha
         (encode_question(Question(1.0, (Change("cube_1", "hold", (0.0,) * 7),))), "pose of 'cube_1'"),
         (encode_question(Question(1.0, (Change.place("cube_1", Pose((1e9, 0.0, 0.0))),))), "1e\\+09 m from the world"),
         (encode_question(Question(1.0, (Change.remove("cube_1"), Change.hold("cube_1")))), "no object 'cube_1'"),
+        (encode_question(Question(1.0, (Change.place("cube_3", Pose((0.3, 0.01, 0.05))),))), "10 mm inside 'cube_1'"),
         (encode_question(Question(1.0, expires=998.5)), "nobody waits for this answer any more, for 1.5 s"),
         (encode_question(Question(11.0)), "10"),
         (msgspec.msgpack.encode({"seconds": "long"}), "malformed"),
@@ -272,7 +273,7 @@ def test_live_the_command_tells_what_would_be(live: Callable[..., Any]) -> None:
     text = live("--remove", "cube_1", "--hold", "cube_2").output
     assert "cube_2" in text and "0.0600" in text and "all at rest" in text and "cube_1" not in text
     result = live("--remove", "cube_11")
-    assert isinstance(result.exception, TransportError) and "did you mean 'cube_1'" in str(result.exception)
+    assert isinstance(result.exception, ConfigError) and "did you mean 'cube_1'" in str(result.exception)
 
 
 def test_live_many_questions_at_once_are_all_answered(live: Callable[..., Any]) -> None:
