@@ -231,7 +231,8 @@ def _attributes(kind: Kind, unit: str, meanings: dict[str, str], **options: Any)
 
 _ATTRIBUTES: dict[str, AttributeType] = dict([
     *_attributes("pose", "m, rad", {"pose": "the geometry of an RT or Virtual_RT edge"}, stream=True),
-    *_attributes("pose", "m, rad", {"target_pose": "where the tool point shall go, in the world frame"}),
+    *_attributes("pose", "m, rad", {"target_pose": "where the tool point shall go, in the world frame",
+                                    "held_at": "gripper_from_object of what a gripper holds"}),
     *_attributes("vector", "m", {"size": "extent along x, y, z"}, length=3),
     *_attributes("vector", "m", {"bounds": "box around a part, in its frame: least, then greatest x, y, z"}, length=6),
     *_attributes("vector", "", {"color": "red, green, blue from 0 to 1"}, length=3),

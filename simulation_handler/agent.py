@@ -32,7 +32,7 @@ class SimulationHandler(Agent):
         edges=("RT", "Virtual_RT", "on", "sees", "grasping"),
         attributes=(
             *("size", "mass", "friction", "plausible", "source", "since", "bounds", *INTRINSICS, *SEEN),
-            *("surprising", "present", "skill", "target", "destination", "status"),
+            *("surprising", "present", "skill", "target", "destination", "status", "held_at"),
         ),
     )
     writes = Access(

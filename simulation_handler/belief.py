@@ -18,7 +18,7 @@ from simulation_handler.config import BeliefConfig
 from simulation_handler.correction import Correction
 from simulation_handler.explainer import Explainer
 from simulation_handler.explaining import Explanation, Look, Policy, make_policy
-from simulation_handler.holding import Holding
+from simulation_handler.holding import Grasp, Holding
 from simulation_handler.percepts import make_percept
 from simulation_handler.relations import Relation, Relations
 from simulation_handler.rollouts.scene import Scene
@@ -122,8 +122,8 @@ class Belief:
         """(object, support): a plan is putting these objects down there."""
         self._explainer.planned = frozenset(relations)
 
-    def hold(self, grasps: Mapping[str, tuple[str, Pose]]) -> None:
-        """These objects, by name, are in a gripper: its name, and world_from_gripper now. All others are free."""
+    def hold(self, grasps: Mapping[str, Grasp]) -> None:
+        """These objects, by name, are in a gripper from now on, and no others."""
         self._holding.update(grasps)
 
     def explanations(self) -> list[tuple[float, Explanation]]:

@@ -3,10 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 from dsr.transforms import Pose
 from simulation_handler.bodies import Bodies
 from simulation_handler.objects import BelievedObject
+
+
+class Grasp(NamedTuple):
+    """An object in a gripper."""
+
+    gripper: str
+    """Name of the gripper."""
+    world_from_gripper: Pose
+    """Now."""
+    gripper_from_object: Pose | None = None
+    """As the gripper knows it; None for where the object is believed to be when it is grasped."""
 
 
 class Holding:
@@ -16,26 +28,28 @@ class Holding:
         self._bodies = bodies
         self._gripper_from_object: dict[str, Pose] = {}
 
-    def update(self, grasps: Mapping[str, tuple[str, Pose]]) -> None:
-        """Let these objects, by name, be held: the gripper's name, and world_from_gripper now. All others are free."""
+    def update(self, grasps: Mapping[str, Grasp]) -> None:
+        """Let these objects, by name, be held, and no others."""
         for item in self._bodies.objects.values():
             grasp = grasps.get(item.name)
             if grasp is None or item.name not in self._bodies.sim:
                 self._release(item)
             else:
-                self._carry(item, *grasp)
+                self._carry(item, grasp)
 
     def forget(self, name: str) -> None:
         """Of an object that is no more."""
         self._gripper_from_object.pop(name, None)
 
-    def _carry(self, item: BelievedObject, gripper: str, world_from_gripper: Pose) -> None:
-        if item.holder != gripper:
-            self._gripper_from_object[item.name] = world_from_gripper.inverse() @ self._bodies.pose(item.name)
+    def _carry(self, item: BelievedObject, grasp: Grasp) -> None:
+        if item.holder != grasp.gripper:
+            self._gripper_from_object[item.name] = grasp.gripper_from_object or (
+                grasp.world_from_gripper.inverse() @ self._bodies.pose(item.name)
+            )
             item.leave_to_physics()
-            item.holder = gripper
+            item.holder = grasp.gripper
             self._bodies.set_pinned(item, True)
-        world_from_object = world_from_gripper @ self._gripper_from_object[item.name]
+        world_from_object = grasp.world_from_gripper @ self._gripper_from_object[item.name]
         if self._bodies.pose(item.name).distance(world_from_object) != (0.0, 0.0):
             self._bodies.put(item, world_from_object.t, world_from_object.q)
 

@@ -19,6 +19,7 @@ from dsr.quaternions import Vector3
 from dsr.transforms import Pose
 from simulation_handler.belief import Belief
 from simulation_handler.explainer import EXPLANATION
+from simulation_handler.holding import Grasp
 from simulation_handler.relations import CONTACT
 
 WORLD = "world"
@@ -77,14 +78,15 @@ class Reading:
             (node.get("target", ""), node.get("destination", "")) for node in actions if node.get("status") == RUNNING
         }
 
-    def _grasps(self) -> dict[str, tuple[str, Pose]]:
-        """The gripper of each object that is held, and world_from_gripper."""
+    def _grasps(self) -> dict[str, Grasp]:
+        """The objects that are held, and how."""
         grasps = {}
         for edge in self._memory.edges("grasping"):
             gripper = self._memory.get_node(edge.src)
             if edge.dst in self._known and gripper is not None and gripper.type == "gripper":
                 with self._skipping(edge.src):
-                    grasps[edge.dst] = (edge.src, self._memory.transform(WORLD, edge.src))
+                    world_from_gripper = self._memory.transform(WORLD, edge.src)
+                    grasps[edge.dst] = Grasp(edge.src, world_from_gripper, edge.get("held_at"))
         return grasps
 
     def _nodes(self, types: Iterable[str]) -> list[Node]:

@@ -21,7 +21,7 @@ from agents.arm_controller.scene import Scene
 from agents.arm_controller.skills.actions import Actions
 from agents.arm_controller.skills.manipulator import Manipulator
 from agents.arm_controller.trajectory import Trajectory
-from agents.arm_controller.urdf import Robot, load_robot
+from agents.arm_controller.urdf import Robot, fixed_pose, load_robot
 from agents.drivers import ArmDriver, ArmState, make_driver
 from dsr.agent import Access, Agent
 from dsr.errors import ConfigError
@@ -61,7 +61,7 @@ class ArmController(Agent):
         edges=("RT", "has", "grasping"),
         attributes=(
             *("joint_names", "joint_positions", "joint_velocities", "opening", "contact"),
-            *("status", "explanation", "target_joints", "target_pose", "target_opening"),
+            *("status", "explanation", "target_joints", "target_pose", "target_opening", "held_at"),
             *("bounds", "source", "since"),
             *("stream", *INTRINSICS),
         ),
@@ -94,7 +94,8 @@ class ArmController(Agent):
             rng=np.random.default_rng(self.seed),
         )
         self._scene = Scene(self.memory)
-        self._holding = Holding(self.memory, self._scene, config, self._chain.forward)
+        gripper_from_tool = fixed_pose(robot.between(config.end_effector_link, config.tool_link))
+        self._holding = Holding(self.memory, self._scene, config, self._chain.forward, gripper_from_tool)
         self._actions = Actions(self.memory, self._make_manipulator(robot), config, self.log)
         widest = robot.stroke(config.end_effector_link) or math.inf
         self._grip = Grip(self.memory, config, widest, send=self._driver.move_gripper, log=self.log)

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from agents.arm_controller.kinematics import Chain
 from agents.arm_controller.overlap import Array, Boxes, gaps
 from agents.arm_controller.shapes import Box
-from agents.arm_controller.urdf import Robot
-from dsr.transforms import Pose
+from agents.arm_controller.urdf import Robot, fixed_pose
 
 _NEIGHBOURS = 2
 """Links this many joints apart or less touch by construction."""
@@ -34,10 +33,7 @@ class Figure:
         self._end_effector = end_effector
         self.widest = robot.stroke(end_effector)
         """m, between the open fingers"""
-        pose = Pose.identity()
-        for joint in robot.between(end_effector, tool):
-            pose = pose @ joint.origin
-        self._tool_from_end = pose.inverse()
+        self._tool_from_end = fixed_pose(robot.between(end_effector, tool)).inverse()
         links = [base, *(joint.child for joint in chain.joints)]
         fixed = [(number, box) for number, link in enumerate(links) for box in robot.rigid(link, without=end_effector)]
         self._links = [number for number, _ in fixed]

@@ -33,6 +33,7 @@ class Holding:
         scene: the belief.
         config: names.
         forward: arm_from_tool at joint positions.
+        gripper_from_tool: from the gripper's node to the tool point; fixed.
     """
 
     def __init__(
@@ -41,11 +42,13 @@ class Holding:
         scene: Scene,
         config: ArmControllerConfig,
         forward: Callable[[tuple[float, ...]], Pose],
+        gripper_from_tool: Pose,
     ) -> None:
         self._memory = memory
         self._scene = scene
         self._config = config
         self._forward = forward
+        self._gripper_from_tool = gripper_from_tool
         self.held: str | None = None
         """Name of the object in the gripper."""
         self.tool_from_object: Pose | None = None
@@ -83,7 +86,9 @@ class Holding:
         self.tool_from_object = _between_pads(world_from_tool.inverse() @ found.pose)
         self.held = found.name
         if found.name not in known:
-            self._memory.add_edge(self._config.gripper, found.name, "grasping", since=joints.stamp, source="gripper")
+            held_at = self._gripper_from_tool @ self.tool_from_object
+            values = {"since": joints.stamp, "source": "gripper", "held_at": held_at}
+            self._memory.add_edge(self._config.gripper, found.name, "grasping", **values)
 
     def _is_catching_up(self, now: float) -> bool:
         """Whether the belief may still be where the gripper was before this agent was restarted."""

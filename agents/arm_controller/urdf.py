@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -24,6 +24,14 @@ _KINDS: tuple[str, ...] = get_args(JointKind)
 _MOST_BYTES = 10_000_000
 _ORIGIN: Vector3 = (0.0, 0.0, 0.0)
 _X_AXIS: Vector3 = (1.0, 0.0, 0.0)
+
+
+def fixed_pose(joints: Iterable[Joint]) -> Pose:
+    """From the parent of the first joint to the child of the last one, of joints in a row, at position 0."""
+    pose = Pose.identity()
+    for joint in joints:
+        pose = pose @ joint.origin
+    return pose
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from dsr.transforms import Pose
+from simulation_handler.holding import Grasp
 from tests.simulation_handler.worlds import World, cube_at
 
 GRIPPER = Pose.from_rotvec((0.4, 0.1, 0.14), (3.14159, 0.0, 0.0))
@@ -20,7 +21,7 @@ def world() -> World:
 
 def carry(world: World, pose: Pose, seconds: float = 0.1) -> None:
     for _ in range(round(seconds / 0.05)):
-        world.belief.hold({"a": ("gripper", pose)})
+        world.belief.hold({"a": Grasp("gripper", pose)})
         world.tick()
 
 
@@ -56,7 +57,14 @@ def test_percepts_of_what_is_held_are_ignored(world: World) -> None:
 def test_a_held_object_that_is_no_more_is_forgotten(world: World) -> None:
     carry(world, GRIPPER)
     world.belief.remove("a")
-    world.belief.hold({"a": ("gripper", GRIPPER)})
+    world.belief.hold({"a": Grasp("gripper", GRIPPER)})
     world.seen = {"b"}
     world.tick()
     assert "a" not in world.belief
+
+
+def test_where_the_gripper_says_that_it_holds_it_counts_not_where_it_was_believed(world: World) -> None:
+    gripper_from_object = Pose((0.0, 0.0, 0.12))
+    world.belief.hold({"a": Grasp("gripper", Pose((0.1, -0.05, 0.1)) @ GRIPPER, gripper_from_object)})
+    world.tick()
+    assert world.pose("a").t == pytest.approx((0.5, 0.05, 0.12), abs=1e-4)
