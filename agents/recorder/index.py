@@ -66,7 +66,7 @@ class RecordingIndex:
 
     @property
     def duration(self) -> float:
-        """S from the first message to the last"""
+        """Seconds from the first message to the last"""
         return self.end - self.begin
 
     def read_for(self, time: float) -> Iterator[TimedRecord]:

@@ -54,7 +54,7 @@ class Player:
 
     @property
     def time(self) -> float:
-        """S since the recording's first message"""
+        """Seconds since the recording's first message"""
         return self._source.time
 
     @property

@@ -110,7 +110,7 @@ class _Worker:
 
     @property
     def elapsed(self) -> float:
-        """S since its job began"""
+        """Seconds since its job began"""
         return WALL_CLOCK.monotonic() - self._began
 
     def start(self, job: Job) -> None:

@@ -140,7 +140,7 @@ class Fleet:
         in_parallel(self.everybody(), "pause")
 
     def seconds_until_equal(self, since: float, timeout: float) -> float | None:
-        """S from the time `since` until all show the same content; None if they do not within `timeout` s."""
+        """Seconds from the time `since` until all show the same content; None if they do not within `timeout` s."""
         while True:
             answers = in_parallel(self.everybody(), "digest")
             if len({answer["digest"] for answer in answers}) == 1:

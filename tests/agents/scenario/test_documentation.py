@@ -14,7 +14,8 @@ from agents.scenario.expectations import CHECKS
 from agents.scenario.format import PREDICATES, parse_scenario
 from agents.scenario.model import ObjectSpec, RandomSpec, RobotSpec, Scenario, SensorSpec, TableSpec
 
-DOCUMENT = (Path(__file__).parents[3] / "docs/scenarios.md").read_text()
+ROOT = Path(__file__).parents[3]
+DOCUMENT = (ROOT / "docs/scenarios.md").read_text()
 EXAMPLES = re.findall(r"```toml\n(.*?)```", DOCUMENT, re.DOTALL)
 
 
@@ -71,3 +72,10 @@ def test_every_event_and_check_has_a_row_with_its_fields(name: str, kind: type[m
 @pytest.mark.parametrize("predicate", PREDICATES)
 def test_every_predicate_has_a_row(predicate: str):
     assert re.search(rf"^\| `{predicate}\(", DOCUMENT, re.MULTILINE)
+
+
+def test_the_built_in_scenarios_are_listed():
+    _, _, listed = DOCUMENT.partition("## What is built in")
+    rows = re.findall(r"^\|.*", listed.partition("\n## ")[0], re.MULTILINE)
+    names = re.findall(r"`(\w+)`", "".join(rows))
+    assert sorted(names) == sorted(file.stem for file in (ROOT / "etc/scenarios").glob("*.toml"))
