@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from dsr import Faults, LocalNetwork, ManualClock, Memory
+from dsr import Faults, LocalNetwork, ManualClock, Memory, Pose
 
 
 class Net:
@@ -48,3 +49,11 @@ def private_runtime_dir(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iter
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     monkeypatch.delenv("DSR_SECURITY", raising=False)
     yield tmp_path
+
+
+def tabletop(memory: Memory) -> None:
+    memory.add_node("world", "world")
+    memory.add_node("table", "table", size=(1.2, 0.8, 0.04))
+    memory.add_node("cube_3", "cube", mass=0.05, size=np.array([0.04, 0.04, 0.04]), marker_id=np.int64(3))
+    memory.add_edge("world", "table", "RT", pose=Pose((0.3, 0, 0)))
+    memory.add_edge("world", "cube_3", "RT", translation=(0.3, 0.1, 0.02), rotation=(0, 0, 0, 1), stamp=5.0)
