@@ -228,7 +228,8 @@ class Execution:
         try:
             return (yield from self.around.maker.make(state, together, self._avoid))
         except Unsolvable as error:
-            others = f"; {', '.join(name for name, _ in kept)} must stay as it is" if kept else ""
+            names = ", ".join(name for name, _ in kept)
+            others = f"; what {names} asked for must stay true" if kept else ""
             raise GivingUp(UNSOLVABLE, f"{error}{others}") from error
         except GoalNotPossible as error:
             raise GivingUp(UNSOLVABLE, str(error)) from error
