@@ -38,7 +38,8 @@ def show(outcome: Outcome, differences: list[str], console: Console) -> None:
     for difference in differences:
         console.print(f"[red]✗[/] {shown(difference)}", soft_wrap=True)
     what = f"{', '.join(outcome.agents)} anew over {outcome.seconds:.1f} s"
-    verdict = f"[red]{len(differences)} differences[/]" if differences else "[green]equal within the tolerance, but for breaks shorter than the grace[/]"
+    equal = "[green]equal within the tolerance, but for breaks shorter than the grace[/]"
+    verdict = f"[red]{len(differences)} differences[/]" if differences else equal
     console.print(f"{verdict}: {what}", soft_wrap=True)
 
 
