@@ -19,6 +19,7 @@ EXPLANATION = "explanation"
 """Source of relations that hold because of an explanation."""
 _MOST_WAITING = 64
 _REMEMBERED = 10.0  # s for which it is known what was beneath an object
+_THIS_FRAME = 0.25  # s up to which a percept is of things as they are now
 _PAUSE = 0.09  # s until a better look at what is not clear yet: the next frame of the camera
 _TOGETHER = 3.0  # s for which what moved together is taken to go on doing so
 _STEP = 0.0005  # m that an object must have moved for its riders to follow
@@ -64,6 +65,10 @@ class Explainer:
         """Compare percepts with beliefs at time `now` (s)."""
         self._planned |= dict.fromkeys(self.planned, now + _REMEMBERED)
         self._noticing.update(now, self.look)
+        for name, item in self._bodies.objects.items():
+            is_seen = now - item.track.last_stamp < _THIS_FRAME and item.track.estimate is not None
+            if is_seen and name in self._bodies.sim and name not in self.waiting and not item.holder:
+                item.confirmed = self._bodies.solid(name)
 
     def drag(self, now: float) -> None:
         """Let what moved with an object that goes on moving go on with it."""
@@ -138,6 +143,7 @@ class Explainer:
             unplaced=bodies.never_placed(),
             held=frozenset(name for name, item in objects.items() if item.holder and name in placed),
             planned=frozenset(pair for pair, until in self._planned.items() if now <= until),
+            confirmed={name: solid for name in placed if (solid := objects[name].confirmed) is not None},
             glimpsed={name: solid for name in placed if (solid := self._glimpse(objects[name], now)) is not None},
             missing_for=self._noticing.missing_for(now),
             evidence=self._noticing.evidence(now),

@@ -53,6 +53,8 @@ class BelievedObject:
     """Of its track, when it was last looked at."""
     holder: str = ""
     """The gripper that holds it; percepts then say nothing of it."""
+    confirmed: Solid | None = None
+    """Where perception last agreed that it is, unless it has moved since with something, or in a gripper."""
     gone: bool = False
     """It was taken out of the scene."""
 
@@ -98,8 +100,7 @@ class BelievedObject:
     def leave_to_physics(self) -> None:
         """What was perceived of it so far says nothing any more."""
         self.track.forget()
-        self.placement = None
-        self.prop = None
+        self.placement = self.prop = self.confirmed = None
         self.gone = False
 
     def learn_bias(self, placement: Placement) -> None:

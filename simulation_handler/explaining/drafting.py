@@ -36,7 +36,7 @@ def draft(situation: Situation, hypothesis: Hypothesis) -> Draft:
     wanted = _wanted(situation, hypothesis)
     for _ in range(2):  # the second time with what the heights say about the rest of the positions
         placements = _placed(situation, hypothesis, wanted)
-        wanted = _aligned(hypothesis, wanted, placements)
+        wanted = _aligned(situation, hypothesis, wanted, placements)
     gone = hypothesis.removed
     stay = {name: solid for name, solid in situation.believed.items() if name not in gone and name not in placements}
     solids = stay | {name: placement.solid for name, placement in placements.items()}
@@ -76,8 +76,9 @@ def _piled_under(situation: Situation, move: Move, top: Solid) -> dict[str, Soli
     level = top.bottom
     for name in reversed(move.beneath):
         size = situation.size(name)
-        x, y, _ = top.position
-        pile[name] = Solid(name, size, (x, y, level - 0.5 * size[2]), top.rotation)
+        before = situation.still_beneath(name, top) or top
+        x, y, _ = before.position
+        pile[name] = Solid(name, size, (x, y, level - 0.5 * size[2]), before.rotation)
         level -= size[2]
     return pile
 
@@ -100,13 +101,15 @@ def _placed(situation: Situation, hypothesis: Hypothesis, wanted: Mapping[str, S
 
 
 def _aligned(
-    hypothesis: Hypothesis, wanted: Mapping[str, Solid], placements: Mapping[str, Placement]
+    situation: Situation, hypothesis: Hypothesis, wanted: Mapping[str, Solid], placements: Mapping[str, Placement]
 ) -> dict[str, Solid]:
     """What moves with a seen object shifted sideways as that was, once its height was known."""
     aligned = dict(wanted)
     for move in hypothesis.moves:
         before, after = wanted[move.name].position, placements[move.name].solid.position
         for name in (*move.riders, *move.beneath):
+            if name in move.beneath and situation.still_beneath(name, wanted[move.name]):
+                continue
             x, y, z = wanted[name].position
             aligned[name] = wanted[name].moved((x + after[0] - before[0], y + after[1] - before[1], z))
     return aligned

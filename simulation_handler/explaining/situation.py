@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -103,6 +104,8 @@ class Situation:
     """Objects in a gripper: they are where it is."""
     planned: frozenset[tuple[str, str]] = frozenset()
     """(object, support): where a plan has just put something."""
+    confirmed: Mapping[str, Solid] = field(default_factory=dict)
+    """Where perception last agreed that objects are, unless they have moved with something since."""
     glimpsed: Mapping[str, Solid] = field(default_factory=dict)
     """Unseen objects that were on their way when they were last seen, and where."""
     missing_for: Mapping[str, float] = field(default_factory=dict)
@@ -150,6 +153,13 @@ class Situation:
         x, y, z = (a - b for a, b in zip(self.glimpsed[name].position, believed.position, strict=True))
         dx, dy, _ = quaternions.rotate(quaternions.conjugate(believed.rotation), (x, y, z))
         return max(range(len(FALLS)), key=lambda k: dx * FALLS[k][0] + dy * FALLS[k][1])
+
+    def still_beneath(self, name: str, top: Solid) -> Solid | None:
+        """Where perception last had an object, if that is beneath `top`: only the simulation may have moved it."""
+        solid = self.confirmed.get(name)
+        if solid is None or solid.top > top.position[2]:
+            return None
+        return solid if math.dist(solid.position[:2], top.position[:2]) < 0.5 * min(solid.size[:2]) else None
 
     def size(self, name: str) -> Vector3:
         """Edge lengths of an object, m."""
