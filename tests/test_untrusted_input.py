@@ -17,6 +17,8 @@ UNSAFE_MODULES = (
 UNSAFE_NAMES = {"eval", "exec", "compile", "__import__"}
 UNSAFE_ATTRIBUTES = {"system", "popen", "load", "loadtxt", "genfromtxt", "fromfile", "fromregex", "memmap"}
 """Of `os` and `numpy`."""
+OWN_CHILDREN = {"agents/scenario/sweep.py", "agents/scenario/sweep_worker.py"}
+"""Speak with processes that they start themselves, through pipes that nobody else can reach."""
 LOADED_BY_NAME = {"dsr/runtime/system.py", "agents/drivers.py"}
 """May import a module by a name, which comes from a local file or command line."""
 
@@ -42,7 +44,9 @@ def offence_of(node: ast.AST) -> str:
 
 @pytest.mark.parametrize("file", FILES, ids=str)
 def test_no_data_becomes_code(file: Path) -> None:
-    assert [name for name in imports(file) if any(is_in(name, module) for module in UNSAFE_MODULES)] == []
+    allowed = ("multiprocessing",) if file.as_posix() in OWN_CHILDREN else ()
+    unsafe = [module for module in UNSAFE_MODULES if module not in allowed]
+    assert [name for name in imports(file) if any(is_in(name, module) for module in unsafe)] == []
     assert offences(parse(file)) == []
 
 
