@@ -40,6 +40,11 @@ def wait_until(is_true: Callable[[], bool], timeout: float = 20.0) -> bool:
     return is_true()
 
 
+def wait_until_ready(pool: Pool) -> None:
+    """Until all workers have said that they are."""
+    assert wait_until(lambda: all(select.select([worker.connection], [], [], 0)[0] for worker in pool._workers))
+
+
 def test_outcomes_are_bit_identical_here_and_in_workers(shared: Pool):
     with Pool(0) as here:
         expected = here.run(SCENES, 0.5)
@@ -85,6 +90,7 @@ def test_a_worker_that_dies_is_replaced_and_its_scene_is_not_lost():
 
 def test_a_worker_that_stops_does_not_hold_up_the_others(monkeypatch: pytest.MonkeyPatch):
     with Pool(2, PLENTY) as pool:
+        wait_until_ready(pool)
         expected = pool.run(SCENES, 0.3)
         stopped = pool.pids[0]
         os.kill(stopped, signal.SIGSTOP)
@@ -99,7 +105,7 @@ def test_a_worker_that_stops_does_not_hold_up_the_others(monkeypatch: pytest.Mon
 def test_workers_that_have_waited_for_long_are_not_stuck(monkeypatch: pytest.MonkeyPatch):
     with Pool(2, PLENTY) as pool:
         pids = pool.pids
-        assert wait_until(lambda: all(select.select([worker.connection], [], [], 0)[0] for worker in pool._workers))
+        wait_until_ready(pool)
         monkeypatch.setattr(pool_module, "_STUCK", 0.0)
         pool.run([], 0.1)
         assert pool.pids == pids
