@@ -236,6 +236,7 @@ _ATTRIBUTES: dict[str, AttributeType] = dict([
     *_attributes("vector", "m", {"size": "extent along x, y, z"}, length=3),
     *_attributes("vector", "m", {"bounds": "box around a part, in its frame: least, then greatest x, y, z"}, length=6),
     *_attributes("vector", "", {"color": "red, green, blue from 0 to 1"}, length=3),
+    *_attributes("vector", "m", {"shape": "parts of a body that is no box: 11 numbers each, see dsr.shapes"}),
     *_attributes("vector", "rad", {"target_joints": "where the joints shall go"}),
     *_attributes("vector", "rad", {"joint_positions": "measured"}, stream=True),
     *_attributes("vector", "rad/s", {"joint_velocities": "measured"}, stream=True),
