@@ -9,7 +9,7 @@ from dsr.transforms import Pose
 from simulation_handler.bodies import Bodies
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.policy import Explanation, Policy
-from simulation_handler.explaining.situation import Look, Properties, Situation, as_pose, seen_now
+from simulation_handler.explaining.situation import THIS_FRAME, Look, Properties, Situation, as_pose, seen_now
 from simulation_handler.geometry import Solid
 from simulation_handler.noticing import Noticing
 from simulation_handler.objects import BelievedObject
@@ -19,7 +19,6 @@ EXPLANATION = "explanation"
 """Source of relations that hold because of an explanation."""
 _MOST_WAITING = 64
 _REMEMBERED = 10.0  # s for which it is known what was beneath an object
-_THIS_FRAME = 0.25  # s up to which a percept is of things as they are now
 _PAUSE = 0.09  # s until a better look at what is not clear yet: the next frame of the camera
 _TOGETHER = 3.0  # s for which what moved together is taken to go on doing so
 _STEP = 0.0005  # m that an object must have moved for its riders to follow
@@ -66,7 +65,7 @@ class Explainer:
         self._planned |= dict.fromkeys(self.planned, now + _REMEMBERED)
         self._noticing.update(now, self.look)
         for name, item in self._bodies.objects.items():
-            is_seen = now - item.track.last_stamp < _THIS_FRAME and item.track.estimate is not None
+            is_seen = now - item.track.last_stamp < THIS_FRAME and item.track.estimate is not None
             if is_seen and name in self._bodies.sim and name not in self.waiting and not item.holder:
                 item.confirmed = self._bodies.solid(name)
 
@@ -76,10 +75,19 @@ class Explainer:
         self._riders = {name: riders for name, riders in self._riders.items() if noticing.is_followed(name, now)}
         for leader, riders in self._riders.items():
             for rider, leader_from_rider in riders.items():
+                if leader not in bodies.sim or not self._may_be_dragged(rider, now):
+                    continue
                 there = bodies.pose(leader) @ leader_from_rider
                 if bodies.pose(rider).distance(there)[0] > _STEP:
                     bodies.put(bodies.object(rider), there.t, there.q)
                     noticing.follow([leader], now)
+
+    def _may_be_dragged(self, name: str, now: float) -> bool:
+        """Whether an object still goes where its leader goes: nothing holds it, and it has not been seen since."""
+        if name not in self._bodies.sim:
+            return False
+        item = self._bodies.object(name)
+        return not item.holder and item.estimate_at(now) is None
 
     def explain(self, now: float) -> None:
         """Explain what is due at time `now` (s), and adopt that."""

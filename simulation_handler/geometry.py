@@ -112,11 +112,15 @@ def face_down(rotation: Quaternion) -> tuple[Quaternion, float]:
 
 
 def hull(points: Iterable[Point]) -> Polygon:
-    """Convex hull (Andrew's monotone chain, 1979); points closer than 1e-9 m are one."""
+    """Convex hull from its least corner on (Andrew's monotone chain, 1979); points closer than 1e-9 m are one."""
     ordered = sorted(points)
     chains = [_half_hull(ordered), _half_hull(ordered[::-1])]
-    outline = chains[0][:-1] + chains[1][:-1]
-    return [p for i, p in enumerate(outline) if math.dist(p, outline[i - 1]) > _SAME_POINT] or outline[:1]
+    corners = chains[0][:-1] + chains[1][:-1]
+    outline = corners[:1]
+    for corner in corners[1:]:
+        if min(math.dist(corner, outline[-1]), math.dist(corner, outline[0])) > _SAME_POINT:
+            outline.append(corner)
+    return outline
 
 
 def _half_hull(ordered: Sequence[Point]) -> list[Point]:

@@ -8,6 +8,8 @@ for each surprising object c:
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from simulation_handler.explaining.drafting import draft
 from simulation_handler.explaining.hypotheses import Hypothesis, Move
 from simulation_handler.explaining.policy import Explanation
@@ -35,7 +37,7 @@ class Algorithm1:
             parts += [f"relation_ended({upper}, {name})" for upper in above] or [f"moved_alone({name})"]
         if not about:
             return None
-        drafted = draft(situation, hypothesis)
+        drafted = draft(replace(situation, confirmed={}), hypothesis)  # "under it": not where it was last seen
         return Explanation(
             text=" & ".join(parts),
             about=tuple(about),

@@ -18,6 +18,7 @@ from simulation_handler.rollouts.pool import Pool
 
 _TOO_LATE = 2.0  # s of evidence after which even an incomplete search must do
 _SAME_PLACE = 0.005  # m
+_PUSHED = 0.001  # m from where what nobody sees counts as moved by something else
 _ALTERNATIVES = 5  # that are kept on record
 
 
@@ -80,7 +81,8 @@ class ByHypotheses:
         pushed = {
             name: solid
             for name, solid in best.settled.items()
-            if name not in placed and name not in situation.seen and name not in situation.held
+            if name not in placed | situation.seen.keys() | situation.held
+            and math.dist(solid.position, situation.believed[name].position) > _PUSHED
         }
         told = {move.name for move in hypothesis.moves} | hypothesis.unseen | hypothesis.kept
         return Explanation(

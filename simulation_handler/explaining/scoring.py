@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.drafting import Draft
 from simulation_handler.explaining.hypotheses import FROM_GLIMPSE, Hypothesis, Move
-from simulation_handler.explaining.situation import Seen, Situation, as_pose
+from simulation_handler.explaining.situation import THIS_FRAME, Seen, Situation, as_pose
 from simulation_handler.geometry import Solid
 from simulation_handler.percepts import Array
 from simulation_handler.sight import Glance
@@ -36,6 +36,8 @@ FALSE_PERCEPT = 3.0
 FALSE_FRAME = 3.0
 CAMERA_MOVED = 6.0
 
+FEWEST_FOR_CAMERA = 3
+"""Objects that must be seen for a moved camera to be told from moved objects."""
 SURE = 0.9
 """Share of a face from which it should be seen."""
 
@@ -44,7 +46,6 @@ _MISS = 3.0  # nats for each frame in which something is missing that should be 
 _MOST_MISSED = 15.0
 _IMPOSSIBLE = 12.0  # nats for something that is seen though it should be hidden
 _FRAMES_PER_SECOND = 10.0
-_THIS_FRAME = 0.25  # s up to which a percept is of things as they are now
 _HIDDEN = 0.05  # share of a face up to which it cannot be seen
 _RESIDUAL = 8.0  # nats from which an object is still surprising: four standard deviations of one coordinate
 _FALLS_BY_ITSELF = 0.5  # nats for an unseen object that falls because its support is gone
@@ -125,7 +126,7 @@ def _visibility(situation: Situation, hypothesis: Hypothesis, settled: Mapping[s
     for name, glance in best.items():
         if name in situation.seen:
             covered = glance.share <= _HIDDEN and glance.hidden_by in settled  # the boxes around the arm are too rough
-            if covered and name not in hypothesis.kept and situation.seen[name].age < _THIS_FRAME:
+            if covered and name not in hypothesis.kept and situation.seen[name].age < THIS_FRAME:
                 costs[name] = _IMPOSSIBLE
         elif glance.share >= SURE and name not in situation.held:
             frames = situation.missing_for.get(name, situation.evidence) * _FRAMES_PER_SECOND
@@ -136,7 +137,7 @@ def _visibility(situation: Situation, hypothesis: Hypothesis, settled: Mapping[s
 def camera_correction(situation: Situation) -> dict[str, Seen] | None:
     """What would be seen if the camera had moved: all percepts brought back rigidly onto the beliefs (Kabsch, 1976)."""
     names = sorted(name for name in situation.seen if name in situation.believed)
-    if len(names) < 3:
+    if len(names) < FEWEST_FOR_CAMERA:
         return None
     seen = np.array([situation.seen[name].percept.position for name in names])
     believed = np.array([situation.believed[name].position for name in names])

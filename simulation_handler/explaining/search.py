@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 from simulation_handler.explaining.drafting import Draft, draft
 from simulation_handler.explaining.hypotheses import FALLS, FROM_GLIMPSE, Hypothesis, Move
-from simulation_handler.explaining.scoring import Score, displaced, prior, score
+from simulation_handler.explaining.scoring import FEWEST_FOR_CAMERA, Score, displaced, prior, score
 from simulation_handler.explaining.situation import Situation
 from simulation_handler.geometry import Solid
 from simulation_handler.placement import find_support
@@ -23,7 +23,7 @@ from simulation_handler.supports import stacks_of
 Simulate = Callable[[Situation, Sequence[Draft]], Sequence[Mapping[str, Solid] | None]]
 """Where everything is some time after each of the drafts; None for what could not be simulated in time."""
 
-_MOST_TOGETHER = 3  # displaced objects of which all combinations of two ways are tried at once
+_MOST_EXTENDED = 3  # objects left unexplained about which a hypothesis is extended at once, the worst first
 _MOST_PILES = 3
 _PATIENCE = 3  # expansions without a better hypothesis after which the search ends
 
@@ -98,16 +98,15 @@ def _beginnings(situation: Situation) -> list[Hypothesis]:
     for name in moved:
         false = false.without_percept(name)
     beginnings.append(false)
-    if len(moved) >= 2 and len(moved) == len([name for name in situation.seen if name in situation.believed]):
+    placed = situation.seen.keys() & situation.believed.keys()
+    if len(moved) >= FEWEST_FOR_CAMERA and len(moved) == len(placed):
         beginnings.append(Hypothesis(camera_moved=True))
-    if not moved:
-        beginnings.append(nothing)
     return beginnings
 
 
 def _extensions(situation: Situation, candidate: Candidate) -> Iterator[Hypothesis]:
     """Hypotheses that go on from one, about the worst of what it leaves unexplained."""
-    for name in candidate.score.residuals[:_MOST_TOGETHER]:
+    for name in candidate.score.residuals[:_MOST_EXTENDED]:
         if name in situation.seen:
             yield from _about_seen(situation, candidate, name)
         else:

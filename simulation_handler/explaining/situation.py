@@ -18,6 +18,8 @@ from simulation_handler.objects import BelievedObject
 from simulation_handler.percepts import Array
 from simulation_handler.sight import Glance
 
+THIS_FRAME = 0.25
+"""s up to which a percept is of things as they are now"""
 _PLACE_FLOOR = 0.002  # m, standard deviation of what is no noise of percepts: of bodies in contact, of models
 _TURN_FLOOR = 0.03  # rad, likewise
 

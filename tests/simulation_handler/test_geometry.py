@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from dsr import quaternions
@@ -55,6 +55,7 @@ def test_a_footprint_holds_the_projection_of_all_corners(q: Quaternion, a: float
 
 
 @given(st.lists(st.tuples(COORDINATE, COORDINATE), min_size=3, max_size=12))
+@example([(0.0, 0.0), (0.0, -1.0), (-1.0, 0.0), (-1.0, 2.8e-36)])
 def test_a_hull_is_convex_and_holds_its_points(points: list[tuple[float, float]]) -> None:
     outline = hull(points)
     assume(len(outline) > 2 and area(outline) > 1e-6)

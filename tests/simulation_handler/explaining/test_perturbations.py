@@ -8,6 +8,7 @@ from collections.abc import Callable
 import pytest
 
 from dsr.transforms import Pose
+from simulation_handler.holding import Grasp
 from tests.simulation_handler.explaining.scenes import after, errors, shift, tower, two_towers
 from tests.simulation_handler.worlds import CUBE, World, cube_at
 
@@ -182,3 +183,35 @@ def test_nothing_happens_when_nothing_is_flagged_before_some_time_has_passed() -
     assert world.error("cube_3") > 0.05
     world.run(0.5)
     assert max(errors(world).values()) < 0.005
+
+
+@pytest.mark.parametrize("name", ["cube_3", "cube_4"])
+def test_what_is_forgotten_while_it_is_followed_is_followed_no_more(name: str) -> None:
+    world = two_towers()
+    shift(world, ["cube_3", "cube_4"], -0.08, 0.06)
+    world.run(0.5)
+    assert world.belief.explanations()
+    world.belief.remove(name)
+    world.seen.discard(name)
+    del world.truths[name]
+    world.run(0.5)
+    assert name not in world.belief
+
+
+def test_what_is_grasped_while_its_leader_is_followed_goes_with_the_gripper() -> None:
+    world = two_towers()
+    shift(world, ["cube_3", "cube_4"], -0.08, 0.06)
+    world.run(0.5)
+    gripper = Pose.from_rotvec((0.5, -0.2, 0.3), (math.pi, 0.0, 0.0))
+    for _ in range(4):
+        world.belief.hold({"cube_4": Grasp("gripper", gripper, Pose((0.0, 0.0, 0.1)))})
+        world.tick()
+    assert world.pose("cube_4").t == pytest.approx((0.5, -0.2, 0.2), abs=1e-3)
+
+
+def test_what_nobody_sees_and_nothing_moves_keeps_its_place_when_something_else_is_explained() -> None:
+    world = two_towers()
+    before, confirmed = world.pose("cube_5").t, world.belief._bodies.object("cube_5").confirmed
+    after(world, put_3_back)
+    assert math.dist(world.pose("cube_5").t, before) < 1e-4
+    assert world.belief._bodies.object("cube_5").confirmed == confirmed is not None
