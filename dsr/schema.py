@@ -245,6 +245,8 @@ _ATTRIBUTES: dict[str, AttributeType] = dict([
     *_attributes("float", "m", {"target_opening": "wanted distance between the finger pads"}),
     *_attributes("float", "m", {"opening": "distance between the finger pads"}, stream=True),
     *_attributes("float", "s", {"since": "when it began", "time": "when it happened"}),
+    *_attributes("float", "", {"confidence": "that it is so, 0 to 1"}),
+    *_attributes("str", "", {"kind": "of an event", "participants": "comma-separated nodes that an event is about"}),
     *_attributes("float", "", {"share": "of its face that the camera should see, 0 to 1",
                                "score": "how badly an explanation fits: minus its log-likelihood, up to a constant"}),
     *_attributes("float", "s", {"last_seen": "when a camera last saw it"}, stream=True),

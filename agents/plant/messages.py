@@ -74,6 +74,8 @@ class Truth(msgspec.Struct, frozen=True):
     """Objects that do not lie still."""
     in_view: tuple[str, ...] = ()
     """Objects whose tag the camera could see in its last frame."""
+    grasped: dict[str, str] = {}
+    """Objects that are held, and by what: `gripper`, the node of a hand, or `unknown` for the experimenter."""
     moves: dict[int, tuple[float, float | None]] = {}
     """Of what the experimenter has begun, by the event's number in the file (from 1): begin, end; s after the start"""
 

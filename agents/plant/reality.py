@@ -80,6 +80,7 @@ class Reality:
             camera={self.camera.name: seven(self.camera.pose)},
             moving=tuple(name for name in self.world if not self.world.is_still(name)),
             in_view=tuple(self.camera.in_view),
+            grasped=self._stage.grasped(),
             moves=dict(self.experimenter.spans),
         )
 

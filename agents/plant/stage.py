@@ -106,6 +106,11 @@ class Stage:
         """Whether the experimenter or the gripper holds the object."""
         return self.arm.held == name or any(name in grip.names for grip in self._grips.values())
 
+    def grasped(self) -> dict[str, str]:
+        """What is held, and by what: `gripper`, or `unknown` for the experimenter; not what only comes along."""
+        held = {} if self.arm.held is None else {self.arm.held: "gripper"}
+        return held | dict.fromkeys(self._grips, "unknown")
+
     def act(self) -> None:
         """Move what is held, for the next step of physics."""
         for grip in self._grips.values():

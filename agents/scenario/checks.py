@@ -7,9 +7,11 @@ from pathlib import Path as FilePath
 
 from agents.scenario.events import ArmError, Carry, Event, FalsePercept, Kill, Place, Slide, Swap
 from agents.scenario.expectations import (
+    Actions,
     BeliefRecovered,
     Check,
     Edges,
+    Inside,
     Mission,
     Recovered,
     Replans,
@@ -24,6 +26,7 @@ from agents.scenario.relations import GROUND
 from dsr.errors import ConfigError, GoalError, suggest
 from dsr.goals import parse_goal
 from dsr.keys import check_name
+from dsr.observed_actions import parse_pattern
 from dsr.runtime.config import TomlFile
 from dsr.runtime.toml_lines import Path
 
@@ -191,7 +194,8 @@ def _check_above_table(
 
 
 def _check_expectation(check: Check, path: Path, scenario: Scenario) -> None:
-    _check_objects(check.named_objects, (*path, "objects"), scenario)
+    named = path if isinstance(check, Inside) else (*path, "objects")
+    _check_objects(check.named_objects, named, scenario)
     at = scenario.duration if check.at is None else check.at
     _check_time(at, (*path, "at"), scenario)
     if check.event is not None:
@@ -203,12 +207,14 @@ def _check_expectation(check: Check, path: Path, scenario: Scenario) -> None:
         message = f"the window begins at {after} s; expected before {at} s, when it is judged"
         given = getattr(check, "after", None) is not None
         _require(after < at, (*path, "after" if given else "at"), message)
-    if isinstance(check, Edges | TrueRelations):
+    if isinstance(check, Edges | TrueRelations | Inside):
         name = check.__struct_config__.tag
         some = bool(check.present or check.absent)
         _require(some, path, f"{name}: expected `present` or `absent`: lists of [source, destination]")
     if isinstance(check, TrueRelations):
         _check_relation_names(check, path, scenario)
+    if isinstance(check, Actions):
+        _check_actions(check, path, scenario)
     if isinstance(check, Surprises | Replans):
         message = f"at least {check.least} and at most {check.most} is impossible"
         _require(check.most is None or check.least <= check.most, (*path, "most"), message)
@@ -231,6 +237,21 @@ def _check_relative(check: Check, path: Path, scenario: Scenario) -> None:
     _require(check.at is not None, path, "expected `at` (s) with `event`: how long after its end this is judged")
     by_plant = check.event is not None and not scenario.events[check.event - 1].by_runner
     _require(by_plant, (*path, "event"), "expected an event in the true world, not `kill`")
+
+
+def _check_actions(check: Actions, path: Path, scenario: Scenario) -> None:
+    """Its terms can be read, and are about objects of the file that it looks at."""
+    some = check.sequence is not None or bool(check.present or check.absent)
+    _require(some, path, "actions: expected `sequence`, `present` or `absent`: lists such as ['Pick(cup)']")
+    for field, index, term in check.terms:
+        try:
+            pattern = parse_pattern(term)
+        except GoalError as error:
+            raise InconsistencyError((*path, field, index), f"{term!r}: {error.reason}") from error
+        if pattern.thing is not None:
+            _check_objects([pattern.thing], (*path, field, index), scenario)
+            looked_at = check.objects is None or pattern.thing in check.objects
+            _require(looked_at, (*path, field, index), f"{pattern.thing!r} is not one of the `objects` of this check")
 
 
 def _check_relation_names(check: TrueRelations, path: Path, scenario: Scenario) -> None:

@@ -116,6 +116,42 @@ class Edges(Expectation, frozen=True, kw_only=True, tag="edges"):
     absent: tuple[tuple[str, str], ...] = ()
 
 
+class Inside(Expectation, frozen=True, kw_only=True, tag="inside"):
+    """The memory holds an edge `in` for each pair (object, container) of `present`, and none of `absent`."""
+
+    after: Seconds | None = None
+    """If given, this holds at every moment from then on."""
+    present: tuple[tuple[str, str], ...] = ()
+    absent: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def named_objects(self) -> tuple[str, ...]:
+        """Both of each pair."""
+        return tuple(name for pair in (*self.present, *self.absent) for name in pair)
+
+
+class Actions(OfObjects, frozen=True, kw_only=True, tag="actions"):
+    """The actions that were inferred about the objects (default: all of the file) until it is judged.
+
+    Terms are `Pick(cup)`, `Pick(cup, human_hand_0)`, or `Release` for one of anything.
+    """
+
+    after: Seconds | None = None
+    """s after the start, or after `event`, from when on they count; default: 0"""
+    sequence: tuple[str, ...] | None = None
+    """All of them, in the order in which they happened: neither one more nor one less."""
+    present: tuple[str, ...] = ()
+    """Each was inferred, whatever else."""
+    absent: tuple[str, ...] = ()
+    """None was inferred."""
+
+    @property
+    def terms(self) -> tuple[tuple[str, int, str], ...]:
+        """All terms, each with its field and index there."""
+        fields = {"sequence": self.sequence or (), "present": self.present, "absent": self.absent}
+        return tuple((field, index, term) for field, terms in fields.items() for index, term in enumerate(terms))
+
+
 class Recovered(Expectation, frozen=True, kw_only=True, tag="recovered"):
     """The agent, killed by an event, runs again no later than `within` seconds after."""
 
@@ -197,6 +233,8 @@ Check = (
     | Surprises
     | Mission
     | Replans
+    | Inside
+    | Actions
 )
 CHECKS: dict[str, type[Check]] = {str(kind.__struct_config__.tag): kind for kind in get_args(Check)}
 """The kinds of expectation by their `check`."""

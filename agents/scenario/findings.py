@@ -6,11 +6,21 @@ import math
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
-from agents.scenario.expectations import BeliefError, Check, Edges, Expectation, OfObjects, Surprises, Windowed
+from agents.scenario.expectations import (
+    Actions,
+    BeliefError,
+    Check,
+    Edges,
+    Expectation,
+    Inside,
+    OfObjects,
+    Surprises,
+    Windowed,
+)
 from agents.scenario.history import History, Sample
 from agents.scenario.perturbations import event_end
 
-WithWindow = Windowed | BeliefError | Edges | Surprises
+WithWindow = Windowed | BeliefError | Edges | Surprises | Inside | Actions
 Finding = tuple[bool, str]
 """Whether it holds, and what was found."""
 NOTHING: Finding = (False, "there was no object to judge")
@@ -37,7 +47,7 @@ def begin_of(check: WithWindow, history: History, default: float | None) -> floa
         return default if check.after is None else check.after
     end = event_end(history, check.event) or 0.0
     if check.after is None:
-        return end if isinstance(check, Windowed | Surprises) else None
+        return end if isinstance(check, Windowed | Surprises | Actions) else None
     return end + check.after
 
 

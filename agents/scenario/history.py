@@ -9,6 +9,7 @@ from typing import Any, Literal
 import msgspec
 
 from agents.scenario.model import Scenario
+from dsr.observed_actions import Action
 from dsr.transforms import Pose
 
 Source = Literal["percept", "belief"]
@@ -34,6 +35,8 @@ class Sample(msgspec.Struct, frozen=True, kw_only=True):
     """By node and name, those that the scenario asks for."""
     held: str | None = None
     """True: the object in the gripper."""
+    grasped: dict[str, str] = {}
+    """True: objects that are held, and by what: `gripper`, the node of a hand, or `unknown`."""
     moving: frozenset[str] = frozenset()
     """True: objects that do not lie still."""
     in_view: frozenset[str] = frozenset()
@@ -67,6 +70,15 @@ class Explained(msgspec.Struct, frozen=True):
     explanation: str
 
 
+class Inferred(msgspec.Struct, frozen=True):
+    """An action that was written into the memory."""
+
+    action: Action
+    noticed: float
+    """s after the start, when it was in the memory"""
+    confidence: float = 1.0
+
+
 class History:
     """The samples of one run, in order of time."""
 
@@ -80,6 +92,8 @@ class History:
         self.missions: list[MissionState] = []
         """All changes of all intentions."""
         self.explanations: list[Explained] = []
+        self.actions: list[Inferred] = []
+        """In the order in which they were written."""
         self.end = scenario.duration
         """s after the start: when the run ended"""
 

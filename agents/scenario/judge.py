@@ -8,16 +8,18 @@ from typing import Any, Literal
 
 from agents.scenario.course import missing_events
 from agents.scenario.expectations import Attribute, Edges
-from agents.scenario.history import Explained, History, MissionState, Sample
+from agents.scenario.history import Explained, History, Inferred, MissionState, Sample
 from agents.scenario.metrics import measure
 from agents.scenario.model import Scenario
 from agents.scenario.result import Result
 from agents.scenario.truth import Truth, decode_truth
 from agents.scenario.verdicts import judge_check
+from dsr.elements import Node
 from dsr.errors import TransformError, WireError
 from dsr.intentions import FULFILLED, GIVEN_UP
 from dsr.keys import Keys
 from dsr.memory import Memory
+from dsr.observed_actions import read_action
 from dsr.runtime.status import State, decode_status
 from dsr.transforms import Pose
 from dsr.transport import Transport
@@ -45,7 +47,7 @@ class Judge:
         self._flagged: set[str] = set()
         self._running: set[tuple[str, str]] = set()
         self._intentions: dict[str, tuple[str, str, int]] = {}
-        self._explained: set[tuple[str, float]] = set()
+        self._told: set[tuple[str, float]] = set()
         self._subscriptions = [
             bus.subscribe(keys.truth(), self._on_truth),
             bus.subscribe(keys.status(), self._on_status),
@@ -133,6 +135,7 @@ class Judge:
             edges=frozenset((edge.type, edge.src, edge.dst) for edge in self._relations()),
             attributes=self._attributes(),
             held=truth.held,
+            grasped=truth.grasped,
             moving=truth.moving,
             in_view=truth.in_view,
             surprising=frozenset(self._flagged),
@@ -149,9 +152,18 @@ class Judge:
                 history.missions.append(MissionState(time, node.name, *values))
         for node in self._memory.nodes("event"):
             key = (node.name, node.get("time", 0.0))
-            if key not in self._explained:
-                self._explained.add(key)
-                history.explanations.append(Explained(time, node.name, node.get("explanation", "")))
+            if key not in self._told:
+                self._told.add(key)
+                self._note_event(node, time)
+
+    def _note_event(self, node: Node, time: float) -> None:
+        """An explanation or an action that is in the memory since `time`; other events are not judged."""
+        action = read_action(node)
+        if action is not None:
+            action = action._replace(time=action.time - self._start)
+            self.history.actions.append(Inferred(action, time, node.get("confidence", 1.0)))
+        elif "explanation" in node:
+            self.history.explanations.append(Explained(time, node.name, node["explanation"]))
 
     def _is_surprising(self, name: str) -> bool:
         node = self._memory.get_node(name)
@@ -169,7 +181,7 @@ class Judge:
 
     def _relations(self) -> list[Any]:
         kinds = {check.type for check in self.history.scenario.expectations if isinstance(check, Edges)}
-        return [edge for kind in sorted({"on", *kinds}) for edge in self._memory.edges(kind)]
+        return [edge for kind in sorted({"on", "in", "grasping", *kinds}) for edge in self._memory.edges(kind)]
 
     def _attributes(self) -> dict[tuple[str, str], Any]:
         wanted = [check for check in self.history.scenario.expectations if isinstance(check, Attribute)]

@@ -23,6 +23,8 @@ class Truth(msgspec.Struct, frozen=True):
     """Objects that do not lie still."""
     in_view: frozenset[str] = frozenset()
     """Objects whose tag the camera could see in its last frame."""
+    grasped: dict[str, str] = {}
+    """Objects that are held, and by what: `gripper`, the node of a hand, or `unknown` for the experimenter."""
     moves: dict[int, tuple[float, float | None]] = {}
     """By the number of an event in the file (from 1): when its move began and ended, s after the start."""
 

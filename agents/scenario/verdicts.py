@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from agents.scenario.course import COURSE
+from agents.scenario.doings import DOINGS
 from agents.scenario.events import Kill
 from agents.scenario.expectations import (
     Attribute,
@@ -185,4 +186,5 @@ _JUDGES: dict[type, Callable[[Any, History, Sample], Finding]] = {
     Edges: _edges,
     Recovered: _recovered,
     **COURSE,
+    **DOINGS,
 }

@@ -220,7 +220,7 @@ def test_wrong_events_are_refused(event: str, message: str):
     ("check", "message"),
     [
         ("check = 'restin'", "x.toml:20: expect.1.check: unknown value 'restin'; did you mean 'resting'?"),
-        ("tolerance = 1", "x.toml:19: expect.1: missing required field `check`; valid: attribute"),
+        ("tolerance = 1", "x.toml:19: expect.1: missing required field `check`; valid: actions"),
         (
             "check = 'resting'\nobjects = ['c']",
             "x.toml:21: expect.1.objects: unknown object 'c'; valid: a, b",
