@@ -12,7 +12,7 @@ import math
 from agents.scenario.course import missing_events, rises
 from agents.scenario.history import History, Sample, Source
 from agents.scenario.measures import OverlapMeter, belief_gap, drift, height_error, mean_error
-from agents.scenario.perturbations import perturbations, recovery, wrong_explanations
+from agents.scenario.perturbations import perturbations, recovery, recovery_in_view, wrong_explanations
 from dsr.intentions import FULFILLED
 
 RECOVERED = 0.005
@@ -42,12 +42,14 @@ def _course_metrics(history: History) -> dict[str, float]:
     """Of the whole run: perturbations, surprise, explanations, mission."""
     scenario = history.scenario
     found: dict[str, float] = {}
-    times = [recovery(history, one, RECOVERED).seconds for one in perturbations(history)]
+    over = perturbations(history)
+    times = [recovery(history, one, RECOVERED).seconds for one in over]
     for number, seconds in enumerate(times, start=1):
         if seconds < math.inf:
             found[f"recovery_time_{number}_s"] = seconds
     if times and max(times) < math.inf:
         found["recovery_time_max_s"] = max(times)
+        found["recovery_in_view_max_s"] = max(recovery_in_view(history, one, RECOVERED) for one in over)
     everything = {spec.name for spec in scenario.objects}
     found["surprises_raised"] = len(rises(history, 0.0, history.end, everything))
     found["explanations"] = len(history.explanations)

@@ -122,6 +122,31 @@ def recovery(history: History, after: Perturbation, tolerance: float, names: Seq
     return worst
 
 
+def recovery_in_view(history: History, after: Perturbation, tolerance: float) -> float:
+    """How long it took (s) from when what is wrongly believed could be seen until that stayed within `tolerance` m.
+
+    What stands under something is seen by what is on top; what never comes into view counts from the end of the
+    perturbation. 0 if nothing was wrong, infinite if something stayed so.
+    """
+    samples = history.window(after.end, after.until) if after.end < after.until else []
+    worst = 0.0
+    for name in {spec.name for spec in history.scenario.objects} if samples else ():
+        bad = [time for time, error in _errors(samples, name) if error > tolerance]
+        if not bad:
+            continue
+        top = _top(name, true_relations(history.scenario, samples[0].truth, samples[0].held))
+        shown = next((sample.time for sample in samples if top in sample.in_view), after.end)
+        right = next((time for time, _ in _errors(samples, name) if time > bad[-1]), math.inf)
+        worst = max(worst, right - max(shown, after.end))
+    return worst
+
+
+def _top(name: str, relations: frozenset[tuple[str, str]]) -> str:
+    """What stands highest on an object; the object itself if nothing does."""
+    above = sorted(upper for upper, lower in relations if lower == name)
+    return _top(above[0], relations) if above else name
+
+
 def _errors(samples: Sequence[Sample], name: str) -> list[tuple[float, float]]:
     """Time and error (m) of the belief in an object while it stays where it is."""
     start = samples[0].truth.get(name)

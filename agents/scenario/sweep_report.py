@@ -16,6 +16,7 @@ from agents.scenario.sweep import Outcome
 
 MAIN = {
     "recovery_time_max_s": "recovery",
+    "recovery_in_view_max_s": "in view",
     "surprises_raised": "surprises",
     "wrong_beliefs": "wrong beliefs",
     "replans": "replans",

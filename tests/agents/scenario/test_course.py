@@ -238,6 +238,18 @@ def test_explanations_are_wrong_if_what_they_lead_to_is():
     metrics = measure(history)[0]
     assert metrics["explanations"] == 2 and metrics["wrong_beliefs"] == 1
     assert metrics["recovery_time_1_s"] == metrics["recovery_time_max_s"] == pytest.approx(1.0)
+    assert metrics["recovery_in_view_max_s"] == pytest.approx(1.0)
+
+
+def test_what_is_wrong_in_the_belief_only_also_counts_from_when_the_camera_can_see_what_stands_on_it():
+    def fields(time: float) -> dict[str, Any]:
+        belief = BEFORE if time < 4.5 or time >= 6.0 else {"a": BEFORE["a"], "b": AFTER["b"]}
+        seen = frozenset("a" if time < 4.0 or time >= 5.7 else "")
+        return {"truth": BEFORE, "beliefs": belief, "moving": frozenset(), "in_view": seen}
+
+    metrics = measure(course(fields=fields))[0]
+    assert metrics["recovery_time_max_s"] > 1.0
+    assert metrics["recovery_in_view_max_s"] == pytest.approx(0.3)
 
 
 @pytest.mark.parametrize(
