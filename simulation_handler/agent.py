@@ -31,7 +31,7 @@ class SimulationHandler(Agent):
         nodes=(*FIXTURES, *OBJECTS, *PARTS, "world", "camera", "gripper", "action", "event"),
         edges=("RT", "Virtual_RT", "on", "sees", "grasping"),
         attributes=(
-            *("size", "mass", "friction", "plausible", "source", "since", "bounds", *INTRINSICS, *SEEN),
+            *("size", "shape", "mass", "friction", "plausible", "source", "since", "bounds", *INTRINSICS, *SEEN),
             *("surprising", "present", "skill", "target", "destination", "status", "held_at"),
         ),
     )

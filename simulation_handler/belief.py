@@ -12,12 +12,14 @@ import math
 from collections.abc import Collection, Mapping
 
 from dsr.quaternions import Vector3
+from dsr.shapes import Shape
 from dsr.transforms import Pose
 from simulation_handler.bodies import FLOOR, Bodies
 from simulation_handler.config import BeliefConfig
 from simulation_handler.correction import Correction
 from simulation_handler.explainer import Explainer
 from simulation_handler.explaining import Explanation, Look, Policy, make_policy
+from simulation_handler.geometry import Solid
 from simulation_handler.holding import Grasp, Holding
 from simulation_handler.percepts import make_percept
 from simulation_handler.relations import Relation, Relations
@@ -68,19 +70,22 @@ class Belief:
         """
         self._bodies.set_fixture(name, size, pose)
 
-    def add_object(self, name: str, size: Vector3, *, mass: float | None = None, friction: float | None = None) -> None:
-        """Let a box-shaped object exist; it takes part in the simulation once it has a place.
+    def add_object(
+        self, name: str, size: Vector3, *, mass: float | None = None, friction: float | None = None, shape: Shape = ()
+    ) -> None:
+        """Let an object exist; it takes part in the simulation once it has a place.
 
         Args:
             name: not in use yet.
-            size: (3,) edge lengths, m.
+            size: (3,) edge lengths of its bounding box, m.
+            shape: its pieces; none for a solid box.
             mass: kg.
             friction: Coulomb coefficient.
 
         Raises:
             SimulationError: for a name in use.
         """
-        self._bodies.add_object(name, size, mass, friction)
+        self._bodies.add_object(name, size, mass, friction, shape)
 
     def recall(self, name: str, world_pose: Pose, *, held: bool = False) -> None:
         """Believe again that an object is at `world_pose`, and `held` there by something unknown or not."""
@@ -154,6 +159,10 @@ class Belief:
             return None
         position, rotation = self._bodies.sim.pose(name)
         return Pose(position, rotation, self._now or 0.0, item.covariance(rotation))
+
+    def solids(self) -> list[Solid]:
+        """All objects that have a place, there."""
+        return [self._bodies.solid(name) for name in self._bodies.objects if name in self._bodies.sim]
 
     def scene(self) -> Scene:
         """All that has a place, fixtures and floor too, as it is now: to be simulated without disturbing the belief."""

@@ -6,6 +6,7 @@ from collections.abc import Collection
 
 from dsr.errors import suggest
 from dsr.quaternions import Quaternion, Vector3
+from dsr.shapes import Shape
 from dsr.transforms import Pose
 from simulation_handler.config import BeliefConfig
 from simulation_handler.geometry import Solid
@@ -50,13 +51,15 @@ class Bodies:
         self.sim.add_box(solid.name, solid.size, solid.position, solid.rotation, friction=friction)
         self.fixtures[solid.name] = solid
 
-    def add_object(self, name: str, size: Vector3, mass: float | None, friction: float | None) -> BelievedObject:
+    def add_object(
+        self, name: str, size: Vector3, mass: float | None, friction: float | None, shape: Shape = ()
+    ) -> BelievedObject:
         """Let an object exist, without a place yet."""
         if name in self.objects or name in self.fixtures:
             raise SimulationError(f"{name!r} is already part of the belief")
         mass = self._config.default_mass if mass is None else mass
         friction = self._config.default_friction if friction is None else friction
-        self.objects[name] = BelievedObject(name, size, mass, friction, Track(self._config))
+        self.objects[name] = BelievedObject(name, size, mass, friction, Track(self._config), shape)
         return self.objects[name]
 
     def remove(self, name: str) -> None:
@@ -79,7 +82,7 @@ class Bodies:
 
     def solid(self, name: str) -> Solid:
         """The object at its believed pose."""
-        return Solid(name, self.objects[name].size, *self.sim.pose(name))
+        return self.objects[name].solid(*self.sim.pose(name))
 
     def scene(self, leaving_out: Collection[str]) -> dict[str, Solid]:
         """All fixtures, and all other bodies at their believed poses."""
@@ -95,7 +98,8 @@ class Bodies:
         ]
         for name, item in self.objects.items():
             if name in self.sim:
-                bodies.append(Body(name, item.size, *self.sim.pose(name), item.mass, item.friction, item.pinned))
+                pose = self.sim.pose(name)
+                bodies.append(Body(name, item.size, *pose, item.mass, item.friction, item.pinned, item.shape))
         return Scene(tuple(bodies))
 
     def put(self, item: BelievedObject, position: Vector3, rotation: Quaternion) -> None:
@@ -103,7 +107,9 @@ class Bodies:
         if item.name in self.sim:
             self.sim.place(item.name, position, rotation)
         else:
-            self.sim.add_box(item.name, item.size, position, rotation, mass=item.mass, friction=item.friction)
+            self.sim.add_body(
+                item.name, item.size, item.shape, position, rotation, mass=item.mass, friction=item.friction
+            )
             item.pinned, item.gone = False, False
         item.put = Pose.unchecked(position, rotation)
 
@@ -125,5 +131,5 @@ class Bodies:
         return item.name in self.sim and item.has_left(self.pose(item.name), self._config)
 
     def never_placed(self) -> dict[str, Vector3]:
-        """Edge lengths (m) of the objects that exist and whose place was never known, by name."""
-        return {name: item.size for name, item in self.objects.items() if name not in self.sim}
+        """Edge lengths (m) of the boxes that exist and whose place was never known, by name."""
+        return {name: item.size for name, item in self.objects.items() if name not in self.sim and not item.shape}

@@ -10,7 +10,7 @@ import numpy as np
 from dsr.transforms import Pose
 from simulation_handler.bodies import Bodies
 from simulation_handler.config import BeliefConfig
-from simulation_handler.geometry import Solid, face_down
+from simulation_handler.geometry import Solid
 from simulation_handler.objects import BelievedObject
 from simulation_handler.placement import Placement, place, separate
 from simulation_handler.supports import find_beneath
@@ -103,11 +103,11 @@ class Correction:
     def _find_beneath(self, item: BelievedObject, scene: Scene) -> bool:
         """Put beneath a hovering object what can explain it; false if nothing can."""
         percept = item.percept()
-        flat, tilt = face_down(percept.rotation)
+        flat, tilt = percept.face_down()
         if tilt > self._config.tilt_tolerance:
             return False
         beneath = find_beneath(
-            percept.turned(flat),
+            flat,
             item.percept_covariance(self._config),
             self._bodies.never_placed(),
             scene.values(),

@@ -137,7 +137,7 @@ class Explainer:
             believed=placed,
             properties={
                 **{name: Properties(0.0, config.default_friction) for name in bodies.fixtures},
-                **{name: Properties(item.mass, item.friction) for name, item in objects.items()},
+                **{name: Properties(item.mass, item.friction, item.shape) for name, item in objects.items()},
             },
             seen={
                 name: seen_now(item, config, now)
@@ -164,7 +164,7 @@ class Explainer:
         if percept is None or item.track.is_fresh(now) or item.holder:
             return None
         x, y, z = percept.position.tolist()
-        solid, believed = Solid(item.name, item.size, (x, y, z), percept.rotation), self._bodies.solid(item.name)
+        solid, believed = item.solid((x, y, z), percept.rotation), self._bodies.solid(item.name)
         metres, radians = as_pose(solid).distance(as_pose(believed))
         is_off = metres > config.hover_tolerance or radians > config.tilt_tolerance
         return solid if is_off or item.track.is_restless else None

@@ -1,4 +1,4 @@
-"""Boxes over and beside each other: footprints, overlaps and the turn that puts a face down.
+"""Bodies over and beside each other: footprints, overlaps and the turn that puts a face down.
 
 Footprints are convex polygons in the horizontal plane, counter-clockwise, (x, y) in m of the world frame.
 On a handful of points plain floats are several times faster than numpy.
@@ -13,6 +13,7 @@ from functools import cached_property
 
 from dsr import quaternions
 from dsr.quaternions import Quaternion, Vector3
+from dsr.shapes import Part, PartKind, Shape
 
 Point = tuple[float, float]
 Polygon = Sequence[Point]
@@ -20,25 +21,58 @@ Polygon = Sequence[Point]
 _CORNERS = tuple((x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5))
 _SAME_POINT = 1e-9  # m
 _LEVEL = 1e-7  # slope of an edge that counts as horizontal
+_ROUND = tuple((math.cos(math.pi * k / 8), math.sin(math.pi * k / 8)) for k in range(16))
 
 
 @dataclass(frozen=True)
 class Solid:
-    """A box somewhere in the world."""
+    """A body somewhere in the world: a box, or what its shape says."""
 
     name: str
     size: Vector3
-    """Edge lengths, m."""
+    """Edge lengths of its bounding box, m."""
     position: Vector3
-    """Of its centre, m."""
+    """Of the centre of that, m."""
     rotation: Quaternion = (0.0, 0.0, 0.0, 1.0)
     fixed: bool = False
     """It never moves: a table or the floor."""
+    shape: Shape = ()
+    """Its pieces; none for a solid box."""
+
+    @cached_property
+    def kind(self) -> PartKind | None:
+        """What it is if it is of one piece; None for a body of several."""
+        if not self.shape:
+            return "box"
+        return self.shape[0].kind if len(self.shape) == 1 else None
+
+    @cached_property
+    def parts(self) -> tuple[Solid, ...]:
+        """Its convex pieces in the world, under its name; itself if it is of one."""
+        return (self,) if self.kind else tuple(map(self._part, self.shape))
+
+    def _part(self, part: Part) -> Solid:
+        x, y, z = quaternions.rotate(self.rotation, part.position)
+        position = (self.position[0] + x, self.position[1] + y, self.position[2] + z)
+        shape = () if part.kind == "box" else (Part(part.kind, part.size),)
+        rotation = quaternions.product(self.rotation, part.rotation)
+        return Solid(self.name, part.size, position, rotation, self.fixed, shape)
+
+    @cached_property
+    def is_hollow(self) -> bool:
+        """Whether there is room in its middle: in a cup, in a box without lid or bottom."""
+        return self.kind is None and not any(part.contains((0.0, 0.0, 0.0)) for part in self.shape)
+
+    def reaches_around(self, point: Vector3, margin: float = 0.0) -> bool:
+        """Whether a point (m) is within its bounding box, or outside by at most `margin` m (inside, if negative)."""
+        away = (point[0] - self.position[0], point[1] - self.position[1], point[2] - self.position[2])
+        local = quaternions.rotate(quaternions.conjugate(self.rotation), away)
+        return all(abs(a) <= 0.5 * edge + margin for a, edge in zip(local, self.size, strict=True))
 
     @cached_property
     def half_height(self) -> float:
         """Distance in height from the centre to the highest corner, m."""
-        return half_height(self.size, self.rotation)
+        return 0.5 * self.size[2] if self.kind == "sphere" else half_height(self.size, self.rotation)
 
     @property
     def bottom(self) -> float:
@@ -52,13 +86,16 @@ class Solid:
 
     @cached_property
     def radius(self) -> float:
-        """Distance from the centre to any corner, m."""
-        return 0.5 * math.hypot(*self.size)
+        """Distance from the centre within which all of it is, m."""
+        return 0.5 * (self.size[0] if self.kind == "sphere" else math.hypot(*self.size))
 
     @cached_property
     def footprint(self) -> Polygon:
-        """Its outline seen from above."""
+        """Its outline seen from above; of several pieces, that of the bounding box."""
         x, y, _ = self.position
+        if self.is_round:
+            half = 0.5 * self.size[0]
+            return [(x + half * dx, y + half * dy) for dx, dy in _ROUND]
         rows = quaternions.to_matrix(self.rotation)
         edges = [(rows[0][k] * edge, rows[1][k] * edge) for k, edge in enumerate(self.size)]
         level = [edge for edge, slope in zip(edges, rows[2], strict=True) if abs(slope) < _LEVEL]
@@ -67,13 +104,31 @@ class Solid:
         offsets = [_combined(signs, edges) for signs in _CORNERS]
         return hull([(x + dx, y + dy) for dx, dy in offsets])
 
+    @property
+    def is_round(self) -> bool:
+        """Whether it is round seen from above: a ball, or a cylinder that stands."""
+        if self.kind == "cylinder":
+            return abs(abs(quaternions.to_matrix(self.rotation)[2][2]) - 1.0) < _LEVEL
+        return self.kind == "sphere"
+
     def moved(self, position: Vector3) -> Solid:
         """The same solid elsewhere."""
-        return Solid(self.name, self.size, position, self.rotation, self.fixed)
+        return Solid(self.name, self.size, position, self.rotation, self.fixed, self.shape)
 
     def turned(self, rotation: Quaternion) -> Solid:
         """The same solid with another rotation."""
-        return Solid(self.name, self.size, self.position, rotation, self.fixed)
+        return Solid(self.name, self.size, self.position, rotation, self.fixed, self.shape)
+
+    def at(self, position: Vector3, rotation: Quaternion) -> Solid:
+        """The same solid elsewhere, with another rotation."""
+        return Solid(self.name, self.size, position, rotation, self.fixed, self.shape)
+
+    def face_down(self) -> tuple[Solid, float]:
+        """It with the nearest rotation that puts a face down, and how far that is (tilt, rad); a ball has none."""
+        if self.kind == "sphere":
+            return self, 0.0
+        rotation, tilt = face_down(self.rotation)
+        return self.turned(rotation), tilt
 
 
 def _parallelogram(centre: Point, a: Point, b: Point) -> Polygon:

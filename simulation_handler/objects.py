@@ -8,6 +8,7 @@ import numpy as np
 
 from dsr import quaternions
 from dsr.quaternions import Quaternion, Vector3
+from dsr.shapes import Shape
 from dsr.transforms import Pose
 from simulation_handler.config import BeliefConfig
 from simulation_handler.estimate import Estimate
@@ -27,12 +28,14 @@ class BelievedObject:
 
     name: str
     size: Vector3
-    """Edge lengths, m."""
+    """Edge lengths of its bounding box, m."""
     mass: float
     """kg"""
     friction: float
     """Coulomb coefficient."""
     track: Track
+    shape: Shape = ()
+    """Its pieces; none for a solid box."""
     placement: Placement | None = None
     """Where perception last led to."""
     put: Pose | None = None
@@ -67,7 +70,11 @@ class BelievedObject:
         estimate = self.track.estimate
         assert estimate is not None
         x, y, z = estimate.corrected(self.bias or 0.0).tolist()
-        return Solid(self.name, self.size, (x, y, z), estimate.rotation)
+        return self.solid((x, y, z), estimate.rotation)
+
+    def solid(self, position: Vector3, rotation: Quaternion) -> Solid:
+        """The object there."""
+        return Solid(self.name, self.size, position, rotation, shape=self.shape)
 
     def percept_covariance(self, config: BeliefConfig) -> Array:
         """(3, 3) m^2 of the position of `percept`."""

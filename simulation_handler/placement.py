@@ -6,6 +6,7 @@ enters the simulation: interpenetrating bodies would be thrown apart, hovering o
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
@@ -18,7 +19,6 @@ from simulation_handler.geometry import (
     Solid,
     area,
     contains,
-    face_down,
     hull,
     intersection,
     overlap,
@@ -31,6 +31,8 @@ _SIDE_BY_SIDE = 0.25  # share of the lower one's height above which two bodies a
 _SLIVER = 0.1  # share of the smaller footprint below which an overlap does not carry
 _SWEEPS = 25
 _HEIGHT_STD = 0.0003  # m, what is left of the height's uncertainty on a support
+
+_Pair = tuple[str, str, list[tuple[int, int]]]  # two names, and which parts of the two are side by side
 
 
 @dataclass(frozen=True)
@@ -63,9 +65,9 @@ def place(percept: Solid, covariance: Array, others: Sequence[Solid], config: Be
     x' = x + S_xz / S_zz (z' - z), so that the depth error is undone along the viewing ray.
     An object that nothing can carry stays as it is perceived, only not inside what is below it.
     """
-    flat, tilt = face_down(percept.rotation)
+    flat, tilt = percept.face_down()
     upright = tilt <= config.tilt_tolerance
-    solid = posed = percept.turned(flat) if upright else percept
+    solid = posed = flat if upright else percept
     for _ in range(2):  # the support is looked for where the object is once its height is right
         supports, level = find_support(solid, posed.bottom, others, config.hover_tolerance)
         if level is not None:
@@ -84,14 +86,21 @@ def find_support(
     level that is under its centre of mass: within the hull of the areas in which it touches that level.
     Slivers do not carry: they come from sideways noise.
     """
-    touching = [(other.top, other.name, shared) for other in others if (shared := _common(solid, bottom, other, reach))]
+    touching = [
+        (lower.top - above, lower.name, shared)
+        for other in others
+        if _near(solid, other)
+        for part, lower in itertools.product(solid.parts, other.parts)
+        for above in [part.bottom - solid.bottom]
+        if (shared := _common(part, bottom + above, lower, reach))
+    ]
     touching.sort(reverse=True)
     while touching:
         level = touching[0][0]
         carrying = [entry for entry in touching if level - entry[0] <= _LEVEL]
         carried = hull([point for entry in carrying for point in entry[2]])
         if contains(carried, solid.position[:2]):
-            return tuple(sorted(entry[1] for entry in carrying)), level
+            return tuple(sorted({entry[1] for entry in carrying})), level
         touching = touching[len(carrying) :]
     return (), None
 
@@ -108,7 +117,14 @@ def _common(solid: Solid, bottom: float, other: Solid, reach: float) -> Sequence
 
 def _above(solid: Solid, covariance: Array, others: Iterable[Solid]) -> Solid:
     """An unsupported solid, moved along the viewing ray until it does not reach into what it partly is above."""
-    level = max((other.top for other in others if _reaches_into(solid, other)), default=solid.bottom)
+    levels = [
+        lower.top - (part.bottom - solid.bottom)
+        for other in others
+        if _near(solid, other)
+        for part, lower in itertools.product(solid.parts, other.parts)
+        if _reaches_into(part, lower)
+    ]
+    level = max(levels, default=solid.bottom)
     if level <= solid.bottom:
         return solid
     return solid.moved(given_height(solid.position, covariance, level + solid.half_height))
@@ -155,18 +171,25 @@ def separate(solids: Sequence[Solid], weights: Mapping[str, float]) -> dict[str,
         pushed = [pair for pair in pairs if _push_apart(placed, pair, weights)]
         if not pushed:
             break
-        moved.update(name for pair in pushed for name in pair)
+        moved.update(name for a, b, _ in pushed for name in (a, b))
     return {name: placed[name].position for name in sorted(moved) if weights.get(name, 0.0) > 0.0}
 
 
-def _neighbours(solids: Sequence[Solid], weights: Mapping[str, float]) -> list[tuple[str, str]]:
-    """Pairs that share a height and are, or could soon be, in each other's way."""
-    return [
-        (a.name, b.name)
+def _neighbours(solids: Sequence[Solid], weights: Mapping[str, float]) -> list[_Pair]:
+    """Pairs of which parts share a height and are, or could soon be, in each other's way."""
+    near = (
+        (a, b)
         for i, a in enumerate(solids)
         for b in solids[i + 1 :]
-        if weights.get(a.name, 0.0) + weights.get(b.name, 0.0) > 0.0 and _near(a, b) and _are_side_by_side(a, b)
-    ]
+        if weights.get(a.name, 0.0) + weights.get(b.name, 0.0) > 0.0 and _near(a, b)
+    )
+    pairs = ((a.name, b.name, _side_by_side_parts(a, b)) for a, b in near)
+    return [pair for pair in pairs if pair[2]]
+
+
+def _side_by_side_parts(a: Solid, b: Solid) -> list[tuple[int, int]]:
+    """By their numbers."""
+    return [(i, j) for i, p in enumerate(a.parts) for j, q in enumerate(b.parts) if _are_side_by_side(p, q)]
 
 
 def _are_side_by_side(a: Solid, b: Solid) -> bool:
@@ -174,10 +197,10 @@ def _are_side_by_side(a: Solid, b: Solid) -> bool:
     return common > _SIDE_BY_SIDE * 2.0 * min(a.half_height, b.half_height)
 
 
-def _push_apart(placed: dict[str, Solid], pair: tuple[str, str], weights: Mapping[str, float]) -> bool:
-    """Move the two so that they do not overlap; false if they did not."""
+def _push_apart(placed: dict[str, Solid], pair: _Pair, weights: Mapping[str, float]) -> bool:
+    """Move the two so that the parts that overlap most do not; false if none did."""
     a, b = placed[pair[0]], placed[pair[1]]
-    depth, (x, y) = overlap(a.footprint, b.footprint)
+    depth, (x, y) = max(overlap(a.parts[i].footprint, b.parts[j].footprint) for i, j in pair[2])
     if depth <= 0.0:
         return False
     share = weights.get(a.name, 0.0) / (weights.get(a.name, 0.0) + weights.get(b.name, 0.0))

@@ -16,6 +16,8 @@ from dsr.errors import DsrError, SchemaError
 from dsr.intentions import RUNNING
 from dsr.memory import Memory
 from dsr.quaternions import Vector3
+from dsr.relations import SURFACES, THINGS
+from dsr.shapes import Shape, bounds, from_numbers
 from dsr.transforms import Pose
 from simulation_handler.belief import Belief
 from simulation_handler.explainer import EXPLANATION
@@ -23,16 +25,17 @@ from simulation_handler.holding import Grasp
 from simulation_handler.relations import CONTACT
 
 WORLD = "world"
-FIXTURES = ("table",)
+FIXTURES = SURFACES
 """Node types of what never moves by itself."""
-OBJECTS = ("cube", "box")
+OBJECTS = THINGS
 """Node types of what the belief follows."""
 SOURCES = (CONTACT, EXPLANATION)
 """Of the relations that the belief writes."""
+_MOST_OFF = 0.001  # m that the bounds of a shape may differ from the size
 _MOST_AHEAD = 0.5  # s that a percept's stamp may be ahead of this machine's clock
 
-Properties = tuple[Vector3, float | None, float | None]
-"""Size (m), mass (kg) and friction of an object; None where its node does not say."""
+Properties = tuple[Vector3, float | None, float | None, Shape]
+"""Size (m), mass (kg), friction and shape of an object; None where its node does not say."""
 
 
 class Reading:
@@ -108,8 +111,8 @@ class Reading:
         pose = self._belief.pose(name) if known else None
         if known:
             self._belief.remove(name)
-        size, mass, friction = properties
-        self._belief.add_object(name, size, mass=mass, friction=friction)
+        size, mass, friction, shape = properties
+        self._belief.add_object(name, size, mass=mass, friction=friction, shape=shape)
         self._known[name] = properties
         if pose is not None:
             self._belief.recall(name, pose)
@@ -166,7 +169,8 @@ def _properties(node: Node) -> Properties:
     mass, friction = _number(node, "mass"), _number(node, "friction")
     if mass == 0.0:
         raise SchemaError(f"{node}: mass 0 kg; expected more")
-    return _size(node), mass, friction
+    size = _size(node)
+    return size, mass, friction, _shape(node, size)
 
 
 def _size(node: Node) -> Vector3:
@@ -174,6 +178,21 @@ def _size(node: Node) -> Vector3:
     if not isinstance(size, tuple) or len(size) != 3 or not all(0.0 < edge < math.inf for edge in size):
         raise SchemaError(f"{node}: size {size}; expected three positive lengths in m")
     return size
+
+
+def _shape(node: Node, size: Vector3) -> Shape:
+    """Its pieces, within a box of that size; none if it is a box."""
+    numbers: Any = node.get("shape")
+    if numbers is None:
+        return ()
+    shape = from_numbers(numbers)
+    if any(
+        abs(edge + sign * 2.0 * end) > 2.0 * _MOST_OFF
+        for sign, ends in zip((1.0, -1.0), bounds(shape), strict=True)
+        for edge, end in zip(size, ends, strict=True)
+    ):
+        raise SchemaError(f"{node}: shape from {bounds(shape)[0]} to {bounds(shape)[1]} m; its size is {size}")
+    return shape
 
 
 def _number(node: Node, attribute: str) -> float | None:

@@ -11,7 +11,6 @@ from dsr.errors import DsrError
 from dsr.memory import Memory
 from simulation_handler.belief import Belief
 from simulation_handler.explaining import Look
-from simulation_handler.geometry import Solid
 from simulation_handler.sight import Glance, Sight
 from simulation_handler.views import obstacles, views
 
@@ -46,17 +45,7 @@ class Seeing:
             cameras = views(self._memory)
             sight = Sight(cameras, obstacles(self._memory))
             self.look = sight.glances if cameras else None
-            self._write(sight.glances(self._solids()))
-
-    def _solids(self) -> list[Solid]:
-        """All objects that have a place, there."""
-        found = []
-        for name in self._belief.names:
-            node, pose = self._memory.get_node(name), self._belief.pose(name)
-            size = None if node is None else node.get("size")
-            if pose is not None and size is not None and min(size) > 0.0:
-                found.append(Solid(name, size, pose.t, pose.q))
-        return found
+            self._write(sight.glances(self._belief.solids()))
 
     def _write(self, glances: dict[tuple[str, str], Glance]) -> None:
         for edge in self._memory.edges("sees"):

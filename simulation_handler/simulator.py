@@ -19,6 +19,7 @@ import pybullet
 
 from dsr.errors import DsrError, suggest
 from dsr.quaternions import Quaternion, Vector3
+from dsr.shapes import PartKind, Shape
 
 TIME_STEP = 1.0 / 240.0
 """s, of one physics step."""
@@ -29,7 +30,14 @@ _STRIDE = 0.0004  # m that a body may move in one step: it gets that far into wh
 _MOST_PARTS = 16  # of a step, enough for a fall of 0.12 m
 _ENABLE_SLEEPING: int = pybullet.ACTIVATION_STATE_ENABLE_SLEEPING
 _DISABLE_SLEEPING: int = pybullet.ACTIVATION_STATE_DISABLE_SLEEPING
+_ROLLING_FRICTION = 0.01  # m, of what is round: a ball comes to rest as on a soft cloth
+_MOST_PIECES = 16  # of one body, in pybullet
 _SLEEP_SPEED = 0.02  # m/s or rad/s, below which a body may fall asleep
+_GEOMETRIES: dict[PartKind, int] = {
+    "box": pybullet.GEOM_BOX,
+    "cylinder": pybullet.GEOM_CYLINDER,
+    "sphere": pybullet.GEOM_SPHERE,
+}
 
 
 class SimulationError(DsrError):
@@ -61,7 +69,7 @@ class Simulator:
         self._ids: dict[str, int] = {}
         self._names: dict[int, str] = {}
         self._masses: dict[str, float] = {}
-        self._shapes: dict[Vector3, int] = {}
+        self._shapes: dict[Vector3 | Shape, int] = {}
         self._radii: dict[int, float] = {}
         self._parts = 1
         pybullet.setGravity(0.0, 0.0, -GRAVITY, physicsClientId=self._client)
@@ -95,31 +103,53 @@ class Simulator:
         mass: float = 0.0,
         friction: float = 0.5,
     ) -> None:
-        """Add a solid box.
+        """Add a solid box; see `add_body`."""
+        self.add_body(name, size, (), position, rotation, mass=mass, friction=friction)
+
+    def add_body(
+        self,
+        name: str,
+        size: Vector3,
+        shape: Shape,
+        position: Vector3,
+        rotation: Quaternion = (0.0, 0.0, 0.0, 1.0),
+        *,
+        mass: float = 0.0,
+        friction: float = 0.5,
+    ) -> None:
+        """Add a body.
 
         Args:
             name: not in use yet.
-            size: (3,) edge lengths, m.
+            size: (3,) edge lengths of its bounding box, m.
+            shape: its pieces; none for a solid box.
             position: (3,) of its centre, m.
-            rotation: (4,) of the box in the world.
+            rotation: (4,) of the body in the world.
             mass: kg; 0 for one that never moves.
             friction: Coulomb coefficient; that of a contact is the product of both bodies'.
 
         Raises:
-            SimulationError: for a name in use, or a size or mass that no body can have.
+            SimulationError: for a name in use, or a size, shape or mass that no body can have.
         """
         if name in self._ids:
             raise SimulationError(f"body {name!r} is already in the simulation")
         if not all(0.0 < edge < math.inf for edge in size) or not 0.0 <= mass < math.inf:
             raise SimulationError(f"body {name!r}: size {size} m, mass {mass} kg; expected finite positive values")
+        if len(shape) > _MOST_PIECES:
+            raise SimulationError(f"body {name!r}: {len(shape)} pieces; the simulation takes {_MOST_PIECES}")
         body: int = pybullet.createMultiBody(
-            mass, self._box_shape(size), basePosition=position, baseOrientation=rotation,
+            mass, self._shape_of(size, shape), basePosition=position, baseOrientation=rotation,
             physicsClientId=self._client,
         )  # fmt: skip
         pybullet.changeDynamics(
             body, -1, lateralFriction=friction, frictionAnchor=1, restitution=0.0, sleepThreshold=_SLEEP_SPEED,
             activationState=_ENABLE_SLEEPING if self._sleeping else _DISABLE_SLEEPING, physicsClientId=self._client,
         )  # fmt: skip
+        if any(part.kind != "box" for part in shape):
+            pybullet.changeDynamics(
+                body, -1, rollingFriction=_ROLLING_FRICTION, spinningFriction=_ROLLING_FRICTION,
+                physicsClientId=self._client,
+            )  # fmt: skip
         self._ids[name], self._names[body], self._masses[name] = body, name, mass
         self._radii[body] = 0.5 * math.hypot(*size)
 
@@ -221,13 +251,33 @@ class Simulator:
         linear, angular = pybullet.getBaseVelocity(body, physicsClientId=self._client)
         return math.hypot(*linear) + self._radii[body] * math.hypot(*angular)
 
-    def _box_shape(self, size: Vector3) -> int:
-        """One shape per size for the life of the client: pybullet never frees the shape of a removed body."""
-        if size not in self._shapes:
-            self._shapes[size] = pybullet.createCollisionShape(
-                pybullet.GEOM_BOX, halfExtents=[0.5 * edge for edge in size], physicsClientId=self._client
-            )
-        return self._shapes[size]
+    def _shape_of(self, size: Vector3, shape: Shape) -> int:
+        """One shape per form for the life of the client: pybullet never frees the shape of a removed body."""
+        key = shape or size
+        if key not in self._shapes:
+            made = self._compound(shape) if shape else self._box(size)
+            if made < 0:
+                raise SimulationError(f"pybullet cannot make a body of the pieces {shape}")
+            self._shapes[key] = made
+        return self._shapes[key]
+
+    def _box(self, size: Vector3) -> int:
+        made: int = pybullet.createCollisionShape(
+            pybullet.GEOM_BOX, halfExtents=[0.5 * edge for edge in size], physicsClientId=self._client
+        )
+        return made
+
+    def _compound(self, shape: Shape) -> int:
+        made: int = pybullet.createCollisionShapeArray(
+            shapeTypes=[_GEOMETRIES[part.kind] for part in shape],
+            halfExtents=[[0.5 * edge for edge in part.size] for part in shape],
+            radii=[0.5 * part.size[0] for part in shape],
+            lengths=[part.size[2] for part in shape],
+            collisionFramePositions=[part.position for part in shape],
+            collisionFrameOrientations=[part.rotation for part in shape],
+            physicsClientId=self._client,
+        )
+        return made
 
     def _contact(self, a: int, b: int, normal_z: float, distance: float) -> Contact:
         """Contact of bodies a and b with the normal that pushes a away from b."""

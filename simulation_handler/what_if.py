@@ -122,7 +122,11 @@ def check_room(scene: Scene, placed: Collection[str]) -> None:
 
 
 def _depth(a: Solid, b: Solid) -> float:
-    """How far two boxes would have to be moved apart, m; zero or less if they do not overlap."""
+    """How far two bodies would have to be moved apart, m; zero or less if they do not overlap."""
+    return max(_part_depth(p, q) for p in a.parts for q in b.parts)
+
+
+def _part_depth(a: Solid, b: Solid) -> float:
     level = min(a.top, b.top) - max(a.bottom, b.bottom)
     return level if level <= 0.0 else min(level, overlap(a.footprint, b.footprint)[0])
 

@@ -113,7 +113,7 @@ class ByHypotheses:
         return [
             None
             if outcome is None
-            else {name: Solid(name, solid.size, *outcome.poses[name]) for name, solid in drafted.solids.items()}
+            else {name: solid.at(*outcome.poses[name]) for name, solid in drafted.solids.items()}
             for drafted, outcome in zip(drafts, outcomes, strict=True)
         ]
 
@@ -140,6 +140,7 @@ def scene_of(situation: Situation, drafted: Draft) -> Scene:
                 mass=0.0 if fixed else properties.mass,
                 friction=properties.friction,
                 fixed=fixed or solid.name in drafted.held,
+                shape=solid.shape,
             )
         )
     return Scene(tuple(bodies))

@@ -67,7 +67,7 @@ def _fallen(situation: Situation, name: str, direction: int) -> Solid:
     quarter = quaternions.from_rotvec((-0.5 * math.pi * dy, 0.5 * math.pi * dx, 0.0))
     ox, oy, _ = quaternions.rotate(solid.rotation, (dx * solid.size[0], dy * solid.size[1], 0.0))
     x, y, z = solid.position
-    return Solid(name, solid.size, (x + ox, y + oy, z), quaternions.product(solid.rotation, quarter))
+    return solid.at((x + ox, y + oy, z), quaternions.product(solid.rotation, quarter))
 
 
 def _piled_under(situation: Situation, move: Move, top: Solid) -> dict[str, Solid]:
@@ -78,7 +78,7 @@ def _piled_under(situation: Situation, move: Move, top: Solid) -> dict[str, Soli
         size = situation.size(name)
         before = situation.still_beneath(name, top) or top
         x, y, _ = before.position
-        pile[name] = Solid(name, size, (x, y, level - 0.5 * size[2]), before.rotation)
+        pile[name] = situation.solid(name, (x, y, level - 0.5 * size[2]), before.rotation)
         level -= size[2]
     return pile
 

@@ -158,7 +158,7 @@ def _carried(seen: Seen, rotation: Array, shift: Array) -> Seen:
     x, y, z = (rotation @ np.array(seen.percept.position) + shift).tolist()
     turned = (Rotation.from_matrix(rotation) * Rotation.from_quat(seen.percept.rotation)).as_quat()
     qx, qy, qz, qw = turned.tolist()
-    return replace(seen, percept=Solid(seen.percept.name, seen.percept.size, (x, y, z), (qx, qy, qz, qw)))
+    return replace(seen, percept=seen.percept.at((x, y, z), (qx, qy, qz, qw)))
 
 
 def is_displaced(seen: Seen, solid: Solid, config: BeliefConfig) -> bool:

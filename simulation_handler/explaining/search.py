@@ -172,6 +172,7 @@ def _piles(situation: Situation, candidate: Candidate, name: str) -> Iterator[tu
         other: situation.size(other)
         for other in (*situation.believed, *situation.unplaced)
         if other not in situation.seen and other not in situation.held and other != name
+        if not situation.properties[other].shape
     }
     others = [s for n, s in candidate.drafted.solids.items() if n not in free and n != name]
     others += situation.fixtures.values()

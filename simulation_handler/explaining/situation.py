@@ -9,11 +9,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dsr import quaternions
-from dsr.quaternions import Vector3
+from dsr.quaternions import Quaternion, Vector3
+from dsr.shapes import Shape
 from dsr.transforms import Pose
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.hypotheses import FALLS
-from simulation_handler.geometry import Solid, face_down
+from simulation_handler.geometry import Solid
 from simulation_handler.objects import BelievedObject
 from simulation_handler.percepts import Array
 from simulation_handler.sight import Glance
@@ -57,9 +58,9 @@ def seen_now(item: BelievedObject, config: BeliefConfig, now: float) -> Seen:
     estimate = item.track.estimate
     assert estimate is not None
     percept = item.percept()
-    flat, tilt = face_down(percept.rotation)
+    flat, tilt = percept.face_down()
     return Seen(
-        percept=percept.turned(flat) if tilt <= config.tilt_tolerance else percept,
+        percept=flat if tilt <= config.tilt_tolerance else percept,
         covariance=item.percept_covariance(config) + _PLACE_FLOOR**2 * np.eye(3),
         turning=estimate.rotation_covariance + _TURN_FLOOR**2 * np.eye(3),
         count=estimate.count,
@@ -76,6 +77,8 @@ class Properties:
     """kg"""
     friction: float
     """Coulomb coefficient."""
+    shape: Shape = ()
+    """Its pieces; none for a solid box."""
 
 
 @dataclass(frozen=True)
@@ -167,13 +170,17 @@ class Situation:
         """Edge lengths of an object, m."""
         return self.believed[name].size if name in self.believed else self.unplaced[name]
 
+    def solid(self, name: str, position: Vector3, rotation: Quaternion) -> Solid:
+        """An object there."""
+        return Solid(name, self.size(name), position, rotation, shape=self.properties[name].shape)
+
     def carried(self, name: str, rider: str) -> Solid:
         """Where a rider is if it has moved rigidly with a seen object."""
         offset = self.former.get(name, {}).get(rider)
         if offset is None:
             offset = as_pose(self.believed[name]).inverse() @ as_pose(self.believed[rider])
         pose = as_pose(self.seen[name].percept) @ offset
-        return Solid(rider, self.size(rider), pose.t, pose.q)
+        return self.solid(rider, pose.t, pose.q)
 
 
 def as_pose(solid: Solid) -> Pose:

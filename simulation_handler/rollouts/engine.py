@@ -87,7 +87,9 @@ class Engine:
         del self._loaded[kept:]
         for body in scene.bodies[kept:]:
             mass = 0.0 if _is_fixed(body) else body.mass
-            self._sim.add_box(body.name, body.size, body.position, body.rotation, mass=mass, friction=body.friction)
+            self._sim.add_body(
+                body.name, body.size, body.shape, body.position, body.rotation, mass=mass, friction=body.friction
+            )
             self._loaded.append(body)
         for body in scene.bodies:
             if not _is_fixed(body):

@@ -1,4 +1,4 @@
-"""A scene to simulate: boxes at rest somewhere in the world, as values that can be changed by copy and sent around."""
+"""A scene to simulate: bodies at rest somewhere in the world, as values that can be changed by copy and sent around."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from dsr.errors import suggest
 from dsr.quaternions import Quaternion, Vector3
+from dsr.shapes import Shape
 from simulation_handler.geometry import Solid
 from simulation_handler.simulator import SimulationError
 
@@ -18,11 +19,11 @@ Placing = tuple[Vector3, Quaternion]
 
 
 class Body(NamedTuple):
-    """A box at rest."""
+    """A body at rest."""
 
     name: str
     size: Vector3
-    """Edge lengths, m."""
+    """Edge lengths of its bounding box, m."""
     position: Vector3
     """Of its centre in the world, m."""
     rotation: Quaternion = (0.0, 0.0, 0.0, 1.0)
@@ -32,11 +33,13 @@ class Body(NamedTuple):
     """Coulomb coefficient; that of a contact is the product of both bodies'."""
     fixed: bool = False
     """It stays where it is: a fixture, or an object that is held in place."""
+    shape: Shape = ()
+    """Its pieces; none for a solid box."""
 
     @property
     def solid(self) -> Solid:
-        """The box alone."""
-        return Solid(self.name, self.size, self.position, self.rotation, self.fixed)
+        """The body alone."""
+        return Solid(self.name, self.size, self.position, self.rotation, self.fixed, self.shape)
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 
 from dsr.intrinsics import Intrinsics
+from dsr.quaternions import Vector3
+from dsr.shapes import Part, Shape
 from dsr.transforms import Pose
 from simulation_handler.belief import Belief
 from simulation_handler.config import BeliefConfig
@@ -17,6 +19,19 @@ CAMERA = (0.35, 0.0, 0.65)
 CUBE = (0.04, 0.04, 0.04)
 TABLE = (1.2, 1.2, 0.04)
 PERIOD = 0.05
+WALL = 0.003
+BALL = (0.06, 0.06, 0.06)
+ROUND: Shape = (Part("sphere", BALL),)
+
+
+def container(size: Vector3, wall: float = WALL, *, upside_down: bool = False) -> Shape:
+    """A box without a lid, or, upside down, without a bottom."""
+    x, y, z = (0.5 * (edge - wall) for edge in size)
+    return (
+        Part("box", (size[0], size[1], wall), (0.0, 0.0, z if upside_down else -z)),
+        *(Part("box", (wall, size[1], size[2]), (side * x, 0.0, 0.0)) for side in (-1, 1)),
+        *(Part("box", (size[0], wall, size[2]), (0.0, side * y, 0.0)) for side in (-1, 1)),
+    )
 
 
 class SyntheticCamera:
