@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from dsr.crdt.delta import TOMBSTONE
+from dsr.crdt.context import Dot
+from dsr.crdt.delta import TOMBSTONE, Write
+from dsr.crdt.hlc import physical_time
 from dsr.crdt.store import Entry
 from dsr.errors import GraphError, suggest
 from dsr.schema import POSE_FIELDS
@@ -17,13 +19,16 @@ def type_of(entries: tuple[Entry, ...]) -> str:
     return entries[0].type if len(entries) == 1 else max(entries, key=lambda entry: entry.dot).type
 
 
+def _winner(entries: tuple[Entry, ...], attribute: str) -> Write | None:
+    """The winning write among the incarnations of one element."""
+    writes = [entry.registers[attribute] for entry in entries if attribute in entry.registers]
+    return max(writes, key=lambda write: (write.stamp, write.writer)) if writes else None
+
+
 def _stored(entries: tuple[Entry, ...], attribute: str) -> Any:
     """The winning value among the incarnations of one element; `TOMBSTONE` if none is set."""
-    if len(entries) == 1:
-        write = entries[0].registers.get(attribute)
-        return TOMBSTONE if write is None else write.value
-    writes = [entry.registers[attribute] for entry in entries if attribute in entry.registers]
-    return max(writes, key=lambda write: (write.stamp, write.writer)).value if writes else TOMBSTONE
+    write = entries[0].registers.get(attribute) if len(entries) == 1 else _winner(entries, attribute)
+    return TOMBSTONE if write is None else write.value
 
 
 class _Element(Mapping[str, Any]):
@@ -70,6 +75,19 @@ class _Element(Mapping[str, Any]):
 
     def __hash__(self) -> int:
         return id(self)
+
+    @property
+    def created(self) -> tuple[Dot, ...]:
+        """(replica id, counter) of each creation: several if agents created it at once. The same in all replicas."""
+        return tuple(sorted(entry.dot for entry in self._entries))
+
+    def written_at(self, attribute: str) -> float | None:
+        """When the present value was written (s, by the clock of its writer), or taken away; None if it never was set.
+
+        The same in all replicas, however late they got it.
+        """
+        write = _winner(self._entries, attribute)
+        return None if write is None else physical_time(write.stamp)
 
     @property
     def attributes(self) -> dict[str, Any]:

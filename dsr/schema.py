@@ -210,7 +210,9 @@ _NODE_TYPES = {
     "intention": "a goal that the robot pursues",
     "action": "a step of a plan",
     "agent": "a process that takes part",
-    "event": "something that happened, with what explains it",
+    "timeline": "where events and situations hang, see dsr.timeline",
+    "event": "something that happened at an instant",
+    "situation": "something that holds, or held, for a time",
 }
 
 _EDGE_TYPES = {
@@ -244,11 +246,13 @@ _ATTRIBUTES: dict[str, AttributeType] = dict([
     *_attributes("float", "", {"friction": "Coulomb coefficient", "target_speed": "0 to 1 of the limits"}),
     *_attributes("float", "m", {"target_opening": "wanted distance between the finger pads"}),
     *_attributes("float", "m", {"opening": "distance between the finger pads"}, stream=True),
-    *_attributes("float", "s", {"since": "when it began", "time": "when it happened"}),
+    *_attributes("float", "s", {"since": "when it began", "time": "when it happened", "begin": "when a situation began",
+                                "end": "when a situation ended; absent while it lasts"}),
     *_attributes("float", "", {"confidence": "that it is so, 0 to 1"}),
     *_attributes("str", "", {"kind": "of an event", "participants": "comma-separated nodes that an event is about"}),
     *_attributes("float", "", {"share": "of its face that the camera should see, 0 to 1",
                                "score": "how badly an explanation fits: minus its log-likelihood, up to a constant"}),
+    *_attributes("float", "", {"confidence": "how sure it is that it is so, 0 to 1"}),
     *_attributes("float", "s", {"last_seen": "when a camera last saw it"}, stream=True),
     *_attributes("float", "px", {"fx": "focal length", "fy": "focal length", "cx": "principal point",
                                  "cy": "principal point"}),
@@ -271,5 +275,7 @@ _ATTRIBUTES: dict[str, AttributeType] = dict([
                              "hidden_by": "what hides most of it from the camera",
                              "policy": "which method explained it",
                              "alternatives": "explanations that were rejected, with their scores",
+                             "kind": "of an event or a situation", "participants": "names, comma-separated",
+                             "text": "in a line, for people", "outcome": "how it ended",
                              "note": "free text"}),
 ])  # fmt: skip

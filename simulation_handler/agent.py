@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dsr.agent import Access, Agent
 from dsr.intrinsics import INTRINSICS
+from dsr.timeline import WRITTEN_ATTRIBUTES, WRITTEN_EDGES, WRITTEN_NODES
 from simulation_handler.belief import Belief
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining import make_policy
@@ -28,7 +29,7 @@ class SimulationHandler(Agent):
     name = "simulation_handler"
     rate_hz = 20.0
     reads = Access(
-        nodes=(*FIXTURES, *OBJECTS, *PARTS, "world", "camera", "gripper", "action", "event"),
+        nodes=(*FIXTURES, *OBJECTS, *PARTS, "world", "camera", "gripper", "action", *WRITTEN_NODES),
         edges=("RT", "Virtual_RT", "on", "sees", "grasping"),
         attributes=(
             *("size", "shape", "mass", "friction", "plausible", "source", "since", "bounds", *INTRINSICS, *SEEN),
@@ -36,13 +37,13 @@ class SimulationHandler(Agent):
         ),
     )
     writes = Access(
-        nodes=(*OBJECTS, "mind", "event"),
-        edges=("Virtual_RT", "on", "sees", "has"),
+        nodes=(*OBJECTS, *WRITTEN_NODES),
+        edges=("Virtual_RT", "on", "sees", *WRITTEN_EDGES),
         attributes=(
             *("plausible", "source", "since", *SEEN),
-            *("present", "explanation", "time", "score", "alternatives", "policy", "target"),
+            *("present", "explanation", "score", "alternatives", "policy", "target", *WRITTEN_ATTRIBUTES),
         ),
-        exclusive=("Virtual_RT", "on", "plausible", "sees", "present", "event"),
+        exclusive=("Virtual_RT", "on", "plausible", "sees", "present"),
     )
     publishes = (KEY,)
     Config = BeliefConfig

@@ -1,22 +1,21 @@
-"""Puts explanations on record: in the graph, as nodes of the newest few, and in the log."""
+"""Puts explanations on record: on the timeline, as events of the newest few, and in the log."""
 
 from __future__ import annotations
 
 import contextlib
 import logging
+from typing import Any
 
-from dsr.elements import Node
 from dsr.errors import DsrError
-from dsr.intentions import MIND
 from dsr.memory import Memory
+from dsr.timeline import EXPLAINED, Chronicle, Retention
 from simulation_handler.explaining import Explanation
 
 _KEPT = 20  # events in the graph
-_PREFIX = "event_"
 
 
 class Events:
-    """Writes explanations as nodes `event_N` beneath `mind`, the greatest N the newest; the oldest are removed.
+    """Writes explanations as events of kind `explained`, the participants what they are about.
 
     Args:
         memory: where to.
@@ -26,6 +25,7 @@ class Events:
 
     def __init__(self, memory: Memory, policy: str, log: logging.Logger) -> None:
         self._memory = memory
+        self._chronicle = Chronicle(memory, keep=Retention(count=_KEPT))
         self._policy = policy
         self._log = log
 
@@ -35,26 +35,18 @@ class Events:
         score = "" if explanation.score is None else f" (score {explanation.score:.1f})"
         self._log.info("%s: explained as %s%s; rejected: %s", ", ".join(explanation.about), explanation.text, score,
                        rejected.replace("\n", "; ") or "nothing")  # fmt: skip
-        self._add(time, explanation, rejected)
+        self._write(time, explanation, rejected)
         for name in explanation.about:
             with contextlib.suppress(DsrError):
                 self._memory.update_node(name, explanation=explanation.text)
 
-    def _add(self, time: float, explanation: Explanation, rejected: str) -> None:
-        known = sorted(filter(_is_numbered, self._memory.nodes("event")), key=_number)
-        for old in known[: len(known) + 1 - _KEPT]:
-            self._memory.remove_node(old.name)
-        name = f"{_PREFIX}{_number(known[-1]) + 1 if known else 0}"
-        values = {"time": time, "explanation": explanation.text, "policy": self._policy, "alternatives": rejected}
-        score = {} if explanation.score is None else {"score": explanation.score}
-        self._memory.add_node(name, "event", target=", ".join(explanation.about), **values, **score)
-        if MIND in self._memory:
-            self._memory.add_edge(MIND, name, "has")
-
-
-def _is_numbered(node: Node) -> bool:
-    return node.name.removeprefix(_PREFIX).isdecimal()
-
-
-def _number(node: Node) -> int:
-    return int(node.name.removeprefix(_PREFIX))
+    def _write(self, time: float, explanation: Explanation, rejected: str) -> None:
+        details: dict[str, Any] = {
+            "explanation": explanation.text,
+            "policy": self._policy,
+            "alternatives": rejected,
+            "target": ", ".join(explanation.about),
+        }
+        if explanation.score is not None:
+            details["score"] = explanation.score
+        self._chronicle.happened(EXPLAINED, explanation.about, time, text=explanation.text, **details)

@@ -31,9 +31,9 @@ from dsr.errors import ConfigError, WireError, suggest
 from dsr.memory import Memory
 from dsr.runtime.logs import printable
 from dsr.runtime.status import PERIOD, decode_status
-from dsr.timeline import Event, EventKind, Timeline
+from dsr.timeline import EVENT_KINDS, Event, Timeline
 
-_KINDS: tuple[str, ...] = EventKind.__args__  # type: ignore[attr-defined]
+_KINDS = EVENT_KINDS
 _LOOK = 0.1  # s between two looks at a running system
 _LISTEN = 1.5 * PERIOD
 """s in which every agent is heard at least once"""

@@ -23,6 +23,7 @@ from dsr.intentions import (
 )
 from dsr.memory import Memory
 from dsr.runtime.logs import printable
+from dsr.timeline import explanations
 
 _TO_DO = (PLANNED, RUNNING)
 _TOLD_BY_ACTIONS = (PLANNING, EXECUTING)
@@ -93,7 +94,7 @@ class Story:
             yield Line(Topic.SURPRISE, "; ".join(new[:_MOST_SURPRISES]) + more)
 
     def _explanations(self) -> Iterator[Line]:
-        for node in sorted(self._memory.nodes("event"), key=lambda node: node.get("time", 0.0)):
+        for node in explanations(self._memory):
             key = (node.name, node.get("time", 0.0))
             if key not in self._explained:
                 self._explained.add(key)

@@ -6,8 +6,10 @@ import rerun as rr
 
 from agents.viewer.layout import arrange
 from dsr import Memory
+from dsr.timeline import EVENT, SITUATION
 
 ENTITY = "graph"
+_LEFT_OUT = (EVENT, SITUATION)  # too many, and shown over time
 
 
 class GraphView:
@@ -19,7 +21,7 @@ class GraphView:
 
     def draw(self, memory: Memory) -> None:
         """Log the graph if nodes, their types or edges are others than before."""
-        nodes = {node.name: node.type for node in memory.nodes()}
+        nodes = {node.name: node.type for node in memory.nodes() if node.type not in _LEFT_OUT}
         edges = [edge.key for edge in memory.edges() if edge.src in nodes and edge.dst in nodes]
         content = (nodes, sorted(edges))
         if content == self._shown:

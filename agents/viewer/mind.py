@@ -10,6 +10,7 @@ import rerun as rr
 from agents.viewer.texts import markdown
 from dsr import Memory, Node
 from dsr.intentions import RUNNING, WANTED, describe_action
+from dsr.timeline import explanations
 
 PLAN = "mind/plan"
 EXPLANATIONS = "mind/explanations"
@@ -70,7 +71,7 @@ def _rows(actions: list[Node]) -> Iterable[str]:
 
 def explanations_page(memory: Memory) -> str:
     """Markdown: what is surprising now, the newest explanations with what was rejected, and earlier ones."""
-    events = sorted(memory.nodes("event"), key=lambda node: (node.get("time", 0.0), node.name), reverse=True)
+    events = explanations(memory)[::-1]
     surprising = sorted((node for node in memory.nodes() if node.get("surprising", False)), key=lambda node: node.name)
     parts = [f"**Surprising: {markdown(node.name)}**, {markdown(node.get('surprise', ''))}" for node in surprising]
     parts += [_explained(node) for node in events[:_NEWEST]] or ["*Nothing had to be explained.*"]

@@ -25,6 +25,7 @@ from dsr.cli.common import (
 from dsr.elements import Edge, Node
 from dsr.errors import TransformError
 from dsr.memory import Memory
+from dsr.timeline import TIMELINE
 
 app = typer.Typer()
 
@@ -162,6 +163,8 @@ def _branch(memory: Memory, name: str, edge_type: str, seen: set[str]) -> dict[s
     seen.add(name)
     edges = [edge for kind in _STRUCTURE for edge in memory.edges(kind, src=name)]
     children = []
+    if name == TIMELINE:  # `dsr timeline` shows them
+        seen.update(edge.dst for edge in edges)
     for edge in sorted(edges, key=lambda edge: edge.dst):
         if edge.dst not in seen:
             children.append(_branch(memory, edge.dst, edge.type, seen))

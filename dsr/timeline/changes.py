@@ -1,44 +1,26 @@
-"""Events: what happened, read off the changes of a graph and the statuses of its agents, without I/O.
+"""What happened, read off the changes of a graph and the statuses of its agents, without I/O.
 
 Values of a graph are states; an event is the moment at which one of them became another. `Timeline` remembers the
-last state and tells the events in order, for live graphs and recordings alike.
+last state and tells the events in order, for live graphs and recordings alike. Of the timeline in the graph it tells
+what does not follow from the rest: explanations, and kinds of their own of other agents.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import Any, Literal
-
-import msgspec
+from typing import Any
 
 from dsr.elements import Edge, Node
 from dsr.memory import Memory
-from dsr.relations import THINGS
 from dsr.runtime.status import SILENT_AFTER, State, Status
+from dsr.timeline.entries import EVENT, EXPLAINED, SITUATION, kind_of, read_entry
+from dsr.timeline.kinds import DERIVED, OBJECTS, RELATIONS
+from dsr.timeline.telling import Event, tell
 from dsr.watch import Change
 
-EventKind = Literal[
-    "explained", "surprised", "calmed", "began", "ended", "appeared", "gone", "intention", "action", "agent"
-]
-RELATIONS = ("on", "in", "grasping")
-"""Edge types whose coming and going are events."""
-OBJECTS = (*THINGS, "hand")
-"""Node types whose coming and going are events."""
+EVENT_KINDS = ("explained", "surprised", "calmed", "began", "ended", "appeared", "gone", "intention", "action", "agent")
+"""Kinds of the events that are read off changes; agents add their own, such as `Pick`, on the timeline in the graph."""
 _ENDED = (State.STOPPED, State.FAILED)
-
-
-class Event(msgspec.Struct, frozen=True):
-    """Something that happened."""
-
-    time: float
-    """s, when: as told by who noticed it, or else when the change was seen"""
-    kind: EventKind
-    subject: str
-    """What it is about: nodes (comma-separated), an edge as `source type destination`, or an agent."""
-    text: str
-    """One line for people."""
-    details: dict[str, Any] = {}
-    """The same for programs, by attribute."""
 
 
 class Timeline:
@@ -50,6 +32,7 @@ class Timeline:
         self._present: dict[str, bool] = {}
         self._statuses: dict[str, str] = {}
         self._explained: dict[str, tuple[Any, Any]] = {}
+        self._told: dict[str, set[str]] = {}
         self._agents: dict[str, Status] = {}
         self._heard: dict[str, float] = {}
         self._silent: set[str] = set()
@@ -96,8 +79,8 @@ class Timeline:
                 yield from self._presence(change, node, now)
             elif change.type in ("intention", "action"):
                 yield from self._status(change, node, now)
-            elif change.type == "event":
-                yield from self._explanation(change.name, node, now)
+            elif change.type in (EVENT, SITUATION):
+                yield from self._entry(change.name, node, now)
 
     def _relation(self, change: Change, memory: Memory, now: float) -> Iterator[Event]:
         key = (change.src, change.dst, change.type)
@@ -128,7 +111,7 @@ class Timeline:
     def _presence(self, change: Change, node: Node | None, now: float) -> Iterator[Event]:
         present = node is not None and node.get("present", True) is not False
         if present is not self._present.get(change.name, False):
-            kind: EventKind = "appeared" if present else "gone"
+            kind = "appeared" if present else "gone"
             yield Event(now, kind, change.name, f"{change.name} {kind}")
         self._present[change.name] = present
         if node is None:
@@ -137,7 +120,7 @@ class Timeline:
     def _status(self, change: Change, node: Node | None, now: float) -> Iterator[Event]:
         """Of an intention or an action: it came, its status became another, it went."""
         name, before = change.name, self._statuses.get(change.name)
-        kind: EventKind = "intention" if change.type == "intention" else "action"
+        kind = "intention" if change.type == "intention" else "action"
         if node is None:
             if self._statuses.pop(name, None) is not None:
                 yield Event(now, kind, name, f"{name} removed", {"status": "removed"})
@@ -151,10 +134,19 @@ class Timeline:
             text = f"{name} ({what}) {status or 'new'}{f': {why}' if why else ''}"
             yield Event(now, kind, name, text, {**details, "status": status, "explanation": why})
 
-    def _explanation(self, name: str, node: Node | None, now: float) -> Iterator[Event]:
+    def _entry(self, name: str, node: Node | None, now: float) -> Iterator[Event]:
+        """Of the timeline in the graph."""
         if node is None:
             self._explained.pop(name, None)
-            return
+            self._told.pop(name, None)
+        elif node.type == EVENT and kind_of(node) == EXPLAINED:
+            yield from self._explanation(node, now)
+        elif (entry := read_entry(node)) is not None and entry.kind not in DERIVED:
+            told = self._told.setdefault(name, set())
+            yield from (event for event in tell([entry]) if event.kind not in told)
+            told.update(event.kind for event in tell([entry]))
+
+    def _explanation(self, node: Node, now: float) -> Iterator[Event]:
         explanation = str(node.get("explanation", ""))
         told = (node.get("time"), explanation)
         if not explanation or self._explained.get(node.name) == told:

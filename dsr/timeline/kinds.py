@@ -1,0 +1,17 @@
+"""Kinds of entries that follow from the state of the graph, and that the chronicler writes."""
+
+from __future__ import annotations
+
+from dsr.relations import THINGS
+from dsr.timeline.entries import EXPLAINED
+
+RELATIONS = ("on", "in", "grasping")
+"""Edge types whose coming and going is told; as kinds of situations they have participants (source, destination)."""
+OBJECTS = (*THINGS, "hand")
+"""Node types whose coming and going is told."""
+PRESENT, SURPRISING, AGENT = "present", "surprising", "agent"
+"""Situations: a thing is believed to be in the scene; it surprises; an agent is at work."""
+INTENTION, ACTION = "intention", "action"
+"""Situations: an intention is pursued, an action runs. Events: its status became another."""
+DERIVED = frozenset({*RELATIONS, PRESENT, SURPRISING, AGENT, INTENTION, ACTION, EXPLAINED})
+"""All of these: what a reader of the changes finds out by itself."""

@@ -1,0 +1,63 @@
+"""Entries of the timeline as the events that a list shows: an event as it is, a situation as its begin and its end."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import msgspec
+
+from dsr.timeline.entries import EVENT, EXPLAINED, Entry
+from dsr.timeline.kinds import ACTION, AGENT, INTENTION, PRESENT, RELATIONS, SURPRISING
+
+
+class Event(msgspec.Struct, frozen=True):
+    """Something that happened, as a list shows it."""
+
+    time: float
+    """s, when: as told by who noticed it, or else when the change was seen"""
+    kind: str
+    subject: str
+    """What it is about: nodes (comma-separated), an edge as `source type destination`, or an agent."""
+    text: str
+    """One line for people."""
+    details: dict[str, Any] = {}
+    """The same for programs, by attribute."""
+
+
+_WORDS = {SURPRISING: ("surprised", "calmed"), PRESENT: ("appeared", "gone"), AGENT: ("agent", "agent")}
+"""Kinds of the events at the begin and the end of a situation; of all others, `began` and `ended`."""
+_TOLD_BY_EVENTS = (ACTION, INTENTION)
+"""Kinds whose situations show as the events of their status only."""
+
+
+def tell(entries: Iterable[Entry]) -> list[Event]:
+    """The events that entries amount to, in the order of their times."""
+    return sorted((event for entry in entries for event in _told(entry)), key=lambda event: event.time)
+
+
+def _told(entry: Entry) -> Iterator[Event]:
+    subject, details = _subject(entry), _details(entry)
+    if entry.type == EVENT:
+        text = entry.text or f"{entry.kind} {', '.join(entry.participants)}"
+        yield Event(entry.begin, entry.kind, subject, text, details)
+    elif entry.kind not in _TOLD_BY_EVENTS:
+        began, ended = _WORDS.get(entry.kind, ("began", "ended"))
+        yield Event(entry.begin, began, subject, entry.text or subject, details)
+        if entry.end is not None:
+            yield Event(entry.end, ended, subject, entry.outcome or f"no more {subject}", details)
+
+
+def _subject(entry: Entry) -> str:
+    if entry.kind in RELATIONS and len(entry.participants) == 2:
+        return f"{entry.participants[0]} {entry.kind} {entry.participants[1]}"
+    if entry.type == EVENT or entry.kind in _WORDS:
+        several = entry.kind == EXPLAINED
+        return ", ".join(entry.participants) if several else "".join(entry.participants[:1])
+    return f"{entry.kind} {', '.join(entry.participants)}"
+
+
+def _details(entry: Entry) -> dict[str, Any]:
+    known = {"name": entry.name, "participants": list(entry.participants), "source": entry.source}
+    sure = {} if entry.confidence == 1.0 else {"confidence": entry.confidence}
+    return {**known, **sure, **entry.details}
