@@ -8,7 +8,9 @@ from dsr.timeline import WRITTEN_ATTRIBUTES, WRITTEN_EDGES, WRITTEN_NODES
 from simulation_handler.belief import Belief
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining import make_policy
+from simulation_handler.published.reasoner import PublishedReasoner
 from simulation_handler.reading import FIXTURES, OBJECTS, Reading
+from simulation_handler.reasoner import Reasoner
 from simulation_handler.seeing import SEEN, Seeing
 from simulation_handler.views import PARTS
 from simulation_handler.what_if import KEY, WhatIfService
@@ -30,7 +32,7 @@ class SimulationHandler(Agent):
     rate_hz = 20.0
     reads = Access(
         nodes=(*FIXTURES, *OBJECTS, *PARTS, "world", "camera", "gripper", "action", *WRITTEN_NODES),
-        edges=("RT", "Virtual_RT", "on", "sees", "grasping"),
+        edges=("RT", "Virtual_RT", "on", "in", "sees", "grasping"),
         attributes=(
             *("size", "shape", "mass", "friction", "plausible", "source", "since", "bounds", *INTRINSICS, *SEEN),
             *("surprising", "present", "skill", "target", "destination", "status", "held_at"),
@@ -38,12 +40,12 @@ class SimulationHandler(Agent):
     )
     writes = Access(
         nodes=(*OBJECTS, *WRITTEN_NODES),
-        edges=("Virtual_RT", "on", "sees", *WRITTEN_EDGES),
+        edges=("Virtual_RT", "on", "in", "sees", *WRITTEN_EDGES),
         attributes=(
             *("plausible", "source", "since", *SEEN),
             *("present", "explanation", "score", "alternatives", "policy", "target", *WRITTEN_ATTRIBUTES),
         ),
-        exclusive=("Virtual_RT", "on", "plausible", "sees", "present"),
+        exclusive=("Virtual_RT", "on", "in", "plausible", "sees", "present"),
     )
     publishes = (KEY,)
     Config = BeliefConfig
@@ -51,11 +53,16 @@ class SimulationHandler(Agent):
 
     def setup(self) -> None:
         """Begin with an empty simulation; the first tick fills it."""
-        self._belief = Belief(self.config, make_policy(self.config, self.clock))
+        self._belief = self._make_reasoner()
         self._reading = Reading(self.memory, self._belief, self.log)
         self._writing = Writing(self.memory, self._belief, self.log)
         self._seeing = Seeing(self.memory, self._belief)
         self._what_if = WhatIfService(self.bus, self.keys, self.clock)
+
+    def _make_reasoner(self) -> Reasoner:
+        if self.config.reasoner == "published":
+            return PublishedReasoner(self.config)
+        return Belief(self.config, make_policy(self.config, self.clock))
 
     def tick(self, now: float) -> None:
         """Bring the belief to time `now` (s), and the graph into step with it."""

@@ -172,6 +172,10 @@ class Belief:
         """(object, what it rests on) and since when (s); nothing is said of the floor."""
         return {relation: since for relation, since in self._relations.current().items() if FLOOR not in relation}
 
+    def contents(self) -> dict[Relation, float]:
+        """(object, what it is in) and since when (s)."""
+        return {}
+
     def source(self, relation: Relation) -> str:
         """What says that a relation holds: "contact" or "explanation"."""
         return self._relations.source(relation)

@@ -6,6 +6,8 @@ from typing import Literal
 
 import msgspec
 
+from simulation_handler.published.parameters import PublishedConfig
+
 
 class BeliefConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """How far percepts are trusted, and when the belief changes.
@@ -65,6 +67,11 @@ class BeliefConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """s that an object must hover before something unseen is put beneath it."""
     explain_sigmas: float = 1.7
     """Standard deviations of its height by which the height of what is put beneath may miss it."""
+
+    reasoner: Literal["belief", "published"] = "belief"
+    """What keeps the belief: all that this configures, or Algorithms 1 and 2 of Sallami et al. with `published`."""
+    published: PublishedConfig = PublishedConfig()
+    """Parameters of the published reasoner."""
 
     policy: Literal["hypotheses", "algorithm1"] = "hypotheses"
     """How surprises are explained: by simulated hypotheses, or by Algorithm 1 of the CORTEX paper."""

@@ -19,17 +19,17 @@ from dsr.quaternions import Vector3
 from dsr.relations import SURFACES, THINGS
 from dsr.shapes import Shape, bounds, from_numbers
 from dsr.transforms import Pose
-from simulation_handler.belief import Belief
 from simulation_handler.explainer import EXPLANATION
 from simulation_handler.holding import Grasp
-from simulation_handler.relations import CONTACT
+from simulation_handler.reasoner import Reasoner
+from simulation_handler.relations import BOUNDS, CONTACT
 
 WORLD = "world"
 FIXTURES = SURFACES
 """Node types of what never moves by itself."""
 OBJECTS = THINGS
 """Node types of what the belief follows."""
-SOURCES = (CONTACT, EXPLANATION)
+SOURCES = (CONTACT, EXPLANATION, BOUNDS)
 """Of the relations that the belief writes."""
 _MOST_OFF = 0.001  # m that the bounds of a shape may differ from the size
 _MOST_AHEAD = 0.5  # s that a percept's stamp may be ahead of this machine's clock
@@ -41,7 +41,7 @@ Properties = tuple[Vector3, float | None, float | None, Shape]
 class Reading:
     """Keeps a belief in step with the graph's nodes and percepts. What cannot be used is counted, and logged once."""
 
-    def __init__(self, memory: Memory, belief: Belief, log: logging.Logger) -> None:
+    def __init__(self, memory: Memory, belief: Reasoner, log: logging.Logger) -> None:
         self._memory = memory
         self._belief = belief
         self._log = log

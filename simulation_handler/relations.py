@@ -10,6 +10,8 @@ Relation = tuple[str, str]
 """(object, what it rests on)"""
 CONTACT = "contact"
 """Source of a relation that comes from contact in the simulation."""
+BOUNDS = "bounds"
+"""Source of a relation that comes from bounding boxes."""
 STEEP = 0.7
 """Vertical part of a contact normal from which one body carries the other."""
 

@@ -9,8 +9,8 @@ import numpy as np
 
 from dsr.errors import DsrError
 from dsr.memory import Memory
-from simulation_handler.belief import Belief
 from simulation_handler.explaining import Look
+from simulation_handler.reasoner import Reasoner
 from simulation_handler.sight import Glance, Sight
 from simulation_handler.views import obstacles, views
 
@@ -29,7 +29,7 @@ _STEP = 0.1  # of the share, that is news
 class Seeing:
     """Keeps edges `sees` from cameras to objects in step with a belief: `share`, `visible` and `hidden_by`."""
 
-    def __init__(self, memory: Memory, belief: Belief) -> None:
+    def __init__(self, memory: Memory, belief: Reasoner) -> None:
         self._memory = memory
         self._belief = belief
         self._last = -math.inf

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import contextlib
 import logging
+from collections.abc import Mapping
 
 from dsr.errors import GraphError
 from dsr.memory import Memory
 from dsr.transforms import Pose
-from simulation_handler.belief import Belief
 from simulation_handler.events import Events
 from simulation_handler.reading import SOURCES, WORLD
+from simulation_handler.reasoner import Reasoner
+from simulation_handler.relations import Relation
 
 _REFRESH = 1.0  # s after which a pose is written again, unchanged
 _SHIFT = 5e-5  # m that a body must have moved since its pose was written
@@ -20,7 +22,7 @@ _TURN = 5e-4  # rad, likewise
 class Writing:
     """Keeps the graph in step with a belief."""
 
-    def __init__(self, memory: Memory, belief: Belief, log: logging.Logger) -> None:
+    def __init__(self, memory: Memory, belief: Reasoner, log: logging.Logger) -> None:
         self._memory = memory
         self._belief = belief
         self._written: dict[str, Pose] = {}
@@ -36,7 +38,8 @@ class Writing:
                 self._write_pose(name, now)
                 self._write_plausible(name)
                 self._write_present(name)
-        self._write_supports()
+        self._write_relations("on", self._belief.supports())
+        self._write_relations("in", self._belief.contents())
         for time, explanation in self._belief.explanations():
             self._events.record(time, explanation)
 
@@ -67,15 +70,14 @@ class Writing:
         if before is not (not gone) and (gone or before is not None):
             self._memory.update_node(name, present=not gone)
 
-    def _write_supports(self) -> None:
-        """Let the relations `on` that the belief wrote be those that it has."""
-        supports = self._belief.supports()
-        for edge in self._memory.edges("on"):
-            if edge.get("source") in SOURCES and (edge.src, edge.dst) not in supports:
-                self._memory.remove_edge(edge.src, edge.dst, "on")
-        for relation, since in supports.items():
+    def _write_relations(self, kind: str, relations: Mapping[Relation, float]) -> None:
+        """Let the edges of a kind that the belief wrote be those that it has."""
+        for edge in self._memory.edges(kind):
+            if edge.get("source") in SOURCES and (edge.src, edge.dst) not in relations:
+                self._memory.remove_edge(edge.src, edge.dst, kind)
+        for relation, since in relations.items():
             values = {"source": self._belief.source(relation), "since": since}
-            written = self._memory.get_edge(*relation, "on")
+            written = self._memory.get_edge(*relation, kind)
             if written is None or any(written.get(name) != value for name, value in values.items()):
                 with contextlib.suppress(GraphError):
-                    self._memory.add_edge(*relation, "on", **values)
+                    self._memory.add_edge(*relation, kind, **values)

@@ -36,6 +36,7 @@ class PolicyChoice(enum.StrEnum):
 
     HYPOTHESES = "hypotheses"
     ALGORITHM1 = "algorithm1"
+    PUBLISHED = "published"
 
 
 Seed = Annotated[int, typer.Option(min=0, help="Varies where the objects start and the sensor's noise.")]
@@ -94,7 +95,7 @@ def run(
         SensorChoice, typer.Option(help="Rendered images, or true poses with the noise measured on images.")
     ] = SensorChoice.PIXELS,
     policy: Annotated[
-        PolicyChoice | None, typer.Option(help="How surprises are explained; default: the system's choice.")
+        PolicyChoice | None, typer.Option(help="How surprises are explained, or `published`; default: the system's.")
     ] = None,
     json: JsonFile = None,
     no_viewer: NoViewer = False,

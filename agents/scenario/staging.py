@@ -15,8 +15,9 @@ Sensor = Literal["pixels", "poses"]
 """What the plant's camera delivers: rendered images, or the poses that would be measured in them."""
 
 
-Policy = Literal["hypotheses", "algorithm1"]
-"""How the simulation handler explains surprises: by simulated hypotheses, or by the published Algorithm 1."""
+Policy = Literal["hypotheses", "algorithm1", "published"]
+"""Explain surprises by simulated hypotheses, or by Algorithm 1 of the CORTEX paper; or reason as Sallami et al. did, and
+infer actions as they did."""
 MISSION = "mission"
 """The agent that wants what the scenario's `[mission]` says."""
 
@@ -70,12 +71,21 @@ def _settings(run: Run) -> dict[str, dict[str, Any]]:
     mission = run.scenario.mission
     return {
         MISSION: {} if mission is None else msgspec.structs.asdict(mission),
-        "simulation_handler": {} if run.policy is None else {"policy": run.policy},
+        **_policy_settings(run.policy),
         "plant": {"scenario": str(run.file), "sensor": run.sensor},
         "scene_setup": {"scenario": str(run.file)},
         "recorder": {"folder": folder},
         "viewer": {"folder": folder, "spawn": run.window},
     }
+
+
+def _policy_settings(policy: Policy | None) -> dict[str, dict[str, Any]]:
+    """How the agents that know several methods are to work."""
+    if policy is None:
+        return {}
+    if policy == "published":
+        return {"simulation_handler": {"reasoner": policy}, "action_inference": {"policy": policy}}
+    return {"simulation_handler": {"policy": policy}}
 
 
 def _about(run: Run, system: System) -> dict[str, str]:

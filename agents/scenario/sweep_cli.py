@@ -31,7 +31,9 @@ class SweptPolicy(enum.StrEnum):
 
     HYPOTHESES = "hypotheses"
     ALGORITHM1 = "algorithm1"
+    PUBLISHED = "published"
     BOTH = "both"
+    """The two that explain surprises."""
 
 
 class Report(msgspec.Struct, frozen=True):
@@ -51,7 +53,7 @@ def sweep(
     ] = SensorChoice.POSES,
     policy: Annotated[
         list[SweptPolicy] | None,
-        typer.Option(help="How surprises are explained; several, or `both`, side by side. Default: the system's."),
+        typer.Option(help="Methods side by side; `both`: the two that explain. Default: the system's."),
     ] = None,
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes; default: one per core.")] = None,
     limit: Annotated[float, typer.Option(min=1.0, help="s of real time that one run may take.")] = LIMIT,
@@ -124,5 +126,5 @@ def _policies(chosen: list[SweptPolicy]) -> list[Policy | None]:
     if not chosen:
         return [None]
     both = SweptPolicy.BOTH in chosen
-    known: tuple[Policy, Policy] = ("hypotheses", "algorithm1")
-    return [policy for policy in known if both or policy in chosen]
+    known: tuple[Policy, ...] = ("hypotheses", "algorithm1", "published")
+    return [policy for policy in known if policy in chosen or (both and policy != "published")]

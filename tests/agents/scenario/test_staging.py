@@ -18,14 +18,19 @@ def test_the_mission_is_told_to_its_agent_and_the_policy_to_the_belief():
     assert system.agent("plant").config["sensor"] == "poses"
 
 
+def test_the_published_policy_is_a_reasoner_of_its_own():
+    config = staged_system(make_run("hovering", policy="published")).agent("simulation_handler").config
+    assert config["reasoner"] == "published" and "policy" not in config
+
+
 def test_without_a_mission_nobody_asks_for_anything():
     system = staged_system(make_run("cubes_swapped"))
     assert "mission" not in {agent.name for agent in system.agents}
     assert "policy" not in system.agent("simulation_handler").config
 
 
-@pytest.mark.parametrize("policy", ["hypotheses", "algorithm1"])
-def test_both_policies_are_known_to_the_belief(policy: Policy, tmp_path: Path):
+@pytest.mark.parametrize("policy", ["hypotheses", "algorithm1", "published"])
+def test_all_policies_are_known_to_the_belief(policy: Policy, tmp_path: Path):
     staged_system(make_run("blackout_put", policy=policy, folder=tmp_path))
 
 

@@ -1,0 +1,283 @@
+"""Algorithms 1 and 2 of Sallami et al.: percepts are overridden by a simulation, unless that diverges from them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+from dsr.bounding_boxes import BoxRelations, WorldBox, world_box
+from dsr.errors import suggest
+from dsr.quaternions import Vector3
+from dsr.shapes import Shape
+from dsr.transforms import Pose
+from simulation_handler.config import BeliefConfig
+from simulation_handler.explaining import Explanation, Look
+from simulation_handler.geometry import Solid
+from simulation_handler.holding import Grasp
+from simulation_handler.relations import BOUNDS, Relation
+from simulation_handler.rollouts.scene import Body, Scene
+from simulation_handler.simulator import SimulationError, Simulator
+
+_FLOOR = "_floor"
+_FLOOR_SIZE = (20.0, 20.0, 0.2)
+
+
+@dataclass
+class _Object:
+    """What is known of one object."""
+
+    name: str
+    size: Vector3
+    shape: Shape
+    mass: float
+    friction: float
+    seen: Pose | None = None
+    """world_from_object of the newest percept."""
+    stamp: float = -math.inf
+    """s, of that percept"""
+    moved: Vector3 | None = None
+    """m, from the percept before to the newest, d_perc/prev; None if there was none since the last update"""
+    is_perceived: bool = False
+    calm: int = 0
+    """Updates in a row in which the simulation did not diverge from the percept."""
+    is_plausible: bool = True
+    believed: Pose | None = None
+    """world_from_object in the output scene."""
+
+
+class PublishedReasoner:
+    """The published physics reasoner behind the interface of the agent's belief.
+
+    Percepts are taken as they are: their covariances, surprises, explanations, grasps and what cameras should see are
+    not used.
+
+    Args:
+        config: the parameters are in its field `published`.
+    """
+
+    def __init__(self, config: BeliefConfig | None = None) -> None:
+        self.config = config or BeliefConfig()
+        self._parameters = self.config.published
+        self._sim = Simulator()
+        self._objects: dict[str, _Object] = {}
+        self._fixtures: dict[str, Body] = {}
+        self._relations = BoxRelations(self._parameters.epsilon)
+        self._now = 0.0
+        self._lay_floor()
+
+    def close(self) -> None:
+        """Free the simulation."""
+        self._sim.close()
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._objects
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all objects, also of those never seen."""
+        return tuple(self._objects)
+
+    def set_fixture(self, name: str, size: Vector3, pose: Pose) -> None:
+        """Add a box that never moves, or put it elsewhere (world_from_centre)."""
+        if name in self._objects:
+            raise SimulationError(f"{name!r} is an object of the belief and cannot be a fixture")
+        self._fix(Body(name, size, pose.t, pose.q, fixed=True))
+        self._lay_floor()
+
+    def add_object(
+        self, name: str, size: Vector3, *, mass: float | None = None, friction: float | None = None, shape: Shape = ()
+    ) -> None:
+        """Let an object exist; it takes part in the simulation once it was seen."""
+        if name in self._objects or name in self._fixtures:
+            raise SimulationError(f"{name!r} is already part of the belief")
+        mass = self.config.default_mass if mass is None else mass
+        friction = self.config.default_friction if friction is None else friction
+        self._objects[name] = _Object(name, size, shape, mass, friction)
+
+    def remove(self, name: str) -> None:
+        """Forget an object or a fixture. Harmless if there is none."""
+        if name in self._sim:
+            self._sim.remove(name)
+        self._objects.pop(name, None)
+        self._fixtures.pop(name, None)
+        self._relations.forget(name)
+
+    def recall(self, name: str, world_pose: Pose, *, held: bool = False) -> None:
+        """Believe again that an object is at `world_pose`."""
+        item = self._object(name)
+        self._put(item, world_pose)
+        item.believed = world_pose
+
+    def recall_support(self, relation: Relation, since: float, now: float) -> None:
+        """Believe again that an object has been standing on another one since `since` (s)."""
+        self._relations.recall(relation, since)
+
+    def observe(self, name: str, world_pose: Pose, stamp: float, seen_from: Vector3 | None = None) -> None:
+        """Take in a percept; one that is not newer than the last is ignored."""
+        item = self._object(name)
+        if stamp <= item.stamp:
+            return
+        before = item.seen
+        if before is not None:
+            item.moved = _sum(item.moved or (0.0, 0.0, 0.0), _difference(world_pose.t, before.t))
+        item.seen, item.stamp = world_pose, stamp
+
+    def step(self, now: float) -> None:
+        """One update of the output scene: Algorithm 2."""
+        self._now = now
+        for item in self._objects.values():
+            item.is_perceived = now - item.stamp < self._parameters.perceived_max_age
+            if item.is_perceived:
+                self._place_where_perceived(item)
+            item.moved = None
+        self._judge_plausibility()
+        for item in self._objects.values():
+            if item.is_perceived and not item.is_plausible:
+                item.believed = item.seen
+            elif item.name in self._sim:
+                item.believed = Pose.unchecked(*self._sim.pose(item.name))
+        self._relations.update(
+            {item.name: world_box(item.size, item.believed) for item in self._objects.values() if item.believed},
+            {name: _box(body) for name, body in self._fixtures.items() if name != _FLOOR},
+            now,
+        )
+
+    def pose(self, name: str) -> Pose | None:
+        """world_from_object in the output scene, without covariance; None before the first percept."""
+        believed = self._object(name).believed
+        return None if believed is None else Pose.unchecked(believed.t, believed.q).with_stamp(self._now)
+
+    def solids(self) -> list[Solid]:
+        """All objects that have a place, there."""
+        return [
+            Solid(item.name, item.size, item.believed.t, item.believed.q, shape=item.shape)
+            for item in self._objects.values()
+            if item.believed is not None
+        ]
+
+    def scene(self) -> Scene:
+        """All that has a place, fixtures and floor too, as it is simulated."""
+        bodies = (
+            Body(item.name, item.size, *self._sim.pose(item.name), item.mass, item.friction, False, item.shape)
+            for item in self._objects.values()
+            if item.name in self._sim
+        )
+        return Scene((*self._fixtures.values(), *bodies))
+
+    def supports(self) -> dict[Relation, float]:
+        """isOnTop: (object, what it stands on) and since when (s); nothing is said of the floor."""
+        return self._relations.on_top
+
+    def contents(self) -> dict[Relation, float]:
+        """isIn: (object, container) and since when (s)."""
+        return self._relations.inside
+
+    def source(self, relation: Relation) -> str:
+        """What says that a relation holds: bounding boxes."""
+        return BOUNDS
+
+    def perceived(self, name: str, now: float) -> bool:
+        """IsPerceived at time `now` (s)."""
+        return now - self._object(name).stamp < self._parameters.perceived_max_age
+
+    def plausible(self, name: str) -> bool:
+        """IsPhysicallyPlausible."""
+        return self._object(name).is_plausible
+
+    def is_gone(self, name: str) -> bool:
+        """Never: what is not seen goes on being simulated."""
+        return False
+
+    def explanations(self) -> list[tuple[float, Explanation]]:
+        """None: inconsistencies are not explained."""
+        return []
+
+    def look(self, look: Look | None) -> None:
+        """Not used: what cannot be seen is not told from what should be."""
+
+    def flag(self, names: Collection[str]) -> None:
+        """Not used."""
+
+    def plan(self, relations: Collection[Relation]) -> None:
+        """Not used."""
+
+    def hold(self, grasps: Mapping[str, Grasp]) -> None:
+        """Not used: nobody holds anything (Sec. VI c)."""
+
+    def _place_where_perceived(self, item: _Object) -> None:
+        """First half of Algorithm 2: what was seen to jump is placed there, and what is in it shifted likewise."""
+        assert item.seen is not None
+        if item.name not in self._sim:
+            self._put(item, item.seen)
+        elif item.moved is not None and math.hypot(*item.moved) > self._parameters.perception_tolerance:
+            self._put(item, item.seen)
+            self._shift_contents(item, item.moved)
+
+    def _judge_plausibility(self) -> None:
+        """Algorithm 1: simulate the horizon; what diverges from its percept goes back to that."""
+        diverged: set[str] = set()
+        present = [item for item in self._objects.values() if item.name in self._sim]
+        for _ in range(self._parameters.steps):
+            self._sim.step()
+            for item in present:
+                if item.is_perceived and item.seen is not None:
+                    offset = _difference(item.seen.t, self._sim.position(item.name))
+                    if math.hypot(*offset) > self._parameters.simulation_tolerance:
+                        diverged.add(item.name)
+                    if item.name in diverged:
+                        self._put(item, item.seen)
+                        self._shift_contents(item, offset)
+        for item in present:
+            item.calm = 0 if item.name in diverged else item.calm + 1
+            item.is_plausible = not item.is_perceived or item.calm >= self._parameters.calm_updates or (
+                item.is_plausible and item.name not in diverged
+            )  # fmt: skip
+
+    def _shift_contents(self, container: _Object, offset: Vector3) -> None:
+        """Move what is in a container as it moves: translated only, and not what is in the contents in turn."""
+        for name in self._relations.contents(container.name):
+            content = self._objects[name]
+            if not content.is_perceived and name in self._sim:
+                position, rotation = self._sim.pose(name)
+                self._put(content, Pose.unchecked(_sum(position, offset), rotation))
+
+    def _put(self, item: _Object, pose: Pose) -> None:
+        """Put a body somewhere at rest: percepts here tell no velocity."""
+        if item.name in self._sim:
+            self._sim.place(item.name, pose.t, pose.q)
+        else:
+            self._sim.add_body(item.name, item.size, item.shape, pose.t, pose.q, mass=item.mass, friction=item.friction)
+
+    def _object(self, name: str) -> _Object:
+        try:
+            return self._objects[name]
+        except KeyError:
+            raise SimulationError(f"no object {name!r} in the belief; {suggest(name, self._objects)}") from None
+
+    def _lay_floor(self) -> None:
+        """Put the floor below the lowest table."""
+        tops = [_box(body).high[2] for name, body in self._fixtures.items() if name != _FLOOR]
+        height = min(tops, default=0.0) - self.config.floor_below_table
+        self._fix(Body(_FLOOR, _FLOOR_SIZE, (0.0, 0.0, height - 0.5 * _FLOOR_SIZE[2]), fixed=True))
+
+    def _fix(self, body: Body) -> None:
+        if self._fixtures.get(body.name) == body:
+            return
+        if body.name in self._sim:
+            self._sim.remove(body.name)
+        friction = self.config.default_friction
+        self._sim.add_box(body.name, body.size, body.position, body.rotation, friction=friction)
+        self._fixtures[body.name] = body
+
+
+def _box(body: Body) -> WorldBox:
+    return world_box(body.size, Pose.unchecked(body.position, body.rotation))
+
+
+def _difference(a: Vector3, b: Vector3) -> Vector3:
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+def _sum(a: Vector3, b: Vector3) -> Vector3:
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]

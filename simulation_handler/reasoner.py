@@ -1,0 +1,93 @@
+"""What the agent needs of a belief, whichever method keeps it: `Belief`, or the published one."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Protocol
+
+from dsr.quaternions import Vector3
+from dsr.shapes import Shape
+from dsr.transforms import Pose
+from simulation_handler.config import BeliefConfig
+from simulation_handler.explaining import Explanation, Look
+from simulation_handler.geometry import Solid
+from simulation_handler.holding import Grasp
+from simulation_handler.relations import Relation
+from simulation_handler.rollouts.scene import Scene
+
+
+class Reasoner(Protocol):
+    """A belief about objects, kept in step with perception. See `Belief` for what its methods mean in full."""
+
+    config: BeliefConfig
+
+    def close(self) -> None:
+        """Free the simulation."""
+
+    def __contains__(self, name: str) -> bool: ...
+
+    @property
+    def names(self) -> Sequence[str]:
+        """Names of all objects, also of those whose place is unknown yet."""
+
+    def set_fixture(self, name: str, size: Vector3, pose: Pose) -> None:
+        """Add a box that never moves, or put it elsewhere (world_from_centre)."""
+
+    def add_object(
+        self, name: str, size: Vector3, *, mass: float | None = None, friction: float | None = None, shape: Shape = ()
+    ) -> None:
+        """Let an object exist, without a place yet."""
+
+    def recall(self, name: str, world_pose: Pose, *, held: bool = False) -> None:
+        """Believe again that an object is somewhere."""
+
+    def recall_support(self, relation: Relation, since: float, now: float) -> None:
+        """Believe again that an object has been resting on another one."""
+
+    def remove(self, name: str) -> None:
+        """Forget an object or a fixture."""
+
+    def observe(self, name: str, world_pose: Pose, stamp: float, seen_from: Vector3 | None = None) -> None:
+        """Take in a percept."""
+
+    def look(self, look: Look | None) -> None:
+        """Know what the cameras should see."""
+
+    def flag(self, names: Collection[str]) -> None:
+        """Know which objects are surprising."""
+
+    def plan(self, relations: Collection[Relation]) -> None:
+        """Know what a plan is putting down, and where."""
+
+    def hold(self, grasps: Mapping[str, Grasp]) -> None:
+        """Know what is held."""
+
+    def step(self, now: float) -> None:
+        """Bring the belief to time `now` (s)."""
+
+    def pose(self, name: str) -> Pose | None:
+        """world_from_object; None while its place is unknown."""
+
+    def solids(self) -> list[Solid]:
+        """All objects that have a place, there."""
+
+    def scene(self) -> Scene:
+        """All that has a place, as it is now."""
+
+    def supports(self) -> Mapping[Relation, float]:
+        """(object, what it rests on) and since when (s)."""
+
+    def contents(self) -> Mapping[Relation, float]:
+        """(object, what it is in) and since when (s)."""
+
+    def source(self, relation: Relation) -> str:
+        """What says that a relation holds."""
+
+    def plausible(self, name: str) -> bool:
+        """Whether what is perceived of an object is physically possible."""
+
+    def is_gone(self, name: str) -> bool:
+        """Whether the object is believed to have been taken out of the scene."""
+
+    def explanations(self) -> list[tuple[float, Explanation]]:
+        """What was explained since the last call, and when (s)."""
