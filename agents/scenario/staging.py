@@ -16,8 +16,8 @@ Sensor = Literal["pixels", "poses"]
 
 
 Policy = Literal["hypotheses", "algorithm1", "published"]
-"""Explain surprises by simulated hypotheses, or by Algorithm 1 of the CORTEX paper; or reason as Sallami et al. did, and
-infer actions as they did."""
+"""Explain surprises by simulated hypotheses, or by Algorithm 1 of the CORTEX paper; or reason as Sallami et al. did,
+and infer actions as they did."""
 MISSION = "mission"
 """The agent that wants what the scenario's `[mission]` says."""
 
