@@ -7,13 +7,19 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+from dsr.quaternions import Vector3
+from dsr.shapes import Shape
 from dsr.transforms import Pose
 from simulation_handler.config import BeliefConfig
 from simulation_handler.published.parameters import PublishedConfig
 from simulation_handler.published.reasoner import PublishedReasoner
+from tests.simulation_handler.worlds import BALL, CUBE, ROUND, container
 
 TABLE = (1.2, 1.2, 0.04)
-CUBE = (0.04, 0.04, 0.04)
+BOX = (0.17, 0.17, 0.15)
+BLOCK = (0.1, 0.1, 0.16)
+WALL = 0.003
+"""m, of containers"""
 TICK = 0.05
 PERCEPTS = 2
 """Ticks between percepts."""
@@ -27,8 +33,8 @@ class Scene:
         reasoner.set_fixture("table", TABLE, Pose((0.0, 0.0, -0.02)))
         self.ticks = 0
 
-    def add(self, name: str, size: tuple[float, float, float] = CUBE) -> None:
-        self.reasoner.add_object(name, size, mass=0.05, friction=0.6)
+    def add(self, name: str, size: Vector3 = CUBE, shape: Shape = ()) -> None:
+        self.reasoner.add_object(name, size, mass=0.05, friction=0.6, shape=shape)
 
     def run(self, seconds: float, see: dict[str, Pose | Callable[[float], Pose]]) -> None:
         """Let time pass while these are seen; a function gives the pose by the time since the beginning (s)."""
@@ -117,29 +123,37 @@ def test_no_covariance_is_told(scene: Scene):
     assert pose is not None and pose.cov is None
 
 
+def test_what_falls_unseen_into_a_container_is_in_it(scene: Scene):
+    scene.add("box", BOX, container(BOX))
+    scene.add("ball", BALL, ROUND)
+    box = Pose((0.0, 0.0, 0.075))
+    scene.run(1.0, {"box": box, "ball": Pose((0.0, 0.0, 0.35))})
+    assert not scene.reasoner.plausible("ball")
+    scene.run(2.0, {"box": box})
+    assert scene.reasoner.contents().keys() == {("ball", "box")}
+    assert scene.at("ball")[2] == pytest.approx(0.5 * BALL[2] + WALL, abs=0.002)
+
+
 def test_contents_are_translated_with_their_container_but_not_turned(scene: Scene):
-    reasoner = scene.reasoner
-    scene.add("tray", (0.3, 0.3, 0.02))
+    scene.add("box", BOX, container(BOX))
     scene.add("cube")
-    scene.run(1.0, {"tray": Pose((0.0, 0.0, 0.01)), "cube": Pose((0.1, 0.0, 0.04))})
-    reasoner._relations.inside[("cube", "tray")] = 0.0
-    reasoner._relations.update = lambda *_: None  # type: ignore[method-assign]
-    scene.run(0.8, {"tray": Pose((0.0, 0.0, 0.01))})
-    quarter = Pose.from_rotvec((0.2, 0.0, 0.01), (0.0, 0.0, math.pi / 2))
-    scene.run(0.5, {"tray": quarter})
-    assert scene.at("cube") == pytest.approx((0.3, 0.0, 0.04), abs=0.005), "rigidly it would be at (0.2, 0.1)"
+    box = Pose((0.0, 0.0, 0.075))
+    scene.run(1.0, {"box": box, "cube": Pose((0.05, 0.0, 0.023))})
+    scene.run(0.9, {"box": box})
+    assert scene.reasoner.contents().keys() == {("cube", "box")}
+    scene.run(0.5, {"box": Pose.from_rotvec((0.3, 0.0, 0.075), (0.0, 0.0, math.pi / 2))})
+    assert scene.at("cube")[:2] == pytest.approx((0.35, 0.0), abs=0.01), "rigidly it would be at (0.3, 0.05)"
 
 
-def test_contents_of_contents_stay_behind(scene: Scene):
-    reasoner = scene.reasoner
-    scene.add("tray", (0.3, 0.3, 0.02))
-    scene.add("cup")
-    scene.add("ball")
-    poses = {"tray": Pose((0.0, 0.0, 0.01)), "cup": Pose((0.0, 0.0, 0.04)), "ball": Pose((0.0, 0.0, 0.08))}
-    scene.run(1.0, poses)
-    reasoner._relations.inside = {("cup", "tray"): 0.0, ("ball", "cup"): 0.0}
-    reasoner._relations.update = lambda *_: None  # type: ignore[method-assign]
-    scene.run(0.8, {"tray": poses["tray"]})
-    scene.run(0.1, {"tray": Pose((0.3, 0.0, 0.01))})
-    assert scene.at("cup")[0] == pytest.approx(0.3, abs=0.005)
-    assert scene.at("ball")[0] < 0.2
+def test_what_stands_on_the_contents_stays_behind(scene: Scene):
+    scene.add("box", BOX, container(BOX))
+    scene.add("block", BLOCK)
+    scene.add("cube")
+    box, block = Pose((0.0, 0.0, 0.075)), Pose((0.0, 0.0, 0.5 * BLOCK[2] + WALL))
+    scene.run(1.0, {"box": box, "block": block, "cube": Pose((0.0, 0.0, BLOCK[2] + WALL + 0.02))})
+    scene.run(0.9, {"box": box})
+    assert scene.reasoner.contents().keys() == {("block", "box")}
+    assert ("cube", "block") in scene.reasoner.supports()
+    scene.run(0.1, {"box": Pose((0.3, 0.0, 0.075))})
+    assert scene.at("block")[0] == pytest.approx(0.3, abs=0.01)
+    assert scene.at("cube")[0] == pytest.approx(0.0, abs=0.01)
