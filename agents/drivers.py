@@ -8,7 +8,7 @@ plug in at the same place. Drivers are named in a system file as `module:Class` 
 from __future__ import annotations
 
 import importlib
-from typing import Any, Protocol
+from typing import Any, Literal, Protocol
 
 import msgspec
 
@@ -58,6 +58,29 @@ class TagReadings(msgspec.Struct, frozen=True):
     """Through which they are seen, if the device tells."""
 
 
+class HandReading(msgspec.Struct, frozen=True):
+    """The measured landmarks of one human hand."""
+
+    side: Literal["left", "right", "unknown"]
+    landmarks: tuple[tuple[float, float, float], ...]
+    """21 points, m, in the camera's optical frame, at the centres of the joints in MediaPipe's order: wrist, then
+    four of each digit from thumb to little finger; whatever for those that are not visible"""
+    visible: tuple[bool, ...]
+    """For each landmark."""
+    sigma: float
+    """m, standard deviation of each coordinate"""
+
+
+class HandReadings(msgspec.Struct, frozen=True):
+    """The human hands that a camera sees at one instant, in no particular order."""
+
+    stamp: float
+    """s"""
+    hands: list[HandReading]
+    lens: Intrinsics | None = None
+    """Through which they are seen, if the device tells."""
+
+
 class ArmDriver(Protocol):
     """An arm with a gripper."""
 
@@ -98,6 +121,16 @@ class TagDriver(Protocol):
     """A camera that detects tags by itself, or a simulated one that skips the images."""
 
     def readings(self) -> TagReadings | None:
+        """The newest readings if they were not returned before, else None."""
+
+    def close(self) -> None:
+        """Release the device."""
+
+
+class HandDriver(Protocol):
+    """A camera that finds hands by itself, or a simulated one that skips the images."""
+
+    def readings(self) -> HandReadings | None:
         """The newest readings if they were not returned before, else None."""
 
     def close(self) -> None:

@@ -272,6 +272,7 @@ _ATTRIBUTES: dict[str, AttributeType] = dict([
                              "skill": "of the arm: pick, place, move, observe or stop",
                              "request": "what the planner asks of an action: run or halt",
                              "surprise": "why it is surprising",
+                             "side": "of the body: left, right or unknown",
                              "hidden_by": "what hides most of it from the camera",
                              "policy": "which method explained it",
                              "alternatives": "explanations that were rejected, with their scores",

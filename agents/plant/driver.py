@@ -8,7 +8,7 @@ from typing import Generic, TypeVar
 
 import msgspec
 
-from agents.drivers import ArmState, TagReadings
+from agents.drivers import ArmState, HandReadings, TagReadings
 from agents.plant.messages import (
     Command,
     Follow,
@@ -18,8 +18,10 @@ from agents.plant.messages import (
     arm_command_key,
     arm_state_key,
     decode_arm_state,
+    decode_hand_readings,
     decode_tag_readings,
     frame_key,
+    hands_key,
     readings_key,
 )
 from dsr.blobs import Frame
@@ -131,6 +133,21 @@ class PlantPoses:
         self._readings = Newest(bus, readings_key(keys, name), decode_tag_readings)
 
     def readings(self) -> TagReadings | None:
+        """The newest readings if they were not returned before, else None."""
+        return self._readings.take()
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._readings.close()
+
+
+class PlantHands:
+    """A simulated camera that tells hand landmarks instead of images, a `HandDriver`; arguments as of `PlantCamera`."""
+
+    def __init__(self, bus: Transport, keys: Keys, name: str = "overhead") -> None:
+        self._readings = Newest(bus, hands_key(keys, name), decode_hand_readings)
+
+    def readings(self) -> HandReadings | None:
         """The newest readings if they were not returned before, else None."""
         return self._readings.take()
 

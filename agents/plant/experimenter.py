@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable
 
-from agents.plant.moves import MOVES, Steps
+from agents.plant.hand_moves import begin
+from agents.plant.moves import Steps
 from agents.plant.stage import Stage
 from agents.plant.truths import PASSING, is_true
 from agents.plant.world import RATE_HZ
@@ -52,7 +53,7 @@ class Experimenter:
         if due:
             self._scheduled = [entry for entry in self._scheduled if entry[0] > elapsed]
         for number, event in due:
-            self._running[number] = MOVES[type(event)](event, self._stage)
+            self._running[number] = begin(event, self._stage)
             self.spans[number] = (elapsed, None)
         for number in [number for number, steps in self._running.items() if not self._advance(steps)]:
             del self._running[number]

@@ -10,15 +10,21 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from agents.drivers import ArmState, TagReadings
+from agents.drivers import ArmState, HandReadings, TagReadings
 from dsr.decoding import decoded
 from dsr.errors import WireError
 from dsr.intrinsics import Intrinsics
 from dsr.keys import Keys
 from dsr.transforms import Pose
 
+MOST_HANDS = 16
+"""In one message."""
+LANDMARKS = 21
+"""Of one hand."""
 MOST_POINTS = 5000
 """Of one trajectory."""
+Point = tuple[float, float, float]
+"""m"""
 Seven = tuple[float, float, float, float, float, float, float]
 """A pose: translation (m), then a quaternion (x, y, z, w)."""
 
@@ -78,9 +84,14 @@ class Truth(msgspec.Struct, frozen=True):
     """Objects that are held, and by what: `gripper`, the node of a hand, or `unknown` for the experimenter."""
     moves: dict[int, tuple[float, float | None]] = {}
     """Of what the experimenter has begun, by the event's number in the file (from 1): begin, end; s after the start"""
+    hands: dict[int, tuple[Point, ...]] = {}
+    """21 landmarks (m, world) of each hand in the scene, by number: centres of the joints, as in MediaPipe's order"""
+    touched: dict[str, str] = {}
+    """Objects on which fingertips of a human hand just lie, and the node of the hand."""
 
 
 _arm_state_decoder = msgspec.msgpack.Decoder(ArmState)
+_hands_decoder = msgspec.msgpack.Decoder(HandReadings)
 _readings_decoder = msgspec.msgpack.Decoder(TagReadings)
 _command_decoder: msgspec.msgpack.Decoder[Command] = msgspec.msgpack.Decoder(Command)
 
@@ -153,6 +164,27 @@ def _read_tag_readings(payload: bytes) -> TagReadings:
     return seen
 
 
+def decode_hand_readings(payload: bytes) -> HandReadings:
+    """Readings with 21 finite landmarks for each hand; raises `WireError` for anything else."""
+    return decoded(payload, "hand readings", _read_hand_readings)
+
+
+def _read_hand_readings(payload: bytes) -> HandReadings:
+    seen = _hands_decoder.decode(payload)
+    _check_finite(seen.stamp)
+    if len(seen.hands) > MOST_HANDS:
+        raise ValueError(f"{len(seen.hands)} hands; expected at most {MOST_HANDS}")
+    for hand in seen.hands:
+        if not len(hand.landmarks) == len(hand.visible) == LANDMARKS:
+            raise ValueError(f"{len(hand.landmarks)} landmarks with {len(hand.visible)} flags; expected {LANDMARKS}")
+        _check_finite(hand.sigma, *(number for point in hand.landmarks for number in point))
+        if hand.sigma < 0.0:
+            raise ValueError("a negative standard deviation of landmarks")
+    if seen.lens is not None:
+        _check_lens(seen.lens)
+    return seen
+
+
 def _check_lens(lens: Intrinsics) -> None:
     _check_finite(lens.fx, lens.fy, lens.cx, lens.cy)
     if min(lens.fx, lens.fy, lens.width, lens.height) <= 0:
@@ -187,3 +219,8 @@ def frame_key(keys: Keys, camera: str) -> str:
 def readings_key(keys: Keys, camera: str) -> str:
     """Where a camera sends `TagReadings` instead of frames."""
     return keys.device(f"camera/{camera}/poses")
+
+
+def hands_key(keys: Keys, camera: str) -> str:
+    """Where a camera sends `HandReadings` instead of frames."""
+    return keys.device(f"camera/{camera}/hands")

@@ -108,34 +108,34 @@ def topple(event: Topple, stage: Stage) -> Steps:
 @move(Slide)
 def slide(event: Slide, stage: Stage) -> Steps:
     """Push the object over its support."""
-    grip = stage.take(event.object, contents=event.contents)
+    grip = stage.take(event.object, contents=event.moves_contents)
     x, y, z = grip.pose.t
     by = event.by or (0.0, 0.0)
     position = (*event.to, z) if event.to is not None else (x + by[0], y + by[1], z)
     turn = event.turn if event.yaw is None else event.yaw - yaw_of(grip.pose)
-    yield from _follow(grip, Pose(position, _turned(grip.pose, turn)), event.speed)
+    yield from follow(grip, Pose(position, turned(grip.pose, turn)), event.speed)
     stage.release(event.object)
 
 
 @move(Carry)
 def carry(event: Carry, stage: Stage) -> Steps:
     """Lift the object, move it over its goal, put it down there upright."""
-    grip = stage.take(event.object, contents=event.contents)
+    grip = stage.take(event.object, contents=event.moves_contents)
     yaw = yaw_of(grip.pose) if event.yaw is None else event.yaw
     x, y, z = grip.pose.t
     top = max(z, event.to[2]) + event.height
-    yield from _follow(grip, Pose((x, y, top), grip.pose.q), event.speed)
-    yield from _follow(grip, upright((event.to[0], event.to[1], top), yaw), event.speed)
-    yield from _follow(grip, upright(event.to, yaw), event.speed)
+    yield from follow(grip, Pose((x, y, top), grip.pose.q), event.speed)
+    yield from follow(grip, upright((event.to[0], event.to[1], top), yaw), event.speed)
+    yield from follow(grip, upright(event.to, yaw), event.speed)
     stage.release(event.object)
 
 
 @move(Lift)
 def lift(event: Lift, stage: Stage) -> Steps:
     """Raise the object and keep hold of it."""
-    grip = stage.take(event.object, contents=event.contents)
+    grip = stage.take(event.object, contents=event.moves_contents)
     x, y, z = grip.pose.t
-    yield from _follow(grip, Pose((x, y, z + event.height), grip.pose.q), event.speed)
+    yield from follow(grip, Pose((x, y, z + event.height), grip.pose.q), event.speed)
 
 
 @move(Tilt)
@@ -222,7 +222,7 @@ def _set_down(stage: Stage, goals: list[tuple[str, Pose]]) -> None:
         stage.world.put(name, goal)
 
 
-def _follow(grip: Grip, goal: Pose, speed: float) -> Steps:
+def follow(grip: Grip, goal: Pose, speed: float) -> Steps:
     """Straight to `goal` at `speed` m/s, turning evenly on the way."""
     start = grip.pose
     distance, angle = start.distance(goal)
@@ -233,6 +233,6 @@ def _follow(grip: Grip, goal: Pose, speed: float) -> Steps:
         yield
 
 
-def _turned(pose: Pose, angle: float) -> quaternions.Quaternion:
+def turned(pose: Pose, angle: float) -> quaternions.Quaternion:
     """The rotation of `pose`, turned further by `angle` rad about the vertical."""
     return quaternions.product(quaternions.from_rotvec((0.0, 0.0, angle)), pose.q)

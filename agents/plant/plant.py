@@ -8,7 +8,7 @@ from collections import deque
 import msgspec
 
 from agents.plant.config import PlantConfig
-from agents.plant.messages import arm_command_key, arm_state_key, decode_command, frame_key, readings_key
+from agents.plant.messages import arm_command_key, arm_state_key, decode_command, frame_key, hands_key, readings_key
 from agents.plant.reality import Reality
 from agents.plant.world import RATE_HZ, STEP
 from agents.scenario.format import decode_start, load_scenario, start_key
@@ -148,6 +148,8 @@ class Plant(Agent):
         else:
             payload = msgspec.msgpack.encode(reality.readings(stamp))
             self.bus.publish(readings_key(self.keys, camera), payload, Qos.STREAM)
+            if (hands := reality.hand_readings(stamp)) is not None:
+                self.bus.publish(hands_key(self.keys, camera), msgspec.msgpack.encode(hands), Qos.STREAM)
 
     def _keep_start(self, key: str, payload: bytes) -> None:
         self._start_message = payload

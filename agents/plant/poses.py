@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from agents.drivers import TagReading, TagReadings
 from agents.plant.camera import Camera
+from agents.plant.hands import Hands
 from agents.plant.messages import seven
 from agents.plant.tags import TAG_RATIO
 from agents.plant.world import World
@@ -30,7 +31,7 @@ _LOOK = np.array([[0, 0], [-1, -1], [1, -1], [1, 1], [-1, 1]]) * 0.95  # points 
 _REACHED = 0.995  # share of a ray without obstacle that counts as reaching the tag
 
 
-def read_tags(camera: Camera, world: World, stamp: float) -> TagReadings:
+def read_tags(camera: Camera, world: World, hands: Hands, stamp: float) -> TagReadings:
     """The tags that `camera` sees now, with its errors; drawn also for those it does not see."""
     errors = camera.sensor.errors()
     readings = []
@@ -42,19 +43,20 @@ def read_tags(camera: Camera, world: World, stamp: float) -> TagReadings:
         if spec.marker_id is None or name not in poses:
             continue
         pose = camera_from_world @ poses[name]
-        if _sees(camera, world, spec, pose):
+        if _sees(camera, world, hands, spec, pose):
             readings.append(_measured(spec.marker_id, pose, errors[name], noise))
             camera.in_view.append(name)
     return TagReadings(stamp, readings, camera.lens)
 
 
-def tags_in_view(camera: Camera, world: World) -> list[str]:
+def tags_in_view(camera: Camera, world: World, hands: Hands) -> list[str]:
     """Names of the objects whose tag `camera` could see now."""
     camera_from_world = camera.pose.inverse()
     specs = [spec for name, spec in world.specs.items() if name in world and spec.marker_id is not None]
     if camera.covers:
         return []
-    return [spec.name for spec in specs if _sees(camera, world, spec, camera_from_world @ world.pose(spec.name))]
+    poses = {spec.name: camera_from_world @ world.pose(spec.name) for spec in specs}
+    return [spec.name for spec in specs if _sees(camera, world, hands, spec, poses[spec.name])]
 
 
 def _measured(marker_id: int, camera_from_object: Pose, error: float, noise: NDArray[np.float64]) -> TagReading:
@@ -68,7 +70,7 @@ def _measured(marker_id: int, camera_from_object: Pose, error: float, noise: NDA
     return TagReading(marker_id, seven(measured), sigma_translation, sigma_rotation)
 
 
-def _sees(camera: Camera, world: World, spec: ObjectSpec, camera_from_object: Pose) -> bool:
+def _sees(camera: Camera, world: World, hands: Hands, spec: ObjectSpec, camera_from_object: Pose) -> bool:
     """Whether the tag faces the camera, is large enough, and wholly in the image and in view."""
     half = TAG_RATIO * min(spec.size[:2]) / 2
     tag = np.column_stack([_LOOK * half, np.full(len(_LOOK), spec.size[2] / 2)])
@@ -83,12 +85,14 @@ def _sees(camera: Camera, world: World, spec: ObjectSpec, camera_from_object: Po
     pixels = lens.project(points)
     if pixels.min() < 0 or (pixels > (lens.width - 1, lens.height - 1)).any():
         return False
-    return _in_view(camera.pose, world, spec.name, points)
+    return _in_view(camera.pose, world, hands, spec.name, points)
 
 
-def _in_view(world_from_camera: Pose, world: World, name: str, points: NDArray[np.float64]) -> bool:
+def _in_view(world_from_camera: Pose, world: World, hands: Hands, name: str, points: NDArray[np.float64]) -> bool:
     """Whether nothing stands between the camera and points (n, 3) m of the object, in the optical frame."""
     targets = world_from_camera.apply(points)
     eyes = np.broadcast_to(world_from_camera.t, targets.shape)
     hits = world.bullet.rayTestBatch(eyes.tolist(), targets.tolist())
+    if hands.present and hands.hide(world_from_camera.translation, targets).any():
+        return False
     return all(hit[0] in (-1, world.body(name)) or hit[2] > _REACHED for hit in hits)

@@ -6,15 +6,18 @@ import contextlib
 from collections.abc import Iterable
 
 import numpy as np
+from numpy.typing import NDArray
 
-from agents.drivers import ArmState, TagReadings
+from agents.drivers import ArmState, HandReadings, TagReadings
 from agents.plant.arm import Arm
 from agents.plant.arm_error import displaced
 from agents.plant.bullet import Bullet
 from agents.plant.camera import Camera
 from agents.plant.config import PlantConfig
 from agents.plant.experimenter import Experimenter
-from agents.plant.messages import Command, Follow, MoveGripper, MoveJoints, Truth, seven
+from agents.plant.hand_sensor import read_hands
+from agents.plant.hands import Hands
+from agents.plant.messages import Command, Follow, MoveGripper, MoveJoints, Point, Truth, seven
 from agents.plant.noise import SensorModel
 from agents.plant.poses import read_tags, tags_in_view
 from agents.plant.renderer import Renderer
@@ -82,24 +85,34 @@ class Reality:
             in_view=tuple(self.camera.in_view),
             grasped=self._stage.grasped(),
             moves=dict(self.experimenter.spans),
+            hands={hand.number: _points(hand.landmarks) for hand in self._hands.present},
+            touched=dict(self._hands.holding("touch")),
         )
 
     def frame(self, stamp: float) -> Frame:
         """What the camera sees, as images; only with the sensor `pixels`."""
         assert self._renderer is not None
-        self.camera.in_view = tags_in_view(self.camera, self.world)
+        self.camera.in_view = tags_in_view(self.camera, self.world, self._hands)
+        self._hands.draw()
         return self.camera.photograph(self.world, self._renderer, stamp)
 
     def readings(self, stamp: float) -> TagReadings:
         """What the camera sees, as poses."""
-        return read_tags(self.camera, self.world, stamp)
+        return read_tags(self.camera, self.world, self._hands, stamp)
+
+    def hand_readings(self, stamp: float) -> HandReadings | None:
+        """What the camera sees of hands, as landmarks; None in a scenario without hands."""
+        if not self.has_hands:
+            return None
+        return read_hands(self.camera, self.world, self._hands, self._hand_noise, stamp)
 
     def close(self) -> None:
         """Free the physics engine; harmless when repeated."""
         self._resources.close()
 
     def _build(self, scenario: Scenario, config: PlantConfig, seed: int, resources: contextlib.ExitStack) -> None:
-        layout, *sensors = (np.random.default_rng(child) for child in np.random.SeedSequence(seed).spawn(3))
+        children = np.random.SeedSequence(seed).spawn(4)
+        layout, *sensors, self._hand_noise = (np.random.default_rng(child) for child in children)
         bullet = Bullet()
         resources.callback(bullet.close)
         self._renderer = Renderer(bullet, config.renderer) if config.sensor == "pixels" else None
@@ -111,7 +124,11 @@ class Reality:
         cameras = self._make_cameras(scenario, config, sensors)
         self.camera = cameras[scenario.camera]
         """The one that the scenario uses."""
-        self._stage = Stage(self.world, self.arm, cameras, default_camera=scenario.camera)
+        numbers = {number for event in scenario.events if (number := getattr(event, "hand", None)) is not None}
+        self.has_hands = bool(numbers)
+        """Whether hands can come into the scene."""
+        self._hands = Hands(bullet, numbers, seen=self._renderer is not None)
+        self._stage = Stage(self.world, self.arm, cameras, default_camera=scenario.camera, hands=self._hands)
         self.experimenter = Experimenter(scenario.events, self._stage)
 
     def _make_cameras(
@@ -124,3 +141,7 @@ class Reality:
             name: Camera(name, lens, mount, SensorModel(scenario.sensor, self.world.specs, rng))
             for (name, mount), rng in zip(mounts.items(), rngs, strict=True)
         }
+
+
+def _points(points: NDArray[np.float64]) -> tuple[Point, ...]:
+    return tuple((float(x), float(y), float(z)) for x, y, z in points)

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 
 from agents.plant.arm import Arm
 from agents.plant.camera import Camera
+from agents.plant.hands import Hands
 from agents.plant.world import GRAVITY, STEP, World
 from dsr import quaternions
 from dsr.quaternions import Vector3
@@ -61,11 +62,15 @@ class Stage:
         arm: loses what the experimenter takes.
         cameras: by name.
         default_camera: the one meant when a move names none.
+        hands: the experimenter's hands that can be seen.
     """
 
-    def __init__(self, world: World, arm: Arm, cameras: Mapping[str, Camera], default_camera: str) -> None:
+    def __init__(
+        self, world: World, arm: Arm, cameras: Mapping[str, Camera], default_camera: str, hands: Hands
+    ) -> None:
         self.world = world
         self.arm = arm
+        self.hands = hands
         self._cameras = cameras
         self._default_camera = default_camera
         self._grips: dict[str, Grip] = {}
@@ -77,7 +82,7 @@ class Stage:
         return self._cameras[name or self._default_camera]
 
     def take(self, name: str, *, contents: bool) -> Grip:
-        """Take an object into the hand, with everything on or in it if `contents`."""
+        """Take an object, with everything on or in it if `contents`."""
         held = self._grips.get(name)
         if held is not None and contents and len(held.names) > 1:
             return held
@@ -107,14 +112,23 @@ class Stage:
         return self.arm.held == name or any(name in grip.names for grip in self._grips.values())
 
     def grasped(self) -> dict[str, str]:
-        """What is held, and by what: `gripper`, or `unknown` for the experimenter; not what only comes along."""
+        """What is held, and by what.
+
+        `gripper`, `human_hand_0`, or `unknown` for the experimenter; not what only comes along.
+        """
         held = {} if self.arm.held is None else {self.arm.held: "gripper"}
-        return held | dict.fromkeys(self._grips, "unknown")
+        dragged = {name: hand for name, hand in self.hands.holding("touch").items() if name in self._grips}
+        return held | dict.fromkeys(self._grips, "unknown") | dict(self.hands.holding("pinch")) | dragged
 
     def act(self) -> None:
         """Move what is held, for the next step of physics."""
         for grip in self._grips.values():
             grip.act()
+        for hand in self.hands.present:
+            if hand.held in self._grips:
+                hand.follow(self._grips[hand.held].pose)
+            elif hand.held is not None and hand.style == "pinch":  # somebody took it
+                hand.let_go()
 
 
 def _per_step(start: Vector3, end: Vector3) -> Vector3:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path as FilePath
 
-from agents.scenario.events import ArmError, Carry, Event, FalsePercept, Kill, Place, Slide, Swap
+from agents.scenario.events import ArmError, Carry, Event, FalsePercept, HandMove, Kill, Place, Slide, Swap
 from agents.scenario.expectations import (
     Actions,
     BeliefRecovered,
@@ -167,10 +167,21 @@ def _check_event(event: Event, path: Path, scenario: Scenario) -> None:
     if isinstance(event, FalsePercept | ArmError):
         error = (*event.translation, *getattr(event, "rotation", ()))
         _require(any(error), path, f"{event.__struct_config__.tag}: expected an error that is not zero")
+    if isinstance(event, HandMove):
+        _require(event.to is None or event.by is None, path, "hand_move: expected `to` or `by` (m), not both")
+        some = event.to is not None or event.by is not None or event.turn
+        _require(bool(some), path, "hand_move: expected `to`, `by` (m) or `turn` (rad)")
+    _check_direction(event, path)
     if isinstance(event, Carry):
         _check_above_table(event, event.to, (*path, "to"), scenario)
     if isinstance(event, Kill):
         _require(event.at is not None, path, "kill: expected `at` (s): conditions are judged by the plant")
+
+
+def _check_direction(event: Event, path: Path) -> None:
+    """A side is a direction."""
+    side = getattr(event, "side", None)
+    _require(side is None or any(side), (*path, "side"), "expected a direction along x and y that is not zero")
 
 
 def _check_condition(event: Event, path: Path, scenario: Scenario) -> None:

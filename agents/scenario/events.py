@@ -12,7 +12,10 @@ import msgspec
 from msgspec import Meta
 
 from agents.scenario.conditions import Condition, parse_condition
-from agents.scenario.units import Length, Radians, Rotation, Seconds, Speed, Vector2, Vector3
+from agents.scenario.units import Length, Metres, Radians, Rotation, Seconds, Speed, Vector2, Vector3
+
+HandNumber = Annotated[int, Meta(ge=0, le=1)]
+"""Of a human hand: 0 is a right one, 1 a left one."""
 
 
 class EventBase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="do"):
@@ -70,7 +73,21 @@ class Place(ObjectEvent, frozen=True, kw_only=True, tag="place"):
         return {"object": self.object} | ({} if self.onto is None else {"onto": self.onto})
 
 
-class Slide(ObjectEvent, frozen=True, kw_only=True, tag="slide"):
+class MovedByHand(ObjectEvent, frozen=True, kw_only=True):
+    """A move that nobody is seen to make, or that a hand makes."""
+
+    hand: HandNumber | None = None
+    """This hand comes, takes the object and moves it; default: it moves by itself."""
+    contents: bool | None = None
+    """Everything on or in it comes along rigidly; default: without a hand. With one, contents move by physics."""
+
+    @property
+    def moves_contents(self) -> bool:
+        """Whether everything on or in it comes along rigidly."""
+        return self.hand is None if self.contents is None else self.contents
+
+
+class Slide(MovedByHand, frozen=True, kw_only=True, tag="slide"):
     """Push the object over its support in a straight line."""
 
     to: Vector2 | None = None
@@ -83,11 +100,9 @@ class Slide(ObjectEvent, frozen=True, kw_only=True, tag="slide"):
     """rad from its yaw before, instead of `yaw`"""
     speed: Speed = 0.1
     """m/s"""
-    contents: bool = True
-    """Everything on or in it comes along rigidly."""
 
 
-class Carry(ObjectEvent, frozen=True, kw_only=True, tag="carry"):
+class Carry(MovedByHand, frozen=True, kw_only=True, tag="carry"):
     """Lift the object by `height`, move it over `to`, put it down there."""
 
     to: Vector3
@@ -98,19 +113,15 @@ class Carry(ObjectEvent, frozen=True, kw_only=True, tag="carry"):
     """m above the higher one of start and end"""
     speed: Speed = 0.2
     """m/s"""
-    contents: bool = True
-    """Everything on or in it comes along rigidly."""
 
 
-class Lift(ObjectEvent, frozen=True, kw_only=True, tag="lift"):
+class Lift(MovedByHand, frozen=True, kw_only=True, tag="lift"):
     """Raise the object and hold it in the air until `drop`, `place`, `carry` or `slide`."""
 
     height: Length
     """m above where it is"""
     speed: Speed = 0.2
     """m/s"""
-    contents: bool = True
-    """Everything on or in it comes along rigidly."""
 
 
 class Tilt(ObjectEvent, frozen=True, kw_only=True, tag="tilt"):
@@ -122,6 +133,8 @@ class Tilt(ObjectEvent, frozen=True, kw_only=True, tag="tilt"):
     """Direction of the axis, world."""
     speed: Speed = 1.0
     """rad/s"""
+    hand: HandNumber | None = None
+    """This hand comes, takes the object and turns it; default: it turns by itself."""
 
 
 class Drop(ObjectEvent, frozen=True, kw_only=True, tag="drop"):
@@ -152,6 +165,8 @@ class Topple(ObjectEvent, frozen=True, kw_only=True, tag="topple"):
     """Where to, along world x and y; its length does not matter."""
     speed: Speed = 0.5
     """m/s"""
+    hand: HandNumber | None = None
+    """This hand comes and pushes with two fingertips; default: nobody is seen."""
 
 
 class FalsePercept(ObjectEvent, frozen=True, kw_only=True, tag="false_percept"):
@@ -193,6 +208,69 @@ class CameraCover(EventBase, frozen=True, kw_only=True, tag="camera_cover"):
     """Default: the scenario's camera."""
 
 
+class HandEvent(EventBase, frozen=True, kw_only=True):
+    """An event of a human hand."""
+
+    hand: HandNumber = 0
+    """0 is a right hand, 1 a left one."""
+
+
+class HandEnter(HandEvent, frozen=True, kw_only=True, tag="hand_enter"):
+    """A hand comes into the scene, open, its fingers pointing away from where it comes from and a bit down."""
+
+    position: Vector3
+    """m, where its palm goes, world"""
+    side: Vector2 = (1.0, 0.0)
+    """Along world x and y: where it comes from."""
+    speed: Speed = 0.4
+    """m/s"""
+
+
+class HandGrasp(HandEvent, frozen=True, kw_only=True, tag="hand_grasp"):
+    """A hand, entering if it must, goes to an object and lays fingertips on it."""
+
+    object: str
+    style: Literal["pinch", "touch"] = "pinch"
+    """`pinch`: thumb and index finger on opposite sides, it is held. `touch`: two fingertips on one side only."""
+    side: Vector2 = (1.0, 0.0)
+    """Along world x and y: from which side of the object the hand comes."""
+    above: Metres | None = None
+    """m, of the fingertips over the object's centre; default: a fifth of its height, at a ball none"""
+    speed: Speed = 0.4
+    """m/s"""
+
+    @property
+    def named_objects(self) -> dict[str, str]:
+        """What it grasps."""
+        return {"object": self.object}
+
+
+class HandMove(HandEvent, frozen=True, kw_only=True, tag="hand_move"):
+    """A hand goes somewhere, with what it grasps or touches."""
+
+    to: Vector3 | None = None
+    """m, where the palm goes, or if it holds something the centre of that, world"""
+    by: Vector3 | None = None
+    """m, along world x, y and z from where it is, instead of `to`"""
+    turn: Radians = 0.0
+    """rad about the vertical, on the way"""
+    speed: Speed = 0.2
+    """m/s"""
+
+
+class HandRelease(HandEvent, frozen=True, kw_only=True, tag="hand_release"):
+    """A hand opens and draws back a little; what it held falls if nothing is beneath."""
+
+
+class HandLeave(HandEvent, frozen=True, kw_only=True, tag="hand_leave"):
+    """A hand lets go and leaves the scene."""
+
+    side: Vector2 | None = None
+    """Along world x and y: where to; default: where it came from."""
+    speed: Speed = 0.4
+    """m/s"""
+
+
 class Kill(EventBase, frozen=True, kw_only=True, tag="kill"):
     """Kill an agent's process without warning (SIGKILL); the launcher restarts it.
 
@@ -218,6 +296,11 @@ Event = (
     | ArmError
     | CameraBump
     | CameraCover
+    | HandEnter
+    | HandGrasp
+    | HandMove
+    | HandRelease
+    | HandLeave
     | Kill
 )
 EVENTS: dict[str, type[Event]] = {str(kind.__struct_config__.tag): kind for kind in get_args(Event)}

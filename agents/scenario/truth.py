@@ -27,6 +27,10 @@ class Truth(msgspec.Struct, frozen=True):
     """Objects that are held, and by what: `gripper`, the node of a hand, or `unknown` for the experimenter."""
     moves: dict[int, tuple[float, float | None]] = {}
     """By the number of an event in the file (from 1): when its move began and ended, s after the start."""
+    hands: dict[int, tuple[tuple[float, float, float], ...]] = {}
+    """21 landmarks (m, world) of each human hand in the scene, by number."""
+    touched: dict[str, str] = {}
+    """Objects on which fingertips of a human hand just lie, and the node of the hand."""
 
     def poses(self) -> dict[str, Pose]:
         """world_from_object of each object."""

@@ -16,7 +16,7 @@ from agents.scenario.model import ObjectSpec, RandomSpec, RobotSpec, Scenario, S
 
 ROOT = Path(__file__).parents[3]
 DOCUMENT = (ROOT / "docs/scenarios.md").read_text()
-EXAMPLES = re.findall(r"```toml\n(.*?)```", DOCUMENT, re.DOTALL)
+EXAMPLES = re.findall(r"```toml\n(?!# excerpt)(.*?)```", DOCUMENT, re.DOTALL)
 
 
 @pytest.mark.parametrize("example", EXAMPLES)

@@ -1,0 +1,120 @@
+"""How a hand takes an object: where the palm is and where the fingertips touch."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.plant.hand_figure import TIP_RADIUS, palm_pose, relaxed
+from agents.plant.hands import Hand, Style
+from agents.plant.world import World
+from dsr.transforms import Pose
+
+Array = NDArray[np.float64]
+
+REACH = 0.105
+"""m, from the palm's centre to the middle between the fingertips of a pinch"""
+PITCH = 0.6
+"""rad, by which the fingers of a hand that takes something point downwards"""
+OPENED = 0.025
+"""m, of each fingertip from the object before it closes"""
+UPPER = 0.2
+"""Of an object's height, by which it is taken above its centre."""
+SPREAD = 0.022
+"""m, between fingertips side by side"""
+_MOST_HITS = 6
+
+
+class Grip(NamedTuple):
+    """A hand at an object."""
+
+    pose: Pose
+    """world_from_palm"""
+    closed: Array
+    """(5, 3) fingertips in the palm's frame that touch it"""
+    opened: Array
+    """(5, 3) the same shortly before"""
+
+
+def pinch(world: World, hand: Hand, name: str, side: tuple[float, float], above: float | None) -> Grip:
+    """Thumb and index finger on opposite sides, the hand coming from `side` (world x, y).
+
+    `above` is the height of the fingertips over the object's centre, m.
+    """
+    towards = _unit(np.array([*side, 0.0]))
+    across = np.array([towards[1], -towards[0], 0.0]) * (-1.0 if hand.side == "left" else 1.0)
+    centre = _contact_height(world, name, above)
+    thumb = surface(world, name, centre, across) + TIP_RADIUS * across
+    index = surface(world, name, centre, -across) - TIP_RADIUS * across
+    moved = {0: (thumb, across), 1: (index, -across)}
+    return _grip(hand, 0.5 * (thumb + index), side, moved)
+
+
+def touch(world: World, hand: Hand, name: str, side: tuple[float, float], above: float | None) -> Grip:
+    """Index and middle fingertips laid on the side of the object that the hand comes from."""
+    towards = _unit(np.array([*side, 0.0]))
+    across = np.array([towards[1], -towards[0], 0.0]) * (-1.0 if hand.side == "left" else 1.0)
+    centre = _contact_height(world, name, above)
+    moved = {}
+    for finger, offset in ((1, 0.5 * SPREAD), (2, -0.5 * SPREAD)):
+        point = surface(world, name, centre + offset * across, towards)
+        moved[finger] = (point + TIP_RADIUS * towards, towards)
+    return _grip(hand, 0.5 * (moved[1][0] + moved[2][0]), side, moved)
+
+
+def take(world: World, hand: Hand, name: str, style: Style, side: tuple[float, float], above: float | None) -> Grip:
+    """How a hand takes an object in that style."""
+    return (pinch if style == "pinch" else touch)(world, hand, name, side, above)
+
+
+def surface(world: World, name: str, centre: Array, outwards: Array) -> Array:
+    """(3,) the outermost point of an object on the ray from `centre` (world, m) along the unit vector `outwards`.
+
+    Where the ray misses it: on the object's bounding box.
+    """
+    size = np.array(world.specs[name].size)
+    far = centre + outwards * (float(np.linalg.norm(size)) + 0.01)
+    body = world.body(name)
+    start = far
+    for _ in range(_MOST_HITS):
+        hit = world.bullet.rayTest(start.tolist(), centre.tolist())[0]
+        if hit[0] == body:
+            return np.array(hit[3])
+        if hit[0] < 0:
+            break
+        start = np.array(hit[3]) - 1e-4 * outwards
+    direction = np.abs(world.pose(name).rotation_matrix.T @ outwards)
+    with np.errstate(divide="ignore"):
+        return np.asarray(centre + outwards * float((size / 2 / direction).min()))
+
+
+def _contact_height(world: World, name: str, above: float | None) -> Array:
+    """(3,) the point within the object around which the fingertips are."""
+    pose, spec = world.pose(name), world.specs[name]
+    if above is None:
+        kind: str = spec.type
+        above = 0.0 if kind == "ball" else UPPER * spec.size[2]
+    return np.asarray(pose.translation + np.array([0.0, 0.0, above]))
+
+
+def _grip(hand: Hand, middle: Array, side: tuple[float, float], moved: dict[int, tuple[Array, Array]]) -> Grip:
+    """The palm `REACH` from `middle`; `moved` gives place and outward direction (world) of fingertips that touch."""
+    towards = _unit(np.array([*side, 0.0]))
+    palm = middle + REACH * (math.cos(PITCH) * towards + math.sin(PITCH) * np.array([0.0, 0.0, 1.0]))
+    pose = palm_pose((float(palm[0]), float(palm[1]), float(palm[2])), side, PITCH)
+    palm_from_world = pose.inverse()
+    closed = relaxed(hand.side)
+    closed[2:, 0] -= 0.05  # what does not touch is drawn in
+    closed[2:, 2] -= 0.02
+    opened = closed.copy()
+    for finger, (tip, outwards) in moved.items():
+        closed[finger] = palm_from_world.apply(tip)
+        opened[finger] = palm_from_world.apply(tip + OPENED * outwards)
+    return Grip(pose, closed, opened)
+
+
+def _unit(vector: Array) -> Array:
+    return np.asarray(vector / max(float(np.linalg.norm(vector)), 1e-9))

@@ -1,0 +1,222 @@
+"""What hands do: the moves of a hand itself, and the other moves carried out by a hand."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from agents.plant.hand_figure import palm_pose, relaxed
+from agents.plant.hand_grips import OPENED, PITCH, Grip, take
+from agents.plant.hands import Array, Hand, Style
+from agents.plant.moves import MOVES, TURN_SPEED, Steps, follow, move, turned
+from agents.plant.stage import Stage
+from agents.plant.world import STEP
+from agents.scenario.format import (
+    Carry,
+    Drop,
+    Event,
+    HandEnter,
+    HandGrasp,
+    HandLeave,
+    HandMove,
+    HandRelease,
+    Lift,
+    Slide,
+    Tilt,
+    Topple,
+)
+from dsr.errors import ConfigError
+from dsr.quaternions import Vector3
+from dsr.transforms import Pose, interpolate
+
+COMES_FROM = 0.35
+"""m, from where a hand first shows itself to where it goes"""
+FINGER_SPEED = 0.1
+"""m/s, of a fingertip in the palm's frame"""
+HAND_SPEED = 0.4
+"""m/s, of a hand that comes to do another move"""
+_BACK = 0.06  # m, along the palm, from which a hand closes in on an object
+_RISEN = 0.08  # m, how much higher a hand comes and leaves
+
+
+def begin(event: Event, stage: Stage) -> Steps:
+    """The steps of any event: with `hand`, that hand comes, does it and lets go of what it does not keep."""
+    steps = MOVES[type(event)](event, stage)
+    if isinstance(event, Slide | Carry | Lift | Tilt | Topple) and event.hand is not None:
+        return _by_hand(event, event.hand, stage, steps)
+    return _dropped(event, stage, steps) if isinstance(event, Drop) else steps
+
+
+@move(HandEnter)
+def enter(event: HandEnter, stage: Stage) -> Steps:
+    """A hand comes into the scene, open."""
+    hand = stage.hands[event.hand]
+    _appear(hand, palm_pose(event.position, event.side, PITCH), event.side)
+    yield from _reach(hand, palm_pose(event.position, event.side, PITCH), relaxed(hand.side), event.speed)
+
+
+@move(HandGrasp)
+def grasp(event: HandGrasp, stage: Stage) -> Steps:
+    """A hand goes to an object and closes on it."""
+    hand = stage.hands[event.hand]
+    yield from _grasp(stage, hand, event.object, event.style, event.side, event.above, event.speed)
+
+
+@move(HandMove)
+def move_hand(event: HandMove, stage: Stage) -> Steps:
+    """A hand goes somewhere, with what it holds."""
+    hand = _present(stage, event.hand)
+    if hand.held is None:
+        goal = _goal(hand.pose, event)
+        yield from _reach(hand, goal, hand.tips, event.speed)
+        return
+    name = hand.held
+    grip = stage.take(name, contents=False)
+    yield from follow(grip, _goal(grip.pose, event), event.speed)
+    if hand.style == "touch":
+        stage.release(name)
+
+
+@move(HandRelease)
+def release(event: HandRelease, stage: Stage) -> Steps:
+    """A hand opens; what it held stays, or falls."""
+    yield from _release(stage, _present(stage, event.hand))
+
+
+@move(HandLeave)
+def leave(event: HandLeave, stage: Stage) -> Steps:
+    """A hand goes back to where it came from, and is gone."""
+    hand = _present(stage, event.hand)
+    if hand.held is not None:
+        yield from _release(stage, hand)
+    yield from _reach(hand, _away(hand.pose, event.side or hand.from_side), relaxed(hand.side), event.speed)
+    hand.leave()
+
+
+def _by_hand(event: Slide | Carry | Lift | Tilt | Topple, number: int, stage: Stage, steps: Steps) -> Steps:
+    hand, name = stage.hands[number], event.object
+    had = hand.is_present and hand.held == name
+    if isinstance(event, Topple):
+        behind = (-event.direction[0], -event.direction[1])
+        yield from _grasp(stage, hand, name, "touch", behind, None, HAND_SPEED)
+        yield from _pushing(stage, hand, name, steps)
+        yield from _release(stage, hand)
+        return
+    if not had:
+        side = hand.from_side if hand.is_present else (1.0, 0.0)
+        yield from _grasp(stage, hand, name, "pinch", side, None, HAND_SPEED)
+    yield from steps
+    if isinstance(event, Lift | Tilt):
+        return
+    if had:
+        _keep(stage, hand, name)
+    else:
+        yield from _release(stage, hand)
+
+
+def _dropped(event: Drop, stage: Stage, steps: Steps) -> Steps:
+    """Whoever held it opens the fingers."""
+    hands = [hand for hand in stage.hands.present if hand.held == event.object]
+    yield from steps
+    for hand in hands:
+        yield from _release(stage, hand)
+
+
+def _grasp(
+    stage: Stage,
+    hand: Hand,
+    name: str,
+    style: Style,
+    side: tuple[float, float],
+    above: float | None,
+    speed: float,
+) -> Steps:
+    if hand.is_present and hand.held is not None:
+        yield from _release(stage, hand)
+    grip = take(stage.world, hand, name, style, side, above)
+    before = grip.pose @ Pose((-_BACK, 0.0, 0.0))
+    if not hand.is_present:
+        _appear(hand, before, side)
+    hand.from_side = side
+    yield from _reach(hand, before, grip.opened, speed)
+    yield from _reach(hand, grip.pose, grip.opened, min(speed, 0.2))
+    yield from _close(hand, grip)
+    hand.hold(name, stage.world.pose(name), style)
+    if style == "pinch":
+        _keep(stage, hand, name)
+
+
+def _close(hand: Hand, grip: Grip) -> Steps:
+    yield from _reach(hand, grip.pose, grip.closed, 1.0)
+
+
+def _keep(stage: Stage, hand: Hand, name: str) -> None:
+    """Hold an object in the hand, what is on or in it being free."""
+    stage.take(name, contents=False)
+    hand.held = name
+
+
+def _release(stage: Stage, hand: Hand) -> Steps:
+    """Open the fingers and draw back a little."""
+    if hand.held is not None and hand.style == "pinch":
+        stage.release(hand.held)
+    hand.let_go()
+    middle = hand.tips[:2].mean(axis=0)
+    opened = hand.tips.copy()
+    opened[:2] += OPENED * _unit_rows(hand.tips[:2] - middle)
+    yield from _reach(hand, hand.pose, opened, 1.0)
+    yield from _reach(hand, hand.pose @ Pose((-_BACK, 0.0, 0.0)), opened, 0.3)
+
+
+def _pushing(stage: Stage, hand: Hand, name: str, steps: Steps) -> Steps:
+    """Let the hand go along with an object that it pushes, without turning."""
+    start, pose = stage.world.pose(name).t, hand.pose
+    hand.let_go()
+    for _ in steps:
+        x, y, _z = stage.world.pose(name).t
+        hand.pose = Pose((pose.t[0] + x - start[0], pose.t[1] + y - start[1], pose.t[2]), pose.q)
+        yield
+
+
+def _reach(hand: Hand, goal: Pose, tips: Array, speed: float) -> Steps:
+    """Palm to `goal` at `speed` m/s and fingertips (5, 3) to their places in it, evenly."""
+    start, begun = hand.pose, hand.tips
+    distance, angle = start.distance(goal)
+    fingers = float(np.linalg.norm(tips - begun, axis=1).max())
+    steps = max(1, math.ceil(max(distance / speed, angle / TURN_SPEED, fingers / FINGER_SPEED) / STEP))
+    first, last = start.with_stamp(0.0), goal.with_stamp(1.0)
+    for step in range(1, steps + 1):
+        hand.pose = interpolate(first, last, step / steps)
+        hand.tips = begun + (tips - begun) * (step / steps)
+        yield
+
+
+def _appear(hand: Hand, goal: Pose, side: tuple[float, float]) -> None:
+    hand.from_side = side
+    hand.pose, hand.tips = _away(goal, side), relaxed(hand.side)
+    hand.is_present = True
+
+
+def _away(pose: Pose, side: tuple[float, float]) -> Pose:
+    length = math.hypot(*side) or 1.0
+    x, y, z = pose.t
+    return Pose((x + COMES_FROM * side[0] / length, y + COMES_FROM * side[1] / length, z + _RISEN), pose.q)
+
+
+def _goal(pose: Pose, event: HandMove) -> Pose:
+    x, y, z = pose.t
+    by = event.by or (0.0, 0.0, 0.0)
+    position: Vector3 = event.to if event.to is not None else (x + by[0], y + by[1], z + by[2])
+    return Pose(position, turned(pose, event.turn))
+
+
+def _present(stage: Stage, number: int) -> Hand:
+    hand = stage.hands[number]
+    if not hand.is_present:
+        raise ConfigError(f"hand {number} is not in the scene; expected hand_enter or hand_grasp before")
+    return hand
+
+
+def _unit_rows(vectors: Array) -> Array:
+    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-9))

@@ -1,0 +1,197 @@
+"""Human hands in the true world: where they are, what they hold, how they look and what they hide.
+
+Hands are kinematic. They have no collision shapes: what they move they hold or push along, which is the stage's doing.
+"""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+import pybullet
+from numpy.typing import NDArray
+
+from agents.plant.bullet import Bullet
+from agents.plant.capsules import blocked, capsule_pose, write_capsule
+from agents.plant.hand_figure import (
+    BONES,
+    JOINTS,
+    PALM_RADIUS,
+    TIP_RADIUS,
+    Side,
+    joints,
+    nominal_length,
+    radius,
+    relaxed,
+)
+from dsr.transforms import Pose
+
+Array = NDArray[np.float64]
+Style = Literal["pinch", "touch"]
+
+SKIN = (0.88, 0.65, 0.54)
+"""Red, green, blue"""
+SLEEVE = (0.25, 0.27, 0.33)
+_SLEEVE_LENGTH, _SLEEVE_RADIUS = 0.22, 0.028
+_SLEEVE_GAP = 0.02  # m, of bare wrist
+_SLEEVE_RISE = 0.5  # of the palm's slope: the wrist is bent
+_NOWHERE = Pose((0.0, 0.0, -50.0))
+_RADII = np.array([radius(bone) for bone in BONES])
+_STARTS, _ENDS = (np.array([bone[end] for bone in BONES]) for end in (0, 1))
+
+
+class Hand:
+    """One hand.
+
+    Args:
+        number: as in scenario files; 0 is a right hand, 1 a left one.
+    """
+
+    def __init__(self, number: int) -> None:
+        self.number = number
+        self.name = f"human_hand_{number}"
+        """As judges know it: that of its node, if the tracker numbers hands alike."""
+        self.side: Side = "left" if number else "right"
+        self.is_present = False
+        """In the scene at all."""
+        self.from_side = (1.0, 0.0)
+        """Along world x and y: where its arm comes from."""
+        self.pose = _NOWHERE
+        """world_from_palm"""
+        self.tips: Array = relaxed(self.side)
+        """(5, 3) m, in the palm's frame"""
+        self.held: str | None = None
+        """The object that it grasps or touches."""
+        self.style: Style = "pinch"
+        self._held_at = Pose.identity()
+
+    @property
+    def landmarks(self) -> Array:
+        """(21, 3) joints in the world, m (see hand_figure.py)."""
+        return self.pose.apply(joints(self.tips, self.side))
+
+    def hold(self, name: str, world_from_object: Pose, style: Style) -> None:
+        """Keep the present place relative to an object."""
+        self.held, self.style = name, style
+        self._held_at = world_from_object.inverse() @ self.pose
+
+    def follow(self, world_from_object: Pose) -> None:
+        """Go with the object that it holds."""
+        self.pose = world_from_object @ self._held_at
+
+    def let_go(self) -> None:
+        """Hold nothing; harmless when it does not."""
+        self.held = None
+
+    def leave(self) -> None:
+        """Be gone at once."""
+        self.let_go()
+        self.is_present = False
+        self.pose, self.tips = _NOWHERE, relaxed(self.side)
+
+
+class Hands:
+    """All hands of a scenario, with their bodies in the physics client.
+
+    Args:
+        bullet: the physics client.
+        numbers: of the hands that there can be.
+        seen: bodies are needed, because there are images.
+    """
+
+    def __init__(self, bullet: Bullet, numbers: Iterable[int], *, seen: bool) -> None:
+        self._bullet = bullet
+        self._hands = {number: Hand(number) for number in sorted(set(numbers))}
+        self._bodies = {number: self._make_bodies() for number in self._hands} if seen else {}
+
+    def __getitem__(self, number: int) -> Hand:
+        return self._hands[number]
+
+    @property
+    def present(self) -> list[Hand]:
+        """Those in the scene, by number."""
+        return [hand for hand in self._hands.values() if hand.is_present]
+
+    def holding(self, style: Style) -> Mapping[str, str]:
+        """Name of the hand by the object that it grasps (`pinch`) or just touches."""
+        return {hand.held: hand.name for hand in self.present if hand.held and hand.style == style}
+
+    def draw(self) -> None:
+        """Put the bodies where the hands are, for a picture."""
+        for number, bodies in self._bodies.items():
+            hand = self._hands[number]
+            poses = _poses(hand) if hand.is_present else [_NOWHERE] * len(bodies)
+            for body, pose in zip(bodies, poses, strict=True):
+                self._bullet.set_pose(body, pose)
+
+    def hide(self, eye: Array, targets: Array) -> NDArray[np.bool_]:
+        """(n,) whether a hand is between the eye (3,) and points (n, 3) in the world."""
+        hidden = np.zeros(len(targets), bool)
+        for hand in self.present:
+            points = hand.landmarks
+            hidden |= blocked(eye, targets, points[_STARTS], points[_ENDS], _RADII).any(axis=1)
+            wrist, elbow = _forearm(hand, points)
+            hidden |= blocked(eye, targets, wrist[None], elbow[None], np.array([_SLEEVE_RADIUS]))[:, 0]
+        return hidden
+
+    def hide_landmarks(self, eye: Array, hand: Hand) -> NDArray[np.bool_]:
+        """(21,) whether flesh or sleeves are between the eye and a hand's landmarks, but for what is around them."""
+        points = hand.landmarks
+        surface = points + TIP_RADIUS * _unit(eye - points)
+        hidden = np.zeros(JOINTS, bool)
+        for other in self.present:
+            joints_there = other.landmarks
+            through = blocked(eye, surface, joints_there[_STARTS], joints_there[_ENDS], _RADII)
+            if other is hand:
+                through &= ~_OWN
+            wrist, elbow = _forearm(other, joints_there)
+            sleeve = blocked(eye, surface, wrist[None], elbow[None], np.array([_SLEEVE_RADIUS]))[:, 0]
+            hidden |= through.any(axis=1) | sleeve
+        return hidden
+
+    def _make_bodies(self) -> list[int]:
+        with tempfile.TemporaryDirectory(prefix="dsr-hand-") as folder:  # the physics engine keeps what it read
+            pieces = [(nominal_length(bone), radius(bone), SKIN) for bone in BONES]
+            pieces.append((_SLEEVE_LENGTH, _SLEEVE_RADIUS, SLEEVE))
+            return [self._make_body(Path(folder), f"piece_{k}", *piece) for k, piece in enumerate(pieces)]
+
+    def _make_body(
+        self, folder: Path, name: str, length: float, thickness: float, color: tuple[float, float, float]
+    ) -> int:
+        file = write_capsule(folder, name, length, thickness, color)
+        visual = self._bullet.createVisualShape(pybullet.GEOM_MESH, fileName=str(file))
+        body: int = self._bullet.createMultiBody(0, -1, visual, _NOWHERE.t, _NOWHERE.q)
+        return body
+
+
+def _own_pieces() -> NDArray[np.bool_]:
+    """(21, m) which pieces of its own hand do not count as hiding a joint: its finger, its palm."""
+    own = np.zeros((JOINTS, len(BONES)), bool)
+    for joint in range(JOINTS):
+        for k, (start, end) in enumerate(BONES):
+            same_finger = joint > 0 and (end - 1) // 4 == (joint - 1) // 4
+            own[joint, k] = same_finger or joint in (start, end) or (joint in (0, 1, 5, 9, 13, 17) and start == 0)
+    return own
+
+
+_OWN = _own_pieces()
+
+
+def _poses(hand: Hand) -> list[Pose]:
+    points = hand.landmarks
+    return [capsule_pose(points[a], points[b]) for a, b in BONES] + [capsule_pose(*_forearm(hand, points))]
+
+
+def _forearm(hand: Hand, points: Array) -> tuple[Array, Array]:
+    """Centres (3,) of its ends: near the wrist, and towards the elbow."""
+    back = -hand.pose.rotation_matrix[:, 0] * (1.0, 1.0, _SLEEVE_RISE)
+    back /= max(float(np.linalg.norm(back)), 1e-9)
+    wrist = points[0] + back * (_SLEEVE_RADIUS + _SLEEVE_GAP - PALM_RADIUS)
+    return wrist, wrist + back * _SLEEVE_LENGTH
+
+
+def _unit(vectors: Array) -> Array:
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=-1, keepdims=True))
