@@ -48,14 +48,26 @@ class TagReading(msgspec.Struct, frozen=True):
     """rad, standard deviation about each axis"""
 
 
+class ColorReading(msgspec.Struct, frozen=True):
+    """Where an object is that is recognised by its colour; its orientation is not told."""
+
+    color: tuple[float, float, float]
+    """Red, green, blue, 0 to 1, as the object's node has it"""
+    position: tuple[float, float, float]
+    """m, the object's centre in the camera's optical frame"""
+    sigma: float
+    """m, standard deviation of each coordinate"""
+
+
 class TagReadings(msgspec.Struct, frozen=True):
-    """The tagged objects that a camera sees at one instant."""
+    """The objects that a camera recognises at one instant, by tags and by colours."""
 
     stamp: float
     """s"""
     readings: list[TagReading]
     lens: Intrinsics | None = None
     """Through which they are seen, if the device tells."""
+    colors: list[ColorReading] = []
 
 
 class HandReading(msgspec.Struct, frozen=True):

@@ -22,7 +22,16 @@ ONE_PLACE = {
     "pybullet": ("simulation_handler/", "agents/plant/"),
 }
 """Libraries that only these files or folders import."""
-SHARED_BY_AGENTS = ("agents.drivers", "agents.inbox", "agents.segments", "agents.scenario.format", "agents.recorder")
+SHARED_BY_AGENTS = (
+    "agents.colors",
+    "agents.drivers",
+    "agents.inbox",
+    "agents.object_models",
+    "agents.recorder",
+    "agents.scenario.format",
+    "agents.segments",
+    "agents.urdf_elements",
+)
 """Modules within `agents` that all its packages may import."""
 TIME = {
     "time": {"time", "time_ns", "monotonic", "monotonic_ns", "perf_counter", "perf_counter_ns", "sleep"},

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.arm_controller.elements import attribute, number, origin, vector
+from agents.urdf_elements import attribute, number, origin, vector
 from dsr.quaternions import Vector3
 from dsr.transforms import Pose
 

@@ -13,15 +13,14 @@ from functools import cached_property
 from pathlib import Path
 from typing import Literal, cast, get_args
 
-from agents.arm_controller.elements import attribute, number, origin, vector
 from agents.arm_controller.shapes import Box, read_boxes
+from agents.urdf_elements import attribute, number, origin, parse_urdf, read_urdf, vector
 from dsr.errors import ConfigError, suggest
 from dsr.quaternions import Vector3, from_rotvec
 from dsr.transforms import Pose
 
 JointKind = Literal["revolute", "continuous", "prismatic", "fixed"]
 _KINDS: tuple[str, ...] = get_args(JointKind)
-_MOST_BYTES = 10_000_000
 _ORIGIN: Vector3 = (0.0, 0.0, 0.0)
 _X_AXIS: Vector3 = (1.0, 0.0, 0.0)
 
@@ -130,29 +129,19 @@ class Robot:
 
 def load_robot(file: Path) -> Robot:
     """The robot described in a URDF file. Raises `ConfigError`."""
-    try:
-        data = file.read_bytes()
-    except OSError as error:
-        raise ConfigError(f"cannot be read ({error})", file=str(file)) from error
-    return parse_robot(data, str(file))
+    return parse_robot(read_urdf(file), str(file))
 
 
 def parse_robot(data: bytes, file: str = "<urdf>") -> Robot:
     """The robot described by URDF `data` that came from `file`. Raises `ConfigError`."""
-    if len(data) > _MOST_BYTES or b"<!DOCTYPE" in data or b"<!ENTITY" in data:
-        raise ConfigError(f"expected at most {_MOST_BYTES} bytes without DOCTYPE and ENTITY", file=file)
-    try:
-        root = ET.fromstring(data)
-        if root.tag != "robot":
-            raise ValueError(f"the outer element is <{root.tag}>, expected <robot>")
-        joints = tuple(_joint(element) for element in root.findall("joint"))
-        links = [(attribute(element, "name"), read_boxes(element)) for element in root.findall("link")]
-        root_link = _root_link([name for name, _ in links], joints)
-        return Robot(root.get("name", ""), root_link, joints, dict(links))
-    except ET.ParseError as error:
-        raise ConfigError(f"not valid XML: {error}", file=file, line=error.position[0]) from error
-    except ValueError as error:
-        raise ConfigError(str(error), file=file) from error
+    return parse_urdf(data, file, _robot)
+
+
+def _robot(root: ET.Element) -> Robot:
+    joints = tuple(_joint(element) for element in root.findall("joint"))
+    links = [(attribute(element, "name"), read_boxes(element)) for element in root.findall("link")]
+    root_link = _root_link([name for name, _ in links], joints)
+    return Robot(root.get("name", ""), root_link, joints, dict(links))
 
 
 def _root_link(links: list[str], joints: tuple[Joint, ...]) -> str:

@@ -55,7 +55,7 @@ class Camera:
         self.covers = 0
         """How many things cover the lens; with any, images are black and depths unknown."""
         self.in_view: list[str] = []
-        """Objects whose tag could be seen in the last frame."""
+        """Objects whose tag, or enough of whose colour, could be seen in the last frame."""
         self.illusions: dict[str, Illusion] = {}
         """Objects that the next frames show elsewhere."""
         self._mount = mount

@@ -18,7 +18,7 @@ class PlantConfig(msgspec.Struct, frozen=True):
     scenario: str = ""
     """Path of a scenario file, or the name of a built-in one."""
     sensor: SensorKind = "pixels"
-    """`pixels`: rendered images. `poses`: true poses of the visible tags with measured noise, no images."""
+    """`pixels`: rendered images. `poses`: true poses of what is recognised with measured noise, no images."""
     start: float = 0.0
     """s, time 0 of the scenario; 0.0 waits for the `Start` message of the runner"""
     width: int = 640

@@ -79,7 +79,7 @@ class Truth(msgspec.Struct, frozen=True):
     moving: tuple[str, ...] = ()
     """Objects that do not lie still."""
     in_view: tuple[str, ...] = ()
-    """Objects whose tag the camera could see in its last frame."""
+    """Objects whose tag, or enough of whose colour, the camera could see in its last frame."""
     grasped: dict[str, str] = {}
     """Objects that are held, and by what: `gripper`, the node of a hand, or `unknown` for the experimenter."""
     moves: dict[int, tuple[float, float | None]] = {}
@@ -159,6 +159,10 @@ def _read_tag_readings(payload: bytes) -> TagReadings:
         _check_finite(reading.sigma_translation, reading.sigma_rotation)
         if min(reading.sigma_translation, reading.sigma_rotation) < 0.0:
             raise ValueError(f"a negative standard deviation of marker {reading.marker_id}")
+    for colored in seen.colors:
+        _check_finite(*colored.color, *colored.position, colored.sigma)
+        if colored.sigma < 0.0:
+            raise ValueError(f"a negative standard deviation of colour {colored.color}")
     if seen.lens is not None:
         _check_lens(seen.lens)
     return seen

@@ -1,4 +1,4 @@
-"""A sensor that tells poses of tags instead of images: the truth with the errors measured on images."""
+"""A sensor that tells poses of tags and colours instead of images: the truth with the errors measured on images."""
 
 from __future__ import annotations
 
@@ -7,13 +7,14 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.drivers import TagReading, TagReadings
+from agents.drivers import ColorReading, TagReading, TagReadings
 from agents.plant.camera import Camera
 from agents.plant.hands import Hands
 from agents.plant.messages import seven
 from agents.plant.tags import TAG_RATIO
 from agents.plant.world import World
 from agents.scenario.format import ObjectSpec
+from dsr.surfaces import seen_alone
 from dsr.transforms import Pose
 
 DISTANCES = (0.3, 0.6, 1.0)
@@ -22,41 +23,57 @@ SIGMA_TRANSLATION = (0.0005, 0.00075, 0.0016)
 """m, of each coordinate: the measured median of the distance, 0.75, 1.1 and 2.5 mm, over 1.54"""
 SIGMA_ROTATION = tuple(math.radians(degrees) for degrees in (0.033, 0.22, 1.1))
 """rad, about each axis: the measured median of the angle, 0.05, 0.34 and 1.7 degrees, over 1.54"""
+COLOR_DISTANCES = (0.6, 1.0, 1.3)
+"""m from the camera, at which the errors of colours were measured"""
+SIGMA_COLOR = (0.002, 0.003, 0.004)
+"""m, of each coordinate of the centre of an object that is recognised by its colour and seen completely"""
 STEEPEST = math.radians(75)
 """rad between the tag's normal and the viewing ray, beyond which a tag is not found"""
 SMALLEST = 12.0
-"""px, the side of the smallest tag that is found"""
+"""px, the side of the smallest tag that is found, and the width of the smallest spot of a colour"""
 
 _LOOK = np.array([[0, 0], [-1, -1], [1, -1], [1, 1], [-1, 1]]) * 0.95  # points of a tag, in half sides
+_ENOUGH = 0.5  # share of an object's image by which its colour is recognised
 _REACHED = 0.995  # share of a ray without obstacle that counts as reaching the tag
 
 
 def read_tags(camera: Camera, world: World, hands: Hands, stamp: float) -> TagReadings:
-    """The tags that `camera` sees now, with its errors; drawn also for those it does not see."""
+    """What `camera` recognises now by tags and colours, with its errors; drawn also for those it does not see."""
     errors = camera.sensor.errors()
-    readings = []
+    seen = TagReadings(stamp, [], camera.lens, [])
     camera.in_view = []
     poses = {} if camera.covers else camera.seen_poses(world)
     camera_from_world = camera.pose.inverse()
     for name, spec in world.specs.items():
         noise = camera.sensor.normal(6)
-        if spec.marker_id is None or name not in poses:
+        if name not in poses:
             continue
         pose = camera_from_world @ poses[name]
-        if _sees(camera, world, hands, spec, pose):
-            readings.append(_measured(spec.marker_id, pose, errors[name], noise))
-            camera.in_view.append(name)
-    return TagReadings(stamp, readings, camera.lens)
+        share = _share_seen(camera, world, hands, spec, pose)
+        if share < _ENOUGH:
+            continue
+        camera.in_view.append(name)
+        if spec.marker_id is not None:
+            seen.readings.append(_measured(spec.marker_id, pose, errors[name], noise))
+        elif spec.color is not None:
+            seen.colors.append(_measured_color(spec.color, pose, errors[name], noise, share))
+    return seen
 
 
-def tags_in_view(camera: Camera, world: World, hands: Hands) -> list[str]:
-    """Names of the objects whose tag `camera` could see now."""
+def recognisable(camera: Camera, world: World, hands: Hands) -> list[str]:
+    """Names of the objects that `camera` could recognise now."""
     camera_from_world = camera.pose.inverse()
-    specs = [spec for name, spec in world.specs.items() if name in world and spec.marker_id is not None]
-    if camera.covers:
-        return []
-    poses = {spec.name: camera_from_world @ world.pose(spec.name) for spec in specs}
-    return [spec.name for spec in specs if _sees(camera, world, hands, spec, poses[spec.name])]
+    specs = [] if camera.covers else [spec for name, spec in world.specs.items() if name in world]
+    poses = [camera_from_world @ world.pose(spec.name) for spec in specs]
+    found = zip(specs, poses, strict=True)
+    return [spec.name for spec, pose in found if _share_seen(camera, world, hands, spec, pose) >= _ENOUGH]
+
+
+def _share_seen(camera: Camera, world: World, hands: Hands, spec: ObjectSpec, camera_from_object: Pose) -> float:
+    """1 or 0 for a tag; how much there is to see of the image of what is recognised by its colour; else 0."""
+    if spec.marker_id is not None:
+        return float(_sees(camera, world, hands, spec, camera_from_object))
+    return _share_of_color(camera, world, hands, spec, camera_from_object) if spec.by_color else 0.0
 
 
 def _measured(marker_id: int, camera_from_object: Pose, error: float, noise: NDArray[np.float64]) -> TagReading:
@@ -68,6 +85,31 @@ def _measured(marker_id: int, camera_from_object: Pose, error: float, noise: NDA
     exact = Pose(nearer, camera_from_object.q)
     measured = exact @ Pose.from_rotvec(noise[:3] * sigma_translation, noise[3:] * sigma_rotation)
     return TagReading(marker_id, seven(measured), sigma_translation, sigma_rotation)
+
+
+def _measured_color(
+    color: tuple[float, float, float], camera_from_object: Pose, error: float, noise: NDArray[np.float64], share: float
+) -> ColorReading:
+    """The centre moved towards the camera by `error` m, then disturbed; the less is seen, the more."""
+    distance = math.hypot(*camera_from_object.t)
+    sigma = float(np.interp(distance, COLOR_DISTANCES, SIGMA_COLOR)) / share
+    x, y, z = (camera_from_object.translation * (1 - error / distance) + noise[:3] * sigma).tolist()
+    return ColorReading(color, (x, y, z), sigma)
+
+
+def _share_of_color(camera: Camera, world: World, hands: Hands, spec: ObjectSpec, camera_from_object: Pose) -> float:
+    """Share of the object's image that is there: in the image, and with nothing in front of it."""
+    points, weights = seen_alone(spec.shape, spec.size, camera_from_object.inverse().translation)
+    points = camera_from_object.apply(points)
+    lens = camera.lens
+    if len(points) == 0 or points[:, 2].min() <= 0:
+        return 0.0
+    pixels = lens.project(points)
+    inside = ((pixels >= 0) & (pixels <= (lens.width - 1, lens.height - 1))).all(axis=1)
+    if not inside.any() or np.ptp(pixels[inside], axis=0).min() < SMALLEST:
+        return 0.0
+    free = _free(camera.pose, world, hands, spec.name, points[inside])
+    return float(weights[inside][free].sum())
 
 
 def _sees(camera: Camera, world: World, hands: Hands, spec: ObjectSpec, camera_from_object: Pose) -> bool:
@@ -90,9 +132,15 @@ def _sees(camera: Camera, world: World, hands: Hands, spec: ObjectSpec, camera_f
 
 def _in_view(world_from_camera: Pose, world: World, hands: Hands, name: str, points: NDArray[np.float64]) -> bool:
     """Whether nothing stands between the camera and points (n, 3) m of the object, in the optical frame."""
+    return bool(_free(world_from_camera, world, hands, name, points).all())
+
+
+def _free(
+    world_from_camera: Pose, world: World, hands: Hands, name: str, points: NDArray[np.float64]
+) -> NDArray[np.bool_]:
+    """(n,) between which points and the camera nothing stands but the object itself."""
     targets = world_from_camera.apply(points)
     eyes = np.broadcast_to(world_from_camera.t, targets.shape)
     hits = world.bullet.rayTestBatch(eyes.tolist(), targets.tolist())
-    if hands.present and hands.hide(world_from_camera.translation, targets).any():
-        return False
-    return all(hit[0] in (-1, world.body(name)) or hit[2] > _REACHED for hit in hits)
+    free = np.array([hit[0] in (-1, world.body(name)) or hit[2] > _REACHED for hit in hits])
+    return free & ~hands.hide(world_from_camera.translation, targets) if hands.present else free

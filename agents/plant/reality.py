@@ -19,7 +19,7 @@ from agents.plant.hand_sensor import read_hands
 from agents.plant.hands import Hands
 from agents.plant.messages import Command, Follow, MoveGripper, MoveJoints, Point, Truth, seven
 from agents.plant.noise import SensorModel
-from agents.plant.poses import read_tags, tags_in_view
+from agents.plant.poses import read_tags, recognisable
 from agents.plant.renderer import Renderer
 from agents.plant.stage import Stage
 from agents.plant.world import World
@@ -92,7 +92,7 @@ class Reality:
     def frame(self, stamp: float) -> Frame:
         """What the camera sees, as images; only with the sensor `pixels`."""
         assert self._renderer is not None
-        self.camera.in_view = tags_in_view(self.camera, self.world, self._hands)
+        self.camera.in_view = recognisable(self.camera, self.world, self._hands)
         self._hands.draw()
         return self.camera.photograph(self.world, self._renderer, stamp)
 

@@ -14,7 +14,7 @@ from dsr.transforms import Pose
 
 
 class Grip:
-    """An object in the experimenter's hand, and those that come along rigidly with it."""
+    """An object in the experimenter's hand, and those that come along rigidly with it: what lies in it need not."""
 
     def __init__(self, world: World, leader: str, riders: Iterable[str]) -> None:
         self._world = world
@@ -82,12 +82,12 @@ class Stage:
         return self._cameras[name or self._default_camera]
 
     def take(self, name: str, *, contents: bool) -> Grip:
-        """Take an object, with everything on or in it if `contents`."""
+        """Take an object into the hand, with everything on it if `contents`; what lies in it is left to physics."""
         held = self._grips.get(name)
         if held is not None and contents and len(held.names) > 1:
             return held
         self.free(name)
-        grip = Grip(self.world, name, self.world.riders(name) if contents else ())
+        grip = Grip(self.world, name, self.world.riders(name, enclosed=False) if contents else ())
         for taken in grip.names:
             self.free(taken)
         self._grips[name] = grip

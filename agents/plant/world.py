@@ -9,10 +9,10 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
-import pybullet
 
 from agents.plant.bullet import Bullet
-from agents.plant.meshes import Color, Size, write_box
+from agents.plant.meshes import Color, Size
+from agents.plant.solids import collision_shape, visual_shape
 from agents.scenario.format import ObjectSpec, TableSpec
 from dsr import quaternions
 from dsr.errors import ConfigError, suggest
@@ -144,11 +144,11 @@ class World:
             point[7][2] > _UPWARD for other in others for point in self.bullet.getClosestPoints(body, other, reach)
         )
 
-    def riders(self, name: str) -> list[str]:
-        """Objects that stand on or lie in this one, directly or on one another."""
+    def riders(self, name: str, *, enclosed: bool = True) -> list[str]:
+        """Objects that stand on this one or, if `enclosed`, lie in it or under it; directly or on one another."""
         found = [name]
         for base in found:
-            found += [other for other in self._bodies if other not in found and self._rides(other, base)]
+            found += [other for other in self._bodies if other not in found and self._rides(other, base, enclosed)]
         return found[1:]
 
     def step(self) -> None:
@@ -169,35 +169,41 @@ class World:
             "start them on the table or on one another, without overlap, and centred over their support"
         )
 
-    def _rides(self, name: str, base: str) -> bool:
-        inside = self.pose(base).inverse().apply(self.pose(name).t)
-        within = bool(np.all(np.abs(inside) < np.array(self.specs[base].size) / 2))
-        return within or self.body(base) in self.supports(name)
+    def _rides(self, name: str, base: str, enclosed: bool) -> bool:
+        if self._encloses(base, name):
+            return enclosed
+        return self.body(base) in self.supports(name)
+
+    def _encloses(self, base: str, name: str) -> bool:
+        """Whether an object lies in a hollow of a larger one, or under it."""
+        spec, (x, y, z) = self.specs[base], self.pose(base).inverse().apply(self.pose(name).t).tolist()
+        inside = all(abs(v) < edge / 2 for v, edge in zip((x, y, z), spec.size, strict=True))
+        larger = math.prod(spec.size) > math.prod(self.specs[name].size)
+        return inside and larger and bool(spec.shape) and not any(part.contains((x, y, z)) for part in spec.shape)
 
     def _add_block(self, folder: Path, name: str, size: Size, color: Color, top_center: Vector3) -> int:
         """A body that nothing moves, given by the centre of its top face."""
         x, y, z = top_center
-        shape = self.bullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=[side / 2 for side in size])
-        visual = self._visual(folder, name, size, color, None)
+        shape = collision_shape(self.bullet, size)
+        visual = visual_shape(self.bullet, folder, name, size, color)
         body: int = self.bullet.createMultiBody(0, shape, visual, [x, y, z - size[2] / 2])
         self.bullet.changeDynamics(body, -1, lateralFriction=1.0)
         return body
 
     def _make_shapes(self, folder: Path, spec: ObjectSpec, index: int) -> tuple[int, int]:
-        shape = self.bullet.createCollisionShape(pybullet.GEOM_BOX, halfExtents=[side / 2 for side in spec.size])
         color = spec.color or _PALETTE[index % len(_PALETTE)]
-        return shape, self._visual(folder, spec.name, spec.size, color, spec.marker_id)
-
-    def _visual(self, folder: Path, name: str, size: Size, color: Color, marker_id: int | None) -> int:
-        file = write_box(folder, name, size, color, marker_id)
-        number: int = self.bullet.createVisualShape(pybullet.GEOM_MESH, fileName=str(file))
-        return number
+        visual = visual_shape(self.bullet, folder, spec.name, spec.size, color, spec.marker_id, spec.shape)
+        return collision_shape(self.bullet, spec.size, spec.shape), visual
 
     def _add(self, name: str, pose: Pose) -> None:
         shape, visual = self._shapes[name]
         spec = self.specs[name]
         body = self.bullet.createMultiBody(spec.mass, shape, visual, pose.t, pose.q)
         self.bullet.changeDynamics(body, -1, lateralFriction=spec.friction, frictionAnchor=1)  # else stacks creep
+        if spec.rolling_friction:
+            self.bullet.changeDynamics(
+                body, -1, rollingFriction=spec.rolling_friction, spinningFriction=spec.rolling_friction
+            )
         self._bodies[name] = body
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path as FilePath
 
+from agents.colors import APART, spectral_angle
 from agents.scenario.events import ArmError, Carry, Event, FalsePercept, HandMove, Kill, Place, Slide, Swap
 from agents.scenario.expectations import (
     Actions,
@@ -19,9 +20,9 @@ from agents.scenario.expectations import (
     TrueRelations,
     Windowed,
 )
-from agents.scenario.geometry import penetration, upright_box
+from agents.scenario.geometry import has_face, penetration, upright_box
 from agents.scenario.layout import TOUCH, object_box, overlapping, table_box
-from agents.scenario.model import RobotSpec, Scenario
+from agents.scenario.model import ObjectSpec, RobotSpec, Scenario
 from agents.scenario.relations import GROUND
 from dsr.errors import ConfigError, GoalError, suggest
 from dsr.goals import parse_goal
@@ -50,6 +51,7 @@ def check_scenario(scenario: Scenario, etc: FilePath | None) -> None:
         _check_kills(scenario, etc / "systems" / f"{scenario.system}.toml")
     _check_settings(scenario)
     _check_names(scenario)
+    _check_colors(scenario)
     _check_mission(scenario)
     _check_places(scenario)
     for index, event in enumerate(scenario.events):
@@ -105,6 +107,7 @@ def _check_names(scenario: Scenario) -> None:
     names = set(_RESERVED)
     markers: dict[int, str] = {}
     for index, spec in enumerate(scenario.objects):
+        _check_recognised(spec, ("object", index))
         path: Path = ("object", index, "name")
         _check_name(path, spec.name)
         _require(spec.name not in names, path, f"the name {spec.name!r} is taken; expected a name used once")
@@ -113,6 +116,28 @@ def _check_names(scenario: Scenario) -> None:
             other = markers.setdefault(spec.marker_id, spec.name)
             message = f"{spec.name!r} has the marker {spec.marker_id} of {other!r}; expected one used once"
             _require(other == spec.name, ("object", index, "marker_id"), message)
+
+
+def _check_recognised(spec: ObjectSpec, path: Path) -> None:
+    """An object has a face for its tag; one that is made of a model has a tag, or is known by its colour."""
+    if spec.marker_id is not None:
+        message = f"{spec.name!r} has no closed upper face for a tag; leave `marker_id` out, to recognise it by colour"
+        _require(has_face(spec.shape, spec.size), (*path, "marker_id"), message)
+    if spec.model is None or spec.marker_id is not None:
+        return
+    _require(spec.color is not None, path, f"{spec.name!r}: expected a `marker_id` or a `color` to recognise it by")
+    _require(spec.known, path, f"{spec.name!r} is recognised by its colour: expected `known = true`, or a `marker_id`")
+
+
+def _check_colors(scenario: Scenario) -> None:
+    """What is recognised by its colour is alone in having it."""
+    for index, spec in enumerate(scenario.objects):
+        if not spec.by_color:
+            continue
+        for other in scenario.objects:
+            if other is not spec and spec.color is not None and other.color is not None:
+                message = f"{spec.name!r} is recognised by its colour, but that of {other.name!r} is too much like it"
+                _require(spectral_angle(spec.color, other.color) >= APART, ("object", index), message)
 
 
 def _check_mission(scenario: Scenario) -> None:

@@ -79,11 +79,11 @@ class MovedByHand(ObjectEvent, frozen=True, kw_only=True):
     hand: HandNumber | None = None
     """This hand comes, takes the object and moves it; default: it moves by itself."""
     contents: bool | None = None
-    """Everything on or in it comes along rigidly; default: without a hand. With one, contents move by physics."""
+    """Everything on it comes along rigidly; default: without a hand. What is in it or under it moves by physics."""
 
     @property
     def moves_contents(self) -> bool:
-        """Whether everything on or in it comes along rigidly."""
+        """Whether everything on it comes along rigidly."""
         return self.hand is None if self.contents is None else self.contents
 
 

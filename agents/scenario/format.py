@@ -47,6 +47,7 @@ from agents.scenario.expectations import Check
 from agents.scenario.explain import syntax_error, type_error, value_error
 from agents.scenario.layout import start_poses
 from agents.scenario.model import MissionSpec, ObjectSpec, RandomSpec, RobotSpec, Scenario, SensorSpec, TableSpec
+from agents.scenario.models import with_models
 from dsr.decoding import decoded
 from dsr.errors import ConfigError, suggest
 from dsr.keys import Keys
@@ -165,6 +166,7 @@ def parse_scenario(text: str, file: str = "<text>") -> Scenario:
     except msgspec.ValidationError as error:
         raise type_error(error, data, text, file) from error
     try:
+        scenario = with_models(scenario, data, Path(file).parent)
         check_scenario(scenario, _PACKAGE_ETC if _PACKAGE_ETC.is_dir() else None)
     except InconsistencyError as error:
         raise value_error(str(error), error.path, text, file) from error

@@ -1,4 +1,4 @@
-"""Oriented boxes: how deep two overlap, and how far one is above what lies below it."""
+"""Oriented boxes and balls: how deep two overlap, and how far one is above what lies below it."""
 
 from __future__ import annotations
 
@@ -8,10 +8,16 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from dsr import quaternions
+from dsr.quaternions import Vector3
+from dsr.shapes import Shape, box
+
 Array = NDArray[np.float64]
 
 _SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
 _PARALLEL = 1e-9
+_FACE = 0.4  # of an object's shorter side, from the middle of its upper face: as far as a tag reaches
+_SKIN = 1e-4  # m, below the upper face
 
 
 class Box(msgspec.Struct, frozen=True):
@@ -39,6 +45,48 @@ class Box(msgspec.Struct, frozen=True):
     def top(self) -> float:
         """World z of the highest corner, m."""
         return float(self.corners[:, 2].max())
+
+
+class Ball(msgspec.Struct, frozen=True):
+    """A ball."""
+
+    center: Array
+    """(3,) m, world"""
+    radius: float
+    """m"""
+
+
+def pieces(shape: Shape, body: Box) -> list[Box | Ball]:
+    """What a body is made of, where its bounding box is `body`; a cylinder counts as the box around it."""
+    found: list[Box | Ball] = []
+    for part in shape or box((float(body.size[0]), float(body.size[1]), float(body.size[2]))):
+        center = body.center + body.rotation @ np.array(part.position)
+        if part.kind == "sphere":
+            found.append(Ball(center, 0.5 * part.size[0]))
+        else:
+            turn = np.array(quaternions.to_matrix(part.rotation))
+            found.append(Box(center, body.rotation @ turn, np.array(part.size)))
+    return found
+
+
+def has_face(shape: Shape, size: Vector3) -> bool:
+    """Whether the upper face of a body's bounding box is closed where a tag would be."""
+    reach, height = _FACE * min(size[:2]), 0.5 * size[2] - _SKIN
+    steps = (-reach, 0.0, reach)
+    return not shape or all(any(part.contains((x, y, height)) for part in shape) for x in steps for y in steps)
+
+
+def overlap(a: Box | Ball, b: Box | Ball) -> float:
+    """Least distance (m) by which `a` must be moved to be free of `b`; negative: how far they are apart, at least."""
+    if isinstance(a, Box) and isinstance(b, Box):
+        return penetration(a, b)
+    if isinstance(a, Ball) and isinstance(b, Ball):
+        return a.radius + b.radius - float(np.linalg.norm(a.center - b.center))
+    ball, block = (a, b) if isinstance(a, Ball) else (b, a)
+    assert isinstance(ball, Ball) and isinstance(block, Box)
+    inside = block.rotation.T @ (ball.center - block.center)
+    outside = np.abs(inside) - 0.5 * block.size
+    return ball.radius - float(np.linalg.norm(np.maximum(outside, 0.0)) + min(0.0, outside.max()))
 
 
 def upright_box(position: Iterable[float], yaw: float, size: Iterable[float]) -> Box:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
-from agents.scenario.geometry import Box, footprint_overlap, penetration, upright_box
+from agents.scenario.geometry import Box, footprint_overlap, overlap, penetration, pieces, upright_box
 from agents.scenario.model import ObjectSpec, Scenario, TableSpec
 from dsr.errors import ConfigError
 
@@ -45,10 +45,13 @@ def table_box(table: TableSpec) -> Box:
 def overlapping(objects: list[ObjectSpec]) -> tuple[int, int, float] | None:
     """Indexes of the first two objects that overlap, and how deep (m); None if all are apart."""
     boxes = [object_box(spec) for spec in objects]
+    made_of = [pieces(spec.shape, box) for spec, box in zip(objects, boxes, strict=True)]
     for second in range(len(boxes)):
         for first in range(second):
-            if (depth := penetration(boxes[first], boxes[second])) > TOUCH:
-                return first, second, depth
+            if penetration(boxes[first], boxes[second]) > TOUCH:
+                depth = max(overlap(a, b) for a in made_of[first] for b in made_of[second])
+                if depth > TOUCH:
+                    return first, second, depth
     return None
 
 
@@ -71,12 +74,22 @@ def _moved(spec: ObjectSpec, offset: np.ndarray, turn: float) -> ObjectSpec:
 
 
 def _tower_of_each(objects: list[ObjectSpec]) -> list[int]:
-    """Index of the lowest object of the tower that each object belongs to."""
+    """Index of the lowest object of the tower that each object belongs to; what encloses an object is below it."""
     boxes = [object_box(spec) for spec in objects]
     towers = list(range(len(objects)))
-    for index in sorted(towers, key=lambda i: boxes[i].bottom):
+    for index in sorted(towers, key=lambda i: (round(boxes[i].bottom, 3), -float(np.prod(boxes[i].size)))):
         for lower in range(len(objects)):
-            touches = abs(boxes[index].bottom - boxes[lower].top) < 2 * TOUCH
-            if touches and footprint_overlap(boxes[index], boxes[lower]) > TOUCH:
+            if lower != index and (_stands_on(boxes[index], boxes[lower]) or _is_in(boxes[index], boxes[lower])):
                 towers[index] = towers[lower]
     return towers
+
+
+def _stands_on(upper: Box, lower: Box) -> bool:
+    touches = abs(upper.bottom - lower.top) < 2 * TOUCH
+    return touches and footprint_overlap(upper, lower) > TOUCH
+
+
+def _is_in(box: Box, other: Box) -> bool:
+    """Whether the middle of a box is inside a larger one."""
+    inside = np.abs(other.rotation.T @ (box.center - other.center)) <= 0.5 * other.size
+    return bool(inside.all()) and float(np.prod(box.size)) < float(np.prod(other.size))

@@ -10,9 +10,14 @@ from msgspec import Meta
 from agents.scenario.events import Event
 from agents.scenario.expectations import Check
 from agents.scenario.units import Bias, Noise, Radians, Seconds, Size, Vector3
+from dsr.shapes import Shape
 
 TAGS = 587
 """Number of tags in the family DICT_APRILTAG_36h11."""
+
+
+Share = Annotated[float, Meta(ge=0, le=1)]
+Color = tuple[Share, Share, Share]
 
 
 class Section(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -61,23 +66,34 @@ class ObjectSpec(Section, frozen=True, kw_only=True):
     """An object of the true world."""
 
     name: str
-    type: Literal["cube", "box"] = "cube"
+    model: str | None = None
+    """`etc/objects/<model>.urdf`, or a path beside the scenario file: gives what of the following is not given here"""
+    type: Literal["cube", "box", "container", "cup", "ball"] = "cube"
     marker_id: Annotated[int, Meta(ge=0, lt=TAGS)] | None = None
-    """AprilTag 36h11 on the +z face; without one it cannot be seen"""
+    """AprilTag 36h11 on the +z face; without one it can only be recognised by its colour"""
     size: Size = (0.04, 0.04, 0.04)
     """m, along its own x, y and z"""
+    shape: Shape = ()
+    """Its parts, from the model alone; without any it is a solid box"""
     mass: Annotated[float, Meta(gt=0, le=100)] = 0.05
     """kg"""
     friction: Annotated[float, Meta(ge=0, le=5)] = 0.6
     """Coulomb coefficient"""
-    color: tuple[Annotated[float, Meta(ge=0, le=1)], ...] | None = None
+    rolling_friction: Annotated[float, Meta(ge=0, le=5)] = 0.0
+    """m, lever arm of the resistance to rolling"""
+    color: Color | None = None
     """Red, green, blue, 0 to 1; default: by the plant"""
     position: Vector3
     """m, centre, world"""
     yaw: Radians = 0.0
     """rad about world z"""
     known: bool = False
-    """The working memory starts with a node of this object (size, mass, marker), without a pose."""
+    """The working memory starts with a node of this object (size, shape, mass, marker, colour), without a pose."""
+
+    @property
+    def by_color(self) -> bool:
+        """Whether it can be recognised by its colour: it has one and no marker, and the working memory knows it."""
+        return self.known and self.marker_id is None and self.color is not None
 
 
 class MissionSpec(Section, frozen=True, kw_only=True):

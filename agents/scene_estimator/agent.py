@@ -9,26 +9,35 @@ from contextlib import ExitStack, closing
 import msgspec
 
 from agents.drivers import TagDriver, make_driver
+from agents.scene_estimator.colored import ColoredObjects, ColorSighting, read_colors
 from agents.scene_estimator.config import SceneEstimatorConfig, TagSensor
 from agents.scene_estimator.objects import TaggedObjects
 from agents.scene_estimator.sighting import FrameReader, Outlines, Sighting, read_sensor
 from agents.scene_estimator.stillness import stood_still
 from dsr.agent import Access, Agent
 from dsr.blobs import Frame
-from dsr.errors import WireError
+from dsr.errors import TransformError, WireError
 from dsr.intrinsics import INTRINSICS, Intrinsics
 from dsr.relations import THINGS
+from dsr.transforms import Pose
+
+Seen = tuple[list[Sighting], list[ColorSighting]]
+"""What a camera shows: what was recognised by tags, and by colours."""
 
 
 class SceneEstimator(Agent):
-    """Detects AprilTags in the frames of all cameras that have any, and publishes poses with covariance.
+    """Recognises objects by AprilTags and by colours in the frames of all cameras, and publishes poses with covariance.
 
     Objects that no camera has seen for `max_age` are not `perceived`; their last percept stays.
     """
 
     name = "scene_estimator"
     rate_hz = 20.0
-    reads = Access(nodes=("camera", *THINGS), edges=("RT",), attributes=("marker_id", "size", "perceived", "last_seen"))
+    reads = Access(
+        nodes=("camera", *THINGS),
+        edges=("RT",),
+        attributes=("marker_id", "color", "size", "shape", "perceived", "last_seen"),
+    )
     writes = Access(
         nodes=("camera", *THINGS),
         edges=("RT",),
@@ -46,6 +55,7 @@ class SceneEstimator(Agent):
         self._closing = ExitStack()
         take = self._closing.enter_context
         self._objects = take(closing(TaggedObjects(self.memory, config, self.log)))
+        self._colored = take(closing(ColoredObjects(self.memory)))
         self._frame_reader = FrameReader(self._objects.size, config.tag_ratio, config.noise)
         self._streams = {camera: take(closing(self.memory.frames(camera))) for camera in config.cameras}
         self._sensors = {camera: take(closing(self._driver(sensor))) for camera, sensor in config.tag_sensors.items()}
@@ -58,16 +68,17 @@ class SceneEstimator(Agent):
     def tick(self, now: float) -> None:
         """Look at each camera's newest frame, then at who was not seen for long."""
         self._objects.update()
+        self._colored.update()
         for camera, stamp, sightings in self._look():
             if camera not in self.memory:
                 self.skipped["no camera node yet"] += 1
             elif not self._camera_stood_still(camera, stamp):
                 self._skip("camera moved", f"{camera} moved, or its pose is not known then")
             else:
-                self._publish(camera, sightings)
+                self._publish(camera, stamp, sightings)
         self._age(now)
 
-    def _look(self) -> Iterator[tuple[str, float, list[Sighting]]]:
+    def _look(self) -> Iterator[tuple[str, float, Seen]]:
         """(camera, stamp, sightings) of everything new."""
         for camera, stream in self._streams.items():
             frame = stream.latest()
@@ -78,7 +89,8 @@ class SceneEstimator(Agent):
             if readings is not None:
                 self._describe(camera, readings.lens)
                 try:
-                    yield camera, readings.stamp, read_sensor(readings, self.config.noise)
+                    tags = read_sensor(readings, self.config.noise)
+                    yield camera, readings.stamp, (tags, read_colors(readings, self._colored, self.config.noise))
                 except WireError as error:
                     self._skip("malformed", f"{camera}: {error}")
 
@@ -88,14 +100,14 @@ class SceneEstimator(Agent):
         if node is not None and any(node.get(name) != value for name, value in intrinsics.items()):
             self.memory.update_node(camera, **intrinsics)
 
-    def _read(self, camera: str, frame: Frame) -> list[Sighting] | None:
+    def _read(self, camera: str, frame: Frame) -> Seen | None:
         try:
             sightings, outlines = self._frame_reader.read(frame)
         except WireError as error:
             self._skip("malformed", f"{camera}: {error}")
             return None
         self._show(camera, frame.stamp, outlines)
-        return sightings
+        return sightings, []
 
     def _show(self, camera: str, stamp: float, outlines: Outlines) -> None:
         """Publish where in the image the tags were found, for viewers."""
@@ -104,14 +116,31 @@ class SceneEstimator(Agent):
     def _camera_stood_still(self, camera: str, stamp: float) -> bool:
         return stood_still(self.memory, camera, stamp, self.config.max_camera_speed, self.config.max_camera_turn)
 
-    def _publish(self, camera: str, sightings: list[Sighting]) -> None:
+    def _publish(self, camera: str, stamp: float, seen: Seen) -> None:
+        tags, colors = seen
         with self.memory.batch():
-            self._objects.consider(camera, sightings)
-            for sighting in sightings:
+            self._objects.consider(camera, tags)
+            for sighting in tags:
                 node = self._objects.find(sighting.marker_id)
                 if node is not None:
-                    self.memory.add_edge(camera, node.name, "RT", pose=sighting.pose)
-                    self._note_seen(node.name, sighting.pose.stamp)
+                    self._write(camera, node.name, sighting.pose)
+            if colors:
+                self._publish_colors(camera, stamp, colors)
+
+    def _publish_colors(self, camera: str, stamp: float, sightings: list[ColorSighting]) -> None:
+        """They stand upright in the world, as far as anybody knows, so that the camera's pose there is needed."""
+        try:
+            world_from_camera = self.memory.transform("world", camera, at=stamp)
+        except TransformError:
+            self._skip("no camera pose", f"{camera}: its pose in the world is not known then")
+            return
+        for sighting in sightings:
+            if sighting.name in self.memory:
+                self._write(camera, sighting.name, sighting.pose(world_from_camera))
+
+    def _write(self, camera: str, name: str, camera_from_object: Pose) -> None:
+        self.memory.add_edge(camera, name, "RT", pose=camera_from_object)
+        self._note_seen(name, camera_from_object.stamp)
 
     def _note_seen(self, name: str, stamp: float) -> None:
         """A camera whose clock is ahead sees it now, not later."""

@@ -8,6 +8,8 @@ import msgspec
 
 from agents.scenario.format import ObjectSpec, TableSpec, load_scenario
 from dsr.agent import Access, Agent
+from dsr.relations import THINGS
+from dsr.shapes import to_numbers
 from dsr.transforms import Pose
 
 
@@ -27,9 +29,9 @@ class SceneSetup(Agent):
     name = "scene_setup"
     rate_hz = 1.0
     writes = Access(
-        nodes=("world", "table", "cube", "box"),
+        nodes=("world", "table", *THINGS),
         edges=("RT",),
-        attributes=("size", "mass", "friction", "marker_id", "color"),
+        attributes=("size", "shape", "mass", "friction", "marker_id", "color", "model"),
     )
     Config = SceneSetupConfig
     config: SceneSetupConfig
@@ -56,6 +58,8 @@ class SceneSetup(Agent):
 
 def _properties(spec: ObjectSpec) -> dict[str, Any]:
     """Attributes of an object that can be known without seeing it."""
-    known = {"size": spec.size, "mass": spec.mass, "friction": spec.friction}
-    optional = {"marker_id": spec.marker_id, "color": spec.color}
+    known: dict[str, Any] = {"size": spec.size, "mass": spec.mass, "friction": spec.friction}
+    optional = {"marker_id": spec.marker_id, "color": spec.color, "model": spec.model}
+    if spec.shape:
+        known["shape"] = to_numbers(spec.shape)
     return {**known, **{name: value for name, value in optional.items() if value is not None}}

@@ -316,3 +316,62 @@ def test_objects_without_room_for_their_variation_are_refused():
     )
     with pytest.raises(ConfigError, match=r"26 objects overlap in each of 200 draws; expected a smaller \[random\]"):
         start_poses(parse_scenario(crowded), np.random.default_rng(0))
+
+
+CUP = '\n[[object]]\nname = "cup"\nmodel = "cup"\nknown = true\nposition = [0.3, 0.2, 0.045]\n'
+UNDER_A_COVER = """
+[[object]]
+name = "cover"
+model = "cover_large"
+marker_id = 9
+position = [0.3, 0.0, 0.075]
+"""
+
+
+def test_a_model_gives_what_the_file_leaves_out():
+    cup = parse_scenario(BASE + CUP).object("cup")
+    assert (cup.type, cup.mass, len(cup.shape)) == ("cup", 0.1, 13)
+    assert cup.by_color
+    cup = parse_scenario(BASE + CUP + "mass = 0.3\nfriction = 0.2\ncolor = [0.0, 1.0, 0.0]\n").object("cup")
+    assert (cup.mass, cup.friction, cup.color, len(cup.shape)) == (0.3, 0.2, (0.0, 1.0, 0.0), 13)
+
+
+def test_a_model_beside_the_file(tmp_path: Path):
+    own = Path(__file__).parents[3] / "etc" / "objects" / "box.urdf"
+    (tmp_path / "mine.urdf").write_text(own.read_text().replace("0.08 0.06 0.05", "0.1 0.06 0.05"))
+    file = tmp_path / "x.toml"
+    file.write_text(BASE + CUP.replace('"cup"', '"mine.urdf"').replace('"mine.urdf"', '"pot"', 1))
+    assert load_scenario(file).object("pot").size == (0.1, 0.06, 0.05)
+    (tmp_path / "mine.urdf").write_text("<robot/>")
+    with pytest.raises(ConfigError, match=r"x\.toml:21: object\.3\.model: .*mine\.urdf: 0 <link> elements"):
+        load_scenario(file)
+
+
+def test_a_solid_model_may_have_another_size():
+    text = BASE + CUP.replace('model = "cup"', 'model = "box"') + "size = [0.02, 0.03, 0.04]\n"
+    assert parse_scenario(text).object("cup").size == (0.02, 0.03, 0.04)
+
+
+def test_what_stands_under_a_cover_does_not_overlap_it_and_moves_with_it():
+    text = BASE.replace("0.4,", "0.5,") + UNDER_A_COVER + "[random]\nposition = 0.2\n"
+    for seed in range(20):
+        objects = {spec.name: spec for spec in start_poses(parse_scenario(text), np.random.default_rng(seed))}
+        assert objects["a"].position[:2] == objects["cover"].position[:2]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (CUP.replace('model = "cup"', 'model = "cpu"'), "object.3.model: unknown model 'cpu'; did you mean 'cup'"),
+        (CUP.replace('model = "cup"', 'type = "cup"'), "object.3.type: a cup needs a `model`"),
+        (CUP.replace('model = "cup"', "model = 3"), "object.3.model: expected `str | null`, got 3"),
+        (CUP.replace("known = true\n", ""), "object.3: 'cup' is recognised by its colour: expected `known = true`"),
+        (CUP + "marker_id = 9\n", "object.3.marker_id: 'cup' has no closed upper face for a tag"),
+        (CUP + "size = [0.1, 0.1, 0.1]\n", "object.3.size: the size of an object of several parts"),
+        (CUP + "shape = [1.0]\n", "object.3.shape"),
+        (CUP + CUP.replace('"cup"', '"mug"', 1).replace("0.2,", "0.3,"), "object.3: 'cup' is recognised by its colour"),
+        (UNDER_A_COVER.replace("0.3, 0.0", "0.37, 0.0"), "'cover' and 'a' overlap by"),
+    ],
+)
+def test_what_is_wrong_with_a_model_is_named(text: str, message: str):
+    assert message in refusal(BASE + text)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from agents.drivers import TagReadings
 from agents.scene_estimator import SceneEstimator
 from agents.scene_estimator.sighting import FrameReader
 from benchmarks.tag_camera import Camera, facing
@@ -20,6 +21,8 @@ from dsr.runtime.access import WriteGuard
 from dsr.runtime.runner import Runner
 
 PERIOD = 0.05
+AGE = 0.7
+SENSORS = {"camera_overhead": {"driver": "fake:Sensor"}}
 SIZE = 0.04
 STEEPEST = np.radians(50)
 SMALL = Camera(width=320, height=240, focal=310.0)
@@ -138,6 +141,28 @@ class Bench:
         """As others see it; None without the node."""
         node = self.memory.get_node(name)
         return None if node is None else node.get("perceived") is True
+
+
+class FakeSensor:
+    """Returns the readings it was given, once."""
+
+    def __init__(self) -> None:
+        self.next: TagReadings | None = None
+        self.closed = False
+
+    def readings(self) -> TagReadings | None:
+        readings, self.next = self.next, None
+        return readings
+
+    def close(self) -> None:
+        self.closed = True
+
+
+@pytest.fixture
+def sensor(monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeSensor]:
+    sensor = FakeSensor()
+    monkeypatch.setattr("agents.scene_estimator.agent.make_driver", lambda *_, **__: sensor)
+    yield sensor
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import msgspec
@@ -16,9 +16,8 @@ from dsr.errors import AgentError, ConfigError
 from dsr.intrinsics import Intrinsics
 from dsr.transport import Qos
 
-from .conftest import MARKER, OVERHEAD, PERIOD, Bench, covariance
+from .conftest import AGE, MARKER, OVERHEAD, PERIOD, SENSORS, Bench, FakeSensor, covariance
 
-AGE = 0.7
 CUBE = (MARKER, 0.03, -0.02)
 NAME = f"cube_{MARKER}"
 
@@ -189,31 +188,6 @@ def test_viewers_are_told_where_in_the_image_the_tags_are(bench: Bench, cube: Fr
     assert found.stamp == stamp
     assert found.arrays["ids"].tolist() == [MARKER]
     assert found.arrays["corners"].shape == (1, 4, 2)
-
-
-class FakeSensor:
-    """Returns the readings it was given, once."""
-
-    def __init__(self) -> None:
-        self.next: TagReadings | None = None
-        self.closed = False
-
-    def readings(self) -> TagReadings | None:
-        readings, self.next = self.next, None
-        return readings
-
-    def close(self) -> None:
-        self.closed = True
-
-
-@pytest.fixture
-def sensor(monkeypatch: pytest.MonkeyPatch) -> Iterator[FakeSensor]:
-    sensor = FakeSensor()
-    monkeypatch.setattr("agents.scene_estimator.agent.make_driver", lambda *_, **__: sensor)
-    yield sensor
-
-
-SENSORS = {"camera_overhead": {"driver": "fake:Sensor"}}
 
 
 def test_a_tag_sensor_does_without_images(make_bench: Callable[..., Bench], sensor: FakeSensor) -> None:

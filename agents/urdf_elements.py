@@ -1,14 +1,48 @@
-"""Poses and numbers in the XML elements of a robot description (URDF)."""
+"""The XML of robot and object descriptions (URDF): the outer element, and poses and numbers in it."""
 
 from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
 
+from dsr.errors import ConfigError
 from dsr.quaternions import Vector3, from_rotvec, product
 from dsr.transforms import Pose
 
+_MOST_BYTES = 10_000_000
 _ORIGIN: Vector3 = (0.0, 0.0, 0.0)
+
+T = TypeVar("T")
+
+
+def read_urdf(file: Path) -> bytes:
+    """What a file holds. Raises `ConfigError`."""
+    try:
+        return file.read_bytes()
+    except OSError as error:
+        raise ConfigError(f"cannot be read ({error})", file=str(file)) from error
+
+
+def parse_urdf(data: bytes, file: str, understand: Callable[[ET.Element], T]) -> T:
+    """What `understand` makes of the outer element <robot> of `data` that came from `file`.
+
+    It may raise ValueError, which becomes a `ConfigError` like everything else that is wrong with the data. Without
+    DOCTYPE and ENTITY nothing can be expanded or fetched.
+    """
+    if len(data) > _MOST_BYTES or b"<!DOCTYPE" in data or b"<!ENTITY" in data:
+        raise ConfigError(f"expected at most {_MOST_BYTES} bytes without DOCTYPE and ENTITY", file=file)
+    try:
+        root = ET.fromstring(data)
+        if root.tag != "robot":
+            raise ValueError(f"the outer element is <{root.tag}>, expected <robot>")
+        return understand(root)
+    except ET.ParseError as error:
+        raise ConfigError(f"not valid XML: {error}", file=file, line=error.position[0]) from error
+    except ValueError as error:
+        raise ConfigError(str(error), file=file) from error
 
 
 def origin(element: ET.Element | None) -> Pose:

@@ -1,0 +1,118 @@
+"""Objects that are recognised by their colour: which ones are known, and what a sighting of one says about its pose."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from agents.colors import TOLERANCE, spectral_angle
+from agents.drivers import ColorReading, TagReadings
+from agents.scene_estimator.geometry import Array
+from agents.scene_estimator.pose import NoiseModel
+from dsr.elements import Node
+from dsr.errors import SchemaError, WireError
+from dsr.memory import Memory
+from dsr.quaternions import Vector3
+from dsr.relations import THINGS
+from dsr.shapes import Shape, from_numbers
+from dsr.transforms import Pose
+
+ANY_ROTATION = math.pi
+"""rad, standard deviation about each axis of an orientation that nobody measured"""
+_FARTHEST = 100.0  # m
+
+
+class ColoredObject(NamedTuple):
+    """What is known of an object that has a colour and no tag."""
+
+    name: str
+    color: Vector3
+    """Red, green, blue, 0 to 1."""
+    size: Vector3
+    """Edge lengths of its bounding box, m."""
+    shape: Shape
+    """None for a solid box."""
+
+
+class ColorSighting(NamedTuple):
+    """One object recognised by its colour, in one frame."""
+
+    name: str
+    position: Array
+    """(3,) m, its centre in the camera frame."""
+    covariance: Array
+    """(3, 3) m^2, in the camera frame."""
+    stamp: float
+    """s, of the exposure"""
+
+    def pose(self, world_from_camera: Pose) -> Pose:
+        """camera_from_object with covariance: the object's axes are taken to be those of the world, and may be any."""
+        rotation = world_from_camera.inverse().q
+        turn = Pose((0.0, 0.0, 0.0), rotation).rotation_matrix
+        covariance = np.zeros((6, 6))
+        covariance[:3, :3] = turn.T @ self.covariance @ turn
+        covariance[3:, 3:] = ANY_ROTATION**2 * np.eye(3)
+        return Pose(self.position, rotation, self.stamp, covariance)
+
+
+class ColoredObjects:
+    """The working memory's objects that have a colour and no tag."""
+
+    def __init__(self, memory: Memory) -> None:
+        self._memory = memory
+        self._watches = [memory.watch(attribute=name) for name in ("color", "marker_id", "size", "shape")]
+        self.known: list[ColoredObject] = []
+
+    def update(self) -> None:
+        """Take note of what was written to nodes."""
+        news = [watch.poll() for watch in self._watches]
+        if any(news):
+            nodes = [node for kind in THINGS for node in self._memory.nodes(kind)]
+            found = map(_colored, sorted(nodes, key=lambda node: node.name))
+            self.known = [colored for colored in found if colored is not None]
+
+    def find(self, color: Vector3) -> ColoredObject | None:
+        """The object of that colour, or None."""
+        angles = {colored: spectral_angle(color, colored.color) for colored in self.known}
+        best = min(angles, key=lambda colored: angles[colored], default=None)
+        return best if best is not None and angles[best] < TOLERANCE else None
+
+    def close(self) -> None:
+        """Stop watching."""
+        for watch in self._watches:
+            watch.close()
+
+
+def read_colors(readings: TagReadings, objects: ColoredObjects, noise: NoiseModel) -> list[ColorSighting]:
+    """Sightings of a sensor that tells colours. Raises `WireError` for places where nothing can be."""
+    return [sighting for reading in readings.colors if (sighting := _sensed(reading, readings.stamp, objects, noise))]
+
+
+def _sensed(reading: ColorReading, stamp: float, objects: ColoredObjects, noise: NoiseModel) -> ColorSighting | None:
+    position = np.array(reading.position, dtype=np.float64)
+    numbers = (*reading.position, *reading.color, reading.sigma)
+    if not all(map(math.isfinite, numbers)) or not _near(position) or not 0.0 <= reading.sigma < _FARTHEST:
+        raise WireError(f"colour reading at {stamp}: {reading}: expected a place within {_FARTHEST} m")
+    if (colored := objects.find(reading.color)) is None:
+        return None
+    ray = position / np.linalg.norm(position)
+    covariance = reading.sigma**2 * np.eye(3) + noise.depth_bias_std**2 * np.outer(ray, ray)
+    return ColorSighting(colored.name, position, covariance, stamp)
+
+
+def _near(position: Array) -> bool:
+    return 0.0 < float(np.abs(position).max()) < _FARTHEST
+
+
+def _colored(node: Node) -> ColoredObject | None:
+    """None for an object with a tag, without colour or size, or with a shape that is none."""
+    color, size, numbers = node.get("color"), node.get("size"), node.get("shape")
+    if color is None or size is None or min(size) <= 0.0 or node.get("marker_id") is not None:
+        return None
+    try:
+        shape = () if numbers is None else from_numbers(numbers)
+    except SchemaError:
+        return None
+    return ColoredObject(node.name, (color[0], color[1], color[2]), (size[0], size[1], size[2]), shape)

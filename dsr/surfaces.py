@@ -1,0 +1,224 @@
+"""The surfaces of shapes and rays that meet them: what of a body can be seen from a point.
+
+Arrays are numpy; lengths in metres. Rays are given by where they start and how far they go, so that a parameter of 1 is
+their end.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsr import quaternions
+from dsr.quaternions import Vector3
+from dsr.shapes import Part, PartKind, Shape, box
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+GAP = 5e-4
+"""m before its end at which a ray counts as having arrived"""
+_KINDS: tuple[PartKind, ...] = ("box", "cylinder", "sphere")
+_LEAST = 1e-12  # stands for the direction cosine of a ray that is parallel to a face
+_POINTS = 160  # on a body, about
+_RIM = 0.25  # of the spacing of points, from which on a face gets a second row of them
+_CACHED = 256  # shapes
+
+
+class Surface(NamedTuple):
+    """Points on a body, in its frame."""
+
+    points: Array
+    """(n, 3) m"""
+    normals: Array
+    """(n, 3) unit vectors, outwards"""
+    areas: Array
+    """(n,) m^2, that each point stands for"""
+
+
+@functools.lru_cache(maxsize=_CACHED)
+def surface(shape: Shape, size: Vector3) -> Surface:
+    """About 160 points spread over the outside of a shape; without parts, over the box of `size`."""
+    parts = shape or box(size)
+    spacing = math.sqrt(sum(_area(part) for part in parts) / _POINTS)
+    pieces = [_placed(part, piece) for part in parts for piece in _pieces(part, spacing)]
+    points, normals, areas = (np.concatenate(arrays) for arrays in zip(*pieces, strict=True))
+    outside = ~_inside_any(parts, points + GAP * normals)
+    return Surface(points[outside], normals[outside], areas[outside])
+
+
+def seen_alone(shape: Shape, size: Vector3, eye: Array) -> tuple[Array, Array]:
+    """What is seen of a body from `eye` (3,), in its frame, with nothing else there.
+
+    Returns:
+        The points of its surface that face the eye and that the body itself does not hide (n, 3), and the share of its
+        image that each stands for (n,), 1 together.
+    """
+    points, normals, areas = surface(shape, size)
+    way = eye - points
+    distance = np.sqrt((way * way).sum(axis=1))
+    weights = areas * (way * normals).sum(axis=1) / np.maximum(distance, _LEAST) ** 3
+    facing = weights > 0.0
+    points, weights = points[facing], weights[facing]
+    rays = Solids.of(shape or box(size))
+    hidden = rays.cut_off(eye, points).any(axis=0)
+    points, weights = points[~hidden], weights[~hidden]
+    return points, weights / max(float(weights.sum()), _LEAST)
+
+
+class Solids(NamedTuple):
+    """n convex parts somewhere."""
+
+    kinds: NDArray[np.int64]
+    """(n,) 0 box, 1 cylinder, 2 sphere"""
+    centre: Array
+    """(n, 3) m"""
+    turn: Array
+    """(n, 3, 3) frame_from_part"""
+    half: Array
+    """(n, 3) m, half the edge lengths of the box around each, in its own frame"""
+
+    @staticmethod
+    def of(parts: Sequence[Part]) -> Solids:
+        """Those of a shape, in the frame of its body."""
+        turns = [quaternions.to_matrix(part.rotation) for part in parts]
+        return Solids(
+            np.array([_KINDS.index(part.kind) for part in parts], dtype=np.int64),
+            np.array([part.position for part in parts], dtype=np.float64).reshape(-1, 3),
+            np.array(turns, dtype=np.float64).reshape(-1, 3, 3),
+            0.5 * np.array([part.size for part in parts], dtype=np.float64).reshape(-1, 3),
+        )
+
+    def cut_off(self, eye: Array, targets: Array) -> Flags:
+        """(n, rays) which rays from `eye` (3,) to `targets` (rays, 3) meet each part before their end."""
+        way = targets - eye
+        start = np.einsum("nj,nji->ni", eye - self.centre, self.turn)
+        enters, leaves = crossings(self.kinds, self.half, start[:, None], way[None] @ self.turn)
+        arrived = 1.0 - GAP / np.maximum(np.sqrt((way * way).sum(axis=1)), GAP)
+        return meets(enters, leaves, arrived)
+
+
+def meets(enters: Array, leaves: Array, arrived: Array) -> Flags:
+    """Which rays are inside something before the parameter `arrived`, by where they enter and leave it."""
+    met: Flags = (enters < leaves) & (leaves > 0.0) & (enters < arrived)
+    return met
+
+
+def crossings(kinds: NDArray[np.int64], half: Array, start: Array, way: Array) -> tuple[Array, Array]:
+    """Parameters (k, rays) at which rays enter and leave k parts; a ray that misses leaves before it enters.
+
+    Args:
+        kinds: (k,) as in `Solids`.
+        half: (k, 3) m, likewise.
+        start: (k, 1 or rays, 3) m, in the frame of each part.
+        way: (k, rays, 3) m, likewise.
+    """
+    safe = np.where(np.abs(way) < _LEAST, _LEAST, way)
+    one, other = (-half[:, None] - start) / safe, (half[:, None] - start) / safe
+    near, far = np.minimum(one, other), np.maximum(one, other)
+    enters, leaves = near.max(axis=2), far.min(axis=2)
+    for kind, axes in ((1, 2), (2, 3)):  # a round part is cut with a circle, or a ball, instead of some slabs
+        of_kind = kinds == kind
+        if of_kind.any():
+            into, out = _through_round(start[of_kind, :, :axes], way[of_kind, :, :axes], half[of_kind, :1])
+            enters[of_kind] = np.maximum(into, near[of_kind, :, axes:].max(axis=2, initial=-np.inf))
+            leaves[of_kind] = np.minimum(out, far[of_kind, :, axes:].min(axis=2, initial=np.inf))
+    return enters, leaves
+
+
+def _through_round(start: Array, way: Array, radius: Array) -> tuple[Array, Array]:
+    """Where rays enter and leave a circle or ball of `radius` (k, 1) around the origin."""
+    a = np.maximum((way * way).sum(axis=2), _LEAST**2)
+    b = (start * way).sum(axis=2)
+    c = (start * start).sum(axis=2) - radius * radius
+    root = np.sqrt(np.maximum(b * b - a * c, 0.0))
+    missed = b * b < a * c
+    return np.where(missed, np.inf, (-b - root) / a), np.where(missed, -np.inf, (-b + root) / a)
+
+
+def _inside_any(parts: Shape, points: Array) -> Flags:
+    solids = Solids.of(parts)
+    local = np.einsum("npj,nji->npi", points[None] - solids.centre[:, None], solids.turn)
+    flat = (np.abs(local) <= solids.half[:, None]).all(axis=2)
+    radius = solids.half[:, :1]
+    round_section = np.hypot(local[..., 0], local[..., 1]) <= radius
+    ball = np.sqrt((local * local).sum(axis=2)) <= radius
+    kinds = solids.kinds[:, None]
+    inside: Flags = (flat & np.where(kinds == 0, True, np.where(kinds == 1, round_section, ball))).any(axis=0)
+    return inside
+
+
+def _area(part: Part) -> float:
+    x, y, z = part.size
+    if part.kind == "sphere":
+        return math.pi * x * x
+    if part.kind == "cylinder":
+        return math.pi * x * (z + 0.5 * x)
+    return 2.0 * (x * y + y * z + z * x)
+
+
+def _placed(part: Part, piece: Surface) -> Surface:
+    turn = np.array(quaternions.to_matrix(part.rotation))
+    return Surface(piece.points @ turn.T + part.position, piece.normals @ turn.T, piece.areas)
+
+
+def _pieces(part: Part, spacing: float) -> Iterator[Surface]:
+    """Points on each face of a part, in its own frame."""
+    if part.kind == "sphere":
+        yield _sphere(part.size[0] / 2, spacing)
+    elif part.kind == "cylinder":
+        yield from _cylinder(part.size[0] / 2, part.size[2] / 2, spacing)
+    else:
+        for axis in range(3):
+            yield from _faces(part.size, axis, spacing)
+
+
+def _faces(size: Vector3, axis: int, spacing: float) -> Iterator[Surface]:
+    """The two faces of a box across an axis."""
+    others = [other for other in range(3) if other != axis]
+    u, v = (_middles(size[other], spacing) for other in others)
+    points = np.zeros((len(u) * len(v), 3))
+    points[:, others] = np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
+    areas = np.full(len(points), size[others[0]] * size[others[1]] / len(points))
+    for side in (1.0, -1.0):
+        normal = np.zeros(3)
+        normal[axis] = side
+        yield Surface(points + normal * size[axis] / 2, np.tile(normal, (len(points), 1)), areas)
+
+
+def _middles(length: float, spacing: float) -> Array:
+    """Where the middles of pieces of a length are, from its own middle."""
+    count = max(1 if length < _RIM * spacing else 2, round(length / spacing))
+    return np.asarray((np.arange(count) + 0.5) * (length / count) - length / 2)
+
+
+def _sphere(radius: float, spacing: float) -> Surface:
+    """Evenly by the golden spiral (R. Swinbank and R. J. Purser, "Fibonacci grids", 2006)."""
+    count = max(24, round(4 * math.pi * radius**2 / spacing**2))
+    index = np.arange(count)
+    height = 1.0 - (2.0 * index + 1.0) / count
+    angle = index * math.pi * (3.0 - math.sqrt(5.0))
+    across = np.sqrt(1.0 - height**2)
+    normals = np.column_stack([across * np.cos(angle), across * np.sin(angle), height])
+    return Surface(radius * normals, normals, np.full(count, 4 * math.pi * radius**2 / count))
+
+
+def _cylinder(radius: float, half: float, spacing: float) -> Iterator[Surface]:
+    around = np.linspace(0.0, 2 * math.pi, max(12, round(2 * math.pi * radius / spacing)), endpoint=False)
+    angle, height = (grid.ravel() for grid in np.meshgrid(around, _middles(2 * half, spacing)))
+    normals = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(len(angle))])
+    points = radius * normals
+    points[:, 2] = height
+    yield Surface(points, normals, np.full(len(points), 4 * math.pi * radius * half / len(points)))
+    steps = _middles(2 * radius, spacing)
+    disc = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    disc = disc[np.hypot(disc[:, 0], disc[:, 1]) < radius]
+    for side in (1.0, -1.0):
+        points = np.column_stack([disc, np.full(len(disc), side * half)])
+        areas = np.full(len(disc), math.pi * radius**2 / len(disc))
+        yield Surface(points, np.tile((0.0, 0.0, side), (len(disc), 1)), areas)

@@ -1,0 +1,73 @@
+"""Objects recognised by their colour: who is known, what a reading of a sensor becomes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from agents.drivers import ColorReading, TagReadings
+from dsr import Pose
+from dsr.shapes import Part, to_numbers
+
+from .conftest import AGE, PERIOD, SENSORS, Bench, FakeSensor, covariance
+
+RED = (0.9, 0.1, 0.1)
+SIZE = (0.06, 0.06, 0.06)
+BALL = to_numbers((Part("sphere", SIZE),))
+
+
+def tell(bench: Bench, sensor: FakeSensor, *readings: ColorReading) -> None:
+    sensor.next = TagReadings(bench.clock.now(), [], colors=list(readings))
+    bench.run(PERIOD)
+
+
+def test_a_known_colour_is_perceived_upright_with_any_rotation(
+    make_bench: Callable[..., Bench], sensor: FakeSensor
+) -> None:
+    bench = make_bench(tag_sensors=SENSORS)
+    bench.memory.add_node("ball", "ball", size=SIZE, color=RED, shape=BALL)
+    bench.run(PERIOD)
+    tell(bench, sensor, ColorReading((0.45, 0.05, 0.05), (0.0, 0.1, 0.4), 0.002))
+    pose = bench.memory.edge("camera_overhead", "ball", "RT").pose
+    assert pose.translation == pytest.approx([0.0, 0.1, 0.4])
+    assert bench.perceived("ball") is True
+    upright = bench.memory.transform("world", "ball")
+    assert upright.distance(Pose(upright.t))[1] < 1e-9
+    assert covariance(pose)[3:, 3:] == pytest.approx(math.pi**2 * np.eye(3))
+    assert np.linalg.eigvalsh(covariance(pose)[:3, :3])[:2] == pytest.approx([0.002**2] * 2, rel=1e-3)
+    bench.run(AGE + 2 * PERIOD)
+    assert bench.perceived("ball") is False
+
+
+def test_other_colours_and_tagged_objects_are_not_meant(make_bench: Callable[..., Bench], sensor: FakeSensor) -> None:
+    bench = make_bench(tag_sensors=SENSORS)
+    bench.memory.add_node("cube_3", "cube", size=SIZE, color=RED, marker_id=3)
+    bench.memory.add_node("ball", "ball", size=SIZE, color=(0.1, 0.9, 0.1))
+    bench.run(PERIOD)
+    tell(bench, sensor, ColorReading(RED, (0.0, 0.1, 0.4), 0.002))
+    assert bench.perceived("cube_3") is False
+    assert bench.perceived("ball") is False
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        ColorReading(RED, (0.0, 0.0, math.nan), 0.002),
+        ColorReading(RED, (0.0, 0.0, 1e200), 0.002),
+        ColorReading(RED, (0.0, 0.0, 0.0), 0.002),
+        ColorReading(RED, (0.0, 0.0, 1.0), -1.0),
+        ColorReading((math.inf, 0.0, 0.0), (0.0, 0.0, 1.0), 0.002),
+    ],
+)
+def test_readings_that_cannot_be_are_counted(
+    make_bench: Callable[..., Bench], sensor: FakeSensor, wrong: ColorReading
+) -> None:
+    bench = make_bench(tag_sensors=SENSORS)
+    bench.memory.add_node("ball", "ball", size=SIZE, color=RED)
+    bench.run(PERIOD)
+    tell(bench, sensor, wrong)
+    assert bench.agent.skipped == {"malformed": 1}
+    assert bench.perceived("ball") is False

@@ -1,0 +1,85 @@
+"""What of a body can be seen from a point, against pictures drawn by brute force."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from dsr.shapes import Part, Shape, box
+from dsr.surfaces import Solids, crossings, seen_alone, surface
+
+HALF_TURN = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))
+OPEN_BOX: Shape = (
+    Part("box", (0.2, 0.2, 0.01), (0.0, 0.0, -0.095)),
+    *(Part("box", (0.2, 0.01, 0.19), (0.0, side * 0.095, 0.005)) for side in (1, -1)),
+    *(Part("box", (0.01, 0.18, 0.19), (side * 0.095, 0.0, 0.005)) for side in (1, -1)),
+)
+
+
+@pytest.mark.parametrize(
+    ("part", "area"),
+    [
+        (Part("box", (0.1, 0.2, 0.3)), 0.22),
+        (Part("sphere", (0.1, 0.1, 0.1)), math.pi * 0.01),
+        (Part("cylinder", (0.1, 0.1, 0.2)), math.pi * 0.1 * 0.25),
+        (Part("cylinder", (0.1, 0.1, 0.2), (0.3, 0.0, 0.0), HALF_TURN), math.pi * 0.1 * 0.25),
+    ],
+)
+def test_points_are_on_the_surface_and_stand_for_all_of_it(part: Part, area: float) -> None:
+    points, normals, areas = surface((part,), (1.0, 1.0, 1.0))
+    assert areas.sum() == pytest.approx(area)
+    for point, normal in zip(points, normals, strict=True):
+        assert part.contains(tuple(point - 1e-6 * normal))
+        assert not part.contains(tuple(point + 1e-6 * normal))
+
+
+def test_of_parts_that_overlap_only_the_outside_counts() -> None:
+    halves = (Part("box", (0.2, 0.1, 0.1), (-0.05, 0.0, 0.0)), Part("box", (0.2, 0.1, 0.1), (0.05, 0.0, 0.0)))
+    assert surface(halves, (0.3, 0.1, 0.1)).points[:, 0].min() == pytest.approx(-0.15)
+    inside = np.abs(surface(halves, (0.3, 0.1, 0.1)).points[:, 0]) < 0.04
+    assert (np.abs(surface(halves, (0.3, 0.1, 0.1)).points[inside, 1:]).max(axis=1) > 0.049).all()
+
+
+def test_of_a_box_seen_from_above_only_the_top_is_seen() -> None:
+    points, weights = seen_alone((), (0.1, 0.1, 0.1), np.array([0.0, 0.0, 1.0]))
+    assert points[:, 2] == pytest.approx(0.05)
+    assert weights.sum() == pytest.approx(1.0)
+
+
+def test_an_open_box_shows_its_inside_from_above_and_hides_it_from_the_side() -> None:
+    points, weights = seen_alone(OPEN_BOX, (0.2, 0.2, 0.2), np.array([0.0, 0.0, 1.0]))
+    on_the_bottom = points[:, 2] < -0.08
+    assert weights[on_the_bottom].sum() > 0.4
+    points, _ = seen_alone(OPEN_BOX, (0.2, 0.2, 0.2), np.array([1.0, 0.0, 0.0]))
+    assert points[:, 0] == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("eye", [(0.4, 0.3, 0.5), (0.0, 0.0, -1.0), (-0.3, 0.05, 0.2)])
+def test_weights_are_shares_of_the_image(eye: tuple[float, float, float]) -> None:
+    """The share that lies in one half of the body, against rays through every pixel."""
+    start = np.array(eye)
+    points, weights = seen_alone(OPEN_BOX, (0.2, 0.2, 0.2), start)
+    ahead = -start / np.linalg.norm(start)
+    right = np.cross(ahead, (0.3, 0.7, 0.64))
+    right /= np.linalg.norm(right)
+    grid = np.linspace(-0.6, 0.6, 300)
+    u, v = (axis.ravel()[:, None] for axis in np.meshgrid(grid, grid))
+    way = ahead + u * right + v * np.cross(ahead, right)
+    solids = Solids.of(OPEN_BOX)
+    local = np.einsum("nj,nji->ni", start - solids.centre, solids.turn)
+    enters, leaves = crossings(solids.kinds, solids.half, local[:, None], way[None] @ solids.turn)
+    first = np.where(enters < leaves, enters, np.inf).min(axis=0)
+    hit = np.isfinite(first)
+    upper = (start + first[hit, None] * way[hit])[:, 2] > 0.0
+    solid_angle = np.linalg.norm(way[hit], axis=1) ** -3
+    assert weights[points[:, 2] > 0.0].sum() == pytest.approx(solid_angle[upper].sum() / solid_angle.sum(), abs=0.06)
+
+
+def test_rays_against_round_parts() -> None:
+    parts = (Part("sphere", (0.2, 0.2, 0.2)), Part("cylinder", (0.2, 0.2, 0.4), (1.0, 0.0, 0.0)), *box((0.1, 0.1, 0.1)))
+    eye = np.array([0.0, 0.0, 2.0])
+    targets = np.array([[0.0, 0.0, -1.0], [1.05, 0.05, -0.1], [0.5, 0.5, -1.0], [0.0, 0.0, 0.11]])
+    expected = [[True, False, False, False], [False, True, False, False], [True, False, False, False]]
+    assert Solids.of(parts).cut_off(eye, targets).tolist() == expected
