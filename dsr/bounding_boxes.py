@@ -97,6 +97,10 @@ class BoxRelations:
         """Take over that a thing has stood on another one since `since` (s)."""
         self.on_top[pair] = since
 
+    def recall_contents(self, pair: Pair, since: float) -> None:
+        """Take over that a thing has been in another one since `since` (s)."""
+        self.inside[pair] = since
+
     def forget(self, name: str) -> None:
         """End all relations of a thing that is no more."""
         self.inside = {pair: since for pair, since in self.inside.items() if name not in pair}

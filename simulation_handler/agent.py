@@ -22,7 +22,7 @@ _MOST_PROBLEMS = 3  # told in its status
 class SimulationHandler(Agent):
     """Reads percepts (RT edges from cameras), lets physics correct them, and writes what it then believes.
 
-    Writes Virtual_RT edges from the world to each object, with covariance, relations `on` from contact,
+    Writes Virtual_RT edges from the world to each object, with covariance, relations `on` from contact and `in`,
     `plausible`: whether what is perceived of an object is possible by what else is known, and edges `sees`: how much
     of an object each camera should see. Answers what-if questions (dsr/what_if.py) about the belief of its last tick.
     After a restart it goes on from the Virtual_RT edges that it finds.

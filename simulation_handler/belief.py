@@ -16,13 +16,15 @@ from dsr.shapes import Shape
 from dsr.transforms import Pose
 from simulation_handler.bodies import FLOOR, Bodies
 from simulation_handler.config import BeliefConfig
+from simulation_handler.containment import Containment
 from simulation_handler.correction import Correction
+from simulation_handler.driving import Driving
 from simulation_handler.explainer import Explainer
 from simulation_handler.explaining import Explanation, Look, Policy, make_policy
 from simulation_handler.geometry import Solid
 from simulation_handler.holding import Grasp, Holding
 from simulation_handler.percepts import make_percept
-from simulation_handler.relations import Relation, Relations
+from simulation_handler.relations import Relation, Relations, resting
 from simulation_handler.rollouts.scene import Scene
 from simulation_handler.simulator import TIME_STEP
 
@@ -42,9 +44,11 @@ class Belief:
         self._bodies = Bodies(self.config)
         self._correction = Correction(self._bodies, self.config)
         self._relations = Relations(self.config.relation_delay)
+        self._containment = Containment(self.config.relation_delay)
+        self._driving = Driving(self._bodies, self._relations, self._containment, self.config)
         self._holding = Holding(self._bodies)
         policy = policy or make_policy(self.config)
-        self._explainer = Explainer(self._bodies, self._relations, policy, self.config)
+        self._explainer = Explainer(self._bodies, self._relations, policy, self.config, self._containment)
         self._now: float | None = None
 
     def close(self) -> None:
@@ -71,7 +75,14 @@ class Belief:
         self._bodies.set_fixture(name, size, pose)
 
     def add_object(
-        self, name: str, size: Vector3, *, mass: float | None = None, friction: float | None = None, shape: Shape = ()
+        self,
+        name: str,
+        size: Vector3,
+        *,
+        mass: float | None = None,
+        friction: float | None = None,
+        shape: Shape = (),
+        drivable: bool = False,
     ) -> None:
         """Let an object exist; it takes part in the simulation once it has a place.
 
@@ -79,13 +90,15 @@ class Belief:
             name: not in use yet.
             size: (3,) edge lengths of its bounding box, m.
             shape: its pieces; none for a solid box.
+            drivable: where it is seen to move, it takes along by contact what is in it, on it, or in its way. Without
+                this, what moves is put where it is seen, and the rest is for explanations.
             mass: kg.
             friction: Coulomb coefficient.
 
         Raises:
             SimulationError: for a name in use.
         """
-        self._bodies.add_object(name, size, mass, friction, shape)
+        self._bodies.add_object(name, size, mass, friction, shape, drivable=drivable)
 
     def recall(self, name: str, world_pose: Pose, *, held: bool = False) -> None:
         """Believe again that an object is at `world_pose`, and `held` there by something unknown or not."""
@@ -98,11 +111,16 @@ class Belief:
         """Believe again that an object has been resting on another one `since` (s)."""
         self._relations.recall(relation, since, now)
 
+    def recall_contents(self, relation: Relation, since: float, now: float) -> None:
+        """Believe again that an object has been in a container `since` (s)."""
+        self._containment.recall(relation, since, now)
+
     def remove(self, name: str) -> None:
         """Forget an object or a fixture; what rested on it falls. Harmless if there is none."""
         self._holding.forget(name)
         self._bodies.remove(name)
         self._relations.forget(name)
+        self._containment.forget(name)
 
     def observe(self, name: str, world_pose: Pose, stamp: float, seen_from: Vector3 | None = None) -> None:
         """Take in a percept.
@@ -113,7 +131,7 @@ class Belief:
             stamp: s, when it was seen; one that is not newer than the last is ignored.
             seen_from: (3,) of the camera in the world, m.
         """
-        self._bodies.object(name).track.add(make_percept(world_pose, stamp, seen_from, self.config))
+        self._bodies.object(name).observe(make_percept(world_pose, stamp, seen_from, self.config))
 
     def look(self, look: Look | None) -> None:
         """Know from now on what the cameras should see; None without a camera."""
@@ -142,15 +160,17 @@ class Belief:
     def step(self, now: float) -> None:
         """Bring the belief to time `now` (s)."""
         self._correction.leave_to_physics(now)
+        self._driving.update(now)
         self._explainer.notice(now)
         self._correction.follow_perception(now, self._explainer.waiting)
         self._explainer.drag(now)
         self._explainer.explain(now)
         if self._now is not None and now > self._now:
-            self._bodies.sim.step(min(round((now - self._now) / TIME_STEP), _MOST_STEPS))
+            self._driving.step(min(round((now - self._now) / TIME_STEP), _MOST_STEPS))
         self._now = now
         self._explainer.settle_relations(now)
-        self._relations.update(self._bodies.sim.contacts(), now)
+        self._relations.update(resting(self._bodies.sim.contacts()), now)
+        self._containment.update(self.solids(), now)
 
     def pose(self, name: str) -> Pose | None:
         """world_from_object at the last step, with covariance; None while its place is unknown."""
@@ -173,8 +193,8 @@ class Belief:
         return {relation: since for relation, since in self._relations.current().items() if FLOOR not in relation}
 
     def contents(self) -> dict[Relation, float]:
-        """(object, what it is in) and since when (s)."""
-        return {}
+        """(object, container that it is in) and since when (s)."""
+        return self._containment.current()
 
     def source(self, relation: Relation) -> str:
         """What says that a relation holds: "contact" or "explanation"."""
@@ -189,7 +209,7 @@ class Belief:
         item = self._bodies.object(name)
         if item.holder:
             return True
-        if item.pinned:
+        if item.pinned or item.driven:
             return False
         if item.track.estimate is None or name not in self._bodies.sim:
             return True

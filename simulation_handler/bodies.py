@@ -16,6 +16,7 @@ from simulation_handler.simulator import SimulationError, Simulator
 from simulation_handler.tracking import Track
 
 FLOOR = "_floor"
+_SLOW = 0.05  # m/s up to which a body counts as at rest
 _FLOOR_SIZE = (20.0, 20.0, 0.2)
 
 
@@ -52,14 +53,21 @@ class Bodies:
         self.fixtures[solid.name] = solid
 
     def add_object(
-        self, name: str, size: Vector3, mass: float | None, friction: float | None, shape: Shape = ()
+        self,
+        name: str,
+        size: Vector3,
+        mass: float | None,
+        friction: float | None,
+        shape: Shape = (),
+        *,
+        drivable: bool = False,
     ) -> BelievedObject:
         """Let an object exist, without a place yet."""
         if name in self.objects or name in self.fixtures:
             raise SimulationError(f"{name!r} is already part of the belief")
         mass = self._config.default_mass if mass is None else mass
         friction = self._config.default_friction if friction is None else friction
-        self.objects[name] = BelievedObject(name, size, mass, friction, Track(self._config), shape)
+        self.objects[name] = BelievedObject(name, size, mass, friction, Track(self._config), shape, drivable)
         return self.objects[name]
 
     def remove(self, name: str) -> None:
@@ -129,6 +137,10 @@ class Bodies:
     def has_left(self, item: BelievedObject) -> bool:
         """Whether physics has moved an object from where it was put."""
         return item.name in self.sim and item.has_left(self.pose(item.name), self._config)
+
+    def in_motion(self) -> set[str]:
+        """Objects that fall or roll."""
+        return {name for name in self.objects if name in self.sim and self.sim.speed(name)[0] > _SLOW}
 
     def never_placed(self) -> dict[str, Vector3]:
         """Edge lengths (m) of the boxes that exist and whose place was never known, by name."""

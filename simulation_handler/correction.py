@@ -10,6 +10,7 @@ import numpy as np
 from dsr.transforms import Pose
 from simulation_handler.bodies import Bodies
 from simulation_handler.config import BeliefConfig
+from simulation_handler.containment import with_contents
 from simulation_handler.geometry import Solid
 from simulation_handler.objects import BelievedObject
 from simulation_handler.placement import Placement, place, separate
@@ -34,7 +35,7 @@ class Correction:
         What was on its way when it was last seen is let go; what hovered steadily is still held by something.
         """
         for item in self._bodies.objects.values():
-            if item.holder or item.track.estimate is None or item.track.is_fresh(now):
+            if item.is_led or item.track.estimate is None or item.track.is_fresh(now):
                 continue
             if item.pinned and self._was_on_its_way(item):
                 self._bodies.set_pinned(item, False)
@@ -55,7 +56,7 @@ class Correction:
         They are placed from the lowest up, so that each finds its support at its final height. Those that are
         `waiting` for an explanation stay.
         """
-        free = [item for item in self._bodies.objects.values() if not item.holder and item.name not in waiting]
+        free = [item for item in self._bodies.objects.values() if not item.is_led and item.name not in waiting]
         led = [item for item in free if self._is_led_by_perception(item, now)]
         changed = [item for item in led if item.track.take_change()]
         if not changed:
@@ -98,6 +99,8 @@ class Correction:
             item.hovering_since = None
         elif item.hovering_since is None:
             item.hovering_since = now
+        if item.drivable:  # somebody lifted it: that was seen
+            return False
         return item.hovering_since is not None and now - item.hovering_since >= self._config.explain_after
 
     def _find_beneath(self, item: BelievedObject, scene: Scene) -> bool:
@@ -149,8 +152,12 @@ class Correction:
     def _realise(self, moving: Iterable[BelievedObject], scene: Scene, now: float) -> None:
         """Put bodies where they are believed to be, and out of each other's way."""
         items = {item.name: item for item in moving}
-        softness = {name: self._softness(item, now) for name, item in self._bodies.objects.items() if not item.holder}
-        pushed = separate(list(scene.values()), softness)
+        before, in_motion = self._bodies.scene(leaving_out=()), self._bodies.in_motion()
+        scene |= with_contents(
+            {name: scene[name] for name in items if name in before}, before, stay={*items, *in_motion}
+        )
+        softness = {name: self._softness(item, now) for name, item in self._bodies.objects.items() if not item.is_led}
+        pushed = separate([solid for name, solid in scene.items() if name in items or name not in in_motion], softness)
         for name in sorted(items.keys() | pushed.keys()):
             solid = scene[name]
             self._bodies.put(self._bodies.object(name), pushed.get(name, solid.position), solid.rotation)

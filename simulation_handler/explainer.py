@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 
 from dsr.transforms import Pose
 from simulation_handler.bodies import Bodies
 from simulation_handler.config import BeliefConfig
+from simulation_handler.containment import Containment
 from simulation_handler.explaining.policy import Explanation, Policy
 from simulation_handler.explaining.situation import THIS_FRAME, Look, Properties, Situation, as_pose, seen_now
 from simulation_handler.geometry import Solid
 from simulation_handler.noticing import Noticing
 from simulation_handler.objects import BelievedObject
-from simulation_handler.relations import Relations
+from simulation_handler.relations import Relation, Relations
 
 EXPLANATION = "explanation"
 """Source of relations that hold because of an explanation."""
@@ -32,9 +33,12 @@ class Explainer:
         relations: what rests on what.
         policy: explains.
         config: when to explain.
+        containment: what is in what.
     """
 
-    def __init__(self, bodies: Bodies, relations: Relations, policy: Policy, config: BeliefConfig) -> None:
+    def __init__(
+        self, bodies: Bodies, relations: Relations, policy: Policy, config: BeliefConfig, containment: Containment
+    ) -> None:
         self.flagged: frozenset[str] = frozenset()
         """Objects that the working memory says are surprising."""
         self.planned: frozenset[tuple[str, str]] = frozenset()
@@ -45,6 +49,7 @@ class Explainer:
         self._relations = relations
         self._policy = policy
         self._config = config
+        self._containment = containment
         self._noticing = Noticing(bodies, config)
         self._planned: dict[tuple[str, str], float] = {}  # until when it counts
         self._companions: dict[str, tuple[float, frozenset[str]]] = {}  # until when, what moves with an object
@@ -87,7 +92,7 @@ class Explainer:
         if name not in self._bodies.sim:
             return False
         item = self._bodies.object(name)
-        return not item.holder and item.estimate_at(now) is None
+        return not item.is_led and item.estimate_at(now) is None
 
     def explain(self, now: float) -> None:
         """Explain what is due at time `now` (s), and adopt that."""
@@ -126,9 +131,6 @@ class Explainer:
     def _situation(self, now: float, due: tuple[str, ...]) -> Situation:
         bodies, config = self._bodies, self._config
         placed = {name: bodies.solid(name) for name in bodies.objects if name in bodies.sim}
-        beneath: dict[str, tuple[str, ...]] = {}
-        for upper, lower in self._relations.current():
-            beneath[upper] = (*beneath.get(upper, ()), lower)
         objects = bodies.objects
         return Situation(
             now=now,
@@ -142,14 +144,15 @@ class Explainer:
             seen={
                 name: seen_now(item, config, now)
                 for name, item in objects.items()
-                if not item.holder and item.estimate_at(now) is not None
+                if not item.is_led and item.estimate_at(now) is not None
             },
             surprising=due,
-            beneath=beneath,
+            beneath=_by_first(self._relations.current()),
+            inside=_by_first(self._containment.current()),
             former=self._remembered(now),
             companions={name: riders for name, (until, riders) in self._companions.items() if now <= until},
             unplaced=bodies.never_placed(),
-            held=frozenset(name for name, item in objects.items() if item.holder and name in placed),
+            held=frozenset(name for name, item in objects.items() if item.is_led and name in placed),
             planned=frozenset(pair for pair, until in self._planned.items() if now <= until),
             confirmed={name: solid for name in placed if (solid := objects[name].confirmed) is not None},
             glimpsed={name: solid for name in placed if (solid := self._glimpse(objects[name], now)) is not None},
@@ -219,3 +222,11 @@ class Explainer:
             }
             for move in moves
         }
+
+
+def _by_first(relations: Iterable[Relation]) -> dict[str, tuple[str, ...]]:
+    """What each is related to."""
+    found: dict[str, tuple[str, ...]] = {}
+    for first, second in relations:
+        found[first] = (*found.get(first, ()), second)
+    return found

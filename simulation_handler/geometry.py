@@ -14,6 +14,7 @@ from functools import cached_property
 from dsr import quaternions
 from dsr.quaternions import Quaternion, Vector3
 from dsr.shapes import Part, PartKind, Shape
+from dsr.transforms import Pose
 
 Point = tuple[float, float]
 Polygon = Sequence[Point]
@@ -38,6 +39,11 @@ class Solid:
     """It never moves: a table or the floor."""
     shape: Shape = ()
     """Its pieces; none for a solid box."""
+
+    @property
+    def pose(self) -> Pose:
+        """world_from_solid."""
+        return Pose.unchecked(self.position, self.rotation)
 
     @cached_property
     def kind(self) -> PartKind | None:

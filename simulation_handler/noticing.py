@@ -81,7 +81,7 @@ class Noticing:
         return now <= self._follow_until.get(name, -math.inf)
 
     def _is_displaced(self, item: BelievedObject, now: float) -> bool:
-        if item.holder or item.name not in self._bodies.sim or item.estimate_at(now) is None:
+        if item.is_led or item.name not in self._bodies.sim or item.estimate_at(now) is None:
             return False
         return is_displaced(seen_now(item, self._config, now), self._bodies.solid(item.name), self._config)
 
@@ -92,5 +92,5 @@ class Noticing:
         return {
             name
             for (_, name), glance in look(solids).items()
-            if glance.share >= SURE and not bodies.objects[name].holder
+            if glance.share >= SURE and not bodies.objects[name].is_led
         }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -13,7 +13,8 @@ from dsr.transforms import Pose
 from simulation_handler.config import BeliefConfig
 from simulation_handler.estimate import Estimate
 from simulation_handler.geometry import Solid
-from simulation_handler.percepts import Array
+from simulation_handler.paths import Path
+from simulation_handler.percepts import Array, Percept
 from simulation_handler.placement import Placement
 from simulation_handler.supports import UNKNOWN
 from simulation_handler.tracking import Track
@@ -36,6 +37,14 @@ class BelievedObject:
     track: Track
     shape: Shape = ()
     """Its pieces; none for a solid box."""
+    drivable: bool = False
+    """Where it is seen to move, it takes along by contact what is in it, on it, or in its way."""
+    path: Path = field(default_factory=Path)
+    """The way that it was seen to take."""
+    driven: bool = False
+    """It is on its way, and its body is driven after it."""
+    rides: bool = False
+    """It is in or on something that is driven: contact takes it along, and percepts say less."""
     placement: Placement | None = None
     """Where perception last led to."""
     put: Pose | None = None
@@ -64,6 +73,17 @@ class BelievedObject:
     def estimate_at(self, now: float) -> Estimate | None:
         """What perception says at `now` (s); None while it is not seen."""
         return self.track.estimate if self.track.is_fresh(now) else None
+
+    def observe(self, percept: Percept) -> None:
+        """Take in a percept."""
+        self.track.add(percept)
+        x, y, z = (percept.position - (self.bias or 0.0) * percept.ray).tolist()
+        self.path.add(Pose.unchecked((x, y, z), percept.rotation, percept.stamp))
+
+    @property
+    def is_led(self) -> bool:
+        """Whether its body goes where something else goes: percepts do not put it anywhere by themselves."""
+        return bool(self.holder) or self.driven or self.rides
 
     def percept(self) -> Solid:
         """The object as perception has it, without the systematic error that is known."""

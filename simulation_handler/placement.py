@@ -29,6 +29,7 @@ _LEVEL = 0.002  # m, tops that differ by less carry an object together
 _GAP = 5e-5  # m left between bodies that were pushed apart
 _SIDE_BY_SIDE = 0.25  # share of the lower one's height above which two bodies are neighbours, not a stack
 _SLIVER = 0.1  # share of the smaller footprint below which an overlap does not carry
+_ASKEW = 0.05  # rad
 _SWEEPS = 25
 _HEIGHT_STD = 0.0003  # m, what is left of the height's uncertainty on a support
 
@@ -91,6 +92,7 @@ def find_support(
         for other in others
         if _near(solid, other)
         for part, lower in itertools.product(solid.parts, other.parts)
+        if lower.position[2] <= part.position[2] or not _is_content(other, solid)
         for above in [part.bottom - solid.bottom]
         if (shared := _common(part, bottom + above, lower, reach))
     ]
@@ -113,6 +115,10 @@ def _common(solid: Solid, bottom: float, other: Solid, reach: float) -> Sequence
         return ()
     common = intersection(solid.footprint, other.footprint)
     return common if area(common) >= _SLIVER * min(area(solid.footprint), area(other.footprint)) else ()
+
+
+def _is_content(other: Solid, solid: Solid) -> bool:
+    return solid.is_hollow and solid.reaches_around(other.position)
 
 
 def _above(solid: Solid, covariance: Array, others: Iterable[Solid]) -> Solid:
@@ -182,9 +188,15 @@ def _neighbours(solids: Sequence[Solid], weights: Mapping[str, float]) -> list[_
         for i, a in enumerate(solids)
         for b in solids[i + 1 :]
         if weights.get(a.name, 0.0) + weights.get(b.name, 0.0) > 0.0 and _near(a, b)
+        if not (_is_askew(a) or _is_askew(b))
     )
     pairs = ((a.name, b.name, _side_by_side_parts(a, b)) for a, b in near)
     return [pair for pair in pairs if pair[2]]
+
+
+def _is_askew(solid: Solid) -> bool:
+    """Whether it is of several parts that lean: what they are beside is then not to be seen from above."""
+    return solid.kind is None and solid.face_down()[1] > _ASKEW
 
 
 def _side_by_side_parts(a: Solid, b: Solid) -> list[tuple[int, int]]:

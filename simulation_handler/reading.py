@@ -29,6 +29,8 @@ FIXTURES = SURFACES
 """Node types of what never moves by itself."""
 OBJECTS = THINGS
 """Node types of what the belief follows."""
+EXPLAINED = ("cube",)
+"""Those of them whose moves are always explained: they may have been part of a tower that nobody sees."""
 SOURCES = (CONTACT, EXPLANATION, BOUNDS)
 """Of the relations that the belief writes."""
 _MOST_OFF = 0.001  # m that the bounds of a shape may differ from the size
@@ -112,7 +114,8 @@ class Reading:
         if known:
             self._belief.remove(name)
         size, mass, friction, shape = properties
-        self._belief.add_object(name, size, mass=mass, friction=friction, shape=shape)
+        drivable = node.type not in EXPLAINED
+        self._belief.add_object(name, size, mass=mass, friction=friction, shape=shape, drivable=drivable)
         self._known[name] = properties
         if pose is not None:
             self._belief.recall(name, pose)
@@ -128,6 +131,8 @@ class Reading:
         for relation in self._memory.edges("on", src=node.name):
             if relation.get("source") in SOURCES:
                 self._belief.recall_support((relation.src, relation.dst), relation.get("since", now), now)
+        for relation in self._memory.edges("in", src=node.name):
+            self._belief.recall_contents((relation.src, relation.dst), relation.get("since", now), now)
 
     def _note_percept(self, edge: Edge, now: float) -> None:
         """Take in the pose of an RT edge from a camera, unless it was taken in before.

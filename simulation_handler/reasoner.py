@@ -34,7 +34,14 @@ class Reasoner(Protocol):
         """Add a box that never moves, or put it elsewhere (world_from_centre)."""
 
     def add_object(
-        self, name: str, size: Vector3, *, mass: float | None = None, friction: float | None = None, shape: Shape = ()
+        self,
+        name: str,
+        size: Vector3,
+        *,
+        mass: float | None = None,
+        friction: float | None = None,
+        shape: Shape = (),
+        drivable: bool = False,
     ) -> None:
         """Let an object exist, without a place yet."""
 
@@ -43,6 +50,9 @@ class Reasoner(Protocol):
 
     def recall_support(self, relation: Relation, since: float, now: float) -> None:
         """Believe again that an object has been resting on another one."""
+
+    def recall_contents(self, relation: Relation, since: float, now: float) -> None:
+        """Believe again that an object has been in another one."""
 
     def remove(self, name: str) -> None:
         """Forget an object or a fixture."""

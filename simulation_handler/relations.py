@@ -16,24 +16,27 @@ STEEP = 0.7
 """Vertical part of a contact normal from which one body carries the other."""
 
 
+def resting(contacts: Iterable[Contact]) -> set[Relation]:
+    """Which body carries which, by steep contacts."""
+    return {(contact.upper, contact.lower) for contact in contacts if contact.steepness >= STEEP}
+
+
 class Relations:
-    """Relations `on` that begin when a contact has lasted and end when it has been gone for some time."""
+    """Relations, such as `on`, that begin when they have lasted and end when they have been gone for some time."""
 
     def __init__(self, delay: float) -> None:
-        """`delay`: s that a contact must last, or be gone."""
+        """`delay`: s that it must last, or be gone."""
         self._delay = delay
         self._since: dict[Relation, float] = {}
         self._last_seen: dict[Relation, float] = {}
         self._holding: set[Relation] = set()
         self._sources: dict[Relation, str] = {}
 
-    def update(self, contacts: Iterable[Contact], now: float) -> None:
-        """Take in the contacts at time `now` (s)."""
-        for contact in contacts:
-            if contact.steepness >= STEEP:
-                relation = (contact.upper, contact.lower)
-                self._since.setdefault(relation, now)
-                self._last_seen[relation] = now
+    def update(self, found: Iterable[Relation], now: float) -> None:
+        """Take in what was found at time `now` (s)."""
+        for relation in found:
+            self._since.setdefault(relation, now)
+            self._last_seen[relation] = now
         for relation, since in list(self._since.items()):
             gone = now - self._last_seen[relation]
             if gone > 0.0 and (relation not in self._holding or gone >= self._delay):
@@ -51,7 +54,7 @@ class Relations:
 
         Those that go on keep their beginning; new ones are said to come from `source`.
         """
-        touching = {(c.upper, c.lower) for c in contacts if c.steepness >= STEEP}
+        touching = resting(contacts)
         about = {relation for relation in touching | self._since.keys() if not set(names).isdisjoint(relation)}
         for relation in about - touching:
             self.end(relation)

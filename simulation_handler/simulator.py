@@ -183,6 +183,14 @@ class Simulator:
         self._forget_contacts(body)
         self._wake_around(body)
 
+    def set_velocity(self, name: str, linear: Vector3, angular: Vector3) -> None:
+        """Let a body move (3,) m/s and turn (3,) rad/s from now on, until it meets something."""
+        pybullet.resetBaseVelocity(self._id(name), linear, angular, physicsClientId=self._client)
+
+    def wake(self, name: str) -> None:
+        """Wake a body and what is near it."""
+        self._wake_around(self._id(name))
+
     def pin(self, name: str, pinned: bool) -> None:
         """Hold a body where it is, whatever pushes it; or let it go again."""
         body = self._id(name)

@@ -25,6 +25,7 @@ class Track:
         self._believed = False  # there is a belief without an estimate, which a single percept does not replace
         self._pending: deque[Percept] = deque(maxlen=config.confirm_frames)
         self._recent: deque[tuple[Percept, Innovation]] = deque(maxlen=_RECENT)
+        self._newest: deque[Percept] = deque(maxlen=_RECENT)
         self.estimate: Estimate | None = None
         """None until perception is sure enough."""
         self.last_stamp = -math.inf
@@ -43,6 +44,7 @@ class Track:
         if percept.stamp <= self.last_stamp:
             return
         self.last_stamp, self.last = percept.stamp, percept
+        self._newest.append(percept)
         if self.estimate is not None and self.estimate.accepts(percept):
             self._fuse(self.estimate, percept)
             return
@@ -54,6 +56,12 @@ class Track:
     def is_restless(self) -> bool:
         """Whether the newest percept disagrees with the estimate, or with those before."""
         return self.moving or bool(self._pending)
+
+    def begin_anew(self, since: float) -> None:
+        """It has come to rest: what counts are the percepts since then (s)."""
+        percepts = [percept for percept in self._newest if percept.stamp >= since]
+        if percepts:
+            self._restart(percepts, None)
 
     def take_change(self) -> bool:
         """Whether the estimate changed since the last call."""

@@ -99,6 +99,8 @@ class Situation:
     """Objects to explain, sorted."""
     beneath: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """Objects on which each one rests, by the relations `on`."""
+    inside: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    """Containers in which each object is."""
     former: Mapping[str, Mapping[str, Pose]] = field(default_factory=dict)
     """upper_from_lower of what was beneath each object until lately, by the names of both."""
     companions: Mapping[str, frozenset[str]] = field(default_factory=dict)
@@ -140,10 +142,11 @@ class Situation:
         return found
 
     def chain_above(self, name: str) -> tuple[str, ...]:
-        """What rests on an object, directly and indirectly, and is not seen."""
+        """What is on or in an object, directly and indirectly, and is not seen."""
         above: list[str] = []
         level = {name}
-        while level := {upper for upper, lower in self.beneath.items() if level & set(lower)} - set(above):
+        pairs = [*self.beneath.items(), *self.inside.items()]
+        while level := {upper for upper, lower in pairs if level & set(lower)} - {name, *above}:
             above += sorted(filter(self._is_hidden, level))
         return tuple(above)
 

@@ -86,7 +86,14 @@ class PublishedReasoner:
         self._lay_floor()
 
     def add_object(
-        self, name: str, size: Vector3, *, mass: float | None = None, friction: float | None = None, shape: Shape = ()
+        self,
+        name: str,
+        size: Vector3,
+        *,
+        mass: float | None = None,
+        friction: float | None = None,
+        shape: Shape = (),
+        drivable: bool = False,
     ) -> None:
         """Let an object exist; it takes part in the simulation once it was seen."""
         if name in self._objects or name in self._fixtures:
@@ -112,6 +119,10 @@ class PublishedReasoner:
     def recall_support(self, relation: Relation, since: float, now: float) -> None:
         """Believe again that an object has been standing on another one since `since` (s)."""
         self._relations.recall(relation, since)
+
+    def recall_contents(self, relation: Relation, since: float, now: float) -> None:
+        """Believe again that an object has been in another one since `since` (s)."""
+        self._relations.recall_contents(relation, since)
 
     def observe(self, name: str, world_pose: Pose, stamp: float, seen_from: Vector3 | None = None) -> None:
         """Take in a percept; one that is not newer than the last is ignored."""

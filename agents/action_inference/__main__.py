@@ -1,6 +1,0 @@
-"""Runs the inference of actions as a process."""
-
-from agents.action_inference.agent import ActionInference
-from dsr.agent import main
-
-main(ActionInference)

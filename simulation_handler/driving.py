@@ -1,0 +1,180 @@
+"""Drives the bodies of objects that are seen to move along the way that they were seen to take.
+
+A body that is put elsewhere leaves behind what is in it and goes through what is in its way. One that is driven moves
+at a velocity that is set anew at each step of physics, so that contact takes along what is in it, on it, or pushed by
+it, however deep, and whatever way it is tilted.
+
+The way is played a little late, smoothed, so that noise shakes nothing and no body overshoots where it comes to rest.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from dsr.quaternions import Vector3
+from dsr.transforms import Pose
+from simulation_handler.bodies import Bodies
+from simulation_handler.config import BeliefConfig
+from simulation_handler.containment import Containment, carried_by
+from simulation_handler.explaining.scoring import is_displaced
+from simulation_handler.explaining.situation import seen_now
+from simulation_handler.objects import BelievedObject
+from simulation_handler.paths import between, turn_between
+from simulation_handler.placement import place
+from simulation_handler.relations import Relations
+from simulation_handler.simulator import GRAVITY, TIME_STEP
+
+_LAG = 0.12  # s by which a body is behind what is seen: one frame of a camera, and a tick
+_HURRY = 2.0  # how much faster than it was seen to a body may move to catch up
+_LEFT = 0.020  # m from where it was believed to be, from which an object has left there
+_REACTION = 0.03  # s in which a body makes up for being off its way
+_FASTEST = 1.5  # m/s
+_FASTEST_TURN = 8.0  # rad/s
+_STILL = 0.35  # s that an object must be seen to stay where it is
+_STILL_METRES = 0.008
+_STILL_RADIANS = 0.15
+_ARRIVED = 0.004  # m
+_STUCK = 1.0  # s after which a body that cannot get where it is seen is driven no more
+_LOST = 0.06  # m from where it is seen, beyond which what is in or on a driven object does not ride with it
+
+
+@dataclass
+class _Drive:
+    """How far a body is on its way."""
+
+    played: float
+    """s, up to which it has followed the way"""
+    begin: Pose
+    """World_from_object where this step of the belief begins"""
+    end: Pose
+    """Likewise where it ends"""
+    rests: bool = True
+    """Something carries it there"""
+    still_since: float | None = None
+    """s"""
+
+
+class Driving:
+    """Decides which bodies are driven, and drives them."""
+
+    def __init__(self, bodies: Bodies, relations: Relations, containment: Containment, config: BeliefConfig) -> None:
+        self._bodies = bodies
+        self._relations = relations
+        self._containment = containment
+        self._config = config
+        self._drives: dict[str, _Drive] = {}
+        self._now = -math.inf
+
+    def update(self, now: float) -> None:
+        """Begin, go on and end at time `now` (s)."""
+        seconds, self._now = max(now - self._now, 0.0), now
+        for name in [name for name in self._drives if not self._may_go_on(name)]:
+            del self._drives[name]
+        for item in self._bodies.objects.values():
+            if item.name in self._drives:
+                self._go_on(item, self._drives[item.name], now, seconds)
+            elif (start := self._start(item, now)) is not None:
+                self._begin(item, start)
+        riders = self._riders(self._drives)
+        for item in self._bodies.objects.values():
+            item.driven = item.name in self._drives
+            item.rides = item.name in riders and not self._is_lost(item, now)
+
+    def step(self, count: int) -> None:
+        """Let `count` steps of physics pass."""
+        sim = self._bodies.sim
+        for name in self._drives:
+            sim.wake(name)
+        if not self._drives:
+            sim.step(count)
+            return
+        for k in range(1, count + 1):
+            for name, drive in self._drives.items():
+                here = Pose.unchecked(*sim.pose(name))
+                sim.set_velocity(name, *_velocity(here, drive, k / count, count * TIME_STEP))
+            sim.step()
+
+    def rests(self, name: str) -> bool:
+        """Whether something carries a driven object where it is seen."""
+        return name not in self._drives or self._drives[name].rests
+
+    def _may_go_on(self, name: str) -> bool:
+        return name in self._bodies.objects and name in self._bodies.sim and not self._bodies.objects[name].holder
+
+    def _start(self, item: BelievedObject, now: float) -> float | None:
+        """From when (s) on an object is seen on its way from where it is believed to be; None if it is not."""
+        if not item.drivable or item.holder or item.name not in self._bodies.sim or item.estimate_at(now) is None:
+            return None
+        solid = self._bodies.solid(item.name)
+        if not is_displaced(seen_now(item, self._config, now), solid, self._config):
+            return None
+        return item.path.start(solid.pose, _LEFT)
+
+    def _begin(self, item: BelievedObject, start: float) -> None:
+        self._bodies.set_pinned(item, False)
+        here = self._bodies.pose(item.name)
+        self._drives[item.name] = _Drive(start, here, here)
+
+    def _go_on(self, item: BelievedObject, drive: _Drive, now: float, seconds: float) -> None:
+        late = now - _LAG - drive.played
+        drive.played += min(late, _HURRY * seconds) if late > 0.0 else 0.0
+        drive.begin = drive.end
+        self._aim(item, drive)
+        if item.estimate_at(now) is None:
+            self._end(item, drive)
+        elif item.path.is_still(_STILL, _STILL_METRES, _STILL_RADIANS) and drive.played >= item.path.newest - _STILL:
+            drive.still_since = now if drive.still_since is None else drive.still_since
+            apart = self._bodies.pose(item.name).distance(drive.end)[0]
+            if apart < _ARRIVED or now - drive.still_since > _STUCK:
+                self._end(item, drive)
+        else:
+            drive.still_since = None
+
+    def _aim(self, item: BelievedObject, drive: _Drive) -> None:
+        """Where the body should be at the end of this step: where it was seen, as far as other bodies allow."""
+        pose = item.path.at(drive.played)
+        scene = self._bodies.scene(leaving_out={item.name, *self._riders([item.name])})
+        covariance = item.percept_covariance(self._config)
+        placement = place(item.solid(pose.t, pose.q), covariance, list(scene.values()), self._config)
+        drive.end, drive.rests = placement.solid.pose, placement.rests
+        item.hovering_since = None if drive.rests else (item.hovering_since or self._now)
+
+    def _end(self, item: BelievedObject, drive: _Drive) -> None:
+        """Leave the body to perception again; or, if that has lost it, to physics, or to what holds it unseen."""
+        del self._drives[item.name]
+        item.put, item.placement, item.strikes = self._bodies.pose(item.name), None, 0
+        item.track.begin_anew(item.path.newest - _STILL)
+        self._bodies.sim.set_velocity(item.name, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        if not drive.rests:
+            self._bodies.set_pinned(item, True)
+
+    def _riders(self, leaders: Collection[str]) -> set[str]:
+        """What is in or on some objects, directly and indirectly."""
+        return carried_by(leaders, [*self._relations.current(), *self._containment.current()]) if leaders else set()
+
+    def _is_lost(self, item: BelievedObject, now: float) -> bool:
+        """Whether an object is seen far from where its container should have taken it."""
+        if item.estimate_at(now) is None or item.name not in self._bodies.sim:
+            return False
+        return math.dist(item.percept().position, self._bodies.sim.position(item.name)) > _LOST
+
+
+def _velocity(here: Pose, drive: _Drive, share: float, seconds: float) -> tuple[Vector3, Vector3]:
+    """m/s and rad/s at which a body gets to where it should be after a share of a step of the belief."""
+    there = between(drive.begin, drive.end, share)
+    steady = [(b - a) / seconds for a, b in zip(drive.begin.t, drive.end.t, strict=True)]
+    turning = [angle / seconds for angle in turn_between(drive.begin.q, drive.end.q)]
+    off = [(b - a) / _REACTION for a, b in zip(here.t, there.t, strict=True)]
+    askew = [angle / _REACTION for angle in turn_between(here.q, there.q)]
+    x, y, z = _limited([a + b for a, b in zip(steady, off, strict=True)], _FASTEST)
+    return (x, y, z + GRAVITY * TIME_STEP), _limited(
+        [a + b for a, b in zip(turning, askew, strict=True)], _FASTEST_TURN
+    )
+
+
+def _limited(vector: list[float], most: float) -> Vector3:
+    length = math.hypot(*vector)
+    x, y, z = vector if length <= most else [most / length * a for a in vector]
+    return x, y, z

@@ -1,0 +1,106 @@
+"""The way that an object was seen to take: percepts, and poses in between."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections import deque
+from itertools import pairwise
+
+from dsr import quaternions
+from dsr.quaternions import Quaternion, Vector3
+from dsr.transforms import Pose
+
+_KEPT = 24  # percepts
+_LONGEST_GAP = 0.45  # s between two percepts of a way without a break
+_FASTEST = 1.2  # m/s
+_NOISE = 0.03  # m
+_CENTRE = 0.5  # weight of a percept in its mean with the two around it
+
+
+class Path:
+    """The newest percepts of one object; poses are in the world."""
+
+    def __init__(self) -> None:
+        self._poses: deque[Pose] = deque(maxlen=_KEPT)
+        self._doubted: Pose | None = None
+
+    def add(self, pose: Pose) -> None:
+        """Take in a percept that is newer than the last; one that is far from that counts once the next confirms it."""
+        if pose.stamp <= self.newest:
+            return
+        if self._poses and _is_break(self._poses[-1], pose):
+            doubted, self._doubted = self._doubted, pose
+            if doubted is None or _is_break(doubted, pose):
+                return
+            self._poses.append(doubted)
+        self._doubted = None
+        self._poses.append(pose)
+
+    @property
+    def newest(self) -> float:
+        """Stamp of the last percept, s."""
+        return self._poses[-1].stamp if self._poses else -math.inf
+
+    @property
+    def last(self) -> Pose:
+        """The last percept."""
+        return self._poses[-1]
+
+    def start(self, pose: Pose, distance: float) -> float | None:
+        """When (s) the object left `pose`: the stamp of the last percept that is within `distance` m of it.
+
+        None if it did not get from there to the last percept on a way without a break: it was not seen for a while,
+        or jumped.
+        """
+        poses = list(self._poses)
+        near = [index for index, one in enumerate(poses) if math.dist(one.t, pose.t) <= distance]
+        if not near or any(_is_break(a, b) for a, b in pairwise(poses[near[-1] :])):
+            return None
+        return poses[near[-1]].stamp
+
+    def at(self, stamp: float) -> Pose:
+        """Where it was at a time (s) between two percepts, smoothed; before and after all of them, at the ends."""
+        index = bisect_right([pose.stamp for pose in self._poses], stamp)
+        if index == 0:
+            return self._smooth(0)
+        before = self._smooth(index - 1)
+        if index == len(self._poses):
+            return before
+        after = self._smooth(index)
+        share = (stamp - before.stamp) / (after.stamp - before.stamp)
+        return between(before, after, share)
+
+    def is_still(self, seconds: float, metres: float, radians: float) -> bool:
+        """Whether it was seen, for the last `seconds`, to stay within `metres` and `radians` of where it is."""
+        recent = [pose for pose in self._poses if pose.stamp >= self.newest - seconds]
+        is_long = len(recent) < len(self._poses) and len(recent) > 2
+        apart = [recent[-1].distance(pose) for pose in recent]
+        return is_long and all(m <= metres and r <= radians for m, r in apart)
+
+    def _smooth(self, index: int) -> Pose:
+        """Mean of a percept and those around it; the first and the last are as they are."""
+        pose = self._poses[index]
+        if 0 < index < len(self._poses) - 1:
+            around = between(self._poses[index - 1], self._poses[index + 1], 0.5)
+            mean = between(around, pose, _CENTRE)
+            return Pose.unchecked(mean.t, mean.q, pose.stamp)
+        return pose
+
+
+def between(a: Pose, b: Pose, share: float) -> Pose:
+    """From a (share 0) to b (share 1), in a straight line and turning evenly."""
+    x, y, z = (p + share * (q - p) for p, q in zip(a.t, b.t, strict=True))
+    return Pose.unchecked((x, y, z), quaternions.slerp(a.q, b.q, share), a.stamp + share * (b.stamp - a.stamp))
+
+
+def turn_between(a: Quaternion, b: Quaternion) -> Vector3:
+    """Rotation vector (rad, in the world frame) from one rotation to another, the shorter way."""
+    return quaternions.to_rotvec(quaternions.product(b, quaternions.conjugate(a)))
+
+
+def _is_break(a: Pose, b: Pose) -> bool:
+    seconds = b.stamp - a.stamp
+    if seconds > _LONGEST_GAP:
+        return True
+    return math.dist(a.t, b.t) > _FASTEST * seconds + _NOISE

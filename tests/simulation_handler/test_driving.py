@@ -1,0 +1,140 @@
+"""What is in, on or behind something that is seen to move goes along by contact, at any depth."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from dsr.transforms import Pose
+from tests.simulation_handler.occluded import BOX, SMALL, Occlusion, standing
+from tests.simulation_handler.worlds import BALL, CUBE, WALL
+
+IN_BOX = WALL + 0.5 * BALL[2]
+
+
+def ball_in_a_box(seed: int = 0) -> Occlusion:
+    """Both seen, then the ball no more."""
+    world = Occlusion({"box": standing(0.3, 0.0, BOX), "ball": Pose((0.31, 0.01, IN_BOX))}, seed)
+    world.run(2.0)
+    assert world.belief.contents().keys() == {("ball", "box")}
+    world.seen = {"box"}
+    world.run(1.0)
+    return world
+
+
+def test_what_is_in_a_box_at_rest_is_in_it_and_on_its_bottom() -> None:
+    world = ball_in_a_box()
+    assert world.error("ball") < 0.01
+    assert ("ball", "box") in world.belief.supports()
+    assert world.belief.plausible("box")
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_ball_goes_along_in_a_box_that_is_pushed_lifted_and_put_down(seed: int) -> None:
+    world = ball_in_a_box(seed)
+    for goal in (
+        standing(0.3, 0.3, BOX),
+        standing(0.3, 0.3, BOX, on=0.2),
+        standing(0.1, -0.1, BOX, on=0.2),
+        standing(0.1, -0.1, BOX),
+    ):
+        world.move("box", goal)
+        assert world.belief.contents().keys() == {("ball", "box")}
+        assert world.error("box") < 0.035
+    world.run(1.0)
+    assert world.belief.contents().keys() == {("ball", "box")}
+    assert world.error("box") < 0.004
+    assert math.dist(world.pose("ball").t[:2], (0.1, -0.1)) < 0.08
+    assert world.pose("ball").t[2] == pytest.approx(IN_BOX, abs=0.002)
+    assert world.belief.plausible("box")
+    assert world.texts() == []
+
+
+def test_a_box_that_is_moved_by_somebody_is_implausible_until_it_rests() -> None:
+    world = ball_in_a_box()
+    world.move("box", standing(0.3, 0.0, BOX, on=0.2))
+    assert not world.belief.plausible("box")
+    world.run(1.5)
+    assert not world.belief.plausible("box")
+    assert world.pose("box").t[2] == pytest.approx(0.275, abs=0.01)
+    assert world.belief.contents().keys() == {("ball", "box")}
+    world.move("box", standing(0.3, 0.0, BOX))
+    world.run(1.0)
+    assert world.belief.plausible("box")
+
+
+def test_a_cube_in_a_cup_in_a_box_goes_along() -> None:
+    world = Occlusion(
+        {
+            "box": standing(0.3, 0.0, BOX),
+            "cup": standing(0.31, 0.01, SMALL, on=WALL),
+            "cube": standing(0.31, 0.01, CUBE, on=2 * WALL),
+        }
+    )
+    world.run(2.0)
+    world.seen = {"box"}
+    world.run(1.0)
+    nested = {("cube", "cup"), ("cube", "box"), ("cup", "box")}
+    assert world.belief.contents().keys() == nested
+    world.move("box", standing(0.3, 0.2, BOX))
+    world.move("box", standing(0.3, 0.2, BOX, on=0.15))
+    world.move("box", standing(0.2, -0.2, BOX, on=0.15, yaw=0.8))
+    world.move("box", standing(0.2, -0.2, BOX, yaw=0.8))
+    world.run(1.0)
+    assert world.belief.contents().keys() == nested
+    assert world.pose("cube").t[2] == pytest.approx(2 * WALL + 0.02, abs=0.002)
+    assert math.dist(world.pose("cube").t[:2], (0.2, -0.2)) < 0.08
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_ball_is_poured_from_one_box_into_another(seed: int) -> None:
+    start = standing(0.3, 0.2, BOX)
+    truths = {"box": start, "other": standing(0.3, -0.19, BOX), "marble": Pose((0.3, 0.2, WALL + 0.02))}
+    world = Occlusion(truths, seed)
+    world.run(2.0)
+    world.seen = {"box", "other"}
+    world.run(1.0)
+    world.move("box", standing(0.3, 0.2, BOX, on=0.25), 0.3)
+    tilted = Pose.from_rotvec((0.3, -0.07, 0.33), (math.radians(135), 0.0, 0.0))
+    world.move("box", standing(0.3, -0.07, BOX, on=0.25), 0.3)
+    world.move("box", tilted, 0.3, 1.5)
+    world.run(1.0)
+    world.move("box", standing(0.3, 0.2, BOX, on=0.25), 0.3, 1.5)
+    world.move("box", start, 0.3)
+    world.run(2.0)
+    assert world.belief.contents().keys() == {("marble", "other")}
+    assert world.pose("marble").t[2] == pytest.approx(WALL + 0.02, abs=0.003)
+    assert world.error("box") < 0.005
+    assert world.error("other") < 0.005
+
+
+def test_a_cube_under_a_box_that_is_slid_over_the_edge_falls_to_the_floor() -> None:
+    truths = {"cover": standing(0.3, 0.0, BOX), "cube": standing(0.31, 0.02, CUBE)}
+    world = Occlusion(truths)
+    world.seen = {"cube"}
+    world.run(1.5)
+    world.seen = {"cover"}
+    world.run(2.0)
+    assert world.belief.contents().keys() == {("cube", "cover")}
+    assert world.error("cube") < 0.01
+    world.move("cover", standing(0.3, 0.3, BOX))
+    assert world.belief.contents().keys() == {("cube", "cover")}
+    assert math.dist(world.pose("cube").t[:2], world.pose("cover").t[:2]) < 0.07
+    world.move("cover", standing(0.3, 0.68, BOX))
+    world.run(1.5)
+    assert world.pose("cube").t[2] < -0.6
+    assert world.belief.contents() == {}
+
+
+def test_an_unseen_cup_behind_a_box_is_dragged_off_the_edge() -> None:
+    block = standing(0.3, 0.0, (0.2, 0.3, 0.25))
+    world = Occlusion({"block": block, "cup": standing(0.45, 0.0, SMALL)})
+    world.run(2.0)
+    world.seen = {"block"}
+    world.run(1.0)
+    world.move("block", standing(0.84, 0.0, (0.2, 0.3, 0.25)), 0.1)
+    world.run(1.0)
+    assert world.pose("cup").t[2] < -0.5
+    assert ("cup", "table") not in world.belief.supports()
+    assert world.pose("block").t[2] == pytest.approx(0.125, abs=0.01)
