@@ -27,7 +27,9 @@ _KINDS: tuple[PartKind, ...] = ("box", "cylinder", "sphere")
 _LEAST = 1e-12  # stands for the direction cosine of a ray that is parallel to a face
 _POINTS = 160  # on a body, about
 _RIM = 0.25  # of the spacing of points, from which on a face gets a second row of them
+_MOST = 64  # points in a row
 _CACHED = 256  # shapes
+_THIN, _VAST = 1e-5, 1e3  # m
 
 
 class Surface(NamedTuple):
@@ -43,8 +45,13 @@ class Surface(NamedTuple):
 
 @functools.lru_cache(maxsize=_CACHED)
 def surface(shape: Shape, size: Vector3) -> Surface:
-    """About 160 points spread over the outside of a shape; without parts, over the box of `size`."""
+    """About 160 points spread over the outside of a shape; without parts, over the box of `size`.
+
+    None for what is no thing: with edges of less than 10 um, or more than 1 km from end to end.
+    """
     parts = shape or box(size)
+    if not all(map(_is_thing, parts)):
+        return Surface(np.empty((0, 3)), np.empty((0, 3)), np.empty(0))
     spacing = math.sqrt(sum(_area(part) for part in parts) / _POINTS)
     pieces = [_placed(part, piece) for part in parts for piece in _pieces(part, spacing)]
     points, normals, areas = (np.concatenate(arrays) for arrays in zip(*pieces, strict=True))
@@ -153,6 +160,10 @@ def _inside_any(parts: Shape, points: Array) -> Flags:
     return inside
 
 
+def _is_thing(part: Part) -> bool:
+    return min(part.size) >= _THIN and max(*part.size, *map(abs, part.position)) <= _VAST
+
+
 def _area(part: Part) -> float:
     x, y, z = part.size
     if part.kind == "sphere":
@@ -193,7 +204,7 @@ def _faces(size: Vector3, axis: int, spacing: float) -> Iterator[Surface]:
 
 def _middles(length: float, spacing: float) -> Array:
     """Where the middles of pieces of a length are, from its own middle."""
-    count = max(1 if length < _RIM * spacing else 2, round(length / spacing))
+    count = min(max(1 if length < _RIM * spacing else 2, round(length / spacing)), _MOST)
     return np.asarray((np.arange(count) + 0.5) * (length / count) - length / 2)
 
 

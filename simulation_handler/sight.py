@@ -1,12 +1,13 @@
-"""How much of each object a camera should see: rays from the camera to the tags, cut off by boxes.
+"""How much of each object a camera should see: rays to its tag, or to all of its surface that could be seen.
 
 No physics engine is asked: a `Sight` is cheap, deterministic, and can be sent to another process.
 """
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -15,10 +16,14 @@ from numpy.typing import NDArray
 
 from dsr import quaternions
 from dsr.intrinsics import Intrinsics
+from dsr.quaternions import Vector3
+from dsr.shapes import Shape
+from dsr.surfaces import GAP, crossings, meets, seen_alone
 from dsr.transforms import Pose
 from simulation_handler.geometry import Solid
 
 Array = NDArray[np.float64]
+Indexes = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
 TAG_RATIO = 0.8
@@ -26,13 +31,17 @@ TAG_RATIO = 0.8
 STEEPEST = math.radians(75)
 """rad between a tag's normal and the viewing ray, beyond which it is not found"""
 SMALLEST = 12.0
-"""px, the side of the smallest tag that is found"""
+"""px, the side of the smallest tag that is found, and the width of the smallest spot of a colour"""
 
 _GRID = 5  # rays along each side of a tag
 _REACH = 0.95  # of half a tag's side, up to which the rays go
-_GAP = 5e-4  # m before its target at which a ray counts as having arrived
 _MARGIN = 0.005  # m around an obstacle within which a camera counts as part of it
-_LEAST = 1e-12  # stands for the direction cosine of a ray that is parallel to a face
+_LEAST = 1e-12  # stands for what must not be divided by
+_FARTHEST = 1e6  # m; whatever is said to be further away, or larger, is there and so large
+_POINTS = 48  # on the surface of an object that is recognised by its colour, at most
+_STEP = 1e3  # 1/m, to which an eye's place is rounded for those
+_CACHED = 1024
+_KINDS = ("box", "cylinder", "sphere")  # as in dsr.surfaces.Solids
 
 _SIDE = np.linspace(-_REACH, _REACH, _GRID)
 _RAYS = np.stack(np.meshgrid(_SIDE, _SIDE), axis=-1).reshape(-1, 2)  # (rays, 2), in half sides of the tag
@@ -53,43 +62,32 @@ class Glance(NamedTuple):
     """What a camera should see of one object."""
 
     share: float
-    """Of the tag's area, 0 to 1."""
+    """Of the tag's area, or of the image of what is recognised by its colour, 0 to 1."""
     hidden_by: str
-    """The solid or obstacle that hides most of the tag; empty if nothing does."""
+    """The solid or obstacle that hides most of it; empty if nothing does."""
 
 
-class _Boxes(NamedTuple):
-    """n boxes."""
+class _Bodies(NamedTuple):
+    """n bodies, as the boxes around them."""
 
     names: list[str]
     centre: Array
     """(n, 3) m"""
     turn: Array
-    """(n, 3, 3) world_from_box"""
+    """(n, 3, 3) world_from_body"""
     half: Array
     """(n, 3) m, half the edge lengths"""
-    radius: Array
-    """(n,) m, from the centre to a corner"""
 
     @staticmethod
-    def of(solids: Sequence[Solid]) -> _Boxes:
-        half = 0.5 * np.array([solid.size for solid in solids], dtype=np.float64).reshape(-1, 3)
+    def of(solids: Sequence[Solid]) -> _Bodies:
         turns = [quaternions.to_matrix(solid.rotation) for solid in solids]
-        return _Boxes(
+        half = 0.5 * np.array([solid.size for solid in solids], dtype=np.float64).reshape(-1, 3)
+        return _Bodies(
             [solid.name for solid in solids],
-            np.array([solid.position for solid in solids], dtype=np.float64).reshape(-1, 3),
+            _bounded([solid.position for solid in solids]),
             np.array(turns, dtype=np.float64).reshape(-1, 3, 3),
-            half,
-            np.sqrt((half * half).sum(axis=1)),
+            np.minimum(half, _FARTHEST),
         )
-
-    def and_also(self, others: _Boxes) -> _Boxes:
-        arrays = [np.concatenate(pair) for pair in zip(self[1:], others[1:], strict=True)]
-        return _Boxes(self.names + others.names, *arrays)
-
-    def without(self, left_out: Flags) -> _Boxes:
-        kept = ~left_out
-        return _Boxes([name for name, keep in zip(self.names, kept, strict=True) if keep], *(a[kept] for a in self[1:]))
 
     def contain(self, point: Array, margin: float) -> Flags:
         """(n,) whether a point (3,) is inside, or outside by at most `margin` m."""
@@ -97,19 +95,69 @@ class _Boxes(NamedTuple):
         return inside
 
     def into(self, point: Array) -> Array:
-        """(n, 3) a point (3,) of the world in the frame of each box."""
+        """(n, 3) a point (3,) of the world in the frame of each body."""
         local: Array = ((point - self.centre)[:, None, :] @ self.turn)[:, 0]
         return local
+
+
+class _Parts(NamedTuple):
+    """All convex parts of some bodies."""
+
+    bodies: _Bodies
+    """The parts themselves, under the names of what they are parts of."""
+    kinds: Indexes
+    """(p,) as in `dsr.surfaces.Solids`"""
+    owner: Indexes
+    """(p,) index of the body that each is part of"""
+    radius: Array
+    """(p,) m, of a ball around it"""
+
+    @staticmethod
+    def of(solids: Sequence[Solid]) -> _Parts:
+        parts = [(index, part) for index, solid in enumerate(solids) for part in solid.parts]
+        bodies = _Bodies.of([part for _, part in parts])
+        return _Parts(
+            bodies,
+            np.array([_KINDS.index(part.kind or "box") for _, part in parts], dtype=np.int64),
+            np.array([index for index, _ in parts], dtype=np.int64),
+            np.sqrt((bodies.half * bodies.half).sum(axis=1)),
+        )
+
+    def and_also(self, others: _Parts, before: int) -> _Parts:
+        """These, and those of bodies that come after the `before` ones of these."""
+        names = self.bodies.names + others.bodies.names
+        arrays = [np.concatenate(pair) for pair in zip(self.bodies[1:], others.bodies[1:], strict=True)]
+        return _Parts(
+            _Bodies(names, *arrays),
+            np.concatenate([self.kinds, others.kinds]),
+            np.concatenate([self.owner, others.owner + before]),
+            np.concatenate([self.radius, others.radius]),
+        )
+
+
+class _Targets(NamedTuple):
+    """What a camera looks for of n bodies: m points of each."""
+
+    points: Array
+    """(n, m, 3) m, world"""
+    weights: Array
+    """(n, m), 1 together for each body; 0 where there is no point"""
+    middle: Array
+    """(n, 3) m, and how far the points are from there, at most (n,) m"""
+    reach: Array
 
 
 class _Camera:
     """A view made ready for many looks."""
 
-    def __init__(self, view: View, obstacles: _Boxes) -> None:
+    def __init__(self, view: View, obstacles: Sequence[Solid]) -> None:
         self.view = view
-        self.eye = np.array(view.world_from_camera.t)
+        self.eye = _bounded([view.world_from_camera.t])[0]
         self.turn = np.array(quaternions.to_matrix(view.world_from_camera.q))
-        self.obstacles = obstacles.without(obstacles.contain(self.eye, _MARGIN))
+        around = _Bodies.of(obstacles).contain(self.eye, _MARGIN)
+        kept = [obstacle for obstacle, inside in zip(obstacles, around, strict=True) if not inside]
+        self.obstacles = [obstacle.name for obstacle in kept]
+        self.parts = _Parts.of(kept)
 
 
 class Sight:
@@ -117,108 +165,142 @@ class Sight:
 
     Args:
         views: the cameras.
-        obstacles: boxes that hide and are not looked for, such as parts of the arm. One that a camera is in hides
+        obstacles: bodies that hide and are not looked for, such as parts of the arm. One that a camera is in hides
             nothing from that camera.
+        by_color: names of the solids that are recognised by their colour; all others are by tags.
     """
 
-    def __init__(self, views: Sequence[View], obstacles: Sequence[Solid] = ()) -> None:
-        boxes = _Boxes.of(obstacles)
-        self._cameras = [_Camera(view, boxes) for view in views]
+    def __init__(self, views: Sequence[View], obstacles: Sequence[Solid] = (), by_color: Collection[str] = ()) -> None:
+        self._cameras = [_Camera(view, obstacles) for view in views]
+        self._by_color = frozenset(by_color)
 
     def shares(self, solids: Sequence[Solid]) -> dict[tuple[str, str], float]:
-        """Share (0 to 1) of the tag of each solid that each camera should see, by (camera, name).
+        """Share (0 to 1) of each solid that each camera should see, by (camera, name).
 
-        A tag is a square of `TAG_RATIO` in the middle of the +z face. One that faces away by more than `STEEPEST`
-        or would be smaller than `SMALLEST` counts as unseen, as does what lies outside the image.
+        It is that of the tag, a square of `TAG_RATIO` in the middle of the +z face; one that faces away by more than
+        `STEEPEST` or would be smaller than `SMALLEST` counts as unseen. Of what is recognised by its colour, it is that
+        of its image, were nothing else there. What lies outside the image is unseen.
         """
-        boxes = _Boxes.of(solids)
-        return {
-            (camera.view.camera, name): share
-            for camera in self._cameras
-            for name, share in zip(boxes.names, _look(camera, boxes)[0].tolist(), strict=True)
-        }
+        return {key: glance.share for key, glance in self.glances(solids).items()}
 
     def glances(self, solids: Sequence[Solid]) -> dict[tuple[str, str], Glance]:
-        """The same, also saying what hides most of each tag."""
-        boxes, found = _Boxes.of(solids), {}
+        """The same, also saying what hides most of each."""
+        found, parts = {}, _Parts.of(solids)
         for camera in self._cameras:
-            shares, hiding = _look(camera, boxes)
-            names = boxes.names + camera.obstacles.names
-            for index, (name, share) in enumerate(zip(boxes.names, shares.tolist(), strict=True)):
+            shares, hiding = _look(camera, solids, parts, self._by_color)
+            names = [solid.name for solid in solids] + camera.obstacles
+            for index, (solid, share) in enumerate(zip(solids, shares.tolist(), strict=True)):
                 most = int(hiding[index].argmax())
-                hidden_by = names[most] if hiding[index, most] > 0 else ""
-                found[camera.view.camera, name] = Glance(share, hidden_by)
+                hidden_by = names[most] if hiding[index, most] > 0.0 else ""
+                found[camera.view.camera, solid.name] = Glance(share, hidden_by)
         return found
 
 
-def _look(camera: _Camera, solids: _Boxes) -> tuple[Array, NDArray[np.int64]]:
-    """Shares (n,) of the tags of n solids, and how many rays (n, n + obstacles) each solid and obstacle cuts off."""
-    targets = _targets(solids)
-    seen = _found(camera, solids, targets)
-    boxes = solids.and_also(camera.obstacles)
-    hiding = np.zeros((len(solids.names), len(boxes.names)), dtype=np.int64)
-    face, box = _candidates(camera.eye, targets, seen, boxes)
-    if len(face):
-        cut_off = _cut_off(camera.eye, targets[face], boxes, box) & seen[face]
-        hiding[face, box] = cut_off.sum(axis=1)
+def _look(camera: _Camera, solids: Sequence[Solid], parts: _Parts, by_color: Collection[str]) -> tuple[Array, Array]:
+    """Shares (n,) of n solids, and how much (n, n + obstacles) of each every solid and obstacle cuts off."""
+    bodies = _Bodies.of(solids)
+    colored = np.array([name in by_color for name in bodies.names], dtype=bool)
+    targets = _targets(camera, bodies, solids, colored)
+    seen = _found(camera, bodies, targets, colored)
+    parts = parts.and_also(camera.parts, len(solids))
+    hiding = np.zeros((len(solids), len(solids) + len(camera.obstacles)))
+    target, part = _candidates(camera.eye, targets, seen, parts)
+    if len(target):
+        cut_off = _cut_off(camera.eye, targets.points[target], parts, part) & seen[target]
+        pairs, which = np.unique(target * hiding.shape[1] + parts.owner[part], return_inverse=True)
+        by_owner = np.zeros((len(pairs), seen.shape[1]), dtype=bool)
+        np.logical_or.at(by_owner, which.ravel(), cut_off)
+        hidden_target, owner = np.divmod(pairs, hiding.shape[1])
+        hiding[hidden_target, owner] = (by_owner * targets.weights[hidden_target]).sum(axis=1)
         hidden = np.zeros_like(seen)
-        np.logical_or.at(hidden, face, cut_off)
+        np.logical_or.at(hidden, hidden_target, by_owner)
         seen &= ~hidden
-    return seen.mean(axis=1), hiding
+    return np.minimum((seen * targets.weights).sum(axis=1).round(9), 1.0), hiding
 
 
-def _targets(solids: _Boxes) -> Array:
-    """(n, rays, 3) points of the tags, m in the world frame."""
-    half = TAG_RATIO * solids.half[:, :2].min(axis=1)
-    local = np.empty((len(solids.names), len(_RAYS), 3))
-    local[:, :, :2] = _RAYS * half[:, None, None]
-    local[:, :, 2] = solids.half[:, 2, None]
-    points: Array = local @ solids.turn.transpose(0, 2, 1) + solids.centre[:, None, :]
-    return points
+def _targets(camera: _Camera, bodies: _Bodies, solids: Sequence[Solid], colored: Flags) -> _Targets:
+    """The points of the tags, or those on the surfaces that would be seen if nothing else were there."""
+    count = len(solids)
+    most = max(len(_RAYS), _POINTS) if colored.any() else len(_RAYS)
+    local, weights = np.zeros((count, most, 3)), np.zeros((count, most))
+    rays = len(_RAYS)
+    local[:, :rays, :2] = _RAYS * (TAG_RATIO * bodies.half[:, :2].min(axis=1, initial=np.inf))[:, None, None]
+    local[:, :rays, 2] = bodies.half[:, 2, None]
+    weights[:, :rays] = 1.0 / rays
+    eyes = bodies.into(camera.eye)
+    for index in np.flatnonzero(colored).tolist():
+        x, y, z = np.rint(eyes[index] * _STEP).tolist()
+        points, shares = _surface(solids[index].shape, solids[index].size, (x / _STEP, y / _STEP, z / _STEP))
+        weights[index] = 0.0
+        local[index], weights[index, : len(shares)] = 0.0, shares
+        local[index, : len(points)] = points
+    points = local @ bodies.turn.transpose(0, 2, 1) + bodies.centre[:, None, :]
+    middle = np.where(colored[:, None], bodies.centre, points[:, rays // 2])
+    corner = points[:, 0] - middle
+    around = np.where(colored, (bodies.half**2).sum(axis=1), (corner * corner).sum(axis=1))
+    return _Targets(points, weights, middle, np.sqrt(around))
 
 
-def _found(camera: _Camera, solids: _Boxes, targets: Array) -> Flags:
-    """(n, rays) which points of the tags would be seen if nothing were in the way."""
+@functools.lru_cache(maxsize=_CACHED)
+def _surface(shape: Shape, size: Vector3, eye: Vector3) -> tuple[Array, Array]:
+    """At most `_POINTS` points (k, 3) of what is seen of a body from a place, in its frame, with their shares (k,)."""
+    points, weights = seen_alone(shape, size, np.array(eye))
+    step = max(1, math.ceil(len(points) / _POINTS))
+    points, weights = points[::step], weights[::step]
+    return points, weights / max(float(weights.sum()), _LEAST)
+
+
+def _found(camera: _Camera, bodies: _Bodies, targets: _Targets, colored: Flags) -> Flags:
+    """(n, m) which points would be seen if nothing were in the way."""
     lens = camera.view.intrinsics
-    points = (targets - camera.eye) @ camera.turn
+    points = (targets.points - camera.eye) @ camera.turn
     depth = points[..., 2]
     ahead = depth > _LEAST
     safe = np.where(ahead, depth, 1.0)
     u, v = points[..., 0] / safe * lens.fx + lens.cx, points[..., 1] / safe * lens.fy + lens.cy
     inside: Flags = ahead & (u >= 0) & (u <= lens.width - 1) & (v >= 0) & (v <= lens.height - 1)
-    middle = len(_RAYS) // 2
-    ray = targets[:, middle] - camera.eye
-    cosine = -(ray * solids.turn[:, :, 2]).sum(axis=1)
-    side = 2 * TAG_RATIO * solids.half[:, :2].min(axis=1) * lens.fx
+    inside &= targets.weights > 0.0
+    ray = targets.middle - camera.eye
+    cosine = -(ray * bodies.turn[:, :, 2]).sum(axis=1)
+    side = 2 * TAG_RATIO * bodies.half[:, :2].min(axis=1, initial=np.inf) * lens.fx
     found: Flags = cosine >= math.cos(STEEPEST) * np.sqrt((ray * ray).sum(axis=1))
-    found &= side >= SMALLEST * safe[:, middle]
+    found &= side >= SMALLEST * safe[:, len(_RAYS) // 2]
+    if colored.any():
+        width = np.minimum(_span(u, inside), _span(v, inside))
+        found = np.where(colored, width >= SMALLEST, found)
     inside &= found[:, None]
     return inside
 
 
-def _candidates(eye: Array, targets: Array, seen: Flags, boxes: _Boxes) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Pairs (tag, box) of which the box may hide the tag: its ball meets the tube around the rays to the tag."""
-    ray = targets[:, len(_RAYS) // 2] - eye
-    corner = targets[:, 0] - targets[:, len(_RAYS) // 2]
-    to_box = boxes.centre - eye
-    along = np.clip((ray @ to_box.T) / np.maximum((ray * ray).sum(axis=1), _LEAST)[:, None], 0.0, 1.0)
-    gap = to_box[None] - along[:, :, None] * ray[:, None]
-    reach: Array = boxes.radius[None] + np.sqrt((corner * corner).sum(axis=1))[:, None]
+def _span(values: Array, counted: Flags) -> Array:
+    """(n,) from the least to the greatest of the values (n, m) that count; negative without any."""
+    greatest = np.where(counted, values, -_FARTHEST).max(axis=1)
+    span: Array = greatest - np.where(counted, values, _FARTHEST).min(axis=1)
+    return span
+
+
+def _candidates(eye: Array, targets: _Targets, seen: Flags, parts: _Parts) -> tuple[Indexes, Indexes]:
+    """Pairs (target, part) of which the part may hide it: its ball meets the tube around the rays to the target."""
+    ray = targets.middle - eye
+    to_part = parts.bodies.centre - eye
+    along = np.clip((ray @ to_part.T) / np.maximum((ray * ray).sum(axis=1), _LEAST)[:, None], 0.0, 1.0)
+    gap = to_part[None] - along[:, :, None] * ray[:, None]
+    reach: Array = parts.radius[None] + targets.reach[:, None]
     near: Flags = np.less_equal((gap * gap).sum(axis=2), reach * reach)
     near &= np.any(seen, axis=1)[:, None]
-    np.fill_diagonal(near, False)  # no convex face is hidden by its own body
-    face, box = np.nonzero(near)
-    return face, box
+    near &= np.arange(len(near))[:, None] != parts.owner[None]  # what a body hides of itself is no target
+    target, part = np.nonzero(near)
+    return target, part
 
 
-def _cut_off(eye: Array, targets: Array, boxes: _Boxes, box: NDArray[np.int64]) -> Flags:
-    """(k, rays) which rays to the points (k, rays, 3) meet box `box[k]` before (slabs: Kay and Kajiya, 1986)."""
+def _cut_off(eye: Array, targets: Array, parts: _Parts, part: Indexes) -> Flags:
+    """(k, m) which rays to the points (k, m, 3) meet part `part[k]` before."""
     way = targets - eye
-    direction = way @ boxes.turn[box]
-    direction = np.where(np.abs(direction) < _LEAST, _LEAST, direction)
-    start, half = boxes.into(eye)[box][:, None], boxes.half[box][:, None]
-    one, other = (-half - start) / direction, (half - start) / direction
-    enters, leaves = np.minimum(one, other).max(axis=2), np.maximum(one, other).min(axis=2)
-    arrived = 1.0 - _GAP / np.maximum(np.sqrt((way * way).sum(axis=2)), _GAP)
-    cut_off: Flags = (enters < leaves) & (leaves > 0.0) & (enters < arrived)
-    return cut_off
+    start = parts.bodies.into(eye)[part][:, None]
+    enters, leaves = crossings(parts.kinds[part], parts.bodies.half[part], start, way @ parts.bodies.turn[part])
+    return meets(enters, leaves, 1.0 - GAP / np.maximum(np.sqrt((way * way).sum(axis=2)), GAP))
+
+
+def _bounded(positions: Sequence[Vector3]) -> Array:
+    """(n, 3) m, none of it so far that squares of it overflow."""
+    return np.clip(np.array(positions, dtype=np.float64).reshape(-1, 3), -_FARTHEST, _FARTHEST)

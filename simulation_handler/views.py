@@ -11,6 +11,7 @@ from dsr import quaternions
 from dsr.elements import Node
 from dsr.intrinsics import read_intrinsics
 from dsr.memory import Memory
+from dsr.relations import THINGS
 from dsr.transforms import Array, Pose
 from simulation_handler.geometry import Solid
 from simulation_handler.reading import FIXTURES, WORLD
@@ -43,6 +44,12 @@ def obstacles(memory: Memory) -> list[Solid]:
             centre = pose @ Pose.unchecked(_middle(least, size), (0.0, 0.0, 0.0, 1.0))
             found.append(Solid(node.name, (size[0], size[1], size[2]), centre.t, centre.q, fixed=True))
     return found
+
+
+def by_color(memory: Memory) -> frozenset[str]:
+    """Names of the things that are recognised by their colour: they have one, and no tag."""
+    things = (node for type in THINGS for node in memory.nodes(type))
+    return frozenset(node.name for node in things if "color" in node and "marker_id" not in node)
 
 
 def _places(memory: Memory, nodes: list[Node]) -> Iterator[Pose | None]:

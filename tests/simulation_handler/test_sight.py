@@ -9,10 +9,13 @@ from functools import partial
 import numpy as np
 import pytest
 
+from agents.object_models import load_model, model_files
 from agents.plant.bullet import Bullet
 from agents.plant.camera import OVERHEAD, Camera
+from agents.plant.hands import Hands
 from agents.plant.noise import SensorModel
 from agents.plant.poses import _sees
+from agents.plant.renderer import Renderer
 from agents.plant.world import World
 from agents.scenario.format import ObjectSpec, SensorSpec, TableSpec
 from dsr.intrinsics import Intrinsics
@@ -96,7 +99,7 @@ def test_it_agrees_with_the_plant(seed: int) -> None:
     specs = [ObjectSpec(name=f"cube_{k}", marker_id=k, position=(0.1 * k, 1.0, 0.02)) for k in range(20)]
     bullet = Bullet()
     try:
-        world = World(bullet, TableSpec(), specs)
+        world, hands = World(bullet, TableSpec(), specs), Hands(bullet, (), seen=False)
         agree = seen = partly = 0
         for _ in range(15):
             for spec in specs:
@@ -108,7 +111,7 @@ def test_it_agrees_with_the_plant(seed: int) -> None:
             )
             found = Sight([view(eye)]).shares([solid(name, pose) for name, pose in world.poses().items()])
             for spec in specs:
-                sees = _sees(camera, world, spec, eye.inverse() @ world.pose(spec.name))
+                sees = _sees(camera, world, hands, spec, eye.inverse() @ world.pose(spec.name))
                 share = found["overhead", spec.name]
                 agree += sees == (share == 1.0)
                 seen += sees
@@ -119,3 +122,90 @@ def test_it_agrees_with_the_plant(seed: int) -> None:
     assert agree >= 0.97 * 15 * 20
     assert seen > 60
     assert partly > 20
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_shares_of_colours_are_those_of_pixels(seed: int) -> None:
+    """Heaps of containers, cups and balls in the air, beside the pixels that show them with and without all others."""
+    rng = np.random.default_rng(seed)
+    models = {name: load_model(file) for name, file in model_files().items() if name != "large_box"}
+    specs = [
+        ObjectSpec(name=name, type="box", size=model.size, shape=model.shape, position=(0.3 * k, 2.0, 0.2))
+        for k, (name, model) in enumerate(sorted(models.items()))
+    ]
+    bullet = Bullet()
+    try:
+        renderer, lens = Renderer(bullet, "tiny"), Intrinsics.from_fov(240, 180, 0.98)
+        world = World(bullet, TableSpec(), specs)
+        errors = []
+        for _ in range(6):
+            for spec in specs:
+                place = Pose.from_rotvec(rng.uniform((0.25, -0.17, 0.11), (0.45, 0.17, 0.25)), rng.normal(0.0, 1.0, 3))
+                world.put(spec.name, place)
+            poses = world.poses()
+            solids = [
+                Solid(spec.name, spec.size, poses[spec.name].t, poses[spec.name].q, shape=spec.shape) for spec in specs
+            ]
+            sight = Sight([View("overhead", OVERHEAD, lens)], by_color=list(models))
+            found, counts = sight.shares(solids), pixels(renderer, world, lens)
+            for spec in specs:
+                if not is_in_image(poses[spec.name], spec, lens):
+                    continue
+                with world.shown_at({name: Pose((0.0, 0.0, -30.0)) for name in poses if name != spec.name}):
+                    alone = pixels(renderer, world, lens)[spec.name]
+                errors.append(found["overhead", spec.name] - counts[spec.name] / alone)
+    finally:
+        bullet.close()
+    assert len(errors) > 10
+    assert np.abs(errors).mean() < 0.05
+    assert np.abs(errors).max() < 0.15
+
+
+def pixels(renderer: Renderer, world: World, lens: Intrinsics) -> dict[str, int]:
+    """How many pixels show each object."""
+    picture = renderer.render(OVERHEAD, lens, bodies=True)
+    assert picture.bodies is not None
+    return {name: int((picture.bodies == world.body(name)).sum()) for name in world}
+
+
+def is_in_image(pose: Pose, spec: ObjectSpec, lens: Intrinsics) -> bool:
+    """Whether all of an object is in the image: what is outside counts as unseen, and has no pixels."""
+    signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
+    found = lens.project((OVERHEAD.inverse() @ pose).apply(signs * np.array(spec.size) / 2))
+    return bool((found >= 0).all() and (found <= (lens.width - 1, lens.height - 1)).all())
+
+
+def test_a_container_hides_what_is_beside_it_but_not_what_is_in_it() -> None:
+    model = load_model(model_files()["container_green"])
+    box = Solid("green", model.size, (0.35, 0.0, 0.06), shape=model.shape)
+    ball = load_model(model_files()["ball"])
+    inside = Solid("ball", ball.size, (0.35, 0.0, 0.034), shape=ball.shape)
+    glances = Sight([view()], by_color=("green", "ball")).glances([box, inside])
+    assert glances["overhead", "ball"].share > 0.95
+    assert 0.5 < glances["overhead", "green"].share < 0.95
+    assert glances["overhead", "green"].hidden_by == "ball"
+    lid = Solid("lid", (0.16, 0.16, 0.01), (0.35, 0.0, 0.125))
+    glances = Sight([view()], by_color=("green", "ball")).glances([box, inside, lid])
+    assert glances["overhead", "ball"] == Glance(0.0, "lid")
+
+
+def test_a_wall_hides_a_tag() -> None:
+    model = load_model(model_files()["container_green"])
+    low, high = Pose((0.35, 0.0, 0.02)), Pose((0.35, 0.0, 0.16))
+    eye = Pose.from_rotvec((0.35, -0.35, 0.35), (math.radians(-135.0), 0.0, 0.0))
+    for pose, share in ((low, 0.0), (high, 1.0)):
+        box = Solid("green", model.size, (0.35, 0.0, 0.06), shape=model.shape)
+        assert Sight([view(eye)]).shares([solid("cube", pose), box])["overhead", "cube"] == share
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("far", [1e7, 1e200, -1e308])
+def test_nonsense_is_somewhere_far_away(far: float) -> None:
+    things = [
+        solid("far", Pose.unchecked((far, far, far), (0.0, 0.0, 0.0, 1.0))),
+        solid("large", Pose((0.35, 0.0, -0.5)), (abs(far),) * 3),
+        solid("cube", Pose((0.35, 0.0, 0.02))),
+    ]
+    for by_color in ((), ("far", "large", "cube")):
+        sight = Sight([view(), view(Pose.unchecked((far, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)), "lost")], by_color=by_color)
+        assert sight.shares(things)["overhead", "far"] == 0.0
