@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Iterable
 from dataclasses import replace
 
@@ -84,10 +85,20 @@ class Correction:
         if is_new:
             item.adopt(self._confirmed(item, placement))
         item.learn_bias(placement)
-        must_move = is_new or is_astray
+        must_move = is_new or is_astray or self._may_return(item)
         believed = item.placement.solid if item.placement and (must_move or item.pinned) else None
         scene[item.name] = believed or self._bodies.solid(item.name)
         return must_move
+
+    def _may_return(self, item: BelievedObject) -> bool:
+        """Whether it was put beside its placement because of something that is not in its way any more."""
+        if item.pinned or item.placement is None or item.put is None:
+            return False
+        solid = item.placement.solid
+        if math.dist(item.put.t, solid.position) <= self._config.divergence:
+            return False
+        scene = self._bodies.scene(leaving_out={item.name})
+        return not separate([*scene.values(), solid], {item.name: 1.0})
 
     def _placed(self, item: BelievedObject, scene: Scene) -> Placement:
         others = list(scene.values()) if item.prop is None else [*scene.values(), item.prop]

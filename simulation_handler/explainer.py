@@ -9,9 +9,9 @@ from dsr.transforms import Pose
 from simulation_handler.bodies import Bodies
 from simulation_handler.config import BeliefConfig
 from simulation_handler.containment import Containment
+from simulation_handler.explaining.glimpses import Glimpse, glimpse_of
 from simulation_handler.explaining.policy import Explanation, Policy
 from simulation_handler.explaining.situation import THIS_FRAME, Look, Properties, Situation, as_pose, seen_now
-from simulation_handler.geometry import Solid
 from simulation_handler.noticing import Noticing
 from simulation_handler.objects import BelievedObject
 from simulation_handler.relations import Relation, Relations
@@ -155,22 +155,22 @@ class Explainer:
             held=frozenset(name for name, item in objects.items() if item.is_led and name in placed),
             planned=frozenset(pair for pair, until in self._planned.items() if now <= until),
             confirmed={name: solid for name in placed if (solid := objects[name].confirmed) is not None},
-            glimpsed={name: solid for name in placed if (solid := self._glimpse(objects[name], now)) is not None},
+            glimpsed={name: seen for name in placed if (seen := self._glimpse(objects[name], now)) is not None},
             missing_for=self._noticing.missing_for(now),
             evidence=self._noticing.evidence(now),
             look=self.look,
         )
 
-    def _glimpse(self, item: BelievedObject, now: float) -> Solid | None:
-        """Where an unseen object was when it was last seen, if that was not where it is believed to be."""
-        percept, config = item.track.last, self._config
-        if percept is None or item.track.is_fresh(now) or item.holder:
+    def _glimpse(self, item: BelievedObject, now: float) -> Glimpse | None:
+        """How an unseen object was last seen, if that was not where it is believed to be."""
+        if not item.track.trail or item.track.is_fresh(now) or item.holder:
             return None
-        x, y, z = percept.position.tolist()
-        solid, believed = item.solid((x, y, z), percept.rotation), self._bodies.solid(item.name)
-        metres, radians = as_pose(solid).distance(as_pose(believed))
+        config, believed = self._config, self._bodies.solid(item.name)
+        bias_std = config.depth_bias if item.bias is None else config.learned_bias
+        glimpse = glimpse_of(believed, item.track.trail, item.bias or 0.0, bias_std)
+        metres, radians = as_pose(glimpse.solid).distance(as_pose(believed))
         is_off = metres > config.hover_tolerance or radians > config.tilt_tolerance
-        return solid if is_off or item.track.is_restless else None
+        return glimpse if is_off or item.track.is_restless else None
 
     def _remembered(self, now: float) -> dict[str, dict[str, Pose]]:
         """What was beneath each object until lately, and how."""

@@ -35,8 +35,8 @@ class Noticing:
         off = [item.name for item in self._bodies.objects.values() if self._is_displaced(item, now)]
         self._displaced_since = {name: self._displaced_since.get(name, now) for name in off}
         expected = self._expected(look) if look is not None else set[str]()
-        blind = not any(self._bodies.objects[name].estimate_at(now) for name in expected)
-        since = {} if blind else self._expected_since  # a camera that shows nothing of what it should is covered
+        blind = not any(item.estimate_at(now) for item in self._bodies.objects.values())
+        since = {} if blind else self._expected_since  # a camera that shows nothing is covered
         self._expected_since = {name: since.get(name, now) for name in sorted(expected)}
 
     def missing_for(self, now: float) -> dict[str, float]:

@@ -174,12 +174,19 @@ class Simulator:
         linear, angular = pybullet.getBaseVelocity(self._id(name), physicsClientId=self._client)
         return math.hypot(*linear), math.hypot(*angular)
 
-    def place(self, name: str, position: Vector3, rotation: Quaternion) -> None:
-        """Put a body somewhere, at rest, and wake what touched it there and what touches it here."""
+    def place(
+        self,
+        name: str,
+        position: Vector3,
+        rotation: Quaternion,
+        velocity: Vector3 = (0.0, 0.0, 0.0),
+        spin: Vector3 = (0.0, 0.0, 0.0),
+    ) -> None:
+        """Put a body somewhere, at rest or moving (m/s, rad/s), and wake what touched it there and touches it here."""
         body = self._id(name)
         self._wake_around(body)
         pybullet.resetBasePositionAndOrientation(body, position, rotation, physicsClientId=self._client)
-        pybullet.resetBaseVelocity(body, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), physicsClientId=self._client)
+        pybullet.resetBaseVelocity(body, velocity, spin, physicsClientId=self._client)
         self._forget_contacts(body)
         self._wake_around(body)
 

@@ -30,8 +30,6 @@ class Track:
         """None until perception is sure enough."""
         self.last_stamp = -math.inf
         """s, of the newest percept."""
-        self.last: Percept | None = None
-        """The newest percept."""
         self.moving = False
         """The newest percepts contradict each other: it is on its way."""
         self.changed = False
@@ -43,7 +41,7 @@ class Track:
         """Take in a percept; one that is not newer than the last is ignored."""
         if percept.stamp <= self.last_stamp:
             return
-        self.last_stamp, self.last = percept.stamp, percept
+        self.last_stamp = percept.stamp
         self._newest.append(percept)
         if self.estimate is not None and self.estimate.accepts(percept):
             self._fuse(self.estimate, percept)
@@ -51,6 +49,11 @@ class Track:
         self._pending.append(percept)
         if len(self._pending) >= self._needed():
             self._restart(list(self._pending), self.estimate)
+
+    @property
+    def trail(self) -> tuple[Percept, ...]:
+        """The newest percepts, the last one at the end."""
+        return tuple(self._newest)
 
     @property
     def is_restless(self) -> bool:

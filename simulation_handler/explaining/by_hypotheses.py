@@ -11,10 +11,12 @@ from simulation_handler.explaining.hypotheses import Hypothesis
 from simulation_handler.explaining.policy import Explanation
 from simulation_handler.explaining.search import Candidate, search
 from simulation_handler.explaining.situation import Situation
+from simulation_handler.explaining.typical import with_typical_fall
 from simulation_handler.explaining.wording import describe
 from simulation_handler.geometry import Solid
 from simulation_handler.rollouts import Body, Scene
 from simulation_handler.rollouts.pool import Pool
+from simulation_handler.rollouts.scene import STILL
 
 _TOO_LATE = 2.0  # s of evidence after which even an incomplete search must do
 _SAME_PLACE = 0.005  # m
@@ -44,7 +46,7 @@ class ByHypotheses:
         self._deadline = self._clock.monotonic() + situation.config.explain_budget
         self._is_complete = True
         first = self._last if self._last and self._fits(self._last, situation) else None
-        ranking = search(situation, self._simulate, situation.config.most_rollouts, first)
+        ranking = with_typical_fall(search(situation, self._simulate, situation.config.most_rollouts, first))
         if not ranking or not self._is_clear(situation, ranking):
             return None
         self._last = ranking[0].hypothesis
@@ -131,6 +133,7 @@ def scene_of(situation: Situation, drafted: Draft) -> Scene:
     for solid in (*situation.fixtures.values(), *drafted.solids.values()):
         fixed = solid.name in situation.fixtures
         properties = situation.properties[solid.name]
+        motion = drafted.motions.get(solid.name)
         bodies.append(
             Body(
                 solid.name,
@@ -141,6 +144,8 @@ def scene_of(situation: Situation, drafted: Draft) -> Scene:
                 friction=properties.friction,
                 fixed=fixed or solid.name in drafted.held,
                 shape=solid.shape,
+                velocity=motion.velocity if motion else STILL,
+                spin=motion.spin if motion else STILL,
             )
         )
     return Scene(tuple(bodies))

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from dsr import quaternions
+from simulation_handler.clearing import cleared
+from simulation_handler.explaining.glimpses import Motion
 from simulation_handler.explaining.hypotheses import FALLS, FROM_GLIMPSE, Hypothesis, Move
 from simulation_handler.explaining.situation import Situation
 from simulation_handler.geometry import Solid
@@ -29,21 +31,26 @@ class Draft:
     """Of the objects that the hypothesis moves."""
     held: frozenset[str]
     """Objects that do not fall: in a gripper, or held by something unknown."""
+    motions: Mapping[str, Motion] = field(default_factory=dict)
+    """Of the objects that do not begin at rest."""
 
 
 def draft(situation: Situation, hypothesis: Hypothesis) -> Draft:
     """Put everything where the hypothesis has it, from the lowest object up, and out of each other's way."""
-    wanted = _wanted(situation, hypothesis)
+    motions = {name: motion for name, fall in hypothesis.fallen if (motion := _motion(situation, name, fall))}
+    wanted = _wanted(situation, hypothesis) | {name: motion.solid for name, motion in motions.items()}
     for _ in range(2):  # the second time with what the heights say about the rest of the positions
         placements = _placed(situation, hypothesis, wanted)
         wanted = _aligned(situation, hypothesis, wanted, placements)
     gone = hypothesis.removed
     stay = {name: solid for name, solid in situation.believed.items() if name not in gone and name not in placements}
     solids = stay | {name: placement.solid for name, placement in placements.items()}
+    still = {name: solid for name, solid in solids.items() if name not in motions}
     hovering = {name for name, placement in placements.items() if not placement.rests}
     held_moves = {name for move in hypothesis.moves if move.held for name in (move.name, *move.riders)}
     held = situation.held | (hovering & held_moves)
-    return Draft(_separated(situation, solids, frozenset(placements), held), placements, frozenset(held))
+    solids |= _separated(situation, still, frozenset(placements), held)
+    return Draft(solids, placements, frozenset(held), motions)
 
 
 def _wanted(situation: Situation, hypothesis: Hypothesis) -> dict[str, Solid]:
@@ -54,14 +61,17 @@ def _wanted(situation: Situation, hypothesis: Hypothesis) -> dict[str, Solid]:
         wanted[move.name] = top
         wanted |= {name: situation.carried(move.name, name) for name in move.riders}
         wanted |= _piled_under(situation, move, top)
-    wanted |= {name: _fallen(situation, name, direction) for name, direction in hypothesis.fallen}
+    wanted |= {name: _tipped(situation, name, fall) for name, fall in hypothesis.fallen if fall > FROM_GLIMPSE}
     return wanted
 
 
-def _fallen(situation: Situation, name: str, direction: int) -> Solid:
-    """An object that has just tipped over the edge of its support, or that falls from where it was last seen."""
-    if direction == FROM_GLIMPSE:
-        return situation.glimpsed[name]
+def _motion(situation: Situation, name: str, direction: int) -> Motion | None:
+    """How an object moved that fell from where it was last seen; None if it fell in one of the directions `FALLS`."""
+    return situation.glimpsed[name].motion(FROM_GLIMPSE - direction) if direction <= FROM_GLIMPSE else None
+
+
+def _tipped(situation: Situation, name: str, direction: int) -> Solid:
+    """An object that has just tipped over the edge of its support."""
     solid = situation.believed[name]
     dx, dy = FALLS[direction]
     quarter = quaternions.from_rotvec((-0.5 * math.pi * dy, 0.5 * math.pi * dx, 0.0))
@@ -88,11 +98,15 @@ def _placed(situation: Situation, hypothesis: Hypothesis, wanted: Mapping[str, S
     scene = dict(situation.fixtures)
     scene |= {n: s for n, s in situation.believed.items() if n not in wanted and n not in hypothesis.removed}
     placements: dict[str, Placement] = {}
-    falling = {name for name, direction in hypothesis.fallen if direction != FROM_GLIMPSE}
-    for name, solid in sorted(wanted.items(), key=lambda item: (item[1].bottom, item[0])):
+    falls = dict(hypothesis.fallen)
+    for name, solid in sorted(wanted.items(), key=lambda item: (item[0] in falls, item[1].bottom, item[0])):
         seen = situation.seen.get(name)
         covariance = _UNSEEN_COVARIANCE if seen is None else seen.covariance
-        if name in falling:
+        if name in falls and falls[name] <= FROM_GLIMPSE:
+            glimpse = situation.glimpsed[name]
+            clear = cleared(solid, scene.values(), -glimpse.ray)
+            placements[name] = Placement(clear, (), glimpse.covariance)
+        elif name in falls:
             placements[name] = Placement(solid, (), covariance)
         else:
             placements[name] = place(solid, covariance, list(scene.values()), situation.config)

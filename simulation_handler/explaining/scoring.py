@@ -32,6 +32,7 @@ HELD_ON_ITS_WAY = 3.0
 REMOVED = 6.0
 FELL = 9.0
 FELL_IN_VIEW = 4.0
+FELL_ON_FROM_THERE = 5.0
 FALSE_PERCEPT = 3.0
 FALSE_FRAME = 3.0
 CAMERA_MOVED = 6.0
@@ -96,8 +97,12 @@ def prior(situation: Situation, hypothesis: Hypothesis) -> float:
     cost = sum(_move_prior(situation, move) for move in hypothesis.moves)
     cost += REMOVED * len(hypothesis.removed)
     for name, direction in hypothesis.fallen:
-        is_seen = direction in (FROM_GLIMPSE, situation.fall_seen(name)) and name in situation.glimpsed
-        cost += FELL_IN_VIEW if is_seen else FELL
+        if name not in situation.glimpsed:
+            cost += FELL
+        elif direction <= FROM_GLIMPSE:
+            cost += FELL_IN_VIEW
+        else:
+            cost += FELL_ON_FROM_THERE if direction == situation.fall_seen(name) else FELL
     for name in hypothesis.kept:
         frames = max(situation.seen[name].count, situation.evidence * _FRAMES_PER_SECOND)
         cost += FALSE_PERCEPT + FALSE_FRAME * frames

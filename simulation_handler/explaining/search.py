@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from simulation_handler.explaining.drafting import Draft, draft
+from simulation_handler.explaining.glimpses import WAYS
 from simulation_handler.explaining.hypotheses import FALLS, FROM_GLIMPSE, Hypothesis, Move
 from simulation_handler.explaining.scoring import FEWEST_FOR_CAMERA, Score, displaced, prior, score
 from simulation_handler.explaining.situation import Situation
@@ -159,8 +160,8 @@ def _falls(situation: Situation, hypothesis: Hypothesis, name: str) -> Iterator[
     """Ways in which an unseen object may have fallen: as it was seen to, or off its support in any direction."""
     direction = situation.fall_seen(name)
     if direction is not None:
+        yield from (hypothesis.with_fall(name, FROM_GLIMPSE - way) for way in range(WAYS))
         yield hypothesis.with_fall(name, direction)
-        yield hypothesis.with_fall(name, FROM_GLIMPSE)
     elif situation.beneath.get(name) and not set(situation.beneath[name]) <= set(situation.fixtures):
         yield from (hypothesis.with_fall(name, k) for k in range(len(FALLS)))
 

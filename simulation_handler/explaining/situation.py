@@ -13,6 +13,7 @@ from dsr.quaternions import Quaternion, Vector3
 from dsr.shapes import Shape
 from dsr.transforms import Pose
 from simulation_handler.config import BeliefConfig
+from simulation_handler.explaining.glimpses import Glimpse
 from simulation_handler.explaining.hypotheses import FALLS
 from simulation_handler.geometry import Solid
 from simulation_handler.objects import BelievedObject
@@ -113,8 +114,8 @@ class Situation:
     """(object, support): where a plan has just put something."""
     confirmed: Mapping[str, Solid] = field(default_factory=dict)
     """Where perception last agreed that objects are, unless they have moved with something since."""
-    glimpsed: Mapping[str, Solid] = field(default_factory=dict)
-    """Unseen objects that were on their way when they were last seen, and where."""
+    glimpsed: Mapping[str, Glimpse] = field(default_factory=dict)
+    """Unseen objects that were on their way when they were last seen, and how."""
     missing_for: Mapping[str, float] = field(default_factory=dict)
     """s for which each object has not been seen although it should have been."""
     evidence: float = 1.0
@@ -158,7 +159,7 @@ class Situation:
         if name not in self.glimpsed or name not in self.believed:
             return None
         believed = self.believed[name]
-        x, y, z = (a - b for a, b in zip(self.glimpsed[name].position, believed.position, strict=True))
+        x, y, z = (a - b for a, b in zip(self.glimpsed[name].solid.position, believed.position, strict=True))
         dx, dy, _ = quaternions.rotate(quaternions.conjugate(believed.rotation), (x, y, z))
         return max(range(len(FALLS)), key=lambda k: dx * FALLS[k][0] + dy * FALLS[k][1])
 

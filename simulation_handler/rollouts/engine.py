@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import takewhile
 
-from simulation_handler.rollouts.scene import Body, Placing, Scene
+from simulation_handler.rollouts.scene import STILL, Body, Placing, Scene
 from simulation_handler.simulator import TIME_STEP, Contact, SimulationError, Simulator
 
 _STRIDE = 8  # steps from one look at what still moves to the next
@@ -56,7 +56,7 @@ class Engine:
         self._sim.close()
 
     def run(self, scene: Scene, seconds: float) -> Outcome:
-        """Let time pass in a scene that begins at rest; stops early when it is at rest.
+        """Let time pass in a scene; stops early when it is at rest.
 
         Raises:
             SimulationError: for a time that is negative or not finite, or a body that no simulation can have.
@@ -93,7 +93,7 @@ class Engine:
             self._loaded.append(body)
         for body in scene.bodies:
             if not _is_fixed(body):
-                self._sim.place(body.name, body.position, body.rotation)
+                self._sim.place(body.name, body.position, body.rotation, body.velocity, body.spin)
 
     def _outcome(self, scene: Scene, moved: Mapping[str, Placing], seconds: float, at_rest: bool) -> Outcome:
         poses = {body.name: moved.get(body.name, (body.position, body.rotation)) for body in scene.bodies}
@@ -112,8 +112,10 @@ def _is_fixed(body: Body) -> bool:
 
 
 def _what_stays(body: Body) -> Body:
-    """What must be equal for a simulated body to be used again: all of a fixed one, all but the pose of another."""
-    return body if _is_fixed(body) else body._replace(position=(0.0, 0.0, 0.0), rotation=(0.0, 0.0, 0.0, 1.0))
+    """What must be equal for a simulated body to be used again: all of a fixed one, all but the motion of another."""
+    if _is_fixed(body):
+        return body
+    return body._replace(position=STILL, rotation=(0.0, 0.0, 0.0, 1.0), velocity=STILL, spin=STILL)
 
 
 def _is_at_rest(earlier: float, motion: float) -> bool:

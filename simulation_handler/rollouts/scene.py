@@ -1,4 +1,4 @@
-"""A scene to simulate: bodies at rest somewhere in the world, as values that can be changed by copy and sent around."""
+"""A scene to simulate: bodies somewhere in the world, as values that can be changed by copy and sent around."""
 
 from __future__ import annotations
 
@@ -17,9 +17,11 @@ from simulation_handler.simulator import SimulationError
 Placing = tuple[Vector3, Quaternion]
 """world_from_body: position (m) and rotation (x, y, z, w)."""
 
+STILL: Vector3 = (0.0, 0.0, 0.0)
+
 
 class Body(NamedTuple):
-    """A body at rest."""
+    """A body, at rest unless it is said how it moves."""
 
     name: str
     size: Vector3
@@ -35,6 +37,10 @@ class Body(NamedTuple):
     """It stays where it is: a fixture, or an object that is held in place."""
     shape: Shape = ()
     """Its pieces; none for a solid box."""
+    velocity: Vector3 = STILL
+    """Of its centre in the world at the beginning, m/s."""
+    spin: Vector3 = STILL
+    """Its angular velocity in the world at the beginning, rad/s."""
 
     @property
     def solid(self) -> Solid:
@@ -75,12 +81,7 @@ class Scene:
         """With some bodies elsewhere, at rest there."""
         self._check(placings)
         return Scene(
-            tuple(
-                body._replace(position=placings[body.name][0], rotation=placings[body.name][1])
-                if body.name in placings
-                else body
-                for body in self.bodies
-            )
+            tuple(_at_rest(body, *placings[body.name]) if body.name in placings else body for body in self.bodies)
         )
 
     def without(self, names: Collection[str]) -> Scene:
@@ -108,3 +109,7 @@ class Scene:
         for name in names:
             if name not in self._by_name:
                 raise SimulationError(f"no body {name!r} in the scene; {suggest(name, self._by_name)}")
+
+
+def _at_rest(body: Body, position: Vector3, rotation: Quaternion) -> Body:
+    return body._replace(position=position, rotation=rotation, velocity=STILL, spin=STILL)

@@ -250,6 +250,15 @@ def test_physics_that_keeps_disagreeing_with_perception_gives_in() -> None:
     assert not world.belief.plausible("a")
 
 
+def test_what_was_pushed_aside_in_the_belief_returns_when_the_way_is_free() -> None:
+    world = World({"seen": cube_at(0.35, 0.0)})
+    world.run(2.0)
+    world.belief._bodies.put(world.belief._bodies.object("seen"), (0.343, 0.0, 0.02), (0.0, 0.0, 0.0, 1.0))
+    assert world.error("seen") > 0.005
+    world.run(0.2)
+    assert world.error("seen") < 0.001
+
+
 def test_an_object_off_the_table_falls_to_the_floor() -> None:
     world = World({"a": cube_at(0.4, 0.1)})
     world.run(1.0)

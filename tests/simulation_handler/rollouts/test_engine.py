@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from dsr import quaternions
 from simulation_handler.rollouts import engine as engine_module
 from simulation_handler.rollouts.engine import Engine, Outcome
 from simulation_handler.rollouts.scene import Body, Scene
@@ -91,6 +92,17 @@ def test_a_cube_in_the_air_falls_and_is_moving_meanwhile(engine: Engine):
     assert outcome.drift["a"] == pytest.approx(0.5 * 9.81 * 0.1**2, rel=0.05)
     assert outcome.speeds["a"][0] == pytest.approx(0.981, rel=0.05)
     assert not outcome.at_rest and outcome.contacts == [] and outcome.seconds == pytest.approx(0.1)
+
+
+def test_a_cube_goes_on_as_it_moved_and_turned(engine: Engine):
+    thrown = cube("a", 0.0, 0.0, 0.5)._replace(velocity=(0.5, 0.0, 1.0), spin=(0.0, 0.0, 2.0))
+    outcome = engine.run(scene_of(thrown), 0.1)
+    position, rotation = outcome.poses["a"]
+    assert position == pytest.approx((0.05, 0.0, 0.5 + 0.1 - 0.5 * 9.81 * 0.1**2), abs=3e-3)
+    assert quaternions.to_rotvec(rotation) == pytest.approx((0.0, 0.0, 0.2), abs=0.01)
+    still = scene_of(thrown).moved({"a": (thrown.position, thrown.rotation)})
+    assert still == scene_of(cube("a", 0.0, 0.0, 0.5))
+    assert engine.run(still, 0.1) == fresh(still, 0.1) and engine.run(scene_of(thrown), 0.1) == outcome
 
 
 def test_a_held_cube_stays_in_the_air_and_carries(engine: Engine):
