@@ -213,6 +213,7 @@ _NODE_TYPES = {
     "timeline": "where events and situations hang, see dsr.timeline",
     "event": "something that happened at an instant",
     "situation": "something that holds, or held, for a time",
+    "query": "a request for edges of spatial relations, see dsr.spatial",
 }
 
 _EDGE_TYPES = {
@@ -224,6 +225,14 @@ _EDGE_TYPES = {
     "in": "the source is inside the destination",
     "grasping": "the source holds the destination",
     "sees": "the source should see the destination",
+    "above": "over the destination, touching or not (this and what follows: see dsr.spatial)",
+    "below": "the destination is above the source",
+    "next_to": "beside the destination, with no room between them",
+    "close_to": "within twice the size of the destination",
+    "in_front_of": "nearer to the viewer than the destination",
+    "behind": "farther from the viewer than the destination",
+    "left_of": "on the left of the destination, as the viewer sees it",
+    "right_of": "on the right of the destination, as the viewer sees it",
 }
 
 
@@ -278,5 +287,7 @@ _ATTRIBUTES: dict[str, AttributeType] = dict([
                              "alternatives": "explanations that were rejected, with their scores",
                              "kind": "of an event or a situation", "participants": "names, comma-separated",
                              "text": "in a line, for people", "outcome": "how it ended",
+                             "relations": "wanted edge types, comma-separated", "things": "names, comma-separated",
+                             "others": "names, comma-separated", "viewpoint": "the frame from which it is so",
                              "note": "free text"}),
 ])  # fmt: skip

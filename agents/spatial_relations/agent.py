@@ -1,0 +1,173 @@
+"""The agent that keeps edges of spatial relations up to date, as its configuration and requests in the graph want."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import msgspec
+
+from agents.spatial_relations.wishes import Wish, make_wish, read_wish
+from dsr.agent import Access, Agent
+from dsr.errors import ConfigError, DsrError
+from dsr.relations import SURFACES, THINGS
+from dsr.spatial import EGOCENTRIC, QUERY, SOURCE, WRITTEN, Box, Fact, Hysteresis, Scene, View, read_scene, read_view
+
+Seen = tuple[Fact, str]
+"""A relation, and the viewpoint from which it is so; empty for none."""
+KEPT = "kept"
+"""Status of a request that is answered; else it says what is wrong."""
+_STILL = 5e-4, 2e-3  # m, rad: what moved by less is where it was
+
+
+class SpatialRelationsConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Which edges are kept without being requested, and how steadily."""
+
+    relations: list[str] = []
+    """Some of `dsr.spatial.WRITTEN`; none: requests only."""
+    things: list[str] = []
+    """Sources; all things if empty."""
+    others: list[str] = []
+    """Destinations; all things if empty."""
+    viewpoint: str = ""
+    """Camera or frame from which `in_front_of`, `behind`, `left_of` and `right_of` are seen."""
+    band: float = 0.01
+    """m by which a relation must be over until its edge is removed"""
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.band) and self.band >= 0.0):
+            raise ValueError(f"band {self.band}: expected 0 or more")
+
+
+class SpatialRelations(Agent):
+    """Writes edges above, below, next_to, close_to, in_front_of, behind, left_of, right_of while they are wanted.
+
+    An edge has `since`, `source` "geometry" and, if it depends on who looks, `viewpoint`. There is one edge of a type
+    between two things, so of requests for different viewpoints the first by name wins. After a restart it goes on from
+    the edges that it finds.
+    """
+
+    name = "spatial_relations"
+    rate_hz = 10.0
+    reads = Access(
+        nodes=(*THINGS, *SURFACES, QUERY),
+        edges=("RT", "Virtual_RT", *WRITTEN),
+        attributes=("size", "present", "relations", "things", "others", "viewpoint", "source", "status"),
+    )
+    writes = Access(
+        nodes=(QUERY,), edges=WRITTEN, attributes=("since", "source", "viewpoint", "status"), exclusive=WRITTEN
+    )
+    Config = SpatialRelationsConfig
+    config: SpatialRelationsConfig
+
+    def setup(self) -> None:
+        """Read the configuration, and what an earlier run left. Raises `ConfigError` for relations that are none."""
+        config = self.config
+        self._own: dict[str, Wish] = {}
+        if config.relations:
+            things, others = ",".join(config.things), ",".join(config.others)
+            self._own[""] = make_wish(",".join(config.relations), things, others, config.viewpoint)
+        self._hysteresis = Hysteresis[Seen](config.band, self._written())
+        self._boxes: dict[str, Box] = {}
+        self._margins: dict[Seen, float] = {}
+        self._views: dict[str, View] = {}
+
+    def tick(self, now: float) -> None:
+        """Bring the edges into step with the scene."""
+        wishes = dict(self._own)
+        problems: dict[str, str] = {}
+        for node in sorted(self.memory.nodes(QUERY), key=lambda node: node.name):
+            try:
+                wishes[node.name] = read_wish(node)
+            except ConfigError as error:
+                problems[node.name] = str(error)
+        moved = self._look() if wishes else set()
+        views = self._look_from(wishes, problems)
+        wanted = self._wanted(wishes, views, problems)
+        self._margins = self._measured(wanted, views, moved)
+        self._views = views
+        with self.memory.batch():
+            self._write(self._hysteresis.update(self._margins), now)
+            self._answer(problems)
+
+    def _look(self) -> set[str]:
+        """Take in where things are; returns the names of those that moved."""
+        boxes, moved = dict(read_scene(self.memory).boxes), set()
+        for name, box in boxes.items():
+            before = self._boxes.get(name)
+            if before is not None and before.size == box.size and _is_still(before, box):
+                boxes[name] = before
+            else:
+                moved.add(name)
+        self._boxes = boxes
+        return moved
+
+    def _look_from(self, wishes: Mapping[str, Wish], problems: dict[str, str]) -> dict[str, View]:
+        views: dict[str, View] = {}
+        for name, wish in wishes.items():
+            if not wish.viewpoint or EGOCENTRIC.keys().isdisjoint(wish.relations) or wish.viewpoint in views:
+                continue
+            try:
+                views[wish.viewpoint] = read_view(self.memory, wish.viewpoint)
+            except DsrError as error:
+                problems[name] = str(error)
+        return views
+
+    def _wanted(
+        self, wishes: Mapping[str, Wish], views: Mapping[str, View], problems: dict[str, str]
+    ) -> dict[Fact, str]:
+        """The relations to look at, each with the viewpoint of the first who wants it."""
+        wanted: dict[Fact, str] = {}
+        for name, wish in wishes.items():
+            for relation in wish.relations:
+                viewpoint = wish.viewpoint if relation in EGOCENTRIC else ""
+                if viewpoint and viewpoint not in views:
+                    continue
+                for source in self._boxes if wish.things is None else wish.things & self._boxes.keys():
+                    for destination in self._boxes if wish.others is None else wish.others & self._boxes.keys():
+                        fact = Fact(relation, source, destination)
+                        if source != destination and wanted.setdefault(fact, viewpoint) != viewpoint:
+                            problems[name] = f"{relation} is wanted as seen from {wanted[fact]} already"
+        return wanted
+
+    def _measured(self, wanted: Mapping[Fact, str], views: Mapping[str, View], moved: set[str]) -> dict[Seen, float]:
+        """Margins; those between things that did not move are taken over."""
+        turned = {name for name, view in views.items() if self._views.get(name) != view}
+        scene, margins = Scene(self._boxes), {}
+        for fact, viewpoint in wanted.items():
+            known = self._margins.get((fact, viewpoint))
+            if known is None or viewpoint in turned or fact.source in moved or fact.destination in moved:
+                known = scene.margin(fact, views.get(viewpoint))
+            margins[fact, viewpoint] = known
+        return margins
+
+    def _write(self, holding: frozenset[Seen], now: float) -> None:
+        written = self._written()
+        for fact, _ in sorted(written - holding):
+            self.memory.remove_edge(fact.source, fact.destination, fact.relation)
+        for fact, viewpoint in sorted(holding - written):
+            seen = {"viewpoint": viewpoint} if viewpoint else {}
+            self.memory.add_edge(
+                fact.source, fact.destination, fact.relation, since=now, source=SOURCE, **seen
+            )  # fmt: skip
+
+    def _written(self) -> frozenset[Seen]:
+        """The edges that are there."""
+        return frozenset(
+            (Fact(kind, edge.src, edge.dst), str(edge.get("viewpoint", "")))
+            for kind in WRITTEN
+            for edge in self.memory.edges(kind)
+        )
+
+    def _answer(self, problems: Mapping[str, str]) -> None:
+        """Say of each request how it goes."""
+        for node in self.memory.nodes(QUERY):
+            status = problems.get(node.name, KEPT)
+            if node.get("status") != status:
+                self.memory.update_node(node.name, status=status)
+        self.degraded = problems.get("", "")
+
+
+def _is_still(before: Box, now: Box) -> bool:
+    distance, angle = before.pose.distance(now.pose)
+    return distance < _STILL[0] and angle < _STILL[1]

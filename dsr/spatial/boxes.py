@@ -1,0 +1,151 @@
+"""Oriented bounding boxes: their extents, their footprints on the ground, and how these overlap; pure, z is up."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from dsr.quaternions import Rows3, Vector3, to_matrix
+from dsr.transforms import Pose
+
+Point2 = tuple[float, float]
+_SAME = 1e-9  # m, corners of a footprint closer than that are one
+
+
+@dataclass(frozen=True)
+class Box:
+    """A box somewhere in the world."""
+
+    pose: Pose
+    """world_from_box, the frame at its centre."""
+    size: Vector3
+    """Edge lengths along its axes, m."""
+
+    @cached_property
+    def _axes(self) -> Rows3:
+        """The matrix world_from_box; column k is axis k."""
+        return to_matrix(self.pose.q)
+
+    def extent(self, direction: Vector3) -> tuple[float, float]:
+        """Least and greatest coordinate (m) along a unit vector in the world."""
+        middle = sum(a * b for a, b in zip(direction, self.pose.t, strict=True))
+        rows = self._axes
+        half = 0.5 * sum(
+            edge * abs(sum(direction[i] * rows[i][k] for i in range(3))) for k, edge in enumerate(self.size)
+        )
+        return middle - half, middle + half
+
+    @cached_property
+    def height(self) -> tuple[float, float]:
+        """Height (z) of its lowest and its highest point, m."""
+        return self.extent((0.0, 0.0, 1.0))
+
+    @property
+    def bottom(self) -> float:
+        """Height (z) of its lowest point, m."""
+        return self.height[0]
+
+    @property
+    def top(self) -> float:
+        """Height (z) of its highest point, m."""
+        return self.height[1]
+
+    @cached_property
+    def diagonal(self) -> float:
+        """Length, m."""
+        return math.hypot(*self.size)
+
+    @cached_property
+    def footprint(self) -> tuple[Point2, ...]:
+        """Corners of its vertical projection onto the ground (m), a convex polygon, counter-clockwise."""
+        (x, y, _), rows = self.pose.t, self._axes
+        corners = []
+        for signs in range(8):
+            half = [0.5 * edge * (1.0 if signs >> k & 1 else -1.0) for k, edge in enumerate(self.size)]
+            corners.append(
+                (x + sum(a * h for a, h in zip(rows[0], half, strict=True)),
+                 y + sum(a * h for a, h in zip(rows[1], half, strict=True)))
+            )  # fmt: skip
+        return _hull(corners)
+
+    @cached_property
+    def width(self) -> float:
+        """The greatest distance between two corners of its footprint, m."""
+        return max(math.dist(a, b) for a in self.footprint for b in self.footprint)
+
+
+def overlap(a: Box, b: Box) -> float:
+    """How far the footprints reach into each other (m): how far one must be moved until they only touch.
+
+    Negative if they are apart (then no more than the distance). By the separating axis theorem.
+    """
+    (ax, ay, _), (bx, by, _) = a.pose.t, b.pose.t
+    apart = math.hypot(ax - bx, ay - by) - 0.5 * (a.diagonal + b.diagonal)
+    if apart > 0.0:
+        return -apart
+    depths = []
+    for polygon in (a.footprint, b.footprint):
+        for nx, ny in _normals(polygon):
+            along_a = [nx * x + ny * y for x, y in a.footprint]
+            along_b = [nx * x + ny * y for x, y in b.footprint]
+            depths.append(min(max(along_a) - min(along_b), max(along_b) - min(along_a)))
+    return min(depths)
+
+
+def inclusion(a: Box, b: Box) -> float:
+    """How far the footprint of `a` stays within that of `b` (m); negative: how far it sticks out."""
+    edges = zip(b.footprint, _normals(b.footprint), strict=True)
+    return min(nx * (cx - x) + ny * (cy - y) for (cx, cy), (nx, ny) in edges for x, y in a.footprint)
+
+
+def gap(a: Box, b: Box) -> float:
+    """Distance between the footprints, m; negative, as deep as they overlap, if they do."""
+    depth = overlap(a, b)
+    if depth >= 0.0:
+        return -depth
+    p, q = a.footprint, b.footprint
+    return min(*(_distance(point, q) for point in p), *(_distance(point, p) for point in q))
+
+
+def _hull(points: Sequence[Point2]) -> tuple[Point2, ...]:
+    """Convex hull, counter-clockwise (monotone chain, Andrew 1979)."""
+    ordered = sorted(set(points))
+
+    def chain(sequence: Sequence[Point2]) -> list[Point2]:
+        hull: list[Point2] = []
+        for point in sequence:
+            while len(hull) >= 2 and _turn(hull[-2], hull[-1], point) <= _SAME * math.dist(hull[-2], point):
+                hull.pop()
+            hull.append(point)
+        return hull[:-1]
+
+    return tuple(chain(ordered) + chain(ordered[::-1]))
+
+
+def _turn(a: Point2, b: Point2, c: Point2) -> float:
+    """Twice the area of the triangle, positive if it turns left."""
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+
+
+def _normals(polygon: Sequence[Point2]) -> list[Point2]:
+    """Unit normals of its edges, outward; the first belongs to the edge from the first corner to the second."""
+    found = []
+    for (ax, ay), (bx, by) in zip(polygon, (*polygon[1:], polygon[0]), strict=True):
+        length = math.hypot(bx - ax, by - ay) or 1.0
+        found.append(((by - ay) / length, (ax - bx) / length))
+    return found
+
+
+def _distance(point: Point2, polygon: Sequence[Point2]) -> float:
+    """From a point outside a polygon to it."""
+    return min(_to_segment(point, a, b) for a, b in zip(polygon, (*polygon[1:], polygon[0]), strict=True))
+
+
+def _to_segment(point: Point2, a: Point2, b: Point2) -> float:
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    squared = dx * dx + dy * dy
+    share = ((point[0] - a[0]) * dx + (point[1] - a[1]) * dy) / squared if squared else 0.0
+    share = min(1.0, max(0.0, share))
+    return math.hypot(point[0] - a[0] - share * dx, point[1] - a[1] - share * dy)

@@ -1,0 +1,55 @@
+"""Requests for spatial relations as edges: nodes of type `query`, which agents/spatial_relations answers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import count
+
+from dsr.intentions import MIND
+from dsr.memory import Memory
+from dsr.spatial.definitions import SPATIAL
+from dsr.spatial.scene import checked_relations
+from dsr.timeline.entries import joined_names
+
+QUERY = "query"
+"""Node type of a request."""
+WRITTEN = tuple(name for name in SPATIAL if name not in ("on_top", "in"))
+"""Relations that can be had as edges. `on` and `in` are edges already: from contact, by the simulation handler."""
+SOURCE = "geometry"
+"""Attribute `source` of these edges."""
+
+
+def request_relations(
+    memory: Memory,
+    relations: str | Iterable[str],
+    things: str | Iterable[str] = (),
+    others: str | Iterable[str] = (),
+    *,
+    viewpoint: str = "",
+) -> str:
+    """Ask for edges of these types from `things` to `others`, kept up to date until the request is removed.
+
+    Args:
+        memory: where to.
+        relations: some of `WRITTEN`.
+        things: names of the sources; all things if none.
+        others: names of the destinations; all things if none.
+        viewpoint: camera or frame from which `in_front_of`, `behind`, `left_of` and `right_of` are seen.
+
+    Returns:
+        The name of the request, a node below `mind`; its `status` says how it goes. `memory.remove_node` ends it.
+
+    Raises:
+        ConfigError: for relations that are unknown, or none.
+    """
+    names = checked_relations(joined_names(relations).split(","), WRITTEN)
+    name = next(name for number in count() if (name := f"{QUERY}_{memory.rid}_{number}") not in memory)
+    with memory.batch():
+        if MIND not in memory:
+            memory.add_node(MIND, "mind")
+        memory.add_node(
+            name, QUERY, relations=",".join(names), things=joined_names(things), others=joined_names(others),
+            viewpoint=viewpoint,
+        )  # fmt: skip
+        memory.add_edge(MIND, name, "has")
+    return name

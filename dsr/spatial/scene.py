@@ -1,0 +1,112 @@
+"""The scene as boxes, read off a working memory, and the relations that hold in it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from dsr.elements import Node
+from dsr.errors import ConfigError, TransformError, suggest
+from dsr.memory import Memory
+from dsr.relations import SURFACES, THINGS
+from dsr.spatial.boxes import Box
+from dsr.spatial.definitions import EGOCENTRIC, SPATIAL, View, margin
+from dsr.transforms import Pose
+
+WORLD = "world"
+_BELIEVED = ("Virtual_RT", "RT")
+
+
+class Fact(NamedTuple):
+    """A relation between two things."""
+
+    relation: str
+    """One of `SPATIAL`."""
+    source: str
+    """Name of what is above, left, ..."""
+    destination: str
+    """... of this."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Where things are believed to be."""
+
+    boxes: Mapping[str, Box] = field(default_factory=dict)
+    """By name."""
+
+    def margins(
+        self,
+        relations: Iterable[str] = SPATIAL,
+        sources: Collection[str] | None = None,
+        destinations: Collection[str] | None = None,
+        view: View | None = None,
+    ) -> dict[Fact, float]:
+        """How far (m) each of these relations holds between any two of these things, or of all.
+
+        Relations that depend on who looks are left out without a `view`.
+        """
+        wanted = [name for name in relations if view is not None or name not in EGOCENTRIC]
+        return {
+            (fact := Fact(relation, source, destination)): self.margin(fact, view)
+            for source in self._among(sources)
+            for destination in self._among(destinations)
+            if source != destination
+            for relation in wanted
+        }
+
+    def margin(self, fact: Fact, view: View | None = None) -> float:
+        """How far (m) it holds; negative if it does not. See `dsr.spatial.margin`."""
+        return margin(fact.relation, self.boxes[fact.source], self.boxes[fact.destination], view)
+
+    def _among(self, names: Collection[str] | None) -> Iterator[str]:
+        return (name for name in self.boxes if names is None or name in names)
+
+
+def read_scene(memory: Memory) -> Scene:
+    """All things and surfaces in `memory` whose `size` is known and that are believed to be somewhere."""
+    boxes = {}
+    for kind in (*THINGS, *SURFACES):
+        for node in memory.nodes(kind):
+            box = None if node.get("present") is False else _box(memory, node)
+            if box is not None:
+                boxes[node.name] = box
+    return Scene(dict(sorted(boxes.items())))
+
+
+def read_view(memory: Memory, name: str) -> View:
+    """The view of a camera (its optical frame) or of any other frame (x forward, y left, z up).
+
+    Raises:
+        NodeNotFoundError: for an unknown name.
+        ConfigError: if nobody knows where it is.
+    """
+    optical = memory.node(name).type == "camera"
+    try:
+        pose = memory.transform(WORLD, name, types=_BELIEVED) if name != WORLD else Pose()
+    except TransformError as error:
+        raise ConfigError(f"viewpoint {name!r}: {error}") from error
+    return View.of(pose, optical=optical)
+
+
+def checked_relations(names: Iterable[str], known: Collection[str] = SPATIAL) -> tuple[str, ...]:
+    """The names, each once. Raises `ConfigError` for one that is not known."""
+    chosen = tuple(dict.fromkeys(names))
+    for name in chosen:
+        if name not in known:
+            raise ConfigError(f"no spatial relation {name!r}; {suggest(name, known)}")
+    return chosen
+
+
+def _box(memory: Memory, node: Node) -> Box | None:
+    size = node.get("size")
+    if not isinstance(size, tuple) or len(size) != 3 or min(size) <= 0.0:
+        return None
+    try:
+        pose = memory.transform(WORLD, node.name, types=_BELIEVED)
+    except TransformError:
+        return None
+    if node.type in SURFACES:  # their frame is at the centre of the top
+        pose = pose @ Pose((0.0, 0.0, -0.5 * size[2]))
+    return Box(pose, (size[0], size[1], size[2]))
