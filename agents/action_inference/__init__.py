@@ -1,0 +1,8 @@
+"""Infers who has picked up, put down or let go of what: docs/actions.md.
+
+In the order of the data: `reading` (graph to `observation`), one of the policies `published` and `attributed`, `agent`.
+"""
+
+from agents.action_inference.agent import ActionInference
+
+__all__ = ["ActionInference"]

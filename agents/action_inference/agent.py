@@ -1,0 +1,76 @@
+"""Writes what hands and grippers do to things, as events of the timeline."""
+
+from __future__ import annotations
+
+from agents.action_inference.attributed import AttributedPolicy
+from agents.action_inference.config import ActionInferenceConfig
+from agents.action_inference.policy import Inference, Policy
+from agents.action_inference.published import PublishedPolicy
+from agents.action_inference.reading import HOLDERS, Reading
+from dsr.agent import Access, Agent
+from dsr.observed_actions import KINDS, Action
+from dsr.relations import SURFACES, THINGS
+from dsr.timeline import WRITTEN_ATTRIBUTES, WRITTEN_EDGES, WRITTEN_NODES, Chronicle, Entry
+
+
+class ActionInference(Agent):
+    """Reads how things are perceived and believed and what grasps them; writes events `Pick`, `Place` and `Release`.
+
+    Their participants are the thing and the hand or gripper that did it, or `unknown`; `confidence` is 0 to 1, `time`
+    when it happened. After a restart it goes on from the events that it finds.
+    """
+
+    name = "action_inference"
+    rate_hz = 20.0
+    reads = Access(
+        nodes=(*THINGS, *SURFACES, *HOLDERS, "finger", "camera", "world", *WRITTEN_NODES),
+        edges=("RT", "Virtual_RT", "on", "in", "grasping", "has"),
+        attributes=("size", "perceived", "plausible", "present", "since", *WRITTEN_ATTRIBUTES),
+    )
+    writes = Access(nodes=WRITTEN_NODES, edges=WRITTEN_EDGES, attributes=WRITTEN_ATTRIBUTES)
+    Config = ActionInferenceConfig
+    config: ActionInferenceConfig
+
+    def setup(self) -> None:
+        """Choose the policy."""
+        self._policy: Policy = (
+            PublishedPolicy(self.config.published)
+            if self.config.policy == "published"
+            else AttributedPolicy(self.config)
+        )  # fmt: skip
+        self._reading = Reading(self.memory)
+        self._chronicle = Chronicle(self.memory, self.name)
+        self._has_recalled = False
+
+    def tick(self, now: float) -> None:
+        """Look, and write what has become known."""
+        if not self._has_recalled:
+            self._recall()
+        for inference in self._policy.update(self._reading.snapshot(now)):
+            self._write(inference)
+
+    def _recall(self) -> None:
+        """Take over what an earlier run has inferred."""
+        self._has_recalled = True
+        newest: dict[str, Action] = {}
+        for entry in self._chronicle.query(kind=KINDS):
+            action = _action(entry)
+            if action is not None and action.time >= newest.get(action.thing, action).time:
+                newest[action.thing] = action
+        for action in newest.values():
+            self._policy.recall(action)
+
+    def _write(self, inference: Inference) -> None:
+        action = inference.action
+        text = f"{action}: {inference.why}"
+        self.log.info("%s, at %.2f s (confidence %.2f)", text, action.time, inference.confidence)
+        self._chronicle.happened(
+            action.kind, (action.thing, action.by), action.time, text=text, confidence=inference.confidence
+        )
+
+
+def _action(entry: Entry) -> Action | None:
+    if not entry.participants:
+        return None
+    thing, *others = entry.participants
+    return Action(entry.begin, entry.kind, thing, *others[:1])

@@ -1,0 +1,252 @@
+"""The default policy: actions by what is seen and felt to move, with who did it and when.
+
+A thing is picked when it rises above where it lay, by its percepts or, while something holds it, by its belief; not
+when what it is in or on rises with it. It is held until whoever holds it lets go: it is placed then if it rests where
+it was let go, released if it has come down. A thing that is merely not seen has not been released.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from agents.action_inference.attribution import Attribution
+from agents.action_inference.config import ActionInferenceConfig
+from agents.action_inference.heights import Height, Heights
+from agents.action_inference.observation import Snapshot, Thing
+from agents.action_inference.policy import Inference
+from dsr.observed_actions import PICK, PLACE, RELEASE, UNKNOWN, Action
+
+_SURE, _LIKELY, _GUESSED = 0.95, 0.85, 0.7
+"""Confidences: something holds it; a hand is near, or it is seen to rest; nothing but its motion tells."""
+_FRESH = 0.3  # s up to which a percept is of a thing as it is now
+_GONE = 0.7  # s without a percept after which a thing may be anywhere when it is seen again
+_FALLING = -0.7  # m/s, faster than anybody puts things down
+_REMEMBERED = 1.0  # s for which what was beneath a thing may still carry it
+_UNPLAUSIBLE_DROP = 0.03  # m that the belief must be below where a thing was last seen, for it to have fallen
+
+
+@dataclass
+class _Track:
+    """What is known of one thing."""
+
+    seen: Heights
+    believed: Heights
+    held: bool = False
+    by: str = UNKNOWN
+    last_grasp: float | None = None
+    """s, when something was last known to hold it since it was picked."""
+    let_go: Height | None = None
+    """Where it was believed to be then."""
+    beneath: tuple[float, frozenset[str]] = (0.0, frozenset())
+    """When (s) what was last beneath or around it."""
+    resting_since: float | None = None
+    """s, since when it rests on something untouched."""
+    returned: bool = False
+    """It was seen again, after a while, and not yet where it lay."""
+    recalled: bool = False
+
+
+class AttributedPolicy:
+    """See the module.
+
+    Args:
+        config: tolerances.
+    """
+
+    name = "attributed"
+
+    def __init__(self, config: ActionInferenceConfig | None = None) -> None:
+        self._config = config or ActionInferenceConfig()
+        self._attribution = Attribution(self._config.reach)
+        self._tracks: dict[str, _Track] = {}
+
+    def update(self, snapshot: Snapshot) -> list[Inference]:
+        """What has become known."""
+        self._attribution.update(snapshot)
+        self._tracks = {name: track for name, track in self._tracks.items() if name in snapshot.things}
+        for thing in snapshot.things.values():
+            self._note(thing, snapshot.now)
+        inferences = []
+        for name in self._from_below(snapshot):
+            thing, track = snapshot.things[name], self._track(name)
+            found = (
+                self._end_of_hold(thing, track, snapshot) if track.held else self._begin_of_hold(thing, track, snapshot)
+            )
+            if found is not None:
+                inferences.append(found)
+        return inferences
+
+    def recall(self, action: Action) -> None:
+        """A thing that was picked and not put down is still held."""
+        track = self._track(action.thing)
+        track.held, track.by, track.recalled = action.kind == PICK, action.by, True
+
+    def _track(self, name: str) -> _Track:
+        if name not in self._tracks:
+            config = self._config
+            seen = Heights(config.lifted, config.lifted_frames, config.steady)
+            self._tracks[name] = _Track(seen, Heights(config.lifted, config.lifted_frames, config.steady))
+        return self._tracks[name]
+
+    def _note(self, thing: Thing, now: float) -> None:
+        """Take in where it is, and what carries it."""
+        track = self._track(thing.name)
+        if thing.seen is not None:
+            last = track.seen.last
+            if last is not None and thing.seen.stamp > last.time + _GONE:
+                track.returned = True
+            track.seen.add(Height(thing.seen.stamp, thing.bottom(thing.seen), thing.seen.t))
+        if thing.believed is not None:
+            track.believed.add(Height(now, thing.bottom(thing.believed), thing.believed.t))
+        beneath = thing.on | thing.inside
+        if beneath and not (thing.grasps and track.held):
+            track.beneath = (now, beneath)
+        if thing.grasps:
+            last_believed = track.believed.last
+            track.last_grasp, track.let_go = now, last_believed
+
+    def _from_below(self, snapshot: Snapshot) -> list[str]:
+        """All names, what carries others first."""
+
+        def height(name: str) -> tuple[float, str]:
+            last = self._track(name).believed.last or self._track(name).seen.last
+            return (last.bottom if last else 0.0, name)
+
+        return sorted(snapshot.things, key=height)
+
+    def _begin_of_hold(self, thing: Thing, track: _Track, snapshot: Snapshot) -> Inference | None:
+        """`Pick`, if it has been lifted."""
+        if self._is_carried(thing, snapshot):
+            track.seen.forget()
+            track.believed.forget()
+            return None
+        if thing.grasps and track.believed.lies and track.believed.is_lifted:
+            return self._pick(thing, track, track.believed, snapshot)
+        if self._is_seen_now(thing, snapshot.now) and track.seen.lies and track.seen.is_lifted:
+            if not track.returned or not thing.plausible:
+                return self._pick(thing, track, track.seen, snapshot)
+            track.seen.forget()
+        self._lie(thing, track)
+        return None
+
+    def _lie(self, thing: Thing, track: _Track) -> None:
+        """It is not held: note where it lies."""
+        if track.seen.last is not None and (track.seen.lies or (thing.plausible and not thing.grasps)):
+            track.seen.lie()
+            track.returned = track.returned and track.seen.is_rising
+        if track.believed.last is not None and not thing.grasps and thing.plausible:
+            track.believed.lie()
+
+    def _is_carried(self, thing: Thing, snapshot: Snapshot) -> bool:
+        """Whether what it is in or on is held or rises, itself or by what that is in or on."""
+        checked: set[str] = set()
+        waiting = [thing.name]
+        while waiting:
+            when, beneath = self._track(waiting.pop()).beneath
+            if snapshot.now - when > _REMEMBERED:
+                continue
+            for name in sorted(beneath - checked):
+                checked.add(name)
+                if name in snapshot.things:
+                    track = self._track(name)
+                    is_seen = self._is_seen_now(snapshot.things[name], snapshot.now)
+                    if track.held or (is_seen and track.seen.is_rising) or track.believed.is_rising:
+                        return True
+                    waiting.append(name)
+        return False
+
+    def _pick(self, thing: Thing, track: _Track, heights: Heights, snapshot: Snapshot) -> Inference:
+        time = min(heights.departed(), snapshot.now)
+        pose = thing.seen if heights is track.seen and thing.seen is not None else thing.believed
+        by, confidence, why = UNKNOWN, _GUESSED, "it is lifted"
+        if thing.grasps:
+            by, confidence, why = thing.grasps[-1].holder, _SURE, f"{thing.grasps[-1].holder} grasps and lifts it"
+        elif pose is not None:
+            by = self._attribution.nearest(thing, pose, snapshot.now)
+            if by != UNKNOWN:
+                confidence, why = _LIKELY, f"it is lifted, and {by} is near"
+        elif not thing.plausible:
+            confidence = _LIKELY
+        track.held, track.by, track.resting_since, track.returned = True, by, None, False
+        track.last_grasp = snapshot.now if thing.grasps else None
+        return Inference(Action(time, PICK, thing.name, by), confidence, why)
+
+    def _end_of_hold(self, thing: Thing, track: _Track, snapshot: Snapshot) -> Inference | None:
+        """`Place` or `Release`, if it has been let go."""
+        if thing.grasps:
+            track.by, track.resting_since = thing.grasps[-1].holder, None
+            return None
+        if track.last_grasp is not None and track.let_go is not None:
+            return self._after_grasp(thing, track, snapshot, track.last_grasp, track.let_go)
+        return self._by_motion(thing, track, snapshot)
+
+    def _after_grasp(
+        self, thing: Thing, track: _Track, snapshot: Snapshot, let_go_at: float, let_go: Height
+    ) -> Inference | None:
+        """Something held it, and does no longer."""
+        now, config = snapshot.now, self._config
+        believed = track.believed.last
+        seen = track.seen.last if self._is_seen_now(thing, now) and track.seen.last is not None else None
+        current = seen if seen is not None and seen.time > let_go_at else believed
+        if current is None:
+            return None
+        if let_go.bottom - current.bottom > config.fallen:
+            return self._let_go(thing, track, RELEASE, let_go_at, _SURE, f"{track.by} let go of it, and it came down")
+        if self._rests(thing, track, snapshot) and thing.plausible:
+            time = min(track.believed.settled() if track.believed.last is not None else let_go_at, let_go_at)
+            return self._let_go(thing, track, PLACE, time, _SURE, f"{track.by} let go of it where it rests")
+        if now - let_go_at > _GONE and seen is not None and seen.time > let_go_at + _GONE:
+            track.last_grasp = None  # the grasp was lost sight of, not ended: motion tells from here
+        return None
+
+    def _by_motion(self, thing: Thing, track: _Track, snapshot: Snapshot) -> Inference | None:
+        """Nothing is known to hold it but that it was lifted."""
+        now, last, believed = snapshot.now, track.seen.last, track.believed.last
+        if last is None:
+            return None
+        near = _GUESSED if track.by == UNKNOWN else _LIKELY
+        if self._is_seen_now(thing, now):
+            if track.seen.speed() < _FALLING:
+                return self._let_go(thing, track, RELEASE, self._last_high(track), near, "it falls")
+            if track.seen.is_steady() and thing.plausible and self._rests(thing, track, snapshot):
+                return self._let_go(thing, track, PLACE, track.seen.settled(), _LIKELY, "it rests again")
+            return None
+        dropped = believed is not None and thing.plausible and last.bottom - believed.bottom > _UNPLAUSIBLE_DROP
+        if dropped and not self._is_hidden_with_holder(track, snapshot):
+            return self._let_go(thing, track, RELEASE, self._last_high(track), near, "it is gone from where it was")
+        return None
+
+    def _last_high(self, track: _Track) -> float:
+        """When it was last seen before it came down, s; half a frame later is as likely as any moment."""
+        last = track.seen.last
+        assert last is not None
+        if track.seen.speed() < _FALLING:
+            before = track.seen.before(last.time - 1e-6)
+            return last.time if before is None else before.time
+        return last.time
+
+    def _is_hidden_with_holder(self, track: _Track, snapshot: Snapshot) -> bool:
+        """Whether the hand that had it is out of sight too."""
+        holder = snapshot.holders.get(track.by)
+        return track.by != UNKNOWN and (holder is None or not holder.perceived)
+
+    def _rests(self, thing: Thing, track: _Track, snapshot: Snapshot) -> bool:
+        """Whether it has been on or in something, or on the floor, for long enough."""
+        on_floor = thing.believed is not None and thing.bottom(thing.believed) < snapshot.floor_below
+        if not (thing.on or thing.inside or (on_floor and track.believed.is_steady())):
+            track.resting_since = None
+            return False
+        if track.resting_since is None:
+            track.resting_since = snapshot.now
+        return snapshot.now - track.resting_since >= self._config.settle - 1e-6
+
+    def _is_seen_now(self, thing: Thing, now: float) -> bool:
+        return thing.perceived and thing.seen is not None and now - thing.seen.stamp <= _FRESH
+
+    def _let_go(self, thing: Thing, track: _Track, kind: str, time: float, confidence: float, why: str) -> Inference:
+        action = Action(time, kind, thing.name, track.by)
+        track.held, track.by, track.last_grasp, track.let_go, track.resting_since = False, UNKNOWN, None, None, None
+        track.returned = False
+        track.seen.forget()
+        track.believed.forget()
+        return Inference(action, confidence, why)

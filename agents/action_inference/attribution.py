@@ -1,0 +1,38 @@
+"""Who may have done something to a thing: the hand or gripper that grasps it, or else the nearest hand."""
+
+from __future__ import annotations
+
+from agents.action_inference.observation import Holder, Snapshot, Thing
+from dsr.observed_actions import UNKNOWN
+from dsr.transforms import Pose
+
+REMEMBERED = 1.0
+"""s for which it is known where a hand was"""
+
+
+class Attribution:
+    """Remembers where hands were.
+
+    Args:
+        reach: m between a hand and the surface of a thing up to which it may hold it.
+    """
+
+    def __init__(self, reach: float) -> None:
+        self._reach = reach
+        self._seen: list[tuple[float, dict[str, Holder]]] = []
+
+    def update(self, snapshot: Snapshot) -> None:
+        """Take note of where hands and grippers are."""
+        perceived = {name: holder for name, holder in snapshot.holders.items() if holder.perceived}
+        self._seen = [entry for entry in self._seen if entry[0] >= snapshot.now - REMEMBERED] + [
+            (snapshot.now, perceived)
+        ]
+
+    def nearest(self, thing: Thing, pose: Pose, time: float) -> str:
+        """Who was nearest to the thing at `pose` around `time` (s), within reach; `UNKNOWN` if nobody was."""
+        _, holders = min(self._seen, key=lambda entry: abs(entry[0] - time), default=(0.0, {}))
+        distances = {
+            name: min(thing.distance(point, pose) for point in holder.points) for name, holder in holders.items()
+        }
+        near = {name: distance for name, distance in distances.items() if distance <= self._reach}
+        return min(near, key=lambda name: (near[name], name), default=UNKNOWN)

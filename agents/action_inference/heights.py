@@ -1,0 +1,140 @@
+"""How high a thing is over time, compared with where it lay: whether and since when it is lifted, lies or falls."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple
+
+from dsr.quaternions import Vector3
+
+_KEPT = 40  # samples
+_ADAPT = 0.1  # share by which where it lies follows a sample
+_LOW = 0.4  # of the threshold, up to which it may still lie
+
+
+class Height(NamedTuple):
+    """Where a thing was at one moment."""
+
+    time: float
+    """s"""
+    bottom: float
+    """World z of its lowest point, m."""
+    position: Vector3
+    """Of its centre, m."""
+
+
+class Heights:
+    """Samples of one thing from one source: its percepts, or its belief.
+
+    Args:
+        lifted: m above where it lay, from which it is lifted.
+        frames: samples in a row that must say so.
+        steady: m within which it lies still.
+    """
+
+    def __init__(self, lifted: float, frames: int, steady: float) -> None:
+        self._lifted = lifted
+        self._frames = frames
+        self._steady = steady
+        self._samples: deque[Height] = deque(maxlen=_KEPT)
+        self._rest: Height | None = None
+
+    @property
+    def last(self) -> Height | None:
+        """The newest sample."""
+        return self._samples[-1] if self._samples else None
+
+    @property
+    def lies(self) -> bool:
+        """Whether it is known where it lay."""
+        return self._rest is not None
+
+    def add(self, sample: Height) -> None:
+        """Take in a sample; one that is not newer than the last is ignored."""
+        if not self._samples or sample.time > self._samples[-1].time:
+            self._samples.append(sample)
+
+    def lie(self) -> None:
+        """It is not held: where it stays still is where it lies, but for a lift that shows."""
+        if self._rest is None or self.is_lowered:
+            self._rest = self._samples[-1] if self.is_steady() else self._rest
+        elif not self.is_rising:
+            rest, last = self._rest, self._samples[-1]
+            bottom = rest.bottom + _ADAPT * (last.bottom - rest.bottom)
+            z = rest.position[2] + _ADAPT * (last.position[2] - rest.position[2])
+            self._rest = Height(last.time, bottom, (*last.position[:2], z))
+
+    def forget(self) -> None:
+        """It lies somewhere else from now on."""
+        self._rest = None
+
+    def rise(self, sample: Height) -> float:
+        """How much higher it is than it lay, m; 0 if unknown. Bottom and centre must agree: it may be tipped over."""
+        if self._rest is None:
+            return 0.0
+        return min(sample.bottom - self._rest.bottom, sample.position[2] - self._rest.position[2])
+
+    @property
+    def is_rising(self) -> bool:
+        """Whether the newest sample is higher than noise would have it."""
+        return bool(self._samples) and self.rise(self._samples[-1]) > _LOW * self._lifted
+
+    @property
+    def is_lowered(self) -> bool:
+        """Whether it is now lower than where it lay."""
+        newest = list(self._samples)[-self._frames :]
+        return len(newest) == self._frames and all(self.rise(sample) < -self._lifted for sample in newest)
+
+    @property
+    def is_lifted(self) -> bool:
+        """Whether enough samples in a row show that it is above where it lay."""
+        newest = list(self._samples)[-self._frames :]
+        return len(newest) == self._frames and all(self.rise(sample) > self._lifted for sample in newest)
+
+    def is_steady(self, count: int = 3) -> bool:
+        """Whether the last samples are at one place."""
+        newest = list(self._samples)[-count:]
+        return len(newest) == count and self._are_together(newest)
+
+    def departed(self) -> float:
+        """When it left where it lay, s: by its speed when it was first seen above, after it was last seen there."""
+        samples = list(self._samples)
+        low = next((k for k in reversed(range(len(samples))) if self.rise(samples[k]) <= _LOW * self._lifted), -1)
+        above = samples[low + 1 :]
+        if not above:
+            return samples[-1].time
+        first = above[0]
+        earliest = samples[low].time if low >= 0 else first.time
+        when = 0.5 * (earliest + first.time)
+        if len(above) > 1 and self.rise(above[1]) > self.rise(first):
+            speed = (self.rise(above[1]) - self.rise(first)) / (above[1].time - first.time)
+            when = first.time - self.rise(first) / speed
+        return min(max(when, earliest), first.time)
+
+    def settled(self) -> float:
+        """When it came to where it is now, s: the first sample of those that stayed there."""
+        samples = list(self._samples)
+        arrived = samples[-1]
+        for sample in reversed(samples):
+            if not self._are_together([sample, samples[-1]]):
+                break
+            arrived = sample
+        return arrived.time
+
+    def speed(self) -> float:
+        """How fast its bottom moves upwards between the last two samples, m/s."""
+        if len(self._samples) < 2:
+            return 0.0
+        before, last = self._samples[-2], self._samples[-1]
+        return (last.bottom - before.bottom) / (last.time - before.time)
+
+    def before(self, time: float) -> Height | None:
+        """The last sample until `time` (s)."""
+        return next((sample for sample in reversed(self._samples) if sample.time <= time), None)
+
+    def _are_together(self, samples: list[Height]) -> bool:
+        spans = (
+            max(sample.position[k] for sample in samples) - min(sample.position[k] for sample in samples)
+            for k in range(3)
+        )
+        return max(spans) <= self._steady

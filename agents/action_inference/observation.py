@@ -1,0 +1,76 @@
+"""What the graph says at one moment, as far as actions can be told by it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from dsr import quaternions
+from dsr.quaternions import Vector3
+from dsr.transforms import Pose
+
+
+class Grasp(NamedTuple):
+    """An edge `grasping`."""
+
+    holder: str
+    """Node of a hand or gripper."""
+    since: float
+    """s"""
+
+
+@dataclass(frozen=True)
+class Thing:
+    """An object."""
+
+    name: str
+    size: Vector3 = (0.0, 0.0, 0.0)
+    """Edge lengths of its bounding box, m."""
+    perceived: bool = False
+    plausible: bool = True
+    seen: Pose | None = None
+    """world_from_object of the newest percept, with its stamp."""
+    believed: Pose | None = None
+    """world_from_object"""
+    on: frozenset[str] = frozenset()
+    """What it rests on."""
+    inside: frozenset[str] = frozenset()
+    """What it is in."""
+    grasps: tuple[Grasp, ...] = ()
+    """Those who hold it, the newest last."""
+
+    def bottom(self, pose: Pose) -> float:
+        """World z of its lowest point at `pose`, by its bounding box, m."""
+        down = quaternions.to_matrix(pose.q)[2]
+        return pose.t[2] - 0.5 * sum(abs(part) * edge for part, edge in zip(down, self.size, strict=True))
+
+    def distance(self, point: Vector3, pose: Pose) -> float:
+        """From a point to its bounding box at `pose`, m; 0 inside."""
+        local = quaternions.rotate(
+            quaternions.conjugate(pose.q), (point[0] - pose.t[0], point[1] - pose.t[1], point[2] - pose.t[2])
+        )
+        return math.hypot(*(max(0.0, abs(x) - 0.5 * edge) for x, edge in zip(local, self.size, strict=True)))
+
+
+class Holder(NamedTuple):
+    """A hand or a gripper."""
+
+    name: str
+    points: tuple[Vector3, ...]
+    """Where it can hold something, m, world: palm and fingertips."""
+    perceived: bool = True
+    """It is known where it is now."""
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """One moment."""
+
+    now: float
+    """s"""
+    things: Mapping[str, Thing] = field(default_factory=dict)
+    holders: Mapping[str, Holder] = field(default_factory=dict)
+    floor_below: float = -math.inf
+    """m, world z below which a thing that lies still lies on the floor: well below all tables"""

@@ -1,0 +1,31 @@
+"""The interface of the methods that infer actions."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+from agents.action_inference.observation import Snapshot
+from dsr.observed_actions import Action
+
+
+class Inference(NamedTuple):
+    """An action that was inferred."""
+
+    action: Action
+    """When it happened, not when that was noticed."""
+    confidence: float
+    """0 to 1"""
+    why: str
+    """What shows it, in a few words."""
+
+
+class Policy(Protocol):
+    """A method that infers actions."""
+
+    name: str
+
+    def update(self, snapshot: Snapshot) -> list[Inference]:
+        """What has become known to have happened at this moment."""
+
+    def recall(self, action: Action) -> None:
+        """An earlier run has inferred this action, the last one of its thing."""

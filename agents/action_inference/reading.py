@@ -1,0 +1,106 @@
+"""From the graph to an observation: things, how they are perceived and believed, and who could hold them."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterable
+
+from agents.action_inference.observation import Grasp, Holder, Snapshot, Thing
+from dsr.elements import Node
+from dsr.errors import DsrError
+from dsr.memory import Memory
+from dsr.quaternions import Vector3
+from dsr.relations import SURFACES, THINGS
+from dsr.transforms import Pose
+
+WORLD = "world"
+HOLDERS = ("hand", "gripper")
+"""Node types of what can hold a thing."""
+
+_BELOW_TABLES = 0.1  # m
+_MOST_AHEAD = 0.5  # s that a percept's stamp may be ahead of this machine's clock
+
+
+class Reading:
+    """Observes a memory. What cannot be used is left out and counted."""
+
+    def __init__(self, memory: Memory) -> None:
+        self._memory = memory
+        self._seen: dict[str, Pose] = {}
+        self._used: dict[tuple[str, str], Pose] = {}
+        self.skipped: Counter[str] = Counter()
+        """What could not be used, by reason."""
+
+    def snapshot(self, now: float) -> Snapshot:
+        """What the memory says at `now` (s)."""
+        nodes = [node for kind in THINGS for node in self._memory.nodes(kind)]
+        self._read_percepts({node.name for node in nodes}, now)
+        things = {node.name: self._thing(node) for node in nodes if node.get("present") is not False}
+        holders = [node for kind in HOLDERS for node in self._memory.nodes(kind)]
+        found = (self._holder(node) for node in holders)
+        return Snapshot(now, things, {holder.name: holder for holder in found if holder}, self._floor_below())
+
+    def _read_percepts(self, names: set[str], now: float) -> None:
+        """Take in what cameras have seen since the last look."""
+        self._seen = {name: pose for name, pose in self._seen.items() if name in names}
+        self._used = {key: pose for key, pose in self._used.items() if key[1] in names}
+        for camera in self._memory.nodes("camera"):
+            for edge in self._memory.edges("RT", src=camera.name):
+                pose = edge.get("pose")
+                if edge.dst not in names or pose is None or self._used.get((edge.src, edge.dst)) is pose:
+                    continue
+                if pose.stamp > now + _MOST_AHEAD:
+                    self.skipped["percept from the future"] += 1
+                    continue
+                try:
+                    world_from_camera = self._memory.transform(WORLD, camera.name, at=pose.stamp or None)
+                except DsrError:
+                    self.skipped["no chain to the world"] += 1
+                    continue
+                self._used[edge.src, edge.dst] = pose
+                self._take(edge.dst, (world_from_camera @ pose).with_stamp(pose.stamp or now))
+
+    def _take(self, name: str, seen: Pose) -> None:
+        known = self._seen.get(name)
+        if known is None or seen.stamp > known.stamp:
+            self._seen[name] = seen
+
+    def _thing(self, node: Node) -> Thing:
+        name, memory = node.name, self._memory
+        belief = memory.get_edge(WORLD, name, "Virtual_RT")
+        grasps = (Grasp(edge.src, edge.get("since", 0.0)) for edge in memory.edges("grasping", dst=name))
+        return Thing(
+            name=name,
+            size=node.get("size", (0.0, 0.0, 0.0)),
+            perceived=node.get("perceived") is True,
+            plausible=node.get("plausible") is not False,
+            seen=self._seen.get(name),
+            believed=None if belief is None else belief.get("pose"),
+            on=frozenset(edge.dst for edge in memory.edges("on", src=name)),
+            inside=frozenset(edge.dst for edge in memory.edges("in", src=name)),
+            grasps=tuple(sorted(grasps, key=lambda grasp: (grasp.since, grasp.holder))),
+        )
+
+    def _holder(self, node: Node) -> Holder | None:
+        """A hand with its fingertips, or a gripper; None if it is nowhere."""
+        parts = [node.name, *sorted(edge.dst for edge in self._memory.edges("has", src=node.name))]
+        points = tuple(self._points(parts))
+        perceived = node.type == "gripper" or node.get("perceived") is not False
+        return Holder(node.name, points, perceived) if points else None
+
+    def _points(self, names: Iterable[str]) -> Iterable[Vector3]:
+        for name in names:
+            try:
+                yield self._memory.transform(WORLD, name).t
+            except DsrError:
+                self.skipped["no chain to the world"] += 1
+
+    def _floor_below(self) -> float:
+        tops = []
+        for node in (node for kind in SURFACES for node in self._memory.nodes(kind)):
+            try:
+                tops.append(self._memory.transform(WORLD, node.name).t[2])
+            except DsrError:
+                self.skipped["no chain to the world"] += 1
+        return min(tops) - _BELOW_TABLES if tops else -math.inf

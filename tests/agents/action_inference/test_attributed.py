@@ -1,0 +1,222 @@
+"""The default policy: who did what when, and what is no action."""
+
+from __future__ import annotations
+
+import pytest
+
+from agents.action_inference.attributed import AttributedPolicy
+from agents.action_inference.observation import Holder
+from dsr.observed_actions import PICK, PLACE, RELEASE, Action
+from dsr.transforms import Pose
+from tests.agents.action_inference.stage import Stage
+
+UP, DOWN, ASIDE = (0.0, 0.0, 0.2), (0.0, 0.0, -0.2), (0.2, 0.0, 0.0)
+STILL = (0.0, 0.0, 0.0)
+HAND = "human_hand_0"
+
+
+@pytest.fixture
+def stage() -> Stage:
+    """A cup that lies on the table and was seen for 1 s, with noise of 3 mm."""
+    stage = Stage(AttributedPolicy(), noise=0.003)
+    stage.add("cup", (0.0, 0.0, 0.02))
+    stage.run(1.0)
+    return stage
+
+
+def lift(stage: Stage, name: str = "cup", seconds: float = 1.0) -> float:
+    """Lift it at 0.2 m/s; returns when that began."""
+    began = stage.now
+    stage.change(name, on=frozenset(), plausible=False)
+    stage.run(seconds, **{name: UP})
+    return began
+
+
+def put_down(stage: Stage, name: str = "cup", seconds: float = 1.0) -> float:
+    """The reverse; returns when it touched down."""
+    stage.run(seconds, **{name: DOWN})
+    stage.change(name, on=frozenset({"table"}), plausible=True)
+    return stage.now
+
+
+def test_it_is_picked_and_placed_by_an_unknown_hand_at_the_right_times(stage: Stage):
+    picked = lift(stage)
+    stage.run(2.0)
+    placed = put_down(stage)
+    stage.run(1.0)
+    assert stage.told == ["Pick(cup)", "Place(cup)"]
+    (pick_noticed, pick), (place_noticed, place) = stage.actions
+    assert pick.time == pytest.approx(picked, abs=0.1) and pick_noticed < picked + 0.4
+    assert place.time == pytest.approx(placed, abs=0.1) and place_noticed < placed + 0.4
+
+
+def test_noise_is_no_pick():
+    for noise in (0.003, 0.005):
+        stage = Stage(AttributedPolicy(), noise=noise)
+        stage.add("cup", (0.0, 0.0, 0.02))
+        stage.run(300.0)
+        assert stage.told == []
+
+
+def test_a_single_false_percept_is_no_pick(stage: Stage):
+    stage.true["cup"] = (0.0, 0.0, 0.2)
+    stage.run(0.1)
+    stage.true["cup"] = (0.0, 0.0, 0.02)
+    stage.run(2.0)
+    assert stage.told == []
+
+
+def test_what_is_pushed_or_hidden_or_falls_off_the_table_is_not_picked(stage: Stage):
+    stage.run(1.0, cup=ASIDE)
+    stage.visible["cup"] = False
+    stage.run(3.0)
+    stage.change("cup", on=frozenset())
+    stage.run(0.4, cup=(0.0, 0.0, -1.7))
+    stage.run(2.0)
+    stage.visible["cup"] = True
+    stage.run(2.0)
+    assert stage.told == []
+
+
+def test_who_grasps_it_has_picked_it_rather_than_who_is_nearer(stage: Stage):
+    stage.holders = {name: Holder(name, ((0.0, 0.0, 0.05),)) for name in (HAND, "gripper")}
+    stage.grasp("cup", "gripper")
+    stage.visible["cup"] = False
+    lift(stage)
+    assert stage.told == ["Pick(cup, gripper)"]
+    put_down(stage)
+    stage.run(0.5)
+    assert stage.told == ["Pick(cup, gripper)"], "it is not let go yet"
+    stage.grasp("cup")
+    stage.run(0.5)
+    assert stage.told == ["Pick(cup, gripper)", "Place(cup, gripper)"]
+
+
+def test_the_nearest_hand_has_picked_it_where_no_grasp_is_told(stage: Stage):
+    stage.holders = {
+        HAND: Holder(HAND, ((0.5, 0.0, 0.2), (0.0, 0.05, 0.1))),
+        "human_hand_1": Holder("human_hand_1", ((0.3, 0.0, 0.1),)),
+    }
+    lift(stage)
+    assert stage.told == [f"Pick(cup, {HAND})"]
+
+
+def test_what_is_held_out_of_sight_is_not_released(stage: Stage):
+    stage.holders = {HAND: Holder(HAND, ((0.0, 0.0, 0.05),))}
+    stage.grasp("cup", HAND)
+    lift(stage)
+    stage.visible["cup"] = False
+    stage.holders = {HAND: Holder(HAND, ((0.0, 0.0, 0.05),), perceived=False)}
+    stage.run(3.0, cup=ASIDE)
+    assert stage.told == [f"Pick(cup, {HAND})"]
+    stage.visible["cup"] = True
+    put_down(stage)
+    stage.grasp("cup")
+    stage.run(1.0)
+    assert stage.told == [f"Pick(cup, {HAND})", f"Place(cup, {HAND})"]
+
+
+def test_what_a_hidden_hand_has_taken_is_not_released_though_no_grasp_is_told(stage: Stage):
+    stage.holders = {HAND: Holder(HAND, ((0.0, 0.0, 0.05),))}
+    lift(stage)
+    stage.visible["cup"] = False
+    stage.holders = {HAND: Holder(HAND, ((0.0, 0.0, 0.05),), perceived=False)}
+    stage.change("cup", plausible=True, believed=Pose((0.0, 0.0, 0.02)), on=frozenset({"table"}))
+    stage.run(3.0)
+    assert stage.told == [f"Pick(cup, {HAND})"]
+
+
+def test_what_is_let_go_of_in_the_air_is_released_at_that_time(stage: Stage):
+    stage.grasp("cup", HAND)
+    lift(stage)
+    let_go = stage.now
+    stage.grasp("cup")
+    stage.visible["cup"] = False
+    stage.run(0.1, cup=(0.0, 0.0, -1.8))
+    stage.change("cup", inside=frozenset({"box"}), plausible=True)
+    stage.run(2.0)
+    assert stage.told == [f"Pick(cup, {HAND})", f"Release(cup, {HAND})"]
+    noticed, release = stage.actions[1]
+    assert release.time == pytest.approx(let_go, abs=0.1) and noticed < let_go + 0.2
+
+
+def test_what_vanishes_from_the_air_and_is_believed_below_was_released_by_somebody(stage: Stage):
+    lift(stage)
+    stage.run(1.0)
+    let_go = stage.now
+    stage.visible["cup"] = False
+    stage.run(0.8)
+    assert stage.told == ["Pick(cup)"], "as long as it is believed in the air"
+    stage.change("cup", plausible=True, believed=Pose((0.0, 0.0, 0.02)), inside=frozenset({"box"}))
+    stage.run(1.0)
+    assert stage.told == ["Pick(cup)", "Release(cup)"]
+    assert stage.actions[1][1].time == pytest.approx(let_go, abs=0.15)
+
+
+def test_contents_are_not_picked_when_their_container_is(stage: Stage):
+    stage.add("ball", (0.3, 0.0, 0.03), on=frozenset(), inside=frozenset({"green"}))
+    stage.add("green", (0.3, 0.0, 0.05), size=(0.1, 0.1, 0.1))
+    stage.run(1.0)
+    stage.change("green", on=frozenset(), plausible=False)
+    stage.run(1.0, green=UP, ball=UP)
+    stage.visible["ball"] = False
+    stage.run(1.0)
+    stage.run(1.0, green=DOWN)
+    stage.change("green", on=frozenset({"table"}), plausible=True)
+    stage.change("ball", inside=frozenset({"blue"}), believed=Pose((0.5, 0.0, 0.03)))
+    stage.visible["ball"] = True
+    stage.true["ball"] = (0.5, 0.0, 0.03)
+    stage.run(2.0)
+    assert stage.told == ["Pick(green)", "Place(green)"]
+
+
+def test_contents_can_be_taken_out_of_what_lies_still(stage: Stage):
+    stage.add("green", (0.3, 0.0, 0.05), size=(0.1, 0.1, 0.1))
+    stage.add("ball", (0.3, 0.0, 0.03), on=frozenset(), inside=frozenset({"green"}))
+    stage.run(1.0)
+    stage.change("ball", inside=frozenset(), plausible=False)
+    stage.run(1.0, ball=UP)
+    assert stage.told == ["Pick(ball)"]
+
+
+def test_it_can_be_picked_again(stage: Stage):
+    for _ in range(3):
+        lift(stage)
+        put_down(stage)
+        stage.run(1.0)
+    assert [action.kind for _, action in stage.actions] == [PICK, PLACE] * 3
+
+
+def test_what_is_seen_again_higher_up_lies_there_unless_it_is_implausible():
+    for plausible in (True, False):
+        stage = Stage(AttributedPolicy())
+        stage.add("cup", (0.0, 0.0, 0.02))
+        stage.run(1.0)
+        stage.visible["cup"] = False
+        stage.run(2.0)
+        stage.visible["cup"], stage.true["cup"] = True, (0.1, 0.0, 0.1)
+        stage.change("cup", plausible=plausible)
+        stage.run(2.0)
+        assert stage.told == ([] if plausible else ["Pick(cup)"])
+
+
+def test_a_grasp_that_is_lost_sight_of_does_not_end_the_hold(stage: Stage):
+    stage.grasp("cup", HAND)
+    lift(stage)
+    stage.grasp("cup")
+    stage.run(3.0)
+    assert stage.told == [f"Pick(cup, {HAND})"]
+    put_down(stage)
+    stage.run(1.0)
+    assert stage.told[1:] == [f"Place(cup, {HAND})"]
+
+
+def test_an_earlier_run_is_continued(stage: Stage):
+    policy = AttributedPolicy()
+    policy.recall(Action(99.0, PICK, "cup", HAND))
+    policy.recall(Action(98.0, RELEASE, "plate", HAND))
+    later = Stage(policy)
+    later.add("cup", (0.0, 0.0, 0.02))
+    later.add("plate", (0.3, 0.0, 0.02))
+    later.run(1.0)
+    assert later.told == [f"Place(cup, {HAND})"] and later.actions[0][1].kind == PLACE
