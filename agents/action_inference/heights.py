@@ -97,19 +97,21 @@ class Heights:
         return len(newest) == count and self._are_together(newest)
 
     def departed(self) -> float:
-        """When it left where it lay, s: by its speed when it was first seen above, after it was last seen there."""
+        """When it left where it lay, s: where the line through the first two samples that are lifted meets that.
+
+        Not before it was last seen there, and not after the first of them.
+        """
         samples = list(self._samples)
         low = next((k for k in reversed(range(len(samples))) if self.rise(samples[k]) <= _LOW * self._lifted), -1)
-        above = samples[low + 1 :]
+        above = [sample for sample in samples[low + 1 :] if self.rise(sample) > self._lifted]
         if not above:
             return samples[-1].time
-        first = above[0]
+        first, rise = above[0], self.rise(above[0])
         earliest = samples[low].time if low >= 0 else first.time
-        when = 0.5 * (earliest + first.time)
-        if len(above) > 1 and self.rise(above[1]) > self.rise(first):
-            speed = (self.rise(above[1]) - self.rise(first)) / (above[1].time - first.time)
-            when = first.time - self.rise(first) / speed
-        return min(max(when, earliest), first.time)
+        if len(above) > 1 and self.rise(above[1]) > rise:
+            speed = (self.rise(above[1]) - rise) / (above[1].time - first.time)
+            return min(max(first.time - rise / speed, earliest), first.time)
+        return 0.5 * (earliest + first.time)
 
     def settled(self) -> float:
         """When it came to where it is now, s: the first sample of those that stayed there."""

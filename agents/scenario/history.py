@@ -37,6 +37,8 @@ class Sample(msgspec.Struct, frozen=True, kw_only=True):
     """True: the object in the gripper."""
     grasped: dict[str, str] = {}
     """True: objects that are held, and by what: `gripper`, the node of a hand, or `unknown`."""
+    touched: dict[str, str] = {}
+    """True: objects on which fingertips just lie, and the node of the hand."""
     moving: frozenset[str] = frozenset()
     """True: objects that do not lie still."""
     in_view: frozenset[str] = frozenset()

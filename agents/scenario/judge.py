@@ -136,6 +136,7 @@ class Judge:
             attributes=self._attributes(),
             held=truth.held,
             grasped=truth.grasped,
+            touched=truth.touched,
             moving=truth.moving,
             in_view=truth.in_view,
             surprising=frozenset(self._flagged),

@@ -7,11 +7,13 @@ from collections.abc import Callable, Iterable, Sequence
 import msgspec
 import numpy as np
 
-from agents.scenario.geometry import Box, gap_below, penetration
+from agents.scenario.geometry import Ball, Box, gap_below, overlap, pieces
 from agents.scenario.history import Sample, Source
 from agents.scenario.layout import table_box
 from agents.scenario.model import Scenario
 from dsr.transforms import Pose
+
+Piece = Box | Ball
 
 
 class Error(msgspec.Struct, frozen=True):
@@ -59,9 +61,12 @@ def height_error(sample: Sample, name: str) -> float | None:
 
 def belief_gap(scenario: Scenario, sample: Sample, name: str) -> float | None:
     """Height of the belief above the table or belief that is under it, m; None without a belief."""
-    boxes = pose_boxes(scenario, sample.beliefs)
-    box = boxes.pop(name, None)
-    return None if box is None else gap_below(box, boxes.values(), table_box(scenario.table))
+    made_of = pose_pieces(scenario, sample.beliefs)
+    if name not in made_of:
+        return None
+    own = [_around(piece) for piece in made_of.pop(name)]
+    others = [_around(piece) for body in made_of.values() for piece in body]
+    return min(gap_below(box, others, table_box(scenario.table)) for box in own)
 
 
 def drift(samples: Sequence[Sample], name: str) -> float | None:
@@ -82,6 +87,16 @@ def pose_boxes(scenario: Scenario, poses: dict[str, Pose]) -> dict[str, Box]:
     }
 
 
+def pose_pieces(scenario: Scenario, poses: dict[str, Pose]) -> dict[str, list[Piece]]:
+    """What the scenario's objects at `poses` are made of, there."""
+    shapes = {spec.name: spec.shape for spec in scenario.objects}
+    return {name: pieces(shapes[name], box) for name, box in pose_boxes(scenario, poses).items()}
+
+
+def _around(piece: Piece) -> Box:
+    return piece if isinstance(piece, Box) else Box(piece.center, np.eye(3), np.full(3, 2.0 * piece.radius))
+
+
 class OverlapMeter:
     """Finds the deepest overlap of percepts or beliefs; pairs that did not move are not computed again."""
 
@@ -99,14 +114,14 @@ class OverlapMeter:
     def _overlaps(self, sample: Sample, wanted: Callable[[str], bool]) -> Iterable[Overlap]:
         poses = sample.poses(self._source)
         boxes = pose_boxes(self._scenario, poses)
+        made_of = pose_pieces(self._scenario, poses) | {"table": [self._table]}
         pairs = [(name, "table") for name in boxes] + _neighbours(boxes)
         for first, second in pairs:
             if wanted(first) or wanted(second):
-                other = self._table if second == "table" else boxes[second]
                 where = tuple((pose.t, pose.q) for name in (first, second) if (pose := poses.get(name)))
                 known = self._known.get((first, second))
                 if known is None or known[0] != where:
-                    known = self._known[first, second] = (where, _depth(boxes[first], other))
+                    known = self._known[first, second] = (where, _depth(made_of[first], made_of[second]))
                 if known[1] > 0:
                     yield Overlap(known[1], first, second)
 
@@ -121,10 +136,9 @@ def _neighbours(boxes: dict[str, Box]) -> list[tuple[str, str]]:
     return [(names[i], names[j]) for i, j in zip(first.tolist(), second.tolist(), strict=True)]
 
 
-def _depth(first: Box, second: Box) -> float:
-    """As `penetration`, at once 0 for boxes that are too far apart to touch."""
-    reach = (np.linalg.norm(first.size) + np.linalg.norm(second.size)) / 2
-    return penetration(first, second) if np.linalg.norm(first.center - second.center) < reach else 0.0
+def _depth(first: Sequence[Piece], second: Sequence[Piece]) -> float:
+    """The deepest overlap of their pieces, m; at most 0 if there is none."""
+    return max(overlap(a, b) for a in first for b in second)
 
 
 def _mean(values: Iterable[float]) -> float:

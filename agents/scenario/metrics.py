@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import math
 
+from agents.scenario.accuracy import accuracy
 from agents.scenario.course import missing_events, rises
 from agents.scenario.history import History, Sample, Source
 from agents.scenario.measures import OverlapMeter, belief_gap, drift, height_error, mean_error
 from agents.scenario.perturbations import perturbations, recovery, recovery_in_view, wrong_explanations
+from agents.scenario.true_actions import compare
 from dsr.intentions import FULFILLED
 
 RECOVERED = 0.005
@@ -35,7 +37,9 @@ def measure(history: History) -> tuple[dict[str, float], list[str]]:
         metrics[f"{source}_overlap_max_m"] = worst.depth if worst else 0.0
     metrics["objects_perceived"] = sum(history.was_perceived(spec.name) for spec in scenario.objects)
     metrics["samples"] = len(window)
-    return metrics | _course_metrics(history), notes + missing_events(history) + _unrecovered(history)
+    metrics |= accuracy(history, window)
+    metrics |= _course_metrics(history)
+    return metrics, [*notes, *missing_events(history), *_unrecovered(history), *_about_actions(history)]
 
 
 def _course_metrics(history: History) -> dict[str, float]:
@@ -63,6 +67,15 @@ def _course_metrics(history: History) -> dict[str, float]:
         if last is not None and last.status in FULFILLED:
             found["mission_reached_s"] = last.time
     return found
+
+
+def _about_actions(history: History) -> list[str]:
+    """What was done and not inferred, or inferred and not done."""
+    comparison = compare(history)
+    missed = [f"{match.true} at {match.true.time:.2f} s" for match in comparison.matches if match.inferred is None]
+    extra = [f"{inferred.action} at {inferred.action.time:.2f} s" for inferred in comparison.extra]
+    texts = {"not inferred": missed, "inferred, but not done": extra}
+    return [f"{text}: {', '.join(which)}" for text, which in texts.items() if which]
 
 
 def _unrecovered(history: History) -> list[str]:
