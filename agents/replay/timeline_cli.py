@@ -12,9 +12,10 @@ import typer
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from agents.inbox import Inbox
 from agents.replay.cli import open_recording
 from agents.replay.history import events_of
+from agents.replay.listening import LISTEN, Listener
+from agents.replay.selection import KNOWN_KINDS, Selection
 from dsr.cli.common import (
     GraphOption,
     JsonOption,
@@ -27,17 +28,11 @@ from dsr.cli.common import (
     shown,
 )
 from dsr.clock import WALL_CLOCK
-from dsr.errors import ConfigError, WireError, suggest
-from dsr.memory import Memory
+from dsr.errors import ConfigError
 from dsr.runtime.logs import printable
-from dsr.runtime.status import PERIOD, decode_status
-from dsr.timeline import EVENT_KINDS, Event, Timeline
+from dsr.timeline import Event
 
-_KINDS = EVENT_KINDS
 _LOOK = 0.1  # s between two looks at a running system
-_LISTEN = 1.5 * PERIOD
-"""s in which every agent is heard at least once"""
-_MOST_STATUSES = 1000
 _COLOURS = {"surprised": "yellow", "explained": "cyan", "intention": "bold", "gone": "red", "agent": "dim"}
 
 app = typer.Typer(
@@ -53,8 +48,16 @@ def timeline(
     ] = None,
     follow: Annotated[bool, typer.Option("--follow", "-f", help="Of a running system: go on until Ctrl-C.")] = False,
     kinds: Annotated[
-        list[str] | None, typer.Option("--kind", "-k", help=f"Only these: {', '.join(_KINDS)}. May be repeated.")
+        list[str] | None,
+        typer.Option("--kind", "-k", help=f"Only these: {', '.join(KNOWN_KINDS)}, or kinds of one's own. Repeatable."),
     ] = None,
+    participants: Annotated[
+        list[str] | None, typer.Option("--participant", "-p", help="Only with this node or agent. Repeatable: all.")
+    ] = None,
+    since: Annotated[
+        float | None, typer.Option(metavar="S", help="Only from then on, as in column s: live, -60 is a minute ago.")
+    ] = None,
+    until: Annotated[float | None, typer.Option(metavar="S", help="Only until then, likewise.")] = None,
     graph: GraphOption = None,
     as_json: JsonOption = False,
     router: RouterOption = None,
@@ -62,20 +65,19 @@ def timeline(
 ) -> None:
     """Show what happened, in order: surprises, explanations, relations, intentions and actions, agents.
 
-    Of a running system, what its graph still tells of the past; with --follow, what happens from now on
-    too. With --json --follow, one JSON object a line.
+    Of a running system, what its timeline holds of the past; with --follow, what happens from now on too.
+    With --json --follow, one JSON object a line.
     """
-    wanted = frozenset(kinds or _KINDS)
-    for kind in sorted(wanted.difference(_KINDS)):
-        raise ConfigError(f"--kind {kind}: no such kind of event; {suggest(kind, _KINDS)}")
+    wanted = Selection(kinds or (), participants or (), since, until)
     if recording is None:
         _show_running(graph, router, security, wanted, follow=follow, as_json=as_json)
         return
     if follow:
         raise ConfigError("--follow is for a running system; a recording has an end")
     source = open_recording(recording)
-    events = [event for event in events_of(source) if event.kind in wanted]
-    _show(events, source.index.begin, as_json=as_json)
+    events = events_of(source)
+    wanted.check_found(events)
+    _show(wanted.of(events, source.index.begin), source.index.begin, as_json=as_json)
     if source.malformed:
         errors.print(f"[yellow]{source.malformed} messages left out: {shown(source.first_malformed)}[/]")
 
@@ -93,43 +95,25 @@ def _show(events: list[Event], begin: float, *, as_json: bool) -> None:
     console.print(table)
 
 
-class _Listener:
-    """The timeline of a running graph."""
-
-    def __init__(self, memory: Memory) -> None:
-        self._memory = memory
-        self._timeline = Timeline()
-        self._watch = memory.watch()
-        self._statuses = Inbox(memory.transport, memory.keys.status(), WALL_CLOCK, _MOST_STATUSES)
-
-    def events(self) -> list[Event]:
-        """What happened since the last call."""
-        now = WALL_CLOCK.now()
-        events = self._timeline.note(self._watch.poll(), self._memory, now)
-        for message in self._statuses.take():
-            try:
-                events += self._timeline.note_status(decode_status(message.payload), message.stamp)
-            except WireError:  # its sender counts elsewhere
-                continue
-        return sorted([*events, *self._timeline.note_silence(now)], key=lambda event: event.time)
-
-
 def _show_running(
-    graph: str | None, router: str | None, security: Path | None, wanted: frozenset[str], *, follow: bool, as_json: bool
+    graph: str | None, router: str | None, security: Path | None, wanted: Selection, *, follow: bool, as_json: bool
 ) -> None:
     with reading(graph, router, security) as memory:
-        listener, never = _Listener(memory), threading.Event()
-        WALL_CLOCK.wait(never, _LISTEN)
-        events = [event for event in listener.events() if event.kind in wanted]
+        listener, never = Listener(memory), threading.Event()
+        if listener.keeper is None:
+            WALL_CLOCK.wait(never, LISTEN)
+            errors.print("[dim]nobody writes the timeline (agents.chronicler): this is what the graph still tells[/]")
+        now, events = WALL_CLOCK.now(), listener.events()
         if not follow:
-            _show(events, WALL_CLOCK.now(), as_json=as_json)
+            wanted.check_found(events)
+            _show(wanted.of(events, now), now, as_json=as_json)
             return
         try:
             while True:
-                for event in events:
+                for event in wanted.of(events, now):
                     typer.echo(_json_line(event) if as_json else _line(event))
                 WALL_CLOCK.wait(never, _LOOK)
-                events = [event for event in listener.events() if event.kind in wanted]
+                events = listener.events()
         except KeyboardInterrupt:
             return
 

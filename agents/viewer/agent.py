@@ -13,6 +13,7 @@ import rerun as rr
 from agents.inbox import Inbox
 from agents.segments import next_segment
 from agents.viewer.blueprint import TIMELINE, make_blueprint
+from agents.viewer.chronicle import ChronicleView
 from agents.viewer.events import EventView
 from agents.viewer.graph_view import GraphView
 from agents.viewer.images import ImageView
@@ -66,6 +67,7 @@ class Viewer(Agent):
         self._graph = GraphView(recording)
         self._scene = SceneView(recording)
         self._mind = MindView(recording)
+        self._chronicle = ChronicleView(recording, TIMELINE)
         self._images = ImageView(recording, self.memory, self.config.images_hz, self.config.jpeg_quality, self.log)
         self._series = SeriesView(recording, self.log)
         self._events = EventView(recording, self.log)
@@ -82,6 +84,7 @@ class Viewer(Agent):
         self._arrange()
         self._draw_messages()
         changes = self._watch.poll()
+        self._chronicle.draw(changes, self.memory, now)
         self._events.draw_changes(changes, self.memory, now)
         if any(change.kind != "updated" for change in changes):
             self._graph.draw(self.memory)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import rerun.blueprint as rrb
 
-from agents.viewer import events, graph_view, mind, scene, series
+from agents.viewer import chronicle, events, graph_view, mind, scene, series
 
 TIMELINE = "stamp"
 _OVERVIEW = rrb.EyeControls3D(position=(1.35, -0.9, 0.85), look_target=(0.2, 0.03, 0.34), eye_up=(0.0, 0.0, 1.0))
@@ -25,7 +25,7 @@ def make_blueprint(cameras: Sequence[str], with_truth: bool) -> rrb.Blueprint:
     return rrb.Blueprint(
         rrb.Horizontal(
             rrb.Vertical(_scenes(), below, row_shares=[5, 3]),
-            rrb.Vertical(*_thoughts(), _numbers(with_truth), _log(), row_shares=[8, 8, 5, 6]),
+            rrb.Vertical(*_thoughts(), _numbers(with_truth), _happenings(), row_shares=[8, 8, 5, 6]),
             column_shares=[5, 3],
         ),
         rrb.BlueprintPanel(state="collapsed"),
@@ -76,6 +76,11 @@ def _numbers(with_truth: bool) -> rrb.Container:
     distances = rrb.TimeSeriesView(origin=series.DISTANCES, name="Percept to belief [mm]")
     rates = rrb.TimeSeriesView(origin=series.RATES, name="Agents [Hz]")
     return rrb.Tabs(*([errors] if with_truth else []), distances, rates, active_tab=0)
+
+
+def _happenings() -> rrb.Container:
+    """What was said, and what lasted from when to when."""
+    return rrb.Tabs(_log(), rrb.StateTimelineView(origin=chronicle.ENTITY, name="Timeline"), active_tab=0)
 
 
 def _log() -> rrb.View:

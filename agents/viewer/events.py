@@ -15,11 +15,11 @@ from agents.viewer.palette import Color
 from agents.viewer.texts import drawable
 from dsr import Change, Memory, Node, WireError
 from dsr.runtime.logs import decode_log
-from dsr.timeline import RELATIONS
+from dsr.timeline import DERIVED, EVENT, EXPLAINED, RELATIONS, SITUATION, read_entry
 
 ENTITY = "log"
 _JUDGEMENTS = ("perceived", "plausible", "surprising")
-_TOLD_ELSEWHERE = ("action",)  # node types whose coming and going the plan shows
+_TOLD_ELSEWHERE = ("action", SITUATION)  # node types whose coming and going the plan or the timeline shows
 _MOST_NAMES = 8
 _MOST_REJECTED = 3
 _LEVELS = {
@@ -69,9 +69,9 @@ class EventView:
                 yield f"{'no more ' if change.kind == 'removed' else ''}{change.type} {change.dst}"
             return
         node = memory.get_node(change.name)
-        if change.type == "event":
+        if change.type == EVENT:
             if change.kind == "added" and node is not None:
-                self._say("explained", _explanation(node), node.get("time", 0.0), rr.TextLogLevel.INFO, palette.HELD)
+                self._draw_event(node)
             return
         if change.kind != "updated" and change.type not in _TOLD_ELSEWHERE:
             yield "appeared" if change.kind == "added" else "gone"
@@ -80,6 +80,18 @@ class EventView:
             if isinstance(value, bool) and self._judgements.get((change.name, name)) is not value:
                 self._judgements[change.name, name] = value
                 yield (name if value else f"not {name}") + _reason(node, name)
+
+    def _draw_event(self, node: Node) -> None:
+        """Log an explanation, or what an agent tells; what follows from the graph is told above."""
+        entry = read_entry(node)
+        if entry is None:
+            return
+        if entry.kind == EXPLAINED:
+            self._say("explained", _explanation(node), entry.begin, rr.TextLogLevel.INFO, palette.HELD)
+        elif entry.kind not in DERIVED:
+            sure = "" if entry.confidence == 1.0 else f" ({entry.confidence:.2f})"
+            text = entry.text or f"{entry.kind} {', '.join(entry.participants)}"
+            self._say(entry.source or "event", f"{text}{sure}", entry.begin, rr.TextLogLevel.INFO, palette.HELD)
 
     def _say(self, who: str, text: str, stamp: float, level: rr.TextLogLevel, color: Color) -> None:
         """Log a line that begins with the time of day (UTC, as rerun shows it) and who says it.

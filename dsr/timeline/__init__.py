@@ -11,23 +11,28 @@
 
 from dsr.timeline.allen import ALLEN, INVERSE, AllenRelation, Interval, holds, relation, relations
 from dsr.timeline.changes import EVENT_KINDS, Timeline
-from dsr.timeline.chronicle import WRITTEN_ATTRIBUTES, WRITTEN_EDGES, WRITTEN_NODES, Chronicle
+from dsr.timeline.chronicle import WRITTEN_ATTRIBUTES, WRITTEN_EDGES, WRITTEN_NODES, Chronicle, is_keyed, kept_by
 from dsr.timeline.entries import EVENT, EXPLAINED, SITUATION, TIMELINE, Entry, explanations, read_entry
-from dsr.timeline.kinds import DERIVED, OBJECTS, RELATIONS
+from dsr.timeline.kinds import ACTION, AGENT, DERIVED, INTENTION, OBJECTS, PRESENT, RELATIONS, SURPRISING
 from dsr.timeline.queries import query
 from dsr.timeline.retention import Retention
 from dsr.timeline.telling import Event, tell
 
 __all__ = [
+    "ACTION",
+    "AGENT",
     "ALLEN",
     "DERIVED",
     "EVENT",
     "EVENT_KINDS",
     "EXPLAINED",
+    "INTENTION",
     "INVERSE",
     "OBJECTS",
+    "PRESENT",
     "RELATIONS",
     "SITUATION",
+    "SURPRISING",
     "TIMELINE",
     "WRITTEN_ATTRIBUTES",
     "WRITTEN_EDGES",
@@ -41,6 +46,8 @@ __all__ = [
     "Timeline",
     "explanations",
     "holds",
+    "is_keyed",
+    "kept_by",
     "query",
     "read_entry",
     "relation",

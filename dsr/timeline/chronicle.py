@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
+import re
 from collections.abc import Collection, Iterable
 from itertools import count
 from typing import Any
@@ -24,6 +25,7 @@ WRITTEN_ATTRIBUTES = (
     "kind", "participants", "time", "begin", "end", "text", "outcome", "confidence", "source",
 )  # fmt: skip
 """Attributes, likewise; and those that it adds as details."""
+_KEYED = re.compile(rf"({EVENT}|{SITUATION})_[0-9a-f]{{20}}")
 _LOOK = 5.0  # s between two looks at what is to be forgotten
 
 
@@ -144,6 +146,13 @@ class Chronicle:
         node = self._memory.get_node(name)
         return None if node is None else read_entry(node)
 
+    def claim(self) -> None:
+        """Say that this agent writes what follows from the state of the graph, see `kept_by`."""
+        self._prepare()
+        node = self._memory.node(TIMELINE)
+        if node.get("source") not in {agent_of(rid) for rid in (self._memory.rid, *self._memory.peers)}:
+            self._memory.update_node(TIMELINE, source=self._writer)
+
     def forget(self) -> int:
         """Remove what is too old or too many, of this agent and of those that are gone; returns how many.
 
@@ -205,6 +214,18 @@ class Chronicle:
             memory.add_node(TIMELINE, TIMELINE)
         if MIND in memory and memory.get_edge(MIND, TIMELINE, "has") is None:
             memory.add_edge(MIND, TIMELINE, "has")
+
+
+def kept_by(memory: Memory) -> str | None:
+    """The agent, one that is there, that writes what follows from the state of the graph; None if nobody does."""
+    node = memory.get_node(TIMELINE)
+    there = {agent_of(rid) for rid in (memory.rid, *memory.peers)}
+    return source if node is not None and (source := node.get("source")) in there else None
+
+
+def is_keyed(name: str) -> bool:
+    """Whether the name of an entry follows from a key."""
+    return _KEYED.fullmatch(name) is not None
 
 
 def _keyed_name(type: str, kind: str, participants: str, key: str) -> str:

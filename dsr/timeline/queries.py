@@ -52,7 +52,7 @@ def query(
     nodes = [node for name in ((type,) if type else (EVENT, SITUATION)) for node in memory.nodes(name)]
     found = []
     for node in nodes:
-        if kinds is not None and kind_of(node) not in kinds:
+        if (kinds is not None and kind_of(node) not in kinds) or (open and "end" in node):
             continue
         entry = read_entry(node)
         if entry is None or not needed.issubset(entry.participants) or source not in (None, entry.source):

@@ -58,6 +58,6 @@ def _subject(entry: Entry) -> str:
 
 
 def _details(entry: Entry) -> dict[str, Any]:
-    known = {"name": entry.name, "participants": list(entry.participants), "source": entry.source}
+    known = {"kind": entry.kind, "name": entry.name, "participants": list(entry.participants), "source": entry.source}
     sure = {} if entry.confidence == 1.0 else {"confidence": entry.confidence}
     return {**known, **sure, **entry.details}

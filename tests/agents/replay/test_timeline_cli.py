@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -15,6 +16,7 @@ from typer.testing import CliRunner
 import dsr
 from agents.replay.timeline_cli import app
 from dsr.cli.common import console
+from dsr.timeline import Chronicle
 
 
 @pytest.fixture(autouse=True)
@@ -72,3 +74,63 @@ def test_a_running_graph_is_followed_until_ctrl_c() -> None:
             assert json.loads(process.stdout.readline())["text"] == "cube_3 on table (contact)"
             process.send_signal(signal.SIGINT)
             assert process.wait(10) == 0
+
+
+def write_a_past(memory: dsr.Memory) -> tuple[Chronicle, str, float]:
+    now = memory.clock.now()
+    chronicle = Chronicle(memory)
+    chronicle.claim()
+    held = chronicle.begin("grasping", ("gripper", "cube_3"), now - 400.0)
+    chronicle.end(held, now - 300.0)
+    chronicle.happened("Pick", ("cube_3", "gripper"), now - 400.0, text="picked", confidence=0.9)
+    on = chronicle.begin("on", ("cube_3", "table"), now - 200.0)
+    chronicle.happened("Juggle", ("cube_4",), now - 100.0)
+    return chronicle, on, now
+
+
+def test_a_running_graph_tells_its_timeline_with_true_times() -> None:
+    with dsr.connect("scene", agent="teller") as memory:
+        _, _, now = write_a_past(memory)
+        memory.add_node("cube_9", "cube")
+
+        def told(*arguments: str) -> list[tuple[str, str, int]]:
+            rows = json.loads(run(*arguments, "--json").stdout)
+            return [(row["kind"], row["subject"], round(row["time"] - now)) for row in rows]
+
+        held, picked = ("began", "gripper grasping cube_3", -400), ("Pick", "cube_3", -400)
+        ended, on = ("ended", "gripper grasping cube_3", -300), ("began", "cube_3 on table", -200)
+        assert sorted(told()) == sorted([held, picked, ended, on, ("Juggle", "cube_4", -100)])
+        assert told("--kind", "grasping") == [held, ended] and told("-k", "Juggle") == [("Juggle", "cube_4", -100)]
+        assert told("--participant", "gripper", "-p", "cube_3", "--since", "-350") == [ended]
+        assert told("--until", "-350", "-k", "Pick") == [picked]
+        assert re.search(r"-4\d\d\.\d\d +Pick +picked", run("-k", "Pick").stdout)
+        with pytest.raises(dsr.ConfigError, match="no such kind"):
+            run("--kind", "Jongleur")
+
+
+def test_the_timeline_is_followed() -> None:
+    program = "from agents.replay.timeline_cli import app; app()"
+    command = [sys.executable, "-c", program, "--follow", "--json", "-k", "on"]
+    with dsr.connect("scene", agent="teller") as memory:
+        chronicle, on, _ = write_a_past(memory)
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+            assert process.stdout
+            assert json.loads(process.stdout.readline())["text"] == "cube_3 on table"
+            chronicle.end(on)
+            assert json.loads(process.stdout.readline())["text"] == "no more cube_3 on table"
+            process.send_signal(signal.SIGINT)
+            assert process.wait(10) == 0
+
+
+def test_where_nobody_writes_the_past_is_told_and_the_rest_derived() -> None:
+    with dsr.connect("scene", agent="owner") as memory:
+        with dsr.connect("scene", agent="teller") as other:
+            write_a_past(other)
+        memory.add_node("table", "table")
+        memory.add_node("cube_3", "cube")
+        memory.add_edge("cube_3", "table", "on")
+        while len(memory.nodes("event")) < 2 or memory.peers:
+            pass
+        rows = [(row["kind"], row["subject"]) for row in json.loads(run("--json").stdout)]
+        assert rows.count(("began", "cube_3 on table")) == 1 and ("appeared", "cube_3") in rows
+        assert ("Pick", "cube_3") in rows

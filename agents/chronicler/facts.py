@@ -1,0 +1,116 @@
+"""What holds now, as the graph tells it: the situations that should be open on the timeline."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+from dsr.elements import Edge, Node
+from dsr.intentions import ACTIVE, RUNNING
+from dsr.memory import Memory
+from dsr.timeline import ACTION, INTENTION, OBJECTS, PRESENT, SURPRISING, Entry
+
+
+class Fact(NamedTuple):
+    """Something that holds."""
+
+    kind: str
+    participants: tuple[str, ...]
+    begin: float
+    """Since when (s), as far as the graph tells."""
+    key: str
+    """Tells it from others of its kind and participants, the same in all replicas."""
+    is_dated: bool
+    """Whether its writer says since when: then with another time it is another one."""
+    text: str
+    source: str = ""
+
+
+def read_facts(memory: Memory, relations: Iterable[str], surprising: Iterable[str], now: float) -> list[Fact]:
+    """All that holds at time `now` (s).
+
+    Args:
+        memory: the graph.
+        relations: edge types to tell of.
+        surprising: names of nodes that may be surprising.
+        now: s.
+    """
+    found = [_relation(edge, now) for kind in relations for edge in memory.edges(kind)]
+    found += [_presence(node, now) for kind in OBJECTS for node in memory.nodes(kind) if is_present(node)]
+    nodes = (memory.get_node(name) for name in sorted(surprising))
+    found += [_surprise(node, now) for node in nodes if node is not None and node.get("surprising") is True]
+    return [*found, *_doings(memory, now)]
+
+
+def ending(memory: Memory, entry: Entry, now: float) -> tuple[float, str]:
+    """When (s) and how a situation ended that holds no more, as far as the graph tells: else now."""
+    name = entry.participants[0] if entry.participants else ""
+    node = memory.get_node(name)
+    if entry.kind == PRESENT:
+        return _written(node, "present", now), f"{name} gone"
+    if entry.kind == SURPRISING:
+        return _written(node, "surprising", now), f"{name} is no longer surprising"
+    if entry.kind in (ACTION, INTENTION):
+        return _written(node, "status", now), "removed" if node is None else describe_status(node)
+    return now, ""
+
+
+def describe_status(node: Node) -> str:
+    """The status of an intention or an action, with why."""
+    status, why = str(node.get("status", "")) or "new", str(node.get("explanation", ""))
+    return f"{status}: {why}" if why else status
+
+
+def is_present(node: Node) -> bool:
+    """Whether a thing is believed to be in the scene."""
+    return node.get("present", True) is not False
+
+
+def _relation(edge: Edge, now: float) -> Fact:
+    what, source = f"{edge.src} {edge.type} {edge.dst}", str(edge.get("source", ""))
+    text = f"{what} ({source})" if source else what
+    since = edge.get("since")
+    if isinstance(since, float) and 0.0 < since <= now:
+        return Fact(edge.type, (edge.src, edge.dst), since, repr(since), True, text, source)
+    begin = min((edge.written_at(name) or now for name in edge), default=now)
+    return Fact(edge.type, (edge.src, edge.dst), min(begin, now), repr(edge.created[0]), False, text, source)
+
+
+def _presence(node: Node, now: float) -> Fact:
+    """Without `present`, since the oldest of its values: those that never change came with the node."""
+    came = node.written_at("present")
+    begin = min((node.written_at(name) or now for name in node), default=now) if came is None else came
+    key = f"{node.created[0]} {came!r}"
+    return Fact(PRESENT, (node.name,), min(begin, now), key, False, f"{node.name} appeared")
+
+
+def _surprise(node: Node, now: float) -> Fact:
+    begin, why = _written(node, "surprising", now), str(node.get("surprise", ""))
+    text = f"{node.name} is surprising{f': {why}' if why else ''}"
+    return Fact(SURPRISING, (node.name,), begin, repr(begin), False, text)
+
+
+def _doings(memory: Memory, now: float) -> Iterator[Fact]:
+    """Intentions that are pursued and actions that run."""
+    for kind, statuses in ((INTENTION, ACTIVE), (ACTION, (RUNNING,))):
+        for node in memory.nodes(kind):
+            if node.get("status") in statuses:
+                begin = _written(node, "status", now)
+                yield Fact(kind, participants_of(node), begin, repr(begin), False, f"{node.name} ({task_of(node)})")
+
+
+def participants_of(node: Node) -> tuple[str, ...]:
+    """An intention or an action, and what an action is about."""
+    about = (str(node.get(name, "")) for name in ("target", "destination"))
+    return (node.name, *(name for name in about if name))
+
+
+def task_of(node: Node) -> str:
+    """What an intention or an action is to bring about, in words."""
+    return " ".join(str(node[field]) for field in ("goal", "skill", "target", "destination") if node.get(field))
+
+
+def _written(node: Node | None, attribute: str, now: float) -> float:
+    """When an attribute got its value, s; now if that cannot be told."""
+    time = None if node is None else node.written_at(attribute)
+    return now if time is None else min(time, now)

@@ -1,0 +1,71 @@
+"""The events of a running graph: those on its timeline, or, where nobody writes that, those that its changes tell."""
+
+from __future__ import annotations
+
+from agents.inbox import Inbox
+from dsr.clock import WALL_CLOCK
+from dsr.errors import WireError
+from dsr.memory import Memory
+from dsr.runtime.status import PERIOD, decode_status
+from dsr.timeline import EVENT, SITUATION, Event, Timeline, kept_by, query, read_entry, tell
+
+LISTEN = 1.5 * PERIOD
+"""s in which every agent is heard at least once"""
+_MOST_STATUSES = 1000
+_MOST_TOLD = 20_000
+
+
+class Listener:
+    """Tells what happened before it was made, as far as the graph knows, and from then on."""
+
+    def __init__(self, memory: Memory) -> None:
+        self._memory = memory
+        self._timeline = Timeline()
+        self._watch = memory.watch()
+        self._entries = memory.watch(node_type=(EVENT, SITUATION))
+        self._statuses = Inbox(memory.transport, memory.keys.status(), WALL_CLOCK, _MOST_STATUSES)
+        self._told: set[tuple[str, str, float]] = set()
+        self._past: set[tuple[str, str]] | None = None
+
+    @property
+    def keeper(self) -> str | None:
+        """The agent that writes the timeline; None if nobody does."""
+        return kept_by(self._memory)
+
+    def events(self) -> list[Event]:
+        """What happened since the last call, in the order of times."""
+        written, derived = self._written(), self._derived()
+        if self._past is None:
+            self._past = {(event.kind, event.subject) for event in written}
+            derived = [event for event in derived if (event.kind, event.subject) not in self._past]
+        return sorted(written if self.keeper else [*written, *derived], key=lambda event: event.time)
+
+    def _written(self) -> list[Event]:
+        """News of the timeline in the graph; without a keeper what is new there is among the derived ones."""
+        if self._past is None:
+            self._entries.poll()
+            entries = query(self._memory)
+        else:
+            names = {change.name for change in self._entries.poll() if change.kind != "removed"}
+            nodes = [node for name in sorted(names) if (node := self._memory.get_node(name)) is not None]
+            entries = [entry for node in nodes if (entry := read_entry(node)) is not None]
+        if len(self._told) > _MOST_TOLD:
+            self._told = {key for key in self._told if key[0] in self._memory}
+        events = []
+        for entry in entries:
+            for event in tell([entry]):
+                key = (entry.name, event.kind, event.time)
+                if key not in self._told:
+                    self._told.add(key)
+                    events.append(event)
+        return events if self.keeper or self._past is None else []
+
+    def _derived(self) -> list[Event]:
+        now = WALL_CLOCK.now()
+        events = self._timeline.note(self._watch.poll(), self._memory, now)
+        for message in self._statuses.take():
+            try:
+                events += self._timeline.note_status(decode_status(message.payload), message.stamp)
+            except WireError:  # its sender counts elsewhere
+                continue
+        return [*events, *self._timeline.note_silence(now)]

@@ -1,0 +1,74 @@
+"""Which events are wanted: by kind, participants and time."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+
+from dsr.errors import ConfigError, suggest
+from dsr.observed_actions import KINDS as ACTIONS
+from dsr.timeline import DERIVED, EVENT_KINDS, RELATIONS, SURPRISING, Event
+
+KNOWN_KINDS = (*EVENT_KINDS, *ACTIONS, *sorted(DERIVED.difference(EVENT_KINDS)))
+"""Kinds that this system has; agents may have their own."""
+_OF = {"surprised": SURPRISING, "calmed": SURPRISING}
+
+
+class Selection:
+    """What is wanted.
+
+    Args:
+        kinds: of events (`began`, `Pick`) or of the situations that they belong to (`on`, `surprising`); all if none.
+        participants: names that must all take part.
+        since: s, on the scale of the events' times.
+        until: s, likewise.
+
+    Raises:
+        ConfigError: for a kind that looks like a misspelt one.
+    """
+
+    def __init__(
+        self,
+        kinds: Iterable[str] = (),
+        participants: Iterable[str] = (),
+        since: float | None = None,
+        until: float | None = None,
+    ) -> None:
+        self._kinds = frozenset(kinds)
+        self._participants = frozenset(participants)
+        self._since = -math.inf if since is None else since
+        self._until = math.inf if until is None else until
+        for kind in sorted(self._kinds.difference(KNOWN_KINDS)):
+            advice = suggest(kind, KNOWN_KINDS)
+            if advice.startswith("did you mean"):
+                raise ConfigError(f"--kind {kind}: no such kind of event; {advice}")
+
+    def of(self, events: Iterable[Event], origin: float) -> list[Event]:
+        """The wanted ones among `events`; `since` and `until` count from `origin` (s)."""
+        return [event for event in events if self._fits(event, event.time - origin)]
+
+    def _fits(self, event: Event, time: float) -> bool:
+        return (
+            self._since <= time <= self._until
+            and (not self._kinds or not self._kinds.isdisjoint(kinds_of(event)))
+            and self._participants <= _participants(event)
+        )
+
+    def check_found(self, events: Iterable[Event]) -> None:
+        """Raise `ConfigError` for a kind that is neither known nor among `events`."""
+        there = {kind for event in events for kind in kinds_of(event)}.union(KNOWN_KINDS)
+        for kind in sorted(self._kinds - there):
+            raise ConfigError(f"--kind {kind}: no such kind of event; {suggest(kind, there, len(there))}")
+
+
+def kinds_of(event: Event) -> set[str]:
+    """The kind of an event, and that of the situation that it begins or ends."""
+    kinds = {event.kind, str(event.details.get("kind", event.kind)), _OF.get(event.kind, event.kind)}
+    words = event.subject.split()
+    return kinds | ({words[1]} if len(words) == 3 and words[1] in RELATIONS else set())
+
+
+def _participants(event: Event) -> set[str]:
+    told = event.details.get("participants", ())
+    about = (event.subject, event.details.get("target", ""), event.details.get("destination", ""))
+    return {*told, *(name for text in about for name in str(text).replace(",", " ").split())}
