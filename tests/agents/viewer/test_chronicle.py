@@ -25,7 +25,8 @@ def test_situations_are_bars_that_begin_and_end(stage: Any) -> None:
     chronicle.resume(first)
     stage.run(1.0)
     shown = stage.finish()
-    print(states(shown, "on/a"), [e for e in shown.entities if "serv" in e])
+    assert states(shown, "on/a") == [("table",), ("b",), ("b",), ("table",)]
+    assert states(shown, "serving/\\?") == [("serves? tea",)]
 
 
 def test_an_end_clears_the_bar_and_stands_at_its_time(stage: Any) -> None:
