@@ -243,7 +243,7 @@ def _attributes(kind: Kind, unit: str, meanings: dict[str, str], **options: Any)
 _ATTRIBUTES: dict[str, AttributeType] = dict([
     *_attributes("pose", "m, rad", {"pose": "the geometry of an RT or Virtual_RT edge"}, stream=True),
     *_attributes("pose", "m, rad", {"target_pose": "where the tool point shall go, in the world frame",
-                                    "held_at": "gripper_from_object of what a gripper holds"}),
+                                    "held_at": "gripper_from_object of what a gripper holds, or hand_from_object"}),
     *_attributes("vector", "m", {"size": "extent along x, y, z"}, length=3),
     *_attributes("vector", "m", {"bounds": "box around a part, in its frame: least, then greatest x, y, z"}, length=6),
     *_attributes("vector", "", {"color": "red, green, blue from 0 to 1"}, length=3),
@@ -281,6 +281,7 @@ _ATTRIBUTES: dict[str, AttributeType] = dict([
                              "skill": "of the arm: pick, place, move, observe or stop",
                              "request": "what the planner asks of an action: run or halt",
                              "surprise": "why it is surprising",
+                             "grip": "how a hand has hold of it: touch (one side) or pinch (two opposite ones)",
                              "side": "of the body: left, right or unknown",
                              "hidden_by": "what hides most of it from the camera",
                              "policy": "which method explained it",

@@ -22,7 +22,8 @@ _MOST_PROBLEMS = 3  # told in its status
 class SimulationHandler(Agent):
     """Reads percepts (RT edges from cameras), lets physics correct them, and writes what it then believes.
 
-    Writes Virtual_RT edges from the world to each object, with covariance, relations `on` from contact and `in`,
+    Writes Virtual_RT edges from the world to each object, with covariance, relations `on` from contact and `in`, what
+    human hands touch (`grasping`),
     `plausible`: whether what is perceived of an object is possible by what else is known, and edges `sees`: how much
     of an object each camera should see. Answers what-if questions (dsr/what_if.py) about the belief of its last tick.
     After a restart it goes on from the Virtual_RT edges that it finds.
@@ -32,17 +33,17 @@ class SimulationHandler(Agent):
     rate_hz = 20.0
     reads = Access(
         nodes=(*FIXTURES, *OBJECTS, *PARTS, "world", "camera", "gripper", "action", *WRITTEN_NODES),
-        edges=("RT", "Virtual_RT", "on", "in", "sees", "grasping"),
+        edges=("RT", "Virtual_RT", "on", "in", "sees", "grasping", "has"),
         attributes=(
             *("size", "shape", "mass", "friction", "plausible", "source", "since", "bounds", *INTRINSICS, *SEEN),
-            *("surprising", "present", "skill", "target", "destination", "status", "held_at"),
+            *("surprising", "present", "skill", "target", "destination", "status", "held_at", "grip", "perceived"),
         ),
     )
     writes = Access(
         nodes=(*OBJECTS, *WRITTEN_NODES),
-        edges=("Virtual_RT", "on", "in", "sees", *WRITTEN_EDGES),
+        edges=("Virtual_RT", "on", "in", "sees", "grasping", *WRITTEN_EDGES),
         attributes=(
-            *("plausible", "source", "since", *SEEN),
+            *("plausible", "source", "since", "grip", "held_at", *SEEN),
             *("present", "explanation", "score", "alternatives", "policy", "target", *WRITTEN_ATTRIBUTES),
         ),
         exclusive=("Virtual_RT", "on", "in", "plausible", "sees", "present"),

@@ -27,6 +27,7 @@ from simulation_handler.percepts import make_percept
 from simulation_handler.relations import Relation, Relations, resting
 from simulation_handler.rollouts.scene import Scene
 from simulation_handler.simulator import TIME_STEP
+from simulation_handler.touching import HandGrasp, HandPercept, Touching
 
 _MOST_STEPS = 48  # of physics in one step of the belief; time beyond is lost
 
@@ -46,6 +47,7 @@ class Belief:
         self._relations = Relations(self.config.relation_delay)
         self._containment = Containment(self.config.relation_delay)
         self._driving = Driving(self._bodies, self._relations, self._containment, self.config)
+        self._touching = Touching(self._bodies, self.config)
         self._holding = Holding(self._bodies)
         policy = policy or make_policy(self.config)
         self._explainer = Explainer(self._bodies, self._relations, policy, self.config, self._containment)
@@ -118,6 +120,7 @@ class Belief:
     def remove(self, name: str) -> None:
         """Forget an object or a fixture; what rested on it falls. Harmless if there is none."""
         self._holding.forget(name)
+        self._touching.forget(name)
         self._bodies.remove(name)
         self._relations.forget(name)
         self._containment.forget(name)
@@ -149,6 +152,18 @@ class Belief:
         """These objects, by name, are in a gripper from now on, and no others."""
         self._holding.update(grasps)
 
+    def touch(self, hands: Mapping[str, HandPercept]) -> None:
+        """These human hands, by name, are known from now on, and no others."""
+        self._touching.observe(hands)
+
+    def recall_grasp(self, relation: Relation, grasp: HandGrasp, now: float) -> None:
+        """Believe again that a hand touches an object: (hand, object)."""
+        self._touching.recall(relation, grasp, now)
+
+    def grasps(self) -> Mapping[Relation, HandGrasp]:
+        """What human hands touch, by (hand, object)."""
+        return self._touching.grasps
+
     def explanations(self) -> list[tuple[float, Explanation]]:
         """What was explained since the last call, and when (s)."""
         return self._explainer.take_news()
@@ -159,7 +174,8 @@ class Belief:
 
     def step(self, now: float) -> None:
         """Bring the belief to time `now` (s)."""
-        self._correction.leave_to_physics(now)
+        self._touching.update(now)
+        self._correction.leave_to_physics(now, self._explainer.missing(now))
         self._driving.update(now)
         self._explainer.notice(now)
         self._correction.follow_perception(now, self._explainer.waiting)
@@ -209,7 +225,9 @@ class Belief:
         item = self._bodies.object(name)
         if item.holder:
             return True
-        if item.pinned or item.driven:
+        if item.driven:
+            return self._driving.rests(name)
+        if item.pinned:
             return False
         if item.track.estimate is None or name not in self._bodies.sim:
             return True

@@ -30,15 +30,16 @@ class Correction:
         self._bodies = bodies
         self._config = config
 
-    def leave_to_physics(self, now: float) -> None:
+    def leave_to_physics(self, now: float, missing: Collection[str]) -> None:
         """Of unseen objects that physics has moved, earlier percepts say nothing any more.
 
-        What was on its way when it was last seen is let go; what hovered steadily is still held by something.
+        What was on its way when it was last seen is let go; what hovered steadily is still held by something. Of what
+        was seen to be moved by somebody, that is known better: it is let go if it is `missing` where it should be seen.
         """
         for item in self._bodies.objects.values():
             if item.is_led or item.track.estimate is None or item.track.is_fresh(now):
                 continue
-            if item.pinned and self._was_on_its_way(item):
+            if item.pinned and (item.name in missing if item.drivable else self._was_on_its_way(item)):
                 self._bodies.set_pinned(item, False)
             if self._bodies.has_left(item):
                 item.track.forget()

@@ -13,6 +13,8 @@ import math
 from collections.abc import Collection
 from dataclasses import dataclass
 
+import numpy as np
+
 from dsr.quaternions import Vector3
 from dsr.transforms import Pose
 from simulation_handler.bodies import Bodies
@@ -22,6 +24,7 @@ from simulation_handler.explaining.scoring import is_displaced
 from simulation_handler.explaining.situation import seen_now
 from simulation_handler.objects import BelievedObject
 from simulation_handler.paths import between, turn_between
+from simulation_handler.percepts import Array
 from simulation_handler.placement import place
 from simulation_handler.relations import Relations
 from simulation_handler.simulator import GRAVITY, TIME_STEP
@@ -37,6 +40,7 @@ _STILL_METRES = 0.008
 _STILL_RADIANS = 0.15
 _ARRIVED = 0.004  # m
 _STUCK = 1.0  # s after which a body that cannot get where it is seen is driven no more
+_VAGUE: Array = np.diag((1e-5, 1e-5, 1e-4))  # m^2, of what is unseen in a hand
 _LOST = 0.06  # m from where it is seen, beyond which what is in or on a driven object does not ride with it
 
 
@@ -52,6 +56,8 @@ class _Drive:
     """Likewise where it ends"""
     rests: bool = True
     """Something carries it there"""
+    by_hand: bool = False
+    """A hand has held it since it rested"""
     still_since: float | None = None
     """s"""
 
@@ -97,20 +103,24 @@ class Driving:
             sim.step()
 
     def rests(self, name: str) -> bool:
-        """Whether something carries a driven object where it is seen."""
-        return name not in self._drives or self._drives[name].rests
+        """Whether something carries a driven object where it is seen, and it does not move any more."""
+        drive = self._drives[name]
+        return drive.rests and drive.still_since is not None
 
     def _may_go_on(self, name: str) -> bool:
         return name in self._bodies.objects and name in self._bodies.sim and not self._bodies.objects[name].holder
 
     def _start(self, item: BelievedObject, now: float) -> float | None:
         """From when (s) on an object is seen on its way from where it is believed to be; None if it is not."""
-        if not item.drivable or item.holder or item.name not in self._bodies.sim or item.estimate_at(now) is None:
+        if not (item.drivable or item.hand) or item.holder or item.name not in self._bodies.sim:
             return None
+        if item.estimate_at(now) is None:
+            return item.path.newest if item.hand and item.path.newest > item.track.last_stamp else None
         solid = self._bodies.solid(item.name)
         if not is_displaced(seen_now(item, self._config, now), solid, self._config):
             return None
-        return item.path.start(solid.pose, _LEFT)
+        start = item.path.start(solid.pose, _LEFT)
+        return item.path.newest if start is None and item.hand else start
 
     def _begin(self, item: BelievedObject, start: float) -> None:
         self._bodies.set_pinned(item, False)
@@ -121,9 +131,11 @@ class Driving:
         late = now - _LAG - drive.played
         drive.played += min(late, _HURRY * seconds) if late > 0.0 else 0.0
         drive.begin = drive.end
+        drive.by_hand = bool(item.hand) or (drive.by_hand and not drive.rests)
         self._aim(item, drive)
         if item.estimate_at(now) is None:
-            self._end(item, drive)
+            if not item.hand:
+                self._end(item, drive)
         elif item.path.is_still(_STILL, _STILL_METRES, _STILL_RADIANS) and drive.played >= item.path.newest - _STILL:
             drive.still_since = now if drive.still_since is None else drive.still_since
             apart = self._bodies.pose(item.name).distance(drive.end)[0]
@@ -136,7 +148,7 @@ class Driving:
         """Where the body should be at the end of this step: where it was seen, as far as other bodies allow."""
         pose = item.path.at(drive.played)
         scene = self._bodies.scene(leaving_out={item.name, *self._riders([item.name])})
-        covariance = item.percept_covariance(self._config)
+        covariance = _VAGUE if item.track.estimate is None else item.percept_covariance(self._config)
         placement = place(item.solid(pose.t, pose.q), covariance, list(scene.values()), self._config)
         drive.end, drive.rests = placement.solid.pose, placement.rests
         item.hovering_since = None if drive.rests else (item.hovering_since or self._now)
@@ -147,7 +159,8 @@ class Driving:
         item.put, item.placement, item.strikes = self._bodies.pose(item.name), None, 0
         item.track.begin_anew(item.path.newest - _STILL)
         self._bodies.sim.set_velocity(item.name, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-        if not drive.rests:
+        is_let_go = drive.by_hand and not item.hand and not item.track.is_fresh(self._now)
+        if not drive.rests and not is_let_go:
             self._bodies.set_pinned(item, True)
 
     def _riders(self, leaders: Collection[str]) -> set[str]:

@@ -65,6 +65,10 @@ class Explainer:
         """Objects that perception must not move by itself."""
         return self._noticing.displaced
 
+    def missing(self, now: float) -> Collection[str]:
+        """Objects that should be seen where they are believed to be, and are not."""
+        return self._noticing.missing_for(now).keys()
+
     def notice(self, now: float) -> None:
         """Compare percepts with beliefs at time `now` (s)."""
         self._planned |= dict.fromkeys(self.planned, now + _REMEMBERED)

@@ -86,11 +86,11 @@ class Noticing:
         return is_displaced(seen_now(item, self._config, now), self._bodies.solid(item.name), self._config)
 
     def _expected(self, look: Look) -> set[str]:
-        """Objects that some camera should see."""
-        bodies = self._bodies
+        """Objects that some camera should see: at rest, for what falls is not there any more when a frame comes."""
+        bodies, in_motion = self._bodies, self._bodies.in_motion()
         solids = [bodies.solid(name) for name, item in bodies.objects.items() if name in bodies.sim]
         return {
             name
             for (_, name), glance in look(solids).items()
-            if glance.share >= SURE and not bodies.objects[name].is_led
+            if glance.share >= SURE and not bodies.objects[name].is_led and name not in in_motion
         }

@@ -65,6 +65,8 @@ class BelievedObject:
     """Of its track, when it was last looked at."""
     holder: str = ""
     """The gripper that holds it; percepts then say nothing of it."""
+    hand: str = ""
+    """The human hand that holds it: where it is unseen, it goes where that goes."""
     confirmed: Solid | None = None
     """Where perception last agreed that it is, unless it has moved since with something, or in a gripper."""
     gone: bool = False

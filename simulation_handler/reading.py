@@ -23,6 +23,7 @@ from simulation_handler.explainer import EXPLANATION
 from simulation_handler.holding import Grasp
 from simulation_handler.reasoner import Reasoner
 from simulation_handler.relations import BOUNDS, CONTACT
+from simulation_handler.touching import TOUCH, HandGrasp, HandPercept
 
 WORLD = "world"
 FIXTURES = SURFACES
@@ -34,6 +35,7 @@ EXPLAINED = ("cube",)
 SOURCES = (CONTACT, EXPLANATION, BOUNDS)
 """Of the relations that the belief writes."""
 _MOST_OFF = 0.001  # m that the bounds of a shape may differ from the size
+_FARTHEST = 100.0  # m from the world's origin that a hand may be
 _MOST_AHEAD = 0.5  # s that a percept's stamp may be ahead of this machine's clock
 
 Properties = tuple[Vector3, float | None, float | None, Shape]
@@ -75,6 +77,7 @@ class Reading:
         self._belief.flag({name for name in self._known if present[name].get("surprising") is True})
         self._belief.plan(self._planned())
         self._belief.hold(self._grasps())
+        self._belief.touch(self._hands())
 
     def _planned(self) -> set[tuple[str, str]]:
         """(object, support) of what an arm is putting down now."""
@@ -93,6 +96,33 @@ class Reading:
                     world_from_gripper = self._memory.transform(WORLD, edge.src)
                     grasps[edge.dst] = Grasp(edge.src, world_from_gripper, edge.get("held_at"))
         return grasps
+
+    def _hands(self) -> dict[str, HandPercept]:
+        """The human hands whose place is known."""
+        fingers = {node.name: node for node in self._nodes(("finger",))}
+        hands: dict[str, HandPercept] = {}
+        for node in self._nodes(("hand",)):
+            with self._skipping(node.name):
+                pose = self._placed(node)
+                tips = {
+                    edge.dst: tip
+                    for edge in self._memory.edges("has", src=node.name)
+                    if edge.dst in fingers and (tip := self._placed(fingers[edge.dst])) is not None
+                }
+                if pose is not None:
+                    hands[node.name] = HandPercept(pose, tips, node.get("perceived") is not False)
+        return hands
+
+    def _placed(self, node: Node) -> Pose | None:
+        """Where a part of a hand was when it was last seen, with stamp; None if that is not known."""
+        edge = self._memory.get_edge(WORLD, node.name, "RT")
+        pose = None if edge is None else edge.get("pose")
+        if pose is None or (node.type == "finger" and node.get("perceived") is False):
+            return None
+        if math.hypot(*pose.t) > _FARTHEST:
+            raise SchemaError(f"{node}: {math.hypot(*pose.t):.3g} m from the world's origin; at most {_FARTHEST}")
+        checked: Pose = pose
+        return checked
 
     def _nodes(self, types: Iterable[str]) -> list[Node]:
         return sorted((node for type in types for node in self._memory.nodes(type)), key=lambda node: node.name)
@@ -131,6 +161,11 @@ class Reading:
         for relation in self._memory.edges("on", src=node.name):
             if relation.get("source") in SOURCES:
                 self._belief.recall_support((relation.src, relation.dst), relation.get("since", now), now)
+        for edge in self._memory.edges("grasping", dst=node.name):
+            held_at = edge.get("held_at")
+            if edge.get("source") == CONTACT and held_at is not None:
+                grasp = HandGrasp(edge.get("since", now), edge.get("grip", TOUCH), held_at)
+                self._belief.recall_grasp((edge.src, edge.dst), grasp, now)
         for relation in self._memory.edges("in", src=node.name):
             self._belief.recall_contents((relation.src, relation.dst), relation.get("since", now), now)
 

@@ -14,6 +14,7 @@ from simulation_handler.geometry import Solid
 from simulation_handler.holding import Grasp
 from simulation_handler.relations import Relation
 from simulation_handler.rollouts.scene import Scene
+from simulation_handler.touching import HandGrasp, HandPercept
 
 
 class Reasoner(Protocol):
@@ -71,6 +72,15 @@ class Reasoner(Protocol):
 
     def hold(self, grasps: Mapping[str, Grasp]) -> None:
         """Know what is held."""
+
+    def touch(self, hands: Mapping[str, HandPercept]) -> None:
+        """Know where human hands are."""
+
+    def recall_grasp(self, relation: Relation, grasp: HandGrasp, now: float) -> None:
+        """Believe again that a hand touches an object."""
+
+    def grasps(self) -> Mapping[Relation, HandGrasp]:
+        """What human hands touch, by (hand, object)."""
 
     def step(self, now: float) -> None:
         """Bring the belief to time `now` (s)."""

@@ -6,17 +6,21 @@ import contextlib
 import logging
 from collections.abc import Mapping
 
+from dsr.elements import Edge
 from dsr.errors import GraphError
 from dsr.memory import Memory
 from dsr.transforms import Pose
 from simulation_handler.events import Events
 from simulation_handler.reading import SOURCES, WORLD
 from simulation_handler.reasoner import Reasoner
-from simulation_handler.relations import Relation
+from simulation_handler.relations import CONTACT, Relation
+from simulation_handler.touching import HandGrasp
 
 _REFRESH = 1.0  # s after which a pose is written again, unchanged
 _SHIFT = 5e-5  # m that a body must have moved since its pose was written
 _TURN = 5e-4  # rad, likewise
+_GRASP_SHIFT = 0.005  # m that an object must have moved in a hand since that was written
+_GRASP_TURN = 0.1  # rad, likewise
 
 
 class Writing:
@@ -40,6 +44,7 @@ class Writing:
                 self._write_present(name)
         self._write_relations("on", self._belief.supports())
         self._write_relations("in", self._belief.contents())
+        self._write_grasps()
         for time, explanation in self._belief.explanations():
             self._events.record(time, explanation)
 
@@ -70,6 +75,19 @@ class Writing:
         if before is not (not gone) and (gone or before is not None):
             self._memory.update_node(name, present=not gone)
 
+    def _write_grasps(self) -> None:
+        """Let the edges `grasping` of human hands be what the belief says that they touch."""
+        grasps = self._belief.grasps()
+        for edge in self._memory.edges("grasping"):
+            if edge.get("source") == CONTACT and (edge.src, edge.dst) not in grasps:
+                self._memory.remove_edge(edge.src, edge.dst, "grasping")
+        for (hand, name), grasp in grasps.items():
+            written = self._memory.get_edge(hand, name, "grasping")
+            if written is None or written.get("grip") != grasp.grip or _is_regrasped(written, grasp):
+                values = {"source": CONTACT, "since": grasp.since, "grip": grasp.grip}
+                with contextlib.suppress(GraphError):
+                    self._memory.add_edge(hand, name, "grasping", held_at=grasp.hand_from_object, **values)
+
     def _write_relations(self, kind: str, relations: Mapping[Relation, float]) -> None:
         """Let the edges of a kind that the belief wrote be those that it has."""
         for edge in self._memory.edges(kind):
@@ -81,3 +99,12 @@ class Writing:
             if written is None or any(written.get(name) != value for name, value in values.items()):
                 with contextlib.suppress(GraphError):
                     self._memory.add_edge(*relation, kind, **values)
+
+
+def _is_regrasped(written: Edge, grasp: HandGrasp) -> bool:
+    """Whether a hand holds an object otherwise than it was written."""
+    before = written.get("held_at")
+    if before is None:
+        return True
+    metres, radians = before.distance(grasp.hand_from_object)
+    return bool(metres > _GRASP_SHIFT or radians > _GRASP_TURN)

@@ -95,6 +95,8 @@ def score(situation: Situation, hypothesis: Hypothesis, drafted: Draft, settled:
 def prior(situation: Situation, hypothesis: Hypothesis) -> float:
     """Nats for what a hypothesis assumes."""
     cost = sum(_move_prior(situation, move) for move in hypothesis.moves)
+    for move in hypothesis.moves:
+        cost += PARTED * len(situation.contents(move.name) - hypothesis.unseen - hypothesis.moved.keys())
     cost += REMOVED * len(hypothesis.removed)
     for name, direction in hypothesis.fallen:
         if name not in situation.glimpsed:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -144,9 +144,16 @@ class Situation:
 
     def chain_above(self, name: str) -> tuple[str, ...]:
         """What is on or in an object, directly and indirectly, and is not seen."""
+        return self._upon(name, [*self.beneath.items(), *self.inside.items()])
+
+    def contents(self, name: str) -> set[str]:
+        """What lies in an object, directly and indirectly, and is not seen; not what that only covers."""
+        upon = self._upon(name, list(self.beneath.items()))
+        return {other for other in upon if name in self.inside.get(other, ())}
+
+    def _upon(self, name: str, pairs: Collection[tuple[str, tuple[str, ...]]]) -> tuple[str, ...]:
         above: list[str] = []
         level = {name}
-        pairs = [*self.beneath.items(), *self.inside.items()]
         while level := {upper for upper, lower in pairs if level & set(lower)} - {name, *above}:
             above += sorted(filter(self._is_hidden, level))
         return tuple(above)

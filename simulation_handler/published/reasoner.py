@@ -18,6 +18,7 @@ from simulation_handler.holding import Grasp
 from simulation_handler.relations import BOUNDS, Relation
 from simulation_handler.rollouts.scene import Body, Scene
 from simulation_handler.simulator import SimulationError, Simulator
+from simulation_handler.touching import HandGrasp, HandPercept
 
 _FLOOR = "_floor"
 _FLOOR_SIZE = (20.0, 20.0, 0.2)
@@ -133,6 +134,16 @@ class PublishedReasoner:
         if before is not None:
             item.moved = _sum(item.moved or (0.0, 0.0, 0.0), _difference(world_pose.t, before.t))
         item.seen, item.stamp = world_pose, stamp
+
+    def touch(self, hands: Mapping[str, HandPercept]) -> None:
+        """It knows nothing of hands."""
+
+    def recall_grasp(self, relation: Relation, grasp: HandGrasp, now: float) -> None:
+        """It knows nothing of hands."""
+
+    def grasps(self) -> Mapping[Relation, HandGrasp]:
+        """None: it knows nothing of hands."""
+        return {}
 
     def step(self, now: float) -> None:
         """One update of the output scene: Algorithm 2."""

@@ -13,6 +13,7 @@ from dsr.transforms import Pose, interpolate
 from simulation_handler.belief import Belief
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining import Look
+from simulation_handler.touching import HandPercept
 from tests.simulation_handler.worlds import BALL, CAMERA, CUBE, PERIOD, ROUND, TABLE, container
 
 BOX: Vector3 = (0.17, 0.17, 0.15)
@@ -57,6 +58,13 @@ class Occlusion:
         self.rng = np.random.default_rng(seed)
         self.noise = noise
         self.look: Look | None = None
+        self.held = ""
+        self.palm: Pose | None = None
+        self.hand_seen = True
+        self.hand_noise = 0.003
+        self.last_hand: HandPercept | None = None
+        self.hand_from_object = Pose.identity()
+        self.tips_from_object: dict[str, Vector3] = {}
         self.belief = Belief(BeliefConfig())
         self.belief.set_fixture("table", TABLE, Pose((0.35, 0.0, -0.02)))
         self.now, self.ticks = 1000.0, 0
@@ -76,9 +84,47 @@ class Occlusion:
         if self.ticks % 2:
             for name in sorted(self.seen):
                 self.belief.observe(name, self.percept(name), self.now, CAMERA)
+            self.see_hand()
         self.belief.flag(self.belief.names)
         self.belief.look(self.look)
         self.belief.step(self.now)
+
+    def hand(self, name: str, opened: float = 0.0, tips: str = "pinch") -> None:
+        """A hand at an object: thumb and index on opposite sides (pinch), or two fingers on one (touch)."""
+        half = 0.5 * KINDS[name.split("_", maxsplit=1)[0]].size[1] + 0.008 + opened
+        places = {
+            "pinch": ((0.0, half, 0.02), (0.0, -half, 0.02)),
+            "touch": ((-0.011, half, 0.02), (0.011, half, 0.02)),
+        }
+        self.held = name
+        self.hand_from_object = Pose((0.1, 0.0, -0.05), (0.0, 0.0, 0.0, 1.0))
+        self.tips_from_object = {f"hand_finger_{k}": place for k, place in enumerate(places[tips])}
+        self.place_hand()
+
+    def place_hand(self) -> None:
+        """Let the hand be where it holds the object."""
+        self.palm = self.truths[self.held] @ self.hand_from_object.inverse()
+
+    def see_hand(self) -> None:
+        """Let the belief see the hand, with noise, or know that it does not."""
+        if self.palm is None:
+            return
+        if self.hand_seen:
+            stamped = self.noisy(self.palm)
+            object_from_hand = self.hand_from_object.inverse()
+            tips = {}
+            for name, place in self.tips_from_object.items():
+                local = object_from_hand.inverse() @ Pose(place, (0.0, 0.0, 0.0, 1.0))
+                tips[name] = self.noisy(self.palm @ local)
+            self.last_hand = HandPercept(stamped, tips, True)
+        elif self.last_hand is not None:
+            self.last_hand = self.last_hand._replace(perceived=False)
+        self.belief.touch({} if self.last_hand is None else {"hand": self.last_hand})
+
+    def noisy(self, pose: Pose) -> Pose:
+        """A landmark as the hand tracker has it."""
+        x, y, z = np.array(pose.t) + self.hand_noise * self.rng.normal(size=3)
+        return Pose((x, y, z), pose.q, self.now)
 
     def percept(self, name: str) -> Pose:
         """Where an object is seen."""
@@ -95,6 +141,8 @@ class Occlusion:
         seconds = max(metres / speed, radians / turning)
         for k in range(1, math.ceil(seconds / PERIOD) + 1):
             self.truths[name] = interpolate(begin, to.with_stamp(seconds), min(k * PERIOD, seconds))
+            if name == self.held:
+                self.place_hand()
             self.tick()
 
     def pose(self, name: str) -> Pose:

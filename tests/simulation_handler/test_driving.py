@@ -7,6 +7,7 @@ import math
 import pytest
 
 from dsr.transforms import Pose
+from simulation_handler.sight import Glance
 from tests.simulation_handler.occluded import BOX, SMALL, Occlusion, standing
 from tests.simulation_handler.worlds import BALL, CUBE, WALL
 
@@ -138,3 +139,50 @@ def test_an_unseen_cup_behind_a_box_is_dragged_off_the_edge() -> None:
     assert world.pose("cup").t[2] < -0.5
     assert ("cup", "table") not in world.belief.supports()
     assert world.pose("block").t[2] == pytest.approx(0.125, abs=0.01)
+
+
+def ball_over_a_box(seed: int = 0) -> Occlusion:
+    """A ball that somebody has lifted over an open box, in sight, for a second."""
+    world = Occlusion({"box": standing(0.3, 0.0, BOX), "ball": Pose((0.1, 0.2, 0.03))}, seed)
+    world.look = lambda solids: {
+        ("camera", solid.name): Glance(1.0 if solid.name == "box" or solid.position[2] > 0.1 else 0.0, "")
+        for solid in solids
+    }
+    world.run(2.0)
+    world.move("ball", Pose((0.1, 0.2, 0.38)), 0.4)
+    world.move("ball", Pose((0.3, 0.0, 0.38)), 0.4)
+    world.run(1.0)
+    return world
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_ball_that_is_dropped_into_a_box_is_believed_there(seed: int) -> None:
+    world = ball_over_a_box(seed)
+    assert not world.belief.plausible("ball")
+    assert world.error("ball") < 0.02
+    world.seen = {"box"}
+    world.run(1.5)
+    assert world.belief.contents().keys() == {("ball", "box")}
+    assert world.pose("ball").t[2] == pytest.approx(IN_BOX, abs=0.002)
+    assert world.belief.plausible("ball")
+    assert world.texts() == []
+
+
+def test_a_ball_that_is_held_behind_something_stays_there() -> None:
+    world = ball_over_a_box()
+    world.look = lambda solids: {("camera", solid.name): Glance(0.0, "something") for solid in solids}
+    world.seen = {"box"}
+    world.run(3.0)
+    assert world.error("ball") < 0.02
+
+
+def test_a_box_that_jumps_takes_its_contents_along() -> None:
+    world = ball_in_a_box()
+    world.seen = set()
+    world.run(1.0)
+    world.truths["box"], world.seen = standing(0.0, -0.3, BOX), {"box"}
+    world.run(2.0)
+    assert world.belief.contents().keys() == {("ball", "box")}
+    assert world.error("box") < 0.005
+    assert math.dist(world.pose("ball").t[:2], (0.0, -0.3)) < 0.05
+    assert "moved_with_contents(box; ball)" in world.texts()

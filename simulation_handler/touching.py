@@ -1,0 +1,248 @@
+"""Hands: which object they touch, how, and what goes with them where nobody sees it.
+
+Contact is looked for where hand and object were seen at the same time, for the bodies of the simulation are a little
+late. What is seen of an object counts more than what is seen of the hand that holds it; while it is unseen, it is where
+the hand has it; while neither is seen, nothing changes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from itertools import combinations
+from typing import NamedTuple
+
+from dsr.quaternions import Vector3
+from dsr.transforms import Pose
+from simulation_handler.bodies import Bodies
+from simulation_handler.config import BeliefConfig
+from simulation_handler.geometry import Solid
+from simulation_handler.objects import BelievedObject
+from simulation_handler.paths import Path, between
+from simulation_handler.relations import Relation, Relations
+from simulation_handler.surfaces import outwards
+
+TIP_RADIUS = 0.008
+"""m, of a fingertip"""
+TOUCH, PINCH = "touch", "pinch"
+"""Grips: fingertips on one side, or on two opposite ones."""
+
+_NEAR = 0.010  # m between surfaces up to which a touch begins: what hands and percepts are off
+_FAR = 0.018  # m up to which it goes on
+_DEEPEST = -0.020  # m, deeper than which no fingertip is in an object: it is in front of it or behind
+_TOUCH_DELAY = 0.2  # s that a touch must last, or be gone
+_OPPOSED = -0.5  # cosine between the ways out of the object at two fingertips
+_MEASURED = 0.15  # s up to which a fingertip is known
+_UNSEEN = 0.25  # s after its last percept, from which an object is where its hand has it
+_ELSEWHERE = 0.05  # m from where its hand would have it, from which an object at rest is not held
+_BLEND = 0.2  # weight of the newest in how a hand holds an object
+
+
+class HandPercept(NamedTuple):
+    """What is seen of a hand."""
+
+    pose: Pose
+    """world_from_hand, with stamp"""
+    tips: Mapping[str, Pose]
+    """Fingertips in the world by name, with stamps; their rotations say nothing."""
+    perceived: bool
+    """Whether the hand is in sight now."""
+
+
+@dataclass
+class HandGrasp:
+    """An object that a hand touches."""
+
+    since: float
+    """s"""
+    grip: str
+    """`TOUCH` or `PINCH`."""
+    hand_from_object: Pose
+
+
+@dataclass
+class _Hand:
+    """A hand and the ways it took."""
+
+    perceived: bool = False
+    path: Path = field(default_factory=Path)
+    tips: dict[str, Path] = field(default_factory=dict)
+
+
+class Touching:
+    """Keeps track of hands and of what they hold."""
+
+    def __init__(self, bodies: Bodies, config: BeliefConfig) -> None:
+        self._bodies = bodies
+        self._config = config
+        self._hands: dict[str, _Hand] = {}
+        self._touches = Relations(_TOUCH_DELAY)  # (fingertip, object)
+        self._pinches = Relations(_TOUCH_DELAY)  # (hand, object)
+        self._grasps: dict[Relation, HandGrasp] = {}
+
+    @property
+    def grasps(self) -> Mapping[Relation, HandGrasp]:
+        """What is touched, by (hand, object)."""
+        return self._grasps
+
+    def tips(self, stamp: float) -> dict[str, Vector3]:
+        """(3,) m, where the fingertips in sight were at that time (s), by name."""
+        return {
+            name: path.at(stamp).t
+            for hand in self._hands.values()
+            if hand.perceived
+            for name, path in hand.tips.items()
+            if _is_measured(path, hand)
+        }
+
+    def observe(self, hands: Mapping[str, HandPercept]) -> None:
+        """Take in what is seen of all hands; those that are not among them are gone."""
+        for name in self._hands.keys() - hands.keys():
+            del self._hands[name]
+        for name, percept in hands.items():
+            hand = self._hands.setdefault(name, _Hand())
+            hand.perceived = percept.perceived
+            if not percept.perceived:
+                continue
+            hand.path.add(percept.pose)
+            for tip in hand.tips.keys() - percept.tips.keys():
+                del hand.tips[tip]
+            for tip, pose in percept.tips.items():
+                hand.tips.setdefault(tip, Path()).add(pose)
+
+    def recall(self, relation: Relation, grasp: HandGrasp, now: float) -> None:
+        """Take over a grasp that held before."""
+        self._grasps[relation] = grasp
+        if grasp.grip == PINCH:
+            self._pinches.recall(relation, grasp.since, now)
+
+    def forget(self, name: str) -> None:
+        """Of an object that is no more."""
+        self._grasps = {relation: grasp for relation, grasp in self._grasps.items() if name not in relation}
+        self._touches.forget(name)
+        self._pinches.forget(name)
+
+    def update(self, now: float) -> None:
+        """Decide at time `now` (s) what is touched and held, and let what is unseen and held go with its hand."""
+        touching, opposed = self._contacts(now)
+        self._touches.update(touching, now)
+        self._pinches.update(opposed, now)
+        self._update_grasps(now)
+        holders = self._holders(now)
+        for item in self._bodies.objects.values():
+            item.hand = holders.get(item.name, "")
+            if item.hand and now - item.track.last_stamp > _UNSEEN and self._hands[item.hand].perceived:
+                pose = self._hands[item.hand].path.last
+                there = pose @ self._grasps[item.hand, item.name].hand_from_object
+                item.path.add(Pose.unchecked(there.t, there.q, pose.stamp))
+
+    def _contacts(self, now: float) -> tuple[set[Relation], set[Relation]]:
+        """(fingertip, object) and (hand, object) that touch, and pinch, as far as can be told."""
+        touching: set[Relation] = set()
+        opposed: set[Relation] = set()
+        known = self._touches.current().keys()
+        for name, hand in self._hands.items():
+            for item in self._bodies.objects.values():
+                if item.name not in self._bodies.sim or item.holder:
+                    continue
+                if not hand.perceived:
+                    touching |= {relation for relation in known if relation in self._of(hand, item)}
+                    opposed |= {(name, item.name)} & self._pinches.current().keys()
+                    continue
+                ways = self._touched(hand, item, known, now)
+                touching |= {(tip, item.name) for tip in ways}
+                measured = [way for way in ways.values() if way is not None]
+                if any(_dot(a, b) < _OPPOSED for a, b in combinations(measured, 2)):
+                    opposed.add((name, item.name))
+                elif len(measured) < 2 <= len(ways):
+                    opposed |= {(name, item.name)} & self._pinches.current().keys()
+        return touching, opposed
+
+    def _of(self, hand: _Hand, item: BelievedObject) -> set[Relation]:
+        return {(tip, item.name) for tip in hand.tips}
+
+    def _touched(
+        self, hand: _Hand, item: BelievedObject, known: Collection[Relation], now: float
+    ) -> dict[str, Vector3 | None]:
+        """Fingertips that touch an object, with the way out of it there; None for one that is not measured now."""
+        stamp, solid = self._seen_at(hand, item, now)
+        found: dict[str, Vector3 | None] = {}
+        for tip, path in hand.tips.items():
+            is_known = (tip, item.name) in known
+            if not _is_measured(path, hand):
+                if is_known:
+                    found[tip] = None
+                continue
+            point = path.at(stamp).t
+            if math.dist(point, solid.position) > solid.radius + TIP_RADIUS + _FAR:
+                continue
+            distance, way = outwards(solid, point)
+            if _DEEPEST <= distance - TIP_RADIUS <= (_FAR if is_known else _NEAR):
+                found[tip] = way
+        return found
+
+    def _seen_at(self, hand: _Hand, item: BelievedObject, now: float) -> tuple[float, Solid]:
+        """A time (s) for which both are known, and where the object was then."""
+        if now - item.track.last_stamp > _UNSEEN:
+            return hand.path.newest, self._bodies.solid(item.name)
+        stamp = min(hand.path.newest, item.path.newest)
+        pose = item.path.at(stamp)
+        return stamp, item.solid(pose.t, pose.q)
+
+    def _update_grasps(self, now: float) -> None:
+        """Begin, go on and end."""
+        owners = {tip: name for name, hand in self._hands.items() for tip in hand.tips}
+        touched: dict[Relation, float] = {}
+        for (tip, item), since in self._touches.current().items():
+            relation = (owners.get(tip, ""), item)
+            touched[relation] = min(since, touched.get(relation, since))
+        pinched = self._pinches.current()
+        for relation in list(self._grasps):
+            hand = self._hands.get(relation[0])
+            is_over = hand is None or (hand.perceived and relation not in touched)
+            if is_over or self._is_elsewhere(relation, now):
+                del self._grasps[relation]
+        for relation, since in touched.items():
+            name, thing = relation
+            if name not in self._hands or thing not in self._bodies.sim or not self._hands[name].perceived:
+                continue
+            grasp = self._grasps.get(relation)
+            there = self._hand_from_object(self._hands[name], self._bodies.objects[thing], now)
+            if grasp is None:
+                grasp = self._grasps[relation] = HandGrasp(since, TOUCH, there)
+            elif now - self._bodies.objects[thing].track.last_stamp <= _UNSEEN:
+                grasp.hand_from_object = between(grasp.hand_from_object, there, _BLEND)
+            grasp.grip = PINCH if relation in pinched else TOUCH
+
+    def _hand_from_object(self, hand: _Hand, item: BelievedObject, now: float) -> Pose:
+        stamp, solid = self._seen_at(hand, item, now)
+        return hand.path.at(stamp).inverse() @ solid.pose
+
+    def _is_elsewhere(self, relation: Relation, now: float) -> bool:
+        """Whether an object is seen to rest where the hand, which is unseen, cannot have it."""
+        name, thing = relation
+        item, hand = self._bodies.objects[thing], self._hands.get(name)
+        if hand is None or hand.perceived or thing not in self._bodies.sim or item.estimate_at(now) is None:
+            return False
+        rests = not item.driven and item.placement is not None and item.placement.rests
+        there = hand.path.last @ self._grasps[relation].hand_from_object if hand.path.newest > -math.inf else None
+        return rests and (there is None or math.dist(there.t, self._bodies.sim.position(thing)) > _ELSEWHERE)
+
+    def _holders(self, now: float) -> dict[str, str]:
+        """The hand that holds each object: pinches it, or touches what nothing else carries."""
+        holders: dict[str, str] = {}
+        for (hand, thing), grasp in sorted(self._grasps.items(), key=lambda entry: (entry[1].since, entry[0])):
+            item = self._bodies.objects[thing]
+            hovers = item.pinned or item.hovering_since is not None
+            if grasp.grip == PINCH or hovers or item.hand == hand:
+                holders.setdefault(thing, hand)
+        return holders
+
+
+def _is_measured(path: Path, hand: _Hand) -> bool:
+    return path.newest >= hand.path.newest - _MEASURED
+
+
+def _dot(a: Vector3, b: Vector3) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

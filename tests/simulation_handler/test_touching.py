@@ -1,0 +1,169 @@
+"""Hands in the belief: what they touch, what they hold, and where that is while nobody sees it."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from dsr.transforms import Pose
+from simulation_handler.geometry import Solid
+from simulation_handler.surfaces import outwards
+from simulation_handler.touching import PINCH, TOUCH
+from tests.simulation_handler.occluded import BOX, SMALL, Occlusion, standing
+from tests.simulation_handler.worlds import BALL, CUBE, ROUND, WALL, container
+
+HELD = ("hand", "cup")
+
+
+def cup_in_a_hand(seed: int = 0, grip: str = "pinch") -> Occlusion:
+    world = Occlusion({"cup": standing(0.3, 0.0, SMALL), "cube": standing(0.3, 0.2, CUBE)}, seed)
+    world.run(2.0)
+    world.hand("cup", tips=grip)
+    world.run(0.8)
+    return world
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_two_opposite_fingertips_pinch(seed: int) -> None:
+    world = cup_in_a_hand(seed)
+    assert {relation: grasp.grip for relation, grasp in world.belief.grasps().items()} == {HELD: PINCH}
+    assert world.error("cup") < 0.006
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_two_fingertips_on_one_side_touch_and_lift_nothing(seed: int) -> None:
+    world = cup_in_a_hand(seed, "touch")
+    assert {relation: grasp.grip for relation, grasp in world.belief.grasps().items()} == {HELD: TOUCH}
+    world.seen = set()
+    world.palm = Pose((0.0, 0.0, 0.3), (0.0, 0.0, 0.0, 1.0)) @ world.palm
+    world.run(2.0)
+    assert world.pose("cup").t == pytest.approx((0.3, 0.0, 0.04), abs=0.006)
+    assert world.belief.grasps() == {}
+
+
+def test_a_hand_beside_an_object_does_not_touch_it() -> None:
+    world = cup_in_a_hand()
+    world.hand("cup", opened=0.025)
+    world.run(3.0)
+    assert world.belief.grasps() == {}
+    assert world.error("cup") < 0.006
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_a_hand_lifts_goes_with_it_behind_something_and_is_right_when_it_comes_back(seed: int) -> None:
+    world = cup_in_a_hand(seed)
+    world.move("cup", standing(0.3, 0.0, SMALL, on=0.2))
+    assert world.belief.grasps()[HELD].grip == PINCH
+    assert not world.belief.plausible("cup")
+    world.seen.discard("cup")
+    world.move("cup", standing(0.3, -0.3, SMALL, on=0.2))
+    world.run(0.5)
+    assert world.error("cup") < 0.02
+    world.hand_seen = False
+    world.run(3.0)
+    assert world.error("cup") < 0.02
+    world.truths["cup"] = standing(0.1, -0.3, SMALL, on=0.25)
+    world.place_hand()
+    world.run(1.0)
+    assert world.pose("cup").t[2] == pytest.approx(0.24, abs=0.02)
+    assert world.belief.grasps().keys() == {HELD}
+    world.hand_seen = True
+    world.run(1.0)
+    assert world.error("cup") < 0.02
+    world.seen.add("cup")
+    world.run(1.0)
+    assert world.error("cup") < 0.01
+    world.move("cup", standing(0.1, -0.3, SMALL))
+    world.run(0.5)
+    world.hand("cup", opened=0.04)
+    world.run(1.5)
+    assert world.belief.grasps() == {}
+    assert world.belief.plausible("cup")
+    assert world.error("cup") < 0.004
+    assert world.texts() == []
+
+
+def test_the_hand_opens_while_nobody_sees_the_cup_which_falls() -> None:
+    world = cup_in_a_hand()
+    world.move("cup", standing(0.3, 0.0, SMALL, on=0.2))
+    world.seen.discard("cup")
+    world.run(1.0)
+    assert world.pose("cup").t[2] > 0.2
+    world.hand("cup", opened=0.04)
+    world.run(2.0)
+    assert world.belief.grasps() == {}
+    assert world.pose("cup").t[2] < 0.06
+
+
+def test_a_cup_that_is_seen_elsewhere_while_its_hand_is_not_is_held_no_more() -> None:
+    world = cup_in_a_hand()
+    world.move("cup", standing(0.3, 0.0, SMALL, on=0.2))
+    world.seen.discard("cup")
+    world.hand_seen = False
+    world.run(3.0)
+    assert world.belief.grasps().keys() == {HELD}
+    world.truths["cup"] = standing(0.1, -0.2, SMALL)
+    world.seen.add("cup")
+    world.run(2.5)
+    assert world.belief.grasps() == {}
+    assert world.error("cup") < 0.005
+
+
+def test_what_is_in_a_cup_in_a_hand_goes_along() -> None:
+    world = Occlusion({"cup": standing(0.3, 0.0, SMALL), "cube": standing(0.3, 0.0, CUBE, on=WALL)})
+    world.run(2.0)
+    world.seen = {"cup"}
+    world.hand("cup")
+    world.run(1.0)
+    world.move("cup", standing(0.3, 0.0, SMALL, on=0.2))
+    world.seen = set()
+    world.move("cup", standing(0.1, -0.3, SMALL, on=0.2))
+    world.run(0.5)
+    assert world.belief.contents().keys() == {("cube", "cup")}
+    assert math.dist(world.pose("cube").t[:2], (0.1, -0.3)) < 0.05
+
+
+def test_a_cube_that_a_hand_takes_from_a_tower_is_no_surprise() -> None:
+    world = Occlusion({"cube_0": standing(0.3, 0.0, CUBE), "cube_1": standing(0.3, 0.0, CUBE, on=0.04)})
+    world.run(2.0)
+    world.hand("cube_1")
+    world.tips_from_object = {name: (x, y, 0.0) for name, (x, y, _) in world.tips_from_object.items()}
+    world.run(0.8)
+    world.move("cube_1", standing(0.3, 0.0, CUBE, on=0.2))
+    world.move("cube_1", standing(0.1, 0.1, CUBE, on=0.2))
+    assert world.belief.grasps()["hand", "cube_1"].grip == PINCH
+    assert world.error("cube_1") < 0.04
+    assert world.error("cube_0") < 0.004
+    assert world.texts() == []
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_hands_disturb_nothing_that_they_only_pass(seed: int) -> None:
+    cubes = {f"cube_{k}": standing(0.3, 0.0, CUBE, on=0.04 * k) for k in range(3)}
+    world = Occlusion(cubes, seed)
+    world.run(2.0)
+    world.hand("cube_2", opened=0.03)
+    world.hand_noise = 0.005
+    for k in range(20):
+        world.palm = Pose((0.0, 0.02 * (k - 10), 0.06), (0.0, 0.0, 0.0, 1.0)) @ world.truths["cube_2"]
+        world.run(0.1)
+    assert all(world.error(name) < 0.004 for name in cubes)
+    assert world.texts() == []
+
+
+@pytest.mark.parametrize(
+    ("solid", "point", "distance", "way"),
+    [
+        (Solid("a", CUBE, (0.0, 0.0, 0.0)), (0.05, 0.0, 0.0), 0.03, (1.0, 0.0, 0.0)),
+        (Solid("a", CUBE, (0.0, 0.0, 0.0)), (0.0, 0.0, -0.015), -0.005, (0.0, 0.0, -1.0)),
+        (Solid("a", CUBE, (0.0, 0.0, 0.0)), (0.05, 0.06, 0.0), 0.05, (0.6, 0.8, 0.0)),
+        (Solid("a", BALL, (1.0, 0.0, 0.0), shape=ROUND), (1.0, 0.05, 0.0), 0.02, (0.0, 1.0, 0.0)),
+        (Solid("a", BOX, (0.0, 0.0, 0.0), shape=container(BOX)), (0.0725, 0.0, 0.0), 0.0095, (-1.0, 0.0, 0.0)),
+    ],
+)
+def test_how_far_a_point_is_from_a_body(
+    solid: Solid, point: tuple[float, float, float], distance: float, way: tuple[float, float, float]
+) -> None:
+    assert outwards(solid, point)[0] == pytest.approx(distance)
+    assert outwards(solid, point)[1] == pytest.approx(way)
