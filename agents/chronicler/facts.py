@@ -96,7 +96,7 @@ def _doings(memory: Memory, now: float) -> Iterator[Fact]:
         for node in memory.nodes(kind):
             if node.get("status") in statuses:
                 begin = _written(node, "status", now)
-                yield Fact(kind, participants_of(node), begin, repr(begin), False, f"{node.name} ({task_of(node)})")
+                yield Fact(kind, participants_of(node), begin, repr(begin), False, task_of(node))
 
 
 def participants_of(node: Node) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""The timeline: situations as bars over time, a lane for each kind and thing."""
+"""The timeline: situations as bars over time, a lane for each kind and thing, and one for all actions."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import rerun as rr
 
 from agents.viewer.texts import drawable
 from dsr import Change, Memory
-from dsr.timeline import RELATIONS, SITUATION, Entry, read_entry
+from dsr.timeline import ACTION, AGENT, RELATIONS, SITUATION, Entry, read_entry
 
 ENTITY = "timeline"
 _MOST_LANES = 60
@@ -39,13 +39,14 @@ class ChronicleView:
             entry = None if node is None else read_entry(node)
             if entry is None:
                 self._shown.pop(name, None)
-            else:
+            elif entry.kind != AGENT:  # the rates of agents are shown elsewhere
                 self._draw(entry)
         if names:
             self._recording.set_time(self._time, timestamp=now)
 
     def _draw(self, entry: Entry) -> None:
-        lane, label = (entry.kind, "".join(entry.participants[:1])), _label(entry)
+        subject = "arm" if entry.kind == ACTION else "".join(entry.participants[:1])
+        lane, label = (entry.kind, subject), _label(entry)
         before = self._shown.get(entry.name)
         if before is None and (len(self._lanes) >= _MOST_LANES and lane not in self._lanes):
             return

@@ -54,8 +54,10 @@ def query(
     for node in nodes:
         if (kinds is not None and kind_of(node) not in kinds) or (open and "end" in node):
             continue
+        if needed and not needed.issubset(split_names(str(node.get("participants", "")))):
+            continue
         entry = read_entry(node)
-        if entry is None or not needed.issubset(entry.participants) or source not in (None, entry.source):
+        if entry is None or source not in (None, entry.source):
             continue
         if (since is not None and entry.last < since) or (until is not None and entry.begin > until):
             continue

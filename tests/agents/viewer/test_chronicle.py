@@ -38,6 +38,19 @@ def test_an_end_clears_the_bar_and_stands_at_its_time(stage: Any) -> None:
     assert states(stage.finish(), "surprising/a") == [("beside",), ("",)]
 
 
+def test_actions_share_a_lane_and_agents_have_none(stage: Any) -> None:
+    stage.start_viewer()
+    chronicle, begun = Chronicle(stage.memory), stage.clock.now()
+    for index in range(2):
+        name = chronicle.begin("action", (f"action_{index}", "a"), begun + index, text=f"step {index}")
+        chronicle.end(name, begun + index + 0.5)
+    chronicle.begin("agent", ("plant", "plant-1"), begun)
+    stage.run(1.0)
+    shown = stage.finish()
+    assert states(shown, "action/arm") == [("step 0",), ("",), ("step 1",), ("",)]
+    assert not any(entity.startswith("/timeline/agent") for entity in shown.entities)
+
+
 def test_lanes_are_bounded(stage: Any) -> None:
     stage.start_viewer()
     chronicle = Chronicle(stage.memory)
