@@ -116,12 +116,9 @@ class AttributedPolicy:
 
     def _begin_of_hold(self, thing: Thing, track: _Track, snapshot: Snapshot) -> Inference | None:
         """`Pick`, if it has been lifted."""
-        carriers = [self._track(name) for name in self._carriers(thing, snapshot)]
-        if any(carrier.held for carrier in carriers):
+        if self._is_carried(thing, snapshot):
             track.seen.forget()
             track.believed.forget()
-            return None
-        if any(carrier.seen.is_rising or carrier.believed.is_rising for carrier in carriers):
             return None
         if thing.grasps and track.believed.lies and track.believed.is_lifted:
             return self._pick(thing, track, track.believed, snapshot)
@@ -136,21 +133,27 @@ class AttributedPolicy:
         """It is not held: note where it lies."""
         if track.seen.last is not None and (track.seen.lies or (thing.plausible and not thing.grasps)):
             track.seen.lie()
-            track.returned = track.returned and not track.seen.is_low
+            track.returned = track.returned and track.seen.is_rising
         if track.believed.last is not None and not thing.grasps and thing.plausible:
             track.believed.lie()
 
-    def _carriers(self, thing: Thing, snapshot: Snapshot) -> list[str]:
-        """What it is or lately was in or on, and what that is in or on, at any depth."""
-        found: list[str] = []
+    def _is_carried(self, thing: Thing, snapshot: Snapshot) -> bool:
+        """Whether what it is in or on is held or rises, itself or by what that is in or on."""
+        checked: set[str] = set()
         waiting = [thing.name]
         while waiting:
             when, beneath = self._track(waiting.pop()).beneath
-            if snapshot.now - when <= _REMEMBERED:
-                new = [name for name in sorted(beneath) if name in snapshot.things and name not in (thing.name, *found)]
-                found += new
-                waiting += new
-        return found
+            if snapshot.now - when > _REMEMBERED:
+                continue
+            for name in sorted(beneath - checked):
+                checked.add(name)
+                if name in snapshot.things:
+                    track = self._track(name)
+                    is_seen = self._is_seen_now(snapshot.things[name], snapshot.now)
+                    if track.held or (is_seen and track.seen.is_rising) or track.believed.is_rising:
+                        return True
+                    waiting.append(name)
+        return False
 
     def _pick(self, thing: Thing, track: _Track, heights: Heights, snapshot: Snapshot) -> Inference:
         time = min(heights.departed(), snapshot.now)
@@ -189,10 +192,8 @@ class AttributedPolicy:
             return None
         if let_go.bottom - current.bottom > config.fallen:
             return self._let_go(thing, track, RELEASE, let_go_at, _SURE, f"{track.by} let go of it, and it came down")
-        is_back = seen is not None and seen.time > let_go_at and track.seen.is_back
-        if is_back or (self._rests(thing, track, snapshot) and thing.plausible):
-            heights = track.seen if seen is not None else track.believed
-            time = min(heights.settled(), let_go_at)
+        if self._rests(thing, track, snapshot) and thing.plausible:
+            time = min(track.believed.settled() if track.believed.last is not None else let_go_at, let_go_at)
             return self._let_go(thing, track, PLACE, time, _SURE, f"{track.by} let go of it where it rests")
         if now - let_go_at > _GONE and seen is not None and seen.time > let_go_at + _GONE:
             track.last_grasp = None  # the grasp was lost sight of, not ended: motion tells from here
@@ -207,8 +208,7 @@ class AttributedPolicy:
         if self._is_seen_now(thing, now):
             if track.seen.speed() < _FALLING:
                 return self._let_go(thing, track, RELEASE, self._last_high(track), near, "it falls")
-            rests = track.seen.is_steady() and thing.plausible and self._rests(thing, track, snapshot)
-            if rests or track.seen.is_back:
+            if track.seen.is_steady() and thing.plausible and self._rests(thing, track, snapshot):
                 return self._let_go(thing, track, PLACE, track.seen.settled(), _LIKELY, "it rests again")
             return None
         dropped = believed is not None and thing.plausible and last.bottom - believed.bottom > _UNPLAUSIBLE_DROP

@@ -35,7 +35,7 @@ class ActionInferenceConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=T
     """m that a thing must be seen, or believed while it is held, above where it lay, before it has been picked"""
     lifted_frames: Annotated[int, Meta(ge=1)] = 2
     """Percepts in a row that must show it: a single one may be wrong."""
-    steady: _Positive = 0.010
+    steady: _Positive = 0.008
     """m within which percepts of a thing that lies still stay"""
     fallen: _Positive = 0.02
     """m that a thing must have come down since it was let go to have been released rather than placed"""

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections import deque
-from collections.abc import Callable
 from typing import NamedTuple
 
 from dsr.quaternions import Vector3
 
 _KEPT = 40  # samples
-_NEWEST, _LASTING = 3, 4  # of them, that show that it stays where it is; and that it lies there
 _ADAPT = 0.1  # share by which where it lies follows a sample
 _LOW = 0.4  # of the threshold, up to which it may still lie
 
@@ -79,31 +76,22 @@ class Heights:
 
     @property
     def is_rising(self) -> bool:
-        """Whether the newest samples are higher than noise would have them."""
-        return self._all_newest(lambda sample: self.rise(sample) > _LOW * self._lifted)
-
-    @property
-    def is_low(self) -> bool:
-        """Whether the newest sample is where it lay."""
-        return bool(self._samples) and self.rise(self._samples[-1]) <= _LOW * self._lifted
+        """Whether the newest sample is higher than noise would have it."""
+        return bool(self._samples) and self.rise(self._samples[-1]) > _LOW * self._lifted
 
     @property
     def is_lowered(self) -> bool:
         """Whether it is now lower than where it lay."""
-        return self._all_newest(lambda sample: self.rise(sample) < -self._lifted)
+        newest = list(self._samples)[-self._frames :]
+        return len(newest) == self._frames and all(self.rise(sample) < -self._lifted for sample in newest)
 
     @property
     def is_lifted(self) -> bool:
         """Whether enough samples in a row show that it is above where it lay."""
-        return self._all_newest(lambda sample: self.rise(sample) > self._lifted)
+        newest = list(self._samples)[-self._frames :]
+        return len(newest) == self._frames and all(self.rise(sample) > self._lifted for sample in newest)
 
-    @property
-    def is_back(self) -> bool:
-        """Whether it lies still at the height at which it lay."""
-        back = bool(self._samples) and self._rest is not None and abs(self.rise(self._samples[-1])) <= self._steady
-        return back and self.is_steady(_LASTING)
-
-    def is_steady(self, count: int = _NEWEST) -> bool:
+    def is_steady(self, count: int = 3) -> bool:
         """Whether the last samples are at one place."""
         newest = list(self._samples)[-count:]
         return len(newest) == count and self._are_together(newest)
@@ -126,13 +114,11 @@ class Heights:
         return 0.5 * (earliest + first.time)
 
     def settled(self) -> float:
-        """When it came to where it is now, s: the first sample of those that stayed there, up to twice the noise."""
+        """When it came to where it is now, s: the first sample of those that stayed there."""
         samples = list(self._samples)
-        newest = samples[-_NEWEST:]
-        here = tuple(sum(sample.position[k] for sample in newest) / len(newest) for k in range(3))
         arrived = samples[-1]
         for sample in reversed(samples):
-            if math.dist(sample.position, here) > 2.0 * self._steady:
+            if not self._are_together([sample, samples[-1]]):
                 break
             arrived = sample
         return arrived.time
@@ -147,10 +133,6 @@ class Heights:
     def before(self, time: float) -> Height | None:
         """The last sample until `time` (s)."""
         return next((sample for sample in reversed(self._samples) if sample.time <= time), None)
-
-    def _all_newest(self, test: Callable[[Height], bool]) -> bool:
-        newest = list(self._samples)[-self._frames :]
-        return len(newest) == self._frames and all(map(test, newest))
 
     def _are_together(self, samples: list[Height]) -> bool:
         spans = (

@@ -15,7 +15,7 @@ from dsr.transforms import Pose
 
 Array = NDArray[np.float64]
 
-REACH = 0.105
+REACH = 0.112
 """m, from the palm's centre to the middle between the fingertips of a pinch"""
 PITCH = 0.6
 """rad, by which the fingers of a hand that takes something point downwards"""
@@ -25,6 +25,10 @@ UPPER = 0.2
 """Of an object's height, by which it is taken above its centre."""
 SPREAD = 0.022
 """m, between fingertips side by side"""
+MOST_SPREAD = 0.08
+"""m, by which fingers that do not touch are sideways of where they are at rest"""
+RAISED = 0.02
+"""m, of fingers that do not touch, out of the palm's plane"""
 _MOST_HITS = 6
 
 
@@ -107,13 +111,21 @@ def _grip(hand: Hand, middle: Array, side: tuple[float, float], moved: dict[int,
     pose = palm_pose((float(palm[0]), float(palm[1]), float(palm[2])), side, PITCH)
     palm_from_world = pose.inverse()
     closed = relaxed(hand.side)
-    closed[2:, 0] -= 0.05  # what does not touch is drawn in
-    closed[2:, 2] -= 0.02
+    for finger, (tip, _) in moved.items():
+        closed[finger] = palm_from_world.apply(tip)
+    _spread(closed, max(moved), -1.0 if hand.side == "left" else 1.0)
     opened = closed.copy()
     for finger, (tip, outwards) in moved.items():
-        closed[finger] = palm_from_world.apply(tip)
         opened[finger] = palm_from_world.apply(tip + OPENED * outwards)
     return Grip(pose, closed, opened)
+
+
+def _spread(tips: Array, last: int, mirror: float) -> None:
+    """Put the fingers after the last one that touches beside it, a bit higher, so that they are not in the object."""
+    for finger in range(last + 1, len(tips)):
+        beside = mirror * tips[last, 1] - SPREAD * (finger - last) - SPREAD
+        tips[finger, 2] += RAISED
+        tips[finger, 1] = mirror * max(beside, mirror * tips[finger, 1] - MOST_SPREAD)
 
 
 def _unit(vector: Array) -> Array:

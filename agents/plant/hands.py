@@ -37,7 +37,10 @@ SKIN = (0.88, 0.65, 0.54)
 SLEEVE = (0.25, 0.27, 0.33)
 _SLEEVE_LENGTH, _SLEEVE_RADIUS = 0.22, 0.028
 _SLEEVE_GAP = 0.02  # m, of bare wrist
+_WRIST_WIDTH, _WRIST_RADIUS = 0.026, 0.015  # m, of a piece across the wrist
 _SLEEVE_RISE = 0.5  # of the palm's slope: the wrist is bent
+_STRETCHING = tuple(bone for bone in BONES if 0 < bone[0] < 12)
+"""Bones of fingers that touch things: where these are out of reach, two pieces slide along each other."""
 _NOWHERE = Pose((0.0, 0.0, -50.0))
 _RADII = np.array([radius(bone) for bone in BONES])
 _STARTS, _ENDS = (np.array([bone[end] for bone in BONES]) for end in (0, 1))
@@ -154,8 +157,8 @@ class Hands:
 
     def _make_bodies(self) -> list[int]:
         with tempfile.TemporaryDirectory(prefix="dsr-hand-") as folder:  # the physics engine keeps what it read
-            pieces = [(nominal_length(bone), radius(bone), SKIN) for bone in BONES]
-            pieces.append((_SLEEVE_LENGTH, _SLEEVE_RADIUS, SLEEVE))
+            pieces = [(nominal_length(bone), radius(bone), SKIN) for bone in (*BONES, *_STRETCHING)]
+            pieces += [(_WRIST_WIDTH, _WRIST_RADIUS, SKIN), (_SLEEVE_LENGTH, _SLEEVE_RADIUS, SLEEVE)]
             return [self._make_body(Path(folder), f"piece_{k}", *piece) for k, piece in enumerate(pieces)]
 
     def _make_body(
@@ -182,7 +185,16 @@ _OWN = _own_pieces()
 
 def _poses(hand: Hand) -> list[Pose]:
     points = hand.landmarks
-    return [capsule_pose(points[a], points[b]) for a, b in BONES] + [capsule_pose(*_forearm(hand, points))]
+    across = hand.pose.rotation_matrix[:, 1] * (_WRIST_WIDTH / 2)
+    wrist, forearm = (points[0] - across, points[0] + across), _forearm(hand, points)
+    first = [_piece_pose(points[a], points[b], nominal_length((a, b))) for a, b in BONES]
+    second = [_piece_pose(points[b], points[a], nominal_length((a, b))) for a, b in _STRETCHING]
+    return [*first, *second, capsule_pose(*wrist), capsule_pose(*forearm)]
+
+
+def _piece_pose(near: Array, far: Array, length: float) -> Pose:
+    """Of a piece of fixed length that begins at `near` (3,)."""
+    return capsule_pose(near, near + length * _unit(far - near))
 
 
 def _forearm(hand: Hand, points: Array) -> tuple[Array, Array]:

@@ -85,26 +85,26 @@ class Reality:
             in_view=tuple(self.camera.in_view),
             grasped=self._stage.grasped(),
             moves=dict(self.experimenter.spans),
-            hands={hand.number: _points(hand.landmarks) for hand in self._hands.present},
-            touched=dict(self._hands.holding("touch")),
+            hands={hand.number: _points(hand.landmarks) for hand in self.hands.present},
+            touched=dict(self.hands.holding("touch")),
         )
 
     def frame(self, stamp: float) -> Frame:
         """What the camera sees, as images; only with the sensor `pixels`."""
         assert self._renderer is not None
-        self.camera.in_view = recognisable(self.camera, self.world, self._hands)
-        self._hands.draw()
+        self.camera.in_view = recognisable(self.camera, self.world, self.hands)
+        self.hands.draw()
         return self.camera.photograph(self.world, self._renderer, stamp)
 
     def readings(self, stamp: float) -> TagReadings:
         """What the camera sees, as poses."""
-        return read_tags(self.camera, self.world, self._hands, stamp)
+        return read_tags(self.camera, self.world, self.hands, stamp)
 
     def hand_readings(self, stamp: float) -> HandReadings | None:
         """What the camera sees of hands, as landmarks; None in a scenario without hands."""
         if not self.has_hands:
             return None
-        return read_hands(self.camera, self.world, self._hands, self._hand_noise, stamp)
+        return read_hands(self.camera, self.world, self.hands, self._hand_noise, stamp)
 
     def close(self) -> None:
         """Free the physics engine; harmless when repeated."""
@@ -127,8 +127,9 @@ class Reality:
         numbers = {number for event in scenario.events if (number := getattr(event, "hand", None)) is not None}
         self.has_hands = bool(numbers)
         """Whether hands can come into the scene."""
-        self._hands = Hands(bullet, numbers, seen=self._renderer is not None)
-        self._stage = Stage(self.world, self.arm, cameras, default_camera=scenario.camera, hands=self._hands)
+        self.hands = Hands(bullet, numbers, seen=self._renderer is not None)
+        """Those that can come."""
+        self._stage = Stage(self.world, self.arm, cameras, default_camera=scenario.camera, hands=self.hands)
         self.experimenter = Experimenter(scenario.events, self._stage)
 
     def _make_cameras(

@@ -1,0 +1,78 @@
+"""What can be configured about the hand tracker."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import msgspec
+
+Positive = Annotated[float, msgspec.Meta(gt=0)]
+NotNegative = Annotated[float, msgspec.Meta(ge=0)]
+Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
+
+
+class HandSensor(msgspec.Struct, frozen=True):
+    """A device that finds hands by itself, read beside the camera's frames."""
+
+    driver: str
+    """`module:Class` of a `HandDriver`."""
+    options: dict[str, Any] = {}
+    """Passed to the driver."""
+
+
+class SkinModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What counts as a hand without MediaPipe: colour, depth and size."""
+
+    hue: tuple[float, float] = (0.0, 26.0)
+    """degrees; a lower bound above the upper one goes through 360"""
+    saturation: tuple[Share, Share] = (0.18, 0.56)
+    value: tuple[Share, Share] = (0.25, 1.0)
+    """Brightness of the brightest channel."""
+    depth: tuple[Positive, Positive] = (0.15, 1.2)
+    """m along the optical axis"""
+    above_table: NotNegative = 0.008
+    """m over a known table, below which nothing is a hand"""
+    area: tuple[Positive, Positive] = (0.0015, 0.04)
+    """m^2, of the patch of skin that is a hand"""
+
+
+class Smoothing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The One-Euro filters of positions and rotations (see smoothing.py)."""
+
+    cutoff: Positive = 1.5
+    """Hz, of what does not move"""
+    per_speed: NotNegative = 40.0
+    """Hz per m/s, by which motion raises the cutoff"""
+    per_turn: NotNegative = 4.0
+    """Hz per rad/s, likewise for rotations"""
+    speed_cutoff: Positive = 2.0
+    """Hz, of the speed itself"""
+
+
+class HandTrackerConfig(msgspec.Struct, frozen=True):
+    """Which cameras, how hands are found in their frames, and how long they are remembered."""
+
+    cameras: tuple[str, ...] = ("camera_overhead", "camera_wrist")
+    """Camera nodes whose frames are looked at, when there are any."""
+    hand_sensors: dict[str, HandSensor] = {}
+    """By camera node."""
+    model: str = ""
+    """MediaPipe's `hand_landmarker.task`; without it skin colour and depth must do (degraded)."""
+    swap_sides: bool = False
+    """MediaPipe says left for right: models before 0.10.15 on images that are not mirrored."""
+    least_score: Share = 0.5
+    """Of MediaPipe, with which a hand is one."""
+    skin: SkinModel = SkinModel()
+    smoothing: Smoothing = Smoothing()
+    fingertip_radius: Positive = 0.008
+    """m, from the surface that the camera sees to the centre"""
+    palm_radius: Positive = 0.012
+    """m, likewise: half the thickness of the palm"""
+    most_speed: Positive = 1.5
+    """m/s, of a hand: what is further away is another one"""
+    max_age: Positive = 0.5
+    """s after which a hand or fingertip that was not seen again is not `perceived` any more"""
+    finger_retention: Positive = 2.0
+    """s after which an unseen fingertip of a hand that is seen is forgotten; until then it goes with the palm"""
+    retention: Positive = 30.0
+    """s after which a hand that was not seen again is forgotten, unless it grasps something"""

@@ -1,0 +1,95 @@
+"""What any source tells of one hand in one frame, and how 21 landmarks become that."""
+
+from __future__ import annotations
+
+from typing import Literal, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from dsr.blobs import Frame
+from dsr.quaternions import Quaternion
+from dsr.transforms import Pose
+
+Array = NDArray[np.float64]
+Side = Literal["left", "right", "unknown"]
+Source = Literal["mediapipe", "skin colour", "poses"]
+
+LANDMARKS = 21
+TIPS = (4, 8, 12, 16, 20)
+"""Landmarks of the fingertips, from thumb to little finger."""
+PALM = (0, 5, 9, 13, 17)
+"""Landmarks whose mean is the palm's centre: the wrist and the knuckles of the four fingers."""
+LEAST_OF_PALM = 3
+"""Landmarks of the palm without which there is no hand."""
+
+_PALM_SHAPE = np.array([
+    [0.0, 0.0, 0.0], [0.088, 0.025, 0.0], [0.090, 0.004, 0.0], [0.084, -0.016, 0.0], [0.075, -0.034, 0.0],
+])  # fmt: skip
+"""(5, 3) m, `PALM` of a right hand of common size; x towards the fingers, z out of the back of the hand."""
+_SHAPE = _PALM_SHAPE - _PALM_SHAPE.mean(axis=0)
+_LEAST_SPREAD = 1e-4  # m, below which landmarks do not tell an orientation
+
+
+class SeenHand(NamedTuple):
+    """One hand in one frame, in the camera's optical frame."""
+
+    palm: Pose
+    """camera_from_palm: x towards the fingers, z out of the back of the hand"""
+    tips: dict[int, Array]
+    """Centres (3,) of fingertips, m. If `is_labelled` the keys say which: 0 (thumb) to 4 (little finger)."""
+    is_labelled: bool
+    side: Side
+    sigma: float
+    """m, standard deviation of each coordinate"""
+
+
+class Finder(Protocol):
+    """Finds hands in camera frames."""
+
+    source: Source
+
+    def find(self, frame: Frame, table: Array | None) -> list[SeenHand]:
+        """The hands in a frame with colour, depth and intrinsics.
+
+        `table` is the plane (4,) of a table's top in the camera's frame, pointing up, if known: n . X + d is the height
+        of a point above it in m. Raises `WireError` for an unusable frame.
+        """
+
+    def close(self) -> None:
+        """Release what it holds."""
+
+
+def hand_of_landmarks(points: Array, seen: NDArray[np.bool_], side: Side, sigma: float) -> SeenHand | None:
+    """A hand of landmarks (21, 3) m in the camera's frame, of which those `seen` (21,) count.
+
+    None if too few of the palm are seen. Where all are, its centre is their mean; else the common shape of a palm is
+    fitted (Umeyama 1991), so that the centre does not depend on which are seen.
+    """
+    chosen = [k for k, landmark in enumerate(PALM) if seen[landmark]]
+    if len(chosen) < LEAST_OF_PALM:
+        return None
+    shape = _SHAPE * (1.0, -1.0, 1.0) if side == "left" else _SHAPE
+    there = points[[PALM[k] for k in chosen]]
+    centre, rotation = _fit(shape[chosen], there)
+    if rotation is None:
+        return None
+    if len(chosen) == len(PALM):
+        centre = there.mean(axis=0)
+    tips = {finger: points[landmark] for finger, landmark in enumerate(TIPS) if seen[landmark]}
+    return SeenHand(Pose(centre, rotation), tips, True, side, sigma)
+
+
+def _fit(shape: Array, there: Array) -> tuple[Array, Quaternion | None]:
+    """Where the origin of a shape (n, 3) is and how it is turned, if it is scaled, turned and moved to `there`."""
+    shape_mean, there_mean = shape.mean(axis=0), there.mean(axis=0)
+    a, b = shape - shape_mean, there - there_mean
+    spread = np.linalg.svd(b, compute_uv=False)
+    if spread[1] < _LEAST_SPREAD:
+        return there_mean, None
+    rotation, _ = Rotation.align_vectors(b, a)
+    turned = rotation.apply(a)
+    scale = float((turned * b).sum() / (a * a).sum())
+    x, y, z, w = (float(part) for part in rotation.as_quat())
+    return there_mean - scale * rotation.apply(shape_mean), (x, y, z, w)

@@ -1,0 +1,181 @@
+"""The degraded way to find hands, without a model: skin colour within a band of depth, contours, fingertips.
+
+It takes every patch of skin colour of the right size for a hand, does not tell left from right nor which finger is
+which, and sees the outermost visible end of a finger as its tip. Two hands that touch are one to it.
+"""
+
+from __future__ import annotations
+
+import math
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.hand_tracker.config import HandTrackerConfig, SkinModel
+from agents.hand_tracker.depth import Color, Depth, behind_surface, depth_at, images, rays
+from agents.hand_tracker.fingertips import Patch, Tip, fingertips
+from agents.hand_tracker.sighting import SeenHand, Source
+from dsr import quaternions
+from dsr.blobs import Frame
+from dsr.intrinsics import Intrinsics
+from dsr.quaternions import Quaternion
+from dsr.transforms import Pose
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+SIGMA = 0.004
+"""m, standard deviation of each coordinate of a fingertip"""
+MOST_HANDS = 4
+"""Patches of skin that are looked at, the largest first."""
+_TO_THE_FINGERS = 0.012
+"""m, from the middle of the widest place of a hand to the mean of wrist and knuckles"""
+_JUMP = 0.03  # m, of the depth between neighbouring pixels that are not of one hand
+_KERNEL = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (3, 3))
+
+
+_UP_THE_FINGER = 2.0  # fingertip radii, to where the slope of a finger is measured
+_MOST_BELOW = 2.5
+
+
+class SkinFinder:
+    """Finds hands by skin colour and depth."""
+
+    source: Source = "skin colour"
+
+    def __init__(self, config: HandTrackerConfig) -> None:
+        self._config = config
+
+    def find(self, frame: Frame, table: Array | None) -> list[SeenHand]:
+        """The hands in a frame, at most `MOST_HANDS`. Raises `WireError` for an unusable frame."""
+        color, depth, lens = images(frame)
+        mask = skin(color, self._config.skin) & in_band(depth, lens, table, self._config.skin)
+        found = []
+        for patch in self._patches(mask, depth, lens):
+            hand = self._hand(patch, depth, lens)
+            found += [] if hand is None else [hand]
+        return found
+
+    def close(self) -> None:
+        """There is nothing to release."""
+
+    def _patches(self, mask: Mask, depth: Depth, lens: Intrinsics) -> list[Patch]:
+        """Connected patches of skin of a hand's size, the largest first."""
+        smooth = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_CLOSE, _KERNEL)
+        smooth[jumps(depth, mask)] = 0
+        smooth = cv2.morphologyEx(smooth, cv2.MORPH_OPEN, _KERNEL)
+        count, labels, stats, _ = cv2.connectedComponentsWithStats(smooth, connectivity=8)
+        least, most = self._config.skin.area
+        patches = []
+        for label in range(1, count):
+            x, y, width, height, pixels = (int(number) for number in stats[label])
+            window = np.s_[y : y + height, x : x + width]
+            inside = np.asarray(labels[window] == label)
+            values = depth[window][inside & (depth[window] > 0)]
+            if values.size:
+                distance = float(np.median(values))
+                if least <= pixels * distance**2 / (lens.fx * lens.fy) <= most:
+                    patches.append(Patch((x, y), inside, distance))
+        patches.sort(key=lambda patch: -int(patch.inside.sum()))
+        return patches[:MOST_HANDS]
+
+    def _hand(self, patch: Patch, depth: Depth, lens: Intrinsics) -> SeenHand | None:
+        mask = np.zeros(depth.shape, bool)
+        height, width = patch.inside.shape
+        mask[patch.corner[1] : patch.corner[1] + height, patch.corner[0] : patch.corner[0] + width] = patch.inside
+        radius = self._config.fingertip_radius
+        middle, found = fingertips(patch, lens.fx, radius)
+        surface = depth_at(depth, middle, 0.01 * lens.fx / patch.distance, mask)
+        if surface is None:
+            return None
+        palm = behind_surface(middle, surface, self._config.palm_radius, lens)
+        tips: dict[int, Array] = {}
+        for tip in found:
+            centre = self._centre(tip, patch.distance, mask, depth, lens)
+            if centre is not None:
+                tips[len(tips)] = centre
+        along = _along(palm, tips, mask, depth, lens)
+        palm = palm + _TO_THE_FINGERS * along
+        return SeenHand(Pose(palm, _rotation(palm, along)), tips, False, "unknown", SIGMA)
+
+    def _centre(self, tip: Tip, distance: float, mask: Mask, depth: Depth, lens: Intrinsics) -> Array | None:
+        """(3,) m, of a fingertip; None if its depth is not known."""
+        radius = self._config.fingertip_radius
+        pixels = radius * lens.fx / distance
+        there = depth_at(depth, tip.centre, 0.35 * pixels, mask)
+        if there is None:
+            return None
+        above = tip.centre + _UP_THE_FINGER * pixels * tip.inwards
+        depth_above = depth_at(depth, above, 0.35 * pixels, mask)
+        near = behind_surface(tip.centre, there, 0.0, lens)
+        factor = 1.0 if depth_above is None else _below(near, behind_surface(above, depth_above, 0.0, lens))
+        return behind_surface(tip.centre, there, radius * factor, lens)
+
+
+def _below(near: Array, far: Array) -> float:
+    """By how much the line of sight at a finger's tip is longer in flesh than the finger's radius.
+
+    `near` (3,) is seen at the tip's centre, `far` further up the finger: where that slopes away from the camera the ray
+    meets the side of the finger, not its end.
+    """
+    if near[2] <= far[2]:
+        return 1.0
+    along = (far - near) / max(float(np.linalg.norm(far - near)), 1e-9)
+    cosine = float(along @ near) / float(np.linalg.norm(near))
+    return min(1.0 / max(math.sqrt(max(1.0 - cosine**2, 0.0)), 1e-3), _MOST_BELOW)
+
+
+def skin(color: Color, model: SkinModel) -> Mask:
+    """(h, w) where an RGB image has the colour of skin."""
+    hsv = cv2.cvtColor(cv2.GaussianBlur(color, (3, 3), 0), cv2.COLOR_RGB2HSV)
+    hue, saturation, value = (hsv[..., k] for k in range(3))
+    low, high = model.hue[0] / 2.0, model.hue[1] / 2.0  # OpenCV counts in two degrees
+    in_hue = (hue >= low) & (hue <= high) if low <= high else (hue >= low) | (hue <= high)
+    for channel, (least, most) in ((saturation, model.saturation), (value, model.value)):
+        in_hue &= (channel >= 255 * least) & (channel <= 255 * most)
+    return np.asarray(in_hue)
+
+
+def in_band(depth: Depth, lens: Intrinsics, table: Array | None, model: SkinModel) -> Mask:
+    """(h, w) where the depth is that of a hand, or not known: in the band, and above the plane (4,) of a table."""
+    near, far = model.depth
+    good = (depth == 0) | ((depth >= near) & (depth <= far))
+    if table is not None:
+        x = (np.arange(lens.width, dtype=np.float32) - lens.cx) / lens.fx
+        y = (np.arange(lens.height, dtype=np.float32) - lens.cy) / lens.fy
+        slope = (table[0] * x[None, :] + table[1] * y[:, None] + table[2]).astype(np.float32)
+        good &= (depth == 0) | (depth * slope + np.float32(table[3]) >= model.above_table)
+    return np.asarray(good)
+
+
+def jumps(depth: Depth, mask: Mask) -> Mask:
+    """(h, w) where the depth jumps within the mask: one hand in front of another."""
+    known = mask & (depth > 0)
+    far = cv2.dilate(np.where(known, depth, np.float32(0.0)), _KERNEL)
+    near = cv2.erode(np.where(known, depth, np.float32(np.inf)), _KERNEL)
+    return np.asarray(known & (far - near > _JUMP))
+
+
+def _along(palm: Array, tips: dict[int, Array], mask: Mask, depth: Depth, lens: Intrinsics) -> Array:
+    """(3,) unit vector from the palm to the fingers: to the fingertips, else along the patch."""
+    if tips:
+        direction = np.mean(list(tips.values()), axis=0) - palm
+    else:
+        rows, columns = np.nonzero(mask & (depth > 0))
+        points = rays(np.column_stack([columns, rows])[::7].astype(float), lens)
+        points = points * depth[rows[::7], columns[::7]][:, None]
+        direction = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][0]
+    return np.asarray(direction / max(float(np.linalg.norm(direction)), 1e-9))
+
+
+def _rotation(palm: Array, along: Array) -> Quaternion:
+    """Of a hand whose fingers point `along` and whose back is towards the camera as far as that allows."""
+    back = -palm / np.linalg.norm(palm)
+    across = np.cross(back, along)
+    length = float(np.linalg.norm(across))
+    if length < 1e-3:
+        across, length = np.array([1.0, 0.0, 0.0]), 1.0
+    across = across / length
+    matrix = np.column_stack([along, across, np.cross(along, across)])
+    return quaternions.from_matrix(matrix.tolist())

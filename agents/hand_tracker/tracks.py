@@ -1,0 +1,207 @@
+"""Which hand is which from frame to frame: two tracks with smoothed palms and fingertips, in the world.
+
+Hands seen are given to tracks at the least total distance (the Hungarian method). A hand out of sight keeps its track:
+what appears within what it can have moved since, and is not known to be of the other side, is that hand again. A hand
+that no track can be takes a free number, 0 if it is a right one and 1 a left one where that is free, or that of the
+hand that was out of sight for longest.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from agents.hand_tracker.config import HandTrackerConfig
+from agents.hand_tracker.sighting import SeenHand, Side, Source
+from agents.hand_tracker.smoothing import PointFilter, TurnFilter
+from dsr.transforms import Pose
+
+Array = NDArray[np.float64]
+
+HANDS = 2
+FINGERS = 5
+_GATE = 0.15
+"""m, that a hand may be off at least; what it can have moved is added"""
+_TIP_GATE = 0.05
+"""m, that a fingertip may move in the palm's frame from frame to frame"""
+_NEVER = 1e6
+
+
+class Fingertip:
+    """One fingertip of a track."""
+
+    def __init__(self, filter_: PointFilter, palm: Pose) -> None:
+        self.filter = filter_
+        self.last_seen = filter_.stamp
+        """s"""
+        self.in_palm: Array = palm.inverse().apply(filter_.point[None])[0]
+        """(3,) m, where it was when it was last seen"""
+
+
+class Track:
+    """One hand over time, in the world.
+
+    Args:
+        number: of the hand.
+        config: of the tracker.
+        palm: world_from_palm, and when.
+    """
+
+    def __init__(self, number: int, config: HandTrackerConfig, palm: Pose, side: Side, source: Source | str) -> None:
+        self.number = number
+        self.side = side
+        self.source = source
+        self.last_seen = palm.stamp
+        """s"""
+        self.sigma = 0.0
+        """m, of each coordinate of a fingertip as it was measured"""
+        self.tips: dict[int, Fingertip] = {}
+        """By finger, 0 (thumb) to 4 (little finger)."""
+        self._config = config
+        self._point = PointFilter(config.smoothing, palm.translation, palm.stamp)
+        self._turn = TurnFilter(config.smoothing, palm.q, palm.stamp)
+
+    @property
+    def palm(self) -> Pose:
+        """world_from_palm, smoothed, with its time."""
+        return Pose(self._point.point, self._turn.rotation, self._point.stamp)
+
+    def distance(self, hand: SeenHand) -> float:
+        """m, from where it is expected."""
+        coasting = min(max(hand.palm.stamp - self.last_seen, 0.0), self._config.max_age)
+        expected = self._point.point + coasting * self._point.velocity
+        return float(np.linalg.norm(hand.palm.translation - expected))
+
+    def reach(self, stamp: float) -> float:
+        """m, that it can be from where it is expected."""
+        return _GATE + self._config.most_speed * max(stamp - self.last_seen, 0.0)
+
+    def update(self, hand: SeenHand, source: Source) -> None:
+        """Take in the hand as it was seen, in the world."""
+        stamp = hand.palm.stamp
+        if stamp - self.last_seen > self._config.max_age:  # it may have moved anywhere: no smoothing across that
+            self._point = PointFilter(self._config.smoothing, hand.palm.translation, stamp)
+            self._turn = TurnFilter(self._config.smoothing, hand.palm.q, stamp)
+            self.tips.clear()
+        self._point.update(hand.palm.translation, stamp)
+        self._turn.update(hand.palm.q, stamp)
+        self.last_seen = max(self.last_seen, stamp)
+        self.source, self.sigma = source, hand.sigma
+        if hand.side != "unknown":
+            self.side = hand.side
+        tips = hand.tips if hand.is_labelled else self._labelled(hand)
+        self._update_tips(tips, stamp)
+
+    def _update_tips(self, tips: dict[int, Array], stamp: float) -> None:
+        palm = self.palm
+        for finger, point in tips.items():
+            known = self.tips.get(finger)
+            if known is None or stamp - known.last_seen > self._config.max_age:
+                self.tips[finger] = Fingertip(PointFilter(self._config.smoothing, point, stamp), palm)
+            else:
+                known.filter.update(point, stamp)
+                known.in_palm = palm.inverse().apply(known.filter.point[None])[0]
+                known.last_seen = max(known.last_seen, stamp)
+        for finger, known in list(self.tips.items()):
+            if finger not in tips:
+                known.filter.shift(palm.apply(known.in_palm[None])[0], stamp)
+            if stamp - known.last_seen > self._config.finger_retention:
+                del self.tips[finger]
+
+    def _labelled(self, hand: SeenHand) -> dict[int, Array]:
+        """Fingertips that do not tell their finger: those that were there before go on, others take free numbers."""
+        points = list(hand.tips.values())[:FINGERS]
+        if not self.tips:
+            return dict(zip(_first_fingers(len(points)), _around(hand.palm, points), strict=True))
+        fingers = list(self.tips)
+        inverse = hand.palm.inverse()
+        local = inverse.apply(np.array(points).reshape(-1, 3))
+        before = np.array([self.palm.inverse().apply(self.tips[k].filter.point[None])[0] for k in fingers])
+        distances = np.linalg.norm(before[:, None] - local[None], axis=2)
+        found: dict[int, Array] = {}
+        left = set(range(len(points)))
+        for row, column in zip(*linear_sum_assignment(np.minimum(distances, 2 * _TIP_GATE)), strict=True):
+            if distances[row, column] <= _TIP_GATE:
+                found[fingers[row]] = points[column]
+                left.discard(int(column))
+        free = [finger for finger in range(FINGERS) if finger not in self.tips]
+        return found | {finger: points[index] for finger, index in zip(free, sorted(left), strict=False)}
+
+
+class Tracks:
+    """The hands that are known.
+
+    Args:
+        config: of the tracker.
+    """
+
+    def __init__(self, config: HandTrackerConfig) -> None:
+        self._config = config
+        self.by_number: dict[int, Track] = {}
+        self.ignored = 0
+        """Hands seen that were one too many."""
+
+    def adopt(self, track: Track) -> None:
+        """Go on with a hand that an earlier run knew."""
+        self.by_number[track.number] = track
+
+    def forget(self, number: int) -> None:
+        """Let a number be free."""
+        self.by_number.pop(number, None)
+
+    def update(self, hands: list[SeenHand], source: Source, stamp: float) -> set[int]:
+        """Take in the hands of one frame, in the world; returns the numbers of those that are new."""
+        tracks = list(self.by_number.values())
+        unmatched = set(range(len(hands)))
+        if tracks and hands:
+            costs = np.array([[self._cost(track, hand, stamp) for hand in hands] for track in tracks])
+            for row, column in zip(*linear_sum_assignment(costs), strict=True):
+                if costs[row, column] < _NEVER:
+                    tracks[row].update(hands[column], source)
+                    unmatched.discard(int(column))
+        return {number for index in sorted(unmatched) if (number := self._begin(hands[index], source)) is not None}
+
+    def _cost(self, track: Track, hand: SeenHand, stamp: float) -> float:
+        other_side = {track.side, hand.side} == {"left", "right"}
+        distance = track.distance(hand)
+        lost = stamp - track.last_seen > self._config.max_age
+        if distance > track.reach(stamp) or (other_side and lost):
+            return _NEVER
+        return distance + (_GATE if other_side else 0.0)
+
+    def _begin(self, hand: SeenHand, source: Source) -> int | None:
+        number = self._free_number(hand)
+        if number is None:
+            self.ignored += 1
+            return None
+        track = Track(number, self._config, hand.palm, hand.side, source)
+        track.update(hand, source)
+        self.by_number[number] = track
+        return number
+
+    def _free_number(self, hand: SeenHand) -> int | None:
+        free = [number for number in range(HANDS) if number not in self.by_number]
+        if free:
+            wanted = 1 if hand.side == "left" else 0
+            return wanted if wanted in free else free[0]
+        oldest = min(self.by_number.values(), key=lambda track: track.last_seen)
+        return oldest.number if hand.palm.stamp - oldest.last_seen > self._config.max_age else None
+
+
+def _first_fingers(count: int) -> range:
+    """Numbers for fingertips that are seen first: one alone is an index finger, more begin with the thumb."""
+    return range(1, 2) if count == 1 else range(count)
+
+
+def _around(palm: Pose, points: list[Array]) -> list[Array]:
+    """Fingertips in the order of their angle about the palm, beginning at the end that has more room to the next."""
+    if len(points) < 2:
+        return points
+    local = palm.inverse().apply(np.array(points))
+    angles = np.arctan2(local[:, 1], local[:, 0])
+    order = [int(index) for index in np.argsort(angles)]
+    gaps = np.diff(angles[order])
+    if gaps[-1] > gaps[0]:
+        order.reverse()
+    return [points[index] for index in order]

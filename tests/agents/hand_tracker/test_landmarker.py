@@ -1,0 +1,162 @@
+"""The way through MediaPipe, with recorded landmarks, and all that can be wrong with its model and package."""
+
+from __future__ import annotations
+
+import logging
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from agents.hand_tracker import HandTrackerConfig
+from agents.hand_tracker import agent as tracker_agent
+from agents.hand_tracker.landmarker import ENTRIES, MediaPipeFinder, load_landmarker
+from dsr.errors import ConfigError
+
+from .conftest import RECORDED, Bench, RecordedLandmarker, in_world, palm_of, picture, tips_of
+
+FRAMES = RECORDED["frames"]
+
+
+def finder(*frames: dict[str, Any], **config: Any) -> MediaPipeFinder:
+    return MediaPipeFinder(HandTrackerConfig(**config), RecordedLandmarker(list(frames)))
+
+
+@pytest.mark.parametrize("holes", [False, True], ids=["whole depth", "60 % holes"])
+@pytest.mark.parametrize("frame", FRAMES, ids=["right", "two", "left"])
+def test_landmarks_and_depth_give_points_in_space(frame: dict[str, Any], holes: bool) -> None:
+    hands = finder(frame).find(picture(frame, holes=holes), None)
+    assert [hand.side for hand in hands] == [hand["side"].lower() for hand in frame["hands"]]
+    for hand, recorded in zip(hands, frame["hands"], strict=True):
+        truth = np.array(recorded["truth_m"])
+        assert np.linalg.norm(hand.palm.translation - palm_of(truth)) < 0.004
+        assert hand.is_labelled and len(hand.tips) >= 4
+        errors = [np.linalg.norm(point - tips_of(truth)[finger]) for finger, point in hand.tips.items()]
+        assert max(errors) < 0.008
+
+
+def test_a_fingertip_behind_something_is_not_measured() -> None:
+    frame = FRAMES[0]
+    image = picture(frame)
+    x, y, z = frame["hands"][0]["truth_m"][8]
+    u, v = (round(part / z * RECORDED["fx"] + RECORDED[centre]) for part, centre in ((x, "cx"), (y, "cy")))
+    image.arrays["depth"][v - 15 : v + 16, u - 15 : u + 16] = z - 0.1
+    (hand,) = finder(frame).find(image, None)
+    assert 1 not in hand.tips and 2 in hand.tips
+
+
+def test_unsure_hands_are_left_out_and_sides_can_be_swapped() -> None:
+    assert finder(FRAMES[0], least_score=1.0).find(picture(FRAMES[0]), None) == []
+    (hand,) = finder(FRAMES[0], swap_sides=True).find(picture(FRAMES[0]), None)
+    assert hand.side == "left"
+
+
+def test_a_hand_without_depth_is_nowhere() -> None:
+    image = picture(FRAMES[0])
+    image.arrays["depth"][:] = 0.0
+    assert finder(FRAMES[0]).find(image, None) == []
+
+
+def test_times_increase_even_if_a_camera_repeats_itself() -> None:
+    landmarker = RecordedLandmarker(FRAMES[:1])
+    mediapipe = MediaPipeFinder(HandTrackerConfig(), landmarker)
+    for _ in range(3):
+        mediapipe.find(picture(FRAMES[0]), None)
+    assert landmarker.times == [0, 1, 2]
+
+
+def use(monkeypatch: pytest.MonkeyPatch, landmarker: RecordedLandmarker) -> None:
+    monkeypatch.setattr(tracker_agent, "load_landmarker", lambda model: lambda: landmarker)
+
+
+def test_the_tracker_writes_what_mediapipe_sees(
+    make_bench: Callable[..., Bench], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    landmarker = RecordedLandmarker(FRAMES[1:2])
+    use(monkeypatch, landmarker)
+    bench = make_bench(model="hand_landmarker.task")
+    bench.show(picture(FRAMES[1]), ticks=2)
+    assert bench.hands() == ["human_hand_0", "human_hand_1"] and bench.agent.degraded == ""
+    for name, recorded in zip(bench.hands(), FRAMES[1]["hands"], strict=True):
+        node = bench.memory.node(name)
+        assert (node["source"], node["side"]) == ("mediapipe", recorded["side"].lower())
+        palm = in_world(palm_of(np.array(recorded["truth_m"]))[None])[0]
+        assert np.linalg.norm(bench.place(name) - palm) < 0.004
+    bench.runner.teardown()
+    assert landmarker.closed
+
+
+def test_a_model_that_fails_while_running_is_given_up(
+    make_bench: Callable[..., Bench], monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    landmarker = RecordedLandmarker(FRAMES[:1], RuntimeError("graph has errors"))
+    use(monkeypatch, landmarker)
+    bench = make_bench(model="hand_landmarker.task")
+    bench.show(picture(FRAMES[0]), ticks=3)
+    assert "graph has errors" in bench.agent.degraded and landmarker.closed and len(landmarker.times) == 1
+    assert len([record for record in caplog.records if record.levelno >= logging.WARNING]) == 1
+
+
+def archive(file: Path, *entries: str) -> Path:
+    with zipfile.ZipFile(file, "w") as model:
+        for entry in entries:
+            model.writestr(entry, b"TFL3" * 100)
+    return file
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda folder: folder / "missing.task", "no model file"),
+        (lambda folder: folder, "no model file"),
+        (lambda folder: _written(folder / "empty.task", b""), "is empty"),
+        (lambda folder: _written(folder / "half.task", b"PK\x03\x04 half a download"), "is corrupt"),
+        (lambda folder: _damaged(archive(folder / "bits.task", *ENTRIES)), "is corrupt"),
+        (lambda folder: archive(folder / "face.task", "face_detector.tflite"), "lacks hand_detector.tflite"),
+    ],
+    ids=["missing", "folder", "empty", "truncated", "damaged", "another model"],
+)
+def test_a_wrong_model_file_is_told_once_and_skin_colour_must_do(
+    make: Callable[[Path], Path],
+    message: str,
+    tmp_path: Path,
+    make_bench: Callable[..., Bench],
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    file = str(make(tmp_path))
+    with pytest.raises(ConfigError, match=message):
+        load_landmarker(file)
+    bench = make_bench(model=file)
+    assert bench.agent.degraded == ""  # nobody has sent images yet
+    bench.show(picture(FRAMES[0]), ticks=3)
+    assert message in bench.agent.degraded
+    (record,) = [record for record in caplog.records if record.levelno >= logging.WARNING]
+    assert message in record.getMessage() and "skin colour" in record.getMessage()
+
+
+def test_without_the_package_or_a_model_it_says_what_to_do(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="extra `hands`"):
+        load_landmarker(str(archive(tmp_path / "good.task", *ENTRIES)), package="no_such_mediapipe")
+    with pytest.raises(ConfigError, match="no `model` is configured"):
+        load_landmarker("")
+
+
+def test_a_package_that_cannot_be_used_is_a_clear_error(tmp_path: Path) -> None:
+    make = load_landmarker(str(archive(tmp_path / "good.task", *ENTRIES)), package="json")
+    with pytest.raises(ConfigError, match="MediaPipe cannot use the model"):
+        make()
+
+
+def _written(file: Path, content: bytes) -> Path:
+    file.write_bytes(content)
+    return file
+
+
+def _damaged(file: Path) -> Path:
+    content = bytearray(file.read_bytes())
+    content[80:84] = b"\x00\xff\x00\xff"
+    file.write_bytes(bytes(content))
+    return file

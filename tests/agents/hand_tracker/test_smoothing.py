@@ -1,0 +1,48 @@
+"""Filters smooth at rest and follow in motion."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from agents.hand_tracker.config import Smoothing
+from agents.hand_tracker.smoothing import PointFilter, TurnFilter, weight
+from dsr import quaternions
+
+PERIOD = 0.1
+
+
+def test_noise_is_less_at_rest() -> None:
+    rng = np.random.default_rng(0)
+    filter_ = PointFilter(Smoothing(), np.zeros(3), 0.0)
+    smooth = [filter_.update(rng.normal(0.0, 0.003, 3), k * PERIOD) for k in range(1, 400)]
+    assert np.std(smooth[20:]) < 0.8 * 0.003
+
+
+@pytest.mark.parametrize("speed", [0.1, 0.4])
+def test_motion_is_followed_with_little_lag(speed: float) -> None:
+    filter_ = PointFilter(Smoothing(), np.zeros(3), 0.0)
+    for k in range(1, 30):
+        filter_.update(np.array([speed * k * PERIOD, 0.0, 0.0]), k * PERIOD)
+    lag = speed * 29 * PERIOD - filter_.point[0]
+    assert 0.0 <= lag < 0.005
+
+
+def test_samples_that_are_not_newer_change_nothing() -> None:
+    filter_ = PointFilter(Smoothing(), np.zeros(3), 1.0)
+    assert filter_.update(np.ones(3), 1.0).tolist() == [0.0, 0.0, 0.0]
+    turn = TurnFilter(Smoothing(), (0.0, 0.0, 0.0, 1.0), 1.0)
+    assert turn.update(quaternions.from_rotvec((0.0, 0.0, 1.0)), 0.5) == (0.0, 0.0, 0.0, 1.0)
+
+
+def test_turns_are_followed() -> None:
+    turn = TurnFilter(Smoothing(), (0.0, 0.0, 0.0, 1.0), 0.0)
+    for k in range(1, 40):
+        turn.update(quaternions.from_rotvec((0.0, 0.0, min(0.1 * k, 1.0))), k * PERIOD)
+    assert quaternions.to_rotvec(turn.rotation)[2] == pytest.approx(1.0, abs=0.01)
+
+
+def test_the_weight_of_a_sample() -> None:
+    assert weight(1.0, 1.0 / (2.0 * math.pi)) == pytest.approx(0.5)
