@@ -218,7 +218,7 @@ class Explainer:
     def _note_riders(self, explanation: Explanation, now: float) -> None:
         """Keep in mind what moves with which object, as long as that goes on moving."""
         moves = explanation.hypothesis.moves if explanation.hypothesis else ()
-        self._companions |= {move.name: (now + _TOGETHER, frozenset(move.riders)) for move in moves}
+        self._companions |= {move.name: (now + _TOGETHER, frozenset((*move.riders, *move.beneath))) for move in moves}
         self._riders |= {
             move.name: {
                 rider: self._bodies.pose(move.name).inverse() @ self._bodies.pose(rider)

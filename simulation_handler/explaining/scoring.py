@@ -115,7 +115,8 @@ def _move_prior(situation: Situation, move: Move) -> float:
     companions = situation.companions.get(move.name, frozenset())
     cost = MOVED + RIDES * len(set(move.riders) - companions) + PARTED * len(companions - set(move.riders))
     for name in move.beneath:
-        cost += AS_PLANNED if (move.name, name) in situation.planned else FROM_ELSEWHERE
+        is_done = name in situation.beneath.get(move.name, ())  # what was put there already moved along, if at all
+        cost += FROM_ELSEWHERE if is_done or (move.name, name) not in situation.planned else AS_PLANNED
     if move.held:
         cost += HELD_ON_ITS_WAY if situation.seen[move.name].moving else HELD
     return cost

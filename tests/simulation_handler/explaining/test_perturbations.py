@@ -174,6 +174,18 @@ def test_algorithm_1_explains_a_moved_tower_but_loses_the_tower_of_three() -> No
     assert ON_63 not in result.relations or ON_34 not in result.relations
 
 
+@pytest.mark.parametrize("seed", SEEDS)
+def test_towers_that_a_plan_has_just_built_move_like_others(seed: int) -> None:
+    world = two_towers(seed)
+    world.belief.plan({ON_34, ON_65})
+    world.tick()
+    world.belief.plan(())
+    text = "moved_with_supports(cube_3; cube_4) & moved_with_supports(cube_6; cube_5)"
+    result = after(world, move_both_towers)
+    assert text in result.explanations
+    assert max(result.errors.values()) < 0.005
+
+
 def test_nothing_happens_when_nothing_is_flagged_before_some_time_has_passed() -> None:
     world = two_towers()
     world.belief.flag = lambda names: None  # type: ignore[method-assign]
