@@ -17,6 +17,8 @@ Array = NDArray[np.float64]
 
 REACH = 0.112
 """m, from the palm's centre to the middle between the fingertips of a pinch"""
+ASIDE = {"pinch": 0.038, "touch": 0.0185}
+"""m, of that middle towards the thumb from the palm's axis: fingers go straight ahead and hide little"""
 PITCH = 0.6
 """rad, by which the fingers of a hand that takes something point downwards"""
 OPENED = 0.025
@@ -54,7 +56,8 @@ def pinch(world: World, hand: Hand, name: str, side: tuple[float, float], above:
     thumb = surface(world, name, centre, across) + TIP_RADIUS * across
     index = surface(world, name, centre, -across) - TIP_RADIUS * across
     moved = {0: (thumb, across), 1: (index, -across)}
-    return _grip(hand, 0.5 * (thumb + index), side, moved)
+    middle = 0.5 * (thumb + index) - ASIDE["pinch"] * across
+    return _grip(hand, middle, side, moved)
 
 
 def touch(world: World, hand: Hand, name: str, side: tuple[float, float], above: float | None) -> Grip:
@@ -66,7 +69,8 @@ def touch(world: World, hand: Hand, name: str, side: tuple[float, float], above:
     for finger, offset in ((1, 0.5 * SPREAD), (2, -0.5 * SPREAD)):
         point = surface(world, name, centre + offset * across, towards)
         moved[finger] = (point + TIP_RADIUS * towards, towards)
-    return _grip(hand, 0.5 * (moved[1][0] + moved[2][0]), side, moved)
+    middle = 0.5 * (moved[1][0] + moved[2][0]) - ASIDE["touch"] * across
+    return _grip(hand, middle, side, moved)
 
 
 def take(world: World, hand: Hand, name: str, style: Style, side: tuple[float, float], above: float | None) -> Grip:
