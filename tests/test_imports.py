@@ -23,6 +23,7 @@ ONE_PLACE = {
 }
 """Libraries that only these files or folders import."""
 SHARED_BY_AGENTS = (
+    "agents.camera_feed",
     "agents.colors",
     "agents.drivers",
     "agents.inbox",

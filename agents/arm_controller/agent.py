@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 
 from agents.arm_controller.body import Body
-from agents.arm_controller.cameras import CameraFeed
 from agents.arm_controller.config import ArmControllerConfig
 from agents.arm_controller.figure import Figure
 from agents.arm_controller.grip import Grip
@@ -22,6 +21,7 @@ from agents.arm_controller.skills.actions import Actions
 from agents.arm_controller.skills.manipulator import Manipulator
 from agents.arm_controller.trajectory import Trajectory
 from agents.arm_controller.urdf import Robot, fixed_pose, load_robot
+from agents.camera_feed import CameraFeed
 from agents.drivers import ArmDriver, ArmState, make_driver
 from dsr.agent import Access, Agent
 from dsr.errors import ConfigError

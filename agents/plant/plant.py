@@ -134,8 +134,8 @@ class Plant(Agent):
 
     def _publish(self) -> None:
         reality, stamp, keys = self._reality, self.stamp, self.keys
-        if self._state_due(self._steps):
-            self.bus.publish(arm_state_key(keys), msgspec.msgpack.encode(reality.arm_state(stamp)), Qos.STREAM)
+        if self._state_due(self._steps) and (state := reality.arm_state(stamp)) is not None:
+            self.bus.publish(arm_state_key(keys), msgspec.msgpack.encode(state), Qos.STREAM)
         if self._truth_due(self._steps):
             self.bus.publish(keys.truth(), msgspec.msgpack.encode(reality.truth(stamp)), Qos.STREAM)
         if self._camera_due(self._steps):

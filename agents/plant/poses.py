@@ -34,7 +34,7 @@ SMALLEST = 12.0
 
 _LOOK = np.array([[0, 0], [-1, -1], [1, -1], [1, 1], [-1, 1]]) * 0.95  # points of a tag, in half sides
 _ENOUGH = 0.5  # share of an object's image by which its colour is recognised
-_REACHED = 0.995  # share of a ray without obstacle that counts as reaching the tag
+_REACHED = 0.999  # share of a ray without obstacle that counts as reaching its end; what is behind a thin wall is not
 
 
 def read_tags(camera: Camera, world: World, hands: Hands, stamp: float) -> TagReadings:

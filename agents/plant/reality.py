@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,12 +18,13 @@ from agents.plant.experimenter import Experimenter
 from agents.plant.hand_sensor import read_hands
 from agents.plant.hands import Hands
 from agents.plant.messages import Command, Follow, MoveGripper, MoveJoints, Point, Truth, seven
+from agents.plant.no_arm import NoArm
 from agents.plant.noise import SensorModel
 from agents.plant.poses import read_tags, recognisable
 from agents.plant.renderer import Renderer
 from agents.plant.stage import Stage
 from agents.plant.world import World
-from agents.scenario.format import Scenario, start_poses
+from agents.scenario.format import CameraSpec, Scenario, start_poses
 from dsr.blobs import Frame
 from dsr.intrinsics import Intrinsics
 from dsr.transforms import Pose
@@ -55,6 +56,8 @@ class Reality:
 
     def obey(self, command: Command) -> None:
         """Do what a driver asks of the arm."""
+        if isinstance(self.arm, NoArm):
+            return
         if isinstance(command, MoveJoints):
             self.arm.move_joints(command.positions, command.speed)
         elif isinstance(command, Follow):
@@ -64,9 +67,11 @@ class Reality:
         else:
             self.arm.stop()
 
-    def arm_state(self, stamp: float) -> ArmState:
-        """What the arm's sensors say."""
+    def arm_state(self, stamp: float) -> ArmState | None:
+        """What the arm's sensors say; None without an arm."""
         arm = self.arm
+        if isinstance(arm, NoArm):
+            return None
         positions = arm.positions
         if any(self._stage.arm_error):
             positions = displaced(arm, self._stage.arm_error)
@@ -111,8 +116,8 @@ class Reality:
         self._resources.close()
 
     def _build(self, scenario: Scenario, config: PlantConfig, seed: int, resources: contextlib.ExitStack) -> None:
-        children = np.random.SeedSequence(seed).spawn(4)
-        layout, *sensors, self._hand_noise = (np.random.default_rng(child) for child in children)
+        children = np.random.SeedSequence(seed).spawn(5)  # more of them leave the first ones as they are
+        layout, overhead, wrist, self._hand_noise, fixed = (np.random.default_rng(child) for child in children)
         bullet = Bullet()
         resources.callback(bullet.close)
         self._renderer = Renderer(bullet, config.renderer) if config.sensor == "pixels" else None
@@ -120,27 +125,33 @@ class Reality:
             resources.callback(self._renderer.close)
         self.world = World(bullet, scenario.table, start_poses(scenario, layout))
         self.world.settle()
-        self.arm = Arm(self.world, scenario.robot.model, scenario.robot.start)
-        cameras = self._make_cameras(scenario, config, sensors)
-        self.camera = cameras[scenario.camera]
+        robot = scenario.robot
+        self.arm = Arm(self.world, robot.model, robot.start) if robot.exists else NoArm()
+        cameras = self._make_cameras(scenario, config, {"overhead": overhead, "wrist": wrist, "fixed": fixed})
+        self.camera = cameras[scenario.camera_name]
         """The one that the scenario uses."""
         numbers = {number for event in scenario.events if (number := getattr(event, "hand", None)) is not None}
         self.has_hands = bool(numbers)
         """Whether hands can come into the scene."""
         self.hands = Hands(bullet, numbers, seen=self._renderer is not None)
         """Those that can come."""
-        self._stage = Stage(self.world, self.arm, cameras, default_camera=scenario.camera, hands=self.hands)
+        self._stage = Stage(self.world, self.arm, cameras, default_camera=scenario.camera_name, hands=self.hands)
         self.experimenter = Experimenter(scenario.events, self._stage)
 
     def _make_cameras(
-        self, scenario: Scenario, config: PlantConfig, rngs: Iterable[np.random.Generator]
+        self, scenario: Scenario, config: PlantConfig, rngs: Mapping[str, np.random.Generator]
     ) -> dict[str, Camera]:
         overhead = Pose(config.overhead[:3], config.overhead[3:])
         lens = Intrinsics.from_fov(config.width, config.height, config.fov)
-        mounts = {"overhead": lambda: overhead, "wrist": self.arm.camera_pose}
+        mounts: dict[str, Callable[[], Pose]] = {"overhead": lambda: overhead}
+        if isinstance(self.arm, Arm):
+            mounts["wrist"] = self.arm.camera_pose
+        if isinstance(scenario.camera, CameraSpec):
+            fixed = scenario.camera.pose
+            mounts["fixed"] = lambda: fixed
         return {
-            name: Camera(name, lens, mount, SensorModel(scenario.sensor, self.world.specs, rng))
-            for (name, mount), rng in zip(mounts.items(), rngs, strict=True)
+            name: Camera(name, lens, mount, SensorModel(scenario.sensor, self.world.specs, rngs[name]))
+            for name, mount in mounts.items()
         }
 
 

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from agents.plant.arm import Arm
 from agents.plant.camera import Camera
 from agents.plant.hands import Hands
+from agents.plant.no_arm import NoArm
 from agents.plant.world import GRAVITY, STEP, World
 from dsr import quaternions
 from dsr.quaternions import Vector3
@@ -66,7 +67,7 @@ class Stage:
     """
 
     def __init__(
-        self, world: World, arm: Arm, cameras: Mapping[str, Camera], default_camera: str, hands: Hands
+        self, world: World, arm: Arm | NoArm, cameras: Mapping[str, Camera], default_camera: str, hands: Hands
     ) -> None:
         self.world = world
         self.arm = arm

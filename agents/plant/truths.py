@@ -55,7 +55,7 @@ def lowering(stage: Stage, upper: str, lower: str) -> bool:
 
 def idle(stage: Stage) -> bool:
     """The gripper holds nothing and the arm does not move."""
-    return stage.arm.held is None and max(map(abs, stage.arm.velocities)) < STILL_JOINT
+    return stage.arm.held is None and max(map(abs, stage.arm.velocities), default=0.0) < STILL_JOINT
 
 
 PREDICATES: dict[str, Callable[..., bool]] = {

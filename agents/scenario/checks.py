@@ -22,7 +22,7 @@ from agents.scenario.expectations import (
 )
 from agents.scenario.geometry import has_face, penetration, upright_box
 from agents.scenario.layout import TOUCH, object_box, overlapping, table_box
-from agents.scenario.model import ObjectSpec, RobotSpec, Scenario
+from agents.scenario.model import NO_ROBOT, CameraSpec, ObjectSpec, RobotSpec, Scenario
 from agents.scenario.relations import GROUND
 from dsr.errors import ConfigError, GoalError, suggest
 from dsr.goals import parse_goal
@@ -31,7 +31,18 @@ from dsr.observed_actions import parse_pattern
 from dsr.runtime.config import TomlFile
 from dsr.runtime.toml_lines import Path
 
-_RESERVED = {"world", "robot", "table", "camera_overhead", "camera_wrist", "arm", "gripper", "body", "mind"}
+_RESERVED = {
+    "world",
+    "robot",
+    "table",
+    "camera_overhead",
+    "camera_wrist",
+    "camera_fixed",
+    "arm",
+    "gripper",
+    "body",
+    "mind",
+}
 
 
 class InconsistencyError(ConfigError):
@@ -47,9 +58,11 @@ def check_scenario(scenario: Scenario, etc: FilePath | None) -> None:
     _check_name(("name",), scenario.name)
     if etc is not None:
         _check_file(("system",), scenario.system, etc / "systems", ".toml")
-        _check_file(("robot", "model"), scenario.robot.model, etc / "robots", ".urdf")
-        _check_kills(scenario, etc / "systems" / f"{scenario.system}.toml")
+        if scenario.robot.exists:
+            _check_file(("robot", "model"), scenario.robot.model, etc / "robots", ".urdf")
+        _check_system(scenario, etc / "systems" / f"{scenario.system}.toml")
     _check_settings(scenario)
+    _check_equipment(scenario)
     _check_names(scenario)
     _check_colors(scenario)
     _check_mission(scenario)
@@ -78,14 +91,34 @@ def _check_file(path: Path, name: str, folder: FilePath, suffix: str) -> None:
     _require(not known or name in known, path, f"unknown {path[-1]} {name!r}; {suggest(name, known)}")
 
 
-def _check_kills(scenario: Scenario, system: FilePath) -> None:
-    """Only agents of the system can be killed; their classes are not loaded for that."""
-    kills = [(index, event.agent) for index, event in enumerate(scenario.events) if isinstance(event, Kill)]
-    if not kills or not system.exists():
+def _check_system(scenario: Scenario, system: FilePath) -> None:
+    """The system has the agents that the scenario needs or kills; their classes are not loaded for that."""
+    if not system.exists():
         return
     agents = [table["name"] for table in TomlFile(system).data["agent"]]
-    for index, agent in kills:
-        _require(agent in agents, ("event", index, "agent"), f"unknown agent {agent!r}; {suggest(agent, agents)}")
+    message = f"the system {scenario.system!r} has an arm; expected a robot, or another `system`, e.g. 'reasoner'"
+    _require(scenario.robot.exists or "arm_controller" not in agents, ("robot", "model"), message)
+    message = f"the system {scenario.system!r} has no agent 'fixed_camera'; expected another `system`, e.g. 'reasoner'"
+    _require(isinstance(scenario.camera, str) or "fixed_camera" in agents, ("camera",), message)
+    for index, event in enumerate(scenario.events):
+        if isinstance(event, Kill):
+            message = f"unknown agent {event.agent!r}; {suggest(event.agent, agents)}"
+            _require(event.agent in agents, ("event", index, "agent"), message)
+
+
+def _check_equipment(scenario: Scenario) -> None:
+    """What is used of arm and cameras is there."""
+    camera, has_arm = scenario.camera, scenario.robot.exists
+    if isinstance(camera, CameraSpec):
+        _require(camera.position != camera.look_at, ("camera", "look_at"), "expected another place than its `position`")
+    cameras = {"overhead", scenario.camera_name} | ({"wrist"} if has_arm else set())
+    _require(has_arm or camera != "wrist", ("camera",), "there is no robot to carry the camera")
+    _require(has_arm or scenario.mission is None, ("mission",), "there is no robot to do it")
+    for index, event in enumerate(scenario.events):
+        used = getattr(event, "camera", None)
+        message = f"there is no camera {used!r}; {suggest(str(used), cameras)}"
+        _require(used is None or used in cameras, ("event", index, "camera"), message)
+        _require(has_arm or not isinstance(event, ArmError), ("event", index), "there is no robot")
 
 
 def _check_settings(scenario: Scenario) -> None:
@@ -97,7 +130,7 @@ def _check_settings(scenario: Scenario) -> None:
     low, high = scenario.sensor.depth_bias
     _require(low <= high, ("sensor", "depth_bias"), f"[{low}, {high}] m: expected the smaller bound first")
     model, start, default = scenario.robot.model, scenario.robot.start, RobotSpec().start
-    needs_start = model != "gen3" and start == default
+    needs_start = model not in ("gen3", NO_ROBOT) and start == default
     _require(not needs_start, ("robot",), f"robot {model!r} needs `start`: its joint positions in rad")
     fits = model != "gen3" or len(start) == len(default)
     _require(fits, ("robot", "start"), f"expected {len(default)} joint positions (rad), got {len(start)}")

@@ -196,7 +196,7 @@ class CameraBump(EventBase, frozen=True, kw_only=True, tag="camera_bump"):
     """m, in the camera's optical frame (x right, y down, z forward)"""
     rotation: Rotation = (0.0, 0.0, 0.0)
     """Rotation vector, rad, in the camera's optical frame."""
-    camera: Literal["overhead", "wrist"] | None = None
+    camera: Literal["overhead", "wrist", "fixed"] | None = None
     """Default: the scenario's camera."""
 
 
@@ -204,7 +204,7 @@ class CameraCover(EventBase, frozen=True, kw_only=True, tag="camera_cover"):
     """Cover the lens: the image is black and the depth unknown for `duration` seconds."""
 
     duration: Seconds
-    camera: Literal["overhead", "wrist"] | None = None
+    camera: Literal["overhead", "wrist", "fixed"] | None = None
     """Default: the scenario's camera."""
 
 

@@ -10,7 +10,16 @@ import msgspec
 
 from agents.scenario.events import EVENTS
 from agents.scenario.expectations import CHECKS
-from agents.scenario.model import MissionSpec, ObjectSpec, RandomSpec, RobotSpec, Scenario, SensorSpec, TableSpec
+from agents.scenario.model import (
+    CameraSpec,
+    MissionSpec,
+    ObjectSpec,
+    RandomSpec,
+    RobotSpec,
+    Scenario,
+    SensorSpec,
+    TableSpec,
+)
 from agents.scenario.units import UNITS
 from dsr.errors import ConfigError, suggest
 from dsr.runtime.toml_lines import Path, line_of
@@ -20,6 +29,7 @@ _STEP = re.compile(r"\.(\w+)|\[(\d+)\]")
 _UNKNOWN_FIELD = re.compile(r"unknown field `(.*)`")
 _SECTIONS: dict[str, type[msgspec.Struct]] = {
     "robot": RobotSpec,
+    "camera": CameraSpec,
     "table": TableSpec,
     "sensor": SensorSpec,
     "random": RandomSpec,

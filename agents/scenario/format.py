@@ -46,7 +46,16 @@ from agents.scenario.events import (
 from agents.scenario.expectations import Check
 from agents.scenario.explain import syntax_error, type_error, value_error
 from agents.scenario.layout import start_poses
-from agents.scenario.model import MissionSpec, ObjectSpec, RandomSpec, RobotSpec, Scenario, SensorSpec, TableSpec
+from agents.scenario.model import (
+    CameraSpec,
+    MissionSpec,
+    ObjectSpec,
+    RandomSpec,
+    RobotSpec,
+    Scenario,
+    SensorSpec,
+    TableSpec,
+)
 from agents.scenario.models import with_models
 from dsr.decoding import decoded
 from dsr.errors import ConfigError, suggest
@@ -59,6 +68,7 @@ __all__ = [
     "ArmError",
     "CameraBump",
     "CameraCover",
+    "CameraSpec",
     "Carry",
     "Check",
     "Condition",

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal
 
 import msgspec
+import numpy as np
 from msgspec import Meta
 
 from agents.scenario.events import Event
 from agents.scenario.expectations import Check
 from agents.scenario.units import Bias, Noise, Radians, Seconds, Size, Vector3
 from dsr.shapes import Shape
+from dsr.transforms import Pose
 
 TAGS = 587
 """Number of tags in the family DICT_APRILTAG_36h11."""
 
+
+NO_ROBOT = "none"
+"""The model of a robot that is not there."""
+_STRAIGHT = 1e-6  # m, length of the horizontal part of a unit vector that counts as vertical
 
 Share = Annotated[float, Meta(ge=0, le=1)]
 Color = tuple[Share, Share, Share]
@@ -28,9 +35,39 @@ class RobotSpec(Section, frozen=True, kw_only=True):
     """The arm."""
 
     model: str = "gen3"
-    """`etc/robots/<model>.urdf`"""
+    """`etc/robots/<model>.urdf`; `"none"`: there is no arm"""
     start: tuple[Radians, ...] = (0.0, 0.0, 3.14159, -0.96, 0.0, -2.1, 1.5708)
     """rad, joint positions at the start; default: the observe pose of the Gen3"""
+
+    @property
+    def exists(self) -> bool:
+        """Whether there is an arm."""
+        return self.model != NO_ROBOT
+
+
+class CameraSpec(Section, frozen=True, kw_only=True):
+    """A camera on a stand, upright."""
+
+    position: Vector3
+    """m, of its optical centre, world"""
+    look_at: Vector3
+    """m, what is in the middle of its image, world"""
+
+    @property
+    def pose(self) -> Pose:
+        """world_from_camera, the optical frame: z forward, x right and level, y down; straight down, the image's upper
+        side is world +x.
+        """
+        forward = np.subtract(self.look_at, self.position)
+        forward /= np.linalg.norm(forward)
+        right = np.cross(forward, (0.0, 0.0, 1.0))
+        if np.linalg.norm(right) < _STRAIGHT:
+            right = np.array([0.0, math.copysign(1.0, forward[2]), 0.0])
+        right /= np.linalg.norm(right)
+        matrix = np.eye(4)
+        matrix[:3, :3] = np.column_stack([right, np.cross(forward, right), forward])
+        matrix[:3, 3] = self.position
+        return Pose.from_matrix(matrix)
 
 
 class TableSpec(Section, frozen=True, kw_only=True):
@@ -120,7 +157,8 @@ class Scenario(Section, frozen=True, kw_only=True):
     """s after the start from when on the belief is judged: the default window of checks and metrics"""
     linger: Annotated[float, Meta(gt=0, le=3600)] | None = None
     """s after all events are over and the mission, if any, is at rest, after which the run ends before `duration`"""
-    camera: Literal["overhead", "wrist"] = "overhead"
+    camera: Literal["overhead", "wrist"] | CameraSpec = "overhead"
+    """What the objects are seen with; a table for one on a stand."""
     robot: RobotSpec = RobotSpec()
     table: TableSpec = TableSpec()
     sensor: SensorSpec = SensorSpec()
@@ -130,6 +168,11 @@ class Scenario(Section, frozen=True, kw_only=True):
     objects: list[ObjectSpec] = msgspec.field(name="object", default_factory=list)
     events: list[Event] = msgspec.field(name="event", default_factory=list)
     expectations: list[Check] = msgspec.field(name="expect", default_factory=list)
+
+    @property
+    def camera_name(self) -> str:
+        """As the plant calls it: `overhead`, `wrist` or `fixed`."""
+        return self.camera if isinstance(self.camera, str) else "fixed"
 
     def object(self, name: str) -> ObjectSpec:
         """The object called `name`; KeyError if there is none."""

@@ -74,6 +74,7 @@ def _settings(run: Run) -> dict[str, dict[str, Any]]:
         **_policy_settings(run.policy),
         "plant": {"scenario": str(run.file), "sensor": run.sensor},
         "scene_setup": {"scenario": str(run.file)},
+        "fixed_camera": {"scenario": str(run.file)},
         "recorder": {"folder": folder},
         "viewer": {"folder": folder, "spawn": run.window},
     }

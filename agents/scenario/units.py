@@ -32,7 +32,8 @@ Rotation = tuple[Radians, Radians, Radians]
 
 UNITS = {
     **dict.fromkeys(("at", "after", "delay", "duration", "linger", "settle", "within"), "s"),
-    **dict.fromkeys(("position", "size", "to", "by", "offset", "above", "height", "translation", "tolerance"), "m"),
+    **dict.fromkeys(("position", "look_at", "size", "to", "by", "offset", "above", "height"), "m"),
+    **dict.fromkeys(("translation", "tolerance"), "m"),
     **dict.fromkeys(("direction", "side"), "along x and y"),
     **dict.fromkeys(("depth_bias", "depth_jitter"), "m"),
     **dict.fromkeys(("yaw", "turn", "angle", "start", "rotation"), "rad"),
