@@ -55,8 +55,9 @@ class CameraSpec(Section, frozen=True, kw_only=True):
 
     @property
     def pose(self) -> Pose:
-        """world_from_camera, the optical frame: z forward, x right and level, y down; straight down, the image's upper
-        side is world +x.
+        """world_from_camera, the optical frame: z forward, x right and level, y down.
+
+        Of one that looks straight down or up the image's upper side is world +x.
         """
         forward = np.subtract(self.look_at, self.position)
         forward /= np.linalg.norm(forward)

@@ -9,6 +9,7 @@ import pytest
 
 from agents.scenario.format import (
     CameraCover,
+    CameraSpec,
     Place,
     load_scenario,
     parse_scenario,
@@ -63,6 +64,64 @@ def test_a_small_file_gets_documented_defaults():
 def test_objects_may_be_seen_too_low():
     scenario = parse_scenario(with_line("[sensor]\ndepth_bias = [-0.015, 0.005]"))
     assert scenario.sensor.depth_bias == (-0.015, 0.005)
+
+
+STAND = """
+[camera]
+position = [-0.9, 0.0, 1.5]
+look_at = [0.0, 0.0, 0.72]
+"""
+NO_ROBOT = "[robot]\nmodel = 'none'\n"
+
+
+def on_a_stand(more: str = "", camera: str = STAND) -> str:
+    return with_line(f'system = "reasoner"\n{NO_ROBOT}{camera}{more}')
+
+
+def test_a_camera_on_a_stand_looks_where_it_should_and_is_level():
+    scenario = parse_scenario(on_a_stand())
+    assert isinstance(scenario.camera, CameraSpec) and scenario.camera_name == "fixed"
+    pose = scenario.camera.pose
+    assert pose.t == (-0.9, 0.0, 1.5)
+    centre = pose.inverse().apply([0.0, 0.0, 0.72])
+    assert centre == pytest.approx([0.0, 0.0, np.hypot(0.9, 0.78)])
+    left, above = pose.inverse().apply([0.0, 0.1, 0.72]), pose.inverse().apply([0.0, 0.0, 0.82])
+    assert left[0] == pytest.approx(-0.1) and left[1] == pytest.approx(0.0)
+    assert above[0] == pytest.approx(0.0) and above[1] < -0.05
+
+
+@pytest.mark.parametrize("height", [1.0, -1.0])
+def test_a_camera_may_look_straight_down_or_up(height: float):
+    camera = CameraSpec(position=(0.2, 0.1, height), look_at=(0.2, 0.1, 0.0))
+    matrix = camera.pose.rotation_matrix
+    assert np.linalg.det(matrix) == pytest.approx(1.0)
+    assert camera.pose.inverse().apply([0.2, 0.1, 0.0])[2] == pytest.approx(1.0)
+    assert camera.pose.inverse().apply([0.3, 0.1, 0.0])[:2] == pytest.approx([0.0, -0.1])
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (on_a_stand(camera=STAND.replace("[0.0, 0.0, 0.72]", "[-0.9, 0.0, 1.5]")), "camera.look_at: expected another"),
+        (on_a_stand(camera=STAND.replace("look_at", "lok_at")), "camera.lok_at: unknown field; did you mean 'look_at'"),
+        (on_a_stand(camera="[camera]\nposition = [0.0, 0.0, 1.0]"), "missing required field `look_at`"),
+        (with_line(STAND), "camera: the system 'tabletop' has no agent 'fixed_camera'"),
+        (with_line(NO_ROBOT), "robot.model: the system 'tabletop' has an arm"),
+        (with_line(f'system = "reasoner"\ncamera = "wrist"\n{NO_ROBOT}'), "camera: there is no robot to carry"),
+        (on_a_stand("[mission]\ngoal = 'on(a, b)'"), "mission: there is no robot to do it"),
+        (
+            on_a_stand('[[event]]\nat = 1\ndo = "camera_cover"\nduration = 1.0\ncamera = "wrist"'),
+            "event.1.camera: there is no camera 'wrist'",
+        ),
+        (
+            on_a_stand('[[event]]\nat = 1\ndo = "arm_error"\nduration = 1.0\ntranslation = [0.1, 0.0, 0.0]'),
+            "event.1: there is no robot",
+        ),
+        (with_line('camera = "overhed"'), "unknown value 'overhed'"),
+    ],
+)
+def test_what_is_used_of_arm_and_cameras_must_be_there(text: str, message: str):
+    assert message in refusal(text)
 
 
 def test_events_and_conditions_are_read():
