@@ -44,29 +44,29 @@ class Surface(NamedTuple):
 
 
 @functools.lru_cache(maxsize=_CACHED)
-def surface(shape: Shape, size: Vector3) -> Surface:
-    """About 160 points spread over the outside of a shape; without parts, over the box of `size`.
+def surface(shape: Shape, size: Vector3, count: int = _POINTS) -> Surface:
+    """About `count` points spread over the outside of a shape; without parts, over the box of `size`.
 
     None for what is no thing: with edges of less than 10 um, or more than 1 km from end to end.
     """
     parts = shape or box(size)
     if not all(map(_is_thing, parts)):
         return Surface(np.empty((0, 3)), np.empty((0, 3)), np.empty(0))
-    spacing = math.sqrt(sum(_area(part) for part in parts) / _POINTS)
+    spacing = math.sqrt(sum(_area(part) for part in parts) / count)
     pieces = [_placed(part, piece) for part in parts for piece in _pieces(part, spacing)]
     points, normals, areas = (np.concatenate(arrays) for arrays in zip(*pieces, strict=True))
     outside = ~_inside_any(parts, points + GAP * normals)
     return Surface(points[outside], normals[outside], areas[outside])
 
 
-def seen_alone(shape: Shape, size: Vector3, eye: Array) -> tuple[Array, Array]:
-    """What is seen of a body from `eye` (3,), in its frame, with nothing else there.
+def seen_alone(shape: Shape, size: Vector3, eye: Array, count: int = _POINTS) -> tuple[Array, Array]:
+    """What is seen of a body from `eye` (3,), in its frame, with nothing else there; by `count` points all around it.
 
     Returns:
         The points of its surface that face the eye and that the body itself does not hide (n, 3), and the share of its
         image that each stands for (n,), 1 together.
     """
-    points, normals, areas = surface(shape, size)
+    points, normals, areas = surface(shape, size, count)
     way = eye - points
     distance = np.sqrt((way * way).sum(axis=1))
     weights = areas * (way * normals).sum(axis=1) / np.maximum(distance, _LEAST) ** 3
@@ -76,6 +76,24 @@ def seen_alone(shape: Shape, size: Vector3, eye: Array) -> tuple[Array, Array]:
     hidden = rays.cut_off(eye, points).any(axis=0)
     points, weights = points[~hidden], weights[~hidden]
     return points, weights / max(float(weights.sum()), _LEAST)
+
+
+def distances(shape: Shape, size: Vector3, points: Array) -> Array:
+    """How far points (n, 3), in the frame of a body, are from its surface (n,); exact outside it."""
+    solids = Solids.of(shape or box(size))
+    local = np.abs(solids.into(points))
+    beyond = local - solids.half[:, None]  # of each pair of faces
+    radius = solids.half[:, :1]
+    around = np.hypot(local[..., 0], local[..., 1]) - radius
+    is_cylinder = (solids.kinds == 1)[:, None]
+    beyond[..., 0] = np.where(is_cylinder, around, beyond[..., 0])
+    beyond[..., 1] = np.where(is_cylinder, around, beyond[..., 1])
+    within = beyond.max(axis=2)
+    outside = np.maximum(beyond, 0.0)
+    outside[..., 1] = np.where(is_cylinder, 0.0, outside[..., 1])
+    signed = np.sqrt((outside * outside).sum(axis=2)) + np.minimum(within, 0.0)
+    signed = np.where((solids.kinds == 2)[:, None], np.sqrt((local * local).sum(axis=2)) - radius, signed)
+    return np.asarray(np.abs(signed.min(axis=0)))
 
 
 class Solids(NamedTuple):
@@ -100,6 +118,10 @@ class Solids(NamedTuple):
             np.array(turns, dtype=np.float64).reshape(-1, 3, 3),
             0.5 * np.array([part.size for part in parts], dtype=np.float64).reshape(-1, 3),
         )
+
+    def into(self, points: Array) -> Array:
+        """(n, k, 3) points (k, 3) in the frame of each part."""
+        return np.asarray(np.einsum("nkj,nji->nki", points[None] - self.centre[:, None], self.turn))
 
     def cut_off(self, eye: Array, targets: Array) -> Flags:
         """(n, rays) which rays from `eye` (3,) to `targets` (rays, 3) meet each part before their end."""
@@ -150,7 +172,7 @@ def _through_round(start: Array, way: Array, radius: Array) -> tuple[Array, Arra
 
 def _inside_any(parts: Shape, points: Array) -> Flags:
     solids = Solids.of(parts)
-    local = np.einsum("npj,nji->npi", points[None] - solids.centre[:, None], solids.turn)
+    local = solids.into(points)
     flat = (np.abs(local) <= solids.half[:, None]).all(axis=2)
     radius = solids.half[:, :1]
     round_section = np.hypot(local[..., 0], local[..., 1]) <= radius

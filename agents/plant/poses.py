@@ -25,7 +25,7 @@ SIGMA_ROTATION = tuple(math.radians(degrees) for degrees in (0.033, 0.22, 1.1))
 """rad, about each axis: the measured median of the angle, 0.05, 0.34 and 1.7 degrees, over 1.54"""
 COLOR_DISTANCES = (0.6, 1.0, 1.3)
 """m from the camera, at which the errors of colours were measured"""
-SIGMA_COLOR = (0.002, 0.003, 0.004)
+SIGMA_COLOR = (0.0012, 0.0015, 0.0025)
 """m, of each coordinate of the centre of an object that is recognised by its colour and seen completely"""
 STEEPEST = math.radians(75)
 """rad between the tag's normal and the viewing ray, beyond which a tag is not found"""
@@ -33,7 +33,7 @@ SMALLEST = 12.0
 """px, the side of the smallest tag that is found, and the width of the smallest spot of a colour"""
 
 _LOOK = np.array([[0, 0], [-1, -1], [1, -1], [1, 1], [-1, 1]]) * 0.95  # points of a tag, in half sides
-_ENOUGH = 0.5  # share of an object's image by which its colour is recognised
+_ENOUGH = 0.35  # share of an object's image by which its colour is recognised
 _REACHED = 0.999  # share of a ray without obstacle that counts as reaching its end; what is behind a thin wall is not
 
 

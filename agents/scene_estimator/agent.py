@@ -9,6 +9,7 @@ from contextlib import ExitStack, closing
 import msgspec
 
 from agents.drivers import TagDriver, make_driver
+from agents.scene_estimator.color_reader import ColorReader
 from agents.scene_estimator.colored import ColoredObjects, ColorSighting, read_colors
 from agents.scene_estimator.config import SceneEstimatorConfig, TagSensor
 from agents.scene_estimator.objects import TaggedObjects
@@ -57,6 +58,7 @@ class SceneEstimator(Agent):
         self._objects = take(closing(TaggedObjects(self.memory, config, self.log)))
         self._colored = take(closing(ColoredObjects(self.memory)))
         self._frame_reader = FrameReader(self._objects.size, config.tag_ratio, config.noise)
+        self._color_reader = ColorReader(config.noise)
         self._streams = {camera: take(closing(self.memory.frames(camera))) for camera in config.cameras}
         self._sensors = {camera: take(closing(self._driver(sensor))) for camera, sensor in config.tag_sensors.items()}
         self._last_seen: dict[str, float] = {}
@@ -107,7 +109,17 @@ class SceneEstimator(Agent):
             self._skip("malformed", f"{camera}: {error}")
             return None
         self._show(camera, frame.stamp, outlines)
-        return sightings, []
+        return sightings, self._read_colors(camera, frame)
+
+    def _read_colors(self, camera: str, frame: Frame) -> list[ColorSighting]:
+        if not self._colored.known or camera not in self.memory:
+            return []
+        try:
+            world_from_camera = self.memory.transform("world", camera, at=frame.stamp)
+        except TransformError:
+            self._skip("no camera pose", f"{camera}: its pose in the world is not known then")
+            return []
+        return self._color_reader.read(frame, self._colored.known, world_from_camera)
 
     def _show(self, camera: str, stamp: float, outlines: Outlines) -> None:
         """Publish where in the image the tags were found, for viewers."""

@@ -34,6 +34,8 @@ class NoiseModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """m, systematic error of depth along the ray: not visible in the residuals, does not average out."""
     inverse_depth_floor: Positive = 3e-4
     """1/m, least standard deviation of a pixel's inverse depth."""
+    inverse_depth_std: Positive = 2.5e-3
+    """1/m, standard deviation of a pixel's inverse depth, by which a shape fits or not"""
     depth_correlation: NotNegative = 4.0
     """px, over which neighbouring depth errors are alike: stereo compares patches."""
     size_below: NotNegative = 0.5

@@ -55,7 +55,7 @@ class FrameReader:
 
     def read(self, frame: Frame) -> tuple[list[Sighting], Outlines]:
         """Sightings in the frame, and the outlines of all tags found. Raises `WireError` for an unusable frame."""
-        color, depth, intrinsics = _images(frame)
+        color, depth, intrinsics = images(frame)
         tags = self._detector.detect(color)
         sightings = []
         for tag in tags:
@@ -90,7 +90,8 @@ def _sensed(reading: TagReading, stamp: float, noise: NoiseModel) -> Sighting:
     return Sighting(reading.marker_id, camera_from_object.with_covariance(covariance))
 
 
-def _images(frame: Frame) -> tuple[NDArray[np.uint8], NDArray[np.float32] | None, Intrinsics]:
+def images(frame: Frame) -> tuple[NDArray[np.uint8], NDArray[np.float32] | None, Intrinsics]:
+    """Colour, depth if there is any, and intrinsics of a frame. Raises `WireError` for an unusable one."""
     color, depth = frame.arrays.get("color"), frame.arrays.get("depth")
     if color is None or color.ndim != 3 or color.shape[2] != 3 or color.dtype != np.uint8 or min(color.shape) < 1:
         raise WireError(f"frame at {frame.stamp}: expected a colour image (h, w, 3) of uint8")

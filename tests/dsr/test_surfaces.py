@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dsr.shapes import Part, Shape, box
-from dsr.surfaces import Solids, crossings, seen_alone, surface
+from dsr.surfaces import Solids, crossings, distances, seen_alone, surface
 
 HALF_TURN = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))
 OPEN_BOX: Shape = (
@@ -83,3 +83,25 @@ def test_rays_against_round_parts() -> None:
     targets = np.array([[0.0, 0.0, -1.0], [1.05, 0.05, -0.1], [0.5, 0.5, -1.0], [0.0, 0.0, 0.11]])
     expected = [[True, False, False, False], [False, True, False, False], [True, False, False, False]]
     assert Solids.of(parts).cut_off(eye, targets).tolist() == expected
+
+
+def test_distances_from_the_surface() -> None:
+    size = (1.0, 1.0, 1.0)
+    ball, cylinder = (Part("sphere", (0.2, 0.2, 0.2)),), (Part("cylinder", (0.2, 0.2, 0.4), (1.0, 0.0, 0.0)),)
+    points = np.array([[0.3, 0.0, 0.0], [0.0, 0.0, 0.04], [1.3, 0.0, 0.0], [1.0, 0.0, 0.5], [1.13, 0.0, 0.24]])
+    assert distances(ball, size, points)[:2] == pytest.approx([0.2, 0.06])
+    assert distances(cylinder, size, points)[2:] == pytest.approx([0.2, 0.3, 0.05])
+    assert distances((), (0.2, 0.2, 0.2), points)[:2] == pytest.approx([0.2, 0.06])
+    assert distances((*ball, *cylinder), size, points) == pytest.approx([0.2, 0.06, 0.2, 0.3, 0.05])
+
+
+def test_the_surface_is_no_distance_from_itself() -> None:
+    assert distances(OPEN_BOX, (0.2, 0.2, 0.2), surface(OPEN_BOX, (0.2, 0.2, 0.2)).points) == pytest.approx(
+        0.0, abs=1e-9
+    )
+
+
+def test_what_is_no_thing_has_no_surface() -> None:
+    for size in ((1e-300, 1.0, 1.0), (1e200, 1.0, 1.0)):
+        points, weights = seen_alone((), size, np.array([0.0, 0.0, 1.0]))
+        assert len(points) == len(weights) == 0

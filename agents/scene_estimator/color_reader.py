@@ -1,0 +1,59 @@
+"""Finds objects of known colour and shape in camera frames."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from agents.scene_estimator.colored import ColoredObject, ColorSighting
+from agents.scene_estimator.placing import Placed, View, place
+from agents.scene_estimator.pose import NoiseModel
+from agents.scene_estimator.segmentation import ColorImage
+from agents.scene_estimator.sighting import images
+from dsr.blobs import Frame
+from dsr.transforms import Pose
+
+_PATIENCE = 10
+"""Frames after which a shape that fits with no yaw is tried with all of them again."""
+
+
+class _Guess(NamedTuple):
+    yaw: float = 0.0
+    frames: int = 0
+    """For which no other yaw is looked for."""
+
+
+class ColorReader:
+    """Finds objects by their colour, in one camera's frames or in those of several.
+
+    Args:
+        noise: error model of the cameras.
+    """
+
+    def __init__(self, noise: NoiseModel) -> None:
+        self._noise = noise
+        self._guesses: dict[str, _Guess] = {}
+
+    def read(self, frame: Frame, objects: list[ColoredObject], world_from_camera: Pose) -> list[ColorSighting]:
+        """Sightings of `objects` in the frame; none without depth. Raises `WireError` for an unusable frame."""
+        color, depth, intrinsics = images(frame)
+        if depth is None or not objects:
+            return []
+        picture, view = ColorImage(color), View(depth, intrinsics, world_from_camera)
+        found = [(known.name, self._place(known, picture, view)) for known in objects]
+        return [self._sighting(name, placed, frame.stamp) for name, placed in found if placed is not None]
+
+    def _place(self, known: ColoredObject, picture: ColorImage, view: View) -> Placed | None:
+        guess, noise = self._guesses.get(known.name, _Guess()), self._noise.inverse_depth_std
+        mask, may_search = picture.mask(known.color), guess.frames == 0
+        placed = place(view, mask, known.shape, known.size, noise, guess.yaw, search=may_search)
+        if placed is not None:
+            frames = 0 if placed.fits else _PATIENCE if may_search else guess.frames - 1
+            self._guesses[known.name] = _Guess(placed.yaw, frames)
+        return placed
+
+    def _sighting(self, name: str, placed: Placed, stamp: float) -> ColorSighting:
+        ray = placed.position / np.linalg.norm(placed.position)
+        covariance = placed.covariance + self._noise.depth_bias_std**2 * np.outer(ray, ray)
+        return ColorSighting(name, placed.position, covariance, stamp)

@@ -1,0 +1,164 @@
+"""Objects recognised by their colour in rendered images: right where they are sure, and unsure where they are not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+
+import msgspec
+import numpy as np
+import pytest
+
+from agents.object_models import load_model, model_files
+from agents.plant.world import _PALETTE, _TABLE_COLOR
+from agents.scenario.format import ObjectSpec
+from agents.scene_estimator.color_reader import ColorReader
+from agents.scene_estimator.colored import ColorSighting
+from agents.scene_estimator.pose import NoiseModel
+from agents.scene_estimator.segmentation import ColorImage
+from benchmarks.color_scene import AWAY, ColorScene, looking_at
+from dsr import Pose
+from dsr.shapes import to_numbers
+
+from .conftest import AGE, PERIOD, Bench
+
+MODELS = sorted(model_files())
+GREY = ObjectSpec(name="screen", type="box", size=(0.3, 0.3, 0.02), color=(0.5, 0.5, 0.5), position=(0.0, 0.0, -9.0))
+PLACE = (0.35, 0.02)
+NO_BIAS = NoiseModel(depth_bias_std=0.0)
+
+
+@pytest.fixture(scope="module")
+def scene() -> Iterator[ColorScene]:
+    scene = ColorScene(MODELS, np.random.default_rng(0), [GREY])
+    yield scene
+    scene.close()
+
+
+@pytest.fixture(autouse=True)
+def clear(scene: ColorScene) -> None:
+    for name in (*MODELS, "screen"):
+        scene.put(name, AWAY)
+
+
+def standing(scene: ColorScene, model: str, yaw: float = 0.0) -> Pose:
+    pose = Pose.from_rotvec((*PLACE, scene.height(model)), (0.0, 0.0, yaw))
+    scene.put(model, pose)
+    return pose
+
+
+def read(scene: ColorScene, camera: Pose, reader: ColorReader | None = None) -> dict[str, ColorSighting]:
+    found = (reader or ColorReader(NO_BIAS)).read(scene.frame(camera), scene.known, camera)
+    return {sighting.name: sighting for sighting in found}
+
+
+def judged(sighting: ColorSighting, camera: Pose, truth: Pose) -> tuple[float, float]:
+    """Error (m), and its square over the covariance: 3 on average if that is right."""
+    error = sighting.position - camera.inverse().apply(truth.t)
+    return float(np.linalg.norm(error)), float(error @ np.linalg.solve(sighting.covariance, error))
+
+
+@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize(("distance", "most"), [(0.6, 0.008), (1.0, 0.02)])
+def test_what_stands_free_is_where_it_is_seen(scene: ColorScene, model: str, distance: float, most: float) -> None:
+    rng = np.random.default_rng(3)
+    for yaw in (0.0, 0.7):
+        truth, camera = standing(scene, model, yaw), looking_at((*PLACE, 0.05), distance, rng)
+        found = read(scene, camera)
+        assert list(found) == [model]
+        error, nees = judged(found[model], camera, truth)
+        assert error < most
+        assert nees < 12.0
+
+
+@pytest.mark.parametrize("model", ["cup", "ball", "container_green", "box"])
+def test_what_is_partly_hidden_is_right_or_unsure_or_not_found(scene: ColorScene, model: str) -> None:
+    rng = np.random.default_rng(4)
+    shares = []
+    for _ in range(8):
+        truth, camera = standing(scene, model), looking_at((*PLACE, 0.05), 0.8, rng, spread=0.0)
+        scene.put("screen", AWAY)
+        alone = scene.pixels(model, camera)
+        scene.put("screen", camera @ Pose((0.15 + rng.uniform(-0.03, 0.03), 0.0, 0.5)))
+        shares.append(scene.pixels(model, camera) / alone)
+        found = read(scene, camera)
+        if shares[-1] < 0.2:
+            assert not found
+        elif found:
+            assert judged(found[model], camera, truth)[1] < 12.0
+        assert found or shares[-1] < 0.6
+    assert min(shares) < 0.6 < max(shares)
+
+
+@pytest.mark.parametrize("degrees", [30, 90, 135])
+def test_what_does_not_stand_upright_is_unsure_or_not_found(scene: ColorScene, degrees: float) -> None:
+    rng, sigmas = np.random.default_rng(5), []
+    for model in ("cup", "container_green", "large_box"):
+        for _ in range(3):
+            axis = rng.normal(size=3) * (1.0, 1.0, 0.0)
+            truth = Pose.from_rotvec((*PLACE, 0.25), axis / np.linalg.norm(axis) * math.radians(degrees))
+            scene.put(model, truth)
+            camera = looking_at((*PLACE, 0.25), 0.9, rng)
+            if model in (found := read(scene, camera)):
+                assert judged(found[model], camera, truth)[1] < 20.0
+                sigmas.append(math.sqrt(found[model].covariance[0, 0]))
+        scene.put(model, AWAY)
+    assert min(sigmas, default=1.0) > 0.003
+
+
+def test_all_at_once(scene: ColorScene) -> None:
+    """A ball in a container and things side by side, from above."""
+    places = {"container_green": (0.25, 0.15), "ball": (0.25, 0.15)}
+    places |= {"cup": (0.25, -0.1), "box": (0.4, 0.0), "lid": (0.45, 0.2)}
+    truths = {name: Pose((x, y, scene.height(name) + 0.004 * (name == "ball"))) for name, (x, y) in places.items()}
+    for name, truth in truths.items():
+        scene.put(name, truth)
+    camera = Pose((0.35, 0.03, 0.8), (math.sqrt(0.5), -math.sqrt(0.5), 0.0, 0.0))
+    found = read(scene, camera)
+    assert set(found) == set(places)
+    assert max(judged(found[name], camera, truth)[0] for name, truth in truths.items()) < 0.006
+
+
+@pytest.mark.parametrize("brightness", [0.45, 0.7, 1.0])
+def test_neither_table_nor_cubes_nor_other_models_match(brightness: float) -> None:
+    colors = {name: load_model(file).color for name, file in model_files().items()}
+    stripes = [*_PALETTE, _TABLE_COLOR, (0.45, 0.45, 0.47), (0.88, 0.65, 0.54), *colors.values()]
+    noise = np.random.default_rng(0).normal(0.0, 2.0, (60, 20 * len(stripes), 1))
+    image = np.repeat(np.repeat(np.array([stripes]), 60, axis=0), 20, axis=1) * 255 * brightness + noise
+    picture = ColorImage(np.clip(np.rint(image), 0, 255).astype(np.uint8))
+    for name, color in colors.items():
+        assert color is not None
+        wanted = np.repeat([other == color for other in stripes], 20)
+        mask = picture.mask(color)
+        assert mask[:, ~wanted].mean() < 1e-3, name
+        assert mask[:, wanted].mean() > 0.9, name
+
+
+def test_no_depth_and_nothing_to_see_is_no_sighting(scene: ColorScene) -> None:
+    camera = looking_at((*PLACE, 0.05), 0.8, np.random.default_rng(6))
+    assert read(scene, camera) == {}
+    standing(scene, "cup")
+    frame = scene.frame(camera)
+    colored = msgspec.structs.replace(frame, arrays={"color": frame.arrays["color"]})
+    assert ColorReader(NO_BIAS).read(colored, scene.known, camera) == []
+    for depth in (np.nan, 0.0, 1e30, -1.0):
+        nonsense = np.full_like(frame.arrays["depth"], depth)
+        odd = msgspec.structs.replace(frame, arrays={**frame.arrays, "depth": nonsense})
+        assert ColorReader(NO_BIAS).read(odd, scene.known, camera) == []
+
+
+def test_the_agent_writes_what_it_sees(scene: ColorScene, make_bench: Callable[..., Bench]) -> None:
+    bench = make_bench()
+    camera = Pose((*PLACE, 0.7), (math.sqrt(0.5), -math.sqrt(0.5), 0.0, 0.0))
+    bench.memory.add_edge("world", "camera_overhead", "RT", pose=camera)
+    ball = next(known for known in scene.known if known.name == "ball")
+    bench.memory.add_node("ball", "ball", size=ball.size, color=ball.color, shape=to_numbers(ball.shape))
+    truth = standing(scene, "ball")
+    bench.run(PERIOD)
+    bench.show(scene.frame(camera), ticks=2)
+    assert bench.perceived("ball") is True
+    assert bench.memory.transform("world", "ball").t == pytest.approx(truth.t, abs=3e-3)
+    scene.put("ball", AWAY)
+    bench.show(scene.frame(camera), ticks=1)
+    bench.run(AGE + 2 * PERIOD)
+    assert bench.perceived("ball") is False
