@@ -178,8 +178,8 @@ def _inside_any(parts: Shape, points: Array) -> Flags:
     round_section = np.hypot(local[..., 0], local[..., 1]) <= radius
     ball = np.sqrt((local * local).sum(axis=2)) <= radius
     kinds = solids.kinds[:, None]
-    inside: Flags = (flat & np.where(kinds == 0, True, np.where(kinds == 1, round_section, ball))).any(axis=0)
-    return inside
+    hit = np.where(kinds == 0, True, np.where(kinds == 1, round_section, ball))
+    return np.asarray((flat & hit).any(axis=0))
 
 
 def _is_thing(part: Part) -> bool:
