@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import msgspec
@@ -12,6 +13,7 @@ import pytest
 
 from agents.drivers import HandReading, HandReadings
 from agents.plant.capsules import blocked
+from agents.plant.config import PlantConfig
 from agents.plant.hand_figure import (
     BONES,
     PALM,
@@ -38,6 +40,7 @@ from agents.scenario.format import (
     Slide,
     Tilt,
     Topple,
+    parse_scenario,
 )
 from dsr.errors import WireError
 from dsr.transforms import Pose
@@ -176,6 +179,62 @@ def test_a_hand_pushes_over_the_edge_and_stays_behind(make_reality: MakeReality,
     play(reality, 5.0)
     assert reality.world.pose("cube_3").t[2] < -0.5
     assert tips(reality)[:, 2].min() > -0.01
+
+
+POURING = """
+name = "pour"
+title = "A hand pours a ball from one container into another"
+duration = 20.0
+object = [
+  {name = "green", model = "container_green", known = true, position = [0.40, 0.18, 0.062]},
+  {name = "blue", model = "container_blue", known = true, position = [0.35, -0.12, 0.062]},
+  {name = "ball_1", model = "ball", known = true, position = [0.40, 0.18, 0.036]},
+]
+event = [
+  {at = 0.0, do = "hand_grasp", object = "green"},
+  {at = 3.0, do = "hand_move", to = [0.40, 0.18, 0.30]},
+  {at = 4.5, do = "hand_move", to = [0.35, 0.02, 0.30]},
+  {at = 6.0, do = "tilt", object = "green", angle = 2.356, hand = 0},
+  {at = 9.5, do = "tilt", object = "green", angle = -2.356, hand = 0},
+  {at = 12.5, do = "hand_move", to = [0.40, 0.25, 0.062]},
+  {at = 15.0, do = "hand_leave"},
+]
+"""
+OVER_THE_EDGE = """
+name = "edge"
+title = "A hand slides a cover over the edge of the table, with a cube under it"
+duration = 12.0
+object = [
+  {name = "cover", model = "cover_small", known = true, position = [0.35, 0.40, 0.072]},
+  {name = "cube_3", marker_id = 3, position = [0.35, 0.40, 0.02]},
+]
+event = [{at = 0.0, do = "slide", object = "cover", by = [0.0, 0.35], hand = 0}]
+"""
+
+
+def test_a_ball_is_carried_in_a_container_and_poured_by_physics_alone(play: Play) -> None:
+    reality = Reality(parse_scenario(POURING), PlantConfig(sensor="poses"), 0)
+    ball_in = partial(_is_inside, reality, "ball_1")
+    play(reality, 5.9)
+    assert ball_in("green") and reality.world.pose("green").t[2] > 0.29
+    play(reality, 12.0, start=5.9)
+    assert ball_in("blue") and not ball_in("green")
+    assert reality.world.pose("green").t == pytest.approx((0.40, 0.25, 0.06), abs=3e-3)
+    reality.close()
+
+
+def test_what_is_under_a_cover_is_pushed_along_and_falls_off_the_table(play: Play) -> None:
+    reality = Reality(parse_scenario(OVER_THE_EDGE), PlantConfig(sensor="poses"), 0)
+    play(reality, 3.0)
+    assert _is_inside(reality, "cube_3", "cover")
+    play(reality, 6.0, start=3.0)
+    assert reality.world.pose("cube_3").t[2] < -0.6
+    reality.close()
+
+
+def _is_inside(reality: Reality, name: str, container: str) -> bool:
+    inside = np.abs(reality.world.pose(container).inverse().apply(reality.world.pose(name).t))
+    return bool((inside < np.array(reality.world.specs[container].size) / 2).all())
 
 
 def test_what_someone_else_takes_from_a_hand_is_not_grasped(
