@@ -1,4 +1,4 @@
-"""What hands and boxes do to things that cannot be seen, in the whole system and in lockstep; and the baseline beside."""
+"""What hands and boxes do to things that cannot be seen, in the whole system and in lockstep; the baseline beside."""
 
 from __future__ import annotations
 
