@@ -175,7 +175,7 @@ class Belief:
     def step(self, now: float) -> None:
         """Bring the belief to time `now` (s)."""
         self._touching.update(now)
-        self._correction.leave_to_physics(now, self._explainer.missing(now))
+        self._correction.leave_to_physics(now, self._let_go(now))
         self._driving.update(now)
         self._explainer.notice(now)
         self._correction.follow_perception(now, self._explainer.waiting)
@@ -187,6 +187,10 @@ class Belief:
         self._explainer.settle_relations(now)
         self._relations.update(resting(self._bodies.sim.contacts()), now)
         self._containment.update(self.solids(), now)
+
+    def _let_go(self, now: float) -> set[str]:
+        """What nobody can hold where it is: what should be seen there, and what is in a container without a hand."""
+        return {*self._explainer.missing(now), *(name for name, _ in self._containment.current())}
 
     def pose(self, name: str) -> Pose | None:
         """world_from_object at the last step, with covariance; None while its place is unknown."""

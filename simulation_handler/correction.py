@@ -30,20 +30,25 @@ class Correction:
         self._bodies = bodies
         self._config = config
 
-    def leave_to_physics(self, now: float, missing: Collection[str]) -> None:
+    def leave_to_physics(self, now: float, let_go: Collection[str]) -> None:
         """Of unseen objects that physics has moved, earlier percepts say nothing any more.
 
         What was on its way when it was last seen is let go; what hovered steadily is still held by something. Of what
-        was seen to be moved by somebody, that is known better: it is let go if it is `missing` where it should be seen.
+        was seen to be moved by somebody, that is known better: it is let go if that is known, or it was falling.
         """
         for item in self._bodies.objects.values():
             if item.is_led or item.track.estimate is None or item.track.is_fresh(now):
                 continue
-            if item.pinned and (item.name in missing if item.drivable else self._was_on_its_way(item)):
+            if item.pinned and self._is_let_go(item, let_go):
                 self._bodies.set_pinned(item, False)
             if self._bodies.has_left(item):
                 item.track.forget()
                 item.placement = item.put = None
+
+    def _is_let_go(self, item: BelievedObject, let_go: Collection[str]) -> bool:
+        if item.drivable:
+            return item.name in let_go or item.path.is_falling
+        return self._was_on_its_way(item)
 
     def _was_on_its_way(self, item: BelievedObject) -> bool:
         """Whether nothing carried an object when it was last seen, nor had it hovered there for long."""

@@ -15,6 +15,7 @@ _KEPT = 24  # percepts
 _LONGEST_GAP = 0.45  # s between two percepts of a way without a break
 _FASTEST = 1.2  # m/s
 _NOISE = 0.03  # m
+_FALLING = 0.4  # m/s downwards, faster than what somebody puts down
 _CENTRE = 0.5  # weight of a percept in its mean with the two around it
 
 
@@ -46,6 +47,14 @@ class Path:
     def last(self) -> Pose:
         """The last percept."""
         return self._poses[-1]
+
+    @property
+    def is_falling(self) -> bool:
+        """Whether it was falling when it was last seen."""
+        if len(self._poses) < 2:
+            return False
+        before, last = self._poses[-2], self._poses[-1]
+        return before.t[2] - last.t[2] > _FALLING * (last.stamp - before.stamp)
 
     def start(self, pose: Pose, distance: float) -> float | None:
         """When (s) the object left `pose`: the stamp of the last percept that is within `distance` m of it.
