@@ -37,7 +37,7 @@ class Correction:
         was seen to be moved by somebody, that is known better: it is let go if that is known, or it was falling.
         """
         for item in self._bodies.objects.values():
-            if item.is_led or item.track.estimate is None or item.track.is_fresh(now):
+            if item.is_led or item.hand or item.track.estimate is None or item.track.is_fresh(now):
                 continue
             if item.pinned and self._is_let_go(item, let_go):
                 self._bodies.set_pinned(item, False)

@@ -29,15 +29,17 @@ from simulation_handler.placement import place
 from simulation_handler.relations import Relations
 from simulation_handler.simulator import GRAVITY, TIME_STEP
 
-_LAG = 0.12  # s by which a body is behind what is seen: one frame of a camera, and a tick
+_LAG = 0.05  # s by which a body is behind what is seen
 _HURRY = 2.0  # how much faster than it was seen to a body may move to catch up
 _LEFT = 0.020  # m from where it was believed to be, from which an object has left there
 _REACTION = 0.03  # s in which a body makes up for being off its way
 _FASTEST = 1.5  # m/s
 _FASTEST_TURN = 8.0  # rad/s
-_STILL = 0.35  # s that an object must be seen to stay where it is
-_STILL_METRES = 0.008
-_STILL_RADIANS = 0.15
+_STILL = 0.6  # s that an object must be seen to stay where it is
+_AT_REST = 0.25  # s of that, at the end, in which it surely was where it is
+_STILL_METRES = 0.012
+_STILL_RADIANS = 0.2
+_ASTRAY = 0.012  # m that an object in a hand must be seen from where it was to be on its way
 _ARRIVED = 0.004  # m
 _STUCK = 1.0  # s after which a body that cannot get where it is seen is driven no more
 _VAGUE: Array = np.diag((1e-5, 1e-5, 1e-4))  # m^2, of what is unseen in a hand
@@ -115,8 +117,10 @@ class Driving:
         if not (item.drivable or item.hand) or item.holder or item.name not in self._bodies.sim:
             return None
         if item.estimate_at(now) is None:
-            return item.path.newest if item.hand and item.path.newest > item.track.last_stamp else None
+            return item.path.newest if item.hand else None
         solid = self._bodies.solid(item.name)
+        if item.hand and item.path.strays_from(solid.pose, _ASTRAY):
+            return item.path.newest
         if not is_displaced(seen_now(item, self._config, now), solid, self._config):
             return None
         start = item.path.start(solid.pose, _LEFT)
@@ -136,6 +140,8 @@ class Driving:
         if item.estimate_at(now) is None:
             if not item.hand:
                 self._end(item, drive)
+        elif item.hand and not drive.rests:
+            drive.still_since = None
         elif item.path.is_still(_STILL, _STILL_METRES, _STILL_RADIANS) and drive.played >= item.path.newest - _STILL:
             drive.still_since = now if drive.still_since is None else drive.still_since
             apart = self._bodies.pose(item.name).distance(drive.end)[0]
@@ -157,7 +163,7 @@ class Driving:
         """Leave the body to perception again; or, if that has lost it, to physics, or to what holds it unseen."""
         del self._drives[item.name]
         item.put, item.placement, item.strikes = self._bodies.pose(item.name), None, 0
-        item.track.begin_anew(item.path.newest - _STILL)
+        item.track.begin_anew(item.path.newest - _AT_REST)
         self._bodies.sim.set_velocity(item.name, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         is_let_go = drive.by_hand and not item.hand and not item.track.is_fresh(self._now)
         if not drive.rests and not is_let_go:

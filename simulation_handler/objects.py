@@ -21,6 +21,7 @@ from simulation_handler.tracking import Track
 
 _PERCEPTS_TO_LEARN = 10
 _STRIKE_MEMORY = 1.0  # s
+_SURE_OF_ROTATION = 0.75  # rad^2, trace of a rotation's covariance up to which a percept tells it
 
 
 @dataclass
@@ -67,6 +68,8 @@ class BelievedObject:
     """The gripper that holds it; percepts then say nothing of it."""
     hand: str = ""
     """The human hand that holds it: where it is unseen, it goes where that goes."""
+    turned_by_hand: Quaternion | None = None
+    """Its rotation as far as that hand tells: for percepts that say nothing of rotations, such as those by colour."""
     confirmed: Solid | None = None
     """Where perception last agreed that it is, unless it has moved since with something, or in a gripper."""
     gone: bool = False
@@ -80,7 +83,9 @@ class BelievedObject:
         """Take in a percept."""
         self.track.add(percept)
         x, y, z = (percept.position - (self.bias or 0.0) * percept.ray).tolist()
-        self.path.add(Pose.unchecked((x, y, z), percept.rotation, percept.stamp))
+        is_sure = float(np.trace(percept.rotation_covariance)) < _SURE_OF_ROTATION
+        rotation = percept.rotation if is_sure or self.turned_by_hand is None else self.turned_by_hand
+        self.path.add(Pose.unchecked((x, y, z), rotation, percept.stamp))
 
     @property
     def is_led(self) -> bool:

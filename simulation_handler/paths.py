@@ -15,6 +15,9 @@ _KEPT = 24  # percepts
 _LONGEST_GAP = 0.45  # s between two percepts of a way without a break
 _FASTEST = 1.2  # m/s
 _NOISE = 0.03  # m
+_MOST_AHEAD = 0.1  # s
+_PERIODS = 3  # between percepts, over which the velocity is measured
+_SLOWEST = 0.06  # m/s, below which it is not on its way
 _FALLING = 0.4  # m/s downwards, faster than what somebody puts down
 _CENTRE = 0.5  # weight of a percept in its mean with the two around it
 
@@ -69,23 +72,42 @@ class Path:
         return poses[near[-1]].stamp
 
     def at(self, stamp: float) -> Pose:
-        """Where it was at a time (s) between two percepts, smoothed; before and after all of them, at the ends."""
+        """Where it was at a time (s) between two percepts, smoothed; before all of them, where it was first; after
+        them, where it is going, at most 0.1 s ahead.
+        """
         index = bisect_right([pose.stamp for pose in self._poses], stamp)
         if index == 0:
             return self._smooth(0)
         before = self._smooth(index - 1)
         if index == len(self._poses):
-            return before
+            return self._ahead(min(stamp - self.newest, _MOST_AHEAD))
         after = self._smooth(index)
         share = (stamp - before.stamp) / (after.stamp - before.stamp)
         return between(before, after, share)
 
     def is_still(self, seconds: float, metres: float, radians: float) -> bool:
-        """Whether it was seen, for the last `seconds`, to stay within `metres` and `radians` of where it is."""
-        recent = [pose for pose in self._poses if pose.stamp >= self.newest - seconds]
-        is_long = len(recent) < len(self._poses) and len(recent) > 2
-        apart = [recent[-1].distance(pose) for pose in recent]
-        return is_long and all(m <= metres and r <= radians for m, r in apart)
+        """Whether it was seen, over the last `seconds`, to move by less than `metres` and `radians` in half of them."""
+        if not self._poses or self._poses[0].stamp > self.newest - seconds:
+            return False
+        before, after = (self.at(self.newest - share * seconds) for share in (0.75, 0.25))
+        apart, turned = before.distance(after)
+        return apart <= metres and turned <= radians
+
+    def strays_from(self, pose: Pose, metres: float) -> bool:
+        """Whether it was seen farther than `metres` from `pose` in the last percepts, not just in one."""
+        if len(self._poses) < 3:
+            return False
+        return min(math.dist(self._smooth(k).t, pose.t) for k in (len(self._poses) - 2, len(self._poses) - 1)) > metres
+
+    def _ahead(self, seconds: float) -> Pose:
+        """Where it is some time after the last percept, if it goes on as it did."""
+        last, before = self._poses[-1], self._poses[max(len(self._poses) - 1 - _PERIODS, 0)]
+        passed = last.stamp - before.stamp
+        moved = math.dist(last.t, before.t)
+        if not 0.0 < passed <= _LONGEST_GAP * _PERIODS or moved < _SLOWEST * passed:
+            return last
+        x, y, z = (a + (a - b) * seconds / passed for a, b in zip(last.t, before.t, strict=True))
+        return Pose.unchecked((x, y, z), last.q, last.stamp)
 
     def _smooth(self, index: int) -> Pose:
         """Mean of a percept and those around it; the first and the last are as they are."""

@@ -29,7 +29,7 @@ _LEVEL = 0.002  # m, tops that differ by less carry an object together
 _GAP = 5e-5  # m left between bodies that were pushed apart
 _SIDE_BY_SIDE = 0.25  # share of the lower one's height above which two bodies are neighbours, not a stack
 _SLIVER = 0.1  # share of the smaller footprint below which an overlap does not carry
-_ASKEW = 0.05  # rad
+_ASKEW = 0.003  # rad, from which the floor of a container seems to be beside what lies on it
 _SWEEPS = 25
 _HEIGHT_STD = 0.0003  # m, what is left of the height's uncertainty on a support
 

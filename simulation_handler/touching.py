@@ -131,10 +131,13 @@ class Touching:
         self._update_grasps(now)
         holders = self._holders(now)
         for item in self._bodies.objects.values():
-            item.hand = holders.get(item.name, "")
-            if item.hand and now - item.track.last_stamp > _UNSEEN and self._hands[item.hand].perceived:
-                pose = self._hands[item.hand].path.last
-                there = pose @ self._grasps[item.hand, item.name].hand_from_object
+            item.hand, item.turned_by_hand = holders.get(item.name, ""), None
+            if not item.hand or not self._hands[item.hand].perceived:
+                continue
+            pose = self._hands[item.hand].path.last
+            there = pose @ self._grasps[item.hand, item.name].hand_from_object
+            item.turned_by_hand = there.q
+            if now - item.track.last_stamp > _UNSEEN:
                 item.path.add(Pose.unchecked(there.t, there.q, pose.stamp))
 
     def _contacts(self, now: float) -> tuple[set[Relation], set[Relation]]:
