@@ -68,6 +68,8 @@ class BelievedObject:
     """The gripper that holds it; percepts then say nothing of it."""
     hand: str = ""
     """The human hand that holds it: where it is unseen, it goes where that goes."""
+    shows_rotation: bool = True
+    """Its percepts tell its rotation."""
     turned_by_hand: Quaternion | None = None
     """Its rotation as far as that hand tells: for percepts that say nothing of rotations, such as those by colour."""
     confirmed: Solid | None = None
@@ -83,8 +85,8 @@ class BelievedObject:
         """Take in a percept."""
         self.track.add(percept)
         x, y, z = (percept.position - (self.bias or 0.0) * percept.ray).tolist()
-        is_sure = float(np.trace(percept.rotation_covariance)) < _SURE_OF_ROTATION
-        rotation = percept.rotation if is_sure or self.turned_by_hand is None else self.turned_by_hand
+        self.shows_rotation = float(np.trace(percept.rotation_covariance)) < _SURE_OF_ROTATION
+        rotation = percept.rotation if self.shows_rotation or self.turned_by_hand is None else self.turned_by_hand
         self.path.add(Pose.unchecked((x, y, z), rotation, percept.stamp))
 
     @property

@@ -215,7 +215,10 @@ class Touching:
             if grasp is None:
                 grasp = self._grasps[relation] = HandGrasp(since, TOUCH, there)
             elif now - self._bodies.objects[thing].track.last_stamp <= _UNSEEN:
-                grasp.hand_from_object = between(grasp.hand_from_object, there, _BLEND)
+                before = grasp.hand_from_object
+                if not self._bodies.objects[thing].shows_rotation:
+                    there = Pose.unchecked(there.t, before.q)
+                grasp.hand_from_object = between(before, there, _BLEND)
             grasp.grip = PINCH if relation in pinched else TOUCH
 
     def _hand_from_object(self, hand: _Hand, item: BelievedObject, now: float) -> Pose:
