@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 import importlib.util
 import zipfile
 from collections.abc import Callable
@@ -128,17 +127,17 @@ def check_model(file: Path) -> None:
         raise ConfigError(f"model file {str(file)!r} {wrong}; {HOW_TO_GET}")
 
 
-def load_landmarker(model: str, package: str = "mediapipe") -> Callable[[], Landmarker]:
+def load_landmarker(model: str) -> Callable[[], Landmarker]:
     """Makes landmarkers with the model file. Raises `ConfigError` if the file or the package cannot be used."""
     if not model:
         raise ConfigError(f"no `model` is configured; {HOW_TO_GET}")
     check_model(Path(model))
-    if importlib.util.find_spec(package) is None:
+    if importlib.util.find_spec("mediapipe") is None:
         raise ConfigError("the package mediapipe is not installed; expected the extra `hands` (see docs/hands.md)")
 
     def make() -> Landmarker:
         try:
-            return _TasksLandmarker(importlib.import_module(package), model)
+            return _TasksLandmarker(model)
         except (ImportError, AttributeError, OSError, RuntimeError, ValueError) as error:
             raise ConfigError(f"MediaPipe cannot use the model {model!r}: {error}") from error
 
@@ -148,12 +147,13 @@ def load_landmarker(model: str, package: str = "mediapipe") -> Callable[[], Land
 class _TasksLandmarker:
     """MediaPipe's Tasks API."""
 
-    def __init__(self, mediapipe: Any, model: str) -> None:
-        tasks = importlib.import_module(f"{mediapipe.__name__}.tasks.python")
-        vision = importlib.import_module(f"{mediapipe.__name__}.tasks.python.vision")
+    def __init__(self, model: str) -> None:
+        import mediapipe
+        from mediapipe.tasks.python import BaseOptions, vision
+
         self._mediapipe = mediapipe
         options = vision.HandLandmarkerOptions(
-            base_options=tasks.BaseOptions(model_asset_path=model),
+            base_options=BaseOptions(model_asset_path=model),
             running_mode=vision.RunningMode.VIDEO,
             num_hands=2,
         )

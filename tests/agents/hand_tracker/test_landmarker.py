@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import logging
+import sys
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -137,15 +139,17 @@ def test_a_wrong_model_file_is_told_once_and_skin_colour_must_do(
     assert message in record.getMessage() and "skin colour" in record.getMessage()
 
 
-def test_without_the_package_or_a_model_it_says_what_to_do(tmp_path: Path) -> None:
+def test_without_the_package_or_a_model_it_says_what_to_do(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "mediapipe", None)
     with pytest.raises(ConfigError, match="extra `hands`"):
-        load_landmarker(str(archive(tmp_path / "good.task", *ENTRIES)), package="no_such_mediapipe")
+        load_landmarker(str(archive(tmp_path / "good.task", *ENTRIES)))
     with pytest.raises(ConfigError, match="no `model` is configured"):
         load_landmarker("")
 
 
-def test_a_package_that_cannot_be_used_is_a_clear_error(tmp_path: Path) -> None:
-    make = load_landmarker(str(archive(tmp_path / "good.task", *ENTRIES)), package="json")
+def test_a_package_that_cannot_be_used_is_a_clear_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "mediapipe", json)
+    make = load_landmarker(str(archive(tmp_path / "good.task", *ENTRIES)))
     with pytest.raises(ConfigError, match="MediaPipe cannot use the model"):
         make()
 
