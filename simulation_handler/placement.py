@@ -12,17 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dsr.polygons import Point, area, contains, hull, intersection, overlap
 from dsr.quaternions import Vector3
 from simulation_handler.config import BeliefConfig
-from simulation_handler.geometry import (
-    Point,
-    Solid,
-    area,
-    contains,
-    hull,
-    intersection,
-    overlap,
-)
+from simulation_handler.geometry import Solid
 from simulation_handler.percepts import Array
 
 _LEVEL = 0.002  # m, tops that differ by less carry an object together

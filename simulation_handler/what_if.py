@@ -10,12 +10,13 @@ from collections.abc import Collection
 from dsr.clock import Clock
 from dsr.errors import DsrError, suggest
 from dsr.keys import Keys
+from dsr.polygons import overlap
 from dsr.quaternions import conjugate, product
 from dsr.transforms import Pose
 from dsr.transport import Transport
 from dsr.what_if import SERVICE, Answer, Change, Question, decode_question, encode_answer
 from simulation_handler.bodies import FLOOR
-from simulation_handler.geometry import Solid, overlap
+from simulation_handler.geometry import Solid
 from simulation_handler.relations import STEEP
 from simulation_handler.rollouts.engine import Engine, Outcome
 from simulation_handler.rollouts.scene import Body, Placing, Scene

@@ -7,11 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+from dsr.polygons import Point, hull
 from dsr.quaternions import Rows3, Vector3, to_matrix
 from dsr.transforms import Pose
-
-Point2 = tuple[float, float]
-_SAME = 1e-9  # m, corners of a footprint closer than that are one
 
 
 @dataclass(frozen=True)
@@ -58,7 +56,7 @@ class Box:
         return math.hypot(*self.size)
 
     @cached_property
-    def footprint(self) -> tuple[Point2, ...]:
+    def footprint(self) -> tuple[Point, ...]:
         """Corners of its vertical projection onto the ground (m), a convex polygon, counter-clockwise."""
         (x, y, _), rows = self.pose.t, self._axes
         corners = []
@@ -68,7 +66,7 @@ class Box:
                 (x + sum(a * h for a, h in zip(rows[0], half, strict=True)),
                  y + sum(a * h for a, h in zip(rows[1], half, strict=True)))
             )  # fmt: skip
-        return _hull(corners)
+        return tuple(hull(corners))
 
     @cached_property
     def width(self) -> float:
@@ -109,27 +107,7 @@ def gap(a: Box, b: Box) -> float:
     return min(*(_distance(point, q) for point in p), *(_distance(point, p) for point in q))
 
 
-def _hull(points: Sequence[Point2]) -> tuple[Point2, ...]:
-    """Convex hull, counter-clockwise (monotone chain, Andrew 1979)."""
-    ordered = sorted(set(points))
-
-    def chain(sequence: Sequence[Point2]) -> list[Point2]:
-        hull: list[Point2] = []
-        for point in sequence:
-            while len(hull) >= 2 and _turn(hull[-2], hull[-1], point) <= _SAME * math.dist(hull[-2], point):
-                hull.pop()
-            hull.append(point)
-        return hull[:-1]
-
-    return tuple(chain(ordered) + chain(ordered[::-1]))
-
-
-def _turn(a: Point2, b: Point2, c: Point2) -> float:
-    """Twice the area of the triangle, positive if it turns left."""
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-
-
-def _normals(polygon: Sequence[Point2]) -> list[Point2]:
+def _normals(polygon: Sequence[Point]) -> list[Point]:
     """Unit normals of its edges, outward; the first belongs to the edge from the first corner to the second."""
     found = []
     for (ax, ay), (bx, by) in zip(polygon, (*polygon[1:], polygon[0]), strict=True):
@@ -138,12 +116,12 @@ def _normals(polygon: Sequence[Point2]) -> list[Point2]:
     return found
 
 
-def _distance(point: Point2, polygon: Sequence[Point2]) -> float:
+def _distance(point: Point, polygon: Sequence[Point]) -> float:
     """From a point outside a polygon to it."""
     return min(_to_segment(point, a, b) for a, b in zip(polygon, (*polygon[1:], polygon[0]), strict=True))
 
 
-def _to_segment(point: Point2, a: Point2, b: Point2) -> float:
+def _to_segment(point: Point, a: Point, b: Point) -> float:
     dx, dy = b[0] - a[0], b[1] - a[1]
     squared = dx * dx + dy * dy
     share = ((point[0] - a[0]) * dx + (point[1] - a[1]) * dy) / squared if squared else 0.0

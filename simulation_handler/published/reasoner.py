@@ -6,7 +6,6 @@ import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
-from dsr.bounding_boxes import BoxRelations, WorldBox, world_box
 from dsr.errors import suggest
 from dsr.quaternions import Vector3
 from dsr.shapes import Shape
@@ -15,6 +14,7 @@ from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining import Explanation, Look
 from simulation_handler.geometry import Solid
 from simulation_handler.holding import Grasp
+from simulation_handler.published.boxes import BoxRelations, WorldBox, world_box
 from simulation_handler.relations import BOUNDS, Relation
 from simulation_handler.rollouts.scene import Body, Scene
 from simulation_handler.simulator import SimulationError, Simulator

@@ -6,13 +6,14 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, example, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dsr import quaternions
+from dsr.polygons import area, contains, intersection, overlap
 from dsr.quaternions import Quaternion
 from dsr.transforms import Pose
-from simulation_handler.geometry import Solid, area, contains, face_down, hull, intersection, overlap
+from simulation_handler.geometry import Solid, face_down
 
 COORDINATE = st.floats(-1.0, 1.0)
 ANGLE = st.floats(-math.pi, math.pi)
@@ -52,17 +53,6 @@ def test_a_footprint_holds_the_projection_of_all_corners(q: Quaternion, a: float
     assert all(contains(grown, (x, y)) for x, y, _ in corners)
     assert solid.top == pytest.approx(corners[:, 2].max())
     assert solid.bottom == pytest.approx(corners[:, 2].min())
-
-
-@given(st.lists(st.tuples(COORDINATE, COORDINATE), min_size=3, max_size=12))
-@example([(0.0, 0.0), (0.0, -1.0), (-1.0, 0.0), (-1.0, 2.8e-36)])
-def test_a_hull_is_convex_and_holds_its_points(points: list[tuple[float, float]]) -> None:
-    outline = hull(points)
-    assume(len(outline) > 2 and area(outline) > 1e-6)
-    assert hull(outline) == outline
-    centre = np.mean(outline, axis=0)
-    grown = [tuple(centre + (np.array(p) - centre) * (1 + 1e-6)) for p in outline]
-    assert all(contains(grown, point) for point in points)
 
 
 @given(FLAT, FLAT)

@@ -9,10 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from dsr.polygons import overlap
 from dsr.quaternions import Vector3
 from dsr.transforms import Pose
 from simulation_handler.config import BeliefConfig
-from simulation_handler.geometry import Solid, overlap
+from simulation_handler.geometry import Solid
 from simulation_handler.placement import find_support, place, separate
 from tests.simulation_handler.worlds import CAMERA, CUBE
 
