@@ -11,6 +11,7 @@ Friction anchors keep them from creeping (0.7 mm in 10 s in a stack of three wit
 from __future__ import annotations
 
 import math
+import weakref
 from collections.abc import Iterable
 from types import TracebackType
 from typing import NamedTuple
@@ -66,6 +67,7 @@ class Simulator:
     def __init__(self, *, sleeping: bool = True) -> None:
         self._sleeping = sleeping
         self._client: int = pybullet.connect(pybullet.DIRECT)
+        self._free = weakref.finalize(self, pybullet.disconnect, physicsClientId=self._client)
         self._ids: dict[str, int] = {}
         self._names: dict[int, str] = {}
         self._masses: dict[str, float] = {}
@@ -245,10 +247,9 @@ class Simulator:
 
     def close(self) -> None:
         """Free everything; harmless when repeated."""
-        if self._client >= 0:
-            pybullet.disconnect(physicsClientId=self._client)
-            self._client = -1
-            self._ids.clear()
+        self._free()
+        self._client = -1
+        self._ids.clear()
 
     def _id(self, name: str) -> int:
         try:

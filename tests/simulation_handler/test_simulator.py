@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import math
 
 import pybullet
@@ -156,3 +157,12 @@ def test_errors_name_the_body(table: Simulator) -> None:
         table.add_box("thin", (0.0, 1.0, 1.0), (0.0, 0.0, 0.0))
     with pytest.raises(SimulationError, match="mass nan"):
         table.add_box("odd", CUBE, (0.0, 0.0, 0.0), mass=math.nan)
+
+
+def test_a_simulation_that_nobody_uses_any_more_is_freed() -> None:
+    sim = Simulator()
+    client = sim._client
+    assert pybullet.isConnected(client)
+    del sim
+    gc.collect()
+    assert not pybullet.isConnected(client)
