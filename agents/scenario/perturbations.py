@@ -21,6 +21,8 @@ WRONG = 0.020
 AFTER_EXPLANATION = 0.3
 """s after an explanation was adopted, when what is then believed is judged: relations follow contact with a delay"""
 
+_TAKING = 0.5  # s from when a gripper first moves an object until it holds it
+
 
 class Perturbation(msgspec.Struct, frozen=True):
     """Events of the experimenter that overlap in time."""
@@ -82,7 +84,8 @@ def clear_from(history: History, begin: float, end: float, until: float) -> floa
         return None
     first, before = samples[0], history.before(begin) or history.samples[0]
     disturbed = {name for name, pose in first.truth.items() if not _stays(before.truth.get(name), pose)}
-    disturbed = (disturbed | first.moving) - {before.held, first.held}
+    taken = {sample.held for sample in samples if sample.time <= end + _TAKING}  # the gripper moves what it closes on
+    disturbed = (disturbed | (first.moving - taken)) - {before.held, first.held}
     still = next(
         (
             earlier
@@ -95,9 +98,8 @@ def clear_from(history: History, begin: float, end: float, until: float) -> floa
         return None
     covered = {lower for _, lower in true_relations(history.scenario, still.truth)}
     open_ones = disturbed - covered - {still.held}
-    rest = [sample for sample in samples if sample.time >= still.time]
-    seen = (next((one.time for one in rest if name in one.in_view), still.time) for name in open_ones)
-    return max(seen, default=still.time)
+    seen = (next((one.time for one in samples if name in one.in_view), still.time) for name in open_ones)
+    return max((still.time, *seen))
 
 
 def recovery(history: History, after: Perturbation, tolerance: float, names: Sequence[str] | None = None) -> Recovery:

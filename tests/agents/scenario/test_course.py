@@ -98,6 +98,19 @@ def test_recovery_counts_from_when_what_was_moved_can_be_seen():
     assert recovery(history, one, 0.005).seconds == pytest.approx(0.3)
 
 
+def test_what_the_gripper_is_taking_meanwhile_is_not_what_was_moved():
+    def fields(time: float) -> dict[str, Any]:
+        return {
+            "truth": BEFORE if time < 4.5 else {**BEFORE, "b": AFTER["b"]},
+            "moving": frozenset({"a"} if 4.9 < time < 5.2 else ()),
+            "held": "a" if time > 5.1 else None,
+            "in_view": frozenset({"b"} if time < 7.0 else {"a", "b"}),
+        }
+
+    (one,) = perturbations(course(fields=fields))
+    assert one.end == pytest.approx(4.95)
+
+
 def test_a_passing_tremble_does_not_end_what_is_looked_at():
     history = course(fields=lambda time: {"moving": frozenset("a")} if time == 5.5 else {})
     assert recovery(history, perturbations(history)[0], 0.005).seconds == pytest.approx(1.0)
