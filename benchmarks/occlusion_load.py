@@ -4,6 +4,7 @@
     python -m benchmarks.occlusion_load --seconds 20 --json load.json
 
 `carried`: 20 objects, three of them containers with contents, two of which two hands carry about, on one core.
+`pushed`: the same objects; two hands push two of the containers, which nobody sees, with five fingertips each.
 `resting`: 100 cubes in sight. CPU time of `Belief.step`, without reading and writing the graph; the first 3 s (placing)
 are not counted.
 """
@@ -39,9 +40,16 @@ _WALL = 0.003
 _CAMERA: Vector3 = (0.0, -0.9, 0.9)
 _SETTLING = 3.0  # s
 _NOISE = 0.002  # m
+_PUSHED = 0.025  # m/s
+_HOMES = {f"box_{k}": (0.45 * (k - 1), 0.0) for k in range(3)}
+_HANDLED = ("box_0", "box_1")
+_INSIDE = {f"cube_{k}": _HOMES[f"box_{k}"] for k in range(3)}
+_CUBES = {f"cube_{3 + k}": (0.09 * (k - 6.5), 0.4) for k in range(14)}
 
 Truths = Callable[[float], dict[str, Pose]]
 """world_from_object of what is seen, by the time (s)."""
+Hands = Callable[[float], list[tuple[Pose, list[Pose]]]]
+"""Poses in the world of palms, and of the fingertips of each, by the time (s)."""
 
 
 def main() -> None:
@@ -50,7 +58,8 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=10.0, help="simulated, of each load (default: 10)")
     parser.add_argument("--json", type=Path, help="also write the rows to this file")
     options = parser.parse_args()
-    rows = [_row("carried", _carried(options.seconds)), _row("resting", _resting(options.seconds))]
+    loads = {"carried": _carried, "pushed": _pushed, "resting": _resting}
+    rows = [_row(name, load(options.seconds)) for name, load in loads.items()]
     table = Table(
         "load", "steps", "median ms", "99 % ms", "worst ms", title=f"CPU of a step; limit {LIMIT * 1e3:.0f} ms"
     )
@@ -76,27 +85,44 @@ def _row(load: str, seconds: list[float]) -> dict[str, Any]:
 
 def _carried(seconds: float) -> list[float]:
     """Two boxes with cubes in them go round, each in a hand; a third one and 14 cubes stand."""
-    homes = {f"box_{k}": (0.45 * (k - 1), 0.0) for k in range(3)}
-    inside = {f"cube_{k}": homes[f"box_{k}"] for k in range(3)}
-    cubes = {f"cube_{3 + k}": (0.09 * (k - 6.5), 0.4) for k in range(14)}
-    belief = _belief({**dict.fromkeys(homes, _container()), **dict.fromkeys([*inside, *cubes], ())})
 
     def truths(now: float) -> dict[str, Pose]:
-        found = {name: Pose((x, y, 0.5 * _CUBE[2])) for name, (x, y) in cubes.items()}
-        if now < _SETTLING - 1.0:
-            found |= {name: Pose((x, y, _WALL + 0.5 * _CUBE[2])) for name, (x, y) in inside.items()}
-        for name, (x, y) in homes.items():
+        found = _standing(now)
+        for name, (x, y) in _HOMES.items():
             angle = 0.0 if name == "box_2" else max(now - _SETTLING, 0.0)
             lift = 0.1 * (1.0 - math.cos(angle))
             found[name] = Pose((x + 0.08 * math.sin(angle), y, 0.5 * _BOX[2] + lift))
         return found
 
-    return _timed(belief, truths, seconds, ("box_0", "box_1"))
+    return _timed(_furnished(), truths, seconds, lambda now: [_pinching(truths(now)[name]) for name in _HANDLED])
+
+
+def _pushed(seconds: float) -> list[float]:
+    """Likewise, but two of the boxes are unseen, and a hand pushes each; their contents go along by contact."""
+
+    def truths(now: float) -> dict[str, Pose]:
+        hidden = _HANDLED if now >= _SETTLING - 1.0 else ()
+        boxes = {name: Pose((x, y, 0.5 * _BOX[2])) for name, (x, y) in _HOMES.items() if name not in hidden}
+        return _standing(now) | boxes
+
+    return _timed(_furnished(), truths, seconds, lambda now: [_pushing(name, now) for name in _HANDLED])
+
+
+def _furnished() -> Belief:
+    return _belief({**dict.fromkeys(_HOMES, _container()), **dict.fromkeys([*_INSIDE, *_CUBES], ())})
+
+
+def _standing(now: float) -> dict[str, Pose]:
+    """The cubes that are in sight."""
+    found = {name: Pose((x, y, 0.5 * _CUBE[2])) for name, (x, y) in _CUBES.items()}
+    if now < _SETTLING - 1.0:
+        found |= {name: Pose((x, y, _WALL + 0.5 * _CUBE[2])) for name, (x, y) in _INSIDE.items()}
+    return found
 
 
 def _resting(seconds: float) -> list[float]:
     poses = {f"cube_{k}": Pose((0.08 * (k % 10 - 4.5), 0.08 * (k // 10 - 4.5), 0.5 * _CUBE[2])) for k in range(100)}
-    return _timed(_belief(dict.fromkeys(poses, ())), lambda _: poses, seconds, ())
+    return _timed(_belief(dict.fromkeys(poses, ())), lambda _: poses, seconds, lambda _: [])
 
 
 def _belief(shapes: dict[str, Shape]) -> Belief:
@@ -116,7 +142,7 @@ def _container() -> Shape:
     )
 
 
-def _timed(belief: Belief, truths: Truths, seconds: float, carried: tuple[str, ...]) -> list[float]:
+def _timed(belief: Belief, truths: Truths, seconds: float, hands: Hands) -> list[float]:
     """CPU seconds of each step after settling."""
     rng = np.random.default_rng(0)
     taken = []
@@ -127,7 +153,7 @@ def _timed(belief: Belief, truths: Truths, seconds: float, carried: tuple[str, .
             for name, pose in there.items():
                 x, y, z = np.array(pose.t) + _NOISE * rng.normal(size=3)
                 belief.observe(name, Pose((x, y, z), pose.q, 1000.0 + now), 1000.0 + now, _CAMERA)
-            belief.touch({f"hand_{name}": _hand(name, there[name], 1000.0 + now) for name in carried})
+            belief.touch({f"hand_{k}": _percept(k, *hand, 1000.0 + now) for k, hand in enumerate(hands(now))})
         begin = time.process_time()
         belief.step(1000.0 + now)
         if now >= _SETTLING:
@@ -136,12 +162,24 @@ def _timed(belief: Belief, truths: Truths, seconds: float, carried: tuple[str, .
     return taken
 
 
-def _hand(name: str, held: Pose, stamp: float) -> HandPercept:
-    """Five fingertips, two of which pinch a box."""
+def _percept(number: int, palm: Pose, tips: list[Pose], stamp: float) -> HandPercept:
+    named = {f"hand_{number}_finger_{k}": tip.with_stamp(stamp) for k, tip in enumerate(tips)}
+    return HandPercept(palm.with_stamp(stamp), named, True)
+
+
+def _pinching(held: Pose) -> tuple[Pose, list[Pose]]:
+    """A hand with five fingertips, two of which pinch a box."""
     half = 0.5 * _BOX[1] + 0.008
     places = ((0.0, half, 0.03), (0.0, -half, 0.03), (-0.02, -half, 0.05), (0.0, -half, 0.07), (0.02, -half, 0.05))
-    tips = {f"hand_{name}_{k}": (held @ Pose(place)).with_stamp(stamp) for k, place in enumerate(places)}
-    return HandPercept((held @ Pose((-0.1, 0.0, 0.08))).with_stamp(stamp), tips, True)
+    return held @ Pose((-0.1, 0.0, 0.08)), [held @ Pose(place) for place in places]
+
+
+def _pushing(name: str, now: float) -> tuple[Pose, list[Pose]]:
+    """A hand that comes from behind a box with five fingertips beside each other, and goes on."""
+    x, y = _HOMES[name]
+    y += _PUSHED * max(now - _SETTLING, 0.0) - 0.5 * _BOX[1] - 0.01
+    tips = [Pose((x + 0.02 * (k - 2), y, 0.05)) for k in range(5)]
+    return Pose((x, y - 0.1, 0.08)), tips
 
 
 if __name__ == "__main__":

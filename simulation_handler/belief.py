@@ -21,6 +21,7 @@ from simulation_handler.correction import Correction
 from simulation_handler.driving import Driving
 from simulation_handler.explainer import Explainer
 from simulation_handler.explaining import Explanation, Look, Policy, make_policy
+from simulation_handler.fingers import Fingers
 from simulation_handler.geometry import Solid
 from simulation_handler.holding import Grasp, Holding
 from simulation_handler.percepts import make_percept
@@ -48,6 +49,7 @@ class Belief:
         self._containment = Containment(self.config.relation_delay)
         self._driving = Driving(self._bodies, self._relations, self._containment, self.config)
         self._touching = Touching(self._bodies, self.config)
+        self._fingers = Fingers(self._bodies, self._touching, self._containment)
         self._holding = Holding(self._bodies)
         policy = policy or make_policy(self.config)
         self._explainer = Explainer(self._bodies, self._relations, policy, self.config, self._containment)
@@ -182,7 +184,10 @@ class Belief:
         self._explainer.drag(now)
         self._explainer.explain(now)
         if self._now is not None and now > self._now:
-            self._driving.step(min(round((now - self._now) / TIME_STEP), _MOST_STEPS))
+            count = min(round((now - self._now) / TIME_STEP), _MOST_STEPS)
+            self._fingers.update(now, count, self._explainer.waiting)
+            self._driving.step(count)
+            self._fingers.note_pushes()
         self._now = now
         self._explainer.settle_relations(now)
         self._relations.update(resting(self._bodies.sim.contacts()), now)

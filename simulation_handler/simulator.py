@@ -21,11 +21,14 @@ import pybullet
 from dsr.errors import DsrError, suggest
 from dsr.quaternions import Quaternion, Vector3
 from dsr.shapes import PartKind, Shape
+from simulation_handler.finger_bodies import FingerBodies
 
 TIME_STEP = 1.0 / 240.0
 """s, of one physics step."""
 GRAVITY = 9.81
 """m/s^2, towards -z."""
+FINGER_RADIUS = 0.005
+"""m, of the spheres of fingertips: less than a fingertip's by what landmarks are off."""
 _WAKE_REACH = 0.003  # m, bodies this close to a moved one are woken
 _STRIDE = 0.0004  # m that a body may move in one step: it gets that far into what it hits
 _MOST_PARTS = 16  # of a step, enough for a fall of 0.12 m
@@ -74,6 +77,8 @@ class Simulator:
         self._shapes: dict[Vector3 | Shape, int] = {}
         self._radii: dict[int, float] = {}
         self._parts = 1
+        self.fingers = FingerBodies(self._client, self._ids, FINGER_RADIUS)
+        """Fingertips that push; they are none of the bodies."""
         pybullet.setGravity(0.0, 0.0, -GRAVITY, physicsClientId=self._client)
         pybullet.setPhysicsEngineParameter(
             fixedTimeStep=TIME_STEP, deterministicOverlappingPairs=1, physicsClientId=self._client
@@ -159,6 +164,7 @@ class Simulator:
         """Take a body out; what rested on it will fall."""
         body = self._id(name)
         self._wake_around(body)
+        self.fingers.forget(name)
         pybullet.removeBody(body, physicsClientId=self._client)
         del self._ids[name], self._names[body], self._masses[name], self._radii[body]
 
@@ -210,6 +216,7 @@ class Simulator:
     def step(self, count: int = 1) -> None:
         """Let `count` times 1/240 s pass, in smaller steps while something moves fast."""
         for _ in range(count):
+            self.fingers.advance()
             parts = self._parts_of_a_step()
             if parts != self._parts:
                 self._parts = parts
@@ -221,6 +228,8 @@ class Simulator:
         """Pairs of bodies whose surfaces are closer than `within` m: the deepest point of each pair, sorted."""
         deepest: dict[tuple[str, str], Contact] = {}
         for point in pybullet.getContactPoints(physicsClientId=self._client):
+            if point[1] not in self._names or point[2] not in self._names:
+                continue
             contact = self._contact(point[1], point[2], point[7][2], point[8])
             if contact.distance >= within:
                 continue
@@ -259,13 +268,14 @@ class Simulator:
 
     def _parts_of_a_step(self) -> int:
         """Into how many steps 1/240 s must be divided so that nothing gets far into what it hits."""
-        fastest = max((self._corner_speed(body) for body in self._names), default=0.0) + GRAVITY * TIME_STEP
+        bodies = [*self._names, *self.fingers.bodies]
+        fastest = max(map(self._corner_speed, bodies), default=0.0) + GRAVITY * TIME_STEP
         return min(math.ceil(fastest * TIME_STEP / _STRIDE), _MOST_PARTS)
 
     def _corner_speed(self, body: int) -> float:
         """Upper bound of the speed of a body's corners, m/s."""
         linear, angular = pybullet.getBaseVelocity(body, physicsClientId=self._client)
-        return math.hypot(*linear) + self._radii[body] * math.hypot(*angular)
+        return math.hypot(*linear) + self._radii.get(body, FINGER_RADIUS) * math.hypot(*angular)
 
     def _shape_of(self, size: Vector3, shape: Shape) -> int:
         """One shape per form for the life of the client: pybullet never frees the shape of a removed body."""
@@ -320,7 +330,7 @@ class Simulator:
 
     def _wake(self, bodies: Iterable[int]) -> None:
         for body in sorted(bodies):
-            if not self._masses[self._names[body]]:
+            if not self._masses.get(self._names.get(body, ""), 0.0):
                 continue
             pybullet.changeDynamics(
                 body, -1, activationState=pybullet.ACTIVATION_STATE_WAKE_UP, physicsClientId=self._client

@@ -34,7 +34,8 @@ _DEEPEST = -0.020  # m, deeper than which no fingertip is in an object: it is in
 _TOUCH_DELAY = 0.2  # s that a touch must last, or be gone
 _OPPOSED = -0.5  # cosine between the ways out of the object at two fingertips
 _MEASURED = 0.15  # s up to which a fingertip is known
-_UNSEEN = 0.25  # s after its last percept, from which an object is where its hand has it
+UNSEEN = 0.25
+"""s after its last percept, from which an object is where its hand has it, or pushes it."""
 _ELSEWHERE = 0.05  # m from where its hand would have it, from which an object at rest is not held
 _BLEND = 0.2  # weight of the newest in how a hand holds an object
 
@@ -86,13 +87,13 @@ class Touching:
         """What is touched, by (hand, object)."""
         return self._grasps
 
-    def tips(self, stamp: float) -> dict[str, Vector3]:
-        """(3,) m, where the fingertips in sight were at that time (s), by name."""
+    def ways(self) -> dict[str, Path]:
+        """The ways that the fingertips in sight took, by name."""
         return {
-            name: path.at(stamp).t
+            name: path
             for hand in self._hands.values()
             if hand.perceived
-            for name, path in hand.tips.items()
+            for name, path in sorted(hand.tips.items())
             if _is_measured(path, hand)
         }
 
@@ -137,7 +138,7 @@ class Touching:
             pose = self._hands[item.hand].path.last
             there = pose @ self._grasps[item.hand, item.name].hand_from_object
             item.turned_by_hand = there.q
-            if now - item.track.last_stamp > _UNSEEN:
+            if now - item.track.last_stamp > UNSEEN:
                 item.path.add(Pose.unchecked(there.t, there.q, pose.stamp))
 
     def _contacts(self, now: float) -> tuple[set[Relation], set[Relation]]:
@@ -187,7 +188,7 @@ class Touching:
 
     def _seen_at(self, hand: _Hand, item: BelievedObject, now: float) -> tuple[float, Solid]:
         """A time (s) for which both are known, and where the object was then."""
-        if now - item.track.last_stamp > _UNSEEN:
+        if now - item.track.last_stamp > UNSEEN:
             return hand.path.newest, self._bodies.solid(item.name)
         stamp = min(hand.path.newest, item.path.newest)
         pose = item.path.at(stamp)
@@ -214,7 +215,7 @@ class Touching:
             there = self._hand_from_object(self._hands[name], self._bodies.objects[thing], now)
             if grasp is None:
                 grasp = self._grasps[relation] = HandGrasp(since, TOUCH, there)
-            elif now - self._bodies.objects[thing].track.last_stamp <= _UNSEEN:
+            elif now - self._bodies.objects[thing].track.last_stamp <= UNSEEN:
                 before = grasp.hand_from_object
                 if not self._bodies.objects[thing].shows_rotation:
                     there = Pose.unchecked(there.t, before.q)
