@@ -214,6 +214,7 @@ _NODE_TYPES = {
     "event": "something that happened at an instant",
     "situation": "something that holds, or held, for a time",
     "query": "a request for edges of spatial relations, see dsr.spatial",
+    "calibration": "a request to calibrate a camera, see dsr.calibration",
 }
 
 _EDGE_TYPES = {
@@ -268,12 +269,14 @@ _ATTRIBUTES: dict[str, AttributeType] = dict([
     *_attributes("int", "px", {"width": "of the image", "height": "of the image"}),
     *_attributes("int", "", {"marker_id": "AprilTag 36h11 id", "seen": "how many", "pid": "process id",
                              "priority": "greater is more urgent", "order": "position in a plan",
-                             "replans": "how often a new plan was made"}),
+                             "replans": "how often a new plan was made",
+                             "views": "from how many poses of its parent a camera is to look"}),
     *_attributes("bool", "", {"perceived": "a camera sees it now", "plausible": "the percept obeys physics",
                               "surprising": "percept and belief disagree", "contact": "both pads touch something",
                               "visible": "the simulator says it should be seen",
                               "present": "believed to be in the scene",
-                              "maintain": "the goal is watched after it was reached"}),
+                              "maintain": "the goal is watched after it was reached",
+                              "forced": "it shall be done whatever speaks against it"}),
     *_attributes("str", "", {"status": "what it is doing", "explanation": "why", "stream": "name of a blob stream",
                              "source": "what says so", "model": "which product", "joint_names": "comma-separated",
                              "goal": "what is wanted", "target": "what the action is about",
@@ -290,5 +293,7 @@ _ATTRIBUTES: dict[str, AttributeType] = dict([
                              "text": "in a line, for people", "outcome": "how it ended",
                              "relations": "wanted edge types, comma-separated", "things": "names, comma-separated",
                              "others": "names, comma-separated", "viewpoint": "the frame from which it is so",
+                             "method": "by which a camera is calibrated",
+                             "report": "what came of a calibration, JSON, see dsr.calibration",
                              "note": "free text"}),
 ])  # fmt: skip

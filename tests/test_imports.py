@@ -29,6 +29,7 @@ SHARED_BY_AGENTS = (
     "agents.inbox",
     "agents.object_models",
     "agents.recorder",
+    "agents.replay.source",
     "agents.scenario.format",
     "agents.segments",
     "agents.urdf_elements",

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
+from dsr.calibration import CALIBRATED
 from dsr.errors import ConfigError, suggest
 from dsr.observed_actions import KINDS as ACTIONS
 from dsr.timeline import DERIVED, EVENT_KINDS, RELATIONS, SURPRISING, Event
 
-KNOWN_KINDS = (*EVENT_KINDS, *ACTIONS, *sorted(DERIVED.difference(EVENT_KINDS)))
+KNOWN_KINDS = (*EVENT_KINDS, *ACTIONS, CALIBRATED, *sorted(DERIVED.difference(EVENT_KINDS)))
 """Kinds that this system has; agents may have their own."""
 _OF = {"surprised": SURPRISING, "calmed": SURPRISING}
 

@@ -1,0 +1,6 @@
+"""Finds out where the cameras are, from what they see of objects whose places are believed."""
+
+from agents.calibrator.agent import Calibrator
+from agents.calibrator.config import CalibratorConfig
+
+__all__ = ["Calibrator", "CalibratorConfig"]

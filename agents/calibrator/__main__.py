@@ -1,0 +1,6 @@
+"""Runs the calibrator as a process."""
+
+from agents.calibrator.agent import Calibrator
+from dsr.agent import main
+
+main(Calibrator)

@@ -1,0 +1,127 @@
+"""Answers requests to calibrate a camera: collects views, solves, and writes the camera's RT edge and an event."""
+
+from __future__ import annotations
+
+import msgspec
+
+from agents.calibrator.calibrate import calibrate
+from agents.calibrator.config import CalibratorConfig
+from agents.calibrator.reporting import make_report, refusal
+from agents.calibrator.views import Views, only_camera
+from dsr.agent import Access, Agent
+from dsr.calibration import (
+    ADOPTED,
+    ANSWERED,
+    CALIBRATED,
+    CALIBRATION,
+    DEFAULT_METHOD,
+    LOOKING,
+    REFUSED,
+    Report,
+    checked_method,
+)
+from dsr.elements import Node
+from dsr.errors import ConfigError
+from dsr.relations import THINGS
+from dsr.timeline import WRITTEN_ATTRIBUTES, WRITTEN_EDGES, WRITTEN_NODES, Chronicle
+
+_MOST_VIEWS = 32
+
+
+class Calibrator(Agent):
+    """Calibrates cameras, those that an arm carries and those on a stand, on request (`dsr.calibration`).
+
+    What a request's camera sees from now on is compared with the belief. The pose of the camera that makes them agree
+    is written as its RT edge, with covariance and without a stamp: it holds at all times. Where the geometry is weak,
+    or no pose of the camera explains what is seen, it is not, unless the request is forced. A restarted calibrator
+    begins afresh with what is not answered yet.
+    """
+
+    name = "calibrator"
+    rate_hz = 10.0
+    reads = Access(
+        nodes=(CALIBRATION, "camera", *THINGS, *WRITTEN_NODES),
+        edges=("RT", "Virtual_RT", "grasping", *WRITTEN_EDGES),
+        attributes=("target", "method", "forced", "views", "status", "present", *WRITTEN_ATTRIBUTES),
+    )
+    writes = Access(
+        nodes=(CALIBRATION, *WRITTEN_NODES),
+        edges=("RT", *WRITTEN_EDGES),
+        attributes=("status", "explanation", "report", *WRITTEN_ATTRIBUTES),
+    )
+    Config = CalibratorConfig
+    config: CalibratorConfig
+
+    def setup(self) -> None:
+        """Nothing is being looked at yet."""
+        self._views: dict[str, Views] = {}
+        self._began: dict[str, float] = {}
+        self._answered: dict[str, float] = {}
+        self._chronicle = Chronicle(self.memory, self.name)
+
+    def tick(self, now: float) -> None:
+        """Go on with each request."""
+        requests = {node.name: node for node in self.memory.nodes(CALIBRATION)}
+        for known in (self._views, self._began, self._answered):
+            for name in known.keys() - requests.keys():
+                del known[name]
+        for name, node in sorted(requests.items()):
+            if node.get("status") in ANSWERED:
+                if now - self._answered.setdefault(name, now) > self.config.keep:
+                    self.memory.remove_node(name)
+                continue
+            try:
+                self._pursue(node, now)
+            except ConfigError as error:
+                self._refuse(name, str(error))
+
+    def _pursue(self, node: Node, now: float) -> None:
+        """Look on; once there is enough, answer. Raises `ConfigError` for what can never be answered."""
+        name, wanted = node.name, int(node.get("views", 1))
+        if name not in self._views:
+            checked_method(node.get("method", DEFAULT_METHOD))
+            if not 1 <= wanted <= _MOST_VIEWS:
+                raise ConfigError(f"views {wanted}: expected 1 to {_MOST_VIEWS}")
+            camera = node.get("target") or only_camera(self.memory)
+            self._views[name], self._began[name] = Views(self.memory, camera, now, self.config), now
+        views = self._views[name]
+        views.update()
+        waited = now - self._began[name]
+        if views.complete >= wanted or (views.complete and waited > self.config.views_patience):
+            self._answer(node, views)
+        elif not views.complete and now - max(views.latest, self._began[name]) > self.config.patience:
+            raise ConfigError(refusal(views.skipped, now - self._began[name]))
+        else:
+            progress = f"{views.complete} of {wanted} views"
+            if (node.get("status"), node.get("explanation")) != (LOOKING, progress):
+                self.memory.update_node(name, status=LOOKING, explanation=progress)
+
+    def _answer(self, node: Node, views: Views) -> None:
+        """Solve, and adopt or refuse. Raises `ConfigError` if there is nothing to solve."""
+        camera = views.camera
+        edge = self.memory.get_edge(views.parent, camera, "RT")
+        before = None if edge is None else edge.get("pose")
+        sightings = views.sightings()
+        if before is None:
+            raise ConfigError(f"{camera} was taken off {views.parent} meanwhile")
+        if not sightings:
+            raise ConfigError("nothing that is seen is believed to stand still")
+        solution = calibrate(sightings, before, node.get("method", DEFAULT_METHOD))
+        adopted = solution.is_adoptable or node.get("forced") is True
+        report = make_report(camera, views.parent, solution, adopted=adopted)
+        with self.memory.batch():
+            if adopted:
+                self.memory.add_edge(views.parent, camera, "RT", pose=solution.pose)
+                objects = [thing.name for thing in report.objects]
+                self._chronicle.happened(CALIBRATED, (camera, *objects), text=report.text)
+            self._close(node.name, ADOPTED if adopted else REFUSED, report.text, report)
+        self.log.info("%s", report.text)
+
+    def _refuse(self, name: str, why: str) -> None:
+        self.log.warning("%s: %s", name, why)
+        self._close(name, REFUSED, why, None)
+
+    def _close(self, name: str, status: str, why: str, report: Report | None) -> None:
+        text = {} if report is None else {"report": msgspec.json.encode(report).decode()}
+        self.memory.update_node(name, status=status, explanation=why, **text)
+        self._views.pop(name, None)

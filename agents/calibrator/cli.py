@@ -1,0 +1,124 @@
+"""`dsr calibrate`: find out where a camera is, in the running system or from a recording."""
+
+from __future__ import annotations
+
+import math
+import threading
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import typer
+from rich.box import SIMPLE_HEAD
+from rich.table import Table
+
+from agents.calibrator.recorded import calibrate_recorded
+from agents.replay.source import ReplayedGraph
+from dsr.calibration import ANSWERED, DEFAULT_METHOD, METHODS, Report, checked_method, read_report, request_calibration
+from dsr.cli.common import (
+    GraphOption,
+    JsonOption,
+    RouterOption,
+    SecurityOption,
+    console,
+    errors,
+    print_json,
+    shown,
+    writing,
+)
+from dsr.clock import WALL_CLOCK
+from dsr.errors import ConfigError, DsrError, suggest
+from dsr.memory import Memory
+
+_PERIOD = 0.1  # s between two looks
+_UNANSWERED = 5.0  # s after which nobody seems to calibrate
+_WITHOUT_REPORT = "the request was removed by somebody"
+
+app = typer.Typer(name="calibrate", invoke_without_command=True, context_settings={"allow_interspersed_args": True})
+
+
+@app.callback()
+def calibrate(
+    camera: Annotated[str, typer.Option("--camera", metavar="NAME", help="Its node; default: the only one.")] = "",
+    method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = DEFAULT_METHOD,
+    force: Annotated[bool, typer.Option("--force", help="Adopt the pose also if it is not well determined.")] = False,
+    views: Annotated[
+        int, typer.Option(min=1, metavar="N", help="From how many poses of the arm to look; somebody moves it.")
+    ] = 1,
+    recording: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Use what this recording, or folder of a run, shows.")
+    ] = None,
+    begin: Annotated[float, typer.Option("--from", min=0.0, metavar="S", help="With --recording: from then on.")] = 0.0,
+    until: Annotated[float | None, typer.Option(min=0.0, metavar="S", help="With --recording: until then.")] = None,
+    graph: GraphOption = None,
+    as_json: JsonOption = False,
+    router: RouterOption = None,
+    security: SecurityOption = None,
+    agent: Annotated[str, typer.Option("--as", metavar="AGENT", help="With security: whose certificate.")] = "dsr",
+) -> None:
+    """Find out where a camera is, by objects that it sees and whose places are believed; adopt that.
+
+    The running system's agent calibrator looks for a second, then writes the camera's edge if the objects determine its
+    pose and most agree with it. With --recording nothing is written. The exit code is 0 only if the pose is adopted, or
+    with --recording deserves to be.
+    """
+    checked_method(method)
+    if recording is not None:
+        report = calibrate_recorded(ReplayedGraph(recording), camera, method, begin=begin, end=until, force=force)
+    else:
+        with writing(graph, router, security, agent) as memory:
+            report = _ask(memory, camera, method, views, force=force)
+    if as_json:
+        print_json(msgspec.to_builtins(report))
+    else:
+        _show(report)
+    raise typer.Exit(0 if report.adopted else 1)
+
+
+def _ask(memory: Memory, camera: str, method: str, views: int, *, force: bool) -> Report:
+    """Request a calibration and wait for what comes out. Raises `ConfigError` or `DsrError` if nothing does."""
+    cameras = [node.name for node in memory.nodes("camera")]
+    if camera and camera not in cameras:
+        raise ConfigError(f"no camera {camera!r}; {suggest(camera, cameras)}")
+    name = request_calibration(memory, camera, method=method, force=force, views=views)
+    try:
+        return _wait(memory, name)
+    finally:
+        memory.remove_node(name)
+
+
+def _wait(memory: Memory, name: str) -> Report:
+    began, told = WALL_CLOCK.monotonic(), ""
+    while (node := memory.get_node(name)) is not None:
+        status, why = node.get("status", ""), node.get("explanation", "")
+        if status in ANSWERED:
+            report = read_report(memory, name)
+            if report is None:
+                raise DsrError(why)
+            return report
+        if not status and WALL_CLOCK.monotonic() - began > _UNANSWERED:
+            raise DsrError("nobody answers: no agent of class agents.calibrator:Calibrator seems to run")
+        if why != told:
+            errors.print(f"[dim]{shown(why)}[/]")
+            told = why
+        WALL_CLOCK.wait(threading.Event(), _PERIOD)
+    raise DsrError(_WITHOUT_REPORT)
+
+
+def _show(report: Report) -> None:
+    table = Table(box=SIMPLE_HEAD, pad_edge=False)
+    table.add_column("object", no_wrap=True)
+    for column in ("before (mm)", "(deg)", "after (mm)", "(deg)"):
+        table.add_column(column, justify="right")
+    table.add_column("")
+    for one in report.objects:
+        before, after = (one.before_m, one.before_rad), (one.after_m, one.after_rad)
+        numbers = [text for m, rad in (before, after) for text in (f"{1e3 * m:.1f}", f"{math.degrees(rad):.2f}")]
+        table.add_row(shown(one.name), *numbers, "disagrees" if one.is_outlier else "")
+    console.print(table)
+    if report.adopted:
+        translation, rotation = (", ".join(f"{x:.6f}" for x in part) for part in (report.after[:3], report.after[3:]))
+        console.print(f"{report.parent} -> {report.camera}:", highlight=False)
+        console.print(f"mount = {{ translation = \\[{translation}], rotation = \\[{rotation}] }}", soft_wrap=True)
+    style = "" if report.adopted else "[bold red]"
+    console.print(f"{style}{shown(report.text)}", soft_wrap=True)

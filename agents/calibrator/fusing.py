@@ -1,0 +1,59 @@
+"""Many percepts of one object that stands still before a camera that stands still: one pose."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from agents.calibrator import se3
+from agents.calibrator.robust import OUTLIER
+from dsr.transforms import Array, Pose
+
+MOST_INDEPENDENT = 4
+"""Percepts from one place share errors: of the tag, the lens and the surface. No more of them than this count."""
+_LEAST_SHARE = 0.02
+"""What stays of a variance along the viewing ray at least, when the systematic part is taken out"""
+
+
+def fuse(percepts: Sequence[Pose], depth_bias: float, depth_scatter: float) -> Pose:
+    """camera_from_object, with covariance, of percepts (camera_from_object, with covariance) of one view.
+
+    The mean of those that agree with the one most others agree with: single flipped percepts have no influence. Of the
+    systematic error of depth, `depth_bias` (m, in the percepts' covariances), `depth_scatter` (m) remains, see
+    `CalibratorConfig`; it does not average out.
+    """
+    middle, agreeing = _agreeing(percepts)
+    mean = agreeing.mean(axis=0)
+    counted = min(len(agreeing), MOST_INDEPENDENT)
+    pose = Pose.from_matrix(percepts[middle].matrix @ se3.exp(mean))
+    ray = pose.rotation_matrix.T @ pose.translation
+    ray = ray / max(float(np.linalg.norm(ray)), 1e-9)
+    covariance = _without(percepts[middle].covariance, ray, depth_bias) / counted
+    covariance[:3, :3] += depth_scatter**2 * np.outer(ray, ray)
+    return pose.with_covariance(covariance)
+
+
+def _agreeing(percepts: Sequence[Pose]) -> tuple[int, Array]:
+    """The index of the percept with most agreement, and the twists (k, 6) from it to those that agree with it."""
+    matrices = np.array([percept.matrix for percept in percepts])
+    information = np.linalg.inv(np.array([_regular(percept.covariance) for percept in percepts]))
+    between = [se3.logs(se3.inverses(matrices[index]) @ matrices) for index in range(len(percepts))]
+    squared = [np.einsum("ni,ij,nj->n", twists, 0.5 * information[i], twists) for i, twists in enumerate(between)]
+    middle = int(np.argmin([np.minimum(row, OUTLIER).sum() for row in squared]))
+    return middle, between[middle][squared[middle] < OUTLIER]
+
+
+def _without(covariance: Array | None, ray: Array, bias: float) -> Array:
+    """The covariance less `bias` (m) along the unit vector `ray` (3,), as far as it has that."""
+    reduced = _regular(covariance)
+    direction = np.concatenate([ray, np.zeros(3)])
+    most = 1.0 / float(direction @ np.linalg.solve(reduced, direction))  # with more it would not be positive any more
+    reduced -= min(bias**2, (1.0 - _LEAST_SHARE) * most) * np.outer(direction, direction)
+    return reduced
+
+
+def _regular(covariance: Array | None) -> Array:
+    """A covariance that can be inverted."""
+    assert covariance is not None
+    return covariance + np.diag([1e-10] * 3 + [1e-8] * 3)

@@ -1,0 +1,66 @@
+"""A calibration for people and programs: the report, and its line of text."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from agents.calibrator.solution import Solution
+from dsr.calibration import ObjectReport, Report
+
+
+def make_report(camera: str, parent: str, solution: Solution, *, adopted: bool) -> Report:
+    """What came out, of the camera in the frame `parent`."""
+    covariance = solution.pose.covariance
+    metres, radians = solution.shift
+    condition = solution.geometry.condition
+    return Report(
+        camera=camera,
+        parent=parent,
+        method=solution.method,
+        adopted=adopted,
+        text=_text(camera, solution, adopted=adopted),
+        before=(*solution.before.t, *solution.before.q),
+        after=(*solution.pose.t, *solution.pose.q),
+        covariance=() if covariance is None else tuple(covariance.ravel().tolist()),
+        shift_m=metres,
+        shift_rad=radians,
+        condition=condition if math.isfinite(condition) else -1.0,
+        weak=solution.geometry.is_weak,
+        views=solution.views,
+        sightings=solution.sightings,
+        agreeing=solution.agreeing,
+        objects=tuple(
+            ObjectReport(one.name, *one.before, *one.after, is_outlier=one.is_outlier) for one in solution.residuals
+        ),
+    )
+
+
+def refusal(skipped: Mapping[str, int], waited: float) -> str:
+    """Why nothing could be computed after `waited` s, given what was left out, by reason."""
+    reasons = ", ".join(f"{count} {reason}" for reason, count in sorted(skipped.items()))
+    left_out = f" (percepts left out: {reasons})" if reasons else ""
+    return f"the camera has seen nothing of use for {waited:.0f} s{left_out}"
+
+
+def _text(camera: str, solution: Solution, *, adopted: bool) -> str:
+    metres, radians = solution.shift
+    before, after = (_average(solution, which) for which in ("before", "after"))
+    off = f"; not explained: {', '.join(solution.outliers)}" if adopted and solution.outliers else ""
+    found = (
+        f"{1e3 * metres:.1f} mm, {math.degrees(radians):.2f} deg from where it was believed; "
+        f"residual {1e3 * before:.1f} -> {1e3 * after:.1f} mm over {len(solution.residuals)} object(s) in "
+        f"{solution.views} view(s){off}"
+    )
+    if not adopted:
+        return f"{camera} stays: {solution.problem}. It would be {found}"
+    forced = f" (forced: {solution.problem})" if solution.problem else ""
+    return f"{camera} is {found}{forced}"
+
+
+def _average(solution: Solution, which: str) -> float:
+    """m, mean over the objects that are no outliers, or all if there are only such."""
+    trusted = [one for one in solution.residuals if not one.is_outlier] or solution.residuals
+    return float(np.mean([getattr(one, which)[0] for one in trusted]))

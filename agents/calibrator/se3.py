@@ -1,0 +1,81 @@
+"""SE(3) for many transforms at once: matrices (n, 4, 4), and twists (n, 6) of translation (m) and rotation (rad)."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dsr import transforms
+from dsr.transforms import Array
+
+_SMALL_ANGLE = 1e-4  # rad
+_NEARLY_PI = -0.9  # cosine of the angle from which on the sine tells it badly
+
+
+def skews(vectors: Array) -> Array:
+    """(..., 3, 3) matrices of the cross products with `vectors` (..., 3)."""
+    result = np.zeros((*vectors.shape, 3))
+    x, y, z = vectors[..., 0], vectors[..., 1], vectors[..., 2]
+    result[..., 0, 1], result[..., 0, 2], result[..., 1, 2] = -z, y, -x
+    result[..., 1, 0], result[..., 2, 0], result[..., 2, 1] = z, -y, x
+    return result
+
+
+def inverses(matrices: Array) -> Array:
+    """The inverses of rigid transforms (..., 4, 4)."""
+    result = np.zeros_like(matrices)
+    turned = np.swapaxes(matrices[..., :3, :3], -1, -2)
+    result[..., :3, :3] = turned
+    result[..., :3, 3] = -(turned @ matrices[..., :3, 3:])[..., 0]
+    result[..., 3, 3] = 1.0
+    return result
+
+
+def adjoints(matrices: Array) -> Array:
+    """(..., 6, 6) matrices that move twists from the child's frame to the parent's: T exp(xi) = exp(Ad xi) T."""
+    rotations = matrices[..., :3, :3]
+    result = np.zeros((*matrices.shape[:-2], 6, 6))
+    result[..., :3, :3] = result[..., 3:, 3:] = rotations
+    result[..., :3, 3:] = skews(matrices[..., :3, 3]) @ rotations
+    return result
+
+
+def logs(matrices: Array) -> Array:
+    """Twists (n, 6) of transforms (n, 4, 4), with angles of at most pi; Barfoot and Furgale 2014."""
+    phi = _rotvecs(matrices[:, :3, :3])
+    squared = (phi**2).sum(axis=1)
+    safe = np.sqrt(np.maximum(squared, _SMALL_ANGLE**2))
+    quotient = np.where(squared < _SMALL_ANGLE**2, 1.0 / 12.0, (1.0 - 0.5 * safe / np.tan(0.5 * safe)) / safe**2)
+    result, turns, t = np.empty((len(matrices), 6)), skews(phi), matrices[:, :3, 3:]
+    turned = turns @ t
+    result[:, :3] = (t - 0.5 * turned + quotient[:, None, None] * (turns @ turned))[..., 0]
+    result[:, 3:] = phi
+    return result
+
+
+def _rotvecs(rotations: Array) -> Array:
+    """(n, 3) rotation vectors of matrices (n, 3, 3): from their antisymmetric parts, unless these vanish towards pi."""
+    r = rotations
+    double = np.stack([r[:, 2, 1] - r[:, 1, 2], r[:, 0, 2] - r[:, 2, 0], r[:, 1, 0] - r[:, 0, 1]], axis=1)
+    sine = 0.5 * np.sqrt((double**2).sum(axis=1))
+    cosine = 0.5 * (r[:, 0, 0] + r[:, 1, 1] + r[:, 2, 2] - 1.0)
+    angle = np.arctan2(sine, cosine)
+    result: Array = double * (0.5 * np.where(sine < _SMALL_ANGLE, 1.0, angle / np.maximum(sine, _SMALL_ANGLE)))[:, None]
+    steep = cosine < _NEARLY_PI
+    if steep.any():
+        result[steep] = Rotation.from_matrix(rotations[steep]).as_rotvec()
+    return result
+
+
+def exp(twist: Array) -> Array:
+    """The transform (4, 4) of one twist (6,)."""
+    return transforms.exp(twist).matrix
+
+
+def inverse_left_jacobians(twists: Array) -> Array:
+    """(n, 6, 6), d log(exp(xi) T) / d xi for the logarithms `twists` (n, 6) of T, to second order in them."""
+    ad = np.zeros((len(twists), 6, 6))
+    ad[:, :3, :3] = ad[:, 3:, 3:] = skews(twists[:, 3:])
+    ad[:, :3, 3:] = skews(twists[:, :3])
+    result: Array = np.eye(6) - 0.5 * ad + ad @ ad / 12.0
+    return result

@@ -1,0 +1,158 @@
+"""Collects what a camera sees of objects whose places are believed, view by view: material for a calibration."""
+
+from __future__ import annotations
+
+from collections import Counter, deque
+from dataclasses import dataclass, field
+
+from agents.calibrator.config import CalibratorConfig
+from agents.calibrator.fusing import fuse
+from agents.calibrator.problem import Sighting
+from dsr.errors import ConfigError, TransformError, suggest
+from dsr.memory import Memory
+from dsr.relations import THINGS
+from dsr.transforms import Pose
+
+WORLD = "world"
+_MOST_PERCEPTS = 30
+"""Of one object in one view."""
+_MOST_VIEWS = 64
+"""Older ones are forgotten."""
+
+
+@dataclass
+class _Seen:
+    """One object in one view."""
+
+    believed: Pose
+    """world_from_object, at first"""
+    percepts: list[Pose] = field(default_factory=list)
+    steady: bool = True
+    """Whether the belief has not changed since."""
+
+
+@dataclass
+class _View:
+    world_from_parent: Pose
+    began: float
+    """Stamp of the first percept, s."""
+    latest: float
+    objects: dict[str, _Seen] = field(default_factory=dict)
+
+
+def parent_of(memory: Memory, camera: str) -> str:
+    """The frame that carries a camera. Raises `ConfigError` if it is no camera, or nothing carries it."""
+    node = memory.get_node(camera)
+    if node is None or node.type != "camera":
+        raise ConfigError(f"no camera {camera!r}; {suggest(camera, [node.name for node in memory.nodes('camera')])}")
+    parents = [edge.src for edge in memory.edges("RT", dst=camera)]
+    if len(parents) != 1:
+        raise ConfigError(f"{camera}: expected one frame that carries it, found {', '.join(parents) or 'none'}")
+    return parents[0]
+
+
+def only_camera(memory: Memory) -> str:
+    """The name of the only camera. Raises `ConfigError` if there are several, or none."""
+    names = sorted(node.name for node in memory.nodes("camera"))
+    if len(names) != 1:
+        raise ConfigError(f"which camera? there are {', '.join(names)}" if names else "there is no camera")
+    return names[0]
+
+
+class Views:
+    """The views of one camera from a time on.
+
+    Only what stands still, is believed somewhere, and is in no gripper or hand counts.
+
+    Args:
+        memory: what is seen and believed.
+        camera: name of its node.
+        since: s; percepts with an earlier stamp are not used.
+        config: when a view is over, and what is known of errors.
+
+    Raises:
+        ConfigError: see `parent_of`.
+    """
+
+    def __init__(self, memory: Memory, camera: str, since: float, config: CalibratorConfig) -> None:
+        self._memory = memory
+        self._since = since
+        self._config = config
+        self._views: deque[_View] = deque(maxlen=_MOST_VIEWS)
+        self._used: dict[str, float] = {}
+        self.camera = camera
+        """Name of its node."""
+        self.parent = parent_of(memory, camera)
+        """Name of the frame that carries it."""
+        self.skipped: Counter[str] = Counter()
+        """What could not be used, by reason."""
+
+    @property
+    def latest(self) -> float:
+        """Stamp of the newest percept that was used; before the first, the time from which on they count."""
+        return self._views[-1].latest if self._views else self._since
+
+    @property
+    def complete(self) -> int:
+        """Views that have lasted for the configured span."""
+        return sum(view.latest - view.began >= self._config.span for view in self._views)
+
+    def update(self) -> None:
+        """Take in what was seen since the last call."""
+        things = {node.name for kind in THINGS for node in self._memory.nodes(kind) if node.get("present") is not False}
+        held = {edge.dst for edge in self._memory.edges("grasping")}
+        for edge in self._memory.edges("RT", src=self.camera):
+            pose = edge.get("pose")
+            if edge.dst not in things or pose is None or pose.stamp < self._since:
+                continue
+            if self._used.get(edge.dst) == pose.stamp:
+                continue
+            self._used[edge.dst] = pose.stamp
+            belief = self._memory.get_edge(WORLD, edge.dst, "Virtual_RT")
+            believed = None if belief is None else belief.get("pose")
+            if edge.dst in held:
+                self.skipped["held by something"] += 1
+            elif believed is None:
+                self.skipped["believed nowhere"] += 1
+            elif pose.cov is None:
+                self.skipped["no covariance"] += 1
+            else:
+                self._take(edge.dst, pose, believed)
+
+    def sightings(self) -> list[Sighting]:
+        """One for each object in each view, of those whose belief stood still."""
+        config, found = self._config, []
+        for number, view in enumerate(self._views):
+            parent_from_world = view.world_from_parent.inverse()
+            for name, seen in sorted(view.objects.items()):
+                if seen.steady:
+                    percept = fuse(seen.percepts, config.depth_bias, config.depth_scatter)
+                    found.append(Sighting(name, number, percept, parent_from_world @ seen.believed))
+        return found
+
+    def _take(self, name: str, percept: Pose, believed: Pose) -> None:
+        try:
+            world_from_parent = self._memory.transform(WORLD, self.parent, at=percept.stamp)
+        except TransformError:
+            self.skipped["the camera's parent is nowhere then"] += 1
+            return
+        view = self._view(world_from_parent, percept.stamp)
+        seen = view.objects.setdefault(name, _Seen(believed))
+        seen.steady = seen.steady and _within(seen.believed, believed, self._config.belief_drift)
+        if len(seen.percepts) < _MOST_PERCEPTS:
+            seen.percepts.append(percept)
+
+    def _view(self, world_from_parent: Pose, stamp: float) -> _View:
+        """The present view, or a new one if the camera's parent is elsewhere now."""
+        if self._views and _within(self._views[-1].world_from_parent, world_from_parent, self._config.new_view):
+            view = self._views[-1]
+        else:
+            view = _View(world_from_parent, stamp, stamp)
+            self._views.append(view)
+        view.latest = max(view.latest, stamp)
+        return view
+
+
+def _within(before: Pose, now: Pose, limits: tuple[float, float]) -> bool:
+    metres, radians = before.distance(now)
+    return metres <= limits[0] and radians <= limits[1]

@@ -1,0 +1,117 @@
+"""Requests to calibrate a camera: nodes of type `calibration`, which agents/calibrator answers.
+
+    name = request_calibration(memory, "camera_wrist")
+    ...
+    if (report := read_report(memory, name)) is not None: print(report.text)
+"""
+
+from __future__ import annotations
+
+from itertools import count
+
+import msgspec
+
+from dsr.elements import Node
+from dsr.errors import ConfigError, suggest
+from dsr.intentions import MIND
+from dsr.memory import Memory
+
+CALIBRATION = "calibration"
+"""Node type of a request."""
+METHODS = ("robust", "closed_form", "powell")
+DEFAULT_METHOD = "robust"
+LOOKING, ADOPTED, REFUSED = "looking", "adopted", "refused"
+"""Words of `status`: it still collects views; the pose is written; it is not, and `explanation` says why."""
+ANSWERED = (ADOPTED, REFUSED)
+CALIBRATED = "calibrated"
+"""Kind of the event that tells of an adopted pose; its participants are the camera and the objects."""
+
+
+class ObjectReport(msgspec.Struct, frozen=True):
+    """How far one object is seen from where it is believed, before and after: root mean squares over its views."""
+
+    name: str
+    before_m: float
+    before_rad: float
+    after_m: float
+    after_rad: float
+    is_outlier: bool
+    """Whether it disagrees with the pose that was found."""
+
+
+class Report(msgspec.Struct, frozen=True):
+    """What came out of a calibration."""
+
+    camera: str
+    parent: str
+    """The frame that carries it."""
+    method: str
+    adopted: bool
+    text: str
+    """In a line, for people: what changed, or why nothing did."""
+    before: tuple[float, ...]
+    """parent_from_camera as it was: translation (m), then quaternion x, y, z, w."""
+    after: tuple[float, ...]
+    """As it was found, adopted or not."""
+    covariance: tuple[float, ...]
+    """Of the latter, (6, 6) row by row, m and rad: a perturbation in the frame of the camera."""
+    shift_m: float
+    shift_rad: float
+    """Between the two."""
+    condition: float
+    """Condition number of the information about the pose; -1 if infinite."""
+    weak: bool
+    """Whether the geometry does not determine the pose."""
+    views: int
+    sightings: int
+    agreeing: int
+    """Sightings that agree with the pose that was found."""
+    objects: tuple[ObjectReport, ...]
+
+
+def request_calibration(
+    memory: Memory, camera: str = "", *, method: str = DEFAULT_METHOD, force: bool = False, views: int = 1
+) -> str:
+    """Ask for the calibration of a camera.
+
+    Args:
+        memory: where to.
+        camera: its node; empty for the only one there is.
+        method: one of `METHODS`.
+        force: adopt the pose also if geometry or agreement speak against it.
+        views: from how many poses of the camera's parent the objects are to be seen before the answer.
+
+    Returns:
+        The name of the request, a node below `mind`; `status` and `explanation` say how it goes, and `read_report` what
+        came out. `memory.remove_node` withdraws it.
+
+    Raises:
+        ConfigError: for an unknown method, or fewer than one view.
+    """
+    checked_method(method)
+    if views < 1:
+        raise ConfigError(f"views {views}: expected 1 or more")
+    name = next(name for number in count() if (name := f"{CALIBRATION}_{memory.rid}_{number}") not in memory)
+    with memory.batch():
+        if MIND not in memory:
+            memory.add_node(MIND, "mind")
+        memory.add_node(name, CALIBRATION, target=camera, method=method, forced=force, views=views)
+        memory.add_edge(MIND, name, "has")
+    return name
+
+
+def read_report(memory: Memory, request: str) -> Report | None:
+    """What came of a request; None before it is answered, and if it was refused before anything could be computed."""
+    node: Node | None = memory.get_node(request)
+    text = None if node is None else node.get("report")
+    try:
+        return None if not text else msgspec.json.decode(text, type=Report)
+    except msgspec.MsgspecError:
+        return None
+
+
+def checked_method(name: str) -> str:
+    """The name of a method. Raises `ConfigError` for an unknown one."""
+    if name not in METHODS:
+        raise ConfigError(f"unknown method {name!r}; {suggest(name, METHODS)}")
+    return name
