@@ -1,10 +1,10 @@
 """Descriptions of objects (URDF) in `etc/objects` or beside a scenario file: what they are made of and weigh.
 
 An object is one link without joints. The link is called after the type of the object: `cube`, `box`, `container`, `cup`
-or `ball`. Its <collision> elements (box, cylinder, sphere) are its parts, so a container is one box for each wall; the
-frame is free, it is moved to the centre of the bounding box. What is drawn is what collides: of <visual> only the
-colour of the first <material> counts. <inertial> gives the mass; inertia follows from the parts. <contact> may give
-`lateral_friction` and `rolling_friction`, as pybullet reads them. https://wiki.ros.org/urdf/XML/link
+or `ball`. Its <collision> elements (box, cylinder, sphere; at most 16) are its parts, so a container is one box for
+each wall; the frame is free, it is moved to the centre of the bounding box. What is drawn is what collides: of <visual>
+only the colour of the first <material> counts. <inertial> gives the mass; inertia follows from the parts. <contact> may
+give `lateral_friction` and `rolling_friction`, as pybullet reads them. https://wiki.ros.org/urdf/XML/link
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ DEFAULT_FRICTION = 0.6
 
 _NONE: Vector3 = (0.0, 0.0, 0.0)
 _LARGEST = 5.0  # m, edge of a bounding box
+_THINNEST = 0.001  # m, edge of a part: through what is thinner, others fall
 _HEAVIEST = 100.0  # kg
 _DIGITS = 9  # of lengths in m, beyond which sums are rounded
 _ETC = Path(__file__).resolve().parents[1] / "etc"
@@ -136,8 +137,9 @@ def _extent(piece: ET.Element) -> Vector3:
         size = (2.0 * number(piece, "radius", 0.0),) * 3
     else:
         raise ValueError(f"<{piece.tag}> is not supported; expected <box>, <cylinder> or <sphere>")
-    if min(size) <= 0.0:
-        raise ValueError(f"<{piece.tag}>: expected lengths above 0 m, got {' x '.join(f'{edge:g}' for edge in size)}")
+    if min(size) < _THINNEST:
+        found = " x ".join(f"{edge:g}" for edge in size)
+        raise ValueError(f"<{piece.tag}>: expected lengths of at least {_THINNEST} m, got {found}")
     return size
 
 

@@ -16,8 +16,8 @@ from dsr.quaternions import Quaternion, Vector3, conjugate, normalised, rotate, 
 PartKind = Literal["box", "cylinder", "sphere"]
 _KINDS: tuple[PartKind, ...] = get_args(PartKind)
 _NUMBERS = 11  # of a part: kind, size, position, rotation
-MOST_PARTS = 256
-"""Of one shape."""
+MOST_PARTS = 16
+"""Of one shape: pybullet takes no more for one body, and leaves out the rest without a word."""
 _UNIT = 1e-3  # by which the norm of a rotation may be off
 
 

@@ -20,7 +20,7 @@ import pybullet
 
 from dsr.errors import DsrError, suggest
 from dsr.quaternions import Quaternion, Vector3
-from dsr.shapes import PartKind, Shape
+from dsr.shapes import MOST_PARTS, PartKind, Shape
 from simulation_handler.finger_bodies import FingerBodies
 
 TIME_STEP = 1.0 / 240.0
@@ -35,7 +35,6 @@ _MOST_PARTS = 16  # of a step, enough for a fall of 0.12 m
 _ENABLE_SLEEPING: int = pybullet.ACTIVATION_STATE_ENABLE_SLEEPING
 _DISABLE_SLEEPING: int = pybullet.ACTIVATION_STATE_DISABLE_SLEEPING
 _ROLLING_FRICTION = 0.01  # m, of what is round: a ball comes to rest as on a soft cloth
-_MOST_PIECES = 16  # of one body, in pybullet
 _SLEEP_SPEED = 0.02  # m/s or rad/s, below which a body may fall asleep
 _GEOMETRIES: dict[PartKind, int] = {
     "box": pybullet.GEOM_BOX,
@@ -142,8 +141,8 @@ class Simulator:
             raise SimulationError(f"body {name!r} is already in the simulation")
         if not all(0.0 < edge < math.inf for edge in size) or not 0.0 <= mass < math.inf:
             raise SimulationError(f"body {name!r}: size {size} m, mass {mass} kg; expected finite positive values")
-        if len(shape) > _MOST_PIECES:
-            raise SimulationError(f"body {name!r}: {len(shape)} pieces; the simulation takes {_MOST_PIECES}")
+        if len(shape) > MOST_PARTS:
+            raise SimulationError(f"body {name!r}: {len(shape)} pieces; the simulation takes {MOST_PARTS}")
         body: int = pybullet.createMultiBody(
             mass, self._shape_of(size, shape), basePosition=position, baseOrientation=rotation,
             physicsClientId=self._client,

@@ -59,7 +59,7 @@ def test_a_centred_shape_has_its_frame_in_the_middle() -> None:
         (0.0, 1, 0, 1, 0, 0, 0, 0, 0, 0, 1),
         (0.0, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0),
         (0.0, 1, 1, math.inf, 0, 0, 0, 0, 0, 0, 1),
-        to_numbers(box((1.0, 1.0, 1.0))) * 257,
+        to_numbers(box((1.0, 1.0, 1.0))) * 17,
     ],
 )
 def test_other_numbers_are_refused(numbers: tuple[float, ...]) -> None:
