@@ -81,6 +81,7 @@ class Touching:
         self._touches = Relations(_TOUCH_DELAY)  # (fingertip, object)
         self._pinches = Relations(_TOUCH_DELAY)  # (hand, object)
         self._grasps: dict[Relation, HandGrasp] = {}
+        self._recalled: dict[Relation, float] = {}  # s up to which a recalled grasp may wait for its touch
 
     @property
     def grasps(self) -> Mapping[Relation, HandGrasp]:
@@ -115,6 +116,7 @@ class Touching:
     def recall(self, relation: Relation, grasp: HandGrasp, now: float) -> None:
         """Take over a grasp that held before."""
         self._grasps[relation] = grasp
+        self._recalled[relation] = math.inf
         if grasp.grip == PINCH:
             self._pinches.recall(relation, grasp.since, now)
 
@@ -197,6 +199,11 @@ class Touching:
     def _update_grasps(self, now: float) -> None:
         """Begin, go on and end."""
         owners = {tip: name for name, hand in self._hands.items() for tip in hand.tips}
+        for relation, until in list(self._recalled.items()):
+            if relation not in self._grasps or now > until:
+                del self._recalled[relation]
+            elif (seen := self._hands.get(relation[0])) is not None and seen.perceived:
+                self._recalled[relation] = min(until, now + 2.0 * _TOUCH_DELAY)
         touched: dict[Relation, float] = {}
         for (tip, item), since in self._touches.current().items():
             relation = (owners.get(tip, ""), item)
@@ -204,7 +211,7 @@ class Touching:
         pinched = self._pinches.current()
         for relation in list(self._grasps):
             hand = self._hands.get(relation[0])
-            is_over = hand is None or (hand.perceived and relation not in touched)
+            is_over = hand is None or (hand.perceived and relation not in touched and relation not in self._recalled)
             if is_over or self._is_elsewhere(relation, now):
                 del self._grasps[relation]
         for relation, since in touched.items():

@@ -94,8 +94,31 @@ def test_after_a_restart_a_hand_out_of_sight_still_holds(table: Table) -> None:
     assert [edge["grip"] for edge in table.memory.edges("grasping", dst="cube_1")] == ["pinch"]
 
 
+def test_after_a_restart_a_hand_in_sight_holds_all_the_time(table: Table) -> None:
+    table.add("cube_1", cube_at(0.4, 0.1))
+    table.run(2.0)
+    run_with_hand(table, AT_THE_CUBE, 1.0)
+    since = table.memory.edge("human_hand_0", "cube_1", "grasping")["since"]
+    table.lockstep.kill(NAME)
+    table.lockstep.restart(NAME)
+    for _ in range(10):
+        run_with_hand(table, AT_THE_CUBE, 0.1)
+        edge = table.memory.edge("human_hand_0", "cube_1", "grasping")
+        assert (edge["since"], edge["grip"]) == (since, "pinch")
+    table.lockstep.kill(NAME)
+    table.lockstep.restart(NAME)
+    run_with_hand(table, ((0.4, 0.17, 0.02), (0.4, 0.03, 0.02)), 1.0)
+    assert table.memory.edges("grasping") == []
+
+
 @pytest.mark.parametrize(
-    "shape", [(1.0, 2.0), to_numbers(container((0.3, 0.3, 0.3))), (7.0, *to_numbers(container(BOX))[1:])]
+    "shape",
+    [
+        (1.0, 2.0),
+        to_numbers(container((0.3, 0.3, 0.3))),
+        (7.0, *to_numbers(container(BOX))[1:]),
+        to_numbers(container(BOX)) * 4,  # more parts than a body may have
+    ],
 )
 def test_a_malformed_shape_is_skipped_and_said(table: Table, shape: tuple[float, ...]) -> None:
     table.memory.add_node("box", "container", size=BOX, shape=shape)
