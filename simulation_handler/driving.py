@@ -32,6 +32,8 @@ from simulation_handler.simulator import GRAVITY, TIME_STEP
 _LAG = 0.05  # s by which a body is behind what is seen
 _HURRY = 2.0  # how much faster than it was seen to a body may move to catch up
 _LEFT = 0.020  # m from where it was believed to be, from which an object has left there
+_CATCHING_UP = 0.25  # m/s by which a body is faster than what it follows at most: what is in it is not thrown up
+_CAUGHT_UP = 0.15  # s in which it catches up what is more than that
 _REACTION = 0.03  # s in which a body makes up for being off its way
 _FASTEST = 1.5  # m/s
 _FASTEST_TURN = 8.0  # rad/s
@@ -39,7 +41,8 @@ _STILL = 0.6  # s that an object must be seen to stay where it is
 _AT_REST = 0.25  # s of that, at the end, in which it surely was where it is
 _STILL_METRES = 0.012
 _STILL_RADIANS = 0.2
-_ASTRAY = 0.012  # m that an object in a hand must be seen from where it was to be on its way
+_ASTRAY = 0.012  # m from where it was, and
+_SURELY = 2.5  # times the noise, from which two percepts tell that an object is on its way
 _ARRIVED = 0.004  # m
 _STUCK = 1.0  # s after which a body that cannot get where it is seen is driven no more
 _VAGUE: Array = np.diag((1e-5, 1e-5, 1e-4))  # m^2, of what is unseen in a hand
@@ -102,7 +105,7 @@ class Driving:
             for name, drive in self._drives.items():
                 here = Pose.unchecked(*sim.pose(name))
                 sim.set_velocity(name, *_velocity(here, drive, k / count, count * TIME_STEP))
-            sim.step()
+            sim.step(gently=True)
 
     def rests(self, name: str) -> bool:
         """Whether something carries a driven object where it is seen, and it does not move any more."""
@@ -119,12 +122,18 @@ class Driving:
         if item.estimate_at(now) is None:
             return item.path.newest if item.hand else None
         solid = self._bodies.solid(item.name)
-        if item.hand and item.path.strays_from(solid.pose, _ASTRAY):
+        strays = item.path.strays_from(solid.pose, self._astray(item))
+        if item.hand and strays:
             return item.path.newest
-        if not is_displaced(seen_now(item, self._config, now), solid, self._config):
+        if not strays and not is_displaced(seen_now(item, self._config, now), solid, self._config):
             return None
         start = item.path.start(solid.pose, _LEFT)
         return item.path.newest if start is None and item.hand else start
+
+    def _astray(self, item: BelievedObject) -> float:
+        """How far (m) from where it is believed to be two percepts say that an object is on its way."""
+        systematic = self._config.depth_bias if item.bias is None else 0.0
+        return max(_ASTRAY, _SURELY * (item.noise + systematic))
 
     def _begin(self, item: BelievedObject, start: float) -> None:
         self._bodies.set_pinned(item, False)
@@ -132,11 +141,14 @@ class Driving:
         self._drives[item.name] = _Drive(start, here, here)
 
     def _go_on(self, item: BelievedObject, drive: _Drive, now: float, seconds: float) -> None:
-        late = now - _LAG - drive.played
+        before, late = item.path.at(drive.played), now - _LAG - drive.played
         drive.played += min(late, _HURRY * seconds) if late > 0.0 else 0.0
         drive.begin = drive.end
         drive.by_hand = bool(item.hand) or (drive.by_hand and not drive.rests)
         self._aim(item, drive)
+        passed = math.dist(before.t, item.path.at(drive.played).t)
+        behind = math.dist(drive.begin.t, drive.end.t)
+        drive.end = _towards(drive.begin, drive.end, passed + seconds * max(_CATCHING_UP, behind / _CAUGHT_UP))
         if item.estimate_at(now) is None:
             if not item.hand:
                 self._end(item, drive)
@@ -178,6 +190,12 @@ class Driving:
         if item.estimate_at(now) is None or item.name not in self._bodies.sim:
             return False
         return math.dist(item.percept().position, self._bodies.sim.position(item.name)) > _LOST
+
+
+def _towards(a: Pose, b: Pose, metres: float) -> Pose:
+    """On the way from a to b, as far as that."""
+    distance = math.dist(a.t, b.t)
+    return b if distance <= metres else between(a, b, metres / distance)
 
 
 def _velocity(here: Pose, drive: _Drive, share: float, seconds: float) -> tuple[Vector3, Vector3]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -42,6 +43,8 @@ class BelievedObject:
     """Where it is seen to move, it takes along by contact what is in it, on it, or in its way."""
     path: Path = field(default_factory=Path)
     """The way that it was seen to take."""
+    noise: float = 0.0
+    """m, root mean square distance by which its newest percept is off, beside what is systematic"""
     driven: bool = False
     """It is on its way, and its body is driven after it."""
     rides: bool = False
@@ -85,6 +88,7 @@ class BelievedObject:
         """Take in a percept."""
         self.track.add(percept)
         x, y, z = (percept.position - (self.bias or 0.0) * percept.ray).tolist()
+        self.noise = math.sqrt(float(np.trace(percept.position_covariance)))
         self.shows_rotation = float(np.trace(percept.rotation_covariance)) < _SURE_OF_ROTATION
         rotation = percept.rotation if self.shows_rotation or self.turned_by_hand is None else self.turned_by_hand
         self.path.add(Pose.unchecked((x, y, z), rotation, percept.stamp))

@@ -13,7 +13,8 @@ from dataclasses import dataclass, field
 from itertools import combinations
 from typing import NamedTuple
 
-from dsr.quaternions import Vector3
+from dsr import quaternions
+from dsr.quaternions import Quaternion, Vector3
 from dsr.transforms import Pose
 from simulation_handler.bodies import Bodies
 from simulation_handler.config import BeliefConfig
@@ -34,11 +35,11 @@ _DEEPEST = -0.020  # m, deeper than which no fingertip is in an object: it is in
 _TOUCH_DELAY = 0.2  # s that a touch must last, or be gone
 _OPPOSED = -0.5  # cosine between the ways out of the object at two fingertips
 _MEASURED = 0.15  # s up to which a fingertip is known
-_HIDDEN = 0.6  # s for which a fingertip that touched may be hidden while its palm is in sight
 UNSEEN = 0.25
 """s after its last percept, from which an object is where its hand has it, or pushes it."""
 _ELSEWHERE = 0.05  # m from where its hand would have it, from which an object at rest is not held
 _BLEND = 0.2  # weight of the newest in how a hand holds an object
+_LEVEL, _TILTED = 0.2, 0.4  # rad up to which tilt is the hand's noise, and from which it is all tilt
 
 
 class HandPercept(NamedTuple):
@@ -109,10 +110,8 @@ class Touching:
             if not percept.perceived:
                 continue
             hand.path.add(percept.pose)
-            touching = {tip for tip, _ in self._touches.current()}
             for tip in hand.tips.keys() - percept.tips.keys():
-                if tip not in touching or percept.pose.stamp - hand.tips[tip].newest > _HIDDEN:
-                    del hand.tips[tip]
+                del hand.tips[tip]
             for tip, pose in percept.tips.items():
                 hand.tips.setdefault(tip, Path()).add(pose)
 
@@ -142,7 +141,7 @@ class Touching:
                 continue
             pose = self._hands[item.hand].path.last
             there = pose @ self._grasps[item.hand, item.name].hand_from_object
-            item.turned_by_hand = there.q
+            item.turned_by_hand = levelled(item.solid(there.t, there.q))
             if now - item.track.last_stamp > UNSEEN:
                 item.path.add(Pose.unchecked(there.t, there.q, pose.stamp))
 
@@ -153,7 +152,7 @@ class Touching:
         known = self._touches.current().keys()
         for name, hand in self._hands.items():
             for item in self._bodies.objects.values():
-                if item.name not in self._bodies.sim or item.holder:
+                if item.name not in self._bodies.sim or item.holder or _drops(hand, item):
                     continue
                 if not hand.perceived:
                     touching |= {relation for relation in known if relation in self._of(hand, item)}
@@ -213,9 +212,7 @@ class Touching:
             touched[relation] = min(since, touched.get(relation, since))
         pinched = self._pinches.current()
         for relation in list(self._grasps):
-            hand = self._hands.get(relation[0])
-            is_over = hand is None or (hand.perceived and relation not in touched and relation not in self._recalled)
-            if is_over or self._is_elsewhere(relation, now):
+            if self._is_over(relation, relation in touched) or self._is_elsewhere(relation, now):
                 del self._grasps[relation]
         for relation, since in touched.items():
             name, thing = relation
@@ -232,17 +229,23 @@ class Touching:
                 grasp.hand_from_object = between(before, there, _BLEND)
             grasp.grip = PINCH if relation in pinched else TOUCH
 
+    def _is_over(self, relation: Relation, is_touched: bool) -> bool:
+        """Whether an object is touched no more, as far as that can be known."""
+        hand = self._hands.get(relation[0])
+        if hand is None:
+            return True
+        is_known = hand.perceived or _drops(hand, self._bodies.objects[relation[1]])
+        return is_known and not is_touched and relation not in self._recalled
+
     def _hand_from_object(self, hand: _Hand, item: BelievedObject, now: float) -> Pose:
         stamp, solid = self._seen_at(hand, item, now)
         return hand.path.at(stamp).inverse() @ solid.pose
 
     def _is_elsewhere(self, relation: Relation, now: float) -> bool:
-        """Whether an object is seen to rest where the hand, whose touching fingertips are unseen, cannot have it."""
+        """Whether an object is seen to rest where the hand, which is unseen, cannot have it."""
         name, thing = relation
         item, hand = self._bodies.objects[thing], self._hands.get(name)
-        if hand is None or thing not in self._bodies.sim or item.estimate_at(now) is None:
-            return False
-        if hand.perceived and any(_is_measured(path, hand) for path in hand.tips.values()):
+        if hand is None or hand.perceived or thing not in self._bodies.sim or item.estimate_at(now) is None:
             return False
         rests = not item.driven and item.placement is not None and item.placement.rests
         there = hand.path.last @ self._grasps[relation].hand_from_object if hand.path.newest > -math.inf else None
@@ -257,6 +260,17 @@ class Touching:
             if grasp.grip == PINCH or hovers or item.hand == hand:
                 holders.setdefault(thing, hand)
         return holders
+
+
+def levelled(solid: Solid) -> Quaternion:
+    """How a solid is turned that seems to be so by its hand: level, where it may be."""
+    flat, tilt = solid.face_down()
+    return quaternions.slerp(flat.rotation, solid.rotation, min(max((tilt - _LEVEL) / (_TILTED - _LEVEL), 0.0), 1.0))
+
+
+def _drops(hand: _Hand, item: BelievedObject) -> bool:
+    """Whether an object was falling when it was last seen, and the hand was not."""
+    return item.path.is_falling and not hand.path.is_falling
 
 
 def _is_measured(path: Path, hand: _Hand) -> bool:

@@ -198,4 +198,6 @@ def in_world(hand: SeenHand, world_from_camera: Pose, stamp: float) -> SeenHand:
     """The hand in the world, with its time."""
     palm = (world_from_camera @ hand.palm).with_stamp(stamp).with_covariance(None)
     tips = {finger: world_from_camera.apply(tip[None])[0] for finger, tip in hand.tips.items()}
-    return hand._replace(palm=palm, tips=tips)
+    turn = world_from_camera.rotation_matrix
+    covariance = None if hand.turn_covariance is None else turn @ hand.turn_covariance @ turn.T
+    return hand._replace(palm=palm, tips=tips, turn_covariance=covariance)

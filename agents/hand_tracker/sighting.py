@@ -30,6 +30,7 @@ _PALM_SHAPE = np.array([
 """(5, 3) m, `PALM` of a right hand of common size; x towards the fingers, z out of the back of the hand."""
 _SHAPE = _PALM_SHAPE - _PALM_SHAPE.mean(axis=0)
 _LEAST_SPREAD = 1e-4  # m, below which landmarks do not tell an orientation
+_MOST_TURN = 1.0  # rad, standard deviation of a rotation of which nothing is known
 
 
 class SeenHand(NamedTuple):
@@ -43,6 +44,8 @@ class SeenHand(NamedTuple):
     side: Side
     sigma: float
     """m, standard deviation of each coordinate"""
+    turn_covariance: Array | None = None
+    """(3, 3) rad^2, of the palm's rotation, about the same axes as its pose; None if unknown"""
 
 
 class Finder(Protocol):
@@ -78,7 +81,15 @@ def hand_of_landmarks(points: Array, seen: NDArray[np.bool_], side: Side, sigma:
     if len(chosen) == len(PALM):
         centre = there.mean(axis=0)
     tips = {finger: points[landmark] for finger, landmark in enumerate(TIPS) if seen[landmark]}
-    return SeenHand(Pose(centre, rotation), tips, True, side, sigma)
+    return SeenHand(Pose(centre, rotation), tips, True, side, sigma, _turn_covariance(there, sigma))
+
+
+def _turn_covariance(points: Array, sigma: float) -> Array:
+    """(3, 3) rad^2, of the rotation of points (n, 3) that are off by `sigma` m: great about a line on which all lie."""
+    x, y, z = (points - points.mean(axis=0)).T
+    arms = np.array([[y @ y + z @ z, -x @ y, -x @ z], [-x @ y, x @ x + z @ z, -y @ z], [-x @ z, -y @ z, x @ x + y @ y]])
+    information = arms / max(sigma, 1e-6) ** 2 + np.eye(3) / _MOST_TURN**2
+    return np.asarray(np.linalg.inv(information), dtype=np.float64)
 
 
 def _fit(shape: Array, there: Array) -> tuple[Array, Quaternion | None]:

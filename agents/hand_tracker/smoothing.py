@@ -18,6 +18,8 @@ from dsr.quaternions import Quaternion
 
 Array = NDArray[np.float64]
 
+_GOOD_TURN = 0.08  # rad, standard deviation of a sample of which half is taken
+
 
 class PointFilter:
     """Smooths a point (3,) in m."""
@@ -54,10 +56,14 @@ class TurnFilter:
         self._stamp = stamp
         self._speed = 0.0
 
-    def update(self, rotation: Quaternion, stamp: float) -> Quaternion:
-        """The smoothed rotation after a new sample; one that is not newer changes nothing."""
+    def update(self, rotation: Quaternion, stamp: float, covariance: Array | None = None) -> Quaternion:
+        """The smoothed rotation after a new sample; one that is not newer changes nothing.
+
+        Of what the sample tells badly, by its `covariance` (3, 3) rad^2 in the frame of the parent, little is taken.
+        """
         interval = stamp - self._stamp
         if interval > 0.0:
+            rotation = self._told(rotation, covariance)
             between = quaternions.product(quaternions.conjugate(self.rotation), rotation)
             angle = math.hypot(*quaternions.to_rotvec(between))
             self._speed += weight(self._config.speed_cutoff, interval) * (angle / interval - self._speed)
@@ -65,6 +71,14 @@ class TurnFilter:
             self.rotation = quaternions.slerp(self.rotation, rotation, weight(cutoff, interval))
             self._stamp = stamp
         return self.rotation
+
+    def _told(self, rotation: Quaternion, covariance: Array | None) -> Quaternion:
+        """A sample moved towards the present rotation about axes that it tells badly."""
+        if covariance is None:
+            return rotation
+        turn = quaternions.to_rotvec(quaternions.product(rotation, quaternions.conjugate(self.rotation)))
+        x, y, z = np.linalg.solve(np.eye(3) + covariance / _GOOD_TURN**2, np.array(turn)).tolist()
+        return quaternions.product(quaternions.from_rotvec((x, y, z)), self.rotation)
 
 
 def weight(cutoff: float, interval: float) -> float:

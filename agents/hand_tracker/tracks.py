@@ -85,7 +85,7 @@ class Track:
             self._turn = TurnFilter(self._config.smoothing, hand.palm.q, stamp)
             self.tips.clear()
         self._point.update(hand.palm.translation, stamp)
-        self._turn.update(hand.palm.q, stamp)
+        self._turn.update(hand.palm.q, stamp, hand.turn_covariance)
         self.last_seen = max(self.last_seen, stamp)
         self.source, self.sigma = source, hand.sigma
         if hand.side != "unknown":

@@ -52,6 +52,15 @@ def test_a_ball_goes_along_in_a_box_that_is_pushed_lifted_and_put_down(seed: int
     assert world.texts() == []
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_a_ball_is_not_thrown_about_in_a_box_that_is_lifted(seed: int) -> None:
+    world = ball_in_a_box(seed)
+    before = world.pose("box").inverse() @ world.pose("ball")
+    for k in range(1, 21):
+        world.move("box", standing(0.3, 0.0, BOX, on=0.01 * k), speed=0.1)
+        assert math.dist((world.pose("box").inverse() @ world.pose("ball")).t, before.t) < 0.025
+
+
 def test_a_box_that_is_moved_by_somebody_is_implausible_until_it_rests() -> None:
     world = ball_in_a_box()
     world.move("box", standing(0.3, 0.0, BOX, on=0.2))

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from agents.hand_tracker.config import Smoothing
+from agents.hand_tracker.sighting import hand_of_landmarks
 from agents.hand_tracker.smoothing import PointFilter, TurnFilter, weight
 from dsr import quaternions
 
@@ -42,6 +43,28 @@ def test_turns_are_followed() -> None:
     for k in range(1, 40):
         turn.update(quaternions.from_rotvec((0.0, 0.0, min(0.1 * k, 1.0))), k * PERIOD)
     assert quaternions.to_rotvec(turn.rotation)[2] == pytest.approx(1.0, abs=0.01)
+
+
+def test_little_is_taken_of_a_turn_that_a_sample_tells_badly() -> None:
+    turn = TurnFilter(Smoothing(), (0.0, 0.0, 0.0, 1.0), 0.0)
+    badly_about_x = np.diag([0.7**2, 0.01**2, 0.01**2])
+    for k in range(1, 4):
+        turn.update(quaternions.from_rotvec((0.5, 0.0, 0.5)), k * PERIOD, badly_about_x)
+    x, _, z = quaternions.to_rotvec(turn.rotation)
+    assert x < 0.05
+    assert z > 0.3
+
+
+def test_landmarks_on_a_line_tell_no_turn_about_it() -> None:
+    points, seen = np.zeros((21, 3)), np.zeros(21, dtype=bool)
+    points[[5, 9, 13]] = [[0.0, 0.02, 0.5], [0.001, 0.0, 0.5], [0.0, -0.02, 0.5]]
+    seen[[5, 9, 13]] = True
+    hand = hand_of_landmarks(points, seen, "right", 0.003)
+    assert hand is not None
+    assert hand.turn_covariance is not None
+    deviations = np.sqrt(np.diag(hand.turn_covariance))
+    assert deviations[1] > 0.7
+    assert deviations[[0, 2]].max() < 0.15
 
 
 def test_the_weight_of_a_sample() -> None:
