@@ -11,7 +11,7 @@ import numpy as np
 
 from agents.drivers import HandDriver, HandReading, HandReadings, make_driver
 from agents.hand_tracker.config import HandSensor, HandTrackerConfig
-from agents.hand_tracker.landmarker import Landmarker, MediaPipeFinder, load_landmarker
+from agents.hand_tracker.landmarker import FAILURES, Landmarker, MediaPipeFinder, load_landmarker
 from agents.hand_tracker.nodes import HandNodes
 from agents.hand_tracker.sighting import Array, Finder, SeenHand, Source, hand_of_landmarks
 from agents.hand_tracker.skin import SkinFinder
@@ -111,7 +111,7 @@ class HandTracker(Agent):
         try:
             try:
                 hands = finder.find(frame, self._table(camera, frame.stamp))
-            except (RuntimeError, ValueError) as error:  # of MediaPipe, whose errors have no common base
+            except FAILURES as error:
                 if not isinstance(finder, MediaPipeFinder):
                     raise
                 self._degrade(f"MediaPipe failed: {error}")

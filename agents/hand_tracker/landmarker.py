@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import zipfile
 from collections.abc import Callable
 from pathlib import Path
@@ -25,6 +24,8 @@ ENTRIES = ("hand_detector.tflite", "hand_landmarks_detector.tflite")
 HOW_TO_GET = "it is MediaPipe's 'HandLandmarker (full)', see https://ai.google.dev/edge/mediapipe/solutions/vision/hand_landmarker"
 SIGMA = 0.005
 """m, standard deviation of each coordinate of a landmark with depth"""
+FAILURES = (RuntimeError, ValueError, OSError, IndexError)
+"""What MediaPipe raises: a kind of Python's own errors for each of its states."""
 _MOST_OFF = 0.03
 """m, how far the depth at a landmark may be from where the hand's shape says, for it to be that landmark's."""
 
@@ -55,7 +56,7 @@ class MediaPipeFinder:
         self._milliseconds = -1
 
     def find(self, frame: Frame, table: Array | None) -> list[SeenHand]:
-        """The hands in a frame; `table` is not needed. Raises `WireError` for an unusable frame."""
+        """The hands in a frame; `table` is not needed. Raises `WireError` for an unusable frame, or `FAILURES`."""
         color, depth, lens = images(frame)
         self._milliseconds = max(self._milliseconds + 1, round(frame.stamp * 1000.0))
         result = self._landmarker.detect(np.ascontiguousarray(color), self._milliseconds)
@@ -128,42 +129,47 @@ def check_model(file: Path) -> None:
 
 
 def load_landmarker(model: str) -> Callable[[], Landmarker]:
-    """Makes landmarkers with the model file. Raises `ConfigError` if the file or the package cannot be used."""
+    """Makes landmarkers with the model file. Raises `ConfigError` if the file or the package cannot be used.
+
+    The package is imported here: that takes a second or two.
+    """
     if not model:
         raise ConfigError(f"no `model` is configured; {HOW_TO_GET}")
     check_model(Path(model))
-    if importlib.util.find_spec("mediapipe") is None:
-        raise ConfigError("the package mediapipe is not installed; expected the extra `hands` (see docs/hands.md)")
+    try:
+        import mediapipe
+        from mediapipe.tasks.python import BaseOptions, vision
+    except (ImportError, AttributeError, OSError) as error:
+        raise ConfigError(
+            f"the package mediapipe cannot be imported ({error}); expected the extra `hands` (see docs/hands.md)"
+        ) from error
 
     def make() -> Landmarker:
+        options = vision.HandLandmarkerOptions(
+            base_options=BaseOptions(model_asset_path=model),
+            running_mode=vision.RunningMode.VIDEO,
+            num_hands=2,
+        )
         try:
-            return _TasksLandmarker(model)
-        except (ImportError, AttributeError, OSError, RuntimeError, ValueError) as error:
+            return _TasksLandmarker(mediapipe, vision.HandLandmarker.create_from_options(options))
+        except FAILURES as error:
             raise ConfigError(f"MediaPipe cannot use the model {model!r}: {error}") from error
 
     return make
 
 
 class _TasksLandmarker:
-    """MediaPipe's Tasks API."""
+    """A `HandLandmarker` of MediaPipe's Tasks API, in video mode."""
 
-    def __init__(self, model: str) -> None:
-        import mediapipe
-        from mediapipe.tasks.python import BaseOptions, vision
-
+    def __init__(self, mediapipe: Any, landmarker: Any) -> None:
         self._mediapipe = mediapipe
-        options = vision.HandLandmarkerOptions(
-            base_options=BaseOptions(model_asset_path=model),
-            running_mode=vision.RunningMode.VIDEO,
-            num_hands=2,
-        )
-        self._model = vision.HandLandmarker.create_from_options(options)
+        self._landmarker = landmarker
 
     def detect(self, color: Color, milliseconds: int) -> Any:
-        """The result for one image of a video."""
+        """The result for one image of a video. Raises one of `FAILURES`."""
         image = self._mediapipe.Image(image_format=self._mediapipe.ImageFormat.SRGB, data=color)
-        return self._model.detect_for_video(image, milliseconds)
+        return self._landmarker.detect_for_video(image, milliseconds)
 
     def close(self) -> None:
         """Release the model."""
-        self._model.close()
+        self._landmarker.close()
