@@ -32,6 +32,7 @@ SHARED_BY_AGENTS = (
     "agents.replay.source",
     "agents.scenario.format",
     "agents.segments",
+    "agents.stillness",
     "agents.urdf_elements",
 )
 """Modules within `agents` that all its packages may import."""

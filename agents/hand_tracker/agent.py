@@ -16,6 +16,7 @@ from agents.hand_tracker.nodes import HandNodes
 from agents.hand_tracker.sighting import Array, Finder, SeenHand, Source, hand_of_landmarks
 from agents.hand_tracker.skin import SkinFinder
 from agents.hand_tracker.tracks import Tracks
+from agents.stillness import stood_still
 from dsr.agent import Access, Agent
 from dsr.blobs import Frame
 from dsr.errors import ConfigError, TransformError, WireError
@@ -99,12 +100,21 @@ class HandTracker(Agent):
         """Everything new."""
         for camera, stream in self._streams.items():
             frame = stream.latest()
-            if frame is not None and (look := self._read(camera, frame)) is not None:
+            if frame is None or not self._stood_still(camera, frame.stamp):
+                continue
+            if (look := self._read(camera, frame)) is not None:
                 yield look
         for camera, sensor in self._sensors.items():
             readings = sensor.readings()
-            if readings is not None:
+            if readings is not None and self._stood_still(camera, readings.stamp):
                 yield _Look(camera, readings.stamp, "poses", read_sensor(readings))
+
+    def _stood_still(self, camera: str, stamp: float) -> bool:
+        """Else its images are blurred, and its pose is not known well enough to say where a hand is."""
+        still = stood_still(self.memory, camera, stamp, self.config.max_camera_speed, self.config.max_camera_turn)
+        if not still:
+            self._skip("camera moved", f"{camera} moved, or its pose is not known then")
+        return still
 
     def _read(self, camera: str, frame: Frame) -> _Look | None:
         finder = self._finder(camera)

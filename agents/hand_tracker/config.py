@@ -62,6 +62,10 @@ class HandTrackerConfig(msgspec.Struct, frozen=True):
     """MediaPipe says left for right: models before 0.10.15 on images that are not mirrored."""
     least_score: Share = 0.5
     """Of MediaPipe, with which a hand is one."""
+    max_camera_speed: NotNegative = 0.02
+    """m/s; while a camera moves faster, what it shows is not used."""
+    max_camera_turn: NotNegative = 0.05
+    """rad/s, likewise."""
     skin: SkinModel = SkinModel()
     smoothing: Smoothing = Smoothing()
     fingertip_radius: Positive = 0.008

@@ -14,7 +14,7 @@ from agents.scene_estimator.colored import ColoredObjects, ColorSighting, read_c
 from agents.scene_estimator.config import SceneEstimatorConfig, TagSensor
 from agents.scene_estimator.objects import TaggedObjects
 from agents.scene_estimator.sighting import FrameReader, Outlines, Sighting, read_sensor
-from agents.scene_estimator.stillness import stood_still
+from agents.stillness import stood_still
 from dsr.agent import Access, Agent
 from dsr.blobs import Frame
 from dsr.errors import TransformError, WireError

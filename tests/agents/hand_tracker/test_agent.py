@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from agents.plant.camera import OVERHEAD
 from agents.plant.messages import hands_key
 from agents.plant.reality import Reality
 from agents.scenario.format import HandEnter, ObjectSpec
-from dsr import Frame
+from dsr import Frame, Pose
 from dsr.errors import AgentError
 from dsr.keys import Keys
 from dsr.transport import Qos
@@ -140,6 +141,28 @@ def test_a_camera_whose_place_is_unknown_and_nonsense_are_skipped(bench: Bench) 
     bench.memory.remove_edge("world", "camera_overhead", "RT")
     bench.tell(reading(), ticks=2)
     assert bench.hands() == [] and bench.agent.skipped["camera not placed"] == 2
+
+
+def test_what_a_moving_camera_shows_is_not_used(bench: Bench) -> None:
+    def place_camera(x: float) -> None:
+        pose = Pose(OVERHEAD.translation + np.array([x, 0.0, 0.0]), OVERHEAD.rotation, bench.clock.now())
+        bench.memory.add_edge("world", "camera_overhead", "RT", pose=pose)
+
+    for _ in range(4):
+        place_camera(0.0)
+        bench.tell(reading())
+    seen = bench.memory.node(NAME)["last_seen"]
+    bench.agent.skipped.clear()
+    for step in range(1, 6):
+        place_camera(0.01 * step)
+        bench.tell(reading())
+    assert bench.memory.node(NAME)["last_seen"] == seen and bench.agent.skipped["camera moved"] == 5
+    for _ in range(6):
+        place_camera(0.05)
+        bench.tell(reading())
+    assert bench.memory.node(NAME)["last_seen"] > seen
+    expected = in_world(palm_of(FLAT_HAND)[None])[0] + np.array([0.05, 0.0, 0.0])
+    assert np.linalg.norm(bench.place(NAME) - expected) < 0.02
 
 
 @pytest.mark.parametrize(

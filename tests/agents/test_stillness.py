@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agents.scene_estimator.stillness import stood_still
+from agents.stillness import stood_still
 from dsr import LocalNetwork, ManualClock, Memory, Pose
 
 SPEED, TURN = 0.02, 0.05
