@@ -35,6 +35,7 @@ _DEEPEST = -0.020  # m, deeper than which no fingertip is in an object: it is in
 _TOUCH_DELAY = 0.2  # s that a touch must last, or be gone
 _OPPOSED = -0.5  # cosine between the ways out of the object at two fingertips
 _MEASURED = 0.15  # s up to which a fingertip is known
+_HIDDEN = 0.6  # s for which a fingertip that touched may be hidden while its palm is in sight
 UNSEEN = 0.25
 """s after its last percept, from which an object is where its hand has it, or pushes it."""
 _ELSEWHERE = 0.05  # m from where its hand would have it, from which an object at rest is not held
@@ -110,8 +111,10 @@ class Touching:
             if not percept.perceived:
                 continue
             hand.path.add(percept.pose)
+            touching = {tip for tip, _ in self._touches.current()}
             for tip in hand.tips.keys() - percept.tips.keys():
-                del hand.tips[tip]
+                if tip not in touching or percept.pose.stamp - hand.tips[tip].newest > _HIDDEN:
+                    del hand.tips[tip]
             for tip, pose in percept.tips.items():
                 hand.tips.setdefault(tip, Path()).add(pose)
 
@@ -242,10 +245,12 @@ class Touching:
         return hand.path.at(stamp).inverse() @ solid.pose
 
     def _is_elsewhere(self, relation: Relation, now: float) -> bool:
-        """Whether an object is seen to rest where the hand, which is unseen, cannot have it."""
+        """Whether an object is seen to rest where the hand, whose touching fingertips are unseen, cannot have it."""
         name, thing = relation
         item, hand = self._bodies.objects[thing], self._hands.get(name)
-        if hand is None or hand.perceived or thing not in self._bodies.sim or item.estimate_at(now) is None:
+        if hand is None or thing not in self._bodies.sim or item.estimate_at(now) is None:
+            return False
+        if hand.perceived and any(_is_measured(path, hand) for path in hand.tips.values()):
             return False
         rests = not item.driven and item.placement is not None and item.placement.rests
         there = hand.path.last @ self._grasps[relation].hand_from_object if hand.path.newest > -math.inf else None

@@ -135,6 +135,29 @@ def test_a_cup_that_is_seen_elsewhere_while_its_hand_is_not_is_held_no_more() ->
     assert world.error("cup") < 0.005
 
 
+def test_fingertips_are_hidden_before_the_palm() -> None:
+    world = cup_in_a_hand()
+    world.move("cup", standing(0.3, 0.0, SMALL, on=0.2))
+    world.seen.discard("cup")
+    tips, world.tips_from_object = world.tips_from_object, {}
+    world.run(0.5)
+    world.hand_seen = False
+    world.run(3.0)
+    assert {relation: grasp.grip for relation, grasp in world.belief.grasps().items()} == {HELD: PINCH}
+    assert world.error("cup") < 0.02
+    world.hand_seen, world.tips_from_object = True, tips
+    world.run(1.0)
+    assert world.belief.grasps().keys() == {HELD}
+
+
+def test_what_only_a_palm_is_near_is_not_held_for_long() -> None:
+    world = cup_in_a_hand()
+    world.move("cup", standing(0.3, 0.0, SMALL, on=0.2))
+    world.tips_from_object = {}
+    world.run(2.0)
+    assert world.belief.grasps() == {}
+
+
 def test_what_is_in_a_cup_in_a_hand_goes_along() -> None:
     world = Occlusion({"cup": standing(0.3, 0.0, SMALL), "cube": standing(0.3, 0.0, CUBE, on=WALL)})
     world.run(2.0)
