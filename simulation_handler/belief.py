@@ -140,7 +140,7 @@ class Belief:
 
     def look(self, look: Look | None) -> None:
         """Know from now on what the cameras should see; None without a camera."""
-        self._explainer.look = look
+        self._explainer.look = self._touching.look = look
 
     def flag(self, names: Collection[str]) -> None:
         """These objects are surprising from now on, and no others: what is off with them is explained soon."""

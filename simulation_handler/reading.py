@@ -15,6 +15,7 @@ from dsr.elements import Edge, Node
 from dsr.errors import DsrError, SchemaError
 from dsr.intentions import RUNNING
 from dsr.memory import Memory
+from dsr.perceived import is_perceived
 from dsr.quaternions import Vector3
 from dsr.relations import SURFACES, THINGS
 from dsr.shapes import Shape, bounds, from_numbers
@@ -77,7 +78,7 @@ class Reading:
         self._belief.flag({name for name in self._known if present[name].get("surprising") is True})
         self._belief.plan(self._planned())
         self._belief.hold(self._grasps())
-        self._belief.touch(self._hands())
+        self._belief.touch(self._hands(now))
 
     def _planned(self) -> set[tuple[str, str]]:
         """(object, support) of what an arm is putting down now."""
@@ -97,7 +98,7 @@ class Reading:
                     grasps[edge.dst] = Grasp(edge.src, world_from_gripper, edge.get("held_at"))
         return grasps
 
-    def _hands(self) -> dict[str, HandPercept]:
+    def _hands(self, now: float) -> dict[str, HandPercept]:
         """The human hands whose place is known."""
         fingers = {node.name: node for node in self._nodes(("finger",))}
         hands: dict[str, HandPercept] = {}
@@ -110,7 +111,7 @@ class Reading:
                     if edge.dst in fingers and (tip := self._placed(fingers[edge.dst])) is not None
                 }
                 if pose is not None:
-                    hands[node.name] = HandPercept(pose, tips, node.get("perceived") is not False)
+                    hands[node.name] = HandPercept(pose, tips, is_perceived(node, now))
         return hands
 
     def _placed(self, node: Node) -> Pose | None:

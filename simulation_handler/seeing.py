@@ -12,7 +12,7 @@ from dsr.memory import Memory
 from simulation_handler.explaining import Look
 from simulation_handler.reasoner import Reasoner
 from simulation_handler.sight import Glance, Sight
-from simulation_handler.views import by_color, obstacles, views
+from simulation_handler.views import by_color, hands, obstacles, views
 
 SEEN = ("share", "visible", "hidden_by")
 """Attributes of the edges."""
@@ -43,7 +43,8 @@ class Seeing:
         self._last = now
         with contextlib.suppress(np.linalg.LinAlgError):
             cameras = views(self._memory)
-            sight = Sight(cameras, obstacles(self._memory), by_color(self._memory))
+            hiding = [*obstacles(self._memory), *hands(self._memory, now)]
+            sight = Sight(cameras, hiding, by_color(self._memory))
             self.look = sight.glances if cameras else None
             self._write(sight.glances(self._belief.solids()))
 

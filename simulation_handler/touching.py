@@ -18,6 +18,7 @@ from dsr.quaternions import Quaternion, Vector3
 from dsr.transforms import Pose
 from simulation_handler.bodies import Bodies
 from simulation_handler.config import BeliefConfig
+from simulation_handler.explaining.situation import Look
 from simulation_handler.geometry import Solid
 from simulation_handler.objects import BelievedObject
 from simulation_handler.paths import Path, between
@@ -35,10 +36,13 @@ _DEEPEST = -0.020  # m, deeper than which no fingertip is in an object: it is in
 _TOUCH_DELAY = 0.2  # s that a touch must last, or be gone
 _OPPOSED = -0.5  # cosine between the ways out of the object at two fingertips
 _MEASURED = 0.15  # s up to which a fingertip is known
-_HIDDEN = 0.6  # s for which a fingertip that touched may be hidden while its palm is in sight
+_HIDDEN = 0.6  # s for which a fingertip that touched what is seen may be hidden while its palm is in sight
 UNSEEN = 0.25
 """s after its last percept, from which an object is where its hand has it, or pushes it."""
 _ELSEWHERE = 0.05  # m from where its hand would have it, from which an object at rest is not held
+_PRESUMED = 0.3  # s that a hand must touch what it hides, to be presumed to hold it
+_HALF = 0.5  # of what there is to see of an object
+_FINGERS = 5
 _BLEND = 0.2  # weight of the newest in how a hand holds an object
 _LEVEL, _TILTED = 0.2, 0.4  # rad up to which tilt is the hand's noise, and from which it is all tilt
 
@@ -63,6 +67,8 @@ class HandGrasp:
     grip: str
     """`TOUCH` or `PINCH`."""
     hand_from_object: Pose
+    presumed: bool = False
+    """It is held, very likely: the hand hides it, and so where the finger is that would oppose."""
 
 
 @dataclass
@@ -78,6 +84,8 @@ class Touching:
     """Keeps track of hands and of what they hold."""
 
     def __init__(self, bodies: Bodies, config: BeliefConfig) -> None:
+        self.look: Look | None = None
+        """What cameras should see; None without one."""
         self._bodies = bodies
         self._config = config
         self._hands: dict[str, _Hand] = {}
@@ -111,12 +119,18 @@ class Touching:
             if not percept.perceived:
                 continue
             hand.path.add(percept.pose)
-            touching = {tip for tip, _ in self._touches.current()}
             for tip in hand.tips.keys() - percept.tips.keys():
-                if tip not in touching or percept.pose.stamp - hand.tips[tip].newest > _HIDDEN:
+                if not self._may_touch_hidden(tip, hand):
                     del hand.tips[tip]
             for tip, pose in percept.tips.items():
                 hand.tips.setdefault(tip, Path()).add(pose)
+
+    def _may_touch_hidden(self, tip: str, hand: _Hand) -> bool:
+        """Whether a fingertip that is hidden goes on touching: what is hidden with it, or anything for a short time."""
+        now = hand.path.newest
+        touched = [self._bodies.objects[thing] for name, thing in self._touches.current() if name == tip]
+        is_short = now - hand.tips[tip].newest <= _HIDDEN
+        return any(is_short or now - item.track.last_stamp > UNSEEN for item in touched)
 
     def recall(self, relation: Relation, grasp: HandGrasp, now: float) -> None:
         """Take over a grasp that held before."""
@@ -179,6 +193,7 @@ class Touching:
         """Fingertips that touch an object, with the way out of it there; None for one that is not measured now."""
         stamp, solid = self._seen_at(hand, item, now)
         found: dict[str, Vector3 | None] = {}
+        opened = False  # one that touched is seen away: so are those, very likely, that are hidden
         for tip, path in hand.tips.items():
             is_known = (tip, item.name) in known
             if not _is_measured(path, hand):
@@ -187,11 +202,14 @@ class Touching:
                 continue
             point = path.at(stamp).t
             if math.dist(point, solid.position) > solid.radius + TIP_RADIUS + _FAR:
+                opened |= is_known
                 continue
             distance, way = outwards(solid, point)
             if _DEEPEST <= distance - TIP_RADIUS <= (_FAR if is_known else _NEAR):
                 found[tip] = way
-        return found
+            else:
+                opened |= is_known
+        return {} if opened and not any(found.values()) else found
 
     def _seen_at(self, hand: _Hand, item: BelievedObject, now: float) -> tuple[float, Solid]:
         """A time (s) for which both are known, and where the object was then."""
@@ -219,18 +237,35 @@ class Touching:
                 del self._grasps[relation]
         for relation, since in touched.items():
             name, thing = relation
-            if name not in self._hands or thing not in self._bodies.sim or not self._hands[name].perceived:
-                continue
-            grasp = self._grasps.get(relation)
-            there = self._hand_from_object(self._hands[name], self._bodies.objects[thing], now)
-            if grasp is None:
-                grasp = self._grasps[relation] = HandGrasp(since, TOUCH, there)
-            elif now - self._bodies.objects[thing].track.last_stamp <= UNSEEN:
-                before = grasp.hand_from_object
-                if not self._bodies.objects[thing].shows_rotation:
-                    there = Pose.unchecked(there.t, before.q)
-                grasp.hand_from_object = between(before, there, _BLEND)
-            grasp.grip = PINCH if relation in pinched else TOUCH
+            if name in self._hands and thing in self._bodies.sim and self._hands[name].perceived:
+                self._go_on(relation, since, relation in pinched, now)
+
+    def _go_on(self, relation: Relation, since: float, is_pinched: bool, now: float) -> None:
+        """A hand in sight touches an object: begin that grasp, or bring it up to date."""
+        name, thing = relation
+        item, hand = self._bodies.objects[thing], self._hands[name]
+        there = self._hand_from_object(hand, item, now)
+        grasp = self._grasps.setdefault(relation, HandGrasp(since, TOUCH, there))
+        grasp.grip = PINCH if is_pinched else TOUCH
+        is_seen = now - item.track.last_stamp <= UNSEEN
+        if is_seen:
+            grasp.presumed = False
+        elif not is_pinched and not grasp.presumed:
+            grasp.presumed = since < now - _PRESUMED and self._hides(name, thing)
+        if is_seen or not item.hand:
+            before = grasp.hand_from_object
+            if not item.shows_rotation:
+                there = Pose.unchecked(there.t, before.q)
+            grasp.hand_from_object = between(before, there, _BLEND)
+
+    def _hides(self, name: str, thing: str) -> bool:
+        """Whether a hand hides an object that it touches, and some of its own fingertips are hidden, too."""
+        hand = self._hands[name]
+        if self.look is None or sum(_is_measured(path, hand) for path in hand.tips.values()) >= _FINGERS:
+            return False
+        solids = [self._bodies.solid(other) for other in self._bodies.objects if other in self._bodies.sim]
+        glances = [glance for (_, seen), glance in self.look(solids).items() if seen == thing]
+        return all(glance.share < _HALF for glance in glances) and any(glance.hidden_by == name for glance in glances)
 
     def _is_over(self, relation: Relation, is_touched: bool) -> bool:
         """Whether an object is touched no more, as far as that can be known."""
@@ -262,7 +297,7 @@ class Touching:
         for (hand, thing), grasp in sorted(self._grasps.items(), key=lambda entry: (entry[1].since, entry[0])):
             item = self._bodies.objects[thing]
             hovers = item.pinned or item.hovering_since is not None
-            if grasp.grip == PINCH or hovers or item.hand == hand:
+            if grasp.grip == PINCH or grasp.presumed or hovers or item.hand == hand:
                 holders.setdefault(thing, hand)
         return holders
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator
 
 import numpy as np
@@ -11,14 +12,17 @@ from dsr import quaternions
 from dsr.elements import Node
 from dsr.intrinsics import read_intrinsics
 from dsr.memory import Memory
+from dsr.perceived import MOST_SILENT, seconds_unseen
 from dsr.relations import THINGS
 from dsr.transforms import Array, Pose
 from simulation_handler.geometry import Solid
+from simulation_handler.hand_figures import hand_solid
 from simulation_handler.reading import FIXTURES, WORLD
 from simulation_handler.sight import View
 
 PARTS = ("robot", "body", "arm", "gripper", "hand", "finger")
 """Node types of parts of bodies; those with the attribute `bounds` hide what is behind them."""
+_FINGER = re.compile(r"_finger_([0-4])$")
 
 
 def views(memory: Memory) -> list[View]:
@@ -44,6 +48,29 @@ def obstacles(memory: Memory) -> list[Solid]:
             centre = pose @ Pose.unchecked(_middle(least, size), (0.0, 0.0, 0.0, 1.0))
             found.append(Solid(node.name, (size[0], size[1], size[2]), centre.t, centre.q, fixed=True))
     return found
+
+
+def hands(memory: Memory, now: float) -> list[Solid]:
+    """Human hands that are in sight, or were until just before `now` (s): they may still hide something."""
+    found = []
+    for node in sorted(memory.nodes("hand"), key=lambda node: node.name):
+        pose = _measured(memory, node)
+        if pose is not None and seconds_unseen(node, now) <= MOST_SILENT:
+            fingers = (memory.get_node(edge.dst) for edge in memory.edges("has", src=node.name))
+            tips = {
+                int(match[1]): tip.t
+                for finger in fingers
+                if finger is not None and (match := _FINGER.search(finger.name))
+                if (tip := _measured(memory, finger)) is not None
+            }
+            found.append(hand_solid(node.name, pose, tips, is_left=node.get("side") == "left"))
+    return found
+
+
+def _measured(memory: Memory, node: Node) -> Pose | None:
+    """Where a part of a human hand was when it was last seen; None if that is not known."""
+    edge = memory.get_edge(WORLD, node.name, "RT")
+    return None if edge is None else edge.get("pose")
 
 
 def by_color(memory: Memory) -> frozenset[str]:

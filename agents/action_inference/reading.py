@@ -10,6 +10,7 @@ from agents.action_inference.observation import Grasp, Holder, Snapshot, Thing
 from dsr.elements import Node
 from dsr.errors import DsrError
 from dsr.memory import Memory
+from dsr.perceived import is_perceived
 from dsr.quaternions import Vector3
 from dsr.relations import SURFACES, THINGS
 from dsr.transforms import Pose
@@ -38,7 +39,7 @@ class Reading:
         self._read_percepts({node.name for node in nodes}, now)
         things = {node.name: self._thing(node) for node in nodes if node.get("present") is not False}
         holders = [node for kind in HOLDERS for node in self._memory.nodes(kind)]
-        found = (self._holder(node) for node in holders)
+        found = (self._holder(node, now) for node in holders)
         return Snapshot(now, things, {holder.name: holder for holder in found if holder}, self._floor_below())
 
     def _read_percepts(self, names: set[str], now: float) -> None:
@@ -82,11 +83,11 @@ class Reading:
             grasps=tuple(sorted(grasps, key=lambda grasp: (grasp.since, grasp.holder))),
         )
 
-    def _holder(self, node: Node) -> Holder | None:
+    def _holder(self, node: Node, now: float) -> Holder | None:
         """A hand with its fingertips, or a gripper; None if it is nowhere."""
         parts = [node.name, *sorted(edge.dst for edge in self._memory.edges("has", src=node.name))]
         points = tuple(self._points(parts))
-        perceived = node.type == "gripper" or node.get("perceived") is not False
+        perceived = node.type == "gripper" or is_perceived(node, now)
         return Holder(node.name, points, perceived) if points else None
 
     def _points(self, names: Iterable[str]) -> Iterable[Vector3]:

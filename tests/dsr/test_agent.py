@@ -155,9 +155,7 @@ def test_agents_of_one_run_draw_different_random_numbers_and_the_same_again() ->
 
 def test_an_agent_that_needs_a_memory_does_not_start_without() -> None:
     with pytest.raises(AgentError, match="needs a memory"):
-        make_agent(
-            Agent, name="a", bus=LocalNetwork().connect("a"), keys=Keys("g"), clock=ManualClock(), memory=None
-        )
+        make_agent(Agent, name="a", bus=LocalNetwork().connect("a"), keys=Keys("g"), clock=ManualClock(), memory=None)
 
 
 def test_a_life_without_trouble() -> None:
@@ -232,8 +230,6 @@ def test_a_misspelt_declaration_fails_the_setup() -> None:
 
     network, clock = LocalNetwork(), ManualClock()
     memory = Memory("test", "a", transport=network.connect("a"), clock=clock, rid="a-1")
-    agent = make_agent(
-        Misspelt, name="a", bus=memory.transport, keys=memory.keys, clock=clock, memory=memory
-    )
+    agent = make_agent(Misspelt, name="a", bus=memory.transport, keys=memory.keys, clock=clock, memory=memory)
     with pytest.raises(AgentError, match="'cub' is not in the schema; did you mean 'cube'"):
         Runner(agent, rid="a-1").setup()

@@ -102,7 +102,7 @@ class TestRing:
             ticket = ticket_of(ring, b"held")
             held.append(RingReader(ticket).view(ticket))
         assert ring.write([b"one too many"]) is None
-        del held[:SLOTS - 3]
+        del held[: SLOTS - 3]
         assert ring.write([b"welcome"]) is not None
         assert held == [b"held"] * 3
 

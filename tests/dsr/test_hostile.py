@@ -47,9 +47,7 @@ def test_a_clock_that_jumps_to_and_fro_is_logged_once(
     assert [record.levelno for record in caplog.records] == [logging.WARNING]
 
 
-def test_lies_about_the_state_are_logged_once(
-    synchroniser: Synchroniser, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_lies_about_the_state_are_logged_once(synchroniser: Synchroniser, caplog: pytest.LogCaptureFixture) -> None:
     synchroniser.joined = True
     for second in range(10):
         synchroniser.receive_digest("peer", digest("peer", fingerprint=5), float(second), 0.0)

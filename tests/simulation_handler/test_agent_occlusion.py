@@ -33,7 +33,7 @@ def show_hand(table: Table, tips: tuple[Vector3, ...], perceived: bool = True) -
         for k in range(len(tips)):
             memory.add_node(f"human_hand_0_finger_{k}", "finger", perceived=True)
             memory.add_edge("human_hand_0", f"human_hand_0_finger_{k}", "has")
-    memory.update_node("human_hand_0", perceived=perceived)
+    memory.update_node("human_hand_0", perceived=perceived, last_seen=now)
     memory.add_edge("world", "human_hand_0", "RT", pose=Pose((tips[0][0] - 0.1, 0.1, 0.08)).with_stamp(now))
     for k, tip in enumerate(tips):
         memory.add_edge("world", f"human_hand_0_finger_{k}", "RT", pose=Pose(tip).with_stamp(now))
@@ -79,6 +79,18 @@ def test_grasps_of_grippers_are_left_alone(table: Table) -> None:
     table.run(2.0)
     run_with_hand(table, AT_THE_CUBE, 1.0)
     assert [(edge.src, edge.dst) for edge in table.memory.edges("grasping")] == [("gripper", "cube_1")]
+
+
+def test_a_hand_that_nobody_reports_any_more_grasps_nothing(table: Table) -> None:
+    table.add("cube_1", cube_at(0.2, -0.1))
+    table.run(2.0)
+    run_with_hand(table, AT_THE_CUBE, 1.0)
+    table.run(1.5)
+    table.truths["cube_1"] = cube_at(0.4, 0.1)  # where the fingertips were
+    table.run(2.0)
+    assert table.memory.node("human_hand_0")["perceived"] is True
+    assert table.error("cube_1") < 0.005
+    assert table.memory.edges("grasping") == []
 
 
 def test_after_a_restart_a_hand_out_of_sight_still_holds(table: Table) -> None:

@@ -86,3 +86,22 @@ def test_unusable_cameras_and_parts_are_left_out(table: Table) -> None:
     assert set(found) == {"link", "table"}
     assert found["link"].position == pytest.approx((0.3, 0.0, 0.4))
     assert found["table"].top == pytest.approx(0.0)
+
+
+def add_hand(table: Table, x: float, y: float, z: float) -> None:
+    """A hand over the table, palm down."""
+    now = table.lockstep.clock.now()
+    table.memory.add_node("human_hand_0", "hand", perceived=True, last_seen=now, side="right")
+    table.memory.add_edge("world", "human_hand_0", "RT", pose=Pose((x, y, z)).with_stamp(now))
+
+
+def test_a_hand_hides_what_is_below_it_as_long_as_somebody_sees_it(table: Table) -> None:
+    table.add("cube_1", cube_at(0.4, 0.1))
+    table.add("cube_2", cube_at(0.3, -0.1))
+    table.run(2.0)
+    add_hand(table, 0.37, 0.09, 0.2)
+    table.run(0.3)
+    assert seen(table)["cube_1"] == (0.0, False, "human_hand_0")
+    assert seen(table)["cube_2"] == (1.0, True, "")
+    table.run(1.5)
+    assert seen(table)["cube_1"] == (1.0, True, "")

@@ -9,7 +9,9 @@ import pytest
 from dsr import quaternions
 from dsr.quaternions import Quaternion
 from dsr.transforms import Pose
+from simulation_handler.explaining import Look
 from simulation_handler.geometry import Solid
+from simulation_handler.sight import Glance
 from simulation_handler.surfaces import outwards
 from simulation_handler.touching import PINCH, TOUCH, levelled
 from tests.simulation_handler.occluded import BOX, SMALL, Occlusion, standing
@@ -156,6 +158,56 @@ def test_what_only_a_palm_is_near_is_not_held_for_long() -> None:
     world.tips_from_object = {}
     world.run(2.0)
     assert world.belief.grasps() == {}
+
+
+def hidden_by(what: str) -> Look:
+    """Nothing is to be seen but for that."""
+    return lambda solids: {("camera", solid.name): Glance(0.0, what) for solid in solids}
+
+
+def touched_and_unseen(hiding: str) -> Occlusion:
+    """A hand on a cup with its thumb, which is seen, and very likely with another finger, which is not."""
+    world = cup_in_a_hand(grip="touch")
+    world.tips_from_object.popitem()
+    world.run(0.5)
+    world.seen.discard("cup")
+    world.look = hidden_by(hiding)
+    world.run(0.8)
+    return world
+
+
+def test_what_a_hand_hides_and_touches_goes_with_it() -> None:
+    world = touched_and_unseen("hand")
+    world.move("cup", standing(0.1, -0.2, SMALL, on=0.1))
+    world.run(0.3)
+    assert world.belief.grasps().keys() == {HELD}
+    assert world.error("cup") < 0.03
+    world.truths["cup"] = standing(0.3, 0.0, SMALL)  # it was not: there it is
+    world.seen.add("cup")
+    world.tips_from_object = {}
+    world.run(1.0)
+    assert world.belief.grasps() == {}
+    assert world.error("cup") < 0.01
+
+
+def test_what_something_else_hides_is_only_touched() -> None:
+    world = touched_and_unseen("block")
+    world.move("cup", standing(0.1, -0.2, SMALL, on=0.1))
+    assert world.pose("cup").t == pytest.approx((0.3, 0.0, 0.04), abs=0.03)
+
+
+def test_fingertips_that_are_hidden_with_what_they_hold_open_with_the_one_that_is_seen() -> None:
+    world = cup_in_a_hand()
+    world.move("cup", standing(0.3, 0.0, SMALL, on=0.2))
+    world.seen.discard("cup")
+    del world.tips_from_object["hand_finger_1"]
+    world.run(2.0)
+    assert world.belief.grasps()[HELD].grip == PINCH
+    x, y, z = world.tips_from_object["hand_finger_0"]
+    world.tips_from_object["hand_finger_0"] = (x, y + 0.03, z)
+    world.run(1.0)
+    assert world.belief.grasps() == {}
+    assert world.pose("cup").t[2] < 0.06
 
 
 def test_what_is_in_a_cup_in_a_hand_goes_along() -> None:

@@ -167,9 +167,7 @@ def test_a_secured_system_works_restarts_and_is_looked_into(
             dsr.connect("counters", agent="first")
 
 
-def test_a_hub_connects_secured_machines(
-    keys: SecurityFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_hub_connects_secured_machines(keys: SecurityFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Two runtime folders stand for two machines: their processes meet in the hub only."""
     endpoint = f"tls/127.0.0.1:{rendezvous.free_port()}"
     command = [sys.executable, "-m", "dsr.cli.main", "hub", "--listen", endpoint, "--security", str(keys.path)]
