@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 
 from dsr.calibration import CALIBRATED
 from dsr.errors import ConfigError, suggest
@@ -55,11 +55,21 @@ class Selection:
             and self._participants <= _participants(event)
         )
 
-    def check_found(self, events: Iterable[Event]) -> None:
-        """Raise `ConfigError` for a kind that is neither known nor among `events`."""
+    def check_found(self, events: Collection[Event], names: Iterable[str]) -> None:
+        """Raise `ConfigError` for a kind or participant neither known (`names` of nodes and agents) nor in `events`."""
+        self.check_participants(events, names)
         there = {kind for event in events for kind in kinds_of(event)}.union(KNOWN_KINDS)
         for kind in sorted(self._kinds - there):
             raise ConfigError(f"--kind {kind}: no such kind of event; {suggest(kind, there, len(there))}")
+
+    def check_participants(self, events: Iterable[Event], names: Iterable[str]) -> None:
+        """Raise `ConfigError` for a participant that is neither among `names`, of nodes and agents, nor in `events`."""
+        known, mentioned = set(names), set()
+        for event in events:
+            known.update(event.details.get("participants", ()))
+            mentioned |= _participants(event)
+        for name in sorted(self._participants - known - mentioned):
+            raise ConfigError(f"--participant {name}: no such node or agent; {suggest(name, known)}")
 
 
 def kinds_of(event: Event) -> set[str]:

@@ -13,7 +13,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from agents.replay.cli import open_recording
-from agents.replay.history import events_of
+from agents.replay.history import history_of
 from agents.replay.listening import LISTEN, Listener
 from agents.replay.selection import KNOWN_KINDS, Selection
 from dsr.cli.common import (
@@ -29,8 +29,10 @@ from dsr.cli.common import (
 )
 from dsr.clock import WALL_CLOCK
 from dsr.errors import ConfigError
+from dsr.keys import agent_of
+from dsr.memory import Memory
 from dsr.runtime.logs import printable
-from dsr.timeline import Event
+from dsr.timeline import EVENT, SITUATION, Event
 
 _LOOK = 0.1  # s between two looks at a running system
 _COLOURS = {"surprised": "yellow", "explained": "cyan", "intention": "bold", "gone": "red", "agent": "dim"}
@@ -75,9 +77,9 @@ def timeline(
     if follow:
         raise ConfigError("--follow is for a running system; a recording has an end")
     source = open_recording(recording)
-    events = events_of(source)
-    wanted.check_found(events)
-    _show(wanted.of(events, source.index.begin), source.index.begin, as_json=as_json)
+    history = history_of(source)
+    wanted.check_found(*history)
+    _show(wanted.of(history.events, source.index.begin), source.index.begin, as_json=as_json)
     if source.malformed:
         errors.print(f"[yellow]{source.malformed} messages left out: {shown(source.first_malformed)}[/]")
 
@@ -105,9 +107,13 @@ def _show_running(
             errors.print("[dim]nobody writes the timeline (agents.chronicler): this is what the graph still tells[/]")
         now, events = WALL_CLOCK.now(), listener.events()
         if not follow:
-            wanted.check_found(events)
+            wanted.check_found(events, _names(memory))
             _show(wanted.of(events, now), now, as_json=as_json)
             return
+        try:
+            wanted.check_participants(events, _names(memory))
+        except ConfigError as error:  # who is not there yet may come
+            errors.print(f"[yellow]{printable(str(error))}[/]")
         try:
             while True:
                 for event in wanted.of(events, now):
@@ -116,6 +122,12 @@ def _show_running(
                 events = listener.events()
         except KeyboardInterrupt:
             return
+
+
+def _names(memory: Memory) -> set[str]:
+    """Of nodes, without those of the timeline, and of agents."""
+    nodes = {node.name for node in memory.nodes() if node.type not in (EVENT, SITUATION)}
+    return nodes | {agent_of(rid) for rid in memory.peers}
 
 
 def _line(event: Event) -> str:

@@ -19,7 +19,7 @@ from agents.replay.anew import run_anew
 from agents.replay.cli import app
 from agents.replay.compare import Comparison, Outcome
 from agents.replay.feed import Feed
-from agents.replay.history import events_of
+from agents.replay.history import history_of
 from agents.scenario.runner import run_lockstep
 from agents.scenario.staging import make_run
 from dsr import Memory
@@ -285,7 +285,7 @@ def test_agents_run_anew_on_messages_of_nonsense(hovering: Path, tmp_path: Path,
     for time in rng.uniform(0.0, 6.0, 5):
         graph.at(time)
     assert graph.malformed > 0
-    assert events_of(graph)
+    assert history_of(graph).events
 
 
 def test_an_agent_whose_ticks_fail_is_told(hovering: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -52,6 +52,16 @@ def test_kinds_can_be_chosen_and_json_holds_them(hovering: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("name", "expected"), [("cube_od", "did you mean 'cube_old'"), ("nobody", "valid: .*cube_new, cube_old.*world")]
+)
+def test_a_participant_that_never_was_is_told_in_a_recording(counted: Path, name: str, expected: str) -> None:
+    with pytest.raises(dsr.ConfigError, match=f"--participant {name}: no such node or agent; {expected}"):
+        run(str(counted), "-p", name)
+    assert run(str(counted), "-p", "world", "--json").stdout.strip() == "[]"  # it was there, and nothing happened to it
+    assert "cube_old gone" in run(str(counted), "-p", "cube_old").stdout
+
+
+@pytest.mark.parametrize(
     ("arguments", "expected"),
     [(["x.mcap", "--kind", "surprise"], "did you mean 'surprised'"), (["x.mcap", "-f"], "a recording has an end"),
      (["x.mcap"], "cannot be read"), ([], "no graph runs")],
@@ -106,6 +116,9 @@ def test_a_running_graph_tells_its_timeline_with_true_times() -> None:
         assert re.search(r"-4\d\d\.\d\d +Pick +picked", run("-k", "Pick").stdout)
         with pytest.raises(dsr.ConfigError, match="no such kind"):
             run("--kind", "Jongleur")
+        with pytest.raises(dsr.ConfigError, match="--participant cube_8: no such node or agent; did you mean 'cube_9'"):
+            run("-p", "cube_3", "-p", "cube_8")
+        assert told("-p", "cube_9") == [] and told("-p", "teller") == [] and told("-p", "cube_4") != []
 
 
 def test_the_timeline_is_followed() -> None:
@@ -118,6 +131,21 @@ def test_the_timeline_is_followed() -> None:
             assert json.loads(process.stdout.readline())["text"] == "cube_3 on table"
             chronicle.end(on)
             assert json.loads(process.stdout.readline())["text"] == "no more cube_3 on table"
+            process.send_signal(signal.SIGINT)
+            assert process.wait(10) == 0
+
+
+def test_who_is_followed_may_still_come() -> None:
+    program = "from agents.replay.timeline_cli import app; app()"
+    command = [sys.executable, "-c", program, "--follow", "--json", "-p", "cube_3"]
+    with dsr.connect("scene", agent="teller") as memory:
+        chronicle, _ = Chronicle(memory), memory.add_node("cube_4", "cube")
+        chronicle.claim()
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+            assert process.stdout and process.stderr
+            assert "no such node or agent; did you mean 'cube_4'" in process.stderr.readline()
+            chronicle.happened("Pick", ("cube_3", "gripper"))
+            assert json.loads(process.stdout.readline())["kind"] == "Pick"
             process.send_signal(signal.SIGINT)
             assert process.wait(10) == 0
 
