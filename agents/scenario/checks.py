@@ -28,7 +28,7 @@ from dsr.errors import ConfigError, GoalError, suggest
 from dsr.goals import parse_goal
 from dsr.keys import check_name
 from dsr.observed_actions import parse_pattern
-from dsr.runtime.config import TomlFile
+from dsr.runtime.system import agent_names, find_system
 from dsr.runtime.toml_lines import Path
 
 _RESERVED = {
@@ -53,14 +53,15 @@ class InconsistencyError(ConfigError):
         self.path = path
 
 
-def check_scenario(scenario: Scenario, etc: FilePath | None) -> None:
-    """Raise `InconsistencyError` for the first value that contradicts another or names no file of `etc`."""
+def check_scenario(scenario: Scenario, etc: FilePath | None, folder: FilePath) -> None:
+    """Raise `InconsistencyError` for the first value that contradicts another or names no file of `etc`.
+
+    Paths are relative to `folder`, that of the scenario's file.
+    """
     _check_name(("name",), scenario.name)
-    if etc is not None:
-        _check_file(("system",), scenario.system, etc / "systems", ".toml")
-        if scenario.robot.exists:
-            _check_file(("robot", "model"), scenario.robot.model, etc / "robots", ".urdf")
-        _check_system(scenario, etc / "systems" / f"{scenario.system}.toml")
+    if etc is not None and scenario.robot.exists:
+        _check_file(("robot", "model"), scenario.robot.model, etc / "robots", ".urdf")
+    _check_system(scenario, folder)
     _check_settings(scenario)
     _check_equipment(scenario)
     _check_names(scenario)
@@ -91,11 +92,12 @@ def _check_file(path: Path, name: str, folder: FilePath, suffix: str) -> None:
     _require(not known or name in known, path, f"unknown {path[-1]} {name!r}; {suggest(name, known)}")
 
 
-def _check_system(scenario: Scenario, system: FilePath) -> None:
-    """The system has the agents that the scenario needs or kills; their classes are not loaded for that."""
-    if not system.exists():
-        return
-    agents = [table["name"] for table in TomlFile(system).data["agent"]]
+def _check_system(scenario: Scenario, folder: FilePath) -> None:
+    """The system is there and has the agents that the scenario needs or kills; their classes are not loaded."""
+    try:
+        agents = agent_names(find_system(scenario.system, folder))
+    except ConfigError as error:
+        raise InconsistencyError(("system",), str(error)) from error
     message = f"the system {scenario.system!r} has an arm; expected a robot, or another `system`, e.g. 'reasoner'"
     _require(scenario.robot.exists or "arm_controller" not in agents, ("robot", "model"), message)
     message = f"the system {scenario.system!r} has no agent 'fixed_camera'; expected another `system`, e.g. 'reasoner'"

@@ -176,8 +176,9 @@ def parse_scenario(text: str, file: str = "<text>") -> Scenario:
     except msgspec.ValidationError as error:
         raise type_error(error, data, text, file) from error
     try:
-        scenario = with_models(scenario, data, Path(file).parent)
-        check_scenario(scenario, _PACKAGE_ETC if _PACKAGE_ETC.is_dir() else None)
+        folder = Path(file).parent
+        scenario = with_models(scenario, data, folder)
+        check_scenario(scenario, _PACKAGE_ETC if _PACKAGE_ETC.is_dir() else None, folder)
     except InconsistencyError as error:
         raise value_error(str(error), error.path, text, file) from error
     return scenario

@@ -151,7 +151,7 @@ class Scenario(Section, frozen=True, kw_only=True):
     name: str
     title: str
     system: str = "tabletop"
-    """`etc/systems/<system>.toml`"""
+    """`etc/systems/<system>.toml`, or a path ending in `.toml`, relative to the scenario's file"""
     duration: Annotated[float, Meta(gt=0, le=3600)]
     """s, from when all agents are ready"""
     settle: Seconds = 4.0

@@ -1,4 +1,4 @@
-"""The system of agents that plays a scenario: that of `etc/systems`, configured for it."""
+"""The system of agents that plays a scenario, configured for it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import msgspec
 
 from agents.scenario.format import find_scenario, load_scenario
 from agents.scenario.model import Scenario
-from dsr.runtime.system import System, load_system
+from dsr.runtime.system import System, find_system, load_system
 
 Sensor = Literal["pixels", "poses"]
 """What the plant's camera delivers: rendered images, or the poses that would be measured in them."""
@@ -49,7 +49,7 @@ def staged_system(run: Run) -> System:
 
     An agent that the system does not have needs no configuration; without a folder nothing is recorded.
     """
-    system = load_system(run.scenario.system)
+    system = load_system(find_system(run.scenario.system, run.file.parent))
     if run.scenario.mission is None:
         system = without(system, MISSION)
     for agent, fields in _settings(run).items():
@@ -94,11 +94,17 @@ def _about(run: Run, system: System) -> dict[str, str]:
     configs = {spec.name: spec.config for spec in system.agents if spec.name not in ("recorder", "viewer")}
     return {
         "scenario": run.scenario.name,
-        "system": run.scenario.system,
+        "system": _lasting(run),
         "seed": str(run.seed),
         "sensor": run.sensor,
         "agents": msgspec.json.encode(configs).decode(),
     }
+
+
+def _lasting(run: Run) -> str:
+    """What the system is called wherever the recording is read: a name of its own, or the whole path."""
+    system = run.scenario.system
+    return str(find_system(system, run.file.parent)) if system.endswith(".toml") else system
 
 
 def _names(system: System) -> set[str]:

@@ -54,9 +54,7 @@ class BusLogHandler(logging.Handler):
     Records of the transport itself stay in the terminal: sending them would cause more of them.
     """
 
-    def __init__(
-        self, bus: Transport, keys: Keys, agent: str, clock: Clock, most_per_second: int = 20
-    ) -> None:
+    def __init__(self, bus: Transport, keys: Keys, agent: str, clock: Clock, most_per_second: int = 20) -> None:
         super().__init__(logging.INFO)
         self._bus = bus
         self._key = keys.log(agent)

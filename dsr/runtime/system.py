@@ -161,12 +161,22 @@ def load_class(name: str, folder: Path | None = None) -> type[Agent]:
     return kind
 
 
-def find_system(name_or_path: str | Path) -> Path:
-    """The file of a system: a path that ends in `.toml`, or the name of one in `etc/systems`."""
+def agent_names(file: Path) -> list[str]:
+    """Names of the agents in a system file; their classes are not loaded. Raises `ConfigError`."""
+    return [table.name for table in TomlFile(file).convert(_SystemFile).agent]
+
+
+def find_system(name_or_path: str | Path, folder: Path | None = None) -> Path:
+    """The file of a system: a path that ends in `.toml`, relative to `folder`, or the name of one in `etc/systems`.
+
+    Without `folder`, paths are relative to where the process runs. Raises `ConfigError` for an unknown name.
+    """
     path = Path(name_or_path)
     if path.suffix == ".toml":
-        return path
+        return path if folder is None else folder / path
     known = {file.stem: file for folder in (_ETC, Path("etc")) for file in folder.glob("systems/*.toml")}
     if str(name_or_path) not in known:
-        raise ConfigError(f"unknown system {str(name_or_path)!r}; {suggest(str(name_or_path), known)}")
+        hint = suggest(str(name_or_path), known)
+        path_too = "" if hint.endswith("?") else ", or a path ending in '.toml'"
+        raise ConfigError(f"unknown system {str(name_or_path)!r}; {hint}{path_too}")
     return known[str(name_or_path)]

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import pytest
 
 from agents.scenario.format import scenario_files
 from agents.scenario.staging import Policy, make_run, staged_system
+from dsr.errors import ConfigError
 
 
 def test_the_mission_is_told_to_its_agent_and_the_policy_to_the_belief():
@@ -32,6 +34,75 @@ def test_without_a_mission_nobody_asks_for_anything():
 @pytest.mark.parametrize("policy", ["hypotheses", "algorithm1", "published"])
 def test_all_policies_are_known_to_the_belief(policy: Policy, tmp_path: Path):
     staged_system(make_run("blackout_put", policy=policy, folder=tmp_path))
+
+
+AGENT = """
+from dsr.agent import Agent
+
+
+class Idler(Agent):
+    name = "idler"
+
+    def tick(self, now: float) -> None:
+        pass
+"""
+OWN_SYSTEM = """
+graph = "own"
+[[agent]]
+name = "{name}"
+class = "own_idler:Idler"
+"""
+SCENARIO = """
+name = "own"
+title = "With a system of its own"
+duration = 5.0
+system = "{system}"
+"""
+
+
+def write_scenario(folder: Path, system: str, name: str = "idler") -> Path:
+    """A scenario beside a folder `systems` with a system and its agent."""
+    (folder / "systems").mkdir()
+    (folder / "systems" / "own_idler.py").write_text(AGENT)
+    (folder / "systems" / "mine.toml").write_text(OWN_SYSTEM.format(name=name))
+    (folder / "systems" / "broken.toml").write_text("graph = 'own'\n[[agent]]\nname = 3\n")
+    file = folder / "own.toml"
+    file.write_text(SCENARIO.format(system=system))
+    return file
+
+
+def test_a_system_may_lie_beside_the_scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("sys.path", list(sys.path))
+    file = write_scenario(tmp_path, "systems/mine.toml")
+    monkeypatch.chdir("/")
+    run = make_run(file)
+    system = staged_system(run)
+    assert [spec.name for spec in system.agents] == ["idler"] and system.folder == tmp_path / "systems"
+
+
+def test_a_recording_tells_where_the_system_lies(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr("sys.path", list(sys.path))
+    file = write_scenario(tmp_path, "systems/mine.toml")
+    with (tmp_path / "systems" / "mine.toml").open("a") as system:
+        system.write('[[agent]]\nname = "recorder"\nclass = "agents.recorder:Recorder"\n')
+    config = staged_system(make_run(file, folder=tmp_path / "run")).agent("recorder").config
+    assert config["about"]["system"] == str(tmp_path / "systems" / "mine.toml")
+    config = staged_system(make_run("hovering", folder=tmp_path / "run")).agent("recorder").config
+    assert config["about"]["system"] == "tabletop"
+
+
+@pytest.mark.parametrize(
+    ("system", "message"),
+    [
+        ("systems/yours.toml", "own.toml:5: system: .*systems/yours.toml.*No such file"),
+        ("systems/broken.toml", "own.toml:5: system: .*systems/broken.toml:3: .*name"),
+        ("systems", "own.toml:5: system: unknown system 'systems'; valid: .*tabletop.*, or a path ending in '.toml'"),
+        ("tabeltop", "own.toml:5: system: unknown system 'tabeltop'; did you mean 'tabletop'?"),
+    ],
+)
+def test_a_system_that_is_not_there_or_none_is_told(tmp_path: Path, system: str, message: str):
+    with pytest.raises(ConfigError, match=message):
+        make_run(write_scenario(tmp_path, system))
 
 
 def test_the_scenarios_of_expectation_violation_are_there_and_differ_by_seed():
