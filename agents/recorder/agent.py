@@ -23,8 +23,8 @@ ABOUT = "agents"
 _MOST_WAITING = 20_000
 _MOST_IMAGES_WAITING = 64
 _LARGE = 1 << 16  # bytes; larger blobs are images or meshes
-_DEVICES = ("*/state", "*/command", "*/*/poses")
-"""What is recorded of the traffic with devices: an arm, a sensor that tells poses; images come as blobs."""
+_DEVICES = ("*/state", "*/command", "*/*/poses", "*/*/hands")
+"""What is recorded of the traffic with devices: an arm, sensors that tell poses or hands; images come as blobs."""
 
 
 class RecorderConfig(msgspec.Struct, frozen=True):

@@ -44,6 +44,15 @@ def perturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return run.folder
 
 
+def test_hands_are_found_anew_from_what_a_sensor_told(tmp_path: Path) -> None:
+    run = make_run("hand_carries", sensor="poses", seed=4, folder=tmp_path)
+    scenario = msgspec.structs.replace(run.scenario, duration=7.0, expectations=[])
+    run_lockstep(msgspec.structs.replace(run, scenario=scenario))
+    outcome = run_anew(tmp_path, ["hand_tracker"], **EXACT)
+    (hand,) = [pose for pose in outcome.poses if pose.edge == "RT world human_hand_0"]
+    assert hand.both_s > 1.0 and outcome.differences(0.0) == []
+
+
 def explanations(outcome: Outcome) -> tuple[list[str], list[str]]:
     recorded, anew = (
         [event.text for event in events if event.kind == "explained"]
