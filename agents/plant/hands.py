@@ -14,6 +14,7 @@ import numpy as np
 import pybullet
 from numpy.typing import NDArray
 
+from agents.colors import SKIN, SLEEVE
 from agents.plant.bullet import Bullet
 from agents.plant.capsules import blocked, capsule_pose, write_capsule
 from agents.plant.hand_figure import (
@@ -32,9 +33,6 @@ from dsr.transforms import Pose
 Array = NDArray[np.float64]
 Style = Literal["pinch", "touch"]
 
-SKIN = (0.88, 0.65, 0.54)
-"""Red, green, blue"""
-SLEEVE = (0.25, 0.27, 0.33)
 _SLEEVE_LENGTH, _SLEEVE_RADIUS = 0.22, 0.028
 _SLEEVE_GAP = 0.02  # m, of bare wrist
 _WRIST_WIDTH, _WRIST_RADIUS = 0.026, 0.015  # m, of a piece across the wrist

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from agents.colors import FLOOR, PALETTE, TABLE
 from agents.plant.bullet import Bullet
 from agents.plant.meshes import Color, Size
 from agents.plant.solids import collision_shape, visual_shape
@@ -35,9 +36,6 @@ _SETTLE_STEPS = 3 * RATE_HZ
 _STILL_STEPS = 12
 _UPWARD = 0.5  # least z of a contact normal that carries weight
 _FLOOR_SIZE = (6.0, 6.0, 0.1)
-_FLOOR_COLOR = (0.45, 0.45, 0.47)
-_TABLE_COLOR = (0.62, 0.52, 0.40)
-_PALETTE = ((0.80, 0.32, 0.28), (0.30, 0.52, 0.80), (0.36, 0.66, 0.36), (0.85, 0.66, 0.24), (0.56, 0.40, 0.72))
 
 
 class World:
@@ -58,8 +56,8 @@ class World:
         self._bodies: dict[str, int] = {}
         with tempfile.TemporaryDirectory(prefix="dsr-plant-") as folder:  # the physics engine keeps what it read
             files = Path(folder)
-            self.table = self._add_block(files, "table", table.size, _TABLE_COLOR, (x, y, top))
-            self.floor = self._add_block(files, "floor", _FLOOR_SIZE, _FLOOR_COLOR, (x, y, top - FLOOR_BELOW_TABLE))
+            self.table = self._add_block(files, "table", table.size, TABLE, (x, y, top))
+            self.floor = self._add_block(files, "floor", _FLOOR_SIZE, FLOOR, (x, y, top - FLOOR_BELOW_TABLE))
             shapes = (self._make_shapes(files, spec, index) for index, spec in enumerate(self.specs.values()))
             self._shapes = dict(zip(self.specs, shapes, strict=True))
             for spec in self.specs.values():
@@ -191,7 +189,7 @@ class World:
         return body
 
     def _make_shapes(self, folder: Path, spec: ObjectSpec, index: int) -> tuple[int, int]:
-        color = spec.color or _PALETTE[index % len(_PALETTE)]
+        color = spec.color or PALETTE[index % len(PALETTE)]
         visual = visual_shape(self.bullet, folder, spec.name, spec.size, color, spec.marker_id, spec.shape)
         return collision_shape(self.bullet, spec.size, spec.shape), visual
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path as FilePath
 
-from agents.colors import APART, spectral_angle
+from agents.scenario.coloring import color_clash
 from agents.scenario.events import ArmError, Carry, Event, FalsePercept, HandMove, Kill, Place, Slide, Swap
 from agents.scenario.expectations import (
     Actions,
@@ -65,7 +65,7 @@ def check_scenario(scenario: Scenario, etc: FilePath | None, folder: FilePath) -
     _check_settings(scenario)
     _check_equipment(scenario)
     _check_names(scenario)
-    _check_colors(scenario)
+    _check_colors(scenario, etc)
     _check_mission(scenario)
     _check_places(scenario)
     for index, event in enumerate(scenario.events):
@@ -164,15 +164,11 @@ def _check_recognised(spec: ObjectSpec, path: Path) -> None:
     _require(spec.known, path, f"{spec.name!r} is recognised by its colour: expected `known = true`, or a `marker_id`")
 
 
-def _check_colors(scenario: Scenario) -> None:
+def _check_colors(scenario: Scenario, etc: FilePath | None) -> None:
     """What is recognised by its colour is alone in having it."""
-    for index, spec in enumerate(scenario.objects):
-        if not spec.by_color:
-            continue
-        for other in scenario.objects:
-            if other is not spec and spec.color is not None and other.color is not None:
-                message = f"{spec.name!r} is recognised by its colour, but that of {other.name!r} is too much like it"
-                _require(spectral_angle(spec.color, other.color) >= APART, ("object", index), message)
+    if clash := color_clash(scenario, None if etc is None else etc / "robots"):
+        index, message = clash
+        raise InconsistencyError(("object", index), message)
 
 
 def _check_mission(scenario: Scenario) -> None:

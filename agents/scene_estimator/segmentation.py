@@ -8,12 +8,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.colors import TOLERANCE
+from agents.colors import DARKEST, TOLERANCE
 from dsr.quaternions import Vector3
 
 Mask = NDArray[np.bool_]
 
-_DARKEST = 40.0  # length of (red, green, blue) in grey levels, below which noise is all the colour there is
 _SMALLEST_SPOT = 12  # px
 _KERNEL = np.ones((3, 3), np.uint8)
 
@@ -25,7 +24,7 @@ class ColorImage:
         values = color.astype(np.float32)
         length = np.sqrt(np.einsum("hwc,hwc->hw", values, values))
         self._directions = values / np.maximum(length, 1.0)[..., None]
-        self._is_dark = length < _DARKEST
+        self._is_dark = length < 255.0 * DARKEST
 
     def mask(self, color: Vector3) -> Mask:
         """(h, w) the pixels of a colour, without specks."""

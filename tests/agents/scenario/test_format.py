@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from agents.scenario.coloring import color_clash
 from agents.scenario.format import (
     CameraCover,
     CameraSpec,
@@ -395,6 +396,45 @@ def test_a_model_gives_what_the_file_leaves_out():
     assert (cup.mass, cup.friction, cup.color, len(cup.shape)) == (0.3, 0.2, (0.0, 1.0, 0.0), 13)
 
 
+HAND = '[[event]]\nat = 1.0\ndo = "hand_enter"\nposition = [0.3, 0.0, 0.2]\n'
+
+
+@pytest.mark.parametrize(
+    ("color", "message"),
+    [
+        (
+            "[0.7, 0.58, 0.45]",
+            "that of the table is too much like it: 0 degrees between (0.7, 0.58, 0.45) and (0.62, 0.52, 0.4)",
+        ),
+        ("[0.3, 0.3, 0.31]", "that of the floor is too much like it"),
+        ("[0.5, 0.6, 0.5]", "that of the arm is too much like it"),
+        ("[0.4, 0.17, 0.15]", "that of 'a' is too much like it"),  # which has the first of the plant's colours
+        ("[0.0, 0.0, 0.2]", "(0.0, 0.0, 0.2) is too dark to be told from black"),
+    ],
+)
+def test_colors_must_differ_from_all_else_that_is_drawn(color: str, message: str):
+    assert f"x.toml:19: object.3: 'cup' is recognised by its colour, but {message}" in refusal(
+        BASE + CUP + f"color = {color}\n"
+    )
+
+
+def test_skin_is_a_color_where_there_are_hands():
+    text = BASE + CUP + "color = [0.8, 0.4, 0.55]\n"
+    assert parse_scenario(text).object("cup").by_color
+    assert "object.3: 'cup' is recognised by its colour, but that of hands is too much" in refusal(text + HAND)
+    parse_scenario(text.replace("known = true", "marker_id = 9").replace('model = "cup"', 'model = "box"') + HAND)
+
+
+def test_the_arm_has_the_colors_of_its_description(tmp_path: Path):
+    (tmp_path / "gen3.urdf").write_text(
+        '<robot name="r"><material name="m"><color rgba="0 0.9 0.9 1"/></material><link name="l"/></robot>'
+    )
+    scenario = parse_scenario(BASE + CUP + "color = [0.0, 0.6, 0.6]\n")
+    assert color_clash(scenario, None) is None
+    clash = color_clash(scenario, tmp_path)
+    assert clash is not None and clash[0] == 2 and "that of the arm is too much like it" in clash[1]
+
+
 def test_a_model_beside_the_file(tmp_path: Path):
     own = Path(__file__).parents[3] / "etc" / "objects" / "box.urdf"
     (tmp_path / "mine.urdf").write_text(own.read_text().replace("0.08 0.06 0.05", "0.1 0.06 0.05"))
@@ -428,7 +468,10 @@ def test_what_stands_under_a_cover_does_not_overlap_it_and_moves_with_it():
         (CUP + "marker_id = 9\n", "object.3.marker_id: 'cup' has no closed upper face for a tag"),
         (CUP + "size = [0.1, 0.1, 0.1]\n", "object.3.size: the size of an object of several parts"),
         (CUP + "shape = [1.0]\n", "object.3.shape"),
-        (CUP + CUP.replace('"cup"', '"mug"', 1).replace("0.2,", "0.3,"), "object.3: 'cup' is recognised by its colour"),
+        (
+            CUP + CUP.replace('"cup"', '"mug"', 1).replace("0.2,", "0.3,"),
+            "object.3: 'cup' is recognised by its colour, but that of 'mug' is too much like it: 0 degrees between",
+        ),
         (UNDER_A_COVER.replace("0.3, 0.0", "0.37, 0.0"), "'cover' and 'a' overlap by"),
     ],
 )

@@ -9,8 +9,8 @@ import msgspec
 import numpy as np
 import pytest
 
+from agents import colors
 from agents.object_models import load_model, model_files
-from agents.plant.world import _PALETTE, _TABLE_COLOR
 from agents.scenario.format import ObjectSpec
 from agents.scene_estimator.color_reader import ColorReader
 from agents.scene_estimator.colored import ColorSighting
@@ -121,12 +121,13 @@ def test_all_at_once(scene: ColorScene) -> None:
 
 @pytest.mark.parametrize("brightness", [0.45, 0.7, 1.0])
 def test_neither_table_nor_cubes_nor_other_models_match(brightness: float) -> None:
-    colors = {name: load_model(file).color for name, file in model_files().items()}
-    stripes = [*_PALETTE, _TABLE_COLOR, (0.45, 0.45, 0.47), (0.88, 0.65, 0.54), *colors.values()]
+    models = {name: load_model(file).color for name, file in model_files().items()}
+    around = (colors.TABLE, colors.FLOOR, colors.SKIN, colors.SLEEVE, colors.GREY)
+    stripes = [*colors.PALETTE, *around, *models.values()]
     noise = np.random.default_rng(0).normal(0.0, 2.0, (60, 20 * len(stripes), 1))
     image = np.repeat(np.repeat(np.array([stripes]), 60, axis=0), 20, axis=1) * 255 * brightness + noise
     picture = ColorImage(np.clip(np.rint(image), 0, 255).astype(np.uint8))
-    for name, color in colors.items():
+    for name, color in models.items():
         assert color is not None
         wanted = np.repeat([other == color for other in stripes], 20)
         mask = picture.mask(color)
