@@ -16,7 +16,11 @@ from dsr.transforms import Pose
 from simulation_handler.geometry import Solid
 
 _PALM = Part("box", (0.115, 0.095, 0.035), (-0.012, 0.0, 0.0))
-_FOREARM = Part("box", (0.26, 0.075, 0.075), (-0.18, 0.0, 0.03), quaternions.from_rotvec((0.0, 0.25, 0.0)))
+_FOREARM = (
+    Part("box", (0.16, 0.08, 0.08), (-0.13, 0.0, -0.01)),
+    Part("box", (0.16, 0.12, 0.12), (-0.27, 0.0, -0.025)),
+)
+"""Where its direction is less and less certain, the wider: wrists bend."""
 _KNUCKLES: tuple[Vector3, ...] = (
     (-0.02, 0.04, -0.006),
     (0.022, 0.03, 0.0),
@@ -54,7 +58,7 @@ def hand_solid(name: str, world_from_hand: Pose, tips: Mapping[int, Vector3], *,
             end = (hand_from_world @ Pose.unchecked(tips[finger], (0.0, 0.0, 0.0, 1.0))).t
         if math.dist(start, end) <= _LONGEST:
             fingers.append(_finger(start, end))
-    return _as_solid(name, world_from_hand, (_PALM, _FOREARM, *fingers))
+    return _as_solid(name, world_from_hand, (_PALM, *_FOREARM, *fingers))
 
 
 def _finger(start: Vector3, end: Vector3) -> Part:
