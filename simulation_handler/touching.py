@@ -43,6 +43,7 @@ _ELSEWHERE = 0.05  # m from where its hand would have it, from which an object a
 _PRESUMED = 0.3  # s that a hand must touch what it hides, to be presumed to hold it
 _HALF = 0.5  # of what there is to see of an object
 _FINGERS = 5
+_DRIFT = 0.1  # share by which a palm that does not move as its fingertips do is taken to have moved by itself
 _BLEND = 0.2  # weight of the newest in how a hand holds an object
 _LEVEL, _TILTED = 0.2, 0.4  # rad up to which tilt is the hand's noise, and from which it is all tilt
 
@@ -69,6 +70,10 @@ class HandGrasp:
     hand_from_object: Pose
     presumed: bool = False
     """It is held, very likely: the hand hides it, and so where the finger is that would oppose."""
+    opened: bool = False
+    """It was a pinch until its fingertips were seen apart, and the object was not seen since: it is held no more."""
+    places: dict[str, Vector3] = field(default_factory=dict)
+    """Of the fingertips that touched it while that could be seen, in its frame, m."""
 
 
 @dataclass
@@ -159,8 +164,35 @@ class Touching:
             pose = self._hands[item.hand].path.last
             there = pose @ self._grasps[item.hand, item.name].hand_from_object
             item.turned_by_hand = levelled(item.solid(there.t, there.q))
-            if now - item.track.last_stamp > UNSEEN:
-                item.path.add(Pose.unchecked(there.t, there.q, pose.stamp))
+            if now - item.track.last_stamp > UNSEEN and not self._opens(item, touching, opposed):
+                turned = there.q if item.shows_rotation else item.turned_by_hand
+                item.path.add(self._in_fingers(item, Pose.unchecked(there.t, turned), pose))
+
+    def _opens(self, item: BelievedObject, touching: set[Relation], opposed: set[Relation]) -> bool:
+        """Whether the hand that holds an object may be letting go of it just now: it then takes it nowhere."""
+        relation = (item.hand, item.name)
+        was_pinched = relation in self._pinches.current() and relation not in opposed
+        return was_pinched or not any((tip, item.name) in touching for tip in self._hands[item.hand].tips)
+
+    def _in_fingers(self, item: BelievedObject, there: Pose, palm: Pose) -> Pose:
+        """Where an unseen object is that by the palm of its hand is `there`: it moves only if its fingertips do, too.
+
+        A palm of which little is in sight seems to move, and so does a fingertip that opens.
+        """
+        grasp, hand = self._grasps[item.hand, item.name], self._hands[item.hand]
+        offsets = [
+            tuple(a - b for a, b in zip(hand.tips[tip].last.t, (there @ Pose.unchecked(place, there.q)).t, strict=True))
+            for tip, place in grasp.places.items()
+            if tip in hand.tips and (tip, item.name) in self._touches.current() and _is_measured(hand.tips[tip], hand)
+        ]
+        if not offsets:
+            return Pose.unchecked(there.t, there.q, palm.stamp)
+        x, y, z = (a + sum(values) / len(offsets) for a, *values in zip(there.t, *offsets, strict=True))
+        before = item.path.last.t
+        position = min(there.t, (x, y, z), key=lambda place: math.dist(place, before))
+        held = Pose.unchecked(position, there.q, palm.stamp)
+        grasp.hand_from_object = between(grasp.hand_from_object, palm.inverse() @ held, _DRIFT)
+        return held
 
     def _contacts(self, now: float) -> tuple[set[Relation], set[Relation]]:
         """(fingertip, object) and (hand, object) that touch, and pinch, as far as can be told."""
@@ -177,10 +209,9 @@ class Touching:
                     continue
                 ways = self._touched(hand, item, known, now)
                 touching |= {(tip, item.name) for tip in ways}
-                measured = [way for way in ways.values() if way is not None]
-                if any(_dot(a, b) < _OPPOSED for a, b in combinations(measured, 2)):
+                if _is_opposed(ways):
                     opposed.add((name, item.name))
-                elif len(measured) < 2 <= len(ways):
+                elif sum(way is not None for way in ways.values()) < 2 <= len(ways):
                     opposed |= {(name, item.name)} & self._pinches.current().keys()
         return touching, opposed
 
@@ -192,24 +223,22 @@ class Touching:
     ) -> dict[str, Vector3 | None]:
         """Fingertips that touch an object, with the way out of it there; None for one that is not measured now."""
         stamp, solid = self._seen_at(hand, item, now)
+        solids = [solid]
+        if item.hand and hand is self._hands.get(item.hand) and now - item.track.last_stamp > UNSEEN:
+            there = hand.path.last @ self._grasps[item.hand, item.name].hand_from_object  # its body comes later
+            solids.append(item.solid(there.t, there.q))
+        touching = {tip: path.at(stamp).t for tip, path in hand.tips.items() if _is_measured(path, hand)}
+        grown = {tip: _FAR if (tip, item.name) in known else _NEAR for tip in touching}
         found: dict[str, Vector3 | None] = {}
-        opened = False  # one that touched is seen away: so are those, very likely, that are hidden
-        for tip, path in hand.tips.items():
-            is_known = (tip, item.name) in known
-            if not _is_measured(path, hand):
-                if is_known:
-                    found[tip] = None
-                continue
-            point = path.at(stamp).t
-            if math.dist(point, solid.position) > solid.radius + TIP_RADIUS + _FAR:
-                opened |= is_known
-                continue
-            distance, way = outwards(solid, point)
-            if _DEEPEST <= distance - TIP_RADIUS <= (_FAR if is_known else _NEAR):
-                found[tip] = way
-            else:
-                opened |= is_known
-        return {} if opened and not any(found.values()) else found
+        for solid in solids:
+            ways = {tip: _way_out(solid, point, grown[tip]) for tip, point in touching.items()}
+            met: dict[str, Vector3 | None] = {tip: way for tip, way in ways.items() if way is not None}
+            if (_is_opposed(met), len(met)) > (_is_opposed(found), len(found)):
+                found = met
+        touched = {tip for tip in hand.tips if (tip, item.name) in known}
+        if not found and touched & touching.keys():  # seen away: so are those, very likely, that are hidden
+            return {}
+        return found | dict.fromkeys(touched - touching.keys())
 
     def _seen_at(self, hand: _Hand, item: BelievedObject, now: float) -> tuple[float, Solid]:
         """A time (s) for which both are known, and where the object was then."""
@@ -246,17 +275,19 @@ class Touching:
         item, hand = self._bodies.objects[thing], self._hands[name]
         there = self._hand_from_object(hand, item, now)
         grasp = self._grasps.setdefault(relation, HandGrasp(since, TOUCH, there))
-        grasp.grip = PINCH if is_pinched else TOUCH
         is_seen = now - item.track.last_stamp <= UNSEEN
+        grasp.opened = not (is_seen or is_pinched) and (grasp.opened or grasp.grip == PINCH)
+        grasp.grip = PINCH if is_pinched else TOUCH
         if is_seen:
             grasp.presumed = False
-        elif not is_pinched and not grasp.presumed:
+        elif not is_pinched and not grasp.presumed and not grasp.opened:
             grasp.presumed = since < now - _PRESUMED and self._hides(name, thing)
         if is_seen or not item.hand:
             before = grasp.hand_from_object
             if not item.shows_rotation:
                 there = Pose.unchecked(there.t, before.q)
             grasp.hand_from_object = between(before, there, _BLEND)
+            self._note_places(grasp, hand, item, now)
 
     def _hides(self, name: str, thing: str) -> bool:
         """Whether a hand hides an object that it touches, and some of its own fingertips are hidden, too."""
@@ -279,6 +310,17 @@ class Touching:
         stamp, solid = self._seen_at(hand, item, now)
         return hand.path.at(stamp).inverse() @ solid.pose
 
+    def _note_places(self, grasp: HandGrasp, hand: _Hand, item: BelievedObject, now: float) -> None:
+        """Keep in mind where fingertips touch an object."""
+        stamp, solid = self._seen_at(hand, item, now)
+        object_from_world = solid.pose.inverse()
+        for tip, path in hand.tips.items():
+            if (tip, item.name) in self._touches.current() and _is_measured(path, hand):
+                place = object_from_world @ path.at(stamp)
+                before = grasp.places.get(tip, place.t)
+                x, y, z = (a + _BLEND * (b - a) for a, b in zip(before, place.t, strict=True))
+                grasp.places[tip] = (x, y, z)
+
     def _is_elsewhere(self, relation: Relation, now: float) -> bool:
         """Whether an object is seen to rest where the hand, whose touching fingertips are unseen, cannot have it."""
         name, thing = relation
@@ -297,7 +339,8 @@ class Touching:
         for (hand, thing), grasp in sorted(self._grasps.items(), key=lambda entry: (entry[1].since, entry[0])):
             item = self._bodies.objects[thing]
             hovers = item.pinned or item.hovering_since is not None
-            if grasp.grip == PINCH or grasp.presumed or hovers or item.hand == hand:
+            is_carried = (hovers or item.hand == hand) and not grasp.opened
+            if grasp.grip == PINCH or grasp.presumed or is_carried:
                 holders.setdefault(thing, hand)
         return holders
 
@@ -313,8 +356,22 @@ def _drops(hand: _Hand, item: BelievedObject) -> bool:
     return item.path.is_falling and not hand.path.is_falling
 
 
+def _way_out(solid: Solid, point: Vector3, most: float) -> Vector3 | None:
+    """Out of an object at a fingertip that is at most `most` m away; None if that does not touch it."""
+    if math.dist(point, solid.position) > solid.radius + TIP_RADIUS + most:
+        return None
+    distance, way = outwards(solid, point)
+    return way if _DEEPEST <= distance - TIP_RADIUS <= most else None
+
+
 def _is_measured(path: Path, hand: _Hand) -> bool:
     return path.newest >= hand.path.newest - _MEASURED
+
+
+def _is_opposed(ways: Mapping[str, Vector3 | None]) -> bool:
+    """Whether two ways out of an object, of those that are known, are opposite."""
+    known = [way for way in ways.values() if way is not None]
+    return any(_dot(a, b) < _OPPOSED for a, b in combinations(known, 2))
 
 
 def _dot(a: Vector3, b: Vector3) -> float:

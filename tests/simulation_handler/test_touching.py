@@ -210,6 +210,40 @@ def test_fingertips_that_are_hidden_with_what_they_hold_open_with_the_one_that_i
     assert world.pose("cup").t[2] < 0.06
 
 
+def cup_held_unseen() -> Occlusion:
+    world = cup_in_a_hand()
+    world.move("cup", standing(0.3, 0.0, SMALL, on=0.2))
+    world.seen.discard("cup")
+    world.run(0.5)
+    return world
+
+
+def test_what_fingers_hold_does_not_go_with_a_palm_that_only_seems_to_move() -> None:
+    world = cup_held_unseen()
+    slip = Pose((0.0, 0.0, 0.005))
+    for _ in range(12):
+        assert world.palm is not None
+        world.palm = world.palm @ slip
+        world.hand_from_object = slip.inverse() @ world.hand_from_object
+        world.run(0.1)
+    assert world.error("cup") < 0.015
+    world.move("cup", standing(0.3, -0.2, SMALL, on=0.2))
+    assert world.error("cup") < 0.03
+
+
+def test_what_a_hand_lets_go_of_unseen_falls_where_its_fingers_opened() -> None:
+    world = cup_held_unseen()
+    world.tips_from_object = {
+        name: (x, y + math.copysign(0.025, y), z) for name, (x, y, z) in world.tips_from_object.items()
+    }
+    for _ in range(10):  # and withdraws at once
+        assert world.palm is not None
+        world.palm = world.palm @ Pose((-0.015, 0.0, 0.005))
+        world.run(0.1)
+    assert world.belief.grasps() == {}
+    assert world.pose("cup").t == pytest.approx((0.3, 0.0, 0.04), abs=0.015)
+
+
 def test_what_is_in_a_cup_in_a_hand_goes_along() -> None:
     world = Occlusion({"cup": standing(0.3, 0.0, SMALL), "cube": standing(0.3, 0.0, CUBE, on=WALL)})
     world.run(2.0)
