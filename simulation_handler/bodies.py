@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 
 from dsr.errors import suggest
@@ -16,6 +17,7 @@ from simulation_handler.simulator import SimulationError, Simulator
 from simulation_handler.tracking import Track
 
 FLOOR = "_floor"
+_HIGHER = 0.001  # m
 _SLOW = 0.05  # m/s up to which a body counts as at rest
 _FLOOR_SIZE = (20.0, 20.0, 0.2)
 
@@ -91,6 +93,19 @@ class Bodies:
     def solid(self, name: str) -> Solid:
         """The object at its believed pose."""
         return self.objects[name].solid(*self.sim.pose(name))
+
+    def above(self, item: BelievedObject, percept: Vector3) -> set[str]:
+        """Names of compound bodies that stand higher than an object and so do not carry it; none if it has left.
+
+        Of a mug on a tray, the bottom is so low that, by noise, the tray might be thought to rest on that.
+        """
+        body = self.solid(item.name) if item.name in self.sim else None
+        if body is None or math.dist(body.position, percept) > self._config.hover_tolerance:
+            return set()
+        others = [
+            other for name, other in self.objects.items() if other.shape and name in self.sim and other is not item
+        ]
+        return {other.name for other in others if self.solid(other.name).bottom > body.bottom + _HIGHER}
 
     def scene(self, leaving_out: Collection[str]) -> dict[str, Solid]:
         """All fixtures, and all other bodies at their believed poses."""

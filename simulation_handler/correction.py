@@ -69,9 +69,18 @@ class Correction:
         if not changed:
             return
         scene = self._bodies.scene(leaving_out={item.name for item in changed})
-        by_height = sorted(changed, key=lambda item: (item.percept().bottom, item.name))
+        by_height = sorted(changed, key=lambda item: (self._height(item), item.name))
         moving = [item for item in by_height if self._reconsider(item, scene, now)]
         self._realise(moving, scene, now)
+
+    def _height(self, item: BelievedObject) -> float:
+        """Height (m) of the bottom of a perceived object: where its body is, if that is near, for that has no noise."""
+        percept = item.percept()
+        if item.name not in self._bodies.sim:
+            return percept.bottom
+        body = self._bodies.solid(item.name)
+        is_near = math.dist(body.position, percept.position) <= self._config.hover_tolerance
+        return body.bottom if is_near else percept.bottom
 
     def _is_led_by_perception(self, item: BelievedObject, now: float) -> bool:
         """Whether it is seen; of one without a place even an old percept says the most."""
@@ -107,8 +116,12 @@ class Correction:
         return not separate([*scene.values(), solid], {item.name: 1.0})
 
     def _placed(self, item: BelievedObject, scene: Scene) -> Placement:
-        others = list(scene.values()) if item.prop is None else [*scene.values(), item.prop]
-        return place(item.percept(), item.percept_covariance(self._config), others, self._config)
+        percept = item.percept()
+        above = self._bodies.above(item, percept.position)
+        others = [solid for name, solid in scene.items() if name not in above]
+        if item.prop is not None:
+            others.append(item.prop)
+        return place(percept, item.percept_covariance(self._config), others, self._config)
 
     def _is_unexplained(self, item: BelievedObject, placement: Placement, now: float) -> bool:
         """Whether the object has hovered for so long that something must be beneath it."""

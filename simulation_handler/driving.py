@@ -165,7 +165,8 @@ class Driving:
     def _aim(self, item: BelievedObject, drive: _Drive) -> None:
         """Where the body should be at the end of this step: where it was seen, as far as other bodies allow."""
         pose = item.path.at(drive.played)
-        scene = self._bodies.scene(leaving_out={item.name, *self._riders([item.name])})
+        above = self._bodies.above(item, pose.t)
+        scene = self._bodies.scene(leaving_out={item.name, *above, *self._riders([item.name])})
         covariance = _VAGUE if item.track.estimate is None else item.percept_covariance(self._config)
         placement = place(item.solid(pose.t, pose.q), covariance, list(scene.values()), self._config)
         drive.end, drive.rests = placement.solid.pose, placement.rests

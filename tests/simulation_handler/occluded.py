@@ -18,6 +18,7 @@ from tests.simulation_handler.worlds import BALL, CAMERA, CUBE, PERIOD, ROUND, T
 
 BOX: Vector3 = (0.17, 0.17, 0.15)
 SMALL: Vector3 = (0.09, 0.09, 0.08)
+FLAT: Vector3 = (0.2, 0.2, 0.04)
 
 
 class Thing(NamedTuple):
@@ -36,6 +37,7 @@ KINDS = {
     "box": Thing(BOX, container(BOX), 0.2),
     "other": Thing(BOX, container(BOX), 0.2),
     "cover": Thing(BOX, container(BOX, upside_down=True), 0.2),
+    "tray": Thing(FLAT, container(FLAT), 0.2),
     "cup": Thing(SMALL, container(SMALL), 0.1),
     "block": Thing((0.2, 0.3, 0.25), (), 0.5),
 }

@@ -8,7 +8,7 @@ import pytest
 
 from dsr.transforms import Pose
 from simulation_handler.sight import Glance
-from tests.simulation_handler.occluded import BOX, SMALL, Occlusion, standing
+from tests.simulation_handler.occluded import BOX, FLAT, SMALL, Occlusion, standing
 from tests.simulation_handler.worlds import BALL, CUBE, WALL
 
 IN_BOX = WALL + 0.5 * BALL[2]
@@ -195,3 +195,17 @@ def test_a_box_that_jumps_takes_its_contents_along() -> None:
     assert world.error("box") < 0.005
     assert math.dist(world.pose("ball").t[:2], (0.0, -0.3)) < 0.05
     assert "moved_with_contents(box; ball)" in world.texts()
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_tray_does_not_rest_on_the_cup_that_is_put_on_it(seed: int) -> None:
+    world = Occlusion({"tray": standing(0.3, 0.0, FLAT), "cup": standing(0.3, 0.3, SMALL)}, seed, noise=0.004)
+    world.run(2.0)
+    world.move("cup", standing(0.3, 0.3, SMALL, on=0.15))
+    world.move("cup", standing(0.3, 0.0, SMALL, on=0.15))
+    world.move("cup", standing(0.3, 0.0, SMALL, on=WALL))
+    for _ in range(60):
+        world.run(0.1)
+        assert ("tray", "cup") not in world.belief.supports()
+        assert world.error("tray") < 0.015
+    assert ("cup", "tray") in world.belief.supports()
