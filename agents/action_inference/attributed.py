@@ -37,6 +37,8 @@ class _Track:
     """s, when something was last known to hold it since it was picked."""
     let_go: Height | None = None
     """Where it was believed to be then."""
+    palm_height: float | None = None
+    """World z of the palm of the hand that held it then, m; None if that was not perceived."""
     beneath: tuple[float, frozenset[str]] = (0.0, frozenset())
     """When (s) what was last beneath or around it."""
     resting_since: float | None = None
@@ -65,7 +67,7 @@ class AttributedPolicy:
         self._attribution.update(snapshot)
         self._tracks = {name: track for name, track in self._tracks.items() if name in snapshot.things}
         for thing in snapshot.things.values():
-            self._note(thing, snapshot.now)
+            self._note(thing, snapshot)
         inferences = []
         for name in self._from_below(snapshot):
             thing, track = snapshot.things[name], self._track(name)
@@ -88,9 +90,9 @@ class AttributedPolicy:
             self._tracks[name] = _Track(seen, Heights(config.lifted, config.lifted_frames, config.steady))
         return self._tracks[name]
 
-    def _note(self, thing: Thing, now: float) -> None:
+    def _note(self, thing: Thing, snapshot: Snapshot) -> None:
         """Take in where it is, and what carries it."""
-        track = self._track(thing.name)
+        track, now = self._track(thing.name), snapshot.now
         if thing.seen is not None:
             last = track.seen.last
             if last is not None and thing.seen.stamp > last.time + _GONE:
@@ -102,8 +104,8 @@ class AttributedPolicy:
         if beneath and not (thing.grasps and track.held):
             track.beneath = (now, beneath)
         if thing.grasps:
-            last_believed = track.believed.last
-            track.last_grasp, track.let_go = now, last_believed
+            track.last_grasp, track.let_go = now, track.believed.last
+            track.palm_height = snapshot.palm_height(thing.grasps[-1].holder)
 
     def _from_below(self, snapshot: Snapshot) -> list[str]:
         """All names, what carries others first."""
@@ -190,14 +192,21 @@ class AttributedPolicy:
         current = seen if seen is not None and seen.time > let_go_at else believed
         if current is None:
             return None
-        if let_go.bottom - current.bottom > config.fallen:
+        lowered = let_go.bottom - current.bottom
+        if lowered - self._palm_lowered(track, snapshot) > config.fallen:
             return self._let_go(thing, track, RELEASE, let_go_at, _SURE, f"{track.by} let go of it, and it came down")
         if self._rests(thing, track, snapshot) and thing.plausible:
-            time = min(track.believed.settled() if track.believed.last is not None else let_go_at, let_go_at)
+            settled = track.believed.settled() if track.believed.last is not None else let_go_at
+            time = settled if lowered > config.fallen else min(settled, let_go_at)  # the hand may have held on unseen
             return self._let_go(thing, track, PLACE, time, _SURE, f"{track.by} let go of it where it rests")
         if now - let_go_at > _GONE and seen is not None and seen.time > let_go_at + _GONE:
             track.last_grasp = None  # the grasp was lost sight of, not ended: motion tells from here
         return None
+
+    def _palm_lowered(self, track: _Track, snapshot: Snapshot) -> float:
+        """How far the hand that held it has come down since, m, if it has: it may still hold it, unseen."""
+        palm_height = snapshot.palm_height(track.by)
+        return 0.0 if palm_height is None or track.palm_height is None else max(0.0, track.palm_height - palm_height)
 
     def _by_motion(self, thing: Thing, track: _Track, snapshot: Snapshot) -> Inference | None:
         """Nothing is known to hold it but that it was lifted."""

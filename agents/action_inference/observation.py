@@ -59,7 +59,7 @@ class Holder(NamedTuple):
 
     name: str
     points: tuple[Vector3, ...]
-    """Where it can hold something, m, world: palm and fingertips."""
+    """Where it can hold something, m, world: the palm first, then fingertips."""
     perceived: bool = True
     """It is known where it is now."""
 
@@ -74,3 +74,8 @@ class Snapshot:
     holders: Mapping[str, Holder] = field(default_factory=dict)
     floor_below: float = -math.inf
     """m, world z below which a thing that lies still lies on the floor: well below all tables"""
+
+    def palm_height(self, holder: str) -> float | None:
+        """World z of a holder's palm, m; None if it is not known now."""
+        known = self.holders.get(holder)
+        return known.points[0][2] if known is not None and known.perceived and known.points else None

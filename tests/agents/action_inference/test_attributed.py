@@ -8,7 +8,7 @@ from agents.action_inference.attributed import AttributedPolicy
 from agents.action_inference.observation import Holder
 from dsr.observed_actions import PICK, PLACE, RELEASE, Action
 from dsr.transforms import Pose
-from tests.agents.action_inference.stage import Stage
+from tests.agents.action_inference.stage import TICK, Stage
 
 UP, DOWN, ASIDE = (0.0, 0.0, 0.2), (0.0, 0.0, -0.2), (0.2, 0.0, 0.0)
 STILL = (0.0, 0.0, 0.0)
@@ -209,6 +209,60 @@ def test_a_grasp_that_is_lost_sight_of_does_not_end_the_hold(stage: Stage):
     put_down(stage)
     stage.run(1.0)
     assert stage.told[1:] == [f"Place(cup, {HAND})"]
+
+
+def lower(stage: Stage, seconds: float, cup: float, hand: float) -> None:
+    """Let the cup and the hand above it sink at these speeds, m/s."""
+    for _ in range(round(seconds / TICK)):
+        ((x, y, z), *_) = stage.holders[HAND].points
+        stage.holders = {HAND: Holder(HAND, ((x, y, z - hand * TICK),))}
+        stage.run(TICK, cup=(0.0, 0.0, -cup))
+
+
+@pytest.mark.parametrize("missing", [0.1, 0.4, 10.0])
+def test_a_grasp_that_is_lost_sight_of_while_the_hand_puts_it_down_is_no_release(stage: Stage, missing: float):
+    stage.holders = {HAND: Holder(HAND, ((0.0, 0.0, 0.25),))}
+    stage.grasp("cup", HAND)
+    lift(stage)
+    height = stage.true["cup"][2] - 0.02
+    lower(stage, 0.2, 0.25, 0.25)
+    stage.grasp("cup")
+    lower(stage, min(missing, height / 0.25 - 0.2), 0.25, 0.25)
+    if missing < 1.0:
+        stage.grasp("cup", HAND)
+        lower(stage, height / 0.25 - 0.2 - missing, 0.25, 0.25)
+        stage.grasp("cup")
+    down = stage.now
+    stage.change("cup", plausible=True, on=frozenset({"table"}))
+    stage.run(1.0)
+    assert stage.told == [f"Pick(cup, {HAND})", f"Place(cup, {HAND})"]
+    assert stage.actions[1][1].time == pytest.approx(down, abs=0.15)
+
+
+def test_a_hand_that_goes_up_from_what_it_put_down_has_not_released_it(stage: Stage):
+    stage.holders = {HAND: Holder(HAND, ((0.0, 0.0, 0.25),))}
+    stage.grasp("cup", HAND)
+    lift(stage)
+    lower(stage, 1.0, 0.2, 0.2)
+    stage.grasp("cup")
+    lower(stage, 0.5, 0.0, -0.5)
+    stage.change("cup", plausible=True, on=frozenset({"table"}))
+    lower(stage, 0.5, 0.0, -0.5)
+    assert stage.told == [f"Pick(cup, {HAND})", f"Place(cup, {HAND})"]
+
+
+def test_what_falls_from_a_hand_that_goes_down_is_released(stage: Stage):
+    stage.holders = {HAND: Holder(HAND, ((0.0, 0.0, 0.25),))}
+    stage.grasp("cup", HAND)
+    lift(stage)
+    lower(stage, 0.2, 0.2, 0.2)
+    let_go = stage.now
+    stage.grasp("cup")
+    lower(stage, 0.1, 0.6, 0.2)
+    stage.change("cup", plausible=True, on=frozenset({"table"}))
+    lower(stage, 0.5, 0.0, 0.2)
+    assert stage.told == [f"Pick(cup, {HAND})", f"Release(cup, {HAND})"]
+    assert stage.actions[1][1].time == pytest.approx(let_go, abs=0.1)
 
 
 def test_an_earlier_run_is_continued(stage: Stage):
