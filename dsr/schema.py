@@ -294,6 +294,7 @@ _ATTRIBUTES: dict[str, AttributeType] = dict([
                              "relations": "wanted edge types, comma-separated", "things": "names, comma-separated",
                              "others": "names, comma-separated", "viewpoint": "the frame from which it is so",
                              "method": "by which a camera is calibrated",
+                             "mount": "of a camera, whether it is where it was: see dsr.calibration",
                              "report": "what came of a calibration, JSON, see dsr.calibration",
                              "note": "free text"}),
 ])  # fmt: skip

@@ -37,7 +37,7 @@ class SimulationHandler(Agent):
         attributes=(
             *("size", "shape", "mass", "friction", "plausible", "source", "since", "bounds", *INTRINSICS, *SEEN),
             *("surprising", "present", "skill", "target", "destination", "status", "held_at", "grip"),
-            *("perceived", "last_seen", "side"),
+            *("perceived", "last_seen", "side", "mount"),
         ),
     )
     writes = Access(

@@ -142,6 +142,13 @@ class Belief:
         """Know from now on what the cameras should see; None without a camera."""
         self._explainer.look = self._touching.look = look
 
+    def doubt_cameras(self, doubt: bool, *, stand: bool) -> None:
+        """Know whether somebody finds out if a camera has moved, or has found out that none has.
+
+        Meanwhile nothing is explained; and if none has, what is seen elsewhere has moved.
+        """
+        self._explainer.cameras_in_doubt, self._explainer.cameras_stand = doubt, stand
+
     def flag(self, names: Collection[str]) -> None:
         """These objects are surprising from now on, and no others: what is off with them is explained soon."""
         self._explainer.flagged = frozenset(names)

@@ -45,6 +45,10 @@ class Explainer:
         """(object, support): where a plan has just put something."""
         self.look: Look | None = None
         """What cameras should see; None without one."""
+        self.cameras_in_doubt = False
+        """Somebody finds out whether a camera has moved."""
+        self.cameras_stand = False
+        """It is known that no camera has moved."""
         self._bodies = bodies
         self._relations = relations
         self._policy = policy
@@ -101,7 +105,7 @@ class Explainer:
     def explain(self, now: float) -> None:
         """Explain what is due at time `now` (s), and adopt that."""
         due = self._noticing.due(now, self.flagged)
-        if not due or now < self._look_again_at:
+        if not due or now < self._look_again_at or self.cameras_in_doubt:
             return
         explanation = self._policy.explain(self._situation(now, due))
         if explanation is None:
@@ -163,6 +167,7 @@ class Explainer:
             missing_for=self._noticing.missing_for(now),
             evidence=self._noticing.evidence(now),
             look=self.look,
+            cameras_stand=self.cameras_stand,
         )
 
     def _glimpse(self, item: BelievedObject, now: float) -> Glimpse | None:

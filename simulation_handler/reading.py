@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from dsr.calibration import CONFIRMED, IN_DOUBT
 from dsr.elements import Edge, Node
 from dsr.errors import DsrError, SchemaError
 from dsr.intentions import RUNNING
@@ -76,6 +77,8 @@ class Reading:
                 with self._skipping(name):
                     self._note_percept(edge, now)
         self._belief.flag({name for name in self._known if present[name].get("surprising") is True})
+        mounts = {node.get("mount") for node in self._memory.nodes("camera")}
+        self._belief.doubt_cameras(IN_DOUBT in mounts, stand=CONFIRMED in mounts)
         self._belief.plan(self._planned())
         self._belief.hold(self._grasps())
         self._belief.touch(self._hands(now))

@@ -64,6 +64,9 @@ class Reasoner(Protocol):
     def look(self, look: Look | None) -> None:
         """Know what the cameras should see."""
 
+    def doubt_cameras(self, doubt: bool, *, stand: bool) -> None:
+        """Know whether somebody finds out if a camera has moved, or has found out that none has."""
+
     def flag(self, names: Collection[str]) -> None:
         """Know which objects are surprising."""
 

@@ -1,4 +1,4 @@
-"""Answers requests to calibrate a camera: collects views, solves, and writes the camera's RT edge and an event."""
+"""Calibrates cameras, on request and by itself: collects views, solves, writes the camera's RT edge and an event."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from agents.calibrator.calibrate import calibrate
 from agents.calibrator.config import CalibratorConfig
 from agents.calibrator.reporting import make_report, refusal
 from agents.calibrator.views import Views, only_camera
+from agents.calibrator.watch import Watch
 from dsr.agent import Access, Agent
 from dsr.calibration import (
     ADOPTED,
@@ -17,6 +18,7 @@ from dsr.calibration import (
     DEFAULT_METHOD,
     LOOKING,
     REFUSED,
+    SURPRISE,
     Report,
     checked_method,
 )
@@ -34,7 +36,8 @@ class Calibrator(Agent):
     What a request's camera sees from now on is compared with the belief. The pose of the camera that makes them agree
     is written as its RT edge, with covariance and without a stamp: it holds at all times. Where the geometry is weak,
     or no pose of the camera explains what is seen, it is not, unless the request is forced. A restarted calibrator
-    begins afresh with what is not answered yet.
+    begins afresh with what is not answered yet. When the simulation handler explains that a camera moved, that is
+    looked into without a request, see `Watch`.
     """
 
     name = "calibrator"
@@ -42,12 +45,19 @@ class Calibrator(Agent):
     reads = Access(
         nodes=(CALIBRATION, "camera", *THINGS, *WRITTEN_NODES),
         edges=("RT", "Virtual_RT", "grasping", *WRITTEN_EDGES),
-        attributes=("target", "method", "forced", "views", "status", "present", *WRITTEN_ATTRIBUTES),
+        attributes=(
+            *("target", "method", "forced", "views", "status", "present", "mount", "surprising", "source"),
+            *WRITTEN_ATTRIBUTES,
+        ),
     )
     writes = Access(
-        nodes=(CALIBRATION, *WRITTEN_NODES),
-        edges=("RT", *WRITTEN_EDGES),
-        attributes=("status", "explanation", "report", *WRITTEN_ATTRIBUTES),
+        nodes=("mind", "camera", CALIBRATION, *WRITTEN_NODES),
+        edges=("RT", "has", *WRITTEN_EDGES),
+        attributes=(
+            *("target", "method", "forced", "views", "status", "explanation", "report", "mount", "source"),
+            *WRITTEN_ATTRIBUTES,
+        ),
+        exclusive=("mount",),
     )
     Config = CalibratorConfig
     config: CalibratorConfig
@@ -58,14 +68,19 @@ class Calibrator(Agent):
         self._began: dict[str, float] = {}
         self._answered: dict[str, float] = {}
         self._chronicle = Chronicle(self.memory, self.name)
+        self._watch = Watch(self.memory, self._chronicle, self.config, self.log) if self.config.by_itself else None
 
     def tick(self, now: float) -> None:
-        """Go on with each request."""
+        """Go on with what is in doubt, and with each request."""
+        if self._watch is not None:
+            self._watch.update(now)
         requests = {node.name: node for node in self.memory.nodes(CALIBRATION)}
         for known in (self._views, self._began, self._answered):
             for name in known.keys() - requests.keys():
                 del known[name]
         for name, node in sorted(requests.items()):
+            if node.get("source") == SURPRISE and node.get("status") not in ANSWERED:
+                continue
             if node.get("status") in ANSWERED:
                 if now - self._answered.setdefault(name, now) > self.config.keep:
                     self.memory.remove_node(name)

@@ -6,6 +6,8 @@ import math
 
 import msgspec
 
+from dsr.calibration import DEFAULT_METHOD, checked_method
+
 
 class CalibratorConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """How views are collected."""
@@ -24,10 +26,26 @@ class CalibratorConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """m, systematic error along viewing rays in the percepts' covariances (`depth_bias_std` of the scene estimator)"""
     depth_scatter: float = 0.006
     """m, what counts instead of it: by how much it differs between objects, which hides how the camera is tilted"""
+    learned_scatter: float = 0.002
+    """m, what counts instead where the error of an object was known from before"""
     keep: float = 600.0
     """s after which an answered request is removed"""
+    method: str = DEFAULT_METHOD
+    """by which a camera in doubt is calibrated, one of `dsr.calibration.METHODS`"""
+    by_itself: bool = True
+    """Look into it when all that is seen seems displaced alike."""
+    lookback: float = 1.5
+    """s before that was explained so, from which beliefs are taken: they may be led astray since"""
+    elsewhere_patience: float = 20.0
+    """s that the arm may take until one of its poses tells a moved camera from objects that were all moved alike"""
+    confirmed_for: float = 5.0
+    """s after which it is no longer taken for sure that a camera has not moved"""
 
     def __post_init__(self) -> None:
-        for name in ("span", "patience", "views_patience", "depth_bias", "depth_scatter", "keep"):
+        checked_method(self.method)
+        for name in (
+            *("span", "patience", "views_patience", "depth_bias", "depth_scatter", "keep"),
+            *("learned_scatter", "lookback", "elsewhere_patience", "confirmed_for"),
+        ):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
                 raise ValueError(f"{name} {getattr(self, name)}: expected 0 or more")

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter, deque
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from agents.calibrator.config import CalibratorConfig
+from agents.calibrator.depths import without_error
 from agents.calibrator.fusing import fuse
 from agents.calibrator.problem import Sighting
 from dsr.errors import ConfigError, TransformError, suggest
@@ -69,13 +71,25 @@ class Views:
         camera: name of its node.
         since: s; percepts with an earlier stamp are not used.
         config: when a view is over, and what is known of errors.
+        believed: world_from_object of what is to count instead of the present belief.
+        depths: systematic errors of depth that are known, m along the viewing ray, by object.
 
     Raises:
         ConfigError: see `parent_of`.
     """
 
-    def __init__(self, memory: Memory, camera: str, since: float, config: CalibratorConfig) -> None:
+    def __init__(
+        self,
+        memory: Memory,
+        camera: str,
+        since: float,
+        config: CalibratorConfig,
+        believed: Mapping[str, Pose] | None = None,
+        depths: Mapping[str, float] | None = None,
+    ) -> None:
         self._memory = memory
+        self._depths = dict(depths or {})
+        self._believed = dict(believed or {})
         self._since = since
         self._config = config
         self._views: deque[_View] = deque(maxlen=_MOST_VIEWS)
@@ -87,6 +101,10 @@ class Views:
         self.skipped: Counter[str] = Counter()
         """What could not be used, by reason."""
 
+    def __len__(self) -> int:
+        """Views, those included that have not lasted long enough."""
+        return len(self._views)
+
     @property
     def latest(self) -> float:
         """Stamp of the newest percept that was used; before the first, the time from which on they count."""
@@ -95,7 +113,7 @@ class Views:
     @property
     def complete(self) -> int:
         """Views that have lasted for the configured span."""
-        return sum(view.latest - view.began >= self._config.span for view in self._views)
+        return sum(map(self._is_complete, self._views))
 
     def update(self) -> None:
         """Take in what was seen since the last call."""
@@ -109,7 +127,7 @@ class Views:
                 continue
             self._used[edge.dst] = pose.stamp
             belief = self._memory.get_edge(WORLD, edge.dst, "Virtual_RT")
-            believed = None if belief is None else belief.get("pose")
+            believed = self._believed.get(edge.dst, None if belief is None else belief.get("pose"))
             if edge.dst in held:
                 self.skipped["held by something"] += 1
             elif believed is None:
@@ -119,16 +137,26 @@ class Views:
             else:
                 self._take(edge.dst, pose, believed)
 
-    def sightings(self) -> list[Sighting]:
-        """One for each object in each view, of those whose belief stood still."""
+    def parents(self) -> dict[int, Pose]:
+        """world_from_parent in each view, by its number."""
+        return {number: view.world_from_parent for number, view in enumerate(self._views)}
+
+    def sightings(self, *, complete: bool = False) -> list[Sighting]:
+        """One for each object in each view (or each `complete` one), of those whose belief stood still."""
         config, found = self._config, []
         for number, view in enumerate(self._views):
+            if complete and not self._is_complete(view):
+                continue
             parent_from_world = view.world_from_parent.inverse()
             for name, seen in sorted(view.objects.items()):
                 if seen.steady:
-                    percept = fuse(seen.percepts, config.depth_bias, config.depth_scatter)
+                    scatter = config.learned_scatter if name in self._depths else config.depth_scatter
+                    percept = fuse(seen.percepts, config.depth_bias, scatter)
                     found.append(Sighting(name, number, percept, parent_from_world @ seen.believed))
         return found
+
+    def _is_complete(self, view: _View) -> bool:
+        return view.latest - view.began >= self._config.span
 
     def _take(self, name: str, percept: Pose, believed: Pose) -> None:
         try:
@@ -140,7 +168,7 @@ class Views:
         seen = view.objects.setdefault(name, _Seen(believed))
         seen.steady = seen.steady and _within(seen.believed, believed, self._config.belief_drift)
         if len(seen.percepts) < _MOST_PERCEPTS:
-            seen.percepts.append(percept)
+            seen.percepts.append(without_error(percept, self._depths.get(name, 0.0)))
 
     def _view(self, world_from_parent: Pose, stamp: float) -> _View:
         """The present view, or a new one if the camera's parent is elsewhere now."""

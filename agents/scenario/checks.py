@@ -10,6 +10,7 @@ from agents.scenario.events import ArmError, Carry, Event, FalsePercept, HandMov
 from agents.scenario.expectations import (
     Actions,
     BeliefRecovered,
+    Calibrations,
     Check,
     Edges,
     Inside,
@@ -282,7 +283,7 @@ def _check_expectation(check: Check, path: Path, scenario: Scenario) -> None:
         _check_relation_names(check, path, scenario)
     if isinstance(check, Actions):
         _check_actions(check, path, scenario)
-    if isinstance(check, Surprises | Replans):
+    if isinstance(check, Surprises | Replans | Calibrations):
         message = f"at least {check.least} and at most {check.most} is impossible"
         _require(check.most is None or check.least <= check.most, (*path, "most"), message)
     if isinstance(check, Mission | Replans):

@@ -201,6 +201,22 @@ class Surprises(OfObjects, frozen=True, kw_only=True, tag="surprises"):
     most: Count | None = None
 
 
+class CameraError(Expectation, frozen=True, kw_only=True, tag="camera_error"):
+    """The scenario's camera is believed to be within `tolerance` and `angle` of where it truly is."""
+
+    tolerance: Noise = 0.003
+    """m"""
+    angle: Radians = 0.00524
+    """rad"""
+
+
+class Calibrations(Expectation, frozen=True, kw_only=True, tag="calibrations"):
+    """How often a pose of a camera was adopted, or taken back, until it is judged."""
+
+    least: Count = 0
+    most: Count | None = None
+
+
 class Mission(Expectation, frozen=True, kw_only=True, tag="mission"):
     """The last status of the mission is `status`."""
 
@@ -235,6 +251,8 @@ Check = (
     | Replans
     | Inside
     | Actions
+    | CameraError
+    | Calibrations
 )
 CHECKS: dict[str, type[Check]] = {str(kind.__struct_config__.tag): kind for kind in get_args(Check)}
 """The kinds of expectation by their `check`."""

@@ -18,6 +18,15 @@ _SLACK = 1e-6
 """s, so that rounding does not move a sample out of a window"""
 
 
+class Error(msgspec.Struct, frozen=True):
+    """How far a pose is from the true one."""
+
+    position: float
+    """m"""
+    rotation: float
+    """rad"""
+
+
 class Sample(msgspec.Struct, frozen=True, kw_only=True):
     """One moment; all poses are world_from_object, by name of the object."""
 
@@ -44,6 +53,8 @@ class Sample(msgspec.Struct, frozen=True, kw_only=True):
     in_view: frozenset[str] = frozenset()
     """True: objects whose tag the camera could see."""
     surprising: frozenset[str] = frozenset()
+    camera_error: Error | None = None
+    """How far the scenario's camera is believed to be from where it is; None if one of both is not known."""
     absent: frozenset[str] = frozenset()
     """Objects believed to have left the scene."""
 
@@ -94,6 +105,8 @@ class History:
         self.missions: list[MissionState] = []
         """All changes of all intentions."""
         self.explanations: list[Explained] = []
+        self.calibrations: list[tuple[float, str]] = []
+        """When (s after the start) a pose of a camera was adopted or taken back, and what was told of that."""
         self.actions: list[Inferred] = []
         """In the order in which they were written."""
         self.end = scenario.duration

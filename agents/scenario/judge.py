@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import logging
 import math
 from typing import Any, Literal
 
 from agents.scenario.course import missing_events
 from agents.scenario.expectations import Attribute, Edges
-from agents.scenario.history import Explained, History, Inferred, MissionState, Sample
+from agents.scenario.history import Error, Explained, History, Inferred, MissionState, Sample
 from agents.scenario.metrics import measure
 from agents.scenario.model import Scenario
 from agents.scenario.result import Result
 from agents.scenario.truth import Truth, decode_truth
 from agents.scenario.verdicts import judge_check
+from dsr.calibration import CALIBRATED
 from dsr.elements import Node
 from dsr.errors import TransformError, WireError
 from dsr.intentions import FULFILLED, GIVEN_UP
@@ -140,6 +142,7 @@ class Judge:
             moving=truth.moving,
             in_view=truth.in_view,
             surprising=frozenset(self._flagged),
+            camera_error=self._camera_error(truth),
             absent=frozenset(name for name, node in nodes.items() if not node.get("present", True)),
         )
 
@@ -163,6 +166,8 @@ class Judge:
         if action is not None:
             action = action._replace(time=action.time - self._start)
             self.history.actions.append(Inferred(action, time, node.get("confidence", 1.0)))
+        elif node.get("kind") == CALIBRATED:
+            self.history.calibrations.append((time, node.get("text", "")))
         elif "explanation" in node:
             self.history.explanations.append(Explained(time, node.name, node["explanation"]))
 
@@ -179,6 +184,13 @@ class Judge:
     def _belief(self, name: str) -> Pose | None:
         edge = self._memory.get_edge("world", name, "Virtual_RT")
         return edge.pose if edge else None
+
+    def _camera_error(self, truth: Truth) -> Error | None:
+        """Of the scenario's camera."""
+        for name, pose in truth.cameras().items():
+            with contextlib.suppress(TransformError):
+                return Error(*self._memory.transform("world", name, at=truth.stamp).distance(pose))
+        return None
 
     def _relations(self) -> list[Any]:
         kinds = {check.type for check in self.history.scenario.expectations if isinstance(check, Edges)}

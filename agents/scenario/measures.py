@@ -8,21 +8,12 @@ import msgspec
 import numpy as np
 
 from agents.scenario.geometry import Ball, Box, gap_below, overlap, pieces
-from agents.scenario.history import Sample, Source
+from agents.scenario.history import Error, Sample, Source
 from agents.scenario.layout import table_box
 from agents.scenario.model import Scenario
 from dsr.transforms import Pose
 
 Piece = Box | Ball
-
-
-class Error(msgspec.Struct, frozen=True):
-    """How far a pose is from the true one."""
-
-    position: float
-    """m"""
-    rotation: float
-    """rad"""
 
 
 class Overlap(msgspec.Struct, frozen=True):

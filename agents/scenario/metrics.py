@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 
 from agents.scenario.accuracy import accuracy
+from agents.scenario.cameras import camera_metrics
 from agents.scenario.course import missing_events, rises
 from agents.scenario.history import History, Sample, Source
 from agents.scenario.measures import OverlapMeter, belief_gap, drift, height_error, mean_error
@@ -39,6 +40,7 @@ def measure(history: History) -> tuple[dict[str, float], list[str]]:
     metrics["samples"] = len(window)
     metrics |= accuracy(history, window)
     metrics |= _course_metrics(history)
+    metrics |= camera_metrics(history)
     return metrics, [*notes, *missing_events(history), *_unrecovered(history), *_about_actions(history)]
 
 

@@ -29,12 +29,18 @@ class Truth(msgspec.Struct, frozen=True):
     """By the number of an event in the file (from 1): when its move began and ended, s after the start."""
     hands: dict[int, tuple[tuple[float, float, float], ...]] = {}
     """21 landmarks (m, world) of each human hand in the scene, by number."""
+    camera: dict[str, _Seven] = {}
+    """world_from_camera of the scenario's camera, by the plant's name of it."""
     touched: dict[str, str] = {}
     """Objects on which fingertips of a human hand just lie, and the node of the hand."""
 
     def poses(self) -> dict[str, Pose]:
         """world_from_object of each object."""
         return {name: Pose(seven[:3], seven[3:], self.stamp) for name, seven in self.objects.items()}
+
+    def cameras(self) -> dict[str, Pose]:
+        """world_from_camera of each camera, by the name of its node."""
+        return {f"camera_{name}": Pose(seven[:3], seven[3:], self.stamp) for name, seven in self.camera.items()}
 
 
 _decoder = msgspec.msgpack.Decoder(Truth)
@@ -48,4 +54,5 @@ def decode_truth(payload: bytes) -> Truth:
 def _read(payload: bytes) -> Truth:
     truth = _decoder.decode(payload)
     truth.poses()
+    truth.cameras()
     return truth

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+from agents.scenario.cameras import CAMERAS
 from agents.scenario.course import COURSE
 from agents.scenario.doings import DOINGS
 from agents.scenario.events import Kill
@@ -187,4 +188,5 @@ _JUDGES: dict[type, Callable[[Any, History, Sample], Finding]] = {
     Recovered: _recovered,
     **COURSE,
     **DOINGS,
+    **CAMERAS,
 }

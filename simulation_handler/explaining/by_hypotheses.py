@@ -58,6 +58,8 @@ class ByHypotheses:
 
     def _fits(self, hypothesis: Hypothesis, situation: Situation) -> bool:
         """Whether a hypothesis is about the objects that are surprising now: something goes on as before."""
+        if hypothesis.camera_moved:
+            return False
         names = {move.name for move in hypothesis.moves}
         known = situation.believed.keys() | situation.unplaced.keys()
         return names == set(situation.surprising) and names <= situation.seen.keys() and hypothesis.unseen <= known
@@ -68,7 +70,7 @@ class ByHypotheses:
         if situation.evidence >= situation.config.explain_patience:
             return True
         best = ranking[0].hypothesis
-        if not (best.moves or best.unseen):
+        if best.camera_moved or not (best.moves or best.unseen):
             return False
         rival = next((other for other in ranking[1:] if _differ(ranking[0], other)), None)
         return rival is None or rival.score.total - ranking[0].score.total >= situation.config.explain_margin
@@ -76,6 +78,8 @@ class ByHypotheses:
     def _explanation(self, situation: Situation, ranking: Sequence[Candidate]) -> Explanation:
         best = ranking[0]
         hypothesis = best.hypothesis
+        if hypothesis.camera_moved:
+            return self._of_camera(situation, ranking)
         placed = set(best.drafted.placements)
         seen = {name for name in placed if name in situation.seen}
         settled = {name: best.settled[name] for name in placed - seen}
@@ -98,6 +102,17 @@ class ByHypotheses:
             score=best.score.total,
             alternatives=self._alternatives(situation, ranking),
             hypothesis=hypothesis,
+        )
+
+    def _of_camera(self, situation: Situation, ranking: Sequence[Candidate]) -> Explanation:
+        """Nothing is put anywhere: what moved beside the camera is seen once it is known where that is."""
+        return Explanation(
+            text=describe(situation, ranking[0]),
+            about=tuple(sorted(situation.seen.keys() | set(situation.surprising))),
+            changes_belief=False,
+            score=ranking[0].score.total,
+            alternatives=self._alternatives(situation, ranking),
+            hypothesis=ranking[0].hypothesis,
         )
 
     def _alternatives(self, situation: Situation, ranking: Sequence[Candidate]) -> tuple[tuple[float, str], ...]:

@@ -8,17 +8,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-
-import numpy as np
-from scipy.spatial.transform import Rotation
+from dataclasses import dataclass
 
 from simulation_handler.config import BeliefConfig
+from simulation_handler.explaining.camera import corrected
 from simulation_handler.explaining.drafting import Draft
 from simulation_handler.explaining.hypotheses import FROM_GLIMPSE, Hypothesis, Move
 from simulation_handler.explaining.situation import THIS_FRAME, Seen, Situation, as_pose
 from simulation_handler.geometry import Solid
-from simulation_handler.percepts import Array
 from simulation_handler.sight import Glance
 
 # Nats that are charged for each assumption.
@@ -36,9 +33,8 @@ FELL_ON_FROM_THERE = 5.0
 FALSE_PERCEPT = 3.0
 FALSE_FRAME = 3.0
 CAMERA_MOVED = 6.0
+COINCIDENCE = 6.0
 
-FEWEST_FOR_CAMERA = 3
-"""Objects that must be seen for a moved camera to be told from moved objects."""
 SURE = 0.9
 """Share of a face from which it should be seen."""
 
@@ -73,15 +69,13 @@ def score(situation: Situation, hypothesis: Hypothesis, drafted: Draft, settled:
         settled: where they are some time later.
     """
     costs: dict[str, float] = {}
-    correction = camera_correction(situation) if hypothesis.camera_moved else None
-    for name, seen in situation.seen.items():
+    for name, seen in corrected(situation, hypothesis).seen.items():
         if name in hypothesis.kept:
             continue
-        shown = seen if correction is None else correction.get(name, seen)
         if name not in settled:
             costs[name] = _MOST_MISFIT
             continue
-        costs[name] = min(shown.misfit(settled[name]), _MOST_MISFIT)
+        costs[name] = min(seen.misfit(settled[name]), _MOST_MISFIT)
     for name in settled.keys() - situation.seen.keys() - situation.held - dict(hypothesis.fallen).keys():
         drift = math.dist(settled[name].position, drafted.solids[name].position)
         most = _MOST_MISFIT if name in drafted.placements else _FALLS_BY_ITSELF
@@ -108,7 +102,15 @@ def prior(situation: Situation, hypothesis: Hypothesis) -> float:
     for name in hypothesis.kept:
         frames = max(situation.seen[name].count, situation.evidence * _FRAMES_PER_SECOND)
         cost += FALSE_PERCEPT + FALSE_FRAME * frames
-    return cost + CAMERA_MOVED * hypothesis.camera_moved
+    if hypothesis.camera_moved:
+        here = [name for name in hypothesis.moved if name in situation.believed and not _is_off(situation, name)]
+        cost += CAMERA_MOVED + COINCIDENCE * len(here)
+    return cost
+
+
+def _is_off(situation: Situation, name: str) -> bool:
+    """Whether an object is seen elsewhere than it is believed to be."""
+    return is_displaced(situation.seen[name], situation.believed[name], situation.config)
 
 
 def _move_prior(situation: Situation, move: Move) -> float:
@@ -140,33 +142,6 @@ def _visibility(situation: Situation, hypothesis: Hypothesis, settled: Mapping[s
             frames = situation.missing_for.get(name, situation.evidence) * _FRAMES_PER_SECOND
             costs[name] = min(_MISS * frames, _MOST_MISSED)
     return costs
-
-
-def camera_correction(situation: Situation) -> dict[str, Seen] | None:
-    """What would be seen if the camera had moved: all percepts brought back rigidly onto the beliefs (Kabsch, 1976)."""
-    names = sorted(name for name in situation.seen if name in situation.believed)
-    if len(names) < FEWEST_FOR_CAMERA:
-        return None
-    seen = np.array([situation.seen[name].percept.position for name in names])
-    believed = np.array([situation.believed[name].position for name in names])
-    rotation = _rotation(seen - seen.mean(0), believed - believed.mean(0))
-    shift = believed.mean(0) - rotation @ seen.mean(0)
-    return {name: _carried(situation.seen[name], rotation, shift) for name in names}
-
-
-def _rotation(source: Array, target: Array) -> Array:
-    """(3, 3) rotation that brings centred points (n, 3) closest to others."""
-    left, _, right = np.linalg.svd(source.T @ target)
-    sign = np.sign(np.linalg.det(right.T @ left.T))
-    result: Array = right.T @ np.diag((1.0, 1.0, sign)) @ left.T
-    return result
-
-
-def _carried(seen: Seen, rotation: Array, shift: Array) -> Seen:
-    x, y, z = (rotation @ np.array(seen.percept.position) + shift).tolist()
-    turned = (Rotation.from_matrix(rotation) * Rotation.from_quat(seen.percept.rotation)).as_quat()
-    qx, qy, qz, qw = turned.tolist()
-    return replace(seen, percept=seen.percept.at((x, y, z), (qx, qy, qz, qw)))
 
 
 def is_displaced(seen: Seen, solid: Solid, config: BeliefConfig) -> bool:

@@ -12,10 +12,11 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from simulation_handler.explaining.camera import corrected, explained_by_camera
 from simulation_handler.explaining.drafting import Draft, draft
 from simulation_handler.explaining.glimpses import WAYS
 from simulation_handler.explaining.hypotheses import FALLS, FROM_GLIMPSE, Hypothesis, Move
-from simulation_handler.explaining.scoring import FEWEST_FOR_CAMERA, Score, displaced, prior, score
+from simulation_handler.explaining.scoring import Score, displaced, prior, score
 from simulation_handler.explaining.situation import Situation
 from simulation_handler.geometry import Solid
 from simulation_handler.placement import find_support
@@ -56,7 +57,7 @@ def search(situation: Situation, simulate: Simulate, most: int, first: Hypothesi
     def evaluate(hypotheses: Iterator[Hypothesis] | Sequence[Hypothesis]) -> None:
         new = [h for h in dict.fromkeys(hypotheses) if h not in seen][: max(most - len(seen), 0)]
         seen.update(new)
-        drafts = [draft(situation, hypothesis) for hypothesis in new]
+        drafts = [draft(corrected(situation, hypothesis), hypothesis) for hypothesis in new]
         for hypothesis, drafted, settled in zip(new, drafts, simulate(situation, drafts), strict=True):
             if settled is not None:
                 judged = score(situation, hypothesis, drafted, settled)
@@ -99,9 +100,12 @@ def _beginnings(situation: Situation) -> list[Hypothesis]:
     for name in moved:
         false = false.without_percept(name)
     beginnings.append(false)
-    placed = situation.seen.keys() & situation.believed.keys()
-    if len(moved) >= FEWEST_FOR_CAMERA and len(moved) == len(placed):
-        beginnings.append(Hypothesis(camera_moved=True))
+    by_camera = frozenset() if situation.cameras_stand else explained_by_camera(situation)
+    if len(by_camera.intersection(moved)) > 1:
+        bumped = Hypothesis(camera_moved=True)
+        for name in sorted(situation.seen.keys() - by_camera):
+            bumped = bumped.with_move(Move(name))
+        beginnings.append(bumped)
     return beginnings
 
 

@@ -45,6 +45,13 @@ class Seen:
     """The newest percepts contradict each other: it is on its way."""
     age: float = 0.0
     """s since the newest percept"""
+    unflattened: Solid | None = None
+    """The percept with its tilt, where that was taken out."""
+
+    @property
+    def shown(self) -> Solid:
+        """The percept with its tilt."""
+        return self.percept if self.unflattened is None else self.unflattened
 
     def misfit(self, solid: Solid) -> float:
         """How badly a pose fits the percept: half the squared Mahalanobis distance, in nats."""
@@ -67,6 +74,7 @@ def seen_now(item: BelievedObject, config: BeliefConfig, now: float) -> Seen:
         count=estimate.count,
         moving=item.track.moving,
         age=now - item.track.last_stamp,
+        unflattened=percept,
     )
 
 
@@ -122,6 +130,8 @@ class Situation:
     """s for which cameras have shown things as they are now."""
     look: Look | None = None
     """None without a camera whose place is known."""
+    cameras_stand: bool = False
+    """It is known that no camera has moved."""
 
     def chain_beneath(self, name: str) -> tuple[str, ...]:
         """What carries an object, directly and indirectly, and is not seen; the nearest first."""

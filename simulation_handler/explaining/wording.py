@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from dsr.calibration import CAMERA_MOVED
+from simulation_handler.explaining.camera import corrected
 from simulation_handler.explaining.hypotheses import Hypothesis, Move
 from simulation_handler.explaining.search import Candidate
 from simulation_handler.explaining.situation import Situation
@@ -17,11 +19,11 @@ _BESIDE = 0.010  # m by which something moved, rather than only turned
 def describe(situation: Situation, candidate: Candidate) -> str:
     """The changes of a hypothesis, joined by `&`."""
     hypothesis = candidate.hypothesis
-    if hypothesis.camera_moved:
-        return "camera_moved()"
+    situation = corrected(situation, hypothesis)
     swaps = _swaps(situation, hypothesis, candidate.settled)
     swapped = {name for pair in swaps for name in pair}
-    parts = [f"swapped({a}, {b})" for a, b in swaps]
+    parts = [CAMERA_MOVED] if hypothesis.camera_moved else []
+    parts += [f"swapped({a}, {b})" for a, b in swaps]
     parts += [_move(situation, move, candidate) for move in hypothesis.moves if move.name not in swapped]
     parts += [f"removed({name})" for name in sorted(hypothesis.removed)]
     parts += [f"fell({name})" for name, _ in hypothesis.fallen]

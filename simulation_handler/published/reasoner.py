@@ -218,6 +218,9 @@ class PublishedReasoner:
     def look(self, look: Look | None) -> None:
         """Not used: what cannot be seen is not told from what should be."""
 
+    def doubt_cameras(self, doubt: bool, *, stand: bool) -> None:
+        """Not used: cameras do not move."""
+
     def flag(self, names: Collection[str]) -> None:
         """Not used."""
 

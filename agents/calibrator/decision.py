@@ -1,0 +1,106 @@
+"""Did the camera move, or the objects? By what each would cost, in nats, of what is seen in one view or several."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from agents.calibrator.problem import Problem, Sighting
+from agents.calibrator.robust import OUTLIER
+from agents.calibrator.solution import Solution
+from dsr.transforms import Array, Pose
+
+FEWEST = 3
+"""Objects that must agree on where the camera is now."""
+
+_CAMERA_MOVED = 6.0  # nats, as in the simulation handler's explanations
+_OBJECT_MOVED = 3.0
+_COINCIDENCE = 6.0  # that an object is seen where it was believed, through a camera that moved
+_CLEARLY = 6.0  # nats between two explanations that make one of them the answer
+_TILT, _HEIGHT = 0.035, 0.015  # rad, m by which objects that are moved on a table may seem to leave it
+
+
+class Decision(NamedTuple):
+    """What was found out."""
+
+    moved: bool | None
+    """Whether the camera moved; None if that cannot be told yet."""
+    is_ambiguous: bool
+    """Objects that were all moved alike would have looked the same."""
+    why: str
+    """For people."""
+
+
+def decide(sightings: Sequence[Sighting], before: Pose, solution: Solution, world_from_parent: Pose) -> Decision:
+    """By one view: a camera that moved displaces all it sees alike, what was moved is displaced by itself.
+
+    Args:
+        sightings: of one view.
+        before: parent_from_camera as it was believed.
+        solution: the calibration by these sightings.
+        world_from_parent: in that view.
+    """
+    squared = Problem(sightings).squared(before.matrix)
+    names = {sighting.name for sighting in sightings}
+    here = {sighting.name for sighting, value in zip(sightings, squared, strict=True) if value < OUTLIER}
+    agreeing = names - set(solution.outliers)
+    by_objects = _OBJECT_MOVED * len(names - here)
+    by_camera = _CAMERA_MOVED + _OBJECT_MOVED * len(names - agreeing) + _COINCIDENCE * len(here - agreeing)
+    enough = len(agreeing) >= FEWEST and 2 * len(agreeing) > len(names)
+    if not enough or by_camera >= by_objects:
+        return Decision(False, False, f"{len(here)} of {len(names)} objects are seen where they are believed to be")
+    if solution.problem:
+        return Decision(None, False, solution.problem)
+    if _stays_on_table(alike(before, solution.pose, world_from_parent), sightings, world_from_parent):
+        return Decision(True, True, "objects that were all moved alike would look the same")
+    return Decision(True, False, "objects that were all moved alike would have left the table")
+
+
+def decide_elsewhere(
+    sightings: Sequence[Sighting], before: Pose, after: Pose, moved: Pose, parents: Mapping[int, Pose], *, last: bool
+) -> Decision:
+    """By views from several places: where the camera moved all beliefs are right, else all objects moved alike.
+
+    Args:
+        sightings: of all views, with what was believed before.
+        before: parent_from_camera as it was believed.
+        after: as it was found.
+        moved: world_from_world, the common motion of the objects if it was they that moved.
+        parents: world_from_parent by view.
+        last: the better explanation is taken, however small its lead.
+    """
+    elsewhere = [
+        one._replace(believed=parents[one.view].inverse() @ moved @ parents[one.view] @ one.believed)
+        for one in sightings
+    ]
+    names = {sighting.name for sighting in sightings}
+    by_camera = _CAMERA_MOVED + _misfit(sightings, after)
+    by_objects = _OBJECT_MOVED * len(names) + _misfit(elsewhere, before)
+    lead = abs(by_camera - by_objects)
+    views = len({sighting.view for sighting in sightings})
+    if lead < _CLEARLY and not last:
+        return Decision(None, True, f"{views} views do not tell yet")
+    moved_camera = by_camera < by_objects
+    what = "the camera moved" if moved_camera else "all objects were moved alike"
+    return Decision(moved_camera, False, f"{views} views tell that {what} (by {lead:.0f} nats)")
+
+
+def alike(before: Pose, after: Pose, world_from_parent: Pose) -> Pose:
+    """world_from_world: the motion of all objects that would look like that of the camera."""
+    return world_from_parent @ before @ (world_from_parent @ after).inverse()
+
+
+def _misfit(sightings: Sequence[Sighting], pose: Pose) -> float:
+    """Nats; no sighting counts for more than an outlier does."""
+    return 0.5 * float(np.minimum(Problem(sightings).squared(pose.matrix), OUTLIER).sum())
+
+
+def _stays_on_table(moved: Pose, sightings: Sequence[Sighting], world_from_parent: Pose) -> bool:
+    """Whether objects that move so neither hover nor sink nor tilt, by more than percepts may be wrong."""
+    if math.acos(min(1.0, float(moved.rotation_matrix[2, 2]))) > _TILT:
+        return False
+    places: Array = np.array([(world_from_parent @ sighting.believed).t for sighting in sightings])
+    return abs(float((moved.apply(places) - places)[:, 2].mean())) < _HEIGHT

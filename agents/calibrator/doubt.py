@@ -1,0 +1,140 @@
+"""A camera in doubt, since all that it sees seems displaced, until it is told whether it moved, or all else did."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from agents.calibrator.calibrate import calibrate
+from agents.calibrator.config import CalibratorConfig
+from agents.calibrator.decision import Decision, alike, decide, decide_elsewhere
+from agents.calibrator.solution import Solution
+from agents.calibrator.views import Views
+from dsr.memory import Memory
+from dsr.transforms import Pose
+
+WORLD = "world"
+
+
+class Doubt:
+    """What one camera has shown since it came into doubt.
+
+    Args:
+        memory: what is seen.
+        camera: name of its node.
+        now: s; percepts from then on count.
+        config: times, and the method.
+        believed: world_from_object of what was believed before anything seemed displaced.
+        depths: the camera's systematic errors of depth, m along the viewing ray, by object.
+
+    Raises:
+        ConfigError: for a camera that nothing carries.
+    """
+
+    def __init__(
+        self,
+        memory: Memory,
+        camera: str,
+        now: float,
+        config: CalibratorConfig,
+        believed: Mapping[str, Pose],
+        depths: Mapping[str, float],
+    ) -> None:
+        self._config = config
+        self._views = Views(memory, camera, now, config, believed, depths)
+        edge = memory.edge(self._views.parent, camera, "RT")
+        self.camera = camera
+        """Name of its node."""
+        self.began = now
+        """s"""
+        self.before: Pose = edge["pose"]
+        """parent_from_camera as it was."""
+        self.solution: Solution | None = None
+        """The calibration by all views up to now."""
+        self.decision: Decision | None = None
+        """By all views up to now; None before the first."""
+        self._moved_alike: Pose | None = None
+        self._seen_views = 0
+
+    @property
+    def parent(self) -> str:
+        """Name of the frame that carries the camera."""
+        return self._views.parent
+
+    @property
+    def can_look_elsewhere(self) -> bool:
+        """Whether something carries the camera that may move."""
+        return self.parent != WORLD
+
+    @property
+    def looks_anew(self) -> bool:
+        """Whether the camera sees things from elsewhere, and that has not told anything yet."""
+        return len(self._views) > max(self._seen_views, 1)
+
+    @property
+    def views(self) -> int:
+        """From how many places it has looked long enough."""
+        return self._views.complete
+
+    @property
+    def latest(self) -> float:
+        """s, stamp of the newest percept that was used."""
+        return self._views.latest
+
+    def update(self, *, last: bool = False) -> Decision | None:
+        """Take in what is new; the decision if a further view is complete. `last`: no more views are to come."""
+        self._views.update()
+        if self._views.complete <= self._seen_views and not (last and self._seen_views):
+            return None
+        self._seen_views = self._views.complete
+        sightings = self._views.sightings(complete=True)
+        if not sightings:
+            return None
+        parents = self._views.parents()
+        self.solution = calibrate(sightings, self.before, self._config.method)
+        if self._moved_alike is None:
+            first = [sighting for sighting in sightings if sighting.view == 0] or sightings
+            parent = parents[first[0].view]
+            solution = self.solution
+            if len(first) < len(sightings):
+                solution = calibrate(first, self.before, self._config.method)
+            self.decision = decide(first, self.before, solution, parent)
+            if self.decision.moved is None or self.decision.is_ambiguous:
+                self._moved_alike = alike(self.before, solution.pose, parent)
+        else:
+            self.decision = decide_elsewhere(
+                sightings, self.before, self.solution.pose, self._moved_alike, parents, last=last
+            )
+            if self.decision.moved and self.solution.problem:
+                self.decision = Decision(None, False, self.solution.problem)
+        return self.decision
+
+
+class Memories:
+    """What was believed of each object lately: once things seem displaced, beliefs may be led astray by that."""
+
+    def __init__(self, span: float) -> None:
+        """Kept for `span` s."""
+        self._span = span
+        self._known: dict[str, list[tuple[float, Pose]]] = {}
+
+    def note(self, memory: Memory, now: float) -> None:
+        """Keep what is believed at `now` (s)."""
+        known = {}
+        for edge in memory.edges("Virtual_RT", src=WORLD):
+            pose = edge.get("pose")
+            samples = self._known.get(edge.dst, [])
+            if pose is not None and (not samples or samples[-1][1] is not pose):
+                samples = [*samples, (now, pose)]
+            recent = [index for index, (time, _) in enumerate(samples) if time >= now - self._span]
+            known[edge.dst] = samples[max(recent[0] - 1, 0) :] if recent else samples[-1:]
+        self._known = known
+
+    def at(self, time: float) -> dict[str, Pose]:
+        """world_from_object of everything as it was believed at `time` (s), or as early as is known."""
+        found = {}
+        for name, samples in self._known.items():
+            until = [pose for stamp, pose in samples if stamp <= time]
+            if samples and math.isfinite(time):
+                found[name] = until[-1] if until else samples[0][1]
+        return found

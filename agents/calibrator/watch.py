@@ -1,0 +1,246 @@
+"""Calibrations that begin by themselves: the simulation handler explains that a camera moved, and so it is doubted."""
+
+from __future__ import annotations
+
+import logging
+
+import msgspec
+
+from agents.calibrator.config import CalibratorConfig
+from agents.calibrator.decision import Decision
+from agents.calibrator.depths import Depths
+from agents.calibrator.doubt import Doubt, Memories
+from agents.calibrator.reporting import make_report
+from dsr.calibration import (
+    ADOPTED,
+    ANSWERED,
+    CALIBRATED,
+    CALIBRATION,
+    CAMERA_MOVED,
+    CONFIRMED,
+    IN_DOUBT,
+    LOOKING,
+    PROVISIONAL,
+    REFUSED,
+    STEADY,
+    SURPRISE,
+    request_calibration,
+)
+from dsr.errors import ConfigError
+from dsr.memory import Memory
+from dsr.relations import THINGS
+from dsr.timeline import EXPLAINED, Chronicle, Entry
+from dsr.transforms import Pose
+
+_FRESH = 1.0  # s for which a camera sees what it saw
+_CALM = 2.0  # s without anything surprising after which nothing is in doubt any more
+
+
+class Watch:
+    """Keeps `mount` of the cameras, and calibrates one that moved.
+
+    Args:
+        memory: the graph.
+        chronicle: gets what was adopted or undone.
+        config: when and how.
+        log: for people.
+    """
+
+    def __init__(self, memory: Memory, chronicle: Chronicle, config: CalibratorConfig, log: logging.Logger) -> None:
+        self._memory = memory
+        self._chronicle = chronicle
+        self._config = config
+        self._log = log
+        self._memories = Memories(config.lookback + _FRESH)
+        self._depths = Depths(memory)
+        self._doubts: dict[str, Doubt] = {}
+        self._requests: dict[str, str] = {}
+        self._confirmed_until: dict[str, float] = {}
+        self._heard = memory.clock.now()
+        self._calm_since: float | None = None
+        self._begin_afresh()
+
+    def update(self, now: float) -> None:
+        """Go on at time `now` (s)."""
+        self._memories.note(self._memory, now)
+        for node in self._memory.nodes("camera"):
+            if node.name not in self._doubts:
+                self._depths.learn(node.name)
+        for entry in self._news():
+            self._begin(entry, now)
+        is_calm = self._is_calm(now)
+        for camera, doubt in list(self._doubts.items()):
+            if camera not in self._memory:
+                self._forget(camera)
+                continue
+            try:
+                self._go_on(doubt, now, is_calm=is_calm)
+            except ConfigError as error:  # nothing carries it any more
+                self._end(doubt, STEADY, str(error))
+        for camera, until in list(self._confirmed_until.items()):
+            if now >= until:
+                del self._confirmed_until[camera]
+                if self._mount(camera) == CONFIRMED:
+                    self._tell(camera, STEADY, "")
+
+    def _begin_afresh(self) -> None:
+        """An earlier run may have left things open: what it knew is gone, and doubts come back by themselves."""
+        for node in list(self._memory.nodes("camera")):
+            if node.get("mount", STEADY) != STEADY:
+                self._tell(node.name, STEADY, "the calibrator was restarted")
+        for node in list(self._memory.nodes(CALIBRATION)):
+            if node.get("source") == SURPRISE and node.get("status") not in ANSWERED:
+                self._memory.update_node(node.name, status=REFUSED, explanation="the calibrator was restarted")
+
+    # ---- into doubt
+
+    def _news(self) -> list[Entry]:
+        """Explanations since the last call that say that a camera moved."""
+        found = [
+            entry
+            for entry in self._chronicle.query(type="event", kind=EXPLAINED, since=self._heard)
+            if entry.begin > self._heard and CAMERA_MOVED in entry.text
+        ]
+        self._heard = max((entry.begin for entry in found), default=self._heard)
+        return found
+
+    def _begin(self, entry: Entry, now: float) -> None:
+        """Doubt the cameras that see what is displaced."""
+        believed = self._memories.at(entry.begin - self._config.lookback)
+        for node in list(self._memory.nodes("camera")):
+            camera, doubt = node.name, self._doubts.get(node.name)
+            if camera in self._confirmed_until or not self._sees(camera, entry.participants, now):
+                continue
+            if doubt is not None and (self._mount(camera) == IN_DOUBT or doubt.looks_anew):
+                continue
+            try:
+                doubt = Doubt(self._memory, camera, now, self._config, believed, self._depths.of(camera))
+            except ConfigError as error:
+                self._log.warning("%s", error)
+                continue
+            self._forget(camera)
+            self._doubts[camera] = doubt
+            self._requests[camera] = self._make_request(camera)
+            self._tell(camera, IN_DOUBT, f"may have moved: {', '.join(entry.participants)} seem displaced alike")
+
+    def _make_request(self, camera: str) -> str:
+        """A request of our own, so that whoever follows calibrations sees this one."""
+        name = request_calibration(self._memory, camera, method=self._config.method)
+        self._memory.update_node(name, source=SURPRISE, status=LOOKING)
+        return name
+
+    def _sees(self, camera: str, names: tuple[str, ...], now: float) -> bool:
+        edges = (self._memory.get_edge(camera, name, "RT") for name in names)
+        poses = (edge.get("pose") for edge in edges if edge is not None)
+        return any(pose is not None and now - pose.stamp <= _FRESH for pose in poses)
+
+    # ---- out of it
+
+    def _go_on(self, doubt: Doubt, now: float, *, is_calm: bool) -> None:
+        camera, mount = doubt.camera, self._mount(doubt.camera)
+        late = mount == IN_DOUBT and now - doubt.began > self._config.elsewhere_patience
+        is_open = doubt.decision is not None and (doubt.decision.moved is None or doubt.decision.is_ambiguous)
+        waits = is_open and doubt.can_look_elsewhere and mount == IN_DOUBT
+        decision = doubt.update(last=late and doubt.views > 1)
+        if decision is not None:
+            self._conclude(doubt, decision, now)
+        elif waits and late:
+            self._make_do(doubt)
+        elif mount == PROVISIONAL and doubt.looks_anew:
+            self._tell(camera, IN_DOUBT, "sees things from elsewhere, which tells whether it moved")
+        elif mount == IN_DOUBT and is_calm and now - doubt.began > _CALM and doubt.decision is None:
+            self._end(doubt, STEADY, "nothing seems displaced any more")
+
+    def _conclude(self, doubt: Doubt, decision: Decision, now: float) -> None:
+        camera = doubt.camera
+        self._log.info("%s: %s", camera, decision.why)
+        if decision.moved is False:
+            self._restore(doubt, decision)
+            self._confirmed_until[camera] = now + self._config.confirmed_for
+            self._end(doubt, CONFIRMED, f"has not moved: {decision.why}", REFUSED)
+        elif decision.moved and not decision.is_ambiguous:
+            self._adopt(doubt)
+            self._end(doubt, STEADY, "", ADOPTED)
+        elif decision.moved and not doubt.can_look_elsewhere:
+            self._adopt(doubt)
+            self._answer(doubt, ADOPTED)
+            self._tell(camera, PROVISIONAL, decision.why)
+        else:
+            self._tell(camera, IN_DOUBT, decision.why)
+
+    def _make_do(self, doubt: Doubt) -> None:
+        """No view from elsewhere came in time: take what is likelier, if there is any pose at all."""
+        assert doubt.decision is not None
+        if doubt.decision.moved:
+            self._adopt(doubt)
+            self._answer(doubt, ADOPTED)
+            self._tell(doubt.camera, PROVISIONAL, f"{doubt.decision.why}; no view from elsewhere told")
+        else:
+            self._end(doubt, STEADY, doubt.decision.why, REFUSED)
+
+    def _adopt(self, doubt: Doubt) -> None:
+        assert doubt.solution is not None
+        report = make_report(doubt.camera, doubt.parent, doubt.solution, adopted=True)
+        self._write(doubt, doubt.solution.pose)
+        self._chronicle.happened(
+            CALIBRATED, (doubt.camera, *(one.name for one in report.objects)), text=report.text
+        )  # fmt: skip
+        self._log.info("%s", report.text)
+
+    def _restore(self, doubt: Doubt, decision: Decision) -> None:
+        """Take back a pose that was adopted provisionally."""
+        edge = self._memory.get_edge(doubt.parent, doubt.camera, "RT")
+        if edge is not None and edge.get("pose") != doubt.before:
+            self._write(doubt, doubt.before)
+            text = f"{doubt.camera} is where it was before after all: {decision.why}"
+            self._chronicle.happened(CALIBRATED, (doubt.camera,), text=text)
+            self._log.info("%s", text)
+
+    def _write(self, doubt: Doubt, pose: Pose) -> None:
+        self._memory.add_edge(doubt.parent, doubt.camera, "RT", pose=pose.with_stamp(0.0))
+        self._depths.forget(doubt.camera)
+
+    def _end(self, doubt: Doubt, mount: str, why: str, status: str = REFUSED) -> None:
+        self._answer(doubt, status, why)
+        self._tell(doubt.camera, mount, why)
+        self._forget(doubt.camera)
+
+    def _answer(self, doubt: Doubt, status: str, why: str = "") -> None:
+        """Let the request in the graph say what came out; later answers replace earlier ones."""
+        request = self._requests.get(doubt.camera, "")
+        if request not in self._memory:
+            return
+        if doubt.solution is None:
+            self._memory.update_node(request, status=status, explanation=why)
+            return
+        report = make_report(doubt.camera, doubt.parent, doubt.solution, adopted=status == ADOPTED)
+        text = why if status != ADOPTED else report.text
+        if status != ADOPTED:
+            report = msgspec.structs.replace(report, text=f"{doubt.camera} {why}")
+        told = msgspec.json.encode(report).decode()
+        self._memory.update_node(request, status=status, explanation=text, report=told)
+
+    def _forget(self, camera: str) -> None:
+        self._doubts.pop(camera, None)
+        self._requests.pop(camera, None)
+
+    # ---- small things
+
+    def _is_calm(self, now: float) -> bool:
+        """Whether nothing has been surprising for a while."""
+        if any(node.get("surprising") is True for kind in THINGS for node in self._memory.nodes(kind)):
+            self._calm_since = None
+        elif self._calm_since is None:
+            self._calm_since = now
+        return self._calm_since is not None and now - self._calm_since >= _CALM
+
+    def _mount(self, camera: str) -> str:
+        node = self._memory.get_node(camera)
+        return STEADY if node is None else str(node.get("mount", STEADY))
+
+    def _tell(self, camera: str, mount: str, why: str) -> None:
+        node = self._memory.get_node(camera)
+        if node is not None and (node.get("mount", STEADY), node.get("explanation", "")) != (mount, why):
+            self._memory.update_node(camera, mount=mount, explanation=why)
+            if mount != STEADY:
+                self._log.info("%s: %s, %s", camera, mount, why)

@@ -1,0 +1,125 @@
+"""The hypothesis that a camera moved: which objects it would explain, and how they would be seen without that."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dsr.quaternions import Quaternion
+from simulation_handler.explaining.hypotheses import Hypothesis
+from simulation_handler.explaining.situation import Seen, Situation
+from simulation_handler.geometry import Solid
+from simulation_handler.percepts import Array
+
+FEWEST = 3
+"""Objects that must be explained by one motion of the camera, for that to be told from moved objects."""
+
+_ARM = 0.02  # m: an object's rotation counts as much as points that far from its centre
+_AGREES = 8.0  # nats of misfit up to which an object is where the motion would have it
+_NEARLY = 0.03  # m, likewise for a motion that was guessed from a single object
+_TURNED = 0.3  # rad, likewise
+_SURE_OF_ROTATION = 0.75  # rad^2, trace of a rotation's covariance up to which a percept tells it
+_ROUNDS = 4
+
+
+def explained_by_camera(situation: Situation) -> frozenset[str]:
+    """The objects that are seen displaced, or not, as one motion of the camera would have it.
+
+    Empty if those are fewer than `FEWEST` or not most of all that are seen.
+    """
+    names = _comparable(situation)
+    best: frozenset[str] = frozenset()
+    for name in names if len(names) >= FEWEST else ():
+        found = _consensus(situation, names, _motion(situation, [name]))
+        if len(found) > len(best):
+            best = found
+    enough = len(best) >= FEWEST and 2 * len(best) > len(names)
+    return best if enough else frozenset()
+
+
+def corrected(situation: Situation, hypothesis: Hypothesis) -> Situation:
+    """What would be seen if the camera had not moved; the situation itself, unless the hypothesis says it did.
+
+    The motion of the camera is the one that explains best what the hypothesis does not explain otherwise.
+    """
+    if not hypothesis.camera_moved:
+        return situation
+    names = [n for n in _comparable(situation) if n not in hypothesis.moved and n not in hypothesis.kept]
+    if not names:
+        return situation
+    rotation, shift = _motion(situation, names)
+    seen = {name: _carried(seen, situation, rotation, shift) for name, seen in situation.seen.items()}
+    return replace(situation, seen=seen)
+
+
+def _comparable(situation: Situation) -> list[str]:
+    """Objects that are seen, and believed somewhere."""
+    return sorted(situation.seen.keys() & situation.believed.keys())
+
+
+def _consensus(situation: Situation, names: Sequence[str], motion: tuple[Array, Array]) -> frozenset[str]:
+    """The objects that agree with a motion like this one: looked for roughly first, then closely."""
+    rotation, shift = motion
+    agreeing = {name for name in names if _is_near(situation, name, rotation, shift)}
+    for _ in range(_ROUNDS):
+        if len(agreeing) < FEWEST:
+            return frozenset()
+        rotation, shift = _motion(situation, sorted(agreeing))
+        before, agreeing = agreeing, {n for n in names if _misfit(situation, n, rotation, shift) < _AGREES}
+        if agreeing == before:
+            break
+    return frozenset(agreeing)
+
+
+def _motion(situation: Situation, names: Collection[str]) -> tuple[Array, Array]:
+    """Rotation (3, 3) and shift (3,) that bring what is seen closest to what is believed (Kabsch, 1976)."""
+    seen = np.concatenate([_points(situation.seen[n].shown, _tells_rotation(situation, n)) for n in names])
+    believed = np.concatenate([_points(situation.believed[n], _tells_rotation(situation, n)) for n in names])
+    left, _, right = np.linalg.svd((seen - seen.mean(0)).T @ (believed - believed.mean(0)))
+    sign = np.sign(np.linalg.det(right.T @ left.T))
+    rotation: Array = right.T @ np.diag((1.0, 1.0, sign)) @ left.T
+    return rotation, believed.mean(0) - rotation @ seen.mean(0)
+
+
+def _points(solid: Solid, has_rotation: bool) -> Array:
+    """(7, 3) m: the centre, and points around it that turn with the object."""
+    around = _ARM * np.vstack([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
+    turned = Rotation.from_quat(solid.rotation).apply(around) if has_rotation else np.zeros((7, 3))
+    result: Array = np.array(solid.position) + turned
+    return result
+
+
+def _tells_rotation(situation: Situation, name: str) -> bool:
+    return float(np.trace(situation.seen[name].turning)) < _SURE_OF_ROTATION
+
+
+def _is_near(situation: Situation, name: str, rotation: Array, shift: Array) -> bool:
+    shown, believed = situation.seen[name].shown, situation.believed[name]
+    position, turned = _moved(shown, rotation, shift)
+    if math.dist(position, believed.position) > _NEARLY:
+        return False
+    angle = (Rotation.from_quat(turned) * Rotation.from_quat(believed.rotation).inv()).magnitude()
+    return not _tells_rotation(situation, name) or float(angle) < _TURNED
+
+
+def _misfit(situation: Situation, name: str, rotation: Array, shift: Array) -> float:
+    return _carried(situation.seen[name], situation, rotation, shift).misfit(situation.believed[name])
+
+
+def _carried(seen: Seen, situation: Situation, rotation: Array, shift: Array) -> Seen:
+    """The percept as it would be from where the camera was."""
+    position, turned = _moved(seen.shown, rotation, shift)
+    shown = seen.percept.at(position, turned)
+    flat, tilt = shown.face_down()
+    percept = flat if tilt <= situation.config.tilt_tolerance else shown
+    return replace(seen, percept=percept, unflattened=shown)
+
+
+def _moved(solid: Solid, rotation: Array, shift: Array) -> tuple[tuple[float, float, float], Quaternion]:
+    x, y, z = (rotation @ np.array(solid.position) + shift).tolist()
+    qx, qy, qz, qw = (Rotation.from_matrix(rotation) * Rotation.from_quat(solid.rotation)).as_quat().tolist()
+    return (x, y, z), (qx, qy, qz, qw)

@@ -1,0 +1,89 @@
+"""Did the camera move, or the objects? In one view, and in several."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from agents.calibrator.calibrate import calibrate
+from agents.calibrator.decision import Decision, alike, decide, decide_elsewhere
+from agents.calibrator.problem import Sighting
+from dsr.transforms import Pose
+from tests.agents.calibrator.scenes import BUMP, CLUSTER, DOWN, FLIP, cubes, sightings
+
+MOVED = Pose((0.05, 0.03, 0.0))
+HERE = Pose.identity()
+
+
+def found(seen: list[Sighting], believed: Pose = DOWN) -> Decision:
+    return decide(seen, believed, calibrate(seen, believed), HERE)
+
+
+def moved_alike(world_from_world: Pose, names: list[str]) -> dict[str, Pose]:
+    """Offsets in the objects' frames that move them so in the world."""
+    return {name: pose.inverse() @ world_from_world @ pose for name, pose in cubes().items() if name in names}
+
+
+def noisy(**options: object) -> list[Sighting]:
+    return sightings(cubes(), rng=np.random.default_rng(0), **options)  # type: ignore[arg-type]
+
+
+def test_all_displaced_by_one_motion_is_a_moved_camera() -> None:
+    decision = found(noisy(), DOWN @ BUMP)
+    assert decision.moved and not decision.is_ambiguous and "left the table" in decision.why
+
+
+@pytest.mark.parametrize("wrong", [FLIP, MOVED])
+def test_beside_it_one_of_four_may_have_moved_or_be_seen_falsely(wrong: Pose) -> None:
+    assert found(noisy(wrong={"cube_2": wrong}), DOWN @ BUMP).moved
+
+
+@pytest.mark.parametrize("names", [["cube_1"], ["cube_1", "cube_3"], ["cube_1", "cube_2", "cube_3"]])
+def test_as_long_as_one_is_seen_where_it_is_believed_the_others_moved(names: list[str]) -> None:
+    decision = found(noisy(wrong=moved_alike(MOVED, names)))
+    assert decision.moved is False and f"{4 - len(names)} of 4 objects are seen where" in decision.why
+
+
+def test_a_single_flipped_percept_moves_no_camera() -> None:
+    assert found(noisy(wrong={"cube_2": FLIP})).moved is False
+
+
+@pytest.mark.parametrize("motion", [MOVED, Pose.from_rotvec((0.01, 0.0, 0.0), (0.0, 0.0, 0.3))])
+def test_all_moved_alike_on_the_table_looks_like_a_moved_camera(motion: Pose) -> None:
+    decision = found(noisy(wrong=moved_alike(motion, list(cubes()))))
+    assert decision.moved and decision.is_ambiguous
+
+
+def test_weak_geometry_leaves_it_open() -> None:
+    seen = sightings(cubes(CLUSTER), rng=np.random.default_rng(0))
+    decision = found(seen, DOWN @ BUMP)
+    assert decision.moved is None and "geometry is weak" in decision.why
+
+
+TURNED = Pose.from_rotvec((0.0, 0.0, 0.0), (0.3, 0.0, 0.9))
+
+
+@pytest.mark.parametrize("is_camera", [True, False])
+def test_a_view_from_elsewhere_tells(is_camera: bool) -> None:
+    parents = {0: HERE, 1: TURNED}
+    wrong = {} if is_camera else moved_alike(MOVED, list(cubes()))
+    truth = (DOWN if not is_camera else MOVED.inverse() @ DOWN)  # fmt: skip
+    seen = sightings(
+        cubes(), truth, rng=np.random.default_rng(0), wrong=wrong, parents=list(parents.values())
+    )  # fmt: skip
+    first = [one for one in seen if one.view == 0]
+    assert found(first).is_ambiguous
+    common = alike(DOWN, calibrate(first, DOWN).pose, HERE)
+    assert common.distance(MOVED)[0] < 0.003
+    after = calibrate(seen, DOWN).pose
+    decision = decide_elsewhere(seen, DOWN, after, common, parents, last=False)
+    assert decision.moved is is_camera and not decision.is_ambiguous and "2 views tell" in decision.why
+
+
+def test_the_same_view_again_tells_nothing_unless_it_must() -> None:
+    parents = {0: HERE, 1: Pose((0.1, 0.0, 0.0))}
+    wrong = moved_alike(MOVED, list(cubes()))
+    seen = sightings(cubes(), rng=np.random.default_rng(0), wrong=wrong, parents=list(parents.values()))
+    common, after = alike(DOWN, calibrate(seen, DOWN).pose, HERE), calibrate(seen, DOWN).pose
+    assert decide_elsewhere(seen, DOWN, after, common, parents, last=False).moved is None
+    assert decide_elsewhere(seen, DOWN, after, common, parents, last=True).moved is not None

@@ -1,0 +1,187 @@
+"""Calibrations that begin by themselves, from the explanation that a camera moved to the verdict."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from dsr.calibration import (
+    ADOPTED,
+    CALIBRATED,
+    CALIBRATION,
+    CAMERA_MOVED,
+    CONFIRMED,
+    IN_DOUBT,
+    PROVISIONAL,
+    REFUSED,
+    STEADY,
+    SURPRISE,
+    read_report,
+)
+from dsr.timeline import EXPLAINED, Chronicle
+from dsr.transforms import Pose
+from tests.agents.calibrator.scenes import BUMP, CLUSTER, DOWN, Stage, cubes
+
+SetUp = Callable[..., Stage]
+MOVED = Pose((0.05, 0.03, 0.0))
+ELSEWHERE = Pose.from_rotvec((0.0, 0.0, 0.0), (0.3, 0.0, 0.9))
+
+
+@pytest.fixture
+def set_up() -> Iterator[SetUp]:
+    """A stage that has looked for a while with a camera that is where it is believed to be."""
+    stages: list[Stage] = []
+
+    def make(*arguments: Any, **options: Any) -> Stage:
+        stage = Stage(*arguments, **options)
+        stages.append(stage)
+        stage.memory.add_edge(stage.parent, "camera", "RT", pose=DOWN)
+        stage.look(2.0)
+        return stage
+
+    yield make
+    for stage in stages:
+        stage.lockstep.close()
+
+
+def explain(stage: Stage, text: str = CAMERA_MOVED) -> None:
+    """As the simulation handler does once things have been surprising for a while."""
+    Chronicle(stage.memory, "simulation_handler").happened(EXPLAINED, tuple(stage.objects), text=text, explanation=text)
+
+
+def mount(stage: Stage) -> str:
+    return str(stage.memory.node("camera").get("mount", STEADY))
+
+
+def answer(stage: Stage) -> tuple[str, str]:
+    (node,) = stage.memory.nodes(CALIBRATION)
+    assert node["source"] == SURPRISE
+    return node["status"], node["explanation"]
+
+
+def move_alike(stage: Stage, moved: Pose = MOVED) -> None:
+    stage.objects = {name: moved @ pose for name, pose in stage.objects.items()}
+
+
+def test_a_bumped_camera_is_doubted_then_put_right(set_up: SetUp) -> None:
+    stage = set_up()
+    stage.parent_from_camera = DOWN @ BUMP
+    stage.look(0.8)
+    explain(stage)
+    stage.look(0.5)
+    assert mount(stage) == IN_DOUBT and stage.error[0] > 0.03
+    stage.look()
+    assert mount(stage) == STEADY and answer(stage)[0] == ADOPTED
+    assert stage.error[0] < 0.003 and stage.error[1] < math.radians(0.3)
+    (event,) = Chronicle(stage.memory).query(kind=CALIBRATED)
+    assert event.text == answer(stage)[1]
+
+
+def test_the_beliefs_from_before_count(set_up: SetUp) -> None:
+    stage = set_up()
+    stage.parent_from_camera = DOWN @ BUMP
+    stage.look(0.8)
+    believed = stage.memory.edge("world", "cube_1", "Virtual_RT")["pose"]
+    stage.memory.add_edge("world", "cube_1", "Virtual_RT", pose=Pose((0.04, 0.0, 0.0)) @ believed)
+    explain(stage)
+    stage.look()
+    (node,) = stage.memory.nodes(CALIBRATION)
+    report = read_report(stage.memory, node.name)
+    assert report is not None and report.adopted and not any(one.is_outlier for one in report.objects)
+
+
+def test_two_moved_cubes_leave_the_camera_where_it_is(set_up: SetUp) -> None:
+    stage = set_up(confirmed_for=2.0)
+    for name in ("cube_1", "cube_2"):
+        stage.objects[name] = MOVED @ stage.objects[name]
+    explain(stage)
+    stage.look()
+    assert mount(stage) == CONFIRMED and answer(stage)[0] == REFUSED and stage.error[0] == 0.0
+    assert "2 of 4 objects are seen where they are believed" in answer(stage)[1]
+    stage.look(2.0)
+    assert mount(stage) == STEADY
+
+
+def test_a_camera_on_a_stand_that_all_moved_before_is_moved_provisionally(set_up: SetUp) -> None:
+    stage = set_up()
+    move_alike(stage)
+    explain(stage)
+    stage.look()
+    assert mount(stage) == PROVISIONAL and answer(stage)[0] == ADOPTED
+    assert stage.error[0] == pytest.approx(0.058, abs=0.003)
+
+
+@pytest.mark.parametrize("is_camera", [True, False])
+def test_one_that_an_arm_carries_waits_for_a_view_from_elsewhere(set_up: SetUp, is_camera: bool) -> None:
+    stage = set_up("gripper")
+    if is_camera:
+        stage.parent_from_camera = MOVED.inverse() @ DOWN
+    else:
+        move_alike(stage)
+    explain(stage)
+    stage.look(2.0)
+    assert mount(stage) == IN_DOUBT and stage.memory.edge("gripper", "camera", "RT")["pose"].t == DOWN.t
+    stage.world_from_parent = ELSEWHERE
+    stage.look(2.0)
+    assert (mount(stage), answer(stage)[0]) == ((STEADY, ADOPTED) if is_camera else (CONFIRMED, REFUSED))
+    assert stage.error[0] < 0.003 and stage.error[1] < math.radians(0.3)
+
+
+def test_what_was_adopted_for_want_of_a_view_is_taken_back_when_one_tells(set_up: SetUp) -> None:
+    stage = set_up("gripper", elsewhere_patience=1.5)
+    move_alike(stage)
+    explain(stage)
+    stage.look(2.5)
+    assert mount(stage) == PROVISIONAL and stage.error[0] > 0.05
+    stage.world_from_parent = ELSEWHERE
+    stage.look(0.5)
+    assert mount(stage) == IN_DOUBT
+    stage.look()
+    assert mount(stage) == CONFIRMED and stage.error[0] == 0.0
+    assert "after all" in Chronicle(stage.memory).query(kind=CALIBRATED)[-1].text
+
+
+def test_weak_geometry_waits_and_then_gives_up(set_up: SetUp) -> None:
+    stage = set_up("gripper", cubes(CLUSTER), elsewhere_patience=3.0)
+    stage.parent_from_camera = DOWN @ BUMP
+    explain(stage)
+    stage.look(2.5)
+    assert mount(stage) == IN_DOUBT
+    stage.look(1.5)
+    assert mount(stage) == STEADY and answer(stage)[0] == REFUSED and "geometry is weak" in answer(stage)[1]
+
+
+def test_nothing_begins_by_itself_if_that_is_not_wanted(set_up: SetUp) -> None:
+    stage = set_up(by_itself=False)
+    explain(stage)
+    stage.look()
+    assert not list(stage.memory.nodes(CALIBRATION)) and "mount" not in stage.memory.node("camera")
+
+
+def test_other_explanations_are_none_of_our_business(set_up: SetUp) -> None:
+    stage = set_up()
+    explain(stage, "moved_alone(cube_1)")
+    stage.look()
+    assert not list(stage.memory.nodes(CALIBRATION))
+
+
+def test_a_doubt_ends_with_what_gave_rise_to_it(set_up: SetUp) -> None:
+    stage = set_up()
+    explain(stage)
+    stage.wait(3.5)
+    assert mount(stage) == STEADY and "nothing seems displaced any more" in answer(stage)[1]
+
+
+def test_a_restarted_calibrator_leaves_no_camera_in_doubt(set_up: SetUp) -> None:
+    stage = set_up("gripper")
+    move_alike(stage)
+    explain(stage)
+    stage.look(1.5)
+    assert mount(stage) == IN_DOUBT
+    stage.lockstep.kill("calibrator")
+    stage.lockstep.restart("calibrator")
+    stage.look(0.3)
+    assert mount(stage) == STEADY and answer(stage) == (REFUSED, "the calibrator was restarted")

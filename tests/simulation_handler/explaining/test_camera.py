@@ -1,0 +1,62 @@
+"""A camera that moved is told from objects that did, by how many of them one motion of the camera explains."""
+
+from __future__ import annotations
+
+import pytest
+
+from dsr.transforms import Pose
+from tests.simulation_handler.explaining.scenes import after, errors, shift
+from tests.simulation_handler.worlds import World, cube_at
+
+PLACES = {"cube_3": (0.42, 0.08), "cube_4": (0.30, 0.08), "cube_5": (0.30, -0.08), "cube_6": (0.42, -0.08)}
+BUMP = Pose.from_rotvec((0.02, 0.015, 0.0), (0.01, -0.02, 0.05))
+
+
+def four_cubes(seed: int = 0) -> World:
+    world = World({name: cube_at(x, y) for name, (x, y) in PLACES.items()}, seed, sight=True)
+    world.run(2.0)
+    return world
+
+
+def bump(world: World) -> None:
+    perceive = world.camera.percept
+
+    def bumped(name: str, truth: Pose, stamp: float) -> Pose:
+        percept = perceive(name, truth, stamp)
+        moved = BUMP @ percept
+        return Pose(moved.t, moved.q, stamp, percept.cov)
+
+    world.camera.percept = bumped  # type: ignore[method-assign]
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_a_camera_and_a_cube_that_moved_are_both_told(seed: int) -> None:
+    world = four_cubes(seed)
+    shift(world, ["cube_3"], -0.05, 0.03)
+    result = after(world, bump)
+    assert set(result.explanations) == {"camera_moved() & moved_alone(cube_3)"}
+    assert all(error < 0.005 for name, error in errors(world).items() if name != "cube_3")
+
+
+@pytest.mark.parametrize("moved", [["cube_3"], ["cube_3", "cube_6"], ["cube_3", "cube_4", "cube_6"]])
+def test_cubes_that_moved_alike_are_no_camera_as_long_as_one_has_stayed(moved: list[str]) -> None:
+    world = four_cubes()
+    result = after(world, lambda _: shift(world, moved, -0.05, 0.03))
+    assert not any("camera_moved()" in text for text in result.explanations)
+    assert result.recovered_after is not None and result.recovered_after <= 0.7
+
+
+def test_what_is_seen_elsewhere_has_moved_once_the_camera_is_known_to_stand() -> None:
+    world = four_cubes()
+    world.belief.doubt_cameras(False, stand=True)
+    result = after(world, lambda _: shift(world, list(PLACES), -0.05, 0.03))
+    assert result.explanations == (" & ".join(f"moved_alone({name})" for name in PLACES),)
+    assert result.recovered_after is not None
+
+
+def test_nothing_is_explained_while_a_camera_is_in_doubt() -> None:
+    world = four_cubes()
+    world.belief.doubt_cameras(True, stand=False)
+    assert after(world, lambda _: shift(world, ["cube_3"], -0.05, 0.03), 1.5).explanations == ()
+    world.belief.doubt_cameras(False, stand=False)
+    assert after(world, lambda _: None).explanations == ("moved_alone(cube_3)",)
