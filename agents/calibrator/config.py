@@ -26,8 +26,6 @@ class CalibratorConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """m, systematic error along viewing rays in the percepts' covariances (`depth_bias_std` of the scene estimator)"""
     depth_scatter: float = 0.006
     """m, what counts instead of it: by how much it differs between objects, which hides how the camera is tilted"""
-    learned_scatter: float = 0.002
-    """m, what counts instead where the error of an object was known from before"""
     keep: float = 600.0
     """s after which an answered request is removed"""
     method: str = DEFAULT_METHOD
@@ -45,7 +43,7 @@ class CalibratorConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         checked_method(self.method)
         for name in (
             *("span", "patience", "views_patience", "depth_bias", "depth_scatter", "keep"),
-            *("learned_scatter", "lookback", "elsewhere_patience", "confirmed_for"),
+            *("lookback", "elsewhere_patience", "confirmed_for"),
         ):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
                 raise ValueError(f"{name} {getattr(self, name)}: expected 0 or more")

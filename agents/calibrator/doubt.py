@@ -8,6 +8,8 @@ from collections.abc import Mapping
 from agents.calibrator.calibrate import calibrate
 from agents.calibrator.config import CalibratorConfig
 from agents.calibrator.decision import Decision, alike, decide, decide_elsewhere
+from agents.calibrator.depths import DepthError
+from agents.calibrator.problem import Sighting
 from agents.calibrator.solution import Solution
 from agents.calibrator.views import Views
 from dsr.memory import Memory
@@ -25,7 +27,7 @@ class Doubt:
         now: s; percepts from then on count.
         config: times, and the method.
         believed: world_from_object of what was believed before anything seemed displaced.
-        depths: the camera's systematic errors of depth, m along the viewing ray, by object.
+        depths: the camera's systematic errors of depth, by object.
 
     Raises:
         ConfigError: for a camera that nothing carries.
@@ -38,7 +40,7 @@ class Doubt:
         now: float,
         config: CalibratorConfig,
         believed: Mapping[str, Pose],
-        depths: Mapping[str, float],
+        depths: Mapping[str, DepthError],
     ) -> None:
         self._config = config
         self._views = Views(memory, camera, now, config, believed, depths)
@@ -51,6 +53,8 @@ class Doubt:
         """parent_from_camera as it was."""
         self.solution: Solution | None = None
         """The calibration by all views up to now."""
+        self.sightings: list[Sighting] = []
+        """What that was made of."""
         self.decision: Decision | None = None
         """By all views up to now; None before the first."""
         self._moved_alike: Pose | None = None
@@ -90,6 +94,7 @@ class Doubt:
         sightings = self._views.sightings(complete=True)
         if not sightings:
             return None
+        self.sightings = sightings
         parents = self._views.parents()
         self.solution = calibrate(sightings, self.before, self._config.method)
         if self._moved_alike is None:

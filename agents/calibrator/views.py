@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from agents.calibrator.config import CalibratorConfig
-from agents.calibrator.depths import without_error
+from agents.calibrator.depths import DepthError, without_error
 from agents.calibrator.fusing import fuse
 from agents.calibrator.problem import Sighting
 from dsr.errors import ConfigError, TransformError, suggest
@@ -72,7 +72,7 @@ class Views:
         since: s; percepts with an earlier stamp are not used.
         config: when a view is over, and what is known of errors.
         believed: world_from_object of what is to count instead of the present belief.
-        depths: systematic errors of depth that are known, m along the viewing ray, by object.
+        depths: systematic errors of depth that are known, by object.
 
     Raises:
         ConfigError: see `parent_of`.
@@ -85,7 +85,7 @@ class Views:
         since: float,
         config: CalibratorConfig,
         believed: Mapping[str, Pose] | None = None,
-        depths: Mapping[str, float] | None = None,
+        depths: Mapping[str, DepthError] | None = None,
     ) -> None:
         self._memory = memory
         self._depths = dict(depths or {})
@@ -150,7 +150,8 @@ class Views:
             parent_from_world = view.world_from_parent.inverse()
             for name, seen in sorted(view.objects.items()):
                 if seen.steady:
-                    scatter = config.learned_scatter if name in self._depths else config.depth_scatter
+                    known = self._depths.get(name)
+                    scatter = config.depth_scatter if known is None else known.std
                     percept = fuse(seen.percepts, config.depth_bias, scatter)
                     found.append(Sighting(name, number, percept, parent_from_world @ seen.believed))
         return found
@@ -168,7 +169,8 @@ class Views:
         seen = view.objects.setdefault(name, _Seen(believed))
         seen.steady = seen.steady and _within(seen.believed, believed, self._config.belief_drift)
         if len(seen.percepts) < _MOST_PERCEPTS:
-            seen.percepts.append(without_error(percept, self._depths.get(name, 0.0)))
+            known = self._depths.get(name)
+            seen.percepts.append(percept if known is None else without_error(percept, known.mean))
 
     def _view(self, world_from_parent: Pose, stamp: float) -> _View:
         """The present view, or a new one if the camera's parent is elsewhere now."""

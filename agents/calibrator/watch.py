@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 
 import msgspec
 
@@ -91,6 +92,11 @@ class Watch:
         for node in list(self._memory.nodes(CALIBRATION)):
             if node.get("source") == SURPRISE and node.get("status") not in ANSWERED:
                 self._memory.update_node(node.name, status=REFUSED, explanation="the calibrator was restarted")
+
+    @property
+    def doubts(self) -> Sequence[Doubt]:
+        """What is in doubt, or was adopted provisionally."""
+        return tuple(self._doubts.values())
 
     # ---- into doubt
 

@@ -23,6 +23,7 @@ from dsr.memory import Memory
 from dsr.runtime.launcher import POLL_PERIOD, AgentRow, Launcher
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.status import State
+from dsr.runtime.system import System
 from dsr.transport import Transport
 
 LEAD = 0.5
@@ -136,9 +137,13 @@ def run_lockstep(run: Run, observer: Observer | None = None) -> Result:
         ConfigError: if the scenario does not fit its system.
         AgentError: if an agent cannot be started.
     """
+    return run_system(run, without(staged_system(run), "viewer"), observer)
+
+
+def run_system(run: Run, system: System, observer: Observer | None = None) -> Result:
+    """As `run_lockstep`, with a system that the caller has made of `staged_system`."""
     observer = observer or Silent()
     scenario = run.scenario
-    system = without(staged_system(run), "viewer")
     with Lockstep(system.agents, graph=system.graph, seed=run.seed) as lockstep:
         away: list[tuple[float, str]] = []
 
