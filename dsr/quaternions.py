@@ -101,6 +101,13 @@ def to_rotvec(q: Quaternion) -> Vector3:
     return scale * x, scale * y, scale * z
 
 
+def about_z(q: Quaternion) -> Quaternion:
+    """The yaw of q: the rotation about z that is left of it without its tilt; none if it turns z downwards."""
+    _, _, z, w = q
+    norm = math.hypot(z, w)
+    return (0.0, 0.0, z / norm, w / norm) if norm > 0.0 else (0.0, 0.0, 0.0, 1.0)
+
+
 def left_jacobian(v: Vector3, phi: Vector3, b: float, c: float) -> Vector3:
     """The left Jacobian of SO(3), or its inverse, times v: v + b phi x v + c phi x (phi x v)."""
     x, y, z = phi

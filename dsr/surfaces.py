@@ -79,7 +79,12 @@ def seen_alone(shape: Shape, size: Vector3, eye: Array, count: int = _POINTS) ->
 
 
 def distances(shape: Shape, size: Vector3, points: Array) -> Array:
-    """How far points (n, 3), in the frame of a body, are from its surface (n,); exact outside it."""
+    """How far points (n, 3), in the frame of a body, are from its surface (n,) m; exact outside it."""
+    return np.abs(signed_distances(shape, size, points))
+
+
+def signed_distances(shape: Shape, size: Vector3, points: Array) -> Array:
+    """How far points (n, 3), in the frame of a body, are outside it (n,) m; negative within, where it is a bound."""
     solids = Solids.of(shape or box(size))
     local = np.abs(solids.into(points))
     beyond = local - solids.half[:, None]  # of each pair of faces
@@ -93,7 +98,7 @@ def distances(shape: Shape, size: Vector3, points: Array) -> Array:
     outside[..., 1] = np.where(is_cylinder, 0.0, outside[..., 1])
     signed = np.sqrt((outside * outside).sum(axis=2)) + np.minimum(within, 0.0)
     signed = np.where((solids.kinds == 2)[:, None], np.sqrt((local * local).sum(axis=2)) - radius, signed)
-    return np.asarray(np.abs(signed.min(axis=0)))
+    return np.asarray(signed.min(axis=0))
 
 
 class Solids(NamedTuple):

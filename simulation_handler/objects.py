@@ -23,6 +23,7 @@ from simulation_handler.tracking import Track
 _PERCEPTS_TO_LEARN = 10
 _STRIKE_MEMORY = 1.0  # s
 _SURE_OF_ROTATION = 0.75  # rad^2, trace of a rotation's covariance up to which a percept tells it
+_SURE_OF_TILT = 0.1  # rad^2, likewise, about the horizontal axes alone
 
 
 @dataclass
@@ -73,6 +74,8 @@ class BelievedObject:
     """The human hand that holds it: where it is unseen, it goes where that goes."""
     shows_rotation: bool = True
     """Its percepts tell its rotation."""
+    shows_tilt: bool = True
+    """Its percepts tell how it leans, if not its yaw."""
     turned_by_hand: Quaternion | None = None
     """Its rotation as far as that hand tells: for percepts that say nothing of rotations, such as those by colour."""
     confirmed: Solid | None = None
@@ -90,7 +93,11 @@ class BelievedObject:
         x, y, z = (percept.position - (self.bias or 0.0) * percept.ray).tolist()
         self.noise = math.sqrt(float(np.trace(percept.position_covariance)))
         self.shows_rotation = float(np.trace(percept.rotation_covariance)) < _SURE_OF_ROTATION
-        rotation = percept.rotation if self.shows_rotation or self.turned_by_hand is None else self.turned_by_hand
+        self.shows_tilt = float(np.trace(percept.rotation_covariance[:2, :2])) < _SURE_OF_TILT
+        rotation = percept.rotation
+        if not self.shows_rotation and self.turned_by_hand is not None:
+            yaw = quaternions.about_z(self.turned_by_hand)
+            rotation = quaternions.product(rotation, yaw) if self.shows_tilt else self.turned_by_hand
         self.path.add(Pose.unchecked((x, y, z), rotation, percept.stamp))
 
     @property

@@ -284,7 +284,7 @@ class Touching:
             grasp.presumed = since < now - _PRESUMED and self._hides(name, thing)
         if is_seen or not item.hand:
             before = grasp.hand_from_object
-            if not item.shows_rotation:
+            if not item.shows_tilt:
                 there = Pose.unchecked(there.t, before.q)
             grasp.hand_from_object = between(before, there, _BLEND)
             self._note_places(grasp, hand, item, now)

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from agents.scene_estimator.colored import ColoredObject, ColorSighting
-from agents.scene_estimator.placing import Placed, View, place
+from agents.scene_estimator.fitting import View
+from agents.scene_estimator.placing import Guess, Placed, place
 from agents.scene_estimator.pose import NoiseModel
 from agents.scene_estimator.segmentation import ColorImage
 from agents.scene_estimator.sighting import images
@@ -18,8 +19,8 @@ _PATIENCE = 10
 """Frames after which a shape that fits with no yaw is tried with all of them again."""
 
 
-class _Guess(NamedTuple):
-    yaw: float = 0.0
+class _Known(NamedTuple):
+    guess: Guess = Guess()
     frames: int = 0
     """For which no other yaw is looked for."""
 
@@ -33,7 +34,7 @@ class ColorReader:
 
     def __init__(self, noise: NoiseModel) -> None:
         self._noise = noise
-        self._guesses: dict[str, _Guess] = {}
+        self._known: dict[str, _Known] = {}
 
     def read(self, frame: Frame, objects: list[ColoredObject], world_from_camera: Pose) -> list[ColorSighting]:
         """Sightings of `objects` in the frame; none without depth. Raises `WireError` for an unusable frame."""
@@ -45,15 +46,15 @@ class ColorReader:
         return [self._sighting(name, placed, frame.stamp) for name, placed in found if placed is not None]
 
     def _place(self, known: ColoredObject, picture: ColorImage, view: View) -> Placed | None:
-        guess, noise = self._guesses.get(known.name, _Guess()), self._noise.inverse_depth_std
-        mask, may_search = picture.mask(known.color), guess.frames == 0
-        placed = place(view, mask, known.shape, known.size, noise, guess.yaw, search=may_search)
+        last, noise = self._known.get(known.name, _Known()), self._noise.inverse_depth_std
+        mask, may_search = picture.mask(known.color), last.frames == 0
+        placed = place(view, mask, known.shape, known.size, noise, last.guess, search=may_search)
         if placed is not None:
-            frames = 0 if placed.fits else _PATIENCE if may_search else guess.frames - 1
-            self._guesses[known.name] = _Guess(placed.yaw, frames)
+            frames = 0 if placed.fits else _PATIENCE if may_search else last.frames - 1
+            self._known[known.name] = _Known(placed.guess, frames)
         return placed
 
     def _sighting(self, name: str, placed: Placed, stamp: float) -> ColorSighting:
         ray = placed.position / np.linalg.norm(placed.position)
         covariance = placed.covariance + self._noise.depth_bias_std**2 * np.outer(ray, ray)
-        return ColorSighting(name, placed.position, covariance, stamp)
+        return ColorSighting(name, placed.position, covariance, stamp, placed.lean)

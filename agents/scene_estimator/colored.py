@@ -11,16 +11,20 @@ from agents.colors import TOLERANCE, spectral_angle
 from agents.drivers import ColorReading, TagReadings
 from agents.scene_estimator.geometry import Array
 from agents.scene_estimator.pose import NoiseModel
+from dsr import quaternions
 from dsr.elements import Node
 from dsr.errors import SchemaError, WireError
 from dsr.memory import Memory
-from dsr.quaternions import Vector3
+from dsr.quaternions import Quaternion, Vector3
 from dsr.relations import THINGS
 from dsr.shapes import Shape, from_numbers
 from dsr.transforms import Pose
 
 ANY_ROTATION = math.pi
 """rad, standard deviation about each axis of an orientation that nobody measured"""
+LEANING = 0.15
+"""rad, likewise, of a tilt that was seen"""
+UPRIGHT: Quaternion = (0.0, 0.0, 0.0, 1.0)
 _FARTHEST = 100.0  # m
 
 
@@ -46,14 +50,20 @@ class ColorSighting(NamedTuple):
     """(3, 3) m^2, in the camera frame."""
     stamp: float
     """s, of the exposure"""
+    lean: Quaternion | None = None
+    """In the world, from standing upright to how it is turned; None if that could not be seen."""
 
     def pose(self, world_from_camera: Pose) -> Pose:
-        """camera_from_object with covariance: the object's axes are taken to be those of the world, and may be any."""
-        rotation = world_from_camera.inverse().q
+        """camera_from_object with covariance: upright along the world's axes, which may be wrong, or leaning."""
+        camera_from_world = world_from_camera.inverse()
+        lean = UPRIGHT if self.lean is None else self.lean
+        tilt = ANY_ROTATION if self.lean is None else LEANING
+        yaw = ANY_ROTATION if lean == UPRIGHT else LEANING
+        rotation = quaternions.product(camera_from_world.q, lean)
         turn = Pose((0.0, 0.0, 0.0), rotation).rotation_matrix
         covariance = np.zeros((6, 6))
         covariance[:3, :3] = turn.T @ self.covariance @ turn
-        covariance[3:, 3:] = ANY_ROTATION**2 * np.eye(3)
+        covariance[3:, 3:] = np.diag((tilt**2, tilt**2, yaw**2))
         return Pose(self.position, rotation, self.stamp, covariance)
 
 

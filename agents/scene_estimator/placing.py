@@ -1,9 +1,7 @@
-"""Where an object of known shape is, from the pixels that show it: its visible surface is put where it is seen.
+"""Where an object of known shape is, and how it is turned, from the pixels that show it.
 
-The middle of what is seen is compared with the middle of what should be seen of the shape at a supposed place, which is
-then moved by the difference, and so on: an iterated closest point method (Besl and McKay, PAMI 1992) with all points
-matched at once. What something nearer hides, or lies outside the image, should not be seen, so that it does not pull
-the place to one side. How well the shape lies on the points then, and how much of it is seen, tell how sure that is.
+It is taken to stand upright, with the yaw that fits best, unless that does not fit and leaning does. How well the shape
+lies on the points then, and how much of it is seen, tell how sure that is.
 """
 
 from __future__ import annotations
@@ -12,27 +10,19 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from agents.scene_estimator.geometry import Array, Intrinsics
+from agents.scene_estimator.colored import UPRIGHT
+from agents.scene_estimator.fitting import ROUGH, ROUGH_POINTS, Fit, Scene, View, cloud, fit
+from agents.scene_estimator.geometry import Array
+from agents.scene_estimator.leaning import is_unlike_fallen, lean, leaning, tilt, tilt_sigma
 from agents.scene_estimator.segmentation import Mask
-from dsr.quaternions import Vector3
+from dsr import quaternions
+from dsr.quaternions import Quaternion, Vector3
 from dsr.shapes import Shape
-from dsr.surfaces import distances, seen_alone
-from dsr.transforms import Pose
 
 LEAST_SHARE = 0.35
 """Of the image of an object, had it no others before it, that must be seen"""
-SMALLEST = 8
-"""px, the width of the smallest spot that is used"""
 
-_MOST_PIXELS = 1500
-_MODEL_POINTS = 600  # all around the shape
-_ITERATIONS = 12
-_ROUGH = 4  # iterations, and
-_ROUGH_POINTS = 200  # enough to tell yaws apart
-_SETTLED = 1e-4  # m
-_IN_FRONT = 0.015  # m, by which something must be nearer to hide a point
 _WORST_FIT = 0.2  # of the shortest edge: mean distance of the points from the shape, above which it is another thing
 _NOISY_FIT = 3.0  # times the depth noise: the same, of thin objects
 _AGREEMENT = 0.6  # least share of what should be seen that is seen
@@ -41,17 +31,25 @@ _FLOOR = 1e-3  # m, likewise, of the model
 _PULL = 0.15  # of the object's extent, that the middle may be off for each hidden share
 _YAWS = np.radians(np.arange(0.0, 180.0, 30.0))
 _FINER = np.radians((10.0, 5.0, 2.5))  # rad, by which the best of those is turned on to both sides
-_GOOD_FIT = 1.5  # times the depth noise: a mean distance up to which no other yaw is tried
+_GOOD_FIT = 1.5  # times the depth noise: a mean distance up to which no other rotation is tried
+_USUALLY = 1.4  # times the usual mean distance: the same
+_NEWS = 0.1  # weight of the newest in that
+_SURELY = 1.3  # times that: the same, for one that leans
+_CLEARLY = 0.8  # of the mean distance with which it leans: one with which it surely stands upright
+_STANDS, _LEANS = 0.1, 0.25  # rad, up to which it is upright, and from which it surely is not
+_TELLS = 0.06  # rad, standard deviation of its tilt up to which it is known to stand upright
 _TRUST = 1.5  # times the mean distance of the points from the shape: how far off the place may be
 
 
-class View(NamedTuple):
-    """One exposure."""
+class Guess(NamedTuple):
+    """How an object was turned in the frame before."""
 
-    depth: NDArray[np.float32]
-    """(h, w) m along the optical axis; 0 where unknown"""
-    intrinsics: Intrinsics
-    world_from_camera: Pose
+    yaw: float = 0.0
+    """rad"""
+    lean: Quaternion = UPRIGHT
+    """In the world, after the yaw."""
+    misfit: float = math.inf
+    """m, mean distance of the points from the surface while it stands upright"""
 
 
 class Placed(NamedTuple):
@@ -61,24 +59,18 @@ class Placed(NamedTuple):
     """(3,) m, its centre in the camera frame"""
     covariance: Array
     """(3, 3) m^2, but for the sensor's systematic errors"""
-    yaw: float
-    """rad, by which it fits best: of use as a guess for the next frame alone"""
+    guess: Guess
+    """How it fits best: of use for the next frame"""
     fits: bool
     """Whether the shape lies on the points but for their noise."""
-
-
-class _Fit(NamedTuple):
-    position: Array  # (3,) m, world
-    share: float  # of its image that is not hidden
-    agreement: float  # share of that which has its colour
-    misfit: float  # m, mean distance of the points from the surface
-    yaw: float
+    lean: Quaternion | None
+    """How it surely leans, or stands, in the world; None if that cannot be told"""
 
 
 def place(
-    view: View, mask: Mask, shape: Shape, size: Vector3, noise: float, yaw: float = 0.0, *, search: bool = True
+    view: View, mask: Mask, shape: Shape, size: Vector3, noise: float, guess: Guess, *, search: bool = True
 ) -> Placed | None:
-    """The place of an object that stands upright, from the pixels of its colour.
+    """The place of an object, from the pixels of its colour.
 
     Args:
         view: depth and camera.
@@ -86,106 +78,77 @@ def place(
         shape: of the object; without parts, a box of `size` m.
         size: edge lengths of its bounding box, m.
         noise: 1/m, standard deviation of the inverse depth of a pixel.
-        yaw: rad, a guess of how it is turned.
-        search: try others if that does not fit.
+        guess: how it may be turned.
+        search: try all yaws if that does not fit.
 
     Returns:
         None if too little of it is seen, or if what is seen is not its surface.
     """
-    points, weights = _cloud(view, mask)
+    points, weights = cloud(view, mask)
     if len(points) == 0:
         return None
-    scene = _Scene(view, mask, points, weights)
-    fit = _fit(scene, shape, size, yaw)
+    scene = Scene(view, mask, points, weights)
     expected = noise * float((points[:, 2] ** 2).mean())
-    if search and (fit is None or fit.misfit > _GOOD_FIT * expected):
-        fit = _fit(scene, shape, size, _best_yaw(scene, shape, size, yaw))
+    good = _GOOD_FIT * expected
+    found, guess = _fitting(scene, shape, size, guess, good, search=search)
     worst = max(_WORST_FIT * min(size), _NOISY_FIT * expected)
-    if fit is None or fit.share < LEAST_SHARE or fit.agreement < _AGREEMENT or fit.misfit > worst:
+    if found is None or found.share < LEAST_SHARE or found.agreement < _AGREEMENT or found.misfit > worst:
         return None
-    position = view.world_from_camera.inverse().apply(fit.position)
-    hidden = 1.0 - fit.share * fit.agreement
-    sigma = (_PIXELS_OFF * position[2] / view.intrinsics.fx, _FLOOR, _TRUST * fit.misfit, _PULL * hidden * max(size))
-    return Placed(
-        position, sum(value * value for value in sigma) * np.eye(3), fit.yaw, fit.misfit <= _GOOD_FIT * expected
-    )
+    position, covariance = _in_camera(found, view, size)
+    return Placed(position, covariance, guess, found.misfit <= good, _sure_lean(scene, shape, size, found, guess, good))
 
 
-class _Scene:
-    """What is seen, in the world frame."""
-
-    def __init__(self, view: View, mask: Mask, points: Array, weights: Array) -> None:
-        self._view = view
-        self._mask = mask
-        self.eye = view.world_from_camera.translation
-        self.points = view.world_from_camera.apply(points)
-        self.weights = weights
-        self._camera_from_world = view.world_from_camera.inverse()
-
-    def expected(self, points: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-        """Which points (n, 3) of the world should be seen, as nothing hides them, and which pixels have the colour."""
-        local = self._camera_from_world.apply(points)
-        depth = np.maximum(local[:, 2], 1e-6)
-        height, width = self._mask.shape
-        column, row = np.rint(self._view.intrinsics.pixels(np.column_stack([local[:, :2], depth]))).T
-        inside = (column >= 0) & (column < width) & (row >= 0) & (row < height) & (local[:, 2] > 0.0)
-        place = np.where(inside, row, 0).astype(int), np.where(inside, column, 0).astype(int)
-        colored = self._mask[place] & inside
-        measured = self._view.depth[place]
-        free = inside & (colored | (measured > depth - _IN_FRONT))
-        return free, colored
+def _sure_lean(scene: Scene, shape: Shape, size: Vector3, found: Fit, guess: Guess, good: float) -> Quaternion | None:
+    if guess.lean != UPRIGHT and tilt(found.turn) > _LEANS:
+        return guess.lean
+    if found.misfit > min(good, _USUALLY * max(guess.misfit, _FLOOR)):
+        return None
+    is_told = tilt_sigma(scene, shape, size, found, max(found.misfit, _FLOOR)) < _TELLS
+    return UPRIGHT if is_told and is_unlike_fallen(scene, shape, size, found) else None
 
 
-def _cloud(view: View, mask: Mask) -> tuple[Array, Array]:
-    """Points (n, 3) of the mask's pixels with known depth, in the camera frame, and their solid angles (n,)."""
-    rows, columns = np.nonzero(mask & (view.depth > 0.0) & np.isfinite(view.depth))
-    step = max(1, math.ceil(len(rows) / _MOST_PIXELS))
-    rows, columns = rows[::step], columns[::step]
-    if len(rows) == 0 or min(np.ptp(rows), np.ptp(columns)) < SMALLEST:
-        return np.empty((0, 3)), np.empty(0)
-    rays = view.intrinsics.rays(np.column_stack([columns, rows]).astype(np.float64))
-    return rays * view.depth[rows, columns, None].astype(np.float64), (rays * rays).sum(axis=1) ** -1.5
+def _fitting(
+    scene: Scene, shape: Shape, size: Vector3, guess: Guess, good: float, *, search: bool
+) -> tuple[Fit | None, Guess]:
+    """The best fit near the guess, or with any yaw; and how it is turned."""
+    upright, good = _about_z(guess.yaw), min(good, _USUALLY * max(guess.misfit, _FLOOR))
+    standing = fit(scene, shape, size, upright)
+    if guess.lean == UPRIGHT and standing is not None and standing.misfit <= good:
+        usual = standing.misfit if guess.misfit == math.inf else guess.misfit + _NEWS * (standing.misfit - guess.misfit)
+        return standing, guess._replace(misfit=usual)
+    before = np.array(quaternions.to_matrix(guess.lean))
+    leant = leaning(scene, shape, size, before @ upright, good)
+    if leant is not None and leant.misfit <= _SURELY * good and not _better(standing, leant):
+        return leant, guess._replace(lean=UPRIGHT if tilt(leant.turn) < _STANDS else lean(leant.turn, upright))
+    if search:
+        guess = guess._replace(yaw=_best_yaw(scene, shape, size, guess.yaw))
+        standing = fit(scene, shape, size, _about_z(guess.yaw))
+    return standing, guess._replace(lean=UPRIGHT)
 
 
-def _best_yaw(scene: _Scene, shape: Shape, size: Vector3, yaw: float) -> float:
+def _better(fitted: Fit | None, other: Fit) -> bool:
+    return fitted is not None and fitted.misfit < _CLEARLY * other.misfit
+
+
+def _in_camera(found: Fit, view: View, size: Vector3) -> tuple[Array, Array]:
+    """Where a fitted object is in the camera frame, and how surely."""
+    position = view.world_from_camera.inverse().apply(found.position)
+    hidden = 1.0 - found.share * found.agreement
+    sigma = (_PIXELS_OFF * position[2] / view.intrinsics.fx, _FLOOR, _TRUST * found.misfit, _PULL * hidden * max(size))
+    return position, sum(value * value for value in sigma) * np.eye(3)
+
+
+def _best_yaw(scene: Scene, shape: Shape, size: Vector3, yaw: float) -> float:
     """The yaw with which the shape fits best, looked for everywhere, then more and more finely around the best."""
     misfits: dict[float, float] = {}
     for angles in ((yaw, *_YAWS), *((-step, step) for step in _FINER)):
         best = min(misfits, key=lambda angle: misfits[angle]) if misfits else 0.0
         for angle in (float(best + step) for step in angles):
-            fit = _fit(scene, shape, size, angle, _ROUGH, _ROUGH_POINTS)
-            misfits[angle] = math.inf if fit is None else fit.misfit
+            found = fit(scene, shape, size, _about_z(angle), ROUGH, ROUGH_POINTS)
+            misfits[angle] = math.inf if found is None else found.misfit
     return min(misfits, key=lambda angle: misfits[angle])
 
 
-def _fit(
-    scene: _Scene, shape: Shape, size: Vector3, yaw: float, iterations: int = _ITERATIONS, count: int = _MODEL_POINTS
-) -> _Fit | None:
-    """The place at which the shape, turned by `yaw`, lies on the points; None if no part of it could be seen there."""
+def _about_z(yaw: float) -> Array:
     c, s = math.cos(yaw), math.sin(yaw)
-    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    middle = _middle(scene.points, scene.weights)
-    ahead = (middle - scene.eye) / np.linalg.norm(middle - scene.eye)
-    position = middle + 0.3 * min(size) * ahead
-    reach = 0.5 * math.hypot(*size) + _IN_FRONT
-    for iteration in range(iterations):
-        if iteration in (0, 2, 5):
-            surface, weights = seen_alone(shape, size, turn.T @ (scene.eye - position), count)
-            surface = surface @ turn.T
-        free, _ = scene.expected(surface + position)
-        near = np.linalg.norm(scene.points - position, axis=1) < 2.0 * reach
-        if not free.any() or not near.any():
-            return None
-        difference = _middle(scene.points[near], scene.weights[near]) - _middle(surface[free], weights[free]) - position
-        position = position + difference
-        if np.linalg.norm(difference) < _SETTLED:
-            break
-    free, colored = scene.expected(surface + position)
-    share = float(weights[free].sum())
-    misfit = distances(shape, size, (scene.points[near] - position) @ turn)
-    agreement = float(weights[colored].sum()) / max(share, 1e-9)
-    return _Fit(position, share, agreement, float(misfit.mean()), yaw)
-
-
-def _middle(points: Array, weights: Array) -> Array:
-    return np.asarray(weights @ points / weights.sum())
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dsr.shapes import Part, Shape, box
-from dsr.surfaces import Solids, crossings, distances, seen_alone, surface
+from dsr.surfaces import Solids, crossings, distances, seen_alone, signed_distances, surface
 
 HALF_TURN = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))
 OPEN_BOX: Shape = (
@@ -93,6 +93,12 @@ def test_distances_from_the_surface() -> None:
     assert distances(cylinder, size, points)[2:] == pytest.approx([0.2, 0.3, 0.05])
     assert distances((), (0.2, 0.2, 0.2), points)[:2] == pytest.approx([0.2, 0.06])
     assert distances((*ball, *cylinder), size, points) == pytest.approx([0.2, 0.06, 0.2, 0.3, 0.05])
+
+
+def test_distances_within_are_negative() -> None:
+    points = np.array([[0.0, 0.0, 0.0], [0.095, 0.0, 0.0], [0.2, 0.0, 0.0], [0.0, 0.0, -0.098]])
+    assert signed_distances((), (0.2, 0.2, 0.2), points) == pytest.approx([-0.1, -0.005, 0.1, -0.002])
+    assert signed_distances(OPEN_BOX, (0.2, 0.2, 0.2), points) == pytest.approx([0.09, -0.005, 0.1, -0.002])
 
 
 def test_the_surface_is_no_distance_from_itself() -> None:

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from scipy.spatial.transform import Rotation
 
+from dsr.quaternions import about_z, from_rotvec, product
 from dsr.transforms import Pose, exp, interpolate, log
 
 coordinates = st.floats(-10.0, 10.0)
@@ -317,6 +318,12 @@ class TestCovariance:
         far = (shaky @ Pose((2.0, 0.0, 0.0))).covariance
         assert far is not None
         assert math.sqrt(far[1, 1]) == pytest.approx(2.0 * 0.1)
+
+
+def test_the_yaw_of_a_rotation_is_what_is_left_without_its_tilt() -> None:
+    yaw, tilt = from_rotvec((0.0, 0.0, 0.7)), from_rotvec((0.3, -0.4, 0.0))
+    assert about_z(product(tilt, yaw)) == pytest.approx(yaw)
+    assert about_z((1.0, 0.0, 0.0, 0.0)) == (0.0, 0.0, 0.0, 1.0)
 
 
 class TestInterpolation:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 
 from dsr import quaternions
@@ -117,6 +118,23 @@ def test_what_falls_out_of_a_hand_is_held_no_more_though_neither_is_seen_again()
 def test_a_little_tilt_of_a_hand_is_its_noise(angle: float, expected: float) -> None:
     cup = Solid("cup", SMALL, (0.0, 0.0, 0.0), quaternions.from_rotvec((0.0, angle, 0.0)))
     assert _tilt(levelled(cup)) == pytest.approx(expected, abs=0.01)
+
+
+@pytest.mark.parametrize("seen", [True, False])
+def test_a_hand_does_not_tilt_what_is_seen_to_be_upright(seen: bool) -> None:
+    world = cup_in_a_hand()
+    covariance = np.diag([4e-6] * 3 + [0.15**2 if seen else math.pi**2] * 2 + [math.pi**2])
+
+    def percept(name: str) -> Pose:
+        return Pose(world.truths[name].t, world.truths[name].q, world.now, covariance)
+
+    world.percept = percept  # type: ignore[method-assign]
+    world.move("cup", standing(0.3, 0.0, SMALL, on=0.2))
+    world.hand_from_object = Pose.from_rotvec(world.hand_from_object.t, (0.0, 0.6, 0.0))
+    world.place_hand()
+    world.move("cup", standing(0.3, -0.2, SMALL, on=0.2))
+    tilt = _tilt(world.pose("cup").q)
+    assert tilt < 0.1 if seen else tilt > 0.4
 
 
 def _tilt(rotation: Quaternion) -> float:

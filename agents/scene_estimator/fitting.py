@@ -1,0 +1,136 @@
+"""Where a shape of known rotation lies on the pixels that show it: its visible surface is put where it is seen.
+
+The middle of what is seen is compared with the middle of what should be seen of the shape at a supposed place, which is
+then moved by the difference, and so on: an iterated closest point method (Besl and McKay, PAMI 1992) with all points
+matched at once. What something nearer hides, or lies outside the image, should not be seen, so that it does not pull
+the place to one side.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.scene_estimator.geometry import Array, Intrinsics
+from agents.scene_estimator.segmentation import Mask
+from dsr.quaternions import Vector3
+from dsr.shapes import Shape
+from dsr.surfaces import distances, seen_alone
+from dsr.transforms import Pose
+
+SMALLEST = 8
+"""px, the width of the smallest spot that is used"""
+ROUGH = 4
+"""Iterations, and"""
+ROUGH_POINTS = 200
+"""points of a shape, enough to tell rotations apart"""
+
+_MOST_PIXELS = 1500
+_MODEL_POINTS = 600  # all around the shape
+_ITERATIONS = 12
+_SETTLED = 1e-4  # m
+_IN_FRONT = 0.015  # m, by which something must be nearer to hide a point
+
+
+class View(NamedTuple):
+    """One exposure."""
+
+    depth: NDArray[np.float32]
+    """(h, w) m along the optical axis; 0 where unknown"""
+    intrinsics: Intrinsics
+    world_from_camera: Pose
+
+
+class Fit(NamedTuple):
+    """How a shape lies on what is seen."""
+
+    position: Array
+    """(3,) m, its centre in the world"""
+    turn: Array
+    """(3, 3) world_from_object"""
+    share: float
+    """Of its image that is not hidden."""
+    agreement: float
+    """Share of that which has its colour."""
+    misfit: float
+    """m, mean distance of the points from the surface"""
+
+
+class Scene:
+    """What is seen, in the world frame."""
+
+    def __init__(self, view: View, mask: Mask, points: Array, weights: Array) -> None:
+        self._view = view
+        self._mask = mask
+        self.eye = view.world_from_camera.translation
+        self.points = view.world_from_camera.apply(points)
+        self.weights = weights
+        self._camera_from_world = view.world_from_camera.inverse()
+
+    def expected(self, points: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Which points (n, 3) of the world should be seen, as nothing hides them, and which pixels have the colour."""
+        local = self._camera_from_world.apply(points)
+        depth = np.maximum(local[:, 2], 1e-6)
+        height, width = self._mask.shape
+        column, row = np.rint(self._view.intrinsics.pixels(np.column_stack([local[:, :2], depth]))).T
+        inside = (column >= 0) & (column < width) & (row >= 0) & (row < height) & (local[:, 2] > 0.0)
+        place = np.where(inside, row, 0).astype(int), np.where(inside, column, 0).astype(int)
+        colored = self._mask[place] & inside
+        measured = self._view.depth[place]
+        free = inside & (colored | (measured > depth - _IN_FRONT))
+        return free, colored
+
+    def around(self, position: Array, size: Vector3) -> NDArray[np.bool_]:
+        """Which points are near what is at a position (3,) and has a bounding box of that size."""
+        near: NDArray[np.bool_] = np.linalg.norm(self.points - position, axis=1) < math.hypot(*size) + 2.0 * _IN_FRONT
+        return near
+
+
+def cloud(view: View, mask: Mask) -> tuple[Array, Array]:
+    """Points (n, 3) of the mask's pixels with known depth, in the camera frame, and their solid angles (n,)."""
+    rows, columns = np.nonzero(mask & (view.depth > 0.0) & np.isfinite(view.depth))
+    step = max(1, math.ceil(len(rows) / _MOST_PIXELS))
+    rows, columns = rows[::step], columns[::step]
+    if len(rows) == 0 or min(np.ptp(rows), np.ptp(columns)) < SMALLEST:
+        return np.empty((0, 3)), np.empty(0)
+    rays = view.intrinsics.rays(np.column_stack([columns, rows]).astype(np.float64))
+    return rays * view.depth[rows, columns, None].astype(np.float64), (rays * rays).sum(axis=1) ** -1.5
+
+
+def fit(
+    scene: Scene, shape: Shape, size: Vector3, turn: Array, iterations: int = _ITERATIONS, count: int = _MODEL_POINTS
+) -> Fit | None:
+    """The place at which a shape with a rotation (3, 3) lies on the points; None if none of it could be seen there."""
+    centre = _middle(scene.points, scene.weights)
+    ahead = (centre - scene.eye) / np.linalg.norm(centre - scene.eye)
+    position = centre + 0.3 * min(size) * ahead
+    for iteration in range(iterations):
+        if iteration in (0, 2, 5):
+            surface, weights = seen_alone(shape, size, turn.T @ (scene.eye - position), count)
+            surface = surface @ turn.T
+        free, _ = scene.expected(surface + position)
+        near = scene.around(position, size)
+        if not free.any() or not near.any():
+            return None
+        difference = _middle(scene.points[near], scene.weights[near]) - _middle(surface[free], weights[free]) - position
+        position = position + difference
+        if np.linalg.norm(difference) < _SETTLED:
+            break
+    return judged(scene, shape, size, turn, position, count)
+
+
+def judged(scene: Scene, shape: Shape, size: Vector3, turn: Array, position: Array, count: int = _MODEL_POINTS) -> Fit:
+    """How a shape at a place (3,) with a rotation (3, 3) lies on the points."""
+    surface, weights = seen_alone(shape, size, turn.T @ (scene.eye - position), count)
+    free, colored = scene.expected(surface @ turn.T + position)
+    share = float(weights[free].sum())
+    near = scene.points[scene.around(position, size)]
+    misfit = float(distances(shape, size, (near - position) @ turn).mean()) if len(near) else math.inf
+    return Fit(position, turn, share, float(weights[colored].sum()) / max(share, 1e-9), misfit)
+
+
+def _middle(points: Array, weights: Array) -> Array:
+    return np.asarray(weights @ points / weights.sum())

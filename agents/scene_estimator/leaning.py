@@ -1,0 +1,121 @@
+"""How an object that does not stand upright is turned, from the points of its surface that are seen.
+
+Near the rotation of the frame before, the pose at which the points are nearest to the surface is looked for by
+Gauss-Newton steps (point to surface, after Chen and Medioni, IVC 1992), with the middle of the points as a prior of the
+place. What turns by less than 35 degrees from frame to frame is followed so, to any rotation.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from agents.scene_estimator.fitting import ROUGH, ROUGH_POINTS, Fit, Scene, fit, judged
+from agents.scene_estimator.geometry import Array
+from dsr import quaternions
+from dsr.quaternions import Quaternion, Vector3
+from dsr.shapes import Shape
+from dsr.surfaces import signed_distances
+
+_STEPS = 15
+_SHARE = 300  # points at which the surface is looked for
+_STIFF = 0.3  # rad, and
+_FIRM = 0.02  # m: standard deviations of a step, and of the place by the middle of the points
+_SETTLED = 3e-3  # rad
+_FARTHEST = 0.6  # rad from the guess
+_TOGETHER = 10  # points of whose errors only one tells something
+_UNLIKE = 1.5  # times the mean distance of the points, with which another rotation is no match
+_APART = 1e-4  # m, between the points of a difference quotient
+_FALLEN = [
+    np.array(quaternions.to_matrix(quaternions.from_rotvec(turn)))
+    for turn in ((0.5 * math.pi, 0.0, 0.0), (-0.5 * math.pi, 0.0, 0.0), (0.0, 0.5 * math.pi, 0.0),
+                 (0.0, -0.5 * math.pi, 0.0), (math.pi, 0.0, 0.0))
+]
+
+
+def leaning(scene: Scene, shape: Shape, size: Vector3, guess: Array, good: float) -> Fit | None:
+    """The fit of a shape near the rotation `guess`; None if there is none, or only one far from the guess.
+
+    Args:
+        scene: what is seen.
+        shape: of the object; without parts, a box of `size` m.
+        size: edge lengths of its bounding box, m.
+        guess: (3, 3) world_from_object.
+        good: m, mean distance of the points from the surface in a good fit.
+    """
+    found = fit(scene, shape, size, guess, ROUGH, ROUGH_POINTS)
+    if found is None:
+        return None
+    turn, position = guess, found.position
+    near = scene.points[scene.around(position, size)]
+    near = near[:: max(1, len(near) // _SHARE)]
+    for _ in range(_STEPS):
+        step = _step(near, shape, size, turn, position, found.position, good)
+        turn = np.array(quaternions.to_matrix(quaternions.from_rotvec((step[0], step[1], step[2])))) @ turn
+        position = position + step[3:]
+        if float(np.linalg.norm(step[:3])) < _SETTLED:
+            break
+    return judged(scene, shape, size, turn, position) if _angle(turn @ guess.T) < _FARTHEST else None
+
+
+def tilt_sigma(scene: Scene, shape: Shape, size: Vector3, found: Fit, sigma: float) -> float:
+    """rad, standard deviation of the worse known of the two directions in which a fitted shape may lean.
+
+    From the curvature of the sum of squared distances around the fit, if points are off by `sigma` m, ten together.
+    """
+    near = scene.points[scene.around(found.position, size)]
+    near = near[:: max(1, len(near) // _SHARE)]
+    jacobian, _ = _linear(near, shape, size, found.turn, found.position)
+    information = jacobian.T @ jacobian / (_TOGETHER * sigma**2) + np.diag([_STIFF**-2] * 3 + [_FIRM**-2] * 3)
+    return math.sqrt(float(np.linalg.eigvalsh(np.linalg.inv(information)[:2, :2])[-1]))
+
+
+def is_unlike_fallen(scene: Scene, shape: Shape, size: Vector3, found: Fit) -> bool:
+    """Whether what stands could not as well lie on a side, or on its head: as a cube could, or a box from below."""
+    others = (fit(scene, shape, size, found.turn @ fallen, ROUGH, ROUGH_POINTS) for fallen in _FALLEN)
+    return all(other is None or other.misfit > _UNLIKE * found.misfit for other in others)
+
+
+def tilt(turn: Array) -> float:
+    """rad, between the vertical and an object's own z axis, with its rotation (3, 3)."""
+    return float(np.arccos(np.clip(turn[2, 2], -1.0, 1.0)))
+
+
+def lean(turn: Array, upright: Array) -> Quaternion:
+    """The rotation in the world that takes an object from `upright` to `turn`, both (3, 3)."""
+    return quaternions.from_matrix((turn @ upright.T).tolist())
+
+
+def _step(
+    points: Array, shape: Shape, size: Vector3, turn: Array, position: Array, middle: Array, good: float
+) -> Array:
+    """(6,) rotation vector and shift in the world by which points (n, 3) come nearer to the surface.
+
+    `middle` (3,) m is where the shape would be by the middle of the points: it stays near, in what they do not tell.
+    """
+    jacobian, distance = _linear(points, shape, size, turn, position)
+    weighted = jacobian / (good**2 + distance**2)[:, None]
+    normal = weighted.T @ jacobian + np.diag([_STIFF**-2] * 3 + [_FIRM**-2] * 3)
+    pull = np.concatenate([np.zeros(3), (middle - position) / _FIRM**2])
+    return np.asarray(np.linalg.solve(normal, pull - weighted.T @ distance))
+
+
+def _linear(points: Array, shape: Shape, size: Vector3, turn: Array, position: Array) -> tuple[Array, Array]:
+    """Derivatives (n, 6) of the distances of points from the surface by a turn and a shift of it, and those (n,)."""
+    arms = points - position
+    distance, slope = _slopes(shape, size, arms @ turn)
+    slope = slope @ turn.T
+    return np.hstack([-np.cross(arms, slope), -slope]), distance
+
+
+def _slopes(shape: Shape, size: Vector3, points: Array) -> tuple[Array, Array]:
+    """Signed distances (n,) of points from a surface, and their gradients (n, 3)."""
+    here = signed_distances(shape, size, points)
+    steps = [signed_distances(shape, size, points + _APART * axis) for axis in np.eye(3)]
+    return here, np.column_stack([(there - here) / _APART for there in steps])
+
+
+def _angle(turn: Array) -> float:
+    """rad, of a rotation (3, 3)."""
+    return math.acos(min(max((float(np.trace(turn)) - 1.0) / 2.0, -1.0), 1.0))
