@@ -19,7 +19,7 @@ from planner.execution import Execution, Surroundings
 from planner.foresight import Foresight
 from planner.intentions import Intention, read_intentions, tell
 from planner.making import PlanMaker
-from planner.monitor import surprising
+from planner.monitor import doubtful, surprising
 
 
 @dataclass
@@ -48,6 +48,7 @@ class Planner(Agent):
         edges=("on", "grasping", "has", "next", "sees", "RT", "Virtual_RT"),
         attributes=(
             *("goal", "maintain", "priority", "status", "explanation", "request", "size", "present", "surprising"),
+            "mount",
             *("visible", "source", "replans", *INTRINSICS),
         ),
     )
@@ -178,7 +179,7 @@ class Planner(Agent):
         if watched.broken_since is None:
             watched.broken_since = self._time
         limit = self.config.explain if surprising(self.memory) else self.config.debounce
-        if self._time - watched.broken_since >= limit - 1e-6:
+        if self._time - watched.broken_since >= limit - 1e-6 and not doubtful(self.memory):
             why = f"no longer true: {' & '.join(map(str, missing))}"
             self.log.warning("%s: %s", intention.name, why)
             tell(self.memory, intention.name, WANTED, why, replans=intention.replans + 1)

@@ -54,7 +54,7 @@ class Failure(Setback):
 
 
 class Interruption(Setback):
-    """The arm controller is gone; the world may be as it was."""
+    """The arm controller is gone, or a camera may have moved; the world may be as it was."""
 
 
 class GivingUp(Exception):  # noqa: N818

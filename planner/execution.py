@@ -45,7 +45,7 @@ from planner.foresight import Foresight
 from planner.grounding import OBSERVE, Place, Skill, stacked
 from planner.intentions import Intention, tell
 from planner.making import PlanMaker
-from planner.monitor import Monitor, believed_places, differences, have_moved, surprising
+from planner.monitor import Monitor, believed_places, differences, doubtful, have_moved, surprising
 from planner.plan import Step
 from planner.state import read_state
 
@@ -203,13 +203,16 @@ class Execution:
                 self._last, self._last_since = newer, now
             if self._disturbed and have_moved(places, newer_places := believed_places(self._memory), config.still):
                 places, self._last_since = newer_places, now
+            doubted = doubtful(self._memory)
             explained = not surprises or now - began >= config.settle + config.explain
             if self._arm.there:
                 still_for = config.calm if self._disturbed else config.settle
-                if explained and now - self._last_since >= still_for - 1e-6:
+                if explained and not doubted and now - self._last_since >= still_for - 1e-6:
                     self._disturbed = False
                     return
-                if surprises:
+                if doubted:
+                    self._tell(WAITING, f"{', '.join(doubted)} may have moved")
+                elif surprises:
                     self._tell(WAITING, f"surprising: {', '.join(surprises)}")
                 elif self._disturbed:
                     self._tell(WAITING, f"until nothing has moved for {still_for:g} s")
@@ -283,6 +286,8 @@ class Execution:
         monitor = Monitor(before, step, self._config)
 
         def watch() -> None:
+            if doubted := doubtful(self._memory):
+                raise Interruption(f"{', '.join(doubted)} may have moved")
             if monitor.deviates(self._relations(), surprising(self._memory), self._now()):
                 kind = Failure if monitor.about_step else Deviation
                 raise kind(f"during {skill}: {monitor.change}")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from dsr.calibration import IN_DOUBT
 from dsr.memory import Memory
 from dsr.quaternions import Vector3
 from dsr.relations import THINGS, Relations
@@ -15,6 +16,11 @@ from planner.plan import Step
 def surprising(memory: Memory) -> list[str]:
     """Names of the things that are being explained, in order."""
     return sorted(node.name for kind in THINGS for node in memory.nodes(kind) if node.get("surprising") is True)
+
+
+def doubtful(memory: Memory) -> list[str]:
+    """Names of the cameras that may have moved, which is being looked into; in order."""
+    return sorted(node.name for node in memory.nodes("camera") if node.get("mount") == IN_DOUBT)
 
 
 def differences(before: Relations, after: Relations, step: Step | None = None) -> list[str]:

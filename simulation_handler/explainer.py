@@ -21,6 +21,7 @@ EXPLANATION = "explanation"
 _MOST_WAITING = 64
 _REMEMBERED = 10.0  # s for which it is known what was beneath an object
 _PAUSE = 0.09  # s until a better look at what is not clear yet: the next frame of the camera
+_AFTER_DOUBT = 0.7  # s until what is seen is seen from where the camera is now known to be
 _TOGETHER = 3.0  # s for which what moved together is taken to go on doing so
 _STEP = 0.0005  # m that an object must have moved for its riders to follow
 
@@ -105,7 +106,9 @@ class Explainer:
     def explain(self, now: float) -> None:
         """Explain what is due at time `now` (s), and adopt that."""
         due = self._noticing.due(now, self.flagged)
-        if not due or now < self._look_again_at or self.cameras_in_doubt:
+        if self.cameras_in_doubt:
+            self._look_again_at = now + _AFTER_DOUBT
+        if not due or now < self._look_again_at:
             return
         explanation = self._policy.explain(self._situation(now, due))
         if explanation is None:

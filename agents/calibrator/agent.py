@@ -43,18 +43,20 @@ class Calibrator(Agent):
     name = "calibrator"
     rate_hz = 10.0
     reads = Access(
-        nodes=(CALIBRATION, "camera", *THINGS, *WRITTEN_NODES),
+        nodes=(CALIBRATION, "camera", "gripper", "action", *THINGS, *WRITTEN_NODES),
         edges=("RT", "Virtual_RT", "grasping", *WRITTEN_EDGES),
         attributes=(
             *("target", "method", "forced", "views", "status", "present", "mount", "surprising", "source"),
+            "request",
             *WRITTEN_ATTRIBUTES,
         ),
     )
     writes = Access(
-        nodes=("mind", "camera", CALIBRATION, *WRITTEN_NODES),
+        nodes=("mind", "camera", "action", CALIBRATION, *WRITTEN_NODES),
         edges=("RT", "has", *WRITTEN_EDGES),
         attributes=(
             *("target", "method", "forced", "views", "status", "explanation", "report", "mount", "source"),
+            *("skill", "target_pose", "request"),
             *WRITTEN_ATTRIBUTES,
         ),
         exclusive=("mount",),

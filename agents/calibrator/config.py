@@ -34,8 +34,12 @@ class CalibratorConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Look into it when all that is seen seems displaced alike."""
     lookback: float = 1.5
     """s before that was explained so, from which beliefs are taken: they may be led astray since"""
-    elsewhere_patience: float = 20.0
+    elsewhere_patience: float = 30.0
     """s that the arm may take until one of its poses tells a moved camera from objects that were all moved alike"""
+    moves_arm: bool = True
+    """Ask the arm that carries a camera in doubt for views from elsewhere, where one view does not tell."""
+    gripper_from_tool: tuple[float, float, float] = (0.0, 0.0, 0.12)
+    """m, the tool point in the frame of the gripper's node"""
     confirmed_for: float = 5.0
     """s after which it is no longer taken for sure that a camera has not moved"""
 

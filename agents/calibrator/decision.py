@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from agents.calibrator.problem import Problem, Sighting
 from agents.calibrator.robust import OUTLIER
@@ -19,6 +20,8 @@ FEWEST = 3
 _CAMERA_MOVED = 6.0  # nats, as in the simulation handler's explanations
 _OBJECT_MOVED = 3.0
 _COINCIDENCE = 6.0  # that an object is seen where it was believed, through a camera that moved
+_MOST_LEANING = 8.0  # for one object that would lean, though it is not believed to
+_NOISE = 3.0  # nats that noise alone may make of that
 _CLEARLY = 6.0  # nats between two explanations that make one of them the answer
 _TILT, _HEIGHT = 0.035, 0.015  # rad, m by which objects that are moved on a table may seem to leave it
 
@@ -43,15 +46,18 @@ def decide(sightings: Sequence[Sighting], before: Pose, solution: Solution, worl
         solution: the calibration by these sightings.
         world_from_parent: in that view.
     """
-    squared = Problem(sightings).squared(before.matrix)
+    problem = Problem(sightings)
+    squared = problem.squared(before.matrix)
     names = {sighting.name for sighting in sightings}
     here = {sighting.name for sighting, value in zip(sightings, squared, strict=True) if value < OUTLIER}
     agreeing = names - set(solution.outliers)
-    by_objects = _OBJECT_MOVED * len(names - here)
+    explained = np.array([sighting.name in agreeing - here for sighting in sightings])
+    by_objects = _OBJECT_MOVED * len(names - here) + _leaning(problem, world_from_parent @ before, explained)
     by_camera = _CAMERA_MOVED + _OBJECT_MOVED * len(names - agreeing) + _COINCIDENCE * len(here - agreeing)
-    enough = len(agreeing) >= FEWEST and 2 * len(agreeing) > len(names)
-    if not enough or by_camera >= by_objects:
+    if 2 * len(agreeing) <= len(names) or by_camera >= by_objects:
         return Decision(False, False, f"{len(here)} of {len(names)} objects are seen where they are believed to be")
+    if len(agreeing) < FEWEST:
+        return Decision(None, False, f"only {len(agreeing)} object(s) tell of the camera; expected {FEWEST}")
     if solution.problem:
         return Decision(None, False, solution.problem)
     if _stays_on_table(alike(before, solution.pose, world_from_parent), sightings, world_from_parent):
@@ -91,6 +97,14 @@ def decide_elsewhere(
 def alike(before: Pose, after: Pose, world_from_parent: Pose) -> Pose:
     """world_from_world: the motion of all objects that would look like that of the camera."""
     return world_from_parent @ before @ (world_from_parent @ after).inverse()
+
+
+def _leaning(problem: Problem, world_from_camera: Pose, explained: NDArray[np.bool_]) -> float:
+    """Nats: what was moved was put down on a face. How much those (n,) lean that would not if the camera moved."""
+    seen = (world_from_camera.matrix @ problem.seen)[:, :3, :3]
+    tilts = np.arccos(np.clip(np.abs(seen[:, 2, :]).max(axis=1), -1.0, 1.0))
+    variances = np.diagonal(problem.covariances, axis1=1, axis2=2)[:, 3:].max(axis=1)
+    return float(np.clip(0.5 * tilts**2 / variances - _NOISE, 0.0, _MOST_LEANING)[explained].sum())
 
 
 def _misfit(sightings: Sequence[Sighting], pose: Pose) -> float:

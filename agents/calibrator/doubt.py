@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+import numpy as np
+
 from agents.calibrator.calibrate import calibrate
 from agents.calibrator.config import CalibratorConfig
 from agents.calibrator.decision import Decision, alike, decide, decide_elsewhere
@@ -13,9 +15,11 @@ from agents.calibrator.problem import Sighting
 from agents.calibrator.solution import Solution
 from agents.calibrator.views import Views
 from dsr.memory import Memory
+from dsr.quaternions import Vector3
 from dsr.transforms import Pose
 
 WORLD = "world"
+_ENOUGH = 8  # percepts of an object that has come into view late
 
 
 class Doubt:
@@ -43,7 +47,7 @@ class Doubt:
         depths: Mapping[str, DepthError],
     ) -> None:
         self._config = config
-        self._views = Views(memory, camera, now, config, believed, depths)
+        self._views = Views(memory, camera, now, config, believed, depths, keeps_brief=False)
         edge = memory.edge(self._views.parent, camera, "RT")
         self.camera = camera
         """Name of its node."""
@@ -64,6 +68,18 @@ class Doubt:
     def parent(self) -> str:
         """Name of the frame that carries the camera."""
         return self._views.parent
+
+    @property
+    def middle(self) -> Vector3:
+        """M, world: where the objects are believed to be, on average."""
+        parents = self._views.parents()
+        x, y, z = np.mean([(parents[one.view] @ one.believed).t for one in self.sightings], axis=0).tolist()
+        return x, y, z
+
+    @property
+    def is_open(self) -> bool:
+        """Whether what was seen until now does not tell."""
+        return self.decision is not None and (self.decision.moved is None or self.decision.is_ambiguous)
 
     @property
     def can_look_elsewhere(self) -> bool:
@@ -88,7 +104,8 @@ class Doubt:
     def update(self, *, last: bool = False) -> Decision | None:
         """Take in what is new; the decision if a further view is complete. `last`: no more views are to come."""
         self._views.update()
-        if self._views.complete <= self._seen_views and not (last and self._seen_views):
+        is_new = self._views.complete > self._seen_views
+        if not is_new and not (self._seen_views and (last or self._tells_more())):
             return None
         self._seen_views = self._views.complete
         sightings = self._views.sightings(complete=True)
@@ -97,7 +114,7 @@ class Doubt:
         self.sightings = sightings
         parents = self._views.parents()
         self.solution = calibrate(sightings, self.before, self._config.method)
-        if self._moved_alike is None:
+        if self._moved_alike is None or self._seen_views == 1:
             first = [sighting for sighting in sightings if sighting.view == 0] or sightings
             parent = parents[first[0].view]
             solution = self.solution
@@ -113,6 +130,14 @@ class Doubt:
             if self.decision.moved and self.solution.problem:
                 self.decision = Decision(None, False, self.solution.problem)
         return self.decision
+
+
+    def _tells_more(self) -> bool:
+        """Whether objects have come into view, where those that were there did not tell."""
+        if self.decision is None or self.decision.moved is not None:
+            return False
+        known = {(sighting.name, sighting.view) for sighting in self.sightings}
+        return any((one.name, one.view) not in known for one in self._views.sightings(complete=True, least=_ENOUGH))
 
 
 class Memories:

@@ -73,6 +73,7 @@ class Views:
         config: when a view is over, and what is known of errors.
         believed: world_from_object of what is to count instead of the present belief.
         depths: systematic errors of depth that are known, by object.
+        keeps_brief: keep views that were over too soon, such as those from a camera on its way.
 
     Raises:
         ConfigError: see `parent_of`.
@@ -86,7 +87,10 @@ class Views:
         config: CalibratorConfig,
         believed: Mapping[str, Pose] | None = None,
         depths: Mapping[str, DepthError] | None = None,
+        *,
+        keeps_brief: bool = True,
     ) -> None:
+        self._keeps_brief = keeps_brief
         self._memory = memory
         self._depths = dict(depths or {})
         self._believed = dict(believed or {})
@@ -141,15 +145,18 @@ class Views:
         """world_from_parent in each view, by its number."""
         return {number: view.world_from_parent for number, view in enumerate(self._views)}
 
-    def sightings(self, *, complete: bool = False) -> list[Sighting]:
-        """One for each object in each view (or each `complete` one), of those whose belief stood still."""
+    def sightings(self, *, complete: bool = False, least: int = 1) -> list[Sighting]:
+        """One for each object in each view (or each `complete` one), of those whose belief stood still.
+
+        An object counts from `least` percepts on.
+        """
         config, found = self._config, []
         for number, view in enumerate(self._views):
             if complete and not self._is_complete(view):
                 continue
             parent_from_world = view.world_from_parent.inverse()
             for name, seen in sorted(view.objects.items()):
-                if seen.steady:
+                if seen.steady and len(seen.percepts) >= least:
                     known = self._depths.get(name)
                     scatter = config.depth_scatter if known is None else known.std
                     percept = fuse(seen.percepts, config.depth_bias, scatter)
@@ -177,6 +184,8 @@ class Views:
         if self._views and _within(self._views[-1].world_from_parent, world_from_parent, self._config.new_view):
             view = self._views[-1]
         else:
+            if self._views and not self._keeps_brief and not self._is_complete(self._views[-1]):
+                self._views.pop()
             view = _View(world_from_parent, stamp, stamp)
             self._views.append(view)
         view.latest = max(view.latest, stamp)

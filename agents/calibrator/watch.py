@@ -11,6 +11,7 @@ from agents.calibrator.config import CalibratorConfig
 from agents.calibrator.decision import Decision
 from agents.calibrator.depths import Depths
 from agents.calibrator.doubt import Doubt, Memories
+from agents.calibrator.looking import SOURCE, Looking, can_look
 from agents.calibrator.reporting import make_report
 from dsr.calibration import (
     ADOPTED,
@@ -57,6 +58,7 @@ class Watch:
         self._doubts: dict[str, Doubt] = {}
         self._requests: dict[str, str] = {}
         self._confirmed_until: dict[str, float] = {}
+        self._looking: dict[str, Looking] = {}
         self._heard = memory.clock.now()
         self._calm_since: float | None = None
         self._begin_afresh()
@@ -78,8 +80,12 @@ class Watch:
                 self._go_on(doubt, now, is_calm=is_calm)
             except ConfigError as error:  # nothing carries it any more
                 self._end(doubt, STEADY, str(error))
+        for camera, looking in list(self._looking.items()):
+            looking.update()
+            if looking.is_over and self._mount(camera) != IN_DOUBT:
+                del self._looking[camera]
         for camera, until in list(self._confirmed_until.items()):
-            if now >= until:
+            if now >= until and camera not in self._looking:
                 del self._confirmed_until[camera]
                 if self._mount(camera) == CONFIRMED:
                     self._tell(camera, STEADY, "")
@@ -92,6 +98,9 @@ class Watch:
         for node in list(self._memory.nodes(CALIBRATION)):
             if node.get("source") == SURPRISE and node.get("status") not in ANSWERED:
                 self._memory.update_node(node.name, status=REFUSED, explanation="the calibrator was restarted")
+        for node in list(self._memory.nodes("action")):
+            if node.get("source") == SOURCE:
+                self._memory.remove_node(node.name)
 
     @property
     def doubts(self) -> Sequence[Doubt]:
@@ -145,17 +154,25 @@ class Watch:
     def _go_on(self, doubt: Doubt, now: float, *, is_calm: bool) -> None:
         camera, mount = doubt.camera, self._mount(doubt.camera)
         late = mount == IN_DOUBT and now - doubt.began > self._config.elsewhere_patience
-        is_open = doubt.decision is not None and (doubt.decision.moved is None or doubt.decision.is_ambiguous)
-        waits = is_open and doubt.can_look_elsewhere and mount == IN_DOUBT
+        waits = doubt.is_open and mount == IN_DOUBT
+        looking = self._looking.get(camera)
+        late = late or (looking is not None and looking.is_over)
         decision = doubt.update(last=late and doubt.views > 1)
         if decision is not None:
             self._conclude(doubt, decision, now)
         elif waits and late:
             self._make_do(doubt)
+        elif waits and looking is None and self._may_look(doubt):
+            self._looking[camera] = Looking(
+                self._memory, doubt.parent, camera, doubt.middle, lambda: doubt.views, self._config
+            )
         elif mount == PROVISIONAL and doubt.looks_anew:
             self._tell(camera, IN_DOUBT, "sees things from elsewhere, which tells whether it moved")
         elif mount == IN_DOUBT and is_calm and now - doubt.began > _CALM and doubt.decision is None:
             self._end(doubt, STEADY, "nothing seems displaced any more")
+
+    def _may_look(self, doubt: Doubt) -> bool:
+        return self._config.moves_arm and doubt.can_look_elsewhere and can_look(self._memory, doubt.parent)
 
     def _conclude(self, doubt: Doubt, decision: Decision, now: float) -> None:
         camera = doubt.camera
@@ -181,6 +198,8 @@ class Watch:
             self._adopt(doubt)
             self._answer(doubt, ADOPTED)
             self._tell(doubt.camera, PROVISIONAL, f"{doubt.decision.why}; no view from elsewhere told")
+            if doubt.camera in self._looking:
+                self._looking[doubt.camera].go_home()
         else:
             self._end(doubt, STEADY, doubt.decision.why, REFUSED)
 
@@ -228,6 +247,8 @@ class Watch:
 
     def _forget(self, camera: str) -> None:
         self._doubts.pop(camera, None)
+        if camera in self._looking:
+            self._looking[camera].go_home()
         self._requests.pop(camera, None)
 
     # ---- small things

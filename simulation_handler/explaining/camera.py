@@ -15,7 +15,7 @@ from simulation_handler.explaining.situation import Seen, Situation
 from simulation_handler.geometry import Solid
 from simulation_handler.percepts import Array
 
-FEWEST = 3
+FEWEST = 2
 """Objects that must be explained by one motion of the camera, for that to be told from moved objects."""
 
 _ARM = 0.02  # m: an object's rotation counts as much as points that far from its centre

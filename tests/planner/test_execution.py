@@ -117,6 +117,23 @@ def test_a_moved_cube_with_the_same_relations_is_no_reason_to_plan_anew() -> Non
         assert run.replans == 0
 
 
+def test_it_holds_still_while_a_camera_is_in_doubt_and_goes_on_with_the_same_plan() -> None:
+    with Run() as run:
+        run.memory.add_node("camera", "camera")
+        run.want()
+        run.until_running("place", "cube_3", 0.2)
+        run.memory.update_node("camera", mount="in doubt")
+        run.go(6.0)
+        assert run.status == "waiting" and "place cube_3 cube_4 halted" in run.arm.done
+        assert run.memory.node("intention_0")["explanation"] == "camera may have moved"
+        done = len(run.arm.done)
+        run.go(6.0)
+        assert len(run.arm.done) == done
+        run.memory.update_node("camera", mount="steady")
+        run.until("reached")
+        assert run.replans == 0 and supports(run.memory) == BUILT
+
+
 def test_flicker_while_surprises_are_explained_is_waited_for() -> None:
     with Run() as run:
         run.want()

@@ -14,8 +14,16 @@ def failures(result: Result) -> list[str]:
 
 
 @pytest.mark.parametrize(
-    "name", ["camera_bumped", "camera_bumped_wrist", "camera_bumped_cube_moved", "cubes_moved_alike"]
-)  # fmt: skip
+    "name",
+    [
+        "camera_bumped",
+        "camera_bumped_wrist",
+        "camera_bumped_cube_moved",
+        "camera_bumped_while_building",
+        "cubes_moved_alike",
+        "cubes_all_moved_alike",
+    ],
+)
 def test_the_camera_is_calibrated_if_and_only_if_it_moved(name: str) -> None:
     result = run_lockstep(make_run(name, sensor="poses", seed=1))
     assert failures(result) == []

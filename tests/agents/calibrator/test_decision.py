@@ -87,3 +87,11 @@ def test_the_same_view_again_tells_nothing_unless_it_must() -> None:
     common, after = alike(DOWN, calibrate(seen, DOWN).pose, HERE), calibrate(seen, DOWN).pose
     assert decide_elsewhere(seen, DOWN, after, common, parents, last=False).moved is None
     assert decide_elsewhere(seen, DOWN, after, common, parents, last=True).moved is not None
+
+
+def test_two_objects_are_too_few_to_tell_of_a_camera_but_enough_to_doubt_it() -> None:
+    places = dict(list(cubes().items())[:2])
+    decision = found(sightings(places, rng=np.random.default_rng(0)), DOWN @ BUMP)
+    assert decision.moved is None and "only 2 object(s) tell" in decision.why
+    moved = moved_alike(MOVED, list(places))
+    assert found(sightings(places, rng=np.random.default_rng(0), wrong=moved)).moved is False

@@ -185,3 +185,15 @@ def test_a_restarted_calibrator_leaves_no_camera_in_doubt(set_up: SetUp) -> None
     stage.lockstep.restart("calibrator")
     stage.look(0.3)
     assert mount(stage) == STEADY and answer(stage) == (REFUSED, "the calibrator was restarted")
+
+
+def test_objects_that_come_into_view_later_tell(set_up: SetUp) -> None:
+    stage = set_up()
+    hidden = {name: stage.objects.pop(name) for name in ("cube_3", "cube_4")}
+    stage.parent_from_camera = DOWN @ BUMP
+    explain(stage)
+    stage.look(2.0)
+    assert mount(stage) == IN_DOUBT and stage.error[0] > 0.03
+    stage.objects |= hidden
+    stage.look(1.5)
+    assert mount(stage) == STEADY and stage.error[0] < 0.003

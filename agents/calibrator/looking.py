@@ -1,0 +1,183 @@
+"""Brings a camera that an arm carries to other places, by actions of the arm: a turned view tells more."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Generator
+
+from agents.calibrator.config import CalibratorConfig
+from dsr.errors import DsrError
+from dsr.intentions import DONE, ENDED, HALT, PLANNED, RUN, RUNNING
+from dsr.keys import agent_of
+from dsr.memory import Memory
+from dsr.quaternions import Vector3
+from dsr.transforms import Pose
+
+Script = Generator[None, None, None]
+
+SOURCE = "calibrator"
+"""`source` of the action nodes."""
+WORLD = "world"
+_MOST_MOVES = 2
+"""From so many places it looks at most, beside where it is."""
+_TURNS = (0.9, -0.9, 0.6, -0.6, 1.5, -1.5)  # rad about the vertical
+_TILTS = (0.0, math.pi, 0.5 * math.pi, -0.5 * math.pi)  # rad, directions in which it leans over the objects
+_LEAN = 0.3  # rad
+_NEARER = 0.9  # of the distance from which it looked
+_FREE_WITHIN = 8.0  # s that others may take to give the arm free
+_MOVED_WITHIN = 20.0  # s that a motion may take
+_LINGER = 2.0  # s that it stays, so that what is seen from there can be explained
+_SEEN_WITHIN = 1.5  # s beyond the span of a view
+
+
+def can_look(memory: Memory, parent: str) -> bool:
+    """Whether the frame that carries a camera is part of an arm that can be asked to move."""
+    node = memory.get_node(parent)
+    return node is not None and node.type == "gripper" and _has_controller(memory)
+
+
+class Looking:
+    """The moves of an arm for one camera in doubt.
+
+    Args:
+        memory: the graph.
+        parent: the gripper that carries the camera.
+        camera: name of its node.
+        middle: m, world: what to look at.
+        views: says how many views there are by now.
+        config: the gripper's tool point, and how long a view takes.
+    """
+
+    def __init__(
+        self,
+        memory: Memory,
+        parent: str,
+        camera: str,
+        middle: Vector3,
+        views: Callable[[], int],
+        config: CalibratorConfig,
+    ) -> None:
+        self._memory = memory
+        self._parent = parent
+        self._camera = camera
+        self._middle = middle
+        self._views = views
+        self._config = config
+        self._gripper_from_tool = Pose(config.gripper_from_tool)
+        self._name = ""
+        self._count = 0
+        self._home: Pose | None = None
+        self._script: Script | None = self._look_around()
+
+    @property
+    def is_over(self) -> bool:
+        """Whether there is nowhere left to look from."""
+        return self._script is None
+
+    def update(self) -> None:
+        """Go on."""
+        if self._script is not None:
+            try:
+                next(self._script)
+            except StopIteration:
+                self._script = None
+
+    def go_home(self) -> None:
+        """What was to be known is known: stop, and go back unless somebody else works with the arm."""
+        self._stop()
+        self._script = self._return()
+
+    def _look_around(self) -> Script:
+        try:
+            world_from_gripper = self._memory.transform(WORLD, self._parent)
+            world_from_camera = self._memory.transform(WORLD, self._camera)
+        except DsrError:
+            return
+        self._home = world_from_gripper @ self._gripper_from_tool
+        found = 0
+        for turn in _TURNS:
+            for azimuth in _TILTS:
+                if found >= _MOST_MOVES:
+                    return
+                there = _orbited(world_from_camera, self._middle, turn, azimuth)
+                tool = there @ world_from_camera.inverse() @ self._home
+                yield from self._free()
+                before = self._views()
+                if not (yield from self._run(tool)):
+                    continue
+                if (yield from self._seen(before)):
+                    found += 1
+                    break
+
+    def _return(self) -> Script:
+        began = self._now()
+        while self._now() - began < _LINGER:
+            yield
+        if self._home is not None and self._count and not self._others():
+            yield from self._run(self._home)
+        self._drop()
+
+    def _free(self) -> Script:
+        """Wait until nobody else works with the arm: a plan halts while the camera is in doubt."""
+        began = self._now()
+        while self._others() and self._now() - began < _FREE_WITHIN:
+            yield
+
+    def _run(self, tool: Pose) -> Generator[None, None, bool]:
+        """Bring the tool point there (world_from_tool); whether it came there."""
+        self._drop()
+        self._count += 1
+        self._name = f"action_look_{self._memory.rid}_{self._count}"
+        values = {"skill": "move", "status": PLANNED, "request": RUN, "source": SOURCE, "explanation": ""}
+        self._memory.add_node(self._name, "action", target_pose=tool, **values)
+        began = self._now()
+        while (node := self._memory.get_node(self._name)) is not None and node.get("status") not in ENDED:
+            if self._now() - began > _MOVED_WITHIN:
+                self._stop()
+                return False
+            yield
+        return node is not None and node.get("status") == DONE
+
+    def _seen(self, before: int) -> Generator[None, None, bool]:
+        """Whether the camera sees enough from there."""
+        began = self._now()
+        while self._now() - began < self._config.span + _SEEN_WITHIN:
+            if self._views() > before:
+                return True
+            yield
+        return False
+
+    def _others(self) -> bool:
+        """Whether the arm does something for somebody else, or is about to."""
+        return any(
+            node.name != self._name
+            and (node.get("status") == RUNNING or (node.get("status") == PLANNED and node.get("request") == RUN))
+            for node in self._memory.nodes("action")
+        )
+
+    def _stop(self) -> None:
+        node = self._memory.get_node(self._name) if self._name else None
+        if node is not None and node.get("status") not in ENDED:
+            self._memory.update_node(self._name, request=HALT)
+
+    def _drop(self) -> None:
+        if self._name:
+            self._memory.remove_node(self._name)
+            self._name = ""
+
+    def _now(self) -> float:
+        return self._memory.clock.now()
+
+
+def _orbited(world_from_camera: Pose, middle: Vector3, turn: float, azimuth: float) -> Pose:
+    """The camera turned about the vertical through `middle` (m), leaning over it in a direction, and a bit nearer."""
+    about = Pose.from_rotvec((0.0, 0.0, 0.0), (0.0, 0.0, turn))
+    lean = Pose.from_rotvec((0.0, 0.0, 0.0), (_LEAN * math.cos(azimuth), _LEAN * math.sin(azimuth), 0.0))
+    x, y, z = middle
+    relative = Pose((-x, -y, -z)) @ world_from_camera
+    nearer = Pose((_NEARER * relative.t[0], _NEARER * relative.t[1], _NEARER * relative.t[2]), relative.q)
+    return Pose(middle) @ lean @ about @ nearer
+
+
+def _has_controller(memory: Memory) -> bool:
+    return any(agent_of(rid) == "arm_controller" for rid in memory.peers)
