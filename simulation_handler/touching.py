@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from itertools import combinations
 from typing import NamedTuple
 
 from dsr import quaternions
@@ -19,22 +18,16 @@ from dsr.transforms import Pose
 from simulation_handler.bodies import Bodies
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.situation import Look
+from simulation_handler.fingertips import FAR, NEAR, is_opposed, way_out
 from simulation_handler.geometry import Solid
 from simulation_handler.objects import BelievedObject
 from simulation_handler.paths import Path, between
 from simulation_handler.relations import Relation, Relations
-from simulation_handler.surfaces import outwards
 
-TIP_RADIUS = 0.008
-"""m, of a fingertip"""
 TOUCH, PINCH = "touch", "pinch"
 """Grips: fingertips on one side, or on two opposite ones."""
 
-_NEAR = 0.010  # m between surfaces up to which a touch begins: what hands and percepts are off
-_FAR = 0.018  # m up to which it goes on
-_DEEPEST = -0.020  # m, deeper than which no fingertip is in an object: it is in front of it or behind
 _TOUCH_DELAY = 0.2  # s that a touch must last, or be gone
-_OPPOSED = -0.5  # cosine between the ways out of the object at two fingertips
 _MEASURED = 0.15  # s up to which a fingertip is known
 _HIDDEN = 0.6  # s for which a fingertip that touched what is seen may be hidden while its palm is in sight
 UNSEEN = 0.25
@@ -44,6 +37,7 @@ _PRESUMED = 0.3  # s that a hand must touch what it hides, to be presumed to hol
 _HALF = 0.5  # of what there is to see of an object
 _FINGERS = 5
 _DRIFT = 0.1  # share by which a palm that does not move as its fingertips do is taken to have moved by itself
+_ALONG = 0.15  # m from there, as a palm of poor rotation may be: what is in the air is in that hand, or falls
 _BLEND = 0.2  # weight of the newest in how a hand holds an object
 _LEVEL, _TILTED = 0.2, 0.4  # rad up to which tilt is the hand's noise, and from which it is all tilt
 
@@ -74,6 +68,8 @@ class HandGrasp:
     """It was a pinch until its fingertips were seen apart, and the object was not seen since: it is held no more."""
     places: dict[str, Vector3] = field(default_factory=dict)
     """Of the fingertips that touched it while that could be seen, in its frame, m."""
+    aloft: float = -math.inf
+    """s, when it was last seen in the air with its hand, or nothing spoke against that."""
 
 
 @dataclass
@@ -209,7 +205,7 @@ class Touching:
                     continue
                 ways = self._touched(hand, item, known, now)
                 touching |= {(tip, item.name) for tip in ways}
-                if _is_opposed(ways):
+                if is_opposed(ways):
                     opposed.add((name, item.name))
                 elif sum(way is not None for way in ways.values()) < 2 <= len(ways):
                     opposed |= {(name, item.name)} & self._pinches.current().keys()
@@ -228,12 +224,12 @@ class Touching:
             there = hand.path.last @ self._grasps[item.hand, item.name].hand_from_object  # its body comes later
             solids.append(item.solid(there.t, there.q))
         touching = {tip: path.at(stamp).t for tip, path in hand.tips.items() if _is_measured(path, hand)}
-        grown = {tip: _FAR if (tip, item.name) in known else _NEAR for tip in touching}
+        grown = {tip: FAR if (tip, item.name) in known else NEAR for tip in touching}
         found: dict[str, Vector3 | None] = {}
         for solid in solids:
-            ways = {tip: _way_out(solid, point, grown[tip]) for tip, point in touching.items()}
+            ways = {tip: way_out(solid, point, grown[tip]) for tip, point in touching.items()}
             met: dict[str, Vector3 | None] = {tip: way for tip, way in ways.items() if way is not None}
-            if (_is_opposed(met), len(met)) > (_is_opposed(found), len(found)):
+            if (is_opposed(met), len(met)) > (is_opposed(found), len(found)):
                 found = met
         touched = {tip for tip in hand.tips if (tip, item.name) in known}
         if not found and touched & touching.keys():  # seen away: so are those, very likely, that are hidden
@@ -262,7 +258,8 @@ class Touching:
             touched[relation] = min(since, touched.get(relation, since))
         pinched = self._pinches.current()
         for relation in list(self._grasps):
-            if self._is_over(relation, relation in touched) or self._is_elsewhere(relation, now):
+            is_touched = relation in touched or self._is_aloft(relation, now)
+            if self._is_over(relation, is_touched) or self._is_elsewhere(relation, now):
                 del self._grasps[relation]
         for relation, since in touched.items():
             name, thing = relation
@@ -305,6 +302,27 @@ class Touching:
             return True
         is_known = hand.perceived or _drops(hand, self._bodies.objects[relation[1]])
         return is_known and not is_touched and relation not in self._recalled
+
+    def _is_aloft(self, relation: Relation, now: float) -> bool:
+        """Whether a hand carries an object in the air, or did until that was hidden a moment before the hand."""
+        grasp, hand = self._grasps[relation], self._hands.get(relation[0])
+        is_seen = now - self._bodies.objects[relation[1]].track.last_stamp <= UNSEEN
+        goes_on = now - grasp.aloft <= (_TOUCH_DELAY if is_seen else _HIDDEN)
+        if (goes_on and hand is not None and not hand.perceived) or self._carries(relation, now):
+            grasp.aloft = now
+        return goes_on or grasp.aloft == now
+
+    def _carries(self, relation: Relation, now: float) -> bool:
+        """Whether an object that a hand held is seen in the air where that would have it: nothing else can hold it."""
+        name, thing = relation
+        item, hand = self._bodies.objects[thing], self._hands.get(name)
+        hovers = item.pinned or item.hovering_since is not None
+        is_alone = sum(held == thing for _, held in self._grasps) == 1
+        if hand is None or item.hand != name or not hovers or not is_alone or item.path.is_falling:
+            return False
+        stamp, solid = self._seen_at(hand, item, now)
+        there = hand.path.at(stamp) @ self._grasps[relation].hand_from_object
+        return now - item.track.last_stamp <= UNSEEN and math.dist(there.t, solid.position) < _ALONG
 
     def _hand_from_object(self, hand: _Hand, item: BelievedObject, now: float) -> Pose:
         stamp, solid = self._seen_at(hand, item, now)
@@ -356,23 +374,5 @@ def _drops(hand: _Hand, item: BelievedObject) -> bool:
     return item.path.is_falling and not hand.path.is_falling
 
 
-def _way_out(solid: Solid, point: Vector3, most: float) -> Vector3 | None:
-    """Out of an object at a fingertip that is at most `most` m away; None if that does not touch it."""
-    if math.dist(point, solid.position) > solid.radius + TIP_RADIUS + most:
-        return None
-    distance, way = outwards(solid, point)
-    return way if _DEEPEST <= distance - TIP_RADIUS <= most else None
-
-
 def _is_measured(path: Path, hand: _Hand) -> bool:
     return path.newest >= hand.path.newest - _MEASURED
-
-
-def _is_opposed(ways: Mapping[str, Vector3 | None]) -> bool:
-    """Whether two ways out of an object, of those that are known, are opposite."""
-    known = [way for way in ways.values() if way is not None]
-    return any(_dot(a, b) < _OPPOSED for a, b in combinations(known, 2))
-
-
-def _dot(a: Vector3, b: Vector3) -> float:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
