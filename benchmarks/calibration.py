@@ -106,9 +106,9 @@ def row(name: str, make: MakeTrial, trials: int, seed: int, method: str = DEFAUL
     rng, outcomes, seconds = np.random.default_rng(seed), [], []
     for _ in range(trials):
         trial = make(rng)
-        began = _processor_time()
+        began = processor_time()
         solution = calibrate(trial.sightings, trial.believed, method)
-        seconds.append(_processor_time() - began)
+        seconds.append(processor_time() - began)
         outcomes.append((trial, solution))
     errors = np.array([solution.pose.distance(trial.truth) for trial, solution in outcomes])
     twists = [log(trial.truth.inverse() @ solution.pose).tolist() for trial, solution in outcomes]
@@ -132,11 +132,11 @@ def row(name: str, make: MakeTrial, trials: int, seed: int, method: str = DEFAUL
         "elsewhere_before_mm": 1e3 * float(np.mean([trial.error_elsewhere(trial.believed) for trial, _ in outcomes])),
         "mean_ms": 1e3 * float(np.mean(seconds)),
         "errors": twists,
-        "history": _histories([solution.history for _, solution in outcomes]),
+        "history": histories([solution.history for _, solution in outcomes]),
     }
 
 
-def _processor_time() -> float:
+def processor_time() -> float:
     """S that this thread has computed."""
     usage = resource.getrusage(resource.RUSAGE_THREAD)
     return usage.ru_utime + usage.ru_stime
@@ -148,7 +148,7 @@ def _within_3_sigma(outcomes: Sequence[tuple[Trial, Solution]], twists: np.ndarr
     return float((np.abs(twists) < 3.0 * deviations).mean())
 
 
-def _histories(histories: Sequence[Sequence[float]]) -> list[tuple[float, float]]:
+def histories(histories: Sequence[Sequence[float]]) -> list[tuple[float, float]]:
     """Mean of Equation 1 and half its 95 % confidence interval, by iteration; what has ended stays as it is."""
     length = max(map(len, histories))
     rows = np.array([[*history, *[history[-1]] * (length - len(history))] for history in histories])

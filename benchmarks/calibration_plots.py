@@ -17,18 +17,20 @@ from matplotlib import pyplot as plt
 _AXES = ("x (mm)", "y (mm)", "z (mm)", "roll (deg)", "pitch (deg)", "yaw (deg)")
 
 
-def draw(result: Mapping[str, Any], folder: Path) -> list[Path]:
-    """Write a PNG for each figure; the files."""
+def draw(result: Mapping[str, Any], folder: Path, prefix: str = "calibration") -> list[Path]:
+    """Write a PNG for each figure of which there are figures; the files, whose names begin with `prefix`."""
     folder.mkdir(parents=True, exist_ok=True)
     figures = {
-        "history": _history(result["methods"]),
-        "spread": _spread(result["methods"]),
-        "cubes": _elsewhere(result["cubes"], "cubes"),
-        "layouts": _elsewhere(result["layouts"], "layout"),
+        "history": result["methods"] and _history(result["methods"]),
+        "spread": result["methods"] and _spread(result["methods"]),
+        "cubes": result["cubes"] and _elsewhere(result["cubes"], "cubes"),
+        "layouts": result["layouts"] and _elsewhere(result["layouts"], "layout"),
     }
     files = []
     for name, figure in figures.items():
-        files.append(folder / f"calibration_{name}.png")
+        if not figure:
+            continue
+        files.append(folder / f"{prefix}_{name}.png")
         figure.savefig(files[-1], bbox_inches="tight", dpi=130)
         plt.close(figure)
     return files

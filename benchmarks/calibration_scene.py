@@ -22,7 +22,7 @@ _CENTRE = (0.35, 0.0, 0.02)
 _APART = 0.05  # m between the centres of cubes that are placed at random, at least
 _BELIEF = np.array([2e-4, 2e-4, 3e-4, 4.9e-3, 4.9e-3, 1.3e-3])  # m, rad: what the belief says of a cube that rests
 _BELIEF_ERROR = np.array([2e-4, 2e-4, 0.0, 0.0, 0.0, 1e-3])  # m, rad: it lies flat on the table
-_EVALUATED_FROM = ((0.33, -0.02, 0.50), (0.19, -0.02, 0.46), (0.32, 0.156, 0.46), (0.32, -0.156, 0.46))
+EVALUATED_FROM = ((0.33, -0.02, 0.50), (0.19, -0.02, 0.46), (0.32, 0.156, 0.46), (0.32, -0.156, 0.46))
 _GRIPPER_FROM_CAMERA = Pose((0.0, 0.056, 0.0), (0.0, 0.0, 1.0, 0.0))
 
 
@@ -65,7 +65,7 @@ class Trial(NamedTuple):
     def error_elsewhere(self, found: Pose) -> float:
         """M by which the cubes are misplaced from four other arm poses, with the camera mounted as it was `found`."""
         errors = []
-        for place in _EVALUATED_FROM:
+        for place in EVALUATED_FROM:
             world_from_gripper = looking(place) @ _GRIPPER_FROM_CAMERA.inverse()
             moved = world_from_gripper @ found @ (world_from_gripper @ self.truth).inverse()
             errors += [math.dist((moved @ cube).t, cube.t) for cube in self.cubes]
@@ -100,7 +100,7 @@ def make_trial(
     beliefs = [_belief(rng, cube) for cube in cubes]
     biases = rng.uniform(*depth.bias, len(cubes))
     sightings = []
-    for view, place in enumerate(((*_CENTRE[:2], 0.62), *_EVALUATED_FROM)[:views]):
+    for view, place in enumerate(((*_CENTRE[:2], 0.62), *EVALUATED_FROM)[:views]):
         world_from_camera = looking(place)
         gripper_from_world = truth @ world_from_camera.inverse()
         for number, (cube, belief) in enumerate(zip(cubes, beliefs, strict=True)):

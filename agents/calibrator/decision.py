@@ -23,7 +23,8 @@ _COINCIDENCE = 6.0  # that an object is seen where it was believed, through a ca
 _MOST_LEANING = 8.0  # for one object that would lean, though it is not believed to
 _NOISE = 3.0  # nats that noise alone may make of that
 _CLEARLY = 6.0  # nats between two explanations that make one of them the answer
-_TILT, _HEIGHT = 0.035, 0.015  # rad, m by which objects that are moved on a table may seem to leave it
+_TILT, _HEIGHT = 0.0175, 0.005  # rad, m by which objects that are moved on a table may seem to leave it, at least
+_SIGMAS = 4.0  # standard deviations, likewise
 
 
 class Decision(NamedTuple):
@@ -60,7 +61,7 @@ def decide(sightings: Sequence[Sighting], before: Pose, solution: Solution, worl
         return Decision(None, False, f"only {len(agreeing)} object(s) tell of the camera; expected {FEWEST}")
     if solution.problem:
         return Decision(None, False, solution.problem)
-    if _stays_on_table(alike(before, solution.pose, world_from_parent), sightings, world_from_parent):
+    if _stays_on_table(alike(before, solution.pose, world_from_parent), problem, solution, world_from_parent):
         return Decision(True, True, "objects that were all moved alike would look the same")
     return Decision(True, False, "objects that were all moved alike would have left the table")
 
@@ -112,9 +113,13 @@ def _misfit(sightings: Sequence[Sighting], pose: Pose) -> float:
     return 0.5 * float(np.minimum(Problem(sightings).squared(pose.matrix), OUTLIER).sum())
 
 
-def _stays_on_table(moved: Pose, sightings: Sequence[Sighting], world_from_parent: Pose) -> bool:
+def _stays_on_table(moved: Pose, problem: Problem, solution: Solution, world_from_parent: Pose) -> bool:
     """Whether objects that move so neither hover nor sink nor tilt, by more than percepts may be wrong."""
-    if math.acos(min(1.0, float(moved.rotation_matrix[2, 2]))) > _TILT:
+    assert solution.pose.covariance is not None
+    turning = float(np.linalg.eigvalsh(solution.pose.covariance[3:, 3:])[-1])
+    if math.acos(min(1.0, float(moved.rotation_matrix[2, 2]))) > max(_TILT, _SIGMAS * math.sqrt(turning)):
         return False
-    places: Array = np.array([(world_from_parent @ sighting.believed).t for sighting in sightings])
-    return abs(float((moved.apply(places) - places)[:, 2].mean())) < _HEIGHT
+    places: Array = (world_from_parent.matrix @ problem.believed)[:, :3, 3]
+    noise = math.sqrt(float(np.linalg.eigvalsh(problem.covariances[:, :3, :3])[:, -1].mean()))
+    rise = abs(float((moved.apply(places) - places)[:, 2].mean()))
+    return rise < max(_HEIGHT, _SIGMAS * noise)

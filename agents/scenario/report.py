@@ -26,6 +26,7 @@ _STYLES = {
     Topic.MOVE: "bold magenta",
     Topic.SURPRISE: "bold yellow",
     Topic.EXPLANATION: "bold green",
+    Topic.CAMERA: "bold green",
 }
 _LONGEST = 150  # characters of a finding; the result's file holds all
 

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import msgspec
 
 from agents.scenario.format import Event
+from dsr.calibration import CALIBRATED, IN_DOUBT, STEADY
 from dsr.elements import Node
 from dsr.intentions import (
     EXECUTING,
@@ -41,6 +42,7 @@ class Topic(StrEnum):
     MOVE = "experimenter"
     SURPRISE = "surprise"
     EXPLANATION = "explanation"
+    CAMERA = "camera"
 
 
 class Line(NamedTuple):
@@ -69,6 +71,8 @@ class Story:
         self._plans: dict[str, int] = {}
         self._surprising: set[str] = set()
         self._explained: set[tuple[str, float]] = set()
+        self._mounts: dict[str, str] = {}
+        self._calibrated: set[str] = set()
 
     def news(self, begun: Iterable[int]) -> list[Line]:
         """What happened since the last call.
@@ -76,7 +80,8 @@ class Story:
         Args:
             begun: numbers of the scenario's events (from 1) that have begun.
         """
-        lines = [*self._moves(begun), *self._surprises(), *self._explanations(), *self._missions(), *self._progress()]
+        lines = [*self._moves(begun), *self._surprises(), *self._explanations(), *self._cameras()]
+        lines += [*self._missions(), *self._progress()]
         return [line._replace(text=_shortened(line.text)) for line in lines]
 
     def _moves(self, begun: Iterable[int]) -> Iterator[Line]:
@@ -99,6 +104,18 @@ class Story:
             if key not in self._explained:
                 self._explained.add(key)
                 yield Line(Topic.EXPLANATION, _explanation(node))
+
+    def _cameras(self) -> Iterator[Line]:
+        """Cameras that come into doubt, or out of it, and where they were found to be."""
+        for event in sorted(self._memory.nodes("event"), key=lambda node: node.name):
+            if event.get("kind") == CALIBRATED and event.name not in self._calibrated:
+                self._calibrated.add(event.name)
+                yield Line(Topic.CAMERA, event.get("text", ""))
+        for node in sorted(self._memory.nodes("camera"), key=lambda node: node.name):
+            mount, before = node.get("mount", STEADY), self._mounts.get(node.name, STEADY)
+            self._mounts[node.name] = mount
+            if mount not in (before, STEADY):
+                yield Line(Topic.CAMERA, f"{node.name} {mount}: {node.get('explanation', '')}", mount != IN_DOUBT)
 
     def _missions(self) -> Iterator[Line]:
         for node in sorted(self._memory.nodes("intention"), key=lambda node: node.name):

@@ -13,6 +13,7 @@ import rerun as rr
 from agents.inbox import Inbox
 from agents.segments import next_segment
 from agents.viewer.blueprint import TIMELINE, make_blueprint
+from agents.viewer.calibrations import CalibrationView
 from agents.viewer.chronicle import ChronicleView
 from agents.viewer.events import EventView
 from agents.viewer.graph_view import GraphView
@@ -68,6 +69,7 @@ class Viewer(Agent):
         self._scene = SceneView(recording)
         self._mind = MindView(recording)
         self._chronicle = ChronicleView(recording, TIMELINE)
+        self._calibrations = CalibrationView(recording)
         self._images = ImageView(recording, self.memory, self.config.images_hz, self.config.jpeg_quality, self.log)
         self._series = SeriesView(recording, self.log)
         self._events = EventView(recording, self.log)
@@ -91,6 +93,7 @@ class Viewer(Agent):
         self._mind.draw(self.memory)
         scene = read_scene(self.memory)
         self._scene.draw(scene, now)
+        self._calibrations.draw(self.memory, scene.cameras, now)
         self._images.draw(scene.cameras, now)
         self._series.draw_distances(scene)
         self._check_window()

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import rerun.blueprint as rrb
 
-from agents.viewer import chronicle, events, graph_view, mind, scene, series
+from agents.viewer import calibrations, chronicle, events, graph_view, mind, scene, series
 
 TIMELINE = "stamp"
 _OVERVIEW = rrb.EyeControls3D(position=(1.35, -0.9, 0.85), look_target=(0.2, 0.03, 0.34), eye_up=(0.0, 0.0, 1.0))
@@ -52,10 +52,12 @@ def _scene(name: str, contents: list[str], eye: rrb.EyeControls3D) -> rrb.View:
     )
 
 
-def _thoughts() -> tuple[rrb.View, rrb.View]:
+def _thoughts() -> tuple[rrb.View, rrb.Container]:
     """What the robot is about to do, and what it makes of what it sees."""
     plan = rrb.TextDocumentView(origin=mind.PLAN, name="Mission and plan")
-    return plan, rrb.TextDocumentView(origin=mind.EXPLANATIONS, name="Surprises and explanations")
+    explanations = rrb.TextDocumentView(origin=mind.EXPLANATIONS, name="Surprises and explanations")
+    cameras = rrb.TextDocumentView(origin=calibrations.PAGE, name="Calibrations")
+    return plan, rrb.Tabs(explanations, cameras, active_tab=0)
 
 
 def _graph() -> rrb.View:
@@ -75,7 +77,8 @@ def _numbers(with_truth: bool) -> rrb.Container:
     )
     distances = rrb.TimeSeriesView(origin=series.DISTANCES, name="Percept to belief [mm]")
     rates = rrb.TimeSeriesView(origin=series.RATES, name="Agents [Hz]")
-    return rrb.Tabs(*([errors] if with_truth else []), distances, rates, active_tab=0)
+    residuals = rrb.BarChartView(origin=calibrations.RESIDUALS, name="Calibration [mm]: each object before, after")
+    return rrb.Tabs(*([errors] if with_truth else []), distances, rates, residuals, active_tab=0)
 
 
 def _happenings() -> rrb.Container:

@@ -12,6 +12,7 @@ import rerun as rr
 
 from agents.viewer import palette
 from agents.viewer.model import Camera, Gripper, Place, Scene, Solid, Vector, moved
+from agents.viewer.palette import Color
 from dsr import Pose
 from dsr.intrinsics import Intrinsics
 
@@ -70,22 +71,24 @@ class SceneView:
 
     def _draw_camera(self, camera: Camera) -> None:
         if camera.place is not None:
-            self._update(f"cameras/{camera.name}", camera.place, _transform)
+            self._update(f"cameras/{camera.name}", camera.place, transform)
         if camera.lens is not None:
-            self._update(f"cameras/{camera.name}/image", camera.lens, _pinhole)
+            self._update(f"cameras/{camera.name}/image", camera.lens, pinhole)
 
 
-def _transform(place: Place) -> rr.Transform3D:
+def transform(place: Place) -> rr.Transform3D:
+    """Puts an entity there."""
     return rr.Transform3D(translation=place.translation, quaternion=rr.Quaternion(xyzw=place.rotation))
 
 
-def _pinhole(lens: Intrinsics) -> rr.Pinhole:
+def pinhole(lens: Intrinsics, color: Color = palette.CAMERA) -> rr.Pinhole:
+    """The frustum of a camera."""
     return rr.Pinhole(
         image_from_camera=[[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]],
         resolution=(lens.width, lens.height),
         camera_xyz=rr.ViewCoordinates.RDF,
         image_plane_distance=_FRUSTUM,
-        color=palette.CAMERA,
+        color=color,
         line_width=0.002,
     )
 

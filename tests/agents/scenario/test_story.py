@@ -128,3 +128,15 @@ def test_lines_appear_on_the_console() -> None:
     output = console.file.getvalue()  # type: ignore[attr-defined]
     assert f"   0.0 s  mission      {GOAL}\n" in output
     assert f"  21.2 s  experimenter slide cube_4 {'far ' * 30}".rstrip() in output
+
+
+def test_a_camera_in_doubt_and_where_it_was_found(memory: Memory) -> None:
+    story = Story(memory, [])
+    memory.add_node("camera", "camera", mount="steady")
+    assert texts(story) == []
+    memory.update_node("camera", mount="in doubt", explanation="may have moved")
+    assert texts(story) == [("camera", "camera in doubt: may have moved")]
+    memory.add_node("event_0", "event", kind="calibrated", text="camera is 20 mm elsewhere")
+    memory.update_node("camera", mount="steady", explanation="")
+    assert texts(story) == [("camera", "camera is 20 mm elsewhere")]
+    assert texts(story) == []

@@ -1,0 +1,96 @@
+"""Calibrations of cameras: residuals before and after as bars and a page, and where a camera was thought to be."""
+
+from __future__ import annotations
+
+import math
+
+import rerun as rr
+
+from agents.viewer import palette
+from agents.viewer.model import WORLD, Camera, Place, place_of
+from agents.viewer.scene import ENTITY, pinhole, transform
+from agents.viewer.texts import markdown
+from dsr import Memory, Pose, TransformError
+from dsr.calibration import CALIBRATION, STEADY, Report, read_report
+
+PAGE = "mind/calibrations"
+RESIDUALS = "series/residual_mm"
+_LINGER = 60.0  # s for which the old frustum stays
+_NEWEST = 4  # on the page
+
+
+class CalibrationView:
+    """Logs what is new of calibrations."""
+
+    def __init__(self, recording: rr.RecordingStream) -> None:
+        self._recording = recording
+        self._known: dict[str, Report] = {}
+        self._page = ""
+        self._before: dict[str, tuple[Report, float]] = {}
+        self._places: dict[str, Place] = {}
+
+    def draw(self, memory: Memory, cameras: list[Camera], now: float) -> None:
+        """Log what is not at time `now` (s) as it was before."""
+        for node in sorted(memory.nodes(CALIBRATION), key=lambda node: node.name):
+            report = read_report(memory, node.name)
+            if report is not None and self._known.get(node.name) != report:
+                self._known.pop(node.name, None)
+                self._known[node.name] = report
+                self._log_residuals(report)
+                if report.adopted:
+                    self._before[report.camera] = (report, now + _LINGER)
+        page = calibrations_page(memory, list(self._known.values()))
+        if page != self._page:
+            self._page = page
+            self._recording.log(PAGE, rr.TextDocument(page, media_type=rr.MediaType.MARKDOWN))
+        for camera in cameras:
+            self._draw_before(memory, camera, now)
+
+    def _log_residuals(self, report: Report) -> None:
+        values = [1e3 * value for one in report.objects for value in (one.before_m, one.after_m)]
+        self._recording.log(f"{RESIDUALS}/{report.camera}", rr.BarChart(values, color=palette.CAMERA))
+
+    def _draw_before(self, memory: Memory, camera: Camera, now: float) -> None:
+        """The frustum where the camera was thought to be, in grey, as its parent moves."""
+        entity = f"{ENTITY}/cameras/{camera.name}_before"
+        report, until = self._before.get(camera.name, (None, -math.inf))
+        place = None if report is None else _place(memory, report)
+        if report is None or now > until or place is None or camera.lens is None:
+            if self._places.pop(camera.name, None) is not None:
+                self._recording.log(entity, rr.Clear(recursive=True))
+            self._before.pop(camera.name, None)
+        elif self._places.get(camera.name) != place:
+            if camera.name not in self._places:
+                self._recording.log(f"{entity}/image", pinhole(camera.lens, palette.GREY))
+            self._places[camera.name] = place
+            self._recording.log(entity, transform(place))
+
+
+def calibrations_page(memory: Memory, reports: list[Report]) -> str:
+    """Markdown: cameras that are in doubt, and the newest calibrations with their residuals."""
+    cameras = sorted(memory.nodes("camera"), key=lambda node: node.name)
+    parts = [
+        f"**{markdown(node.name)}: {markdown(node['mount'])}** {markdown(node.get('explanation', ''))}"
+        for node in cameras
+        if node.get("mount", STEADY) != STEADY
+    ]
+    parts += [_told(report) for report in reports[::-1][:_NEWEST]] or ["*Nothing was calibrated.*"]
+    return "\n\n".join(parts)
+
+
+def _told(report: Report) -> str:
+    rows = [
+        f"| {markdown(one.name)}{' (does not agree)' if one.is_outlier else ''} | {1e3 * one.before_m:.1f} mm, "
+        f"{math.degrees(one.before_rad):.2f}° | {1e3 * one.after_m:.1f} mm, {math.degrees(one.after_rad):.2f}° |"
+        for one in report.objects
+    ]
+    return "\n".join([markdown(report.text), "", "| object | before | after |", "|---|---|---|", *rows])
+
+
+def _place(memory: Memory, report: Report) -> Place | None:
+    """Where the camera would be had it not been calibrated."""
+    try:
+        world_from_parent = memory.transform(WORLD, report.parent)
+    except TransformError:
+        return None
+    return place_of(world_from_parent @ Pose(report.before[:3], report.before[3:]))

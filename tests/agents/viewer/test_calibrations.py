@@ -1,0 +1,62 @@
+"""What is shown of calibrations."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import msgspec
+import numpy as np
+
+from agents.viewer.calibrations import calibrations_page
+from dsr import Pose
+from dsr.calibration import ObjectReport, Report
+
+BEFORE, AFTER = (0.1, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0), (0.12, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0)
+OBJECTS = (
+    ObjectReport("cube_3", 0.02, 0.01, 0.001, 0.0, is_outlier=False),
+    ObjectReport("cube_4", 0.02, 0.01, 0.05, 0.5, is_outlier=True),
+)
+
+
+def report(*, adopted: bool = True) -> Report:
+    return Report(
+        *("camera", "world", "robust", adopted, "camera is 20.0 mm from where it was believed", BEFORE, AFTER, ()),
+        *(0.02, 0.0, 100.0, False, 1, 2, 1, OBJECTS),
+    )
+
+
+def answer(stage: Any, found: Report) -> None:
+    memory = stage.memory
+    lens = {"fx": 600.0, "fy": 600.0, "cx": 319.5, "cy": 239.5, "width": 640, "height": 480}
+    memory.add_node("world", "world")
+    memory.add_node("camera", "camera", **lens)
+    memory.add_edge("world", "camera", "RT", pose=Pose(AFTER[:3], AFTER[3:]))
+    memory.add_node("calibration_0", "calibration", report=msgspec.json.encode(found).decode())
+
+
+def test_residuals_and_the_frustum_before_are_drawn(stage: Any) -> None:
+    stage.start_viewer()
+    answer(stage, report())
+    stage.run()
+    shown = stage.finish()
+    np.testing.assert_allclose(
+        shown.values("/world/cameras/camera_before", "Transform3D:translation")[-1][0], BEFORE[:3]
+    )
+    np.testing.assert_allclose(shown.values("/world/cameras/camera", "Transform3D:translation")[-1][0], AFTER[:3])
+    assert shown.values("/series/residual_mm/camera", "BarChart:values")
+    assert "20.0 mm from where it was believed" in str(shown.values("/mind/calibrations", "TextDocument:text")[-1])
+
+
+def test_what_was_refused_moves_no_frustum(stage: Any) -> None:
+    stage.start_viewer()
+    answer(stage, report(adopted=False))
+    stage.run()
+    assert not stage.finish().values("/world/cameras/camera_before", "Transform3D:translation")
+
+
+def test_the_page_tells_of_doubts_and_residuals(stage: Any) -> None:
+    assert "Nothing was calibrated" in calibrations_page(stage.memory, [])
+    stage.memory.add_node("camera", "camera", mount="in doubt", explanation="may have moved")
+    page = calibrations_page(stage.memory, [report()])
+    assert "**camera: in doubt** may have moved" in page
+    assert r"| cube\_3 | 20.0 mm, 0.57° | 1.0 mm, 0.00° |" in page and r"| cube\_4 (does not agree) |" in page

@@ -1,0 +1,95 @@
+"""The sessions of benchmarks/calibration_system: what is drawn makes sense, and one of them is right."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from benchmarks import calibration_system as system
+from benchmarks.calibration_runs import bump, in_view, name_of, observing, on_table, put, scene, spread
+from dsr.transforms import Pose
+
+
+def test_a_session_in_which_one_cube_was_moved_is_decided_rightly() -> None:
+    row = system.session("mixed", "one_moved", 0, "poses")
+    assert row["right"] and row["times"] == 0
+    assert system.holds([row]) and not system.holds([row | {"right": False}])
+
+
+def test_scenes_name_what_moves() -> None:
+    text = scene(
+        [on_table(0.3, 0.0, 0.1)], [bump(Pose((0.01, 0.0, 0.0))), put(0, on_table(0.4, 0.0, 0.0))], duration=9.0
+    )
+    assert f'name = "{name_of(0)}"' in text and "[0.300000, 0.000000, 0.020000]" in text
+    assert 'do = "camera_bump"' in text and "[0.010000, 0.000000, 0.000000]" in text and 'do = "place"' in text
+
+
+def test_what_is_drawn_is_in_view_and_apart() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(3):
+        cubes = system._scattered(rng, 6)
+        assert spread(cubes, 0.05) and in_view(cubes, observing())
+        assert spread([*system._moved(rng, cubes, 2), *cubes[2:]], 0.05)
+    four = system._corners(rng)
+    there = system._moved_alike(rng, four)
+    moved = there[0] @ four[0].inverse()
+    assert all((moved @ before).distance(after)[0] < 1e-9 for before, after in zip(four, there, strict=True))
+    assert not in_view([on_table(2.0, 0.0, 0.0)], observing())
+
+
+@pytest.mark.parametrize("part", system.PARTS)
+def test_every_part_has_its_cases(part: str) -> None:
+    assert len(system.cases(part)) == {"trials": 1, "cubes": 6, "layouts": 6, "mixed": 5}[part]
+
+
+def rows() -> list[dict[str, Any]]:
+    method = {
+        "error": [0.001] * 6,
+        "distance": (0.001, 0.002),
+        "adopted": True,
+        "seconds": 0.002,
+        "history": (0.1, 0.0),
+    }
+    base = {"seed": 0, "sensor": "poses", "metres": 0.001, "radians": 0.002, "success": True, "times": 1}
+    base |= {"recovery": 1.9, "seconds": 1.0}
+    survey = {"elsewhere": 0.001, "elsewhere_before": 0.01, "told": "the geometry is weak"}
+    return [
+        base | {"part": "trials", "case": "four", "methods": dict.fromkeys(system.METHODS, method)},
+        base | survey | {"part": "cubes", "case": "2"},
+        base | survey | {"part": "layouts", "case": "60 mm"},
+        base | {"part": "mixed", "case": "one_moved", "right": True},
+    ]
+
+
+def test_tables_and_plots_are_made_of_the_rows(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    system.draw(rows(), tmp_path)
+    names = sorted(path.name for path in tmp_path.iterdir())
+    assert names == [
+        "calibration_system.csv",
+        *(f"calibration_system_{k}.png" for k in ("cubes", "history", "layouts", "spread")),
+    ]
+    title, _, lines = system._trials_table(rows())
+    assert title == "1 bumps, four cubes" and lines[0][:3] == ["the system", "1/1", "1"] and len(lines) == 4
+    assert [line[0] for line in system._survey_table(rows())[2]] == ["2 cube(s)", "60 mm square"]
+
+
+def test_what_was_measured_is_not_measured_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "figures.json"
+    file.write_text(json.dumps(rows()))
+    played: list[tuple[str, str, int]] = []
+
+    def session(part: str, case: str, seed: int, sensor: str) -> dict[str, Any]:
+        played.append((part, case, seed))
+        return rows()[3] | {"case": case, "seed": seed}
+
+    monkeypatch.setattr(system, "session", session)
+    arguments = ["x", "mixed", "--trials", "1", "--sensor", "poses", "--json", str(file)]
+    monkeypatch.setattr("sys.argv", arguments)
+    with pytest.raises(SystemExit) as ended:
+        system.main()
+    assert ended.value.code == 0 and ("mixed", "one_moved", 0) not in played and len(played) == 4
