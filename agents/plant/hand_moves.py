@@ -158,8 +158,8 @@ def _keep(stage: Stage, hand: Hand, name: str) -> None:
 
 
 def _release(stage: Stage, hand: Hand) -> Steps:
-    """Open the fingers and draw back a little."""
-    if hand.held is not None and hand.style == "pinch":
+    """Open the fingers and draw back a little; what another hand holds as well stays in that."""
+    if hand.held is not None and hand.style == "pinch" and not _is_held_by_another(stage, hand):
         stage.release(hand.held)
     hand.let_go()
     middle = hand.tips[:2].mean(axis=0)
@@ -167,6 +167,11 @@ def _release(stage: Stage, hand: Hand) -> Steps:
     opened[:2] += OPENED * _unit_rows(hand.tips[:2] - middle)
     yield from _reach(hand, hand.pose, opened, 1.0)
     yield from _reach(hand, hand.pose @ Pose((-_BACK, 0.0, 0.0)), opened, 0.3)
+
+
+def _is_held_by_another(stage: Stage, hand: Hand) -> bool:
+    others = (other for other in stage.hands.present if other is not hand)
+    return any(other.held == hand.held and other.style == "pinch" for other in others)
 
 
 def _pushing(stage: Stage, hand: Hand, name: str, steps: Steps) -> Steps:

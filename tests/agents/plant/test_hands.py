@@ -237,6 +237,26 @@ def _is_inside(reality: Reality, name: str, container: str) -> bool:
     return bool((inside < np.array(reality.world.specs[container].size) / 2).all())
 
 
+def test_what_is_handed_over_stays_in_the_other_hand(make_reality: MakeReality, cube: MakeCube, play: Play) -> None:
+    events = [
+        HandGrasp(at=0.0, object="cube_3", side=(0.0, -1.0)),
+        HandMove(at=3.0, by=(0.0, 0.0, 0.15), speed=0.5),
+        HandGrasp(at=4.0, object="cube_3", hand=1, side=(0.0, 1.0)),
+        HandRelease(at=7.0),
+        HandMove(at=9.0, hand=1, by=(0.0, 0.1, 0.0), speed=0.5),
+        HandRelease(at=10.0, hand=1),
+    ]
+    reality = make_reality(cube(3, *CUBE), events=events)
+    play(reality, 8.5)
+    assert reality.truth(0.0).grasped == {"cube_3": "human_hand_1"}
+    assert reality.world.pose("cube_3").t == pytest.approx((0.35, 0.0, 0.17), abs=1e-3)
+    play(reality, 1.4, start=8.5)
+    assert reality.world.pose("cube_3").t == pytest.approx((0.35, 0.1, 0.17), abs=1e-3)
+    play(reality, 1.1, start=9.9)
+    assert reality.truth(0.0).grasped == {}
+    assert reality.world.pose("cube_3").t[2] == pytest.approx(0.02, abs=1e-3)
+
+
 def test_what_someone_else_takes_from_a_hand_is_not_grasped(
     make_reality: MakeReality, cube: MakeCube, play: Play
 ) -> None:
