@@ -37,6 +37,7 @@ class Heights:
         self._frames = frames
         self._steady = steady
         self._samples: deque[Height] = deque(maxlen=_KEPT)
+        self._stayed_since: float | None = None  # s, of a sample that is not kept, since which it has not moved
         self._rest: Height | None = None
 
     @property
@@ -51,8 +52,13 @@ class Heights:
 
     def add(self, sample: Height) -> None:
         """Take in a sample; one that is not newer than the last is ignored."""
-        if not self._samples or sample.time > self._samples[-1].time:
-            self._samples.append(sample)
+        if self._samples and sample.time <= self._samples[-1].time:
+            return
+        if len(self._samples) == _KEPT:
+            oldest = self._samples[0]
+            since = oldest.time if self._stayed_since is None else self._stayed_since
+            self._stayed_since = since if self._are_together([oldest, sample]) else None
+        self._samples.append(sample)
 
     def lie(self) -> None:
         """It is not held: where it stays still is where it lies, but for a lift that shows."""
@@ -119,9 +125,9 @@ class Heights:
         arrived = samples[-1]
         for sample in reversed(samples):
             if not self._are_together([sample, samples[-1]]):
-                break
+                return arrived.time
             arrived = sample
-        return arrived.time
+        return arrived.time if self._stayed_since is None else self._stayed_since
 
     def speed(self) -> float:
         """How fast its bottom moves upwards between the last two samples, m/s."""

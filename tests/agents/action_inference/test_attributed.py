@@ -179,6 +179,18 @@ def test_contents_can_be_taken_out_of_what_lies_still(stage: Stage):
     assert stage.told == ["Pick(ball)"]
 
 
+def test_what_a_hand_keeps_holding_where_it_put_it_came_to_rest_when_it_touched_down(stage: Stage):
+    stage.grasp("cup", HAND)
+    stage.run(0.3)
+    lift(stage)
+    placed = put_down(stage)
+    stage.run(20.0)
+    stage.grasp("cup")
+    stage.run(0.5)
+    assert stage.told == ["Pick(cup, human_hand_0)", "Place(cup, human_hand_0)"]
+    assert stage.actions[-1][1].time == pytest.approx(placed, abs=0.1)
+
+
 def test_it_can_be_picked_again(stage: Stage):
     for _ in range(3):
         lift(stage)
