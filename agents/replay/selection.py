@@ -25,7 +25,7 @@ class Selection:
         until: s, likewise.
 
     Raises:
-        ConfigError: for a kind that looks like a misspelt one.
+        ConfigError: for a kind that looks like a misspelt one, or times between which nothing can be.
     """
 
     def __init__(
@@ -39,6 +39,8 @@ class Selection:
         self._participants = frozenset(participants)
         self._since = -math.inf if since is None else since
         self._until = math.inf if until is None else until
+        if not self._since <= self._until:  # also what is no number
+            raise ConfigError(f"--since {self._since:g}, --until {self._until:g}: expected the earlier time first")
         for kind in sorted(self._kinds.difference(KNOWN_KINDS)):
             advice = suggest(kind, KNOWN_KINDS)
             if advice.startswith("did you mean"):

@@ -76,6 +76,8 @@ def timeline(
         return
     if follow:
         raise ConfigError("--follow is for a running system; a recording has an end")
+    if graph is not None:
+        raise ConfigError("--graph is for a running system; a recording is one graph")
     source = open_recording(recording)
     history = history_of(source)
     wanted.check_found(*history)

@@ -64,6 +64,9 @@ def test_a_participant_that_never_was_is_told_in_a_recording(counted: Path, name
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [(["x.mcap", "--kind", "surprise"], "did you mean 'surprised'"), (["x.mcap", "-f"], "a recording has an end"),
+     (["x.mcap", "-g", "tabletop"], "a recording is one graph"),
+     (["x.mcap", "--since", "nan"], "the earlier time first"),
+     (["x.mcap", "--since", "5", "--until", "4"], "the earlier time first"),
      (["x.mcap"], "cannot be read"), ([], "no graph runs")],
 )  # fmt: skip
 def test_wrong_input_is_told(arguments: list[str], expected: str) -> None:
