@@ -119,8 +119,9 @@ class AttributedPolicy:
     def _begin_of_hold(self, thing: Thing, track: _Track, snapshot: Snapshot) -> Inference | None:
         """`Pick`, if it has been lifted."""
         if self._is_carried(thing, snapshot):
-            track.seen.forget()
-            track.believed.forget()
+            if self._is_carried(thing, snapshot, surely=True):
+                track.seen.forget()
+                track.believed.forget()
             return None
         if thing.grasps and track.believed.lies and track.believed.is_lifted:
             return self._pick(thing, track, track.believed, snapshot)
@@ -139,8 +140,11 @@ class AttributedPolicy:
         if track.believed.last is not None and not thing.grasps and thing.plausible:
             track.believed.lie()
 
-    def _is_carried(self, thing: Thing, snapshot: Snapshot) -> bool:
-        """Whether what it is in or on is held or rises, itself or by what that is in or on."""
+    def _is_carried(self, thing: Thing, snapshot: Snapshot, *, surely: bool = False) -> bool:
+        """Whether what it is in or on is held or rises, itself or by what that is in or on.
+
+        With `surely`, not by a percept alone, which may be noise.
+        """
         checked: set[str] = set()
         waiting = [thing.name]
         while waiting:
@@ -151,7 +155,7 @@ class AttributedPolicy:
                 checked.add(name)
                 if name in snapshot.things:
                     track = self._track(name)
-                    is_seen = self._is_seen_now(snapshot.things[name], snapshot.now)
+                    is_seen = not surely and self._is_seen_now(snapshot.things[name], snapshot.now)
                     if track.held or (is_seen and track.seen.is_rising) or track.believed.is_rising:
                         return True
                     waiting.append(name)

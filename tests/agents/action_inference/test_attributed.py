@@ -179,6 +179,21 @@ def test_contents_can_be_taken_out_of_what_lies_still(stage: Stage):
     assert stage.told == ["Pick(ball)"]
 
 
+def test_a_noisy_percept_of_what_a_thing_lies_on_hides_no_pick(stage: Stage):
+    stage.add("lid", (0.0, 0.0, 0.06), on=frozenset({"cup"}))
+    stage.run(1.0)
+    stage.grasp("lid", HAND)
+    x, y, z = stage.true["cup"]
+    stage.true["cup"] = (x, y, z + 0.012)
+    stage.run(0.1)
+    stage.true["cup"] = (x, y, z)
+    lift(stage, "lid")
+    put_down(stage, "lid")
+    stage.grasp("lid")
+    stage.run(0.5)
+    assert stage.told == ["Pick(lid, human_hand_0)", "Place(lid, human_hand_0)"]
+
+
 def test_what_a_hand_keeps_holding_where_it_put_it_came_to_rest_when_it_touched_down(stage: Stage):
     stage.grasp("cup", HAND)
     stage.run(0.3)
