@@ -12,7 +12,10 @@ from agents.calibrator.robust import OUTLIER
 from dsr.transforms import Array, Pose
 
 MOST_INDEPENDENT = 4
-"""Percepts from one place share errors: of the tag, the lens and the surface. No more of them than this count."""
+"""Percepts from one place share errors: of the tag, the lens and the surface. No more of them than this count.
+
+Rotations do not average out at all: depth images tilt all tags alike, and always so.
+"""
 _ENOUGH = 8  # percepts whose scatter tells how large the noise of depth is
 _DOUBT = 2.0  # that variance may be so much larger, for there are few of them
 _LONG = 2.0  # ratio of standard deviations from which the longest axis may be taken for the viewing ray
@@ -35,7 +38,8 @@ def fuse(percepts: Sequence[Pose], depth_bias: float, depth_scatter: float) -> P
     ray = pose.rotation_matrix.T @ pose.translation
     ray = ray / max(float(np.linalg.norm(ray)), 1e-9)
     excess = _excess(percepts[middle], agreeing, ray, depth_bias)
-    covariance = _without(percepts[middle].covariance, ray, excess) / counted
+    each = np.repeat([1.0 / math.sqrt(counted), 1.0], 3)
+    covariance = _without(percepts[middle].covariance, ray, excess) * np.outer(each, each)
     covariance[:3, :3] += depth_scatter**2 * np.outer(ray, ray)
     return pose.with_covariance(covariance)
 
