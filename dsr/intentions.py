@@ -31,6 +31,8 @@ GIVEN_UP = (INVALID, UNSOLVABLE, FAILED, NO_SOLVER)
 PLANNED, RUNNING, DONE, HALTED = "planned", "running", "done", "halted"
 ENDED = (DONE, FAILED, HALTED)
 """Statuses of actions that are over."""
+NOTHING_GRASPED = "nothing between the pads"
+"""`explanation` of a pick that failed because the gripper closed on nothing."""
 RUN, HALT = "run", "halt"
 """What can be requested of an action."""
 

@@ -61,7 +61,8 @@ class Doubt:
         """What that was made of."""
         self.decision: Decision | None = None
         """By all views up to now; None before the first."""
-        self._moved_alike: Pose | None = None
+        self.moved_alike: Pose | None = None
+        """world_from_world: how all objects moved if it was they, where that would have looked the same; else None."""
         self._seen_views = 0
 
     @property
@@ -75,6 +76,11 @@ class Doubt:
         parents = self._views.parents()
         x, y, z = np.mean([(parents[one.view] @ one.believed).t for one in self.sightings], axis=0).tolist()
         return x, y, z
+
+    def believed(self) -> dict[str, Pose]:
+        """world_from_object, where the objects are if it was the camera that moved."""
+        parents = self._views.parents()
+        return {one.name: parents[one.view] @ one.believed for one in self.sightings}
 
     @property
     def is_open(self) -> bool:
@@ -114,7 +120,7 @@ class Doubt:
         self.sightings = sightings
         parents = self._views.parents()
         self.solution = calibrate(sightings, self.before, self._config.method)
-        if self._moved_alike is None or self._seen_views == 1:
+        if self.moved_alike is None or self._seen_views == 1:
             first = [sighting for sighting in sightings if sighting.view == 0] or sightings
             parent = parents[first[0].view]
             solution = self.solution
@@ -122,10 +128,10 @@ class Doubt:
                 solution = calibrate(first, self.before, self._config.method)
             self.decision = decide(first, self.before, solution, parent)
             if self.decision.moved is None or self.decision.is_ambiguous:
-                self._moved_alike = alike(self.before, solution.pose, parent)
+                self.moved_alike = alike(self.before, solution.pose, parent)
         else:
             self.decision = decide_elsewhere(
-                sightings, self.before, self.solution.pose, self._moved_alike, parents, last=last
+                sightings, self.before, self.solution.pose, self.moved_alike, parents, last=last
             )
             if self.decision.moved and self.solution.problem:
                 self.decision = Decision(None, False, self.solution.problem)

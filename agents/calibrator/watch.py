@@ -13,6 +13,7 @@ from agents.calibrator.depths import Depths
 from agents.calibrator.doubt import Doubt, Memories
 from agents.calibrator.looking import SOURCE, Looking, can_look
 from agents.calibrator.reporting import make_report
+from agents.calibrator.touch import Touch
 from dsr.calibration import (
     ADOPTED,
     ANSWERED,
@@ -59,6 +60,7 @@ class Watch:
         self._requests: dict[str, str] = {}
         self._confirmed_until: dict[str, float] = {}
         self._looking: dict[str, Looking] = {}
+        self._touches: dict[str, Touch] = {}
         self._heard = memory.clock.now()
         self._calm_since: float | None = None
         self._begin_afresh()
@@ -158,6 +160,8 @@ class Watch:
         looking = self._looking.get(camera)
         late = late or (looking is not None and looking.is_over)
         decision = doubt.update(last=late and doubt.views > 1)
+        if mount == PROVISIONAL and camera in self._touches:
+            decision = decision or self._touches[camera].decide()
         if decision is not None:
             self._conclude(doubt, decision, now)
         elif waits and late:
@@ -185,9 +189,7 @@ class Watch:
             self._adopt(doubt)
             self._end(doubt, STEADY, "", ADOPTED)
         elif decision.moved and not doubt.can_look_elsewhere:
-            self._adopt(doubt)
-            self._answer(doubt, ADOPTED)
-            self._tell(camera, PROVISIONAL, decision.why)
+            self._adopt_provisionally(doubt, decision.why)
         else:
             self._tell(camera, IN_DOUBT, decision.why)
 
@@ -195,16 +197,25 @@ class Watch:
         """No view from elsewhere came in time: take what is likelier, if there is any pose at all."""
         assert doubt.decision is not None
         if doubt.decision.moved:
-            self._adopt(doubt)
-            self._answer(doubt, ADOPTED)
-            self._tell(doubt.camera, PROVISIONAL, f"{doubt.decision.why}; no view from elsewhere told")
+            self._adopt_provisionally(doubt, f"{doubt.decision.why}; no view from elsewhere told")
             if doubt.camera in self._looking:
                 self._looking[doubt.camera].go_home()
         else:
             self._end(doubt, STEADY, doubt.decision.why, REFUSED)
 
+    def _adopt_provisionally(self, doubt: Doubt, why: str) -> None:
+        self._adopt(doubt)
+        self._answer(doubt, ADOPTED)
+        self._tell(doubt.camera, PROVISIONAL, why)
+        if doubt.moved_alike is not None:
+            self._touches[doubt.camera] = Touch(self._memory, doubt.believed(), doubt.moved_alike)
+
     def _adopt(self, doubt: Doubt) -> None:
+        """Write the pose by all views up to now, unless it is written already."""
         assert doubt.solution is not None
+        edge = self._memory.get_edge(doubt.parent, doubt.camera, "RT")
+        if edge is not None and edge.get("pose") == doubt.solution.pose:
+            return
         report = make_report(doubt.camera, doubt.parent, doubt.solution, adopted=True)
         self._write(doubt, doubt.solution.pose)
         self._chronicle.happened(
@@ -247,6 +258,7 @@ class Watch:
 
     def _forget(self, camera: str) -> None:
         self._doubts.pop(camera, None)
+        self._touches.pop(camera, None)
         if camera in self._looking:
             self._looking[camera].go_home()
         self._requests.pop(camera, None)

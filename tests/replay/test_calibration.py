@@ -22,6 +22,7 @@ def failures(result: Result) -> list[str]:
         "camera_bumped_while_building",
         "cubes_moved_alike",
         "cubes_all_moved_alike",
+        "cubes_all_moved_alike_overhead",
     ],
 )
 def test_the_camera_is_calibrated_if_and_only_if_it_moved(name: str) -> None:

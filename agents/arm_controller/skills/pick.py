@@ -10,6 +10,7 @@ from agents.arm_controller.routes import Goal
 from agents.arm_controller.scene import Thing
 from agents.arm_controller.skills.manipulator import Manipulator, SkillError, Steps, first_free
 from agents.arm_controller.trajectory import Trajectory
+from dsr.intentions import NOTHING_GRASPED
 
 MOVED = 0.005
 """m by which a target must have moved to aim again"""
@@ -74,7 +75,7 @@ def _close(arm: Manipulator, name: str, grasp: Grasp) -> Steps[str]:
     contact = yield from arm.close()
     if not contact or abs(arm.joints.opening - grasp.width) > WIDTH_TOLERANCE:
         if not contact:
-            return "nothing between the pads"
+            return NOTHING_GRASPED
         return f"what is between the pads is {arm.joints.opening * 1e3:.0f} mm wide, not {grasp.width * 1e3:.0f} mm"
     until = arm.joints.stamp + _KNOWN_WITHIN
     while arm.holding.held is None and arm.joints.stamp < until:

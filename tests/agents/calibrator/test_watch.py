@@ -21,6 +21,7 @@ from dsr.calibration import (
     SURPRISE,
     read_report,
 )
+from dsr.intentions import DONE, FAILED, NOTHING_GRASPED
 from dsr.timeline import EXPLAINED, Chronicle
 from dsr.transforms import Pose
 from tests.agents.calibrator.scenes import BUMP, CLUSTER, DOWN, Stage, cubes
@@ -197,3 +198,38 @@ def test_objects_that_come_into_view_later_tell(set_up: SetUp) -> None:
     stage.objects |= hidden
     stage.look(1.5)
     assert mount(stage) == STEADY and stage.error[0] < 0.003
+
+
+def attempt(stage: Stage, target: str, status: str, why: str = "") -> None:
+    name = f"action_9_{target}_{status}"
+    stage.memory.add_node(name, "action", skill="pick", target=target, status=status, explanation=why)
+
+
+def in_vain(set_up: SetUp) -> Stage:
+    """A camera on a stand that was moved provisionally, after a grasp in vain that was earlier."""
+    stage = set_up()
+    attempt(stage, "cube_1", FAILED, NOTHING_GRASPED)
+    move_alike(stage)
+    explain(stage)
+    stage.look()
+    assert mount(stage) == PROVISIONAL
+    return stage
+
+
+def test_a_grasp_in_vain_says_that_all_objects_were_moved(set_up: SetUp) -> None:
+    stage = in_vain(set_up)
+    attempt(stage, "cube_2", FAILED, "out of reach")
+    stage.look(0.5)
+    assert mount(stage) == PROVISIONAL
+    attempt(stage, "cube_3", FAILED, NOTHING_GRASPED)
+    stage.look(0.3)
+    assert mount(stage) == CONFIRMED and stage.error[0] == 0.0
+    assert "found nothing where cube_3" in Chronicle(stage.memory).query(kind=CALIBRATED)[-1].text
+
+
+def test_a_grasp_that_holds_says_that_the_camera_moved(set_up: SetUp) -> None:
+    stage = in_vain(set_up)
+    attempt(stage, "cube_2", DONE)
+    stage.look(0.3)
+    assert mount(stage) == STEADY and stage.error[0] > 0.05
+    assert len(Chronicle(stage.memory).query(kind=CALIBRATED)) == 1
