@@ -49,7 +49,7 @@ class TagReading(msgspec.Struct, frozen=True):
 
 
 class ColorReading(msgspec.Struct, frozen=True):
-    """Where an object is that is recognised by its colour; its orientation is not told."""
+    """Where an object is that is recognised by its colour, and at most how it leans."""
 
     color: tuple[float, float, float]
     """Red, green, blue, 0 to 1, as the object's node has it"""
@@ -57,6 +57,8 @@ class ColorReading(msgspec.Struct, frozen=True):
     """m, the object's centre in the camera's optical frame"""
     sigma: float
     """m, standard deviation of each coordinate"""
+    up: tuple[float, float, float] | None = None
+    """Unit vector of the object's own z axis in the camera's optical frame, if its shape shows that"""
 
 
 class TagReadings(msgspec.Struct, frozen=True):

@@ -3,6 +3,7 @@
     python -m benchmarks.perception --trials 100
     python -m benchmarks.perception --distances 0.6 --bias 0.01 --json perception.json
     python -m benchmarks.perception --colors --distances 0.6 1.0 1.3
+    python -m benchmarks.perception --tilted --distances 0.9 1.4 --trials 5
 
 A 40 mm cube with a 32 mm tag stands at each distance, turned and tilted at random by up to 50 degrees; grey and depth
 are as noisy as a RealSense's at 640 x 480, depth alike over 4 px. The peer is what most tag libraries do: OpenCV's
@@ -12,6 +13,10 @@ a frame, detection included.
 
 With --colors, each object of `etc/objects` stands on a table in rendered frames of cameras all around it, turned by
 up to 45 degrees, and is recognised by its colour: errors of its centre, median and 95 %.
+
+With --tilted, it is turned in the air by 0.1 rad a frame about a random horizontal axis, up to 135 degrees, as often as
+--trials says, and followed: errors of its centre and of the direction of its own z axis, over the frames in which that
+is told.
 """
 
 from __future__ import annotations
@@ -51,6 +56,9 @@ Method = Callable[[Frame], Pose | None]
 """camera_from_tag of the only tag in a frame; None if it is not found."""
 
 
+_HIGH = (0.35, 0.02, 0.25)  # m, in the air, where nothing is in the way
+
+
 class Result(NamedTuple):
     """What one method made of one frame."""
 
@@ -65,8 +73,9 @@ class Result(NamedTuple):
 def main() -> None:
     """Measure what the command line asks for and print a row for each distance and method."""
     options = _parser().parse_args()
-    if options.colors:
-        rows = [row for model in sorted(model_files()) for row in _color_rows(model, options)]
+    if options.colors or options.tilted:
+        measured = _tilted_rows if options.tilted else _color_rows
+        rows = [row for model in sorted(model_files()) for row in measured(model, options)]
         Console().print(_table(rows, "Centre of an object recognised by its colour: median / 95 %"))
         _write(rows, options)
         return
@@ -100,6 +109,7 @@ def _parser() -> argparse.ArgumentParser:
         "--bias", type=float, default=0.0, metavar="M", help="m, by which all depths are too small (default: 0)"
     )
     parser.add_argument("--colors", action="store_true", help="objects recognised by their colour instead of tags")
+    parser.add_argument("--tilted", action="store_true", help="the same, tilted in the air")
     parser.add_argument("--json", type=Path, metavar="FILE", help="also write the rows to this file, in SI units")
     return parser
 
@@ -179,6 +189,36 @@ def _color_rows(model: str, options: argparse.Namespace) -> Iterator[dict[str, A
             results.append(Result(bool(errors), float(errors[0]) if errors else np.nan, np.nan, seconds))
         yield _row(distance, model, results)
     scene.close()
+
+
+def _tilted_rows(model: str, options: argparse.Namespace) -> Iterator[dict[str, Any]]:
+    """A row for each distance."""
+    rng = np.random.default_rng(options.seed)
+    scene = ColorScene([model], rng)
+    for distance in track(options.distances, model, console=Console(stderr=True), transient=True):
+        results = []
+        for _ in range(options.trials):
+            reader, azimuth, yaw = ColorReader(NoiseModel()), rng.uniform(0.0, 2.0 * np.pi), rng.uniform(-0.1, 0.1)
+            camera = looking_at(_HIGH, distance, rng)
+            for tilt in (0.0, 0.0, *np.arange(0.0, np.radians(135.0), 0.1)):
+                leaning = Pose.from_rotvec(_HIGH, (tilt * np.cos(azimuth), tilt * np.sin(azimuth), 0.0))
+                truth = leaning @ Pose.from_rotvec((0.0, 0.0, 0.0), (0.0, 0.0, yaw))
+                scene.put(model, truth)
+                results.append(_followed(reader, scene, camera, truth))
+        yield _row(distance, model, results)
+    scene.close()
+
+
+def _followed(reader: ColorReader, scene: ColorScene, camera: Pose, truth: Pose) -> Result:
+    frame = scene.frame(camera)
+    begun = WALL_CLOCK.monotonic()
+    found = [one for one in reader.read(frame, scene.known, camera) if one.lean is not None]
+    seconds = WALL_CLOCK.monotonic() - begun
+    if not found or found[0].lean is None:
+        return Result(False, np.nan, np.nan, seconds)
+    up = Pose((0.0, 0.0, 0.0), found[0].lean).rotation_matrix[:, 2]
+    angle = float(np.arccos(np.clip(up @ truth.rotation_matrix[:, 2], -1.0, 1.0)))
+    return Result(True, float(np.linalg.norm(camera.apply(found[0].position) - truth.t)), angle, seconds)
 
 
 def _judged(method: Method, frame: Frame, truth: Pose) -> Result:

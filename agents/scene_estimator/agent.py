@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, suppress
 
 import msgspec
 
-from agents.drivers import TagDriver, make_driver
+from agents.drivers import TagDriver, TagReadings, make_driver
 from agents.scene_estimator.color_reader import ColorReader
 from agents.scene_estimator.colored import ColoredObjects, ColorSighting, read_colors
 from agents.scene_estimator.config import SceneEstimatorConfig, TagSensor
@@ -92,9 +92,17 @@ class SceneEstimator(Agent):
                 self._describe(camera, readings.lens)
                 try:
                     tags = read_sensor(readings, self.config.noise)
-                    yield camera, readings.stamp, (tags, read_colors(readings, self._colored, self.config.noise))
+                    yield camera, readings.stamp, (tags, self._sensed_colors(camera, readings))
                 except WireError as error:
                     self._skip("malformed", f"{camera}: {error}")
+
+    def _sensed_colors(self, camera: str, readings: TagReadings) -> list[ColorSighting]:
+        """Without a known pose of the camera, nothing is known of how they lean."""
+        world_from_camera = None
+        if readings.colors and camera in self.memory:
+            with suppress(TransformError):
+                world_from_camera = self.memory.transform("world", camera, at=readings.stamp)
+        return read_colors(readings, self._colored, self.config.noise, world_from_camera)
 
     def _describe(self, camera: str, lens: Intrinsics | None) -> None:
         """Write the intrinsics of a sensor without images, whose frames would tell them, if the node says others."""

@@ -25,7 +25,10 @@ ANY_ROTATION = math.pi
 LEANING = 0.15
 """rad, likewise, of a tilt that was seen"""
 UPRIGHT: Quaternion = (0.0, 0.0, 0.0, 1.0)
+LEANS = 0.25
+"""rad, from which what leans is told from what is upright"""
 _FARTHEST = 100.0  # m
+_ROUNDING = 1e-3
 
 
 class ColoredObject(NamedTuple):
@@ -95,21 +98,40 @@ class ColoredObjects:
             watch.close()
 
 
-def read_colors(readings: TagReadings, objects: ColoredObjects, noise: NoiseModel) -> list[ColorSighting]:
+def read_colors(
+    readings: TagReadings, objects: ColoredObjects, noise: NoiseModel, world_from_camera: Pose | None
+) -> list[ColorSighting]:
     """Sightings of a sensor that tells colours. Raises `WireError` for places where nothing can be."""
-    return [sighting for reading in readings.colors if (sighting := _sensed(reading, readings.stamp, objects, noise))]
+    found = [_sensed(reading, readings.stamp, objects, noise, world_from_camera) for reading in readings.colors]
+    return [sighting for sighting in found if sighting is not None]
 
 
-def _sensed(reading: ColorReading, stamp: float, objects: ColoredObjects, noise: NoiseModel) -> ColorSighting | None:
+def lean_of(up: Vector3) -> Quaternion:
+    """The shortest rotation in the world from the vertical to the unit vector `up`; none for less than `LEANS`."""
+    x, y, z = up
+    angle, sine = math.acos(min(max(z, -1.0), 1.0)), math.hypot(x, y)
+    if angle < LEANS:
+        return UPRIGHT
+    return quaternions.from_rotvec((-y / sine * angle, x / sine * angle, 0.0) if sine > 0.0 else (angle, 0.0, 0.0))
+
+
+def _sensed(
+    reading: ColorReading, stamp: float, objects: ColoredObjects, noise: NoiseModel, world_from_camera: Pose | None
+) -> ColorSighting | None:
     position = np.array(reading.position, dtype=np.float64)
-    numbers = (*reading.position, *reading.color, reading.sigma)
+    numbers = (*reading.position, *reading.color, reading.sigma, *(reading.up or ()))
     if not all(map(math.isfinite, numbers)) or not _near(position) or not 0.0 <= reading.sigma < _FARTHEST:
         raise WireError(f"colour reading at {stamp}: {reading}: expected a place within {_FARTHEST} m")
     if (colored := objects.find(reading.color)) is None:
         return None
     ray = position / np.linalg.norm(position)
     covariance = reading.sigma**2 * np.eye(3) + noise.depth_bias_std**2 * np.outer(ray, ray)
-    return ColorSighting(colored.name, position, covariance, stamp)
+    lean = None
+    if reading.up is not None and world_from_camera is not None:
+        if abs(math.hypot(*reading.up) - 1.0) > _ROUNDING:
+            raise WireError(f"colour reading at {stamp}: up {reading.up}: expected a unit vector")
+        lean = lean_of(quaternions.rotate(world_from_camera.q, reading.up))
+    return ColorSighting(colored.name, position, covariance, stamp, lean)
 
 
 def _near(position: Array) -> bool:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agents.scene_estimator.colored import UPRIGHT
+from agents.scene_estimator.colored import LEANS, UPRIGHT
 from agents.scene_estimator.fitting import ROUGH, ROUGH_POINTS, Fit, Scene, View, cloud, fit
 from agents.scene_estimator.geometry import Array
 from agents.scene_estimator.leaning import is_unlike_fallen, lean, leaning, tilt, tilt_sigma
@@ -36,8 +36,9 @@ _USUALLY = 1.4  # times the usual mean distance: the same
 _NEWS = 0.1  # weight of the newest in that
 _SURELY = 1.3  # times that: the same, for one that leans
 _CLEARLY = 0.8  # of the mean distance with which it leans: one with which it surely stands upright
-_STANDS, _LEANS = 0.1, 0.25  # rad, up to which it is upright, and from which it surely is not
+_STANDS = 0.1  # rad, up to which it is upright again
 _TELLS = 0.06  # rad, standard deviation of its tilt up to which it is known to stand upright
+_TELLS_LEAN = 0.15  # rad, likewise, to lean: of a ball, whose tilt nothing tells, it is more
 _TRUST = 1.5  # times the mean distance of the points from the shape: how far off the place may be
 
 
@@ -99,12 +100,11 @@ def place(
 
 
 def _sure_lean(scene: Scene, shape: Shape, size: Vector3, found: Fit, guess: Guess, good: float) -> Quaternion | None:
-    if guess.lean != UPRIGHT and tilt(found.turn) > _LEANS:
-        return guess.lean
-    if found.misfit > min(good, _USUALLY * max(guess.misfit, _FLOOR)):
-        return None
-    is_told = tilt_sigma(scene, shape, size, found, max(found.misfit, _FLOOR)) < _TELLS
-    return UPRIGHT if is_told and is_unlike_fallen(scene, shape, size, found) else None
+    sigma = tilt_sigma(scene, shape, size, found, max(found.misfit, _FLOOR))
+    if guess.lean != UPRIGHT and tilt(found.turn) > LEANS:
+        return guess.lean if sigma < _TELLS_LEAN else None
+    fits = found.misfit <= min(good, _USUALLY * max(guess.misfit, _FLOOR))
+    return UPRIGHT if fits and sigma < _TELLS and is_unlike_fallen(scene, shape, size, found) else None
 
 
 def _fitting(

@@ -127,6 +127,14 @@ def test_what_is_tilted_and_put_back_is_followed(scene: ColorScene, model: str, 
     assert told > 0.8 * len(degrees)
 
 
+def test_nobody_sees_a_ball_lean(scene: ColorScene) -> None:
+    rng, reader = np.random.default_rng(0), ColorReader(NO_BIAS)
+    camera = looking_at((*PLACE, 0.25), 1.4, rng)
+    for degrees in range(0, 130, 6):
+        scene.put("ball", Pose.from_rotvec((*PLACE, 0.25), (math.radians(degrees), 0.0, 0.0)))
+        assert read(scene, camera, reader)["ball"].lean is None
+
+
 def tilted_off(sighting: ColorSighting, truth: Pose) -> float:
     """rad, between where the object's own z axis is seen to point and where it does."""
     assert sighting.lean is not None

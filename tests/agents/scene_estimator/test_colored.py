@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from agents.drivers import ColorReading, TagReadings
+from agents.scene_estimator.colored import LEANING
 from dsr import Pose
 from dsr.shapes import Part, to_numbers
 
@@ -40,6 +41,22 @@ def test_a_known_colour_is_perceived_upright_with_any_rotation(
     assert np.linalg.eigvalsh(covariance(pose)[:3, :3])[:2] == pytest.approx([0.002**2] * 2, rel=1e-3)
     bench.run(AGE + 2 * PERIOD)
     assert bench.perceived("ball") is False
+
+
+@pytest.mark.parametrize(("tilt", "told", "yaw_sigma"), [(0.1, 0.0, math.pi), (0.8, 0.8, LEANING), (2.4, 2.4, LEANING)])
+def test_a_sensor_may_tell_how_something_leans(
+    make_bench: Callable[..., Bench], sensor: FakeSensor, tilt: float, told: float, yaw_sigma: float
+) -> None:
+    bench = make_bench(tag_sensors=SENSORS)
+    bench.memory.add_node("ball", "ball", size=SIZE, color=RED, shape=BALL)
+    bench.run(PERIOD)
+    up = Pose.from_rotvec((0.0, 0.0, 0.0), (0.0, tilt, 0.0)).rotation_matrix[:, 2]
+    x, y, z = bench.memory.transform("camera_overhead", "world").rotation_matrix @ up
+    tell(bench, sensor, ColorReading(RED, (0.0, 0.1, 0.4), 0.002, (x, y, z)))
+    turned = bench.memory.transform("world", "ball")
+    assert turned.distance(Pose.from_rotvec(turned.t, (0.0, told, 0.0)))[1] < 1e-9
+    sigmas = np.sqrt(np.diag(covariance(bench.memory.edge("camera_overhead", "ball", "RT").pose))[3:])
+    assert sigmas == pytest.approx([LEANING, LEANING, yaw_sigma])
 
 
 def test_other_colours_and_tagged_objects_are_not_meant(make_bench: Callable[..., Bench], sensor: FakeSensor) -> None:
