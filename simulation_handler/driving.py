@@ -178,7 +178,8 @@ class Driving:
         item.put, item.placement, item.strikes = self._bodies.pose(item.name), None, 0
         item.track.begin_anew(item.path.newest - _AT_REST)
         self._bodies.sim.set_velocity(item.name, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-        is_let_go = drive.by_hand and not item.hand and not item.track.is_fresh(self._now)
+        is_unseen = item.vanished_when_let_go or not item.track.is_fresh(self._now)
+        is_let_go = drive.by_hand and not item.hand and is_unseen
         if not drive.rests and not is_let_go:
             self._bodies.set_pinned(item, True)
 

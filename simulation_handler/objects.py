@@ -72,6 +72,8 @@ class BelievedObject:
     """The gripper that holds it; percepts then say nothing of it."""
     hand: str = ""
     """The human hand that holds it: where it is unseen, it goes where that goes."""
+    let_go_at: float = -math.inf
+    """s, when a hand was last known to hold it no more"""
     shows_rotation: bool = True
     """Its percepts tell its rotation."""
     shows_tilt: bool = True
@@ -99,6 +101,11 @@ class BelievedObject:
             yaw = quaternions.about_z(self.turned_by_hand)
             rotation = quaternions.product(rotation, yaw) if self.shows_tilt else self.turned_by_hand
         self.path.add(Pose.unchecked((x, y, z), rotation, percept.stamp))
+
+    @property
+    def vanished_when_let_go(self) -> bool:
+        """Whether it was not seen any more after a hand had let go of it."""
+        return self.track.last_stamp <= self.let_go_at
 
     @property
     def is_led(self) -> bool:

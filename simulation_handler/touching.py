@@ -154,7 +154,9 @@ class Touching:
         self._update_grasps(now)
         holders = self._holders(now)
         for item in self._bodies.objects.values():
-            item.hand, item.turned_by_hand = holders.get(item.name, ""), None
+            before, item.hand, item.turned_by_hand = item.hand, holders.get(item.name, ""), None
+            if before and not item.hand:
+                item.let_go_at = now
             if not item.hand or not self._hands[item.hand].perceived:
                 continue
             pose = self._hands[item.hand].path.last

@@ -116,6 +116,19 @@ def test_the_hand_opens_while_nobody_sees_the_cup_which_falls() -> None:
     assert world.pose("cup").t[2] < 0.06
 
 
+def test_what_was_seen_at_rest_in_a_hand_until_that_opened_falls() -> None:
+    world = cup_in_a_hand()
+    world.move("cup", standing(0.3, 0.0, SMALL, on=0.2))
+    world.run(1.0)
+    world.hand("cup", opened=0.04)
+    world.run(0.05)
+    world.seen.discard("cup")
+    world.look = hidden_by("wall")
+    world.run(2.0)
+    assert world.belief.grasps() == {}
+    assert world.pose("cup").t[2] < 0.06
+
+
 def test_what_falls_out_of_a_hand_is_held_no_more_though_neither_is_seen_again() -> None:
     world = cup_in_a_hand()
     world.move("cup", standing(0.3, 0.0, SMALL, on=0.3))
