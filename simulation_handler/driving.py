@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
@@ -76,6 +77,7 @@ class Driving:
         self._containment = containment
         self._config = config
         self._drives: dict[str, _Drive] = {}
+        self._apart: set[tuple[str, str]] = set()
         self._now = -math.inf
 
     def update(self, now: float) -> None:
@@ -88,10 +90,25 @@ class Driving:
                 self._go_on(item, self._drives[item.name], now, seconds)
             elif (start := self._start(item, now)) is not None:
                 self._begin(item, start)
+        self._let_pass()
         riders = self._riders(self._drives)
         for item in self._bodies.objects.values():
             item.driven = item.name in self._drives
             item.rides = item.name in riders and not self._is_lost(item, now)
+
+    def _let_pass(self) -> None:
+        """Driven bodies of which none carries the other do not push each other: where they are seen tells all.
+
+        Their thin walls would get into each other by the noise of that, and not out again.
+        """
+        riders = {name: self._riders([name]) for name in self._drives}
+        pairs = {
+            (a, b) for a, b in combinations(sorted(self._drives), 2) if b not in riders[a] and a not in riders[b]
+        }
+        for pair in pairs ^ self._apart:
+            if all(name in self._bodies.sim for name in pair):
+                self._bodies.sim.collide(*pair, may=pair not in pairs)
+        self._apart = pairs
 
     def step(self, count: int) -> None:
         """Let `count` steps of physics pass."""

@@ -79,7 +79,7 @@ class BelievedObject:
     shows_tilt: bool = True
     """Its percepts tell how it leans, if not its yaw."""
     turned_by_hand: Quaternion | None = None
-    """Its rotation as far as that hand tells: for percepts that say nothing of rotations, such as those by colour."""
+    """How it leans as far as that hand tells: for percepts that say nothing of rotations, such as those by colour."""
     confirmed: Solid | None = None
     """Where perception last agreed that it is, unless it has moved since with something, or in a gripper."""
     gone: bool = False
@@ -97,9 +97,8 @@ class BelievedObject:
         self.shows_rotation = float(np.trace(percept.rotation_covariance)) < _SURE_OF_ROTATION
         self.shows_tilt = float(np.trace(percept.rotation_covariance[:2, :2])) < _SURE_OF_TILT
         rotation = percept.rotation
-        if not self.shows_rotation and self.turned_by_hand is not None:
-            yaw = quaternions.about_z(self.turned_by_hand)
-            rotation = quaternions.product(rotation, yaw) if self.shows_tilt else self.turned_by_hand
+        if self.turned_by_hand is not None and not (self.shows_rotation or self.shows_tilt):
+            rotation = self.turned_by_hand
         self.path.add(Pose.unchecked((x, y, z), rotation, percept.stamp))
 
     @property

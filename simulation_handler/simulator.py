@@ -213,6 +213,10 @@ class Simulator:
         pybullet.changeDynamics(body, -1, mass=mass, physicsClientId=self._client)
         self._wake_around(body)
 
+    def collide(self, one: str, other: str, *, may: bool) -> None:
+        """Let two bodies push each other, as they do at first, or pass through each other."""
+        pybullet.setCollisionFilterPair(self._id(one), self._id(other), -1, -1, int(may), physicsClientId=self._client)
+
     def step(self, count: int = 1, *, gently: bool = False) -> None:
         """Let `count` times 1/240 s pass, in smaller steps while something moves fast.
 

@@ -161,7 +161,7 @@ class Touching:
                 continue
             pose = self._hands[item.hand].path.last
             there = pose @ self._grasps[item.hand, item.name].hand_from_object
-            item.turned_by_hand = levelled(item.solid(there.t, there.q))
+            item.turned_by_hand = without_yaw(levelled(item.solid(there.t, there.q)))
             if now - item.track.last_stamp > UNSEEN and not self._opens(item, touching, opposed):
                 turned = there.q if item.shows_rotation else item.turned_by_hand
                 item.path.add(self._in_fingers(item, Pose.unchecked(there.t, turned), pose))
@@ -369,6 +369,11 @@ def levelled(solid: Solid) -> Quaternion:
     """How a solid is turned that seems to be so by its hand: level, where it may be."""
     flat, tilt = solid.face_down()
     return quaternions.slerp(flat.rotation, solid.rotation, min(max((tilt - _LEVEL) / (_TILTED - _LEVEL), 0.0), 1.0))
+
+
+def without_yaw(rotation: Quaternion) -> Quaternion:
+    """The tilt of a rotation alone: hands tell less of yaws than what is known of the objects in them."""
+    return quaternions.product(rotation, quaternions.conjugate(quaternions.about_z(rotation)))
 
 
 def _drops(hand: _Hand, item: BelievedObject) -> bool:

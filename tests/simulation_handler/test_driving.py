@@ -31,6 +31,16 @@ def test_what_is_in_a_box_at_rest_is_in_it_and_on_its_bottom() -> None:
     assert world.belief.plausible("box")
 
 
+@pytest.mark.parametrize("seed", [0, 2])
+def test_boxes_that_pass_each_other_closely_do_not_get_stuck(seed: int) -> None:
+    world = Occlusion({"box_1": standing(0.2, 0.0, BOX), "other_1": standing(0.4, 0.172, BOX)}, seed)
+    world.run(1.5)
+    world.move("box_1", standing(0.6, 0.0, BOX))
+    for _ in range(40):
+        world.tick()
+        assert max(world.error("box_1"), world.error("other_1")) < 0.01
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_a_ball_goes_along_in_a_box_that_is_pushed_lifted_and_put_down(seed: int) -> None:
     world = ball_in_a_box(seed)

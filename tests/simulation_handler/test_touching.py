@@ -14,7 +14,7 @@ from simulation_handler.explaining import Look
 from simulation_handler.geometry import Solid
 from simulation_handler.sight import Glance
 from simulation_handler.surfaces import outwards
-from simulation_handler.touching import PINCH, TOUCH, levelled
+from simulation_handler.touching import PINCH, TOUCH, levelled, without_yaw
 from tests.simulation_handler.occluded import BOX, SMALL, Occlusion, standing
 from tests.simulation_handler.worlds import BALL, CUBE, ROUND, WALL, container
 
@@ -163,6 +163,11 @@ def test_a_hand_does_not_tilt_what_is_seen_to_be_upright(seen: bool) -> None:
     world.move("cup", standing(0.3, -0.2, SMALL, on=0.2))
     tilt = _tilt(world.pose("cup").q)
     assert tilt < 0.1 if seen else tilt > 0.4
+
+
+def test_the_tilt_alone_of_a_rotation() -> None:
+    tilt, yaw = quaternions.from_rotvec((0.5, -1.1, 0.0)), quaternions.from_rotvec((0.0, 0.0, 0.4))
+    assert without_yaw(quaternions.product(tilt, yaw)) == pytest.approx(tilt)
 
 
 def _tilt(rotation: Quaternion) -> float:
