@@ -1,7 +1,7 @@
 """Where an object of known shape is, and how it is turned, from the pixels that show it.
 
-It is taken to stand upright, with the yaw that fits best, unless that does not fit and leaning does. How well the shape
-lies on the points then, and how much of it is seen, tell how sure that is.
+It is taken to stand upright, with the yaw that fits best, unless it was seen so, that does not fit any more, and
+leaning does. How well the shape lies on the points then, and how much of it is seen, tell how sure that is.
 """
 
 from __future__ import annotations
@@ -91,12 +91,14 @@ def place(
     scene = Scene(view, mask, points, weights)
     expected = noise * float((points[:, 2] ** 2).mean())
     good = _GOOD_FIT * expected
+    is_familiar = guess.misfit < math.inf
     found, guess = _fitting(scene, shape, size, guess, good, search=search)
     worst = max(_WORST_FIT * min(size), _NOISY_FIT * expected)
     if found is None or found.share < LEAST_SHARE or found.agreement < _AGREEMENT or found.misfit > worst:
         return None
     position, covariance = _in_camera(found, view, size)
-    return Placed(position, covariance, guess, found.misfit <= good, _sure_lean(scene, shape, size, found, guess, good))
+    sure = _sure_lean(scene, shape, size, found, guess, good) if is_familiar else None
+    return Placed(position, covariance, guess, found.misfit <= good, sure)
 
 
 def _sure_lean(scene: Scene, shape: Shape, size: Vector3, found: Fit, guess: Guess, good: float) -> Quaternion | None:
@@ -117,7 +119,7 @@ def _fitting(
         usual = standing.misfit if guess.misfit == math.inf else guess.misfit + _NEWS * (standing.misfit - guess.misfit)
         return standing, guess._replace(misfit=usual)
     before = np.array(quaternions.to_matrix(guess.lean))
-    leant = leaning(scene, shape, size, before @ upright, good)
+    leant = leaning(scene, shape, size, before @ upright, good) if guess.misfit < math.inf else None
     if leant is not None and leant.misfit <= _SURELY * good and not _better(standing, leant):
         return leant, guess._replace(lean=UPRIGHT if tilt(leant.turn) < _STANDS else lean(leant.turn, upright))
     if search:

@@ -14,8 +14,8 @@ MODULES = {
     "dsr.goals": {"Goal", "parse_goal"},
     "dsr.intentions": {
         "ACTIVE", "DONE", "ENDED", "EXECUTING", "FAILED", "FULFILLED", "GIVEN_UP", "HALT", "HALTED", "INVALID",
-        "MAINTAINED", "MIND", "NO_SOLVER", "PLANNED", "PLANNING", "PREFIX", "REACHED", "RUN", "RUNNING", "UNSOLVABLE",
-        "WAITING", "WANTED", "add_intention", "describe_action",
+        "MAINTAINED", "MIND", "NOTHING_GRASPED", "NO_SOLVER", "PLANNED", "PLANNING", "PREFIX", "REACHED", "RUN",
+        "RUNNING", "UNSOLVABLE", "WAITING", "WANTED", "add_intention", "describe_action",
     },
     "dsr.intrinsics": {"INTRINSICS", "Intrinsics", "read_intrinsics"},
     "dsr.relations": {"ARITY", "SURFACES", "THINGS", "Pair", "Relation", "Relations", "read_relations"},
