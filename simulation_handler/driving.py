@@ -77,7 +77,6 @@ class Driving:
         self._containment = containment
         self._config = config
         self._drives: dict[str, _Drive] = {}
-        self._apart: set[tuple[str, str]] = set()
         self._now = -math.inf
 
     def update(self, now: float) -> None:
@@ -102,13 +101,8 @@ class Driving:
         Their thin walls would get into each other by the noise of that, and not out again.
         """
         riders = {name: self._riders([name]) for name in self._drives}
-        pairs = {
-            (a, b) for a, b in combinations(sorted(self._drives), 2) if b not in riders[a] and a not in riders[b]
-        }
-        for pair in pairs ^ self._apart:
-            if all(name in self._bodies.sim for name in pair):
-                self._bodies.sim.collide(*pair, may=pair not in pairs)
-        self._apart = pairs
+        pairs = combinations(sorted(self._drives), 2)
+        self._bodies.sim.let_pass({(a, b) for a, b in pairs if b not in riders[a] and a not in riders[b]})
 
     def step(self, count: int) -> None:
         """Let `count` steps of physics pass."""

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 import weakref
-from collections.abc import Iterable
+from collections.abc import Iterable, Set
 from types import TracebackType
 from typing import NamedTuple
 
@@ -76,6 +76,7 @@ class Simulator:
         self._masses: dict[str, float] = {}
         self._shapes: dict[Vector3 | Shape, int] = {}
         self._radii: dict[int, float] = {}
+        self._passing: set[tuple[str, str]] = set()
         self._parts, self._recovery = 1, _RECOVERY
         self.fingers = FingerBodies(self._client, self._ids, FINGER_RADIUS)
         """Fingertips that push; they are none of the bodies."""
@@ -165,6 +166,7 @@ class Simulator:
         body = self._id(name)
         self._wake_around(body)
         self.fingers.forget(name)
+        self.let_pass({pair for pair in self._passing if name not in pair})
         pybullet.removeBody(body, physicsClientId=self._client)
         del self._ids[name], self._names[body], self._masses[name], self._radii[body]
 
@@ -213,9 +215,15 @@ class Simulator:
         pybullet.changeDynamics(body, -1, mass=mass, physicsClientId=self._client)
         self._wake_around(body)
 
-    def collide(self, one: str, other: str, *, may: bool) -> None:
-        """Let two bodies push each other, as they do at first, or pass through each other."""
-        pybullet.setCollisionFilterPair(self._id(one), self._id(other), -1, -1, int(may), physicsClientId=self._client)
+    def let_pass(self, pairs: Set[tuple[str, str]]) -> None:
+        """Let these pairs of bodies, and no others, pass through each other."""
+        for pair in sorted(pairs ^ self._passing):
+            self._filter(pair, may_collide=pair not in pairs)
+        self._passing = set(pairs)
+
+    def _filter(self, pair: tuple[str, str], *, may_collide: bool) -> None:
+        one, other = map(self._id, pair)
+        pybullet.setCollisionFilterPair(one, other, -1, -1, int(may_collide), physicsClientId=self._client)
 
     def step(self, count: int = 1, *, gently: bool = False) -> None:
         """Let `count` times 1/240 s pass, in smaller steps while something moves fast.

@@ -24,6 +24,17 @@ def stack(sim: Simulator, count: int) -> list[str]:
     return names
 
 
+def test_bodies_pass_through_each_other_only_as_long_as_told(table: Simulator) -> None:
+    below, above = stack(table, 2)
+    table.let_pass({(below, above)})
+    table.step(SECOND)
+    assert table.position(above)[2] == pytest.approx(0.02, abs=1e-3)
+    table.place(above, (0.0, 0.0, 0.07), YAWED)
+    table.let_pass(set())
+    table.step(SECOND)
+    assert table.position(above)[2] == pytest.approx(0.06, abs=1e-3)
+
+
 @pytest.mark.parametrize("count", [1, 3])
 def test_cubes_rest_at_their_height_without_interpenetration(table: Simulator, count: int) -> None:
     names = stack(table, count)
