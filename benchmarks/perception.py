@@ -24,6 +24,7 @@ from __future__ import annotations
 import argparse
 import json
 from collections.abc import Callable, Iterator
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -54,8 +55,8 @@ CUBE_FROM_TAG = Pose((0.0, 0.0, SIZE / 2))
 
 Method = Callable[[Frame], Pose | None]
 """camera_from_tag of the only tag in a frame; None if it is not found."""
-
-
+ColorTrial = Callable[[ColorScene, str, float, np.random.Generator], list["Result"]]
+"""What was made of each frame of an object (its model) at a distance, m."""
 _HIGH = (0.35, 0.02, 0.25)  # m, in the air, where nothing is in the way
 
 
@@ -74,9 +75,10 @@ def main() -> None:
     """Measure what the command line asks for and print a row for each distance and method."""
     options = _parser().parse_args()
     if options.colors or options.tilted:
-        measured = _tilted_rows if options.tilted else _color_rows
-        rows = [row for model in sorted(model_files()) for row in measured(model, options)]
-        Console().print(_table(rows, "Centre of an object recognised by its colour: median / 95 %"))
+        trial = _turning if options.tilted else _standing
+        rows = [row for model in sorted(model_files()) for row in _rows(model, trial, options)]
+        what = "Centre and own z axis of an object followed" if options.tilted else "Centre of an object recognised"
+        Console().print(_table(rows, f"{what} by its colour: median / 95 %"))
         _write(rows, options)
         return
     methods = {"ours": ours(), "colour": ours(depth=False), "IPPE": plain_ippe()}
@@ -170,43 +172,40 @@ def _frames(distance: float, options: argparse.Namespace) -> Iterator[tuple[Pose
         yield camera_from_cube @ CUBE_FROM_TAG, camera.frame({MARKER: camera_from_cube}, rng, bias=options.bias)
 
 
-def _color_rows(model: str, options: argparse.Namespace) -> Iterator[dict[str, Any]]:
+def _rows(model: str, trial: ColorTrial, options: argparse.Namespace) -> Iterator[dict[str, Any]]:
     """A row for each distance."""
     rng = np.random.default_rng(options.seed)
     scene = ColorScene([model], rng)
     for distance in track(options.distances, model, console=Console(stderr=True), transient=True):
-        results = []
-        for _ in range(options.trials):
-            x, y, yaw = rng.uniform((0.25, -0.1, -np.pi / 4), (0.45, 0.1, np.pi / 4))
-            truth = Pose.from_rotvec((x, y, scene.height(model)), (0.0, 0.0, yaw))
-            scene.put(model, truth)
-            camera = looking_at(truth.t, distance, rng)
-            frame, reader = scene.frame(camera), ColorReader(NoiseModel())
-            begun = WALL_CLOCK.monotonic()
-            found = reader.read(frame, scene.known, camera)
-            seconds = WALL_CLOCK.monotonic() - begun
-            errors = [np.linalg.norm(one.position - camera.inverse().apply(truth.t)) for one in found]
-            results.append(Result(bool(errors), float(errors[0]) if errors else np.nan, np.nan, seconds))
-        yield _row(distance, model, results)
+        trials = [trial(scene, model, distance, rng) for _ in range(options.trials)]
+        yield _row(distance, model, list(chain.from_iterable(trials)))
     scene.close()
 
 
-def _tilted_rows(model: str, options: argparse.Namespace) -> Iterator[dict[str, Any]]:
-    """A row for each distance."""
-    rng = np.random.default_rng(options.seed)
-    scene = ColorScene([model], rng)
-    for distance in track(options.distances, model, console=Console(stderr=True), transient=True):
-        results = []
-        for _ in range(options.trials):
-            reader, azimuth, yaw = ColorReader(NoiseModel()), rng.uniform(0.0, 2.0 * np.pi), rng.uniform(-0.1, 0.1)
-            camera = looking_at(_HIGH, distance, rng)
-            for tilt in (0.0, 0.0, *np.arange(0.0, np.radians(135.0), 0.1)):
-                leaning = Pose.from_rotvec(_HIGH, (tilt * np.cos(azimuth), tilt * np.sin(azimuth), 0.0))
-                truth = leaning @ Pose.from_rotvec((0.0, 0.0, 0.0), (0.0, 0.0, yaw))
-                scene.put(model, truth)
-                results.append(_followed(reader, scene, camera, truth))
-        yield _row(distance, model, results)
-    scene.close()
+def _standing(scene: ColorScene, model: str, distance: float, rng: np.random.Generator) -> list[Result]:
+    """One frame of the object on the table."""
+    x, y, yaw = rng.uniform((0.25, -0.1, -np.pi / 4), (0.45, 0.1, np.pi / 4))
+    truth = Pose.from_rotvec((x, y, scene.height(model)), (0.0, 0.0, yaw))
+    scene.put(model, truth)
+    camera = looking_at(truth.t, distance, rng)
+    frame, reader = scene.frame(camera), ColorReader(NoiseModel())
+    begun = WALL_CLOCK.monotonic()
+    found = reader.read(frame, scene.known, camera)
+    seconds = WALL_CLOCK.monotonic() - begun
+    errors = [np.linalg.norm(one.position - camera.inverse().apply(truth.t)) for one in found]
+    return [Result(bool(errors), float(errors[0]) if errors else np.nan, np.nan, seconds)]
+
+
+def _turning(scene: ColorScene, model: str, distance: float, rng: np.random.Generator) -> list[Result]:
+    """The frames of the object as it is turned in the air."""
+    reader, azimuth, yaw = ColorReader(NoiseModel()), rng.uniform(0.0, 2.0 * np.pi), rng.uniform(-0.1, 0.1)
+    camera, results = looking_at(_HIGH, distance, rng), []
+    for tilt in (0.0, 0.0, *np.arange(0.0, np.radians(135.0), 0.1)):
+        leaning = Pose.from_rotvec(_HIGH, (tilt * np.cos(azimuth), tilt * np.sin(azimuth), 0.0))
+        truth = leaning @ Pose.from_rotvec((0.0, 0.0, 0.0), (0.0, 0.0, yaw))
+        scene.put(model, truth)
+        results.append(_followed(reader, scene, camera, truth))
+    return results
 
 
 def _followed(reader: ColorReader, scene: ColorScene, camera: Pose, truth: Pose) -> Result:

@@ -137,7 +137,6 @@ class Doubt:
                 self.decision = Decision(None, False, self.solution.problem)
         return self.decision
 
-
     def _tells_more(self) -> bool:
         """Whether objects have come into view, where those that were there did not tell."""
         if self.decision is None or self.decision.moved is not None:

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.colors import Color
 from agents.drivers import ColorReading, TagReading, TagReadings
 from agents.plant.camera import Camera
 from agents.plant.hands import Hands
@@ -29,7 +30,8 @@ COLOR_DISTANCES = (0.6, 1.0, 1.3)
 SIGMA_COLOR = (0.0012, 0.0015, 0.0025)
 """m, of each coordinate of the centre of an object that is recognised by its colour and seen completely"""
 SIGMA_TILT = 0.02
-"""rad, about each axis: the measured median of the angle, 0.011 to 0.045 rad by object and distance, over 1.18"""
+"""rad, about each axis: medians of the angle are 0.002 to 0.045 rad by object and distance, most of them near 0.02
+(`python -m benchmarks.perception --tilted --distances 0.9 1.4`)"""
 STEEPEST = math.radians(75)
 """rad between the tag's normal and the viewing ray, beyond which a tag is not found"""
 SMALLEST = 12.0
@@ -94,7 +96,7 @@ def _measured(marker_id: int, camera_from_object: Pose, error: float, noise: NDA
 
 
 def _measured_color(
-    color: Vector3, camera_from_object: Pose, error: float, noise: NDArray[np.float64], share: float, up: Vector3 | None
+    color: Color, camera_from_object: Pose, error: float, noise: NDArray[np.float64], share: float, up: Vector3 | None
 ) -> ColorReading:
     """The centre moved towards the camera by `error` m, then disturbed; the less is seen, the more."""
     distance = math.hypot(*camera_from_object.t)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator
-from contextlib import ExitStack, closing, suppress
+from contextlib import ExitStack, closing
 
 import msgspec
 
@@ -98,10 +98,7 @@ class SceneEstimator(Agent):
 
     def _sensed_colors(self, camera: str, readings: TagReadings) -> list[ColorSighting]:
         """Without a known pose of the camera, nothing is known of how they lean."""
-        world_from_camera = None
-        if readings.colors and camera in self.memory:
-            with suppress(TransformError):
-                world_from_camera = self.memory.transform("world", camera, at=readings.stamp)
+        world_from_camera = self._world_from_camera(camera, readings.stamp) if readings.colors else None
         return read_colors(readings, self._colored, self.config.noise, world_from_camera)
 
     def _describe(self, camera: str, lens: Intrinsics | None) -> None:
@@ -120,14 +117,18 @@ class SceneEstimator(Agent):
         return sightings, self._read_colors(camera, frame)
 
     def _read_colors(self, camera: str, frame: Frame) -> list[ColorSighting]:
-        if not self._colored.known or camera not in self.memory:
-            return []
-        try:
-            world_from_camera = self.memory.transform("world", camera, at=frame.stamp)
-        except TransformError:
-            self._skip("no camera pose", f"{camera}: its pose in the world is not known then")
+        world_from_camera = self._world_from_camera(camera, frame.stamp) if self._colored.known else None
+        if world_from_camera is None:
             return []
         return self._color_reader.read(frame, self._colored.known, world_from_camera)
+
+    def _world_from_camera(self, camera: str, stamp: float) -> Pose | None:
+        """None, and counted, if it is not known."""
+        try:
+            return self.memory.transform("world", camera, at=stamp)
+        except TransformError:
+            self._skip("no camera pose", f"{camera}: its pose in the world is not known then")
+            return None
 
     def _show(self, camera: str, stamp: float, outlines: Outlines) -> None:
         """Publish where in the image the tags were found, for viewers."""
@@ -149,10 +150,8 @@ class SceneEstimator(Agent):
 
     def _publish_colors(self, camera: str, stamp: float, sightings: list[ColorSighting]) -> None:
         """They stand upright in the world, as far as anybody knows, so that the camera's pose there is needed."""
-        try:
-            world_from_camera = self.memory.transform("world", camera, at=stamp)
-        except TransformError:
-            self._skip("no camera pose", f"{camera}: its pose in the world is not known then")
+        world_from_camera = self._world_from_camera(camera, stamp)
+        if world_from_camera is None:
             return
         for sighting in sightings:
             if sighting.name in self.memory:

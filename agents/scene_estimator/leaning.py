@@ -29,8 +29,13 @@ _UNLIKE = 1.5  # times the mean distance of the points, with which another rotat
 _APART = 1e-4  # m, between the points of a difference quotient
 _FALLEN = [
     np.array(quaternions.to_matrix(quaternions.from_rotvec(turn)))
-    for turn in ((0.5 * math.pi, 0.0, 0.0), (-0.5 * math.pi, 0.0, 0.0), (0.0, 0.5 * math.pi, 0.0),
-                 (0.0, -0.5 * math.pi, 0.0), (math.pi, 0.0, 0.0))
+    for turn in (
+        (0.5 * math.pi, 0.0, 0.0),
+        (-0.5 * math.pi, 0.0, 0.0),
+        (0.0, 0.5 * math.pi, 0.0),
+        (0.0, -0.5 * math.pi, 0.0),
+        (math.pi, 0.0, 0.0),
+    )
 ]
 
 
