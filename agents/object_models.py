@@ -86,6 +86,8 @@ def _object(root: ET.Element) -> ObjectModel:
     if type not in THINGS:
         raise ValueError(f"<link name={type!r}>: expected the type of the object; {suggest(type, THINGS)}")
     size, shape = _size_and_shape(links[0])
+    if type == "ball" and [part.kind for part in shape] != ["sphere"]:
+        raise ValueError("<link name='ball'>: a ball is one <sphere>; expected that, or another type")
     return ObjectModel(
         type=type,
         size=size,

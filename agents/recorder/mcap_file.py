@@ -17,7 +17,7 @@ from mcap.stream_reader import CRCValidationError, StreamReader, breakup_chunk
 from mcap.writer import CompressionType, Writer
 
 from agents.recorder.channels import ChannelKind, kind_of
-from dsr.errors import DsrError
+from dsr.errors import ConfigError
 
 PROFILE = "dsr"
 _MAGIC = b"\x89MCAP0\r\n"
@@ -27,7 +27,7 @@ _LARGEST_RECORD = 1 << 30  # a greater length is damage, not data
 _DAMAGE = (McapError, CRCValidationError, zstandard.ZstdError, struct.error, UnicodeDecodeError, MemoryError)
 
 
-class RecordingError(DsrError):
+class RecordingError(ConfigError):
     """A file that is no recording of ours."""
 
 

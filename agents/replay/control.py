@@ -44,6 +44,8 @@ class PlayState(msgspec.Struct, frozen=True):
     ended: bool
     done: int
     """Commands carried out so far."""
+    begin: float = 0.0
+    """s, stamp of the recording's first message"""
     number: int = 0
     """That of the command in this request; it is carried out once `done` has come to it."""
     error: str = ""
@@ -123,7 +125,15 @@ class Controls:
             number, error = self._take(payload)
         player = self._player
         state = PlayState(
-            player.time, player.until, player.speed, player.playing, player.ended, self._done, number, error
+            player.time,
+            player.until,
+            player.speed,
+            player.playing,
+            player.ended,
+            self._done,
+            player.begin,
+            number,
+            error,
         )
         return msgspec.msgpack.encode(state)
 
@@ -164,6 +174,15 @@ def send(bus: Transport, keys: Keys, command: Command, patience: float = 60.0) -
         WALL_CLOCK.wait(threading.Event(), _RETRY)
         state = _ask(bus, keys, Command("state"))
     return state
+
+
+def replayed_time(bus: Transport, keys: Keys) -> float | None:
+    """Where the replay that plays this graph is, as a stamp of the recording (s); None if there is none."""
+    try:
+        state = _ask(bus, keys, Command("state"))
+    except TransportError:
+        return None
+    return state.begin + state.time
 
 
 def _ask(bus: Transport, keys: Keys, command: Command) -> PlayState:

@@ -58,6 +58,11 @@ class Player:
         return self._source.time
 
     @property
+    def begin(self) -> float:
+        """s, the stamp of the recording's first message"""
+        return self._source.index.begin
+
+    @property
     def ended(self) -> bool:
         """Whether the end was reached."""
         return self.time >= self.until

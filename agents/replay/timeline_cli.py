@@ -13,6 +13,7 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from agents.replay.cli import open_recording
+from agents.replay.control import replayed_time
 from agents.replay.history import history_of
 from agents.replay.listening import LISTEN, Listener
 from agents.replay.selection import KNOWN_KINDS, Selection
@@ -57,7 +58,8 @@ def timeline(
         list[str] | None, typer.Option("--participant", "-p", help="Only with this node or agent. Repeatable: all.")
     ] = None,
     since: Annotated[
-        float | None, typer.Option(metavar="S", help="Only from then on, as in column s: live, -60 is a minute ago.")
+        float | None,
+        typer.Option(metavar="S", help="Only from then on, as in column s: -60 is a minute ago, live or in a replay."),
     ] = None,
     until: Annotated[float | None, typer.Option(metavar="S", help="Only until then, likewise.")] = None,
     graph: GraphOption = None,
@@ -107,7 +109,8 @@ def _show_running(
         if listener.keeper is None:
             WALL_CLOCK.wait(never, LISTEN)
             errors.print("[dim]nobody writes the timeline (agents.chronicler): this is what the graph still tells[/]")
-        now, events = WALL_CLOCK.now(), listener.events()
+        played = replayed_time(memory.transport, memory.keys)
+        now, events = WALL_CLOCK.now() if played is None else played, listener.events()
         if not follow:
             wanted.check_found(events, _names(memory))
             _show(wanted.of(events, now), now, as_json=as_json)

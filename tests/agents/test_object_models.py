@@ -60,7 +60,7 @@ def test_the_frame_is_moved_to_the_middle_and_the_rest_has_defaults() -> None:
 
 
 def test_a_single_upright_box_is_solid() -> None:
-    text = BALL.replace('<sphere radius="0.03"/>', '<box size="0.1 0.2 0.3"/>')
+    text = BALL.replace('<sphere radius="0.03"/>', '<box size="0.1 0.2 0.3"/>').replace('name="ball"', 'name="box"')
     assert parse_model(text.encode()).shape == ()
     assert parse_model(text.replace('xyz="1 2 3"', 'rpy="0 0 0.5"').encode()).shape != ()
 
@@ -72,6 +72,7 @@ def test_a_single_upright_box_is_solid() -> None:
         ("robot", "sdf", "expected <robot>"),
         ('link name="ball"', 'link name="bal"', "did you mean 'ball'"),
         ('<link name="ball">', '<link name="ball"/><link name="ball">', "2 <link> elements; expected one"),
+        ('<sphere radius="0.03"/>', '<box size="0.1 0.1 0.1"/>', "a ball is one <sphere>"),
         ("</robot>", '<joint name="hinge"/></robot>', "<joint name='hinge'>: an object has no joints"),
         (f'<collision><origin xyz="1 2 3"/>{SPHERE}</collision>', "", "0 <collision> elements"),
         ('<sphere radius="0.03"/>', '<mesh filename="a.stl"/>', "<collision> 1: <mesh> is not supported"),

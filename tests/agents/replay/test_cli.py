@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import pty
+import re
 import signal
 import subprocess
 import sys
@@ -18,14 +19,17 @@ import pytest
 from typer.testing import CliRunner
 
 import dsr
+from agents.recorder.index import RecordingIndex
 from agents.replay import ReplayedGraph
 from agents.replay.cli import app
-from agents.replay.control import Command, PlayState, parse_command, send
+from agents.replay.control import Command, PlayState, parse_command, replayed_time, send
 from agents.replay.keyboard import split_keys
+from agents.replay.timeline_cli import app as timeline_app
 from dsr.clock import WALL_CLOCK
 from dsr.errors import ConfigError
 from dsr.keys import Keys
 from dsr.rendezvous import graphs
+from dsr.timeline import Chronicle
 from tests.agents.replay.conftest import state
 
 
@@ -121,6 +125,20 @@ def test_nonsense_on_the_service_is_refused_and_does_no_harm(counted: Path, payl
         memory.transport.request(key, payload, lambda _, reply: replies.append(reply), done.set, 5.0)
         assert done.wait(10.0) and b"command to a replay" in replies[0]
         assert send(memory.transport, memory.keys, Command("seek", 5.0)).time == pytest.approx(5.0, abs=1.0)
+
+
+def test_the_timeline_of_a_replay_counts_from_where_that_is(counted: Path) -> None:
+    with replaying(str(counted), "--pause-at", "2"), dsr.connect("replay", agent="reader") as memory:
+        wait_until(lambda: not send(memory.transport, memory.keys, Command("state")).playing)
+        played = replayed_time(memory.transport, memory.keys)
+        begin = RecordingIndex(counted).begin
+        assert played == pytest.approx(begin + 2.0, abs=0.5)
+        entry = Chronicle(memory).happened("Spill", ("cube_3",), begin + 1.0)
+        assert entry in memory
+        shown = CliRunner().invoke(timeline_app, ["-g", "replay", "--kind", "Spill"], catch_exceptions=False).stdout
+        assert re.search(r"-[01]\.\d\d +Spill", shown)
+    with dsr.connect("scene", agent="reader") as memory:
+        assert replayed_time(memory.transport, memory.keys) is None
 
 
 def test_keys_of_a_terminal_are_told_apart() -> None:
