@@ -21,6 +21,8 @@ from dsr.errors import (
     GoalError,
     GraphError,
     ListenError,
+    MeshError,
+    MeshNotFoundError,
     NodeNotFoundError,
     NoPathError,
     SchemaError,
@@ -29,6 +31,7 @@ from dsr.errors import (
     WireError,
 )
 from dsr.frame_reader import FrameReader
+from dsr.geometry.mesh import Mesh
 from dsr.local_transport import Faults, LocalNetwork
 from dsr.memory import Memory
 from dsr.persistence.content import GraphContent
@@ -63,6 +66,9 @@ __all__ = [
     "LocalNetwork",
     "ManualClock",
     "Memory",
+    "Mesh",
+    "MeshError",
+    "MeshNotFoundError",
     "NoPathError",
     "Node",
     "NodeNotFoundError",

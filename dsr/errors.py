@@ -8,6 +8,8 @@
     ├── TransformError          a frame chain cannot be evaluated
     │   ├── NoPathError
     │   └── ExtrapolationError
+    ├── MeshError               vertices and triangles of which no mesh can be made
+    │   └── MeshNotFoundError   nobody within reach has the mesh
     ├── WireError               bytes that are no valid message (the peer's fault)
     ├── TransportError          the network refuses what was asked (no such endpoint, closed session)
     │   └── ListenError         the endpoint to listen on cannot be had (port in use)
@@ -53,6 +55,14 @@ class NoPathError(TransformError):
 
 class ExtrapolationError(TransformError):
     """The time asked for lies too far outside the recorded samples."""
+
+
+class MeshError(DsrError):
+    """Vertices and triangles of which no mesh can be made."""
+
+
+class MeshNotFoundError(MeshError):
+    """Nobody within reach has the mesh with this hash."""
 
 
 class WireError(DsrError):

@@ -58,8 +58,12 @@ class Keys:
         return f"{self.root}/sync/{rid}"
 
     def blob(self, name: str) -> str:
-        """Frames and meshes named `name` (may contain slashes)."""
+        """Frames named `name` (may contain slashes)."""
         return f"{self.root}/blob/{name}"
+
+    def mesh(self, rid: str = "*") -> str:
+        """Where replica `rid` answers requests for meshes."""
+        return f"{self.root}/mesh/{rid}"
 
     def live(self, agent: str = "*", rid: str = "*") -> str:
         """Liveliness token of a replica."""

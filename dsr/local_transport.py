@@ -152,6 +152,8 @@ class LocalNetwork:
 class LocalTransport:
     """One participant of a `LocalNetwork`; implements `dsr.transport.Transport`."""
 
+    shares_memory = False
+
     def __init__(self, network: LocalNetwork, name: str) -> None:
         self.name = name
         self.closed = False
@@ -197,8 +199,9 @@ class LocalTransport:
         self._check_open()
         for other in self._network.others(self):
             for pattern, handler in list(other._servers):
-                if key_matches(pattern, key):
-                    self._network.send(self, other, self._exchange(other, handler, key, payload, on_reply))
+                if key_matches(key, pattern) or key_matches(pattern, key):
+                    served = key if "*" in pattern else pattern
+                    self._network.send(self, other, self._exchange(other, handler, served, payload, on_reply))
         self._network.later(timeout, on_done)
 
     def _exchange(

@@ -24,6 +24,8 @@ from dsr.followers import Followers
 from dsr.forking import leave_to_parent
 from dsr.frame_reader import FrameReader
 from dsr.frames import Types
+from dsr.geometry.exchange import MeshExchange
+from dsr.geometry.mesh import Mesh
 from dsr.graph import Graph
 from dsr.keys import Keys, check_name
 from dsr.replica import Replica, Statistics
@@ -63,6 +65,7 @@ class Memory:
         rid: replica id, made from `agent` if None; never reuse one.
         threaded: run threads that merge and send. Without, call `poll` and `flush`.
         elders: tells which replicas were there before us and still live, oldest first.
+        meshes: those of the system, if this memory shares them with another one of this process.
     """
 
     def __init__(
@@ -78,6 +81,7 @@ class Memory:
         rid: str | None = None,
         threaded: bool = False,
         elders: Callable[[], Sequence[str]] = tuple,
+        meshes: MeshExchange | None = None,
     ) -> None:
         self.keys = Keys(graph)
         self.graph_name = graph
@@ -92,6 +96,9 @@ class Memory:
         self._guard = guard
         self._closing = contextlib.ExitStack()
         self._closed = False
+        self.meshes = meshes or MeshExchange(transport, self.keys, self.rid, clock, threaded=threaded)
+        if meshes is None:
+            self._closing.callback(self.meshes.close)
         self.replica = self._replica = Replica(self._graph, transport, clock, self.keys, agent, gate)
         self._elders = elders
         self._replica.synchroniser.elders = elders()
@@ -248,6 +255,23 @@ class Memory:
         """The stream of frames published elsewhere under `name`; close it after use."""
         return FrameReader(self.transport, self.keys.blob(name))
 
+    def put_mesh(self, mesh: Mesh) -> str:
+        """Have a mesh for whoever asks; returns its hash, for the attribute `mesh` of nodes. Nothing is sent yet."""
+        return self.meshes.put(mesh)
+
+    def mesh(self, hash: str, timeout: float = 5.0) -> Mesh:
+        """The mesh with this hash: from memory, from disk, or else from any replica that has it; waits for that.
+
+        Raises:
+            MeshError: for what is no hash.
+            MeshNotFoundError: if nobody gave it within `timeout` s; without threads, if it is not here yet.
+        """
+        return self.meshes.wait(hash, timeout)
+
+    def get_mesh(self, hash: str) -> Mesh | None:
+        """The same without waiting: None if it is not here, and it is asked for. Raises `MeshError`."""
+        return self.meshes.get(hash)
+
     def watch(
         self,
         *,
@@ -289,6 +313,8 @@ class Memory:
     def poll(self) -> None:
         """Merge what has arrived; only needed without threads."""
         self._replica.poll()
+        if self.meshes.busy:
+            self.meshes.poll()
 
     def flush(self) -> None:
         """Hand what was written to the network now; only needed without threads."""

@@ -205,6 +205,8 @@ _NODE_TYPES = {
     "container": "a box open at the top",
     "cup": "a cup",
     "ball": "a ball",
+    "object": "what does not move by itself, in the form of its mesh",
+    "group": "a frame under which the parts of something are",
     "hand": "a human hand",
     "finger": "a fingertip",
     "intention": "a goal that the robot pursues",
@@ -296,5 +298,6 @@ _ATTRIBUTES: dict[str, AttributeType] = dict([
                              "method": "by which a camera is calibrated",
                              "mount": "of a camera, whether it is where it was: see dsr.calibration",
                              "report": "what came of a calibration, JSON, see dsr.calibration",
+                             "mesh": "hashes of its meshes, comma-separated, see dsr.geometry",
                              "note": "free text"}),
 ])  # fmt: skip

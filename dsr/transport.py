@@ -55,6 +55,10 @@ class Mailbox(Protocol):
 class Transport(Protocol):
     """A connection to the network."""
 
+    @property
+    def shares_memory(self) -> bool:
+        """Whether processes at its other ends may be on this machine, and read what one of them has in memory."""
+
     def publish(self, key: str, payload: bytes, qos: Qos = Qos.RELIABLE) -> None:
         """Send `payload` to all current subscribers of `key`, except those on this same connection."""
 
@@ -79,7 +83,10 @@ class Transport(Protocol):
     def request(
         self, key: str, payload: bytes, on_reply: MessageHandler, on_done: Callable[[], None], timeout: float
     ) -> None:
-        """Ask whoever serves `key`; `on_reply` per answer, then `on_done` exactly once (also on time-out)."""
+        """Ask whoever serves `key`, or all who serve a key that matches it.
+
+        `on_reply` is called per answer, with the key that is served, then `on_done` exactly once (also on time-out).
+        """
 
     def announce(self, key: str) -> Subscription:
         """Let others see `key` as alive until closed, or until this process dies."""

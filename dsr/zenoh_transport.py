@@ -100,6 +100,8 @@ class ZenohTransport:
         ListenError: if the port is in use.
     """
 
+    shares_memory = True
+
     def __init__(
         self,
         listen: str,

@@ -1,8 +1,14 @@
-"""What all tests share: no time limit for single examples of hypothesis, because machines are shared."""
+"""What all tests share: no time limit for single examples of hypothesis, and a cache folder that is no user's."""
 
 from __future__ import annotations
+
+import os
+import tempfile
 
 from hypothesis import settings
 
 settings.register_profile("dsr", deadline=None)
 settings.load_profile("dsr")
+
+_CACHE = tempfile.TemporaryDirectory(prefix="dsr-test-cache-")
+os.environ["XDG_CACHE_HOME"] = _CACHE.name

@@ -85,7 +85,7 @@ def own_keys(agent: str, grant: Grant) -> list[str]:
     """Key expressions on which only `agent` and its replicas may send, in any graph."""
     keys = _EveryGraph()
     replicas = f"{agent}-$*"
-    by_replica = [key(replicas) for key in (keys.delta, keys.stream, keys.digest, keys.sync)]
+    by_replica = [key(replicas) for key in (keys.delta, keys.stream, keys.digest, keys.sync, keys.mesh)]
     by_name = [keys.live(agent), keys.status(agent), keys.log(agent)]
     granted = [f"{keys.root}/{key}" for key in grant.publishes]
     return by_replica + by_name + granted + [ticket_key(key) for key in granted]

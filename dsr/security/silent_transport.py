@@ -16,6 +16,8 @@ class _Nothing:
 class SilentTransport:
     """Passes on what arrives; what the replica says to keep others in step is not sent, all else is refused."""
 
+    shares_memory = False
+
     def __init__(self, transport: Transport, keys: Keys, rid: str) -> None:
         self._transport = transport
         self._upkeep = {keys.delta(rid), keys.stream(rid), keys.digest(rid)}

@@ -42,7 +42,8 @@ def test_public_names() -> None:
     assert set(dsr.__all__) == {
         "Access", "Agent", "AgentError", "AttributeType", "Change", "Clock", "ClockDriftError", "ConfigError",
         "DsrError", "Edge", "EdgeNotFoundError", "ExtrapolationError", "Faults", "Frame", "FrameReader", "GoalError",
-        "GraphContent", "GraphError", "ListenError", "LocalNetwork", "ManualClock", "Memory", "NoPathError", "Node",
+        "GraphContent", "GraphError", "ListenError", "LocalNetwork", "ManualClock", "Memory", "Mesh", "MeshError",
+        "MeshNotFoundError", "NoPathError", "Node",
         "NodeNotFoundError", "Pose", "Schema", "SchemaError", "StateKeeper", "Statistics", "TransformError",
         "TransportError", "WallClock", "Watch", "WireError", "connect", "read_graph", "write_graph",
     }  # fmt: skip

@@ -1,0 +1,312 @@
+"""The meshes of a system as one process sees them: its own store, and those of all other replicas behind it.
+
+With threads, transfers go on in a thread that begins with the first of them. Without, `poll` does what is due.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections import Counter, OrderedDict, deque
+from collections.abc import Callable, Iterable, Sequence
+from typing import NamedTuple
+
+from dsr.clock import Clock
+from dsr.errors import MeshError, MeshNotFoundError, TransportError, WireError
+from dsr.geometry.cache import DiskCache, cache_folder
+from dsr.geometry.mesh import Mesh, is_hash
+from dsr.geometry.messages import Ask, Offer, decode_ask, encode_ask, encode_offer
+from dsr.geometry.shared import Place, SharedBytes
+from dsr.geometry.store import MeshStore
+from dsr.geometry.transfer import EVERYBODY, Transfer
+from dsr.keys import Keys
+from dsr.transport import Transport
+
+ANSWER_TIMEOUT = 5.0
+"""s that whoever is asked for a mesh, or a piece of one, has to answer."""
+AGAIN = 0.5
+"""s from a transfer that failed to the next attempt."""
+MOST_AT_ONCE = 4
+"""Transfers; others wait."""
+SHARED_LIMIT = 1 << 28
+"""bytes that other processes may read in place; what was asked for longest ago goes in pieces again"""
+_TICK = 0.05
+_log = logging.getLogger("dsr.meshes")
+
+
+class MeshStatistics(NamedTuple):
+    """What a process did with meshes since it began."""
+
+    sent: int
+    """bytes that it gave others in pieces"""
+    received: int
+    """bytes that came in pieces"""
+    in_place: int
+    """bytes that were read in the memory of their holders, on this machine"""
+    mismatched: int
+    """Sources, or files of the cache, whose bytes did not have the hash; dropped, and others asked."""
+    malformed: int
+    """Messages that made no sense."""
+    silent: int
+    """Sources that did not answer."""
+
+
+class MeshExchange:
+    """Gives and takes meshes by hash. May be used from any thread.
+
+    Args:
+        transport: the network.
+        keys: of the system.
+        rid: replica id, by which others ask us.
+        clock: for waiting.
+        threaded: run a thread for transfers, and keep meshes on disk. Without, call `poll`.
+        store: of the meshes here.
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        keys: Keys,
+        rid: str,
+        clock: Clock,
+        *,
+        threaded: bool,
+        store: MeshStore | None = None,
+    ) -> None:
+        self.store = store or MeshStore(DiskCache(cache_folder()) if threaded else None)
+        self._transport, self._keys, self._rid, self._clock = transport, keys, rid, clock
+        self._threaded = threaded
+        self._counts: Counter[str] = Counter()
+        self._transfers: OrderedDict[str, Transfer] = OrderedDict()
+        self._begun: set[str] = set()
+        self._failed_at: dict[str, float] = {}
+        self._shared: OrderedDict[str, SharedBytes] = OrderedDict()
+        self._events: deque[Callable[[], None]] = deque()
+        self._lock = threading.Lock()
+        self._working = threading.Lock()
+        self._arrived = threading.Event()
+        self._stopped = threading.Event()
+        self._thread: threading.Thread | None = None
+        self._serving = transport.serve(keys.mesh(rid), self._answer)
+
+    @property
+    def busy(self) -> bool:
+        """Whether meshes are on their way here."""
+        return bool(self._transfers)
+
+    @property
+    def statistics(self) -> MeshStatistics:
+        """What was sent, received and dropped."""
+        counts = Counter(self._counts)
+        if self.store.disk is not None:
+            counts["mismatched"] += self.store.disk.mismatched
+        return MeshStatistics(*(counts[name] for name in MeshStatistics._fields))
+
+    def put(self, mesh: Mesh) -> str:
+        """Have a mesh for whoever asks; returns its hash."""
+        return self.store.put(mesh).hash
+
+    def get(self, hash: str) -> Mesh | None:
+        """The mesh if it is here; else None, and it is asked for. Raises `MeshError` for what is no hash."""
+        mesh = self.store.get(_checked(hash))
+        if mesh is None:
+            self._transfer(hash)
+        return mesh
+
+    def wait(self, hash: str, timeout: float) -> Mesh:
+        """The mesh, if necessary from elsewhere.
+
+        Raises:
+            MeshError: for what is no hash.
+            MeshNotFoundError: if nobody gave it within `timeout` s.
+        """
+        deadline = self._clock.monotonic() + timeout
+        while (mesh := self.store.get(_checked(hash))) is None and not self._stopped.is_set():
+            left = deadline - self._clock.monotonic()
+            transfer = self._transfer(hash)
+            if transfer is None:
+                self._clock.wait(self._stopped, min(AGAIN, left))
+            elif self._clock.wait(transfer.finished, left) and transfer.mesh is not None:
+                return transfer.mesh
+            if not self._threaded or self._clock.monotonic() >= deadline:
+                break
+        if mesh is None:
+            raise MeshNotFoundError(f"nobody within reach has mesh {hash}, or gave it within {timeout:g} s")
+        return mesh
+
+    def hand_over(self, hashes: Iterable[str], others: Sequence[str], timeout: float) -> None:
+        """See to it that somebody else has these meshes too, before this process ends; needs threads.
+
+        Args:
+            hashes: of meshes that are here.
+            others: replica ids.
+            timeout: s for all of them.
+
+        Raises:
+            MeshNotFoundError: if nobody else has one of them in time.
+        """
+        deadline = self._clock.monotonic() + timeout
+        for hash in hashes:
+            asked = 0
+            while not self._is_elsewhere(hash):
+                if self._clock.monotonic() >= deadline or not others:
+                    raise MeshNotFoundError(f"nobody else took mesh {hash} within {timeout:g} s")
+                payload = encode_ask(Ask(hash, keep=True))
+                self._transport.request(self._keys.mesh(others[asked % len(others)]), payload, _ignore, _nothing, 1.0)
+                asked += 1
+                self._clock.wait(self._stopped, 0.1)
+
+    def forget(self, hashes: Iterable[str]) -> None:
+        """Have these meshes no longer, here or on disk."""
+        for hash in hashes:
+            self.store.forget(hash)
+            with self._lock:
+                self._shared.pop(hash, None)
+
+    def poll(self) -> None:
+        """Take in what has arrived; only needed without threads."""
+        with self._working:
+            for _ in range(len(self._events)):
+                self._events.popleft()()
+            self._finish()
+            self._begin_waiting()
+
+    def close(self) -> None:
+        """Answer nobody any more; meshes stay usable. Harmless when repeated."""
+        self._stopped.set()
+        self._arrived.set()
+        self._serving.close()
+        if self._thread is not None and self._thread is not threading.current_thread():
+            self._thread.join(2.0)
+        with self._lock:
+            self._shared.clear()
+
+    # ---- getting
+
+    def _transfer(self, hash: str) -> Transfer | None:
+        """The transfer of this mesh, begun if none is; None shortly after one that failed."""
+        with self._lock:
+            transfer = self._transfers.get(hash)
+            if transfer is None and not self._stopped.is_set():
+                if self._clock.monotonic() < self._failed_at.get(hash, -AGAIN) + AGAIN:
+                    return None
+                transfer = self._transfers[hash] = Transfer(hash, self, self._counts)
+                self._start_thread()
+        self._arrived.set()
+        return transfer
+
+    def _begin_waiting(self) -> None:
+        with self._lock:
+            waiting = [transfer for hash, transfer in self._transfers.items() if hash not in self._begun]
+            waiting = waiting[: MOST_AT_ONCE - len(self._begun)]
+            self._begun.update(transfer.hash for transfer in waiting)
+        for transfer in waiting:
+            transfer.begin()
+
+    def _finish(self) -> None:
+        done = [self._transfers[hash] for hash in self._begun if self._transfers[hash].finished.is_set()]
+        for transfer in done:
+            if transfer.mesh is not None:
+                self.store.put(transfer.mesh)
+            with self._lock:
+                self._begun.discard(transfer.hash)
+                del self._transfers[transfer.hash]
+                now = self._clock.monotonic()
+                self._failed_at = {hash: at for hash, at in self._failed_at.items() if now < at + AGAIN}
+                if transfer.mesh is None:
+                    self._failed_at[transfer.hash] = now
+
+    def ask(
+        self, holder: str, payload: bytes, on_reply: Callable[[str, bytes], None], on_done: Callable[[], None]
+    ) -> None:
+        """See `dsr.geometry.transfer.Network`."""
+
+        def reply(key: str, answer: bytes) -> None:
+            self._post(lambda: on_reply(key.rsplit("/", 1)[-1], answer))
+
+        try:
+            self._transport.request(
+                self._keys.mesh(holder), payload, reply, lambda: self._post(on_done), ANSWER_TIMEOUT
+            )
+        except TransportError as error:
+            _log.warning("meshes cannot be asked for: %s", error)
+            self._post(on_done)
+
+    def _post(self, event: Callable[[], None]) -> None:
+        self._events.append(event)
+        self._arrived.set()
+
+    def _start_thread(self) -> None:
+        if self._threaded and self._thread is None:
+            self._thread = threading.Thread(target=self._run, name="dsr-meshes", daemon=True)
+            self._thread.start()
+
+    def _run(self) -> None:
+        while not self._stopped.is_set():
+            self._clock.wait(self._arrived, _TICK if self._transfers else 1.0)
+            self._arrived.clear()
+            try:
+                self.poll()
+            except Exception:
+                _log.exception("a transfer of a mesh failed")
+
+    # ---- giving
+
+    def _answer(self, key: str, payload: bytes) -> bytes | None:
+        try:
+            ask = decode_ask(payload)
+        except WireError as error:
+            self._counts["malformed"] += 1
+            _log.debug("%s", error)
+            return None
+        mesh = self.store.get(ask.hash)
+        if mesh is None:
+            if ask.keep:
+                self._transfer(ask.hash)
+            return None
+        if ask.length == 0:
+            return encode_offer(Offer(mesh.nbytes, self._place(mesh)))
+        piece = bytes(mesh.data[ask.offset : ask.offset + ask.length])
+        self._counts["sent"] += len(piece)
+        return piece
+
+    def _place(self, mesh: Mesh) -> Place | None:
+        """Where others on this machine can read it, if the transport reaches them so."""
+        if not self._transport.shares_memory:
+            return None
+        with self._lock:
+            shared = self._shared.get(mesh.hash)
+            try:
+                shared = self._shared[mesh.hash] = shared or SharedBytes(mesh.data)
+            except OSError as error:
+                _log.info("mesh %s goes in pieces: %s", mesh.hash, error)
+                return None
+            self._shared.move_to_end(mesh.hash)
+            while sum(other.place.length for other in self._shared.values()) > SHARED_LIMIT and len(self._shared) > 1:
+                self._shared.popitem(last=False)
+            return shared.place
+
+    def _is_elsewhere(self, hash: str) -> bool:
+        """Whether somebody else has a mesh; waits for his answer, or all others'."""
+        found, answered = threading.Event(), threading.Event()
+
+        def reply(key: str, _: bytes) -> None:
+            if key != self._keys.mesh(self._rid):
+                found.set()
+                answered.set()
+
+        self._transport.request(self._keys.mesh(EVERYBODY), encode_ask(Ask(hash)), reply, answered.set, 1.0)
+        self._clock.wait(answered, 1.5)
+        return found.is_set()
+
+
+def _checked(hash: str) -> str:
+    if not is_hash(hash):
+        raise MeshError(f"{hash!r:.100} is no hash of a mesh; expected 64 hexadecimal digits")
+    return hash
+
+
+def _ignore(key: str, payload: bytes) -> None: ...
+
+
+def _nothing() -> None: ...
