@@ -29,6 +29,8 @@ from dsr.errors import (
     TransformError,
     TransportError,
     WireError,
+    WorldError,
+    WorldNotFoundError,
 )
 from dsr.frame_reader import FrameReader
 from dsr.geometry.mesh import Mesh
@@ -42,6 +44,7 @@ from dsr.runtime.access import Access
 from dsr.schema import AttributeType, Schema
 from dsr.transforms import Pose
 from dsr.watch import Change, Watch
+from dsr.worlds.registry import WorldInfo
 
 __all__ = [
     "Access",
@@ -82,6 +85,9 @@ __all__ = [
     "WallClock",
     "Watch",
     "WireError",
+    "WorldError",
+    "WorldInfo",
+    "WorldNotFoundError",
     "connect",
     "read_graph",
     "write_graph",

@@ -4,7 +4,9 @@
     ├── SchemaError             a name, type or value that the schema does not allow
     ├── GraphError              the graph does not hold what was asked for
     │   ├── NodeNotFoundError
-    │   └── EdgeNotFoundError
+    │   ├── EdgeNotFoundError
+    │   └── WorldNotFoundError
+    ├── WorldError              a world cannot be made, followed or deleted
     ├── TransformError          a frame chain cannot be evaluated
     │   ├── NoPathError
     │   └── ExtrapolationError
@@ -43,6 +45,14 @@ class NodeNotFoundError(GraphError):
 
 class EdgeNotFoundError(GraphError):
     """No visible edge has this source, destination and type."""
+
+
+class WorldNotFoundError(GraphError):
+    """No world has this name, or nobody holds its content any more."""
+
+
+class WorldError(DsrError):
+    """A world cannot be made, followed or deleted."""
 
 
 class TransformError(DsrError):

@@ -1,4 +1,4 @@
-"""The keys under which everything of one graph travels (PROTOCOL: `dsr/v1/<graph>/...`)."""
+"""The keys under which everything of one graph and its worlds travels (PROTOCOL: `dsr/v1/<graph>/...`)."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import re
 from dsr.errors import ConfigError
 
 PROTOCOL = "dsr/v1"
+BASE = "base"
+"""The world that a system is launched with: its graph."""
 _NAME = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_.-]{0,63}")
 
 _KEY = re.compile(r"[A-Za-z0-9_.-]{1,256}(/[A-Za-z0-9_.-]{1,256}){0,8}")
@@ -35,27 +37,40 @@ def ticket_key(key: str) -> str:
 
 
 class Keys:
-    """Key builder of one graph; each method names one kind of traffic."""
+    """Key builder of one graph; each method names one kind of traffic.
 
-    def __init__(self, graph: str) -> None:
+    Args:
+        graph: name of the graph.
+        world: which of its worlds; only the keys of replicas depend on it, all else belongs to the whole system.
+        channel: where replicas of that world meet (see dsr/worlds/registry.py); nothing for the base.
+    """
+
+    def __init__(self, graph: str, world: str = BASE, channel: str = "") -> None:
         self.graph = check_name("graph name", graph)
+        self.world = check_name("world name", world)
         self.root = f"{PROTOCOL}/{graph}"
+        self.state = self.root if world == BASE else f"{self.root}/world/{world}/{check_name('channel', channel)}"
+        """Root of what replicas tell each other."""
 
     def delta(self, rid: str = "*") -> str:
         """Durable changes of replica `rid`."""
-        return f"{self.root}/d/{rid}"
+        return f"{self.state}/d/{rid}"
 
     def stream(self, rid: str = "*") -> str:
         """Bundles of high-rate values of replica `rid`."""
-        return f"{self.root}/rt/{rid}"
+        return f"{self.state}/rt/{rid}"
 
     def digest(self, rid: str = "*") -> str:
         """What replica `rid` has seen."""
-        return f"{self.root}/dig/{rid}"
+        return f"{self.state}/dig/{rid}"
 
     def sync(self, rid: str = "*") -> str:
         """Where replica `rid` answers requests for what is missing."""
-        return f"{self.root}/sync/{rid}"
+        return f"{self.state}/sync/{rid}"
+
+    def presence(self, agent: str = "*", rid: str = "*") -> str:
+        """Liveliness token of a replica of this world; in the base, that of the process."""
+        return f"{self.state}/live/{agent}/{rid}"
 
     def blob(self, name: str) -> str:
         """Frames named `name` (may contain slashes)."""
@@ -66,7 +81,7 @@ class Keys:
         return f"{self.root}/mesh/{rid}"
 
     def live(self, agent: str = "*", rid: str = "*") -> str:
-        """Liveliness token of a replica."""
+        """Liveliness token of a process: of its replica of the base."""
         return f"{self.root}/live/{agent}/{rid}"
 
     def status(self, agent: str = "*") -> str:

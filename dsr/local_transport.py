@@ -244,6 +244,10 @@ class LocalTransport:
     def renew(self) -> None:
         """Nothing is ever forgotten here."""
 
+    def pump(self) -> None:
+        """Deliver what is due."""
+        self._network.deliver()
+
     def close(self) -> None:
         """Leave the network; others see our tokens go."""
         if not self.closed:

@@ -15,26 +15,26 @@ from collections.abc import Callable, Iterable, Sequence
 from types import TracebackType
 from typing import Any
 
-from dsr.blobs import Frame, frame_chunks
+from dsr.blob_access import BlobAccess
 from dsr.clock import WALL_CLOCK, Clock
 from dsr.crdt.delta import Delta, EdgeKey
 from dsr.elements import Edge, Node
 from dsr.errors import ClockDriftError, TransportError
 from dsr.followers import Followers
 from dsr.forking import leave_to_parent
-from dsr.frame_reader import FrameReader
 from dsr.frames import Types
 from dsr.geometry.exchange import MeshExchange
-from dsr.geometry.mesh import Mesh
 from dsr.graph import Graph
 from dsr.keys import Keys, check_name
 from dsr.replica import Replica, Statistics
-from dsr.schema import Schema, checked_names, with_pose
+from dsr.schema import WORLD_RECORD, Schema, checked_names, with_pose
 from dsr.sync import Gate
 from dsr.transforms import Array, Pose
 from dsr.transport import Transport
 from dsr.watch import Filter, Watch
 from dsr.wire import decode_delta
+from dsr.worlds.access import WorldAccess
+from dsr.worlds.opened import Seat, Worlds
 
 Guard = Callable[[str, str, Iterable[str]], None]
 """Called with ("node" or "edge", type, attributes) before each write; raises to refuse it."""
@@ -51,8 +51,8 @@ def new_rid(agent: str) -> str:
     return f"{check_name('agent name', agent)}-{secrets.token_hex(4)}"
 
 
-class Memory:
-    """One process's replica of a working memory.
+class Memory(WorldAccess, BlobAccess):
+    """One process's replica of a working memory: of its base world, or of another (see `world`, `fork`).
 
     Args:
         graph: name of the graph.
@@ -82,8 +82,10 @@ class Memory:
         threaded: bool = False,
         elders: Callable[[], Sequence[str]] = tuple,
         meshes: MeshExchange | None = None,
+        _seat: Seat | None = None,
     ) -> None:
-        self.keys = Keys(graph)
+        self.seat = _seat
+        self.keys = _seat.keys(graph) if _seat else Keys(graph)
         self.graph_name = graph
         self.agent = agent
         self.clock = clock
@@ -92,14 +94,18 @@ class Memory:
         self.rid = rid or new_rid(agent)
         self._followers = Followers(self.schema.geometric)
         self._frames = self._followers.frames
-        self._graph = Graph(self.rid, self.schema, self._followers)
+        self._graph = _seat.graph(self._followers) if _seat else Graph(self.rid, self.schema, self._followers)
         self._guard = guard
         self._closing = contextlib.ExitStack()
         self._closed = False
         self.meshes = meshes or MeshExchange(transport, self.keys, self.rid, clock, threaded=threaded)
         if meshes is None:
             self._closing.callback(self.meshes.close)
-        self.replica = self._replica = Replica(self._graph, transport, clock, self.keys, agent, gate)
+        lock = _seat.worlds.lock if _seat else threading.RLock()
+        self.replica = self._replica = Replica(self._graph, transport, clock, self.keys, agent, gate, lock)
+        self._worlds = _seat.worlds if _seat else Worlds(self, threaded=threaded, lock=lock)
+        if _seat is None:
+            self._replica.after_poll = self._worlds.sweep
         self._elders = elders
         self._replica.synchroniser.elders = elders()
         leave_to_parent(self)
@@ -131,7 +137,10 @@ class Memory:
     def nodes(self, type: str | None = None) -> list[Node]:
         """All nodes, or those of one type. Raises `SchemaError` for an unknown type."""
         if type is None:
-            return list(self._graph.nodes.values())
+            nodes = list(self._graph.nodes.values())
+            if self._graph.nodes_by_type.get(WORLD_RECORD):  # the list of worlds is no part of them
+                return [node for node in nodes if node.type != WORLD_RECORD]
+            return nodes
         found = self._graph.nodes_by_type.get(type)
         if found is None:
             self._check_type(type, self.schema.node_types, "node")
@@ -247,31 +256,6 @@ class Memory:
         """(n, 4, 4) matrices target_from_source of many frames, NaN without a path; see `FrameTree.transforms`."""
         return self._frames.transforms(target, sources, at, types)
 
-    def put_frame(self, name: str, frame: Frame) -> None:
-        """Publish a camera frame under `name`; readers that are too slow skip frames."""
-        self.transport.publish_bulk(self.keys.blob(name), frame_chunks(frame))
-
-    def frames(self, name: str) -> FrameReader:
-        """The stream of frames published elsewhere under `name`; close it after use."""
-        return FrameReader(self.transport, self.keys.blob(name))
-
-    def put_mesh(self, mesh: Mesh) -> str:
-        """Have a mesh for whoever asks; returns its hash, for the attribute `mesh` of nodes. Nothing is sent yet."""
-        return self.meshes.put(mesh)
-
-    def mesh(self, hash: str, timeout: float = 5.0) -> Mesh:
-        """The mesh with this hash: from memory, from disk, or else from any replica that has it; waits for that.
-
-        Raises:
-            MeshError: for what is no hash.
-            MeshNotFoundError: if nobody gave it within `timeout` s; without threads, if it is not here yet.
-        """
-        return self.meshes.wait(hash, timeout)
-
-    def get_mesh(self, hash: str) -> Mesh | None:
-        """The same without waiting: None if it is not here, and it is asked for. Raises `MeshError`."""
-        return self.meshes.get(hash)
-
     def watch(
         self,
         *,
@@ -309,16 +293,6 @@ class Memory:
     def batch(self) -> contextlib.AbstractContextManager[None]:
         """`with memory.batch():` what is written inside leaves as one message."""
         return self._replica.hold()
-
-    def poll(self) -> None:
-        """Merge what has arrived; only needed without threads."""
-        self._replica.poll()
-        if self.meshes.busy:
-            self.meshes.poll()
-
-    def flush(self) -> None:
-        """Hand what was written to the network now; only needed without threads."""
-        self._replica.flush()
 
     @property
     def joined(self) -> bool:
@@ -388,6 +362,10 @@ class Memory:
             if self._closed:
                 return
             self._closed = True
+        if self.seat is None:
+            self._worlds.close()
+        else:
+            self._worlds.forget(self)
         self._followers.close()
         with self._closing:
             self._replica.close()

@@ -58,11 +58,20 @@ class Replica:
     """Connects a graph to its peers."""
 
     def __init__(
-        self, graph: Graph, transport: Transport, clock: Clock, keys: Keys, agent: str, gate: Gate | None = None
+        self,
+        graph: Graph,
+        transport: Transport,
+        clock: Clock,
+        keys: Keys,
+        agent: str,
+        gate: Gate | None = None,
+        lock: threading.RLock | None = None,
     ) -> None:
         self.graph = graph
-        self.lock = threading.RLock()
-        """Held while the graph is changed."""
+        self.lock = lock or threading.RLock()
+        """Held while the graph is changed; all worlds of a memory share one, for forks share their content."""
+        self.after_poll: Callable[[], None] | None = None
+        """Called at the end of each `poll`, with no lock held."""
         self.synchroniser = Synchroniser(graph, gate)
         self._transport = transport
         self._clock = clock
@@ -80,6 +89,7 @@ class Replica:
         self._holds = 0
         self._stopped = threading.Event()
         self._threads: list[threading.Thread] = []
+        self._agent = agent
         self._declarations = self._declare(agent)
 
     def _declare(self, agent: str) -> list[Subscription]:
@@ -101,8 +111,8 @@ class Replica:
             transport.subscribe(keys.stream(), merge, newest=NEWEST_SAMPLES),
             transport.subscribe(keys.digest(), digest, newest=NEWEST_SAMPLES),
             transport.serve(keys.sync(rid), self._answer),
-            transport.watch_presence(keys.live(), presence),
-            transport.announce(keys.live(agent, rid)),
+            transport.watch_presence(keys.presence(), presence),
+            transport.announce(keys.presence(agent, rid)),
         ]
 
     # ---- writing
@@ -173,6 +183,8 @@ class Replica:
                 outputs = self.synchroniser.tick(self._clock.monotonic(), self._clock.now())
             for output in outputs:
                 self._perform(output)
+        if self.after_poll is not None:
+            self.after_poll()
         with self._progress:
             self._progress.notify_all()
 
@@ -255,6 +267,14 @@ class Replica:
         except Exception:
             if not self._stopped.is_set():
                 _log.exception("replica %s: %s failed", self.graph.rid, step.__qualname__)
+
+    def move(self, keys: Keys) -> None:
+        """Meet the peers under other keys from now on; what those there lack, the repair brings them."""
+        with self._sending:
+            for declaration in reversed(self._declarations):
+                declaration.close()
+            self._keys = keys
+            self._declarations = self._declare(self._agent)
 
     def close(self) -> None:
         """Send what is left and leave; the transport stays open."""

@@ -24,6 +24,9 @@ MAX_LENGTH = 1 << 20
 POSE_FIELDS = ("translation", "rotation", "stamp", "covariance")
 _POSE_FIELDS = frozenset(POSE_FIELDS)
 
+WORLD_RECORD = "world_record"
+"""Type of the nodes that list the worlds of a system (dsr/worlds/registry.py); never shown among its things."""
+
 
 class AttributeType(msgspec.Struct, frozen=True):
     """What an attribute means and which values it takes."""
@@ -193,6 +196,7 @@ _CONVERTERS: dict[str, Any] = {
 
 _NODE_TYPES = {
     "world": "root of all frames",
+    WORLD_RECORD: "an entry of the list of worlds, see dsr.worlds",
     "robot": "the robot's base",
     "body": "a part of the robot's body",
     "mind": "where intentions hang",
@@ -299,5 +303,6 @@ _ATTRIBUTES: dict[str, AttributeType] = dict([
                              "mount": "of a camera, whether it is where it was: see dsr.calibration",
                              "report": "what came of a calibration, JSON, see dsr.calibration",
                              "mesh": "hashes of its meshes, comma-separated, see dsr.geometry",
+                             "record": "what is known of a world, JSON, see dsr.worlds",
                              "note": "free text"}),
 ])  # fmt: skip

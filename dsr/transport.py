@@ -97,6 +97,9 @@ class Transport(Protocol):
     def renew(self) -> None:
         """Say again what is subscribed to and served here: a network that has changed may have forgotten it."""
 
+    def pump(self) -> None:
+        """Hand over what is under way, in a network where nothing moves by itself; elsewhere nothing is to be done."""
+
     def close(self) -> None:
         """Leave the network; harmless when repeated."""
 

@@ -14,6 +14,7 @@ import msgspec
 
 from dsr.crdt.delta import Key
 from dsr.elements import Edge, Node
+from dsr.schema import WORLD_RECORD
 
 ChangeKind = Literal["added", "updated", "removed"]
 
@@ -36,7 +37,10 @@ class Change(msgspec.Struct, frozen=True):
 
 
 class Filter(msgspec.Struct, frozen=True):
-    """Which changes a reader wants; None means any. Node and edge types alone exclude the other element."""
+    """Which changes a reader wants; None means any. Node and edge types alone exclude the other element.
+
+    The list of worlds is no part of a world: its nodes are reported only if asked for by their type.
+    """
 
     node_types: frozenset[str] | None = None
     edge_types: frozenset[str] | None = None
@@ -46,7 +50,8 @@ class Filter(msgspec.Struct, frozen=True):
         """Whether changes of this element are wanted at all."""
         wanted = self.node_types if isinstance(element, Node) else self.edge_types
         if wanted is None:
-            return self.node_types is None and self.edge_types is None
+            everything = self.node_types is None and self.edge_types is None
+            return everything and not (isinstance(element, Node) and element.type == WORLD_RECORD)
         return element.type in wanted
 
     def accepts_attribute(self, attribute: str) -> bool:

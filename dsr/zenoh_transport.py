@@ -226,6 +226,9 @@ class ZenohTransport:
         for declaration in declarations:
             declaration.renew()
 
+    def pump(self) -> None:
+        """Nothing: messages move by themselves."""
+
     def request(
         self, key: str, payload: bytes, on_reply: MessageHandler, on_done: Callable[[], None], timeout: float
     ) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 
 from dsr.errors import AgentError, ConfigError, suggest
-from dsr.schema import POSE_FIELDS, Schema
+from dsr.schema import POSE_FIELDS, WORLD_RECORD, Schema
 
 EVERYTHING = "*"
 """In a declaration: every name."""
@@ -66,7 +66,7 @@ class WriteGuard:
                 f"agent {self._agent!r} writes {element}s of type {kind!r}, which it does not declare; "
                 f"declared: {', '.join(sorted(types)) or 'none'}"
             )
-        if EVERYTHING in self._attributes:
+        if EVERYTHING in self._attributes or kind == WORLD_RECORD:
             return
         for name in attributes:
             if name not in self._attributes and not (element == "edge" and name in _POSE):

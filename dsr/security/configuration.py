@@ -23,11 +23,12 @@ _HEADER = """\
 
 
 class _EveryGraph(Keys):
-    """Key expressions that match the keys of every graph."""
+    """Key expressions that match the keys of every graph: of its base, or of all its other worlds."""
 
-    def __init__(self) -> None:
+    def __init__(self, *, worlds: bool = False) -> None:
         self.graph = "*"
         self.root = f"{PROTOCOL}/*"
+        self.state = f"{self.root}/world/*/*" if worlds else self.root
 
 
 def zenoh_settings(folder: SecurityFolder, policy: Policy, agent: str) -> dict[str, Any]:
@@ -85,8 +86,10 @@ def own_keys(agent: str, grant: Grant) -> list[str]:
     """Key expressions on which only `agent` and its replicas may send, in any graph."""
     keys = _EveryGraph()
     replicas = f"{agent}-$*"
-    by_replica = [key(replicas) for key in (keys.delta, keys.stream, keys.digest, keys.sync, keys.mesh)]
-    by_name = [keys.live(agent), keys.status(agent), keys.log(agent)]
+    states = (keys, _EveryGraph(worlds=True))
+    by_replica = [key(replicas) for k in states for key in (k.delta, k.stream, k.digest, k.sync)]
+    by_replica.append(keys.mesh(replicas))
+    by_name = [*(k.presence(agent) for k in states), keys.status(agent), keys.log(agent)]
     granted = [f"{keys.root}/{key}" for key in grant.publishes]
     return by_replica + by_name + granted + [ticket_key(key) for key in granted]
 

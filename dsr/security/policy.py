@@ -19,7 +19,7 @@ LAUNCHER = "launcher"
 READER = "dsr"
 """The command line tools: they only read."""
 
-_OWN_TRAFFIC = ("d", "rt", "dig", "sync", "mesh", "live", "status", "log")
+_OWN_TRAFFIC = ("d", "rt", "dig", "sync", "mesh", "live", "status", "log", "world")
 """First parts of the keys that each agent has for itself."""
 _BUS_KEY = re.compile(r"[A-Za-z0-9_.-]+(/([A-Za-z0-9_.-]+|\*))*(/\*\*)?")
 

@@ -34,6 +34,7 @@ MODULES = {
         "Action", "Answer", "Change", "MAX_CHANGES", "MAX_SECONDS", "Numbers", "Pending", "Question", "SERVICE",
         "TIMEOUT", "WhatIf", "decode_answer", "decode_question", "encode_answer", "encode_question",
     },
+    "dsr.worlds": {"ROOT", "WorldInfo"},
 }  # fmt: skip
 """What agents of one's own import from modules rather than from `dsr`."""
 
@@ -45,7 +46,8 @@ def test_public_names() -> None:
         "GraphContent", "GraphError", "ListenError", "LocalNetwork", "ManualClock", "Memory", "Mesh", "MeshError",
         "MeshNotFoundError", "NoPathError", "Node",
         "NodeNotFoundError", "Pose", "Schema", "SchemaError", "StateKeeper", "Statistics", "TransformError",
-        "TransportError", "WallClock", "Watch", "WireError", "connect", "read_graph", "write_graph",
+        "TransportError", "WallClock", "Watch", "WireError", "WorldError", "WorldInfo", "WorldNotFoundError", "connect",
+        "read_graph", "write_graph",
     }  # fmt: skip
     assert all(hasattr(dsr, name) for name in dsr.__all__)
 

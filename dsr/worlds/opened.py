@@ -1,0 +1,221 @@
+"""The worlds that a process has open: opened, forked, kept in step with the list of worlds, and dropped."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from dsr.errors import TransportError, WorldError, WorldNotFoundError, suggest
+from dsr.followers import Followers
+from dsr.graph import Graph
+from dsr.keys import BASE, Keys, check_name
+from dsr.worlds.registry import BASE_INFO, ROOT, Record, WorldInfo, find_record, node_name, records, to_attribute
+
+if TYPE_CHECKING:
+    from dsr.memory import Memory
+
+HOLDER_PATIENCE = 1.0
+"""s to wait for a sign of anybody who holds a world."""
+_ROUNDS = 3
+"""Exchanges that opening takes where nothing moves by itself: who is there, request and reply, merge."""
+
+_log = logging.getLogger("dsr.worlds")
+
+
+@dataclass
+class Seat:
+    """What makes a `Memory` one of a world other than the base."""
+
+    record: Record
+    rid: str
+    worlds: Worlds
+    source: Memory | None
+    """The world that it begins as; None for an empty one."""
+
+    def keys(self, graph: str) -> Keys:
+        """The keys of the world."""
+        return Keys(graph, self.record.info.name, self.record.channel)
+
+    def graph(self, followers: Followers) -> Graph:
+        """What the world holds at first."""
+        base = self.worlds.base
+        graph = Graph(self.rid, base.schema, followers)
+        if self.source is not None:
+            graph.join(self.source.replica.graph.store.missing_for(graph.store.context))
+        return graph
+
+
+class Worlds:
+    """All worlds of one memory, which is the one of the base.
+
+    Args:
+        base: the memory of the base.
+        threaded: whether replicas run threads of their own.
+        lock: held while any graph of the memory is changed.
+    """
+
+    def __init__(self, base: Memory, *, threaded: bool, lock: threading.RLock) -> None:
+        self.base = base
+        self.threaded = threaded
+        self.lock = lock
+        self._open: dict[str, Memory] = {}
+        self._opening = threading.RLock()
+        self._count = 0
+
+    # ---- the list
+
+    def list(self) -> list[WorldInfo]:
+        """All worlds, the base first, the others by name."""
+        return [BASE_INFO, *(record.info for record in records(self.base.replica.graph))]
+
+    def _record(self, name: str) -> Record:
+        found = find_record(self.base.replica.graph, name)
+        if found is None:
+            known = [info.name for info in self.list()]
+            raise WorldNotFoundError(f"no world {name!r}; {suggest(name, known)}")
+        return found
+
+    # ---- making and opening
+
+    def open(self, name: str, timeout: float) -> Memory:
+        """See `Memory.world`."""
+        if name == BASE:
+            return self.base
+        with self._opening:
+            self.sweep()
+            if name in self._open:
+                return self._open[name]
+            memory = self._take_seat(self._record(name), None)
+            try:
+                self._wait_joined(memory, name, timeout)
+            except BaseException:
+                memory.close()
+                raise
+            return memory
+
+    def create(self, name: str, *, exist_ok: bool, timeout: float) -> Memory:
+        """See `Memory.create_world`."""
+        with self._opening:
+            if self._is_known(name):
+                if not exist_ok:
+                    raise WorldError(f"world {name!r} exists already; open it with world({name!r})")
+                with contextlib.suppress(WorldNotFoundError):
+                    return self.open(name, timeout)
+                memory = self._take_seat(self._record(name), None)
+            else:
+                memory = self._make(WorldInfo(name), None)
+            memory.replica.synchroniser.nobody_there()
+            memory.add_node(ROOT, ROOT)
+            return memory
+
+    def fork(self, name: str, of: str, *, follow: bool, timeout: float) -> Memory:
+        """See `Memory.fork`."""
+        with self._opening:
+            if self._is_known(name):
+                raise WorldError(f"world {name!r} exists already; delete it or take another name")
+            source = self.open(of, timeout)
+            memory = self._make(WorldInfo(name, of, follow), source)
+            memory.replica.synchroniser.nobody_there()
+            return memory
+
+    def _is_known(self, name: str) -> bool:
+        check_name("world name", name)
+        return name == BASE or find_record(self.base.replica.graph, name) is not None
+
+    def _make(self, info: WorldInfo, source: Memory | None) -> Memory:
+        """List a new world and open it."""
+        base = self.base
+        info = WorldInfo(info.name, info.parent, info.follows, base.agent, base.clock.now())
+        rid = self._new_rid()
+        with self.lock:
+            value = to_attribute(info, rid)
+            base.add_node(node_name(info.name), "world_record", record=value)
+            return self._take_seat(self._record(info.name), source, rid)
+
+    def _new_rid(self) -> str:
+        """A replica id that was not used in any world: unlike the base's, for counters must not be reused."""
+        self._count += 1
+        return f"{self.base.rid}w{self._count}"
+
+    def _take_seat(self, record: Record, source: Memory | None, rid: str = "") -> Memory:
+        from dsr.memory import Memory
+
+        seat = Seat(record, rid or self._new_rid(), self, source)
+        base = self.base
+        with self.lock:
+            memory = Memory(
+                base.graph_name, base.agent, transport=base.transport, clock=base.clock, schema=base.schema,
+                guard=base._guard, gate=base.replica.synchroniser.gate, rid=seat.rid, threaded=self.threaded,
+                meshes=base.meshes, _seat=seat,
+            )  # fmt: skip
+            self._open = {**self._open, record.info.name: memory}
+        return memory
+
+    def _wait_joined(self, memory: Memory, name: str, timeout: float) -> None:
+        replica, sync = memory.replica, memory.replica.synchroniser
+        if self.threaded:
+            replica.wait_until(lambda: bool(sync.joined or sync.peers), min(timeout, HOLDER_PATIENCE))
+            joined = replica.wait_until(lambda: sync.joined, timeout if sync.peers else 0.0)
+        else:
+            for _ in range(_ROUNDS):
+                memory.transport.pump()
+                memory.poll()
+            joined = sync.joined
+        if joined or (sync.peers and not self.threaded):
+            return
+        if sync.peers:
+            raise TransportError(f"world {name!r}: not complete after {timeout:.1f} s, peers: {', '.join(sync.peers)}")
+        raise WorldNotFoundError(f"world {name!r} is listed, but nobody holds it any more")
+
+    # ---- going
+
+    def delete(self, name: str) -> None:
+        """See `Memory.delete_world`."""
+        if name == BASE:
+            raise WorldError(f"world {BASE!r} is the system's own: it cannot be deleted")
+        self._record(name)
+        followers = [info.name for info in self.list() if info.follows and info.parent == name]
+        if followers:
+            raise WorldError(f"world {name!r} is followed by {', '.join(followers)}: delete those first")
+        self.base.remove_node(node_name(name))
+        self.sweep()
+
+    def sweep(self) -> None:
+        """Drop what is not in the list any more, and meet where the list says; called after each poll of the base."""
+        if not self._open or not self._opening.acquire(blocking=False):
+            return
+        try:
+            for name, memory in list(self._open.items()):
+                self._follow_list(name, memory)
+        finally:
+            self._opening.release()
+
+    def _follow_list(self, name: str, memory: Memory) -> None:
+        seat = memory.seat
+        assert seat is not None
+        record = find_record(self.base.replica.graph, name)
+        if record is None or not (record.dots & seat.record.dots):
+            _log.info("world %r was deleted", name)
+            memory.close()
+            return
+        moved, seat.record = record.channel != seat.record.channel, record
+        if moved:
+            memory.move(seat.keys(memory.graph_name))
+
+    def forget(self, memory: Memory) -> None:
+        """Called by a memory that closes."""
+        with self.lock:
+            self._open = {name: other for name, other in self._open.items() if other is not memory}
+
+    def each(self, act: Callable[[Memory], None]) -> None:
+        """Do something with every open world."""
+        for memory in list(self._open.values()):
+            act(memory)
+
+    def close(self) -> None:
+        """Close all that is open."""
+        self.each(lambda memory: memory.close())

@@ -1,0 +1,103 @@
+"""The list of the worlds of a system, as nodes of the base graph: what is replicated there finds every late joiner.
+
+A record is a node of type `world_record` with one attribute, JSON, so that it changes as a whole. Its `channel` is part
+of the keys under which the world's replicas meet. A world that is deleted and made again has another channel, so
+whoever still writes into the old one reaches nobody. Two processes that make a world of one name at once have made
+one: the winning record tells the channel on which both go on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import msgspec
+
+from dsr.crdt.context import Dot
+from dsr.elements import Node
+from dsr.errors import ConfigError
+from dsr.graph import Graph
+from dsr.keys import BASE, check_name
+from dsr.schema import WORLD_RECORD
+
+ROOT = "world"
+"""Name and type of the root node that a new world has."""
+_PREFIX = ".world."
+
+
+class WorldInfo(msgspec.Struct, frozen=True):
+    """What is known of a world."""
+
+    name: str
+    parent: str | None = None
+    """The world that it was forked from; None if it was made anew."""
+    follows: bool = False
+    """Whether it is an overlay: shows its parent, live, where it holds nothing of its own."""
+    creator: str = ""
+    """The agent that made it; empty for the base."""
+    created: float = 0.0
+    """s since the Unix epoch, by the creator's clock; 0 for the base."""
+
+
+class Record(msgspec.Struct, frozen=True):
+    """A world's entry in the list."""
+
+    info: WorldInfo
+    channel: str
+    dots: frozenset[Dot]
+    """Creation dots of the entry: it is another world when none of them is left."""
+
+
+class _Stored(msgspec.Struct, frozen=True, omit_defaults=True):
+    """The value of the attribute `record`."""
+
+    channel: str
+    parent: str | None = None
+    follows: bool = False
+    creator: str = ""
+    created: float = 0.0
+
+
+BASE_INFO = WorldInfo(BASE)
+_encoder = msgspec.json.Encoder()
+_decoder = msgspec.json.Decoder(_Stored)
+
+
+def node_name(world: str) -> str:
+    """Name of the node that holds the record of `world`."""
+    return f"{_PREFIX}{world}"
+
+
+def to_attribute(info: WorldInfo, channel: str) -> str:
+    """The value of the attribute `record`."""
+    stored = _Stored(channel, info.parent, info.follows, info.creator, info.created)
+    return _encoder.encode(stored).decode()
+
+
+def records(graph: Graph) -> Iterator[Record]:
+    """All readable entries in the base graph, by name of the world."""
+    nodes = list(graph.nodes_by_type.get(WORLD_RECORD, {}).values())
+    for node in sorted(nodes, key=lambda node: node.name):
+        found = read_record(node)
+        if found is not None:
+            yield found
+
+
+def find_record(graph: Graph, world: str) -> Record | None:
+    """The entry of `world` in the base graph; None if there is none."""
+    node = graph.nodes.get(node_name(world))
+    return None if node is None else read_record(node)
+
+
+def read_record(node: Node) -> Record | None:
+    """The entry that a node of the base graph holds; None if it makes no sense."""
+    name = node.name.removeprefix(_PREFIX)
+    try:
+        stored = _decoder.decode(node.get("record", ""))
+        check_name("world name", name)
+        check_name("channel", stored.channel)
+    except (msgspec.MsgspecError, ConfigError):
+        return None
+    if node.type != WORLD_RECORD or name in (BASE, node.name):
+        return None
+    info = WorldInfo(name, stored.parent, stored.follows, stored.creator, stored.created)
+    return Record(info, stored.channel, frozenset(node.created))
