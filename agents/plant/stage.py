@@ -123,6 +123,7 @@ class Stage:
 
     def act(self) -> None:
         """Move what is held, for the next step of physics."""
+        self.world.hold({name for grip in self._grips.values() for name in grip.names})
         for grip in self._grips.values():
             grip.act()
         for hand in self.hands.present:

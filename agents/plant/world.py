@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import math
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +31,8 @@ STILL_SPEED = 0.005
 """m/s at the centre, below which a body counts as still"""
 STILL_SPIN = 0.1
 """rad/s, below which a body counts as still"""
+LEAST_HELD_MASS = 20.0
+"""kg, of what a hand holds: a light body gives way under its load for a step at a time, and that creeps off it"""
 
 _SETTLE_STEPS = 3 * RATE_HZ
 _STILL_STEPS = 12
@@ -54,6 +56,7 @@ class World:
         x, y, top = table.position
         self.specs = {spec.name: spec for spec in objects}
         self._bodies: dict[str, int] = {}
+        self._held: set[str] = set()
         with tempfile.TemporaryDirectory(prefix="dsr-plant-") as folder:  # the physics engine keeps what it read
             files = Path(folder)
             self.table = self._add_block(files, "table", table.size, TABLE, (x, y, top))
@@ -113,6 +116,14 @@ class World:
         self.bullet.resetBaseVelocity(body, velocity, spin)
         self.bullet.setCollisionFilterGroupMask(body, -1, 1, -1)  # forgets the anchored contacts
 
+    def hold(self, names: Collection[str]) -> None:
+        """These objects, and no others, are driven, and do not give way to what is on them or in them."""
+        for name in sorted(self._held ^ set(names)):
+            if name in self._bodies:
+                least = LEAST_HELD_MASS if name in names else 0.0
+                self.bullet.changeDynamics(self.body(name), -1, mass=max(self.specs[name].mass, least))
+        self._held = set(names)
+
     def push(self, name: str, velocity: tuple[float, float]) -> None:
         """Let an object move at `velocity` m/s along x and y; otherwise it follows physics."""
         body = self.body(name)
@@ -123,6 +134,7 @@ class World:
         """Take an object out of the scene."""
         self.bullet.removeBody(self.body(name))
         del self._bodies[name]
+        self._held.discard(name)
 
     def is_still(self, name: str) -> bool:
         """Whether the object neither moves nor turns, at this instant."""

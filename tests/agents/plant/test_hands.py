@@ -212,6 +212,48 @@ event = [{at = 0.0, do = "slide", object = "cover", by = [0.0, 0.35], hand = 0}]
 """
 
 
+LOADED = """
+name = "loaded"
+title = "A hand lifts a container with a lid on it, and another container on that"
+duration = 12.0
+object = [
+  {name = "blue", model = "container_blue", known = true, position = [0.35, 0.0, 0.06]},
+  {name = "lid", model = "lid", known = true, position = [0.35, 0.0, 0.125]},
+  {name = "green", model = "container_green", known = true, position = [0.35, 0.0, 0.191]},
+]
+event = [
+  {at = 0.0, do = "hand_grasp", object = "blue", side = [0.0, -1.0]},
+  {at = 2.0, do = "hand_move", by = [0.0, 0.0, 0.1], speed = 0.1},
+  {at = 10.0, do = "hand_release"},
+]
+"""
+
+
+def test_a_load_stays_on_what_a_hand_holds_still(play: Play) -> None:
+    reality = Reality(parse_scenario(LOADED), PlantConfig(sensor="poses"), 0)
+    play(reality, 3.2)
+    offsets = [_offset(reality, "blue", name) for name in ("lid", "green")]
+    play(reality, 6.5, start=3.2)
+    assert reality.world.pose("blue").t[2] > 0.15
+    for name, before in zip(("lid", "green"), offsets, strict=True):
+        assert math.dist(_offset(reality, "blue", name), before) < 1e-3
+    reality.close()
+
+
+def test_what_was_held_is_as_heavy_as_before(play: Play) -> None:
+    reality = Reality(parse_scenario(LOADED), PlantConfig(sensor="poses"), 0)
+    body = reality.world.body("blue")
+    mass = reality.world.bullet.getDynamicsInfo(body, -1)[0]
+    play(reality, 11.0)
+    assert not reality.truth(11.0).grasped
+    assert reality.world.bullet.getDynamicsInfo(body, -1)[0] == mass
+    reality.close()
+
+
+def _offset(reality: Reality, base: str, name: str) -> tuple[float, float, float]:
+    return (reality.world.pose(base).inverse() @ reality.world.pose(name)).t
+
+
 def test_a_ball_is_carried_in_a_container_and_poured_by_physics_alone(play: Play) -> None:
     reality = Reality(parse_scenario(POURING), PlantConfig(sensor="poses"), 0)
     ball_in = partial(_is_inside, reality, "ball_1")
