@@ -1,4 +1,4 @@
-"""Draws the figures of benchmarks/calibration: those of section 4.2 of the CORTEX paper."""
+"""Draws the figures of benchmarks/calibration and calibration_synthetic: those of section 4.2 of the CORTEX paper."""
 
 from __future__ import annotations
 
@@ -64,7 +64,8 @@ def _spread(rows: Sequence[Mapping[str, Any]]) -> Any:
 def _elsewhere(rows: Sequence[Mapping[str, Any]], label: str) -> Any:
     """Figures 8a and 8b: the error from four other arm poses, beside that before the calibration."""
     figure, axes = plt.subplots(figsize=(7, 4))
-    axes.bar([row["name"] for row in rows], [row["elsewhere_mm"] for row in rows])
+    halves = [row.get("half_ci95_mm", 0.0) for row in rows]
+    axes.bar([row["name"] for row in rows], [row["elsewhere_mm"] for row in rows], yerr=halves, capsize=3)
     before = np.mean([row["elsewhere_before_mm"] for row in rows])
     axes.axhline(before, color="red", linestyle="--", label="before")
     axes.set(xlabel=label, ylabel="mm, seen from four other arm poses")

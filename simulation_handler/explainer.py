@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable
 
+from dsr.calibration import CAMERA_MOVED
 from dsr.transforms import Pose
 from simulation_handler.bodies import Bodies
 from simulation_handler.config import BeliefConfig
@@ -120,9 +121,11 @@ class Explainer:
         else:
             self._look_again_at = now + self._config.look_again_after
         text, until = self._told
-        if explanation.text != text or now > until:  # what only goes on is told once
+        is_news = explanation.text != text or now > until
+        if is_news:  # what only goes on is told once
             self._news = [*self._news, (now, explanation)][-_MOST_WAITING:]
-        self._told = (explanation.text, now + 2.0 * self._config.follow_for)
+        if is_news or CAMERA_MOVED not in explanation.text:  # that is told again until somebody did something about it
+            self._told = (explanation.text, now + 2.0 * self._config.follow_for)
 
     def settle_relations(self, now: float) -> None:
         """After physics: let the relations of what was put elsewhere be those of its contacts."""

@@ -14,7 +14,7 @@ from dsr.transforms import Array
 ARM = 0.01
 """m, what an object's orientation counts for: as much as points that far from its centre, known as well as that"""
 MOST = 2000.0
-"""Condition number beyond which objects do not determine the pose of the camera (benchmarks/calibration)."""
+"""Condition number beyond which objects do not determine the pose of the camera (benchmarks/calibration_synthetic)."""
 
 
 class Geometry(NamedTuple):

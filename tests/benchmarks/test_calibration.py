@@ -1,65 +1,113 @@
-"""The figures of `python -m benchmarks.calibration`, on few trials."""
+"""The sessions of benchmarks/calibration: what is drawn makes sense, and one of them is right."""
 
 from __future__ import annotations
 
-import csv
-import math
+import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from benchmarks import calibration
-from benchmarks.calibration_scene import DEPTH, LAYOUTS, looking, make_trial, scattered, square
+from benchmarks import calibration as system
+from benchmarks import calibration_tables as tables
+from benchmarks.calibration_runs import EVENT_AT, bump, in_view, name_of, observing, on_table, play, put, scene, spread
+from dsr.transforms import Pose
 
 
-def test_the_default_method_succeeds_from_far_off_with_flips_and_with_biased_depth() -> None:
-    row = calibration.row("plain", lambda rng: make_trial(rng, square(0.1)), 8, seed=1)
-    assert (row["successes"], row["adopted"]) == (8, 8)
-    assert 10.0 * row["elsewhere_mm"] < 20.0 < row["elsewhere_before_mm"]
-    assert row["within_3_sigma"] > 0.95 and len(row["errors"]) == 8
-    assert row["history"][-1][0] < 0.1 * row["history"][0][0]
-    deep = calibration.row("deep", lambda rng: make_trial(rng, square(0.1), depth=DEPTH), 8, seed=1)
-    assert deep["successes"] >= 7
-    flipped = calibration.row("flipped", lambda rng: make_trial(rng, scattered(rng, 6), flipped=0.15), 8, seed=1)
-    assert flipped["successes"] >= 7
+def test_a_session_in_which_one_cube_was_moved_is_decided_rightly() -> None:
+    row = system.session("mixed", "one_moved", 0, "poses")
+    assert row["right"] and row["times"] == 0
+    assert system.holds([row]) and not system.holds([row | {"right": False}])
 
 
-def test_clusters_are_weak_and_covering_layouts_are_not() -> None:
-    rows = [
-        calibration.row(name, lambda rng, half=half: make_trial(rng, square(half)), 2, seed=0)  # type: ignore[misc]
-        for name, half in LAYOUTS.items()
+def test_scenes_name_what_moves() -> None:
+    text = scene(
+        [on_table(0.3, 0.0, 0.1)], [bump(Pose((0.01, 0.0, 0.0))), put(0, on_table(0.4, 0.0, 0.0))], duration=9.0
+    )
+    assert f'name = "{name_of(0)}"' in text and "[0.300000, 0.000000, 0.020000]" in text
+    assert 'do = "camera_bump"' in text and "[0.010000, 0.000000, 0.000000]" in text and 'do = "place"' in text
+
+
+def test_what_is_drawn_is_in_view_and_apart() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(3):
+        cubes = system._scattered(rng, 6)
+        assert spread(cubes, 0.05) and in_view(cubes, observing())
+        assert spread([*system._moved(rng, cubes, 2), *cubes[2:]], 0.05)
+    four = system._corners(rng)
+    there = system._moved_alike(rng, four)
+    moved = there[0] @ four[0].inverse()
+    assert all((moved @ before).distance(after)[0] < 1e-9 for before, after in zip(four, there, strict=True))
+    assert not in_view([on_table(2.0, 0.0, 0.0)], observing())
+
+
+@pytest.mark.parametrize("part", system.PARTS)
+def test_every_part_has_its_cases(part: str) -> None:
+    assert len(system.cases(part)) == {"trials": 1, "cubes": 6, "layouts": 6, "mixed": 5}[part]
+
+
+def rows() -> list[dict[str, Any]]:
+    method = {
+        "error": [0.001] * 6,
+        "distance": (0.001, 0.002),
+        "adopted": True,
+        "seconds": 0.002,
+        "history": (0.1, 0.0),
+    }
+    base = {"seed": 0, "sensor": "poses", "metres": 0.001, "radians": 0.002, "success": True, "times": 1}
+    base |= {"recovery": 1.9, "seconds": 1.0}
+    survey = {"elsewhere": 0.001, "elsewhere_before": 0.01, "told": "the geometry is weak"}
+    return [
+        base | {"part": "trials", "case": "four", "methods": dict.fromkeys(tables.METHODS, method)},
+        base | survey | {"part": "cubes", "case": "2"},
+        base | survey | {"part": "layouts", "case": "60 mm"},
+        base | {"part": "mixed", "case": "one_moved", "right": True},
     ]
-    assert rows[0]["weak"] == 2 and all(row["weak"] == 0 for row in rows[1:])
-    assert [row["condition"] for row in rows] == sorted((row["condition"] for row in rows), reverse=True)
 
 
-def test_one_seed_gives_one_scene() -> None:
-    first, second = (make_trial(np.random.default_rng(4), square(0.1)) for _ in range(2))
-    assert first.sightings == second.sightings and first.believed == second.believed
-    assert first.error_elsewhere(first.truth) == pytest.approx(0.0, abs=1e-12)
-
-
-def test_cameras_look_at_the_cubes() -> None:
-    middle = looking((0.1, 0.2, 0.5)).inverse().apply((0.35, 0.0, 0.02))
-    assert middle == pytest.approx((0.0, 0.0, math.dist((0.1, 0.2, 0.5), (0.35, 0.0, 0.02))))
-
-
-def test_what_is_required_and_the_tables(tmp_path: Path) -> None:
-    result = calibration.measure(1, seed=0)
-    best = result["methods"][0]
-    best.update(successes=1, adopted=1, median_mm=1.9, median_deg=0.1, mean_ms=19.0)
-    assert calibration.holds(result)
-    for change in ({"successes": 0}, {"adopted": 0}, {"median_mm": 2.1}, {"median_deg": 0.21}, {"mean_ms": 21.0}):
-        assert not calibration.holds({**result, "methods": [{**best, **change}]})
-    files = calibration.write_csv(result, tmp_path)
-    rows = list(csv.reader((tmp_path / "calibration_cubes.csv").open()))
-    assert len(files) == 7 and [row[0] for row in rows] == ["cubes", "1", "2", "3", "4", "5", "6"]
-
-
-def test_plots(tmp_path: Path) -> None:
+def test_tables_and_plots_are_made_of_the_rows(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
-    from benchmarks.calibration_plots import draw
+    system.draw(rows(), tmp_path)
+    names = sorted(path.name for path in tmp_path.iterdir())
+    kinds = ("cubes", "history", "layouts", "spread")
+    assert names == sorted(
+        ["calibration_sessions.csv", *(f"calibration_{kind}.{end}" for kind in kinds for end in ("csv", "png"))]
+    )
+    assert (tmp_path / "calibration_spread.csv").read_text().splitlines()[0] == "method,trial," + ",".join(tables.SIX)
+    title, _, lines = tables._trials_table(rows())
+    assert title == "1 bumps, four cubes" and lines[0][:3] == ["the system", "1/1", "1"] and len(lines) == 4
+    assert [line[0] for line in tables._survey_table(rows())[2]] == ["2 cube(s)", "60 mm square"]
 
-    files = draw(calibration.measure(2, seed=0), tmp_path)
-    assert len(files) == 4 and all(file.stat().st_size > 1000 for file in files)
+
+def test_what_is_required() -> None:
+    trial = rows()[0]
+    assert tables.holds(rows())
+    for change in ({"success": False}, {"metres": 0.0021}, {"radians": 0.004}, {"methods": {}}):
+        assert not tables.holds([trial | change])
+
+
+def test_what_was_measured_is_not_measured_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "figures.json"
+    file.write_text(json.dumps(rows()))
+    played: list[tuple[str, str, int]] = []
+
+    def session(part: str, case: str, seed: int, sensor: str) -> dict[str, Any]:
+        played.append((part, case, seed))
+        return rows()[3] | {"case": case, "seed": seed}
+
+    monkeypatch.setattr(system, "session", session)
+    arguments = ["x", "mixed", "--trials", "1", "--sensor", "poses", "--json", str(file)]
+    monkeypatch.setattr("sys.argv", arguments)
+    with pytest.raises(SystemExit) as ended:
+        system.main()
+    assert ended.value.code == 0 and ("mixed", "one_moved", 0) not in played and len(played) == 4
+
+
+@pytest.mark.parametrize("camera", ["wrist", "overhead"])
+def test_a_second_bump_while_the_first_is_looked_into_is_found_out_too(camera: str) -> None:
+    cubes = system._corners(np.random.default_rng(0))
+    first = bump(Pose.from_rotvec((0.03, -0.02, 0.01), (0.05, -0.04, 0.1)))
+    second = bump(Pose.from_rotvec((-0.04, 0.03, 0.0), (-0.05, -0.08, 0.1)), at=EVENT_AT + 1.5)
+    metrics = play(scene(cubes, [first, second], duration=14.0, camera=camera), seed=0, sensor="poses").result.metrics
+    assert metrics["camera_error_m"] < 0.004 and metrics["times_calibrated"] >= 1
