@@ -16,6 +16,8 @@ MEASURED = sorted(path.relative_to(ROOT) for path in (ROOT / "benchmarks").rglob
 
 ONE_PLACE = {
     "zenoh": ("dsr/zenoh_transport.py", "benchmarks/peers/"),
+    "trimesh": ("dsr/geometry/files.py",),
+    "collada": ("dsr/geometry/collada_file.py",),
     "cryptography": ("dsr/security/authority.py",),
     "rerun": ("agents/viewer/",),
     "mcap": ("agents/recorder/",),

@@ -1,4 +1,4 @@
-"""`dsr save`, `dsr load`, `dsr convert`: graphs from and to JSON files."""
+"""`dsr save`, `dsr convert`: graphs to JSON files, and from one format to the other; `load.py` brings them back."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from dsr.cli.common import GraphOption, RouterOption, SecurityOption, console, errors, reading, writing
+from dsr.cli.common import GraphOption, RouterOption, SecurityOption, console, errors, reading
 from dsr.persistence.content import GraphContent
 from dsr.persistence.files import read_graph, write_graph
 from dsr.runtime.logs import printable
@@ -41,30 +41,7 @@ def save(
         content = GraphContent.of(memory)
     warn(content)
     write_graph(content, file, file_format.value)
-    _report("saved", content, f"to {file}")
-
-
-@app.command()
-def load(
-    file: Annotated[Path, typer.Argument(help="JSON file of dsr or of CORTEX.")],
-    graph: GraphOption = None,
-    replace: Annotated[bool, typer.Option("--replace", help="Remove what the file does not have.")] = False,
-    router: RouterOption = None,
-    security: SecurityOption = None,
-    agent: Annotated[
-        str, typer.Option("--as", metavar="AGENT", help="With security: whose certificate.")
-    ] = "dsr",
-) -> None:
-    """Add the nodes, edges and attributes of a JSON file to the running graph, and update those it has.
-
-    The exit code is 0 once all processes of the graph have them. A wrong file changes nothing: each problem is told
-    with its line and column.
-    """
-    content = read_graph(file)
-    warn(content)
-    with writing(graph, router, security, agent) as memory:
-        content.put_into(memory, replace=replace)
-    _report("loaded", content, f"into graph {memory.graph_name}")
+    report("saved", content, f"to {file}")
 
 
 @app.command()
@@ -77,7 +54,7 @@ def convert(
     content = read_graph(source)
     warn(content)
     write_graph(content, target, file_format.value)
-    _report("wrote", content, f"to {target}")
+    report("wrote", content, f"to {target}")
 
 
 def warn(content: GraphContent) -> None:
@@ -88,7 +65,8 @@ def warn(content: GraphContent) -> None:
         errors.print(f"and {len(content.warnings) - _MOST_WARNINGS} more warnings", style="yellow")
 
 
-def _report(done: str, content: GraphContent, where: str) -> None:
+def report(done: str, content: GraphContent, where: str) -> None:
+    """Tell what became of a graph."""
     console.print(
         f"{done} {len(content.nodes)} nodes, {len(content.edges)} edges {where}", markup=False, soft_wrap=True
     )

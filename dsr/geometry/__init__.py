@@ -1,5 +1,19 @@
-"""Geometry: meshes as immutable blobs known by their hash, where they come from, and the boxes around things."""
+"""Geometry: meshes as immutable blobs known by their hash, models from files, and the boxes around things."""
 
+from dsr.geometry.boxes import bounding_box, own_bounds
+from dsr.geometry.files import load_model
 from dsr.geometry.mesh import Bounds, Mesh, mesh_hashes
+from dsr.geometry.model import Model, ModelNode
+from dsr.geometry.placing import put_model
 
-__all__ = ["Bounds", "Mesh", "mesh_hashes"]
+__all__ = [
+    "Bounds",
+    "Mesh",
+    "Model",
+    "ModelNode",
+    "bounding_box",
+    "load_model",
+    "mesh_hashes",
+    "own_bounds",
+    "put_model",
+]

@@ -240,6 +240,17 @@ class TestLive:
             with holder(10, tmp_path / "theirs"):
                 assert memory.mesh(cloud(10).hash, 20.0) == cloud(10)
 
+    def test_who_leaves_sees_to_it_that_somebody_has_it(self, own_cache: Path) -> None:
+        with dsr.connect("g", "stays") as stays:
+            stays.meshes.store.disk = None
+            with dsr.connect("g", "leaves") as leaves:
+                leaves.meshes.store.disk = None
+                hash = leaves.put_mesh(cloud(10))
+                leaves.meshes.hand_over([hash], leaves.peers, 20.0)
+                with pytest.raises(MeshNotFoundError, match="nobody else took"):
+                    leaves.meshes.hand_over([leaves.put_mesh(block())], [], 0.0)
+            assert stays.mesh(hash, 0.0) == cloud(10)
+
 
 class TestSharedBytes:
     def test_they_outlive_their_holder(self) -> None:

@@ -1,0 +1,178 @@
+"""Models from files: OBJ, STL and GLB by trimesh, COLLADA by pycollada; whatever is wrong with one is a `ConfigError`.
+
+A file is data from anywhere: it is limited in size, refers to nothing outside of itself (materials and textures are
+not read), and what its reader raises names the file.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import msgspec
+import numpy as np
+
+from dsr.errors import ConfigError, DsrError, MeshError
+from dsr.geometry.model import Array, Geometry, Model, RawNode, to_model
+
+MOST_FILE_BYTES = 1 << 28
+Up = Literal["x", "y", "z"]
+"""The axis of a file that points upwards."""
+
+_GLB_HEADER = struct.Struct("<4sIIII")
+_GLB_MAGIC, _GLB_JSON = b"glTF", 0x4E4F534A
+_MOST_NUMBERS = 1 << 26  # in all accessors of a GLB: one without data stands for as many zeros
+_UP: dict[str, Array] = {  # z-up from file, as COLLADA 1.4.1 defines X_UP, Y_UP and Z_UP
+    "x": np.array([(0, -1, 0), (0, 0, -1), (1, 0, 0)], dtype=float),
+    "y": np.array([(1, 0, 0), (0, 0, -1), (0, 1, 0)], dtype=float),
+    "z": np.eye(3),
+}
+
+
+class _Content(NamedTuple):
+    """What was read of a file."""
+
+    tops: list[RawNode]
+    """Its outermost nodes."""
+    unit: float = 1.0
+    """m"""
+    up: Up = "z"
+    warnings: tuple[str, ...] = ()
+
+
+def load_model(file: Path, *, scale: float = 1.0, up: Up | None = None) -> Model:
+    """The meshes of a file with its hierarchy and names, in metres, z up.
+
+    Args:
+        file: `.obj`, `.stl`, `.glb` or `.dae`.
+        scale: metres of one unit of the file, beside what the file says: OBJ and STL say nothing.
+        up: which axis of the file points upwards; by default what the file or its format says, and z for OBJ and STL.
+
+    Raises:
+        ConfigError: if there is no such file, or it is empty, too large, of another format, or holds no triangles.
+    """
+    reader = READERS.get(file.suffix.lower())
+    if reader is None:
+        raise ConfigError(f"files of meshes end in {', '.join(READERS)}", file=str(file))
+    if not 0.0 < scale < float("inf"):
+        raise ConfigError(f"scale {scale}: expected a positive number")
+    data = _read(file)
+    try:
+        content = reader(data)
+        metres = np.eye(4)
+        metres[:3, :3] = scale * content.unit * _UP[up or content.up]
+        return to_model(content.tops, file.stem, metres, content.warnings)
+    except DsrError as error:
+        raise ConfigError(str(error), file=str(file)) from error
+    except Exception as error:  # whatever a reader stumbles over in a wrong file
+        reason = f"{type(error).__name__}: {error}".rstrip(": ")
+        raise ConfigError(f"no valid {file.suffix[1:].upper()}: {reason:.300}", file=str(file)) from error
+
+
+def _read(file: Path) -> bytes:
+    try:
+        size = file.stat().st_size
+        data = file.read_bytes() if size <= MOST_FILE_BYTES else b""
+    except OSError as error:
+        raise ConfigError(f"cannot be read: {error.strerror}", file=str(file)) from error
+    if size > MOST_FILE_BYTES:
+        raise ConfigError(f"{size >> 20} MiB; at most {MOST_FILE_BYTES >> 20}", file=str(file))
+    if not data:
+        raise ConfigError("is empty", file=str(file))
+    return data
+
+
+def _obj(data: bytes) -> _Content:
+    from trimesh.exchange.obj import load_obj
+    from trimesh.util import wrap_as_stream
+
+    return _Content(_flat(load_obj(wrap_as_stream(data), skip_materials=True, split_objects=True)))
+
+
+def _stl(data: bytes) -> _Content:
+    from trimesh.exchange.stl import load_stl
+    from trimesh.util import wrap_as_stream
+
+    return _Content(_flat(load_stl(wrap_as_stream(data))))
+
+
+def _flat(loaded: Mapping[str, Any]) -> list[RawNode]:
+    """One node for each object of a file without hierarchy; without a name of its own, that of the file."""
+    pieces: Mapping[str, Any] = loaded.get("geometry") or {"geometry": loaded}
+    nodes = [RawNode(str(name), geometry=[_geometry(piece)]) for name, piece in sorted(pieces.items())]
+    if len(nodes) == 1:
+        return [RawNode("", geometry=nodes[0].geometry)]
+    return nodes
+
+
+def _geometry(piece: Mapping[str, Any]) -> Geometry:
+    if piece.get("faces") is None:
+        raise MeshError("no triangles")
+    from trimesh.geometry import triangulate_quads
+
+    return Geometry(np.asarray(piece["vertices"], dtype=np.float64), triangulate_quads(piece["faces"]))
+
+
+def _glb(data: bytes) -> _Content:
+    from trimesh.exchange.gltf import load_glb
+    from trimesh.util import wrap_as_stream
+
+    _check_glb(data)
+    loaded = load_glb(wrap_as_stream(data), skip_materials=True, merge_primitives=True)
+    nodes: dict[str, RawNode] = {}
+    below: set[str] = set()
+    for edge in loaded["graph"]:
+        name, parent = edge["frame_to"], edge.get("frame_from", loaded["base_frame"])
+        node = nodes.setdefault(name, RawNode(name))
+        node.matrix = np.asarray(edge.get("matrix", node.matrix), dtype=np.float64)
+        piece = loaded["geometry"].get(edge.get("geometry"))
+        if piece is not None and piece.get("faces") is not None:
+            node.geometry.append(_geometry(piece))
+        if name not in below and name != parent:
+            below.add(name)
+            nodes.setdefault(parent, RawNode(parent)).children.append(node)
+    base = nodes.get(loaded["base_frame"])
+    return _Content(base.children if base else [], up="y")  # glTF 2.0, section 3.4
+
+
+class _Accessor(msgspec.Struct):
+    count: int
+
+
+class _Buffer(msgspec.Struct):
+    uri: str = "data:"
+
+
+class _GlbHeader(msgspec.Struct):
+    accessors: list[_Accessor] = []
+    buffers: list[_Buffer] = []
+
+
+def _check_glb(data: bytes) -> None:
+    """Raise `MeshError` for what would cost far more than the file is large, or lies in another file."""
+    if len(data) < _GLB_HEADER.size:
+        raise MeshError(f"no valid GLB: {len(data)} bytes")
+    magic, version, length, json_length, kind = _GLB_HEADER.unpack_from(data)
+    if magic != _GLB_MAGIC or version != 2 or kind != _GLB_JSON:
+        raise MeshError(f"no valid GLB: begins with {data[:4]!r}, version {version}; expected glTF 2.0")
+    if length > len(data):
+        raise MeshError(f"no valid GLB: cut off, {len(data)} of {length} bytes")
+    header = msgspec.json.decode(data[_GLB_HEADER.size : _GLB_HEADER.size + json_length], type=_GlbHeader)
+    if any(not buffer.uri.startswith("data:") for buffer in header.buffers):
+        raise MeshError("refers to other files; write it as one file")
+    numbers = sum(max(accessor.count, 0) for accessor in header.accessors)
+    if numbers > _MOST_NUMBERS:
+        raise MeshError(f"{numbers} elements; at most {_MOST_NUMBERS}")
+
+
+def _dae(data: bytes) -> _Content:
+    from dsr.geometry.collada_file import read_collada
+
+    tops, unit, up, warnings = read_collada(data)
+    return _Content(tops, unit, up, warnings)
+
+
+READERS: dict[str, Callable[[bytes], _Content]] = {".obj": _obj, ".stl": _stl, ".glb": _glb, ".dae": _dae}
+"""By how the name of a file ends."""
