@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from dsr.cli.common import (
+    DELIVERY_PATIENCE,
     GraphOption,
     RouterOption,
     SecurityOption,
@@ -20,18 +21,17 @@ from dsr.cli.common import (
     writing,
 )
 from dsr.cli.persist import report, warn
-from dsr.errors import ConfigError
+from dsr.errors import ConfigError, TransportError, WorldNotFoundError
 from dsr.geometry.files import READERS, Up, load_model
 from dsr.geometry.mesh import mesh_hashes
 from dsr.geometry.placing import OBJECT, put_model
+from dsr.keys import BASE
 from dsr.memory import Memory
 from dsr.persistence.files import read_graph
 from dsr.transforms import Pose
 
 app = typer.Typer()
 
-BASE = "base"
-"""The world that a system is launched with."""
 _PATIENCE = 20.0
 """s that somebody else gets to take the meshes."""
 _MOST_WARNINGS = 20
@@ -89,10 +89,19 @@ def load(
 
 @contextmanager
 def _world(memory: Memory, name: str) -> Iterator[Memory]:
-    """The world of that name. Raises `ConfigError` if there is none."""
-    if name != BASE:
-        raise ConfigError(f"no world {name!r}; valid: {BASE}")
-    yield memory
+    """The world of that name; at the end waits until the others there have what was written.
+
+    Raises:
+        ConfigError: if there is none.
+        TransportError: if somebody did not tell in time that he has it.
+    """
+    try:
+        world = memory.world(name)
+    except WorldNotFoundError as error:
+        raise ConfigError(str(error)) from error
+    yield world
+    if not world.replica.wait_until(lambda: world.replica.synchroniser.delivered, DELIVERY_PATIENCE):
+        raise TransportError(f"not all of {', '.join(world.peers)} have it after {DELIVERY_PATIENCE:.0f} s")
 
 
 def _place(memory: Memory, world: str) -> str:

@@ -34,6 +34,14 @@ def test_the_world_may_be_left_out(memory: Memory, cli: Callable[..., str], file
     assert memory.node("flag")["size"] == pytest.approx((1.0, 0.0, 1.0))
 
 
+def test_another_world_gets_it_and_the_base_does_not(memory: Memory, cli: Callable[..., str], file: Path) -> None:
+    hypothesis = memory.create_world("hypothesis")
+    assert "into world hypothesis of scene: flag" in cli("load", "hypothesis", str(file))
+    assert hypothesis.node("flag").type == "object" and "flag" not in memory
+    cli("load", "hypothesis", str(file.with_suffix(".obj")), "--prefix", "second_")
+    assert "second_flag" in hypothesis
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
