@@ -82,7 +82,7 @@ class Model:
         return tuple({mesh.hash: mesh for node in self.nodes for mesh in node.meshes}.values())
 
     def merged(self, centre: Vector3 = (0.5, 0.5, 0.5)) -> Model:
-        """All of it as one node with upright axes, its frame at `centre` of the bounding box (0: least, 1: greatest)."""
+        """All of it as one upright node, its frame at `centre` of the bounding box (0: least, 1: greatest x, y, z)."""
         file_from: dict[str, Pose] = {}
         placed: list[tuple[Array, Mesh]] = []
         for node in self.nodes:
