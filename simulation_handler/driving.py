@@ -10,7 +10,7 @@ The way is played a little late, smoothed, so that noise shakes nothing and no b
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Mapping, Set
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -47,7 +47,14 @@ _SURELY = 2.5  # times the noise, from which two percepts tell that an object is
 _ARRIVED = 0.004  # m
 _STUCK = 1.0  # s after which a body that cannot get where it is seen is driven no more
 _VAGUE: Array = np.diag((1e-5, 1e-5, 1e-4))  # m^2, of what is unseen in a hand
+_ALIKE = 0.5  # of the way that a load was seen to take, by which that of what it stands on is another one
+_SURELY_APART = 0.03  # m of its way, from which a load is seen to leave what it stands on
+_UPRIGHT = 0.35  # rad of tilt, up to which what stands on a driven body does not slide
 _LOST = 0.06  # m from where it is seen, beyond which what is in or on a driven object does not ride with it
+
+
+_Twist = tuple[Vector3, Vector3]
+"""m/s and rad/s, in the world"""
 
 
 @dataclass
@@ -66,6 +73,8 @@ class _Drive:
     """A hand has held it since it rested"""
     still_since: float | None = None
     """s"""
+    velocity: _Twist = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    """m/s and rad/s, in the last step of physics"""
 
 
 class Driving:
@@ -84,16 +93,52 @@ class Driving:
         seconds, self._now = max(now - self._now, 0.0), now
         for name in [name for name in self._drives if not self._may_go_on(name)]:
             del self._drives[name]
+        before = set(self._drives)
         for item in self._bodies.objects.values():
             if item.name in self._drives:
                 self._go_on(item, self._drives[item.name], now, seconds)
             elif (start := self._start(item, now)) is not None:
                 self._begin(item, start)
+        self._lead_from_below(self._drives.keys() - before, now)
         self._let_pass()
         riders = self._riders(self._drives)
         for item in self._bodies.objects.values():
             item.driven = item.name in self._drives
             item.rides = item.name in riders and not self._is_lost(item, now)
+
+    def _lead_from_below(self, new: Set[str], now: float) -> None:
+        """What stands on an object that is on its way goes with that.
+
+        If it sets out first, that comes along, or it waits until it is sure that they part.
+        """
+        beneath = self._beneath()
+        for name in sorted(new & beneath.keys()):
+            load, start = self._bodies.objects[name], self._drives[name].played
+            for base in sorted(beneath[name] & self._bodies.objects.keys() - self._drives.keys()):
+                item = self._bodies.objects[base]
+                if not item.drivable or item.holder or load.hand or item.estimate_at(now) is None:
+                    continue
+                way, other = self._way(item), self._way(load)
+                if float(np.linalg.norm(way - other)) < _ALIKE * float(np.linalg.norm(other)):
+                    self._begin(item, start)
+                elif float(np.linalg.norm(other)) < _SURELY_APART:
+                    self._drives.pop(name, None)
+        for name in sorted(self._drives.keys() & beneath.keys()):
+            item = self._bodies.objects[name]
+            others = self._drives.keys() - {name}
+            if not item.hand and _only_base(name, beneath, others) and not self._is_lost(item, now):
+                self._drives.pop(name)
+
+    def _way(self, item: BelievedObject) -> Array:
+        """(3,) m from where an object is believed to be to where it was seen last."""
+        return np.subtract(item.path.at(item.path.newest).t, self._bodies.sim.position(item.name))
+
+    def _beneath(self) -> dict[str, set[str]]:
+        """What each object stands on."""
+        beneath: dict[str, set[str]] = {}
+        for upper, lower in self._relations.current():
+            beneath.setdefault(upper, set()).add(lower)
+        return beneath
 
     def _let_pass(self) -> None:
         """Driven bodies of which none carries the other do not push each other: where they are seen tells all.
@@ -112,11 +157,41 @@ class Driving:
         if not self._drives:
             sim.step(count)
             return
+        loads = self._loads()
         for k in range(1, count + 1):
             for name, drive in self._drives.items():
                 here = Pose.unchecked(*sim.pose(name))
-                sim.set_velocity(name, *_velocity(here, drive, k / count, count * TIME_STEP))
+                before, drive.velocity = drive.velocity, _velocity(here, drive, k / count, count * TIME_STEP)
+                (x, y, z), spin = drive.velocity
+                sim.set_velocity(name, (x, y, z + GRAVITY * TIME_STEP), spin)
+                for load in loads.get(name, ()):
+                    self._take_along(load, here, before, drive.velocity)
             sim.step(gently=True)
+
+    def _loads(self) -> dict[str, list[str]]:
+        """What stands on each driven object that is about upright and on nothing else, directly and indirectly.
+
+        What a hand does gently shifts none of that; but the way of a body is as unsteady as percepts are.
+        """
+        beneath, found = self._beneath(), dict[str, list[str]]()
+        for name in sorted(beneath.keys() - self._drives.keys()):
+            item = self._bodies.objects.get(name)
+            base = _only_base(name, beneath, self._drives.keys())
+            if base is None or item is None or item.pinned or item.holder or name not in self._bodies.sim:
+                continue
+            if self._bodies.solid(base).face_down()[1] < _UPRIGHT:
+                found.setdefault(base, []).append(name)
+        return found
+
+    def _take_along(self, load: str, base: Pose, before: _Twist, after: _Twist) -> None:
+        """Let what stands on a driven body, at `base`, change its velocity as that does."""
+        position, (linear, spin) = self._bodies.sim.position(load), self._bodies.sim.velocity(load)
+        arm = np.subtract(position, base.t)
+        turn = np.subtract(after[1], before[1])
+        push = np.subtract(after[0], before[0]) + np.cross(turn, arm)
+        x, y, z = (linear + push).tolist()
+        a, b, c = (spin + turn).tolist()
+        self._bodies.sim.set_velocity(load, (x, y, z), (a, b, c))
 
     def rests(self, name: str) -> bool:
         """Whether something carries a driven object where it is seen, and it does not move any more."""
@@ -211,17 +286,29 @@ def _towards(a: Pose, b: Pose, metres: float) -> Pose:
     return b if distance <= metres else between(a, b, metres / distance)
 
 
-def _velocity(here: Pose, drive: _Drive, share: float, seconds: float) -> tuple[Vector3, Vector3]:
+def _only_base(name: str, beneath: Mapping[str, set[str]], drives: Set[str]) -> str | None:
+    """The one driven object on which something stands, also indirectly; None if it stands on anything else, too."""
+    found: set[str] = set()
+    level, known = {name}, {name}
+    while level:
+        lower = {base for upper in level for base in beneath.get(upper, {""})}
+        if "" in lower:
+            return None
+        found |= lower & drives
+        level = lower - found - known
+        known |= level
+    return found.pop() if len(found) == 1 else None
+
+
+def _velocity(here: Pose, drive: _Drive, share: float, seconds: float) -> _Twist:
     """m/s and rad/s at which a body gets to where it should be after a share of a step of the belief."""
     there = between(drive.begin, drive.end, share)
     steady = [(b - a) / seconds for a, b in zip(drive.begin.t, drive.end.t, strict=True)]
     turning = [angle / seconds for angle in turn_between(drive.begin.q, drive.end.q)]
     off = [(b - a) / _REACTION for a, b in zip(here.t, there.t, strict=True)]
     askew = [angle / _REACTION for angle in turn_between(here.q, there.q)]
-    x, y, z = _limited([a + b for a, b in zip(steady, off, strict=True)], _FASTEST)
-    return (x, y, z + GRAVITY * TIME_STEP), _limited(
-        [a + b for a, b in zip(turning, askew, strict=True)], _FASTEST_TURN
-    )
+    linear = _limited([a + b for a, b in zip(steady, off, strict=True)], _FASTEST)
+    return linear, _limited([a + b for a, b in zip(turning, askew, strict=True)], _FASTEST_TURN)
 
 
 def _limited(vector: list[float], most: float) -> Vector3:

@@ -181,7 +181,7 @@ class Simulator:
 
     def speed(self, name: str) -> tuple[float, float]:
         """How fast the body moves (m/s) and turns (rad/s)."""
-        linear, angular = pybullet.getBaseVelocity(self._id(name), physicsClientId=self._client)
+        linear, angular = self.velocity(name)
         return math.hypot(*linear), math.hypot(*angular)
 
     def place(
@@ -203,6 +203,11 @@ class Simulator:
     def set_velocity(self, name: str, linear: Vector3, angular: Vector3) -> None:
         """Let a body move (3,) m/s and turn (3,) rad/s from now on, until it meets something."""
         pybullet.resetBaseVelocity(self._id(name), linear, angular, physicsClientId=self._client)
+
+    def velocity(self, name: str) -> tuple[Vector3, Vector3]:
+        """(3,) m/s of the body's centre, and (3,) rad/s."""
+        linear, angular = pybullet.getBaseVelocity(self._id(name), physicsClientId=self._client)
+        return linear, angular
 
     def wake(self, name: str) -> None:
         """Wake a body and what is near it."""
