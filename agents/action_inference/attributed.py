@@ -44,7 +44,9 @@ class _Track:
     resting_since: float | None = None
     """s, since when it rests on something untouched."""
     returned: bool = False
-    """It was seen again, after a while, and not yet where it lay."""
+    """It was seen again, after a while, and it is not sure yet where it lies."""
+    returned_at: float = 0.0
+    """s, of the first percept then."""
     recalled: bool = False
 
 
@@ -96,7 +98,7 @@ class AttributedPolicy:
         if thing.seen is not None:
             last = track.seen.last
             if last is not None and thing.seen.stamp > last.time + _GONE:
-                track.returned = True
+                track.returned, track.returned_at = True, thing.seen.stamp
             track.seen.add(Height(thing.seen.stamp, thing.bottom(thing.seen), thing.seen.t))
         if thing.believed is not None:
             track.believed.add(Height(now, thing.bottom(thing.believed), thing.believed.t))
@@ -136,7 +138,10 @@ class AttributedPolicy:
         """It is not held: note where it lies."""
         if track.seen.last is not None and (track.seen.lies or (thing.plausible and not thing.grasps)):
             track.seen.lie()
-            track.returned = track.returned and track.seen.is_rising
+            if thing.plausible and not thing.grasps:
+                track.returned = track.returned and not track.seen.lie_anew(track.returned_at)
+            else:
+                track.returned = track.returned and track.seen.is_rising
         if track.believed.last is not None and not thing.grasps and thing.plausible:
             track.believed.lie()
 

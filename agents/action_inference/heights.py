@@ -9,6 +9,7 @@ from dsr.quaternions import Vector3
 
 _KEPT = 40  # samples
 _ADAPT = 0.1  # share by which where it lies follows a sample
+_ANEW = 5  # samples
 _LOW = 0.4  # of the threshold, up to which it may still lie
 
 
@@ -69,6 +70,19 @@ class Heights:
             bottom = rest.bottom + _ADAPT * (last.bottom - rest.bottom)
             z = rest.position[2] + _ADAPT * (last.position[2] - rest.position[2])
             self._rest = Height(last.time, bottom, (*last.position[:2], z))
+
+    def lie_anew(self, since: float) -> bool:
+        """Let it lie where it was seen on average since then (s); false while there are too few samples for that.
+
+        The few percepts before it was hidden may have been of a part of it, and so off.
+        """
+        samples = [sample for sample in self._samples if sample.time >= since]
+        if len(samples) < _ANEW:
+            return False
+        bottom = sum(sample.bottom for sample in samples) / len(samples)
+        x, y, z = (sum(values) / len(samples) for values in zip(*(one.position for one in samples), strict=True))
+        self._rest = Height(samples[-1].time, bottom, (x, y, z))
+        return True
 
     def forget(self) -> None:
         """It lies somewhere else from now on."""

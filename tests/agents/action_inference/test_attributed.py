@@ -227,6 +227,23 @@ def test_what_is_seen_again_higher_up_lies_there_unless_it_is_implausible():
         assert stage.told == ([] if plausible else ["Pick(cup)"])
 
 
+def test_what_is_seen_again_lies_where_it_is_seen_to_lie_and_not_where_its_last_sight_was_off():
+    stage = Stage(AttributedPolicy(), bias=0.0)
+    stage.add("cup", (0.0, 0.0, 0.02))
+    stage.run(1.0)
+    x, y, z = stage.true["cup"]
+    stage.true["cup"] = (x, y, z - 0.017)  # so little of it was in sight that it seemed to be lower
+    stage.run(1.0)
+    stage.visible["cup"], stage.true["cup"] = False, (x, y, z)
+    stage.run(3.0)
+    stage.visible["cup"] = True
+    for height in (0.0, -0.013, 0.002, 0.004, 0.0, 0.002):
+        stage.true["cup"] = (x, y, z + height)
+        stage.run(0.1)
+    stage.run(1.0)
+    assert stage.told == []
+
+
 def test_a_grasp_that_is_lost_sight_of_does_not_end_the_hold(stage: Stage):
     stage.grasp("cup", HAND)
     lift(stage)
