@@ -30,6 +30,11 @@ MODULES = {
         "WRITTEN_ATTRIBUTES", "WRITTEN_EDGES", "WRITTEN_NODES", "explanations", "holds", "is_keyed", "kept_by",
         "query", "read_entry", "relation", "relations", "tell", "ACTION", "AGENT", "INTENTION", "PRESENT", "SURPRISING",
     },
+    "dsr.visibility": {
+        "Body", "CAMERA", "Glance", "LEAST_PIXELS", "LEAST_SHARE", "PERSON", "PERSON_FOV", "PERSPECTIVES", "Perspective",
+        "Picture", "Scene", "SightChange", "VisibilityMonitor", "WIDTH", "is_seen", "lens_of", "placed",
+        "read_perspectives", "shape_of_thing", "visibility",
+    },
     "dsr.what_if": {
         "Action", "Answer", "Change", "MAX_CHANGES", "MAX_SECONDS", "Numbers", "Pending", "Question", "SERVICE",
         "TIMEOUT", "WhatIf", "decode_answer", "decode_question", "encode_answer", "encode_question",

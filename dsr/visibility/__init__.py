@@ -1,0 +1,44 @@
+"""Who sees what: perspectives (cameras, persons), pictures drawn from there, and how much of each thing they show.
+
+shares = visibility(memory)
+monitor = VisibilityMonitor(memory, ["human_1"])
+came_into_sight = [change.thing for change in monitor.update() if change.seen]
+"""
+
+from dsr.visibility.bodies import placed, shape_of_thing
+from dsr.visibility.looking import LEAST_PIXELS, LEAST_SHARE, Scene, is_seen, visibility
+from dsr.visibility.monitor import SightChange, VisibilityMonitor
+from dsr.visibility.perspectives import (
+    CAMERA,
+    PERSON,
+    PERSON_FOV,
+    PERSPECTIVES,
+    WIDTH,
+    Perspective,
+    lens_of,
+    read_perspectives,
+)
+from dsr.visibility.picture import Body, Glance, Picture
+
+__all__ = [
+    "CAMERA",
+    "LEAST_PIXELS",
+    "LEAST_SHARE",
+    "PERSON",
+    "PERSON_FOV",
+    "PERSPECTIVES",
+    "WIDTH",
+    "Body",
+    "Glance",
+    "Perspective",
+    "Picture",
+    "Scene",
+    "SightChange",
+    "VisibilityMonitor",
+    "is_seen",
+    "lens_of",
+    "placed",
+    "read_perspectives",
+    "shape_of_thing",
+    "visibility",
+]

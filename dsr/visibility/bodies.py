@@ -1,0 +1,134 @@
+"""What can be seen in a world, and what hides it: things, tables, parts of robots and persons, and meshes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from dsr.elements import Node
+from dsr.errors import DsrError, SchemaError
+from dsr.memory import Memory
+from dsr.relations import SURFACES, THINGS
+from dsr.schema import WORLD_RECORD
+from dsr.shapes import Part, Shape, box, from_numbers
+from dsr.surfaces import Solids
+from dsr.transforms import Array, Pose
+from dsr.visibility.perspectives import BELIEVED
+from dsr.visibility.picture import Body
+
+_WORLD = "world"
+_FARTHEST = 1e4  # m from the world's origin, or across: what is said to be beyond is nowhere
+_PALM = Part("box", (0.19, 0.095, 0.04), (0.03, 0.0, 0.0))
+"""What a hand hides: x towards the fingers, z out of the back."""
+
+
+class Posed(NamedTuple):
+    """What a node says of its form, and where it is."""
+
+    name: str
+    kind: str
+    """Type of the node."""
+    shape: Shape
+    """Its parts, in its frame."""
+    meshes: str
+    """Hashes, comma-separated; with any, the parts are only what stands for them."""
+    matrix: Array
+    """(4, 4) world_from_node"""
+
+    @property
+    def is_thing(self) -> bool:
+        """Whether it can be moved, and is looked for."""
+        return self.kind in THINGS or self.kind == "object"
+
+
+def read_posed(memory: Memory) -> list[Posed]:
+    """All that has a form and a place, by name; what is believed to have left the scene is nowhere."""
+    formed = []
+    for node in memory.nodes():
+        if node.type != WORLD_RECORD and (shape := _shape_of(node)) is not None:
+            formed.append((node, shape))
+    formed.sort(key=lambda pair: pair[0].name)
+    if not formed:
+        return []
+    matrices = memory.transforms(_WORLD, [node.name for node, _ in formed], types=BELIEVED)
+    return [
+        Posed(node.name, node.type, shape, node.get("mesh", ""), matrix)
+        for (node, shape), matrix in zip(formed, matrices, strict=True)
+        if math.isfinite(float(matrix.sum())) and float(np.abs(matrix[:3, 3]).max()) < _FARTHEST
+    ]
+
+
+def bodies_of(memory: Memory, posed: Sequence[Posed]) -> list[Body]:
+    """These as bodies in the world; a mesh that is not here yet is the box around it, and is asked for."""
+    return [_body(memory, one) for one in posed]
+
+
+def placed(name: str, shape: Shape, world_from_body: Pose) -> Body:
+    """A body of a shape, somewhere in the world."""
+    return Body(name, _moved(Solids.of(shape), world_from_body.matrix))
+
+
+def shape_of_thing(node: Node) -> Shape | None:
+    """The parts of a thing, in its frame; None if it does not tell."""
+    if "shape" in node:
+        try:
+            return from_numbers(node["shape"])
+        except SchemaError:
+            return None
+    size = node.get("size")
+    return box(size) if _is_size(size) else None
+
+
+def _shape_of(node: Node) -> Shape | None:
+    if node.get("present") is False:
+        return None
+    if node.type in THINGS:
+        return shape_of_thing(node)
+    size, bounds = node.get("size"), node.get("bounds")
+    if node.type in SURFACES and _is_size(size):
+        return (Part("box", size, (0.0, 0.0, -0.5 * size[2])),)
+    if node.type == "hand" and node.get("perceived") is not False:
+        return (_PALM,)
+    if (
+        isinstance(bounds, tuple)
+        and len(bounds) == 6
+        and all(a < b for a, b in zip(bounds[:3], bounds[3:], strict=True))
+    ):
+        x, y, z = (b - a for a, b in zip(bounds[:3], bounds[3:], strict=True))
+        u, v, w = (0.5 * (a + b) for a, b in zip(bounds[:3], bounds[3:], strict=True))
+        return (Part("box", (x, y, z), (u, v, w)),)
+    return None
+
+
+def _is_size(size: object) -> bool:
+    return isinstance(size, tuple) and len(size) == 3 and min(size) > 0.0 and max(size) < _FARTHEST
+
+
+def _body(memory: Memory, posed: Posed) -> Body:
+    triangles = _triangles(memory, posed) if posed.meshes else None
+    if triangles is None:
+        return Body(posed.name, _moved(Solids.of(posed.shape), posed.matrix))
+    return Body(posed.name, Solids.of(()), triangles)
+
+
+def _triangles(memory: Memory, posed: Posed) -> Array | None:
+    """(m, 3, 3) m in the world; None while one of its meshes is not here."""
+    corners = []
+    for digest in filter(None, posed.meshes.split(",")):
+        try:
+            mesh = memory.get_mesh(digest)
+        except DsrError:
+            return None
+        if mesh is None:
+            return None
+        vertices = mesh.vertices.astype(np.float64) @ posed.matrix[:3, :3].T + posed.matrix[:3, 3]
+        corners.append(vertices[mesh.triangles])
+    return np.concatenate(corners) if corners else None
+
+
+def _moved(solids: Solids, matrix: Array) -> Solids:
+    turn = matrix[:3, :3]
+    return Solids(solids.kinds, solids.centre @ turn.T + matrix[:3, 3], turn @ solids.turn, solids.half)

@@ -1,0 +1,62 @@
+"""Who sees what in a world, at this moment."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+
+from dsr.memory import Memory
+from dsr.visibility.bodies import Posed, bodies_of, read_posed
+from dsr.visibility.perspectives import WIDTH, Perspective, read_perspectives
+from dsr.visibility.picture import Body, Glance, Picture
+
+Sights = Mapping[tuple[str, str], Glance]
+"""By the names of who looks and of what is looked at."""
+
+LEAST_SHARE = 0.2
+"""Of the pixels that a thing would have alone, from which on it is seen."""
+LEAST_PIXELS = 3
+"""Of a thing that is seen."""
+
+
+class Scene(NamedTuple):
+    """What is there to be seen."""
+
+    bodies: list[Body]
+    things: frozenset[str]
+    """Names of those that are looked for."""
+
+    @staticmethod
+    def of(memory: Memory, posed: list[Posed] | None = None) -> Scene:
+        """The scene of a world, or of what was read of it."""
+        posed = read_posed(memory) if posed is None else posed
+        return Scene(bodies_of(memory, posed), frozenset(one.name for one in posed if one.is_thing))
+
+    def seen_from(self, perspective: Perspective) -> Picture:
+        """What that looks like."""
+        return Picture(perspective.world_from_view, perspective.lens, self.bodies, self.things)
+
+
+def visibility(memory: Memory, names: Iterable[str] | None = None, width: int = WIDTH) -> dict[tuple[str, str], Glance]:
+    """How much of every thing is seen from every perspective of a world, by (perspective, thing).
+
+    Args:
+        memory: the world.
+        names: of the perspectives; all by default.
+        width: px, of the pictures that are drawn for it.
+
+    Raises:
+        ConfigError: for a name of no perspective.
+    """
+    scene = Scene.of(memory)
+    return {
+        (perspective.name, thing): picture.glance(thing)
+        for perspective in read_perspectives(memory, names, width)
+        for picture in [scene.seen_from(perspective)]
+        for thing in sorted(scene.things)
+    }
+
+
+def is_seen(glance: Glance, least_share: float = LEAST_SHARE, least_pixels: int = LEAST_PIXELS) -> bool:
+    """Whether that is enough to be seen."""
+    return glance.share >= least_share and glance.pixels >= least_pixels

@@ -1,0 +1,135 @@
+"""Follows who sees what in a world, and tells what comes into sight and what goes out of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from dsr.memory import Memory
+from dsr.visibility.bodies import Posed, read_posed
+from dsr.visibility.looking import LEAST_PIXELS, LEAST_SHARE, Scene
+from dsr.visibility.perspectives import WIDTH, Perspective, read_perspectives
+from dsr.visibility.picture import Glance, Picture
+
+_STILL = 3e-4  # m, and of the entries of rotation matrices: what moved by less is where it was
+
+
+class SightChange(NamedTuple):
+    """Something came into somebody's sight, or went out of it."""
+
+    perspective: str
+    thing: str
+    seen: bool
+    glance: Glance
+
+
+class VisibilityMonitor:
+    """Who sees what in a world, with hysteresis: what is seen is seen until its share is clearly below the least.
+
+    Pictures are drawn anew only from perspectives that moved, or when something else did. To be used by one thread.
+
+    Args:
+        memory: the world.
+        perspectives: names of cameras and persons; all by default, also those that come.
+        least_share: of the pixels that a thing would have alone, from which on it is seen.
+        least_pixels: of a thing that is seen.
+        band: by how much the share of what is seen may be below the least.
+        width: px, of the pictures.
+    """
+
+    def __init__(
+        self,
+        memory: Memory,
+        perspectives: Iterable[str] | None = None,
+        *,
+        least_share: float = LEAST_SHARE,
+        least_pixels: int = LEAST_PIXELS,
+        band: float = 0.05,
+        width: int = WIDTH,
+    ) -> None:
+        self._memory = memory
+        self._names = None if perspectives is None else frozenset(perspectives)
+        self._least_share, self._least_pixels, self._band, self._width = least_share, least_pixels, band, width
+        self._posed: list[Posed] = []
+        self._drawn: dict[str, tuple[Perspective, Picture]] = {}
+        self._glances: dict[tuple[str, str], Glance] = {}
+        self._seen: frozenset[tuple[str, str]] = frozenset()
+        self.scene = Scene([], frozenset())
+        """What there was at the last look."""
+        self.pictures = 0
+        """How many were drawn."""
+
+    @property
+    def glances(self) -> Mapping[tuple[str, str], Glance]:
+        """At the last look, by (perspective, thing), of all perspectives there were."""
+        return self._glances
+
+    @property
+    def seen(self) -> frozenset[tuple[str, str]]:
+        """(perspective, thing) of all that is seen."""
+        return self._seen
+
+    @property
+    def perspectives(self) -> list[str]:
+        """Those from which was looked."""
+        return list(self._drawn)
+
+    def sees(self, perspective: str, thing: str) -> bool:
+        """Whether a thing was seen from there at the last look."""
+        return (perspective, thing) in self._seen
+
+    def picture(self, perspective: str) -> Picture:
+        """What was seen from there at the last look. Raises `KeyError` if nobody looked from there."""
+        return self._drawn[perspective][1]
+
+    def update(self) -> list[SightChange]:
+        """Look again; returns what came into sight, or went out of it, since the last time."""
+        posed = read_posed(self._memory)
+        if not _is_same(posed, self._posed) or any(one.meshes for one in posed):
+            self._posed, self._drawn = posed, {}
+            self.scene = Scene.of(self._memory, posed)
+        self._look()
+        things = sorted(self.scene.things)
+        self._glances = {
+            (name, thing): picture.glance(thing) for name, (_, picture) in self._drawn.items() for thing in things
+        }
+        before, self._seen = (
+            self._seen,
+            frozenset(key for key, glance in self._glances.items() if self._is_seen(key, glance)),
+        )
+        nothing = Glance(0.0, 0, 0, "")
+        return [
+            SightChange(*key, key in self._seen, self._glances.get(key, nothing)) for key in sorted(before ^ self._seen)
+        ]
+
+    def _look(self) -> None:
+        """Draw the pictures that are not up to date."""
+        drawn = {}
+        for perspective in read_perspectives(self._memory, None, self._width):
+            if self._names is not None and perspective.name not in self._names:
+                continue
+            known = self._drawn.get(perspective.name)
+            if known is None or known[0].lens != perspective.lens or not _is_still(known[0], perspective):
+                known = (perspective, self.scene.seen_from(perspective))
+                self.pictures += 1
+            drawn[perspective.name] = known
+        self._drawn = drawn
+
+    def _is_seen(self, key: tuple[str, str], glance: Glance) -> bool:
+        least = self._least_share - (self._band if key in self._seen else 0.0)
+        return glance.share >= least and glance.pixels >= self._least_pixels
+
+
+def _is_same(posed: list[Posed], before: list[Posed]) -> bool:
+    if [one[:4] for one in posed] != [one[:4] for one in before]:
+        return False
+    return not posed or bool(
+        np.abs(np.array([a.matrix - b.matrix for a, b in zip(posed, before, strict=True)])).max() < _STILL
+    )
+
+
+def _is_still(before: Perspective, now: Perspective) -> bool:
+    distance, angle = before.world_from_view.distance(now.world_from_view)
+    return distance < _STILL and angle < _STILL

@@ -1,0 +1,296 @@
+"""A segmented picture of convex parts and triangles, drawn with numpy: which body is seen in which pixel, and how near.
+
+A ray goes through the middle of each pixel. Where it meets a flat face, 1 / depth and the four conditions of being
+within the face are linear in the pixel's coordinates, so that a face is drawn row by row from one bound to another, and
+the outcome is that of casting each ray. Cylinders and spheres are cut with each ray of the window around them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsr.intrinsics import Intrinsics
+from dsr.surfaces import Solids, crossings
+from dsr.transforms import Pose
+from dsr.visibility.triangles import draw_triangles
+
+Array = NDArray[np.float64]
+Flags = NDArray[np.bool_]
+
+NEAREST = 1e-3
+"""m along the axis; what is nearer is not drawn"""
+_MARGIN = 0.005  # m around a part within which an eye counts as in it: it hides nothing from that eye
+_LEVEL = 1e-12  # stands for the slope of a bound that does not depend on the column
+_ROUNDING = 1e-9  # of a nearness, by which a body that touches another is no less near
+_CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
+
+
+class Body(NamedTuple):
+    """Something that is seen, and hides."""
+
+    name: str
+    solids: Solids
+    """Its convex parts in the world."""
+    triangles: Array | None = None
+    """(m, 3, 3) m, corners of triangles in the world, for what is no union of convex parts"""
+
+
+class Glance(NamedTuple):
+    """What is seen of a body."""
+
+    share: float
+    """Of the pixels that it would have alone, 0 to 1."""
+    pixels: int
+    """That show it."""
+    alone: int
+    """That would show it if nothing else were there, also beyond the edges of the picture, by half its size."""
+    hidden_by: str
+    """The body that hides most of it; empty if nothing does."""
+
+
+class Window(NamedTuple):
+    """Columns and rows of a picture, the last ones not included; they may be beyond its edges."""
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+    def common(self, other: Window) -> Window:
+        """What both have in common."""
+        return Window(
+            max(self.left, other.left), max(self.top, other.top),
+            min(self.right, other.right), min(self.bottom, other.bottom),
+        )  # fmt: skip
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is no pixel in it."""
+        return self.left >= self.right or self.top >= self.bottom
+
+    def slices(self, within: Window) -> tuple[slice, slice]:
+        """Where it is in an array that covers `within`."""
+        return (
+            slice(self.top - within.top, self.bottom - within.top),
+            slice(self.left - within.left, self.right - within.left),
+        )
+
+
+class Shot(NamedTuple):
+    """A body in a picture, alone."""
+
+    window: Window
+    nearness: Array
+    """(rows, columns) 1/m, one over the depth along the axis; 0 where the body is not"""
+
+
+class Picture:
+    """What is seen from somewhere.
+
+    Args:
+        world_from_view: of the optical frame: z forward, x right, y down.
+        lens: of the picture.
+        bodies: all that is there.
+        wanted: names of those of which a glance will be asked.
+    """
+
+    def __init__(
+        self, world_from_view: Pose, lens: Intrinsics, bodies: Sequence[Body], wanted: Collection[str]
+    ) -> None:
+        self.names = [body.name for body in bodies]
+        self.frame = Window(0, 0, lens.width, lens.height)
+        self._lens = lens
+        self._eye = world_from_view.translation
+        self._turn = world_from_view.rotation_matrix
+        self.nearness: Array = np.zeros((lens.height, lens.width))
+        """(h, w) 1/m, one over the depth along the axis; 0 where nothing is"""
+        self.bodies: NDArray[np.int32] = np.full((lens.height, lens.width), -1, dtype=np.int32)
+        """(h, w) index of the body that is seen in each pixel; -1 for none"""
+        self._shots: dict[str, tuple[int, Shot]] = {}
+        beyond = (lens.width // 2, lens.height // 2)
+        self._around = Window(-beyond[0], -beyond[1], lens.width + beyond[0], lens.height + beyond[1])
+        limits = [self._around if body.name in wanted else self.frame for body in bodies]
+        for index, (body, shot) in enumerate(zip(bodies, self._shoot(bodies, limits), strict=True)):
+            if shot is not None:
+                self._draw(index, shot)
+                if body.name in wanted:
+                    self._shots[body.name] = (index, shot)
+
+    def glance(self, name: str) -> Glance:
+        """What is seen of one of the wanted bodies."""
+        if name not in self._shots:
+            return Glance(0.0, 0, 0, "")
+        index, shot = self._shots[name]
+        inside = shot.window.common(self.frame)
+        if inside.is_empty:
+            return Glance(0.0, 0, int(np.count_nonzero(shot.nearness)), "")
+        there = self.bodies[inside.slices(self.frame)]
+        return self._judge(shot, inside, there == index, there)
+
+    def would_show(self, body: Body) -> Glance:
+        """What would be seen of a body that is not in the picture, if it were there and all else as it is."""
+        [shot] = self._shoot([body], [self._around])
+        if shot is None:
+            return Glance(0.0, 0, 0, "")
+        inside = shot.window.common(self.frame)
+        if inside.is_empty:
+            return Glance(0.0, 0, int(np.count_nonzero(shot.nearness)), "")
+        mine = shot.nearness[inside.slices(shot.window)]
+        free = (mine > 0.0) & (mine >= self.nearness[inside.slices(self.frame)] * (1.0 - _ROUNDING))
+        return self._judge(shot, inside, free, self.bodies[inside.slices(self.frame)])
+
+    def _judge(self, shot: Shot, inside: Window, seen: Flags, there: NDArray[np.int32]) -> Glance:
+        alone, pixels = int(np.count_nonzero(shot.nearness)), int(np.count_nonzero(seen))
+        hiding = there[(shot.nearness[inside.slices(shot.window)] > 0.0) & ~seen]
+        hiding = hiding[hiding >= 0]
+        hidden_by = self.names[int(np.bincount(hiding).argmax())] if len(hiding) else ""
+        return Glance(pixels / alone if alone else 0.0, pixels, alone, hidden_by)
+
+    def _draw(self, index: int, shot: Shot) -> None:
+        inside = shot.window.common(self.frame)
+        if inside.is_empty:
+            return
+        near, buffer = shot.nearness[inside.slices(shot.window)], self.nearness[inside.slices(self.frame)]
+        nearer = near > buffer
+        buffer[nearer] = near[nearer]
+        self.bodies[inside.slices(self.frame)][nearer] = index
+
+    def _shoot(self, bodies: Sequence[Body], limits: Sequence[Window]) -> list[Shot | None]:
+        """Each body alone, within its limits."""
+        counts = [len(body.solids.kinds) for body in bodies]
+        if not bodies:
+            return []
+        kinds = np.concatenate([body.solids.kinds for body in bodies])
+        half = np.concatenate([body.solids.half for body in bodies])
+        centres = (np.concatenate([body.solids.centre for body in bodies]) - self._eye) @ self._turn
+        axes = self._turn.T @ np.concatenate([body.solids.turn for body in bodies])
+        parts = _Parts(kinds, centres, axes, half)
+        windows = parts.windows(self._lens)
+        found, first = [], 0
+        for body, count, limit in zip(bodies, counts, limits, strict=True):
+            own = range(first, first + count)
+            first += count
+            found.append(self._shoot_one(body, parts, own, windows, limit))
+        return found
+
+    def _shoot_one(
+        self, body: Body, parts: _Parts, own: range, windows: Mapping[int, Window], limit: Window
+    ) -> Shot | None:
+        shown = {
+            part: window for part in own if part in windows and not (window := windows[part].common(limit)).is_empty
+        }
+        shots = [Shot(window, self._nearness(parts, part, window)) for part, window in shown.items()]
+        if body.triangles is not None:
+            corners = (body.triangles - self._eye) @ self._turn
+            drawn = draw_triangles(corners, self._lens, limit, NEAREST)
+            if drawn is not None:
+                shots.append(Shot(Window(*drawn[0]), drawn[1]))
+        return _joined(shots)
+
+    def _nearness(self, parts: _Parts, part: int, window: Window) -> Array:
+        lens = self._lens
+        x: Array = (np.arange(window.left, window.right, dtype=np.float64) - lens.cx) / lens.fx
+        y: Array = (np.arange(window.top, window.bottom, dtype=np.float64) - lens.cy) / lens.fy
+        if parts.kinds[part] == 0:
+            return _box_nearness(parts.centres[part], parts.axes[part], parts.half[part], x, y)
+        return _round_nearness(parts, part, x, y)
+
+
+class _Parts(NamedTuple):
+    """n convex parts in the frame of the view."""
+
+    kinds: NDArray[np.int64]
+    centres: Array
+    """(n, 3) m"""
+    axes: Array
+    """(n, 3, 3) view_from_part"""
+    half: Array
+    """(n, 3) m"""
+
+    def windows(self, lens: Intrinsics) -> dict[int, Window]:
+        """Around each part that may be seen."""
+        corners = self.centres[:, None] + (_CORNERS * self.half[:, None]) @ self.axes.transpose(0, 2, 1)
+        depth = corners[..., 2]
+        ahead: Flags = np.greater(depth, NEAREST)
+        safe = np.where(ahead, depth, 1.0)
+        u = corners[..., 0] / safe * lens.fx + lens.cx
+        v = corners[..., 1] / safe * lens.fy + lens.cy
+        whole: Flags = np.all(ahead, axis=1, keepdims=True)
+        limit = 4.0 * max(lens.width, lens.height)  # of what crosses the plane of the eye all may be seen
+        low = np.where(whole, np.stack([u.min(axis=1), v.min(axis=1)], axis=1), -limit)
+        high = np.where(whole, np.stack([u.max(axis=1), v.max(axis=1)], axis=1), limit)
+        low, high = np.clip(np.ceil(low), -limit, limit), np.clip(np.floor(high) + 1.0, -limit, limit)
+        eye = -np.einsum("nj,njk->nk", self.centres, self.axes)
+        outside = (np.abs(eye) > self.half + _MARGIN).any(axis=1)
+        shown = np.flatnonzero(np.any(ahead, axis=1) & outside)
+        edges = np.concatenate([low, high], axis=1).astype(np.int64)
+        return {part: Window(*edges[part].tolist()) for part in shown.tolist()}
+
+
+def _box_nearness(centre: Array, axes: Array, half: Array, x: Array, y: Array) -> Array:
+    """(rows, columns) 1 / depth of a box along rays (x, y, 1); 0 where they miss it.
+
+    Args:
+        centre: (3,) m, in the frame of the view.
+        axes: (3, 3), its axes there as columns.
+        half: (3,) m.
+        x: (columns,)
+        y: (rows,)
+    """
+    along = centre @ axes
+    found = np.zeros((len(y), len(x)))
+    for axis in range(3):
+        side = -np.sign(along[axis])
+        distance = abs(along[axis]) - half[axis]  # from the eye to the plane of the nearer face
+        if distance <= 0.0:
+            continue
+        plane = -side * axes[:, axis] / distance  # times a ray: 1 / depth where it meets the plane
+        bounds = [plane]
+        for other in range(3):
+            if other != axis:
+                bounds.append(axes[:, other] + (half[other] - along[other]) * plane)
+                bounds.append(-axes[:, other] + (half[other] + along[other]) * plane)
+        low, high = _spans(np.array(bounds), y)
+        near = plane[0] * x + (plane[1] * y + plane[2])[:, None]
+        within = (x >= low[:, None]) & (x <= high[:, None])
+        np.maximum(found, near, out=found, where=within)
+    return np.asarray(np.where(found < 1.0 / NEAREST, found, 0.0))
+
+
+def _spans(bounds: Array, y: Array) -> tuple[Array, Array]:
+    """Least and greatest x (rows,) of rays (x, y, 1) whose product with each of the bounds (n, 3) is not negative."""
+    slope = bounds[:, :1]
+    slope = np.where(np.abs(slope) < _LEVEL, _LEVEL, slope)
+    edge = -(bounds[:, 1:2] * y + bounds[:, 2:]) / slope
+    low = np.where(slope > 0.0, edge, -np.inf).max(axis=0)
+    high = np.where(slope < 0.0, edge, np.inf).min(axis=0)
+    return low, high
+
+
+def _round_nearness(parts: _Parts, part: int, x: Array, y: Array) -> Array:
+    """The same of a cylinder or a sphere."""
+    rays = np.empty((len(y), len(x), 3))
+    rays[..., 0], rays[..., 1], rays[..., 2] = x, y[:, None], 1.0
+    axes = parts.axes[part]
+    way = (rays.reshape(-1, 3) @ axes)[None]
+    start = -(parts.centres[part] @ axes)[None, None]
+    enters, leaves = crossings(parts.kinds[part : part + 1], parts.half[part : part + 1], start, way)
+    met: Flags = np.less(enters[0], leaves[0]) & np.greater(enters[0], NEAREST)
+    return np.asarray(np.where(met, 1.0 / np.where(met, enters[0], 1.0), 0.0).reshape(len(y), len(x)))
+
+
+def _joined(shots: Sequence[Shot]) -> Shot | None:
+    """One body of all its parts."""
+    if len(shots) <= 1:
+        return shots[0] if shots and shots[0].nearness.any() else None
+    edges = np.array([shot.window for shot in shots])
+    window = Window(*edges[:, :2].min(axis=0).tolist(), *edges[:, 2:].max(axis=0).tolist())
+    nearness = np.zeros((window.bottom - window.top, window.right - window.left))
+    for shot in shots:
+        place = nearness[shot.window.slices(window)]
+        np.maximum(place, shot.nearness, out=place)
+    return Shot(window, nearness) if nearness.any() else None

@@ -1,0 +1,76 @@
+"""Triangles drawn into a picture, all at once: for what is no union of convex parts."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsr.intrinsics import Intrinsics
+
+Array = NDArray[np.float64]
+Edges = tuple[int, int, int, int]
+
+_AT_ONCE = 2_000_000  # pairs of a triangle and a pixel, which bounds the memory
+_THIN = 1e-15  # of a triangle seen from its edge
+
+
+def draw_triangles(corners: Array, lens: Intrinsics, limit: Edges, nearest: float) -> tuple[Edges, Array] | None:
+    """The window (left, top, right, bottom) that triangles take in a picture, and 1 / depth in it; 0 where none is.
+
+    Args:
+        corners: (n, 3, 3) m, in the frame of the view; those that reach nearer than `nearest` are left out.
+        lens: of the picture.
+        limit: columns and rows (left, top, right, bottom) beyond which nothing is drawn.
+        nearest: m along the axis.
+
+    Returns:
+        None if nothing of them is within the limit.
+    """
+    corners = corners[(corners[..., 2] > nearest).all(axis=1)]
+    pixels = corners[..., :2] / corners[..., 2:] * (lens.fx, lens.fy) + (lens.cx, lens.cy)
+    low = np.maximum(np.ceil(pixels.min(axis=1)), limit[:2]).astype(np.int64)
+    high = np.minimum(np.floor(pixels.max(axis=1)) + 1, limit[2:]).astype(np.int64)
+    shown = (low < high).all(axis=1)
+    if not shown.any():
+        return None
+    corners, low, high = corners[shown], low[shown], high[shown]
+    (left, top), (right, bottom) = low.min(axis=0).tolist(), high.max(axis=0).tolist()
+    nearness = np.zeros((bottom - top) * (right - left))
+    counts = (high - low).prod(axis=1)
+    ends = np.cumsum(counts)
+    begin = 0
+    while begin < len(counts):
+        before = ends[begin - 1] if begin else 0
+        end = max(begin + 1, int(np.searchsorted(ends, before + _AT_ONCE, side="right")))
+        part = slice(begin, end)
+        _draw(corners[part], low[part], high[part], counts[part], lens, (left, top, right), nearness)
+        begin = end
+    return (left, top, right, bottom), nearness.reshape(bottom - top, right - left)
+
+
+def _draw(
+    corners: Array,
+    low: NDArray[np.int64],
+    high: NDArray[np.int64],
+    counts: NDArray[np.int64],
+    lens: Intrinsics,
+    origin: tuple[int, int, int],
+    nearness: Array,
+) -> None:
+    """Draw some triangles into the flat array `nearness`, whose window has the edges (left, top, right)."""
+    triangle = np.repeat(np.arange(len(counts)), counts)
+    number = np.arange(len(triangle)) - np.repeat(np.cumsum(counts) - counts, counts)
+    width = (high - low)[triangle, 0]
+    u, v = low[triangle, 0] + number % width, low[triangle, 1] + number // width
+    rays = np.stack([(u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy, np.ones(len(u))], axis=1)
+    sides = np.cross(np.roll(corners, -1, axis=1), np.roll(corners, -2, axis=1))  # side k is opposite to corner k
+    volume = np.einsum("nj,nj->n", corners[:, 0], sides[:, 0])
+    flat = np.abs(volume) < _THIN
+    normal = sides.sum(axis=1) / np.where(flat, 1.0, volume)[:, None]  # times a ray: 1 / depth
+    inside = ~flat[triangle]
+    signs = np.sign(volume)[triangle]
+    for side in range(3):
+        inside &= np.einsum("nj,nj->n", sides[triangle, side], rays) * signs >= 0.0
+    near = np.einsum("nj,nj->n", normal[triangle[inside]], rays[inside])
+    left, top, right = origin
+    np.maximum.at(nearness, (v[inside] - top) * (right - left) + u[inside] - left, near)

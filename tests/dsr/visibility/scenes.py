@@ -1,0 +1,78 @@
+"""Random scenes of convex things on a table, and the exact answer: every ray cast at every part."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dsr.intrinsics import Intrinsics
+from dsr.shapes import Part, Shape, box
+from dsr.surfaces import crossings
+from dsr.transforms import Pose
+from dsr.visibility import Body, placed
+from dsr.visibility.picture import NEAREST
+
+LENS = Intrinsics.from_fov(80, 60, 1.05)
+TABLE = placed("table", box((1.2, 1.2, 0.04)), Pose((0.0, 0.0, -0.02)))
+
+
+def looking(eye: tuple[float, float, float], at: tuple[float, float, float]) -> Pose:
+    """world_from_view of an upright optical frame at `eye` with `at` in the middle of its picture."""
+    forward = np.subtract(at, eye) / np.linalg.norm(np.subtract(at, eye))
+    right = np.cross(forward, (0.0, 0.0, 1.0))
+    right /= np.linalg.norm(right)
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.column_stack([right, np.cross(forward, right), forward])
+    matrix[:3, 3] = eye
+    return Pose.from_matrix(matrix)
+
+
+def random_things(rng: np.random.Generator, count: int) -> list[Body]:
+    """Boxes, cylinders, balls and open boxes near the middle of the table, some of them leaning."""
+    found = []
+    for number in range(count):
+        x, y, z = rng.uniform(0.03, 0.15, 3).tolist()
+        pose = Pose.from_rotvec((*rng.uniform(-0.5, 0.5, 2), z / 2), rng.uniform(-1.0, 1.0, 3) * (number % 2, 1, 1))
+        found.append(placed(f"thing_{number}", _shape(int(rng.integers(4)), (x, y, z)), pose))
+    return found
+
+
+def _shape(kind: int, size: tuple[float, float, float]) -> Shape:
+    x, y, z = size
+    if kind == 1:
+        return (Part("cylinder", (x, x, z)),)
+    if kind == 2:
+        return (Part("sphere", (x, x, x)),)
+    if kind == 3:
+        return (
+            Part("box", (x, y, 0.003), (0.0, 0.0, -z / 2)),
+            Part("box", (0.003, y, z), (x / 2, 0.0, 0.0)),
+            Part("box", (0.003, y, z), (-x / 2, 0.0, 0.0)),
+        )
+    return box(size)
+
+
+def cast(view: Pose, lens: Intrinsics, bodies: Sequence[Body]) -> dict[str, tuple[int, int]]:
+    """(pixels, alone) of every body as `Glance` has them, by casting a ray through every pixel at every part."""
+    across, down = lens.width // 2, lens.height // 2
+    u, v = (
+        grid.ravel()
+        for grid in np.meshgrid(np.arange(-across, lens.width + across), np.arange(-down, lens.height + down))
+    )
+    rays = np.stack([(u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy, np.ones(len(u))], axis=1)
+    depths = np.array([_depth(view.translation, rays @ view.rotation_matrix.T, body) for body in bodies])
+    inside = (u >= 0) & (u < lens.width) & (v >= 0) & (v < lens.height)
+    first = depths.argmin(axis=0)
+    return {
+        body.name: (int((inside & hit & (first == k)).sum()), int(hit.sum()))
+        for k, body in enumerate(bodies)
+        for hit in [np.isfinite(depths[k])]
+    }
+
+
+def _depth(eye: np.ndarray, rays: np.ndarray, body: Body) -> np.ndarray:
+    solids = body.solids
+    start = np.einsum("nj,nji->ni", eye - solids.centre, solids.turn)
+    enters, leaves = crossings(solids.kinds, solids.half, start[:, None], rays[None] @ solids.turn)
+    return np.asarray(np.where((enters < leaves) & (enters > NEAREST), enters, np.inf).min(axis=0))

@@ -1,0 +1,91 @@
+"""Pictures: the same as casting every ray, in random scenes; what hides what; what is beyond the edges."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dsr.shapes import Part, box
+from dsr.transforms import Pose
+from dsr.visibility import Body, Picture, placed
+from tests.dsr.visibility.scenes import LENS, TABLE, cast, looking, random_things
+
+CUBE = box((0.04, 0.04, 0.04))
+VIEW = looking((-1.0, 0.0, 0.3), (0.0, 0.0, 0.02))
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_picture_is_that_of_casting_every_ray(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    bodies = [TABLE, *random_things(rng, 10)]
+    angle = rng.uniform(0.0, 2 * np.pi)
+    view = looking((0.9 * np.cos(angle), 0.9 * np.sin(angle), 0.4), (0.2, 0.0, 0.0))
+    picture = Picture(view, LENS, bodies, [body.name for body in bodies[1:]])
+    expected = cast(view, LENS, bodies)
+    for body in bodies[1:]:
+        glance = picture.glance(body.name)
+        assert (glance.pixels, glance.alone) == expected[body.name], body.name
+
+
+def test_what_is_alone_is_seen_completely() -> None:
+    picture = Picture(VIEW, LENS, [TABLE, placed("cube", CUBE, Pose((0.0, 0.0, 0.02)))], ["cube"])
+    glance = picture.glance("cube")
+    assert glance.share == 1.0 and glance.pixels == glance.alone > 5 and glance.hidden_by == ""
+
+
+def test_what_stands_behind_a_larger_thing_is_hidden_by_it() -> None:
+    wall = placed("wall", box((0.02, 0.3, 0.3)), Pose((-0.2, 0.0, 0.15)))
+    picture = Picture(VIEW, LENS, [placed("cube", CUBE, Pose((0.0, 0.0, 0.02))), wall], ["cube", "wall"])
+    assert picture.glance("cube").share == 0.0 and picture.glance("cube").hidden_by == "wall"
+    assert picture.glance("wall").share == 1.0
+
+
+def test_a_window_in_a_frame_hides_nothing() -> None:
+    frame = (
+        Part("box", (0.01, 0.05, 0.3), (0.0, -0.1, 0.0)), Part("box", (0.01, 0.05, 0.3), (0.0, 0.1, 0.0)),
+        Part("box", (0.01, 0.25, 0.05), (0.0, 0.0, 0.15)),
+    )  # fmt: skip
+    window = placed("window", frame, Pose((-0.2, 0.0, 0.1)))
+    picture = Picture(VIEW, LENS, [placed("cube", CUBE, Pose((0.0, 0.0, 0.02))), window], ["cube"])
+    assert picture.glance("cube").share == 1.0
+
+
+def test_what_the_edge_cuts_counts_as_seen_in_part() -> None:
+    edge = 0.5 * LENS.width / LENS.fx  # m to the right, at 1 m
+    body = placed("ball", (Part("sphere", (0.1, 0.1, 0.1)),), VIEW @ Pose((edge, 0.0, 1.0)))
+    assert Picture(VIEW, LENS, [body], ["ball"]).glance("ball").share == pytest.approx(0.5, abs=0.1)
+
+
+@pytest.mark.parametrize("place", [(0.0, 0.0, -1.0), (5.0, 0.0, 1.0)], ids=["behind", "beside"])
+def test_what_is_not_before_the_eye_is_not_seen(place: tuple[float, float, float]) -> None:
+    body = placed("cube", CUBE, VIEW @ Pose(place))
+    assert Picture(VIEW, LENS, [body], ["cube"]).glance("cube")[:2] == (0.0, 0)
+
+
+def test_what_is_around_the_eye_hides_nothing_from_it() -> None:
+    housing = placed("housing", box((0.1, 0.1, 0.1)), VIEW)
+    picture = Picture(VIEW, LENS, [housing, placed("cube", CUBE, Pose((0.0, 0.0, 0.02)))], ["cube"])
+    assert picture.glance("cube").share == 1.0
+
+
+def test_a_mesh_of_a_box_looks_like_the_box() -> None:
+    pose = Pose.from_rotvec((0.0, 0.0, 0.02), (0.1, 0.2, 0.7))
+    cube = placed("cube", CUBE, pose)
+    corners = np.array([[x, y, z] for x in (-0.02, 0.02) for y in (-0.02, 0.02) for z in (-0.02, 0.02)])
+    sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
+    indices = np.array([corner for a, b, c, d in sides for corner in ((a, b, c), (a, c, d))])
+    mesh = Body("mesh", cube.solids._replace(
+        kinds=cube.solids.kinds[:0], centre=cube.solids.centre[:0], turn=cube.solids.turn[:0], half=cube.solids.half[:0]
+    ), pose.apply(corners)[indices])  # fmt: skip
+    one, other = (Picture(VIEW, LENS, [TABLE, body], [body.name]) for body in (cube, mesh))
+    assert other.glance("mesh")[:3] == one.glance("cube")[:3]
+    assert np.allclose(one.nearness, other.nearness)
+
+
+def test_what_would_be_seen_of_something_that_is_not_there() -> None:
+    wall = placed("wall", box((0.02, 0.3, 0.3)), Pose((-0.2, 0.0, 0.15)))
+    empty, hidden = (Picture(VIEW, LENS, bodies, []) for bodies in ([TABLE], [TABLE, wall]))
+    ghost = placed("ghost", CUBE, Pose((0.0, 0.0, 0.02)))
+    assert empty.would_show(ghost).share == 1.0
+    assert hidden.would_show(ghost) == (0.0, 0, empty.would_show(ghost).alone, "wall")
+    assert empty.would_show(placed("ghost", CUBE, VIEW @ Pose((0.0, 0.0, -1.0)))) == (0.0, 0, 0, "")

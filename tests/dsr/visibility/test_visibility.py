@@ -1,0 +1,90 @@
+"""Who sees what in a world, at once and followed over time."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from dsr import ConfigError, ManualClock, Memory, Pose
+from dsr.visibility import LEAST_SHARE, VisibilityMonitor, is_seen, lens_of, read_perspectives, visibility
+
+
+def seen(memory: Memory) -> set[tuple[str, str]]:
+    return {key for key, glance in visibility(memory).items() if is_seen(glance)}
+
+
+def test_a_box_hides_a_cube_from_the_person_on_the_other_side(memory: Memory) -> None:
+    assert seen(memory) == {
+        ("camera", "box"), ("camera", "cube"), ("human_1", "box"), ("human_1", "cube"), ("human_2", "box"),
+    }  # fmt: skip
+    assert visibility(memory)["human_2", "cube"].hidden_by == "box"
+
+
+def test_only_of_the_perspectives_that_are_asked_for(memory: Memory) -> None:
+    assert {name for name, _ in visibility(memory, ["human_2"])} == {"human_2"}
+    with pytest.raises(ConfigError, match="human_2"):
+        visibility(memory, ["human_3"])
+
+
+def test_who_is_not_there_any_more_sees_nothing(memory: Memory, clock: ManualClock) -> None:
+    memory.update_node("human_1", perceived=False)
+    memory.update_node("human_2", perceived=True, last_seen=clock.now())
+    assert [view.name for view in read_perspectives(memory)] == ["camera", "human_2"]
+    clock.advance(5.0)
+    assert [view.name for view in read_perspectives(memory)] == ["camera"]
+
+
+def test_what_has_left_the_scene_or_is_nowhere_is_not_seen(memory: Memory) -> None:
+    memory.update_node("cube", present=False)
+    memory.add_node("lost", "cube", size=(0.04, 0.04, 0.04))
+    assert {thing for _, thing in visibility(memory)} == {"box"}
+
+
+def test_where_a_thing_is_believed_to_be_counts(memory: Memory) -> None:
+    memory.add_edge("world", "cube", "Virtual_RT", pose=Pose((-0.1, 0.0, 0.02)))
+    assert {name for name, thing in seen(memory) if thing == "cube"} == {"camera", "human_2"}
+
+
+def test_parts_of_a_robot_hide_things(memory: Memory) -> None:
+    memory.add_node("arm", "arm", bounds=(-0.3, -0.3, 0.0, 0.3, 0.3, 0.05))
+    memory.add_edge("world", "arm", "RT", pose=Pose((0.0, 0.0, 0.4)))
+    assert visibility(memory)["camera", "cube"].hidden_by == "arm"
+
+
+def test_a_nodes_field_of_view_is_that_of_its_pictures(memory: Memory) -> None:
+    memory.update_node("human_1", fov=(math.radians(90.0), math.radians(60.0)))
+    lens = lens_of(memory.node("human_1"), 200)
+    assert (lens.width, lens.fx) == (200, pytest.approx(100.0))
+    assert lens.height == round(200.0 * math.tan(math.radians(30.0)))
+    half = lens_of(memory.node("camera"), 160)
+    assert (half.width, half.height, half.fx, half.cx) == (160, 120, 150.0, 79.5)
+
+
+def test_a_narrow_view_misses_what_is_beside(memory: Memory) -> None:
+    memory.update_node("human_1", fov=(0.2, 0.2))
+    memory.add_edge("world", "human_1", "RT", pose=Pose.from_rotvec((1.0, 0.0, 0.2), (0.0, 0.0, math.pi - 0.4)))
+    assert not {thing for name, thing in seen(memory) if name == "human_1"}
+
+
+def test_the_monitor_tells_what_comes_into_sight_and_goes(memory: Memory) -> None:
+    monitor = VisibilityMonitor(memory, ["human_2"])
+    assert [(change.thing, change.seen) for change in monitor.update()] == [("box", True)]
+    assert monitor.update() == [] and monitor.pictures == 1
+    memory.add_edge("world", "cube", "RT", pose=Pose((-0.1, 0.3, 0.02)))
+    [change] = monitor.update()
+    assert (change.perspective, change.thing, change.seen) == ("human_2", "cube", True)
+    assert change.glance.share == 1.0 and monitor.sees("human_2", "cube")
+    memory.update_node("human_2", perceived=False)
+    assert [(change.thing, change.seen) for change in monitor.update()] == [("box", False), ("cube", False)]
+    assert monitor.perspectives == []
+
+
+def test_what_is_seen_stays_so_until_it_clearly_is_not(memory: Memory) -> None:
+    monitor = VisibilityMonitor(memory, ["human_2"], band=0.15, width=640)
+    for height, expected in ((0.185, False), (0.196, True), (0.185, True), (0.179, False)):
+        memory.add_edge("world", "cube", "RT", pose=Pose((0.1, 0.0, height)))
+        monitor.update()
+        assert monitor.sees("human_2", "cube") is expected, (height, monitor.glances["human_2", "cube"])
+        share = monitor.glances["human_2", "cube"].share
+        assert (share >= LEAST_SHARE) is (height == 0.196)
