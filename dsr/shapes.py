@@ -32,6 +32,9 @@ class Part(NamedTuple):
     """Of its centre in the body's frame, m."""
     rotation: Quaternion = (0.0, 0.0, 0.0, 1.0)
     """body_from_part"""
+    corners: tuple[Vector3, ...] = ()
+    """Of a box that stands for a convex body within it: the corners of that, in the part's frame (m). The physics
+    engine takes them, everything else the box."""
 
     def contains(self, point: Vector3) -> bool:
         """Whether a point (m, in the body's frame) is inside or on the surface."""

@@ -8,6 +8,7 @@ from dsr.timeline import WRITTEN_ATTRIBUTES, WRITTEN_EDGES, WRITTEN_NODES
 from simulation_handler.belief import Belief
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining import make_policy
+from simulation_handler.meshes import Forms
 from simulation_handler.published.reasoner import PublishedReasoner
 from simulation_handler.reading import FIXTURES, OBJECTS, Reading
 from simulation_handler.reasoner import Reasoner
@@ -37,7 +38,7 @@ class SimulationHandler(Agent):
         attributes=(
             *("size", "shape", "mass", "friction", "plausible", "source", "since", "bounds", *INTRINSICS, *SEEN),
             *("surprising", "present", "skill", "target", "destination", "status", "held_at", "grip"),
-            *("perceived", "last_seen", "side", "mount"),
+            *("perceived", "last_seen", "side", "mount", "mesh"),
         ),
     )
     writes = Access(
@@ -56,9 +57,10 @@ class SimulationHandler(Agent):
     def setup(self) -> None:
         """Begin with an empty simulation; the first tick fills it."""
         self._belief = self._make_reasoner()
-        self._reading = Reading(self.memory, self._belief, self.log)
+        forms = Forms(self.memory)
+        self._reading = Reading(self.memory, self._belief, self.log, forms)
         self._writing = Writing(self.memory, self._belief, self.log)
-        self._seeing = Seeing(self.memory, self._belief)
+        self._seeing = Seeing(self.memory, self._belief, forms)
         self._what_if = WhatIfService(self.bus, self.keys, self.clock)
 
     def _make_reasoner(self) -> Reasoner:

@@ -68,15 +68,16 @@ class Belief:
         """Names of all objects, also of those whose place is unknown yet."""
         return tuple(self._bodies.objects)
 
-    def set_fixture(self, name: str, size: Vector3, pose: Pose) -> None:
-        """Add a box that never moves, such as a table, or put it elsewhere.
+    def set_fixture(self, name: str, size: Vector3, pose: Pose, shape: Shape = ()) -> None:
+        """Add a body that never moves, such as a table, or put it elsewhere.
 
         Args:
             name: not that of an object.
             size: (3,) edge lengths, m.
             pose: world_from_centre.
+            shape: its pieces; none for a solid box.
         """
-        self._bodies.set_fixture(name, size, pose)
+        self._bodies.set_fixture(name, size, pose, shape)
 
     def add_object(
         self,

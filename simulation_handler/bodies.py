@@ -32,11 +32,11 @@ class Bodies:
         self._config = config
         self._lay_floor()
 
-    def set_fixture(self, name: str, size: Vector3, pose: Pose) -> None:
-        """Add a box that never moves (world_from_centre), or put it elsewhere; what was on it wakes."""
+    def set_fixture(self, name: str, size: Vector3, pose: Pose, shape: Shape = ()) -> None:
+        """Add a body that never moves (world_from_centre), or put it elsewhere; what was on it wakes."""
         if name in self.objects:
             raise SimulationError(f"{name!r} is an object of the belief and cannot be a fixture")
-        self._fix(Solid(name, size, pose.t, pose.q, fixed=True))
+        self._fix(Solid(name, size, pose.t, pose.q, fixed=True, shape=shape))
         self._lay_floor()
 
     def _lay_floor(self) -> None:
@@ -51,7 +51,7 @@ class Bodies:
         if solid.name in self.sim:
             self.sim.remove(solid.name)
         friction = self._config.default_friction
-        self.sim.add_box(solid.name, solid.size, solid.position, solid.rotation, friction=friction)
+        self.sim.add_body(solid.name, solid.size, solid.shape, solid.position, solid.rotation, friction=friction)
         self.fixtures[solid.name] = solid
 
     def add_object(
@@ -116,7 +116,9 @@ class Bodies:
         """Everything as it is now, to be simulated elsewhere: what is pinned is fixed, speeds are left out."""
         friction = self._config.default_friction
         bodies = [
-            Body(solid.name, solid.size, solid.position, solid.rotation, friction=friction, fixed=True)
+            Body(
+                solid.name, solid.size, solid.position, solid.rotation, friction=friction, fixed=True, shape=solid.shape
+            )
             for solid in self.fixtures.values()
         ]
         for name, item in self.objects.items():

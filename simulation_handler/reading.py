@@ -23,12 +23,15 @@ from dsr.shapes import Shape, bounds, from_numbers
 from dsr.transforms import Pose
 from simulation_handler.explainer import EXPLANATION
 from simulation_handler.holding import Grasp
+from simulation_handler.meshes import Forms
 from simulation_handler.reasoner import Reasoner
 from simulation_handler.relations import BOUNDS, CONTACT
 from simulation_handler.touching import TOUCH, HandGrasp, HandPercept
 
 WORLD = "world"
-FIXTURES = SURFACES
+MODELLED = "object"
+"""Node type of what never moves by itself and has the form of its mesh."""
+FIXTURES = (*SURFACES, MODELLED)
 """Node types of what never moves by itself."""
 OBJECTS = THINGS
 """Node types of what the belief follows."""
@@ -47,10 +50,11 @@ Properties = tuple[Vector3, float | None, float | None, Shape]
 class Reading:
     """Keeps a belief in step with the graph's nodes and percepts. What cannot be used is counted, and logged once."""
 
-    def __init__(self, memory: Memory, belief: Reasoner, log: logging.Logger) -> None:
+    def __init__(self, memory: Memory, belief: Reasoner, log: logging.Logger, forms: Forms | None = None) -> None:
         self._memory = memory
         self._belief = belief
         self._log = log
+        self._forms = forms or Forms(memory)
         self._known: dict[str, Properties] = {}
         self._fixed: set[str] = set()
         self._used: dict[tuple[str, str], float] = {}  # (camera, object) -> stamp of the newest percept taken in
@@ -132,15 +136,28 @@ class Reading:
         return sorted((node for type in types for node in self._memory.nodes(type)), key=lambda node: node.name)
 
     def _note_fixture(self, node: Node) -> None:
-        """Put a table where its node says: the frame is at the centre of its top."""
+        """Put a table where its node says: the frame is at the centre of its top; what has a mesh once that is here."""
+        if node.type == MODELLED:
+            self._note_modelled(node)
+            return
         size = _size(node)
         top = self._memory.transform(WORLD, node.name)
         self._belief.set_fixture(node.name, size, top @ Pose((0.0, 0.0, -0.5 * size[2])))
         self._fixed.add(node.name)
 
+    def _note_modelled(self, node: Node) -> None:
+        form = self._forms.of(node)
+        if form is None:
+            return
+        if not form.is_convex:
+            raise SchemaError(f"{node}: its mesh is hollow; expected convex pieces, or a node for each that is")
+        pose = self._memory.transform(WORLD, node.name) @ Pose(form.centre)
+        self._belief.set_fixture(node.name, form.size, pose, form.shape)
+        self._fixed.add(node.name)
+
     def _note_object(self, node: Node, now: float) -> None:
         """Let an object take part in the belief, or change what it is like."""
-        name, properties = node.name, _properties(node)
+        name, properties = node.name, _properties(node, self._forms)
         known = self._known.get(name)
         if properties == known:
             return
@@ -209,12 +226,12 @@ class Reading:
                 self._log.warning("%s cannot be used (logged once): %s", name, error)
 
 
-def _properties(node: Node) -> Properties:
+def _properties(node: Node, forms: Forms) -> Properties:
     mass, friction = _number(node, "mass"), _number(node, "friction")
     if mass == 0.0:
         raise SchemaError(f"{node}: mass 0 kg; expected more")
     size = _size(node)
-    return size, mass, friction, _shape(node, size)
+    return size, mass, friction, _shape(node, size, forms)
 
 
 def _size(node: Node) -> Vector3:
@@ -224,12 +241,15 @@ def _size(node: Node) -> Vector3:
     return size
 
 
-def _shape(node: Node, size: Vector3) -> Shape:
-    """Its pieces, within a box of that size; none if it is a box."""
+def _shape(node: Node, size: Vector3, forms: Forms) -> Shape:
+    """Its pieces, within a box of that size; none if it is a box, or its mesh is not here yet."""
     numbers: Any = node.get("shape")
-    if numbers is None:
+    if numbers is not None:
+        shape = from_numbers(numbers)
+    elif (form := forms.of(node)) is not None:
+        shape = form.shape
+    else:
         return ()
-    shape = from_numbers(numbers)
     if any(
         abs(edge + sign * 2.0 * end) > 2.0 * _MOST_OFF
         for sign, ends in zip((1.0, -1.0), bounds(shape), strict=True)

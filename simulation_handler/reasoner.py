@@ -31,8 +31,8 @@ class Reasoner(Protocol):
     def names(self) -> Sequence[str]:
         """Names of all objects, also of those whose place is unknown yet."""
 
-    def set_fixture(self, name: str, size: Vector3, pose: Pose) -> None:
-        """Add a box that never moves, or put it elsewhere (world_from_centre)."""
+    def set_fixture(self, name: str, size: Vector3, pose: Pose, shape: Shape = ()) -> None:
+        """Add a body that never moves, or put it elsewhere (world_from_centre)."""
 
     def add_object(
         self,

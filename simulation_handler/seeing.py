@@ -10,9 +10,10 @@ import numpy as np
 from dsr.errors import DsrError
 from dsr.memory import Memory
 from simulation_handler.explaining import Look
+from simulation_handler.meshes import Forms
 from simulation_handler.reasoner import Reasoner
 from simulation_handler.sight import Glance, Sight
-from simulation_handler.views import by_color, hands, obstacles, views
+from simulation_handler.views import by_color, hands, modelled, obstacles, views
 
 SEEN = ("share", "visible", "hidden_by")
 """Attributes of the edges."""
@@ -29,7 +30,8 @@ _STEP = 0.1  # of the share, that is news
 class Seeing:
     """Keeps edges `sees` from cameras to objects in step with a belief: `share`, `visible` and `hidden_by`."""
 
-    def __init__(self, memory: Memory, belief: Reasoner) -> None:
+    def __init__(self, memory: Memory, belief: Reasoner, forms: Forms | None = None) -> None:
+        self._forms = forms or Forms(memory)
         self._memory = memory
         self._belief = belief
         self._last = -math.inf
@@ -43,7 +45,7 @@ class Seeing:
         self._last = now
         with contextlib.suppress(np.linalg.LinAlgError):
             cameras = views(self._memory)
-            hiding = [*obstacles(self._memory), *hands(self._memory, now)]
+            hiding = [*obstacles(self._memory), *modelled(self._memory, self._forms), *hands(self._memory, now)]
             sight = Sight(cameras, hiding, by_color(self._memory))
             self.look = sight.glances if cameras else None
             self._write(sight.glances(self._belief.solids()))

@@ -22,6 +22,7 @@ from dsr.errors import DsrError, suggest
 from dsr.quaternions import Quaternion, Vector3
 from dsr.shapes import MOST_PARTS, PartKind, Shape
 from simulation_handler.finger_bodies import FingerBodies
+from simulation_handler.hull_shapes import make_hulls
 
 TIME_STEP = 1.0 / 240.0
 """s, of one physics step."""
@@ -305,7 +306,7 @@ class Simulator:
         """One shape per form for the life of the client: pybullet never frees the shape of a removed body."""
         key = shape or size
         if key not in self._shapes:
-            made = self._compound(shape) if shape else self._box(size)
+            made = self._made_of(shape) if shape else self._box(size)
             if made < 0:
                 raise SimulationError(f"pybullet cannot make a body of the pieces {shape}")
             self._shapes[key] = made
@@ -316,6 +317,9 @@ class Simulator:
             pybullet.GEOM_BOX, halfExtents=[0.5 * edge for edge in size], physicsClientId=self._client
         )
         return made
+
+    def _made_of(self, shape: Shape) -> int:
+        return make_hulls(shape, self._client) if any(part.corners for part in shape) else self._compound(shape)
 
     def _compound(self, shape: Shape) -> int:
         made: int = pybullet.createCollisionShapeArray(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import re
 from collections.abc import Iterator
@@ -10,14 +11,16 @@ import numpy as np
 
 from dsr import quaternions
 from dsr.elements import Node
+from dsr.errors import DsrError
 from dsr.intrinsics import read_intrinsics
 from dsr.memory import Memory
 from dsr.perceived import MOST_SILENT, seconds_unseen
-from dsr.relations import THINGS
+from dsr.relations import SURFACES, THINGS
 from dsr.transforms import Array, Pose
 from simulation_handler.geometry import Solid
 from simulation_handler.hand_figures import hand_solid
-from simulation_handler.reading import FIXTURES, WORLD
+from simulation_handler.meshes import Forms
+from simulation_handler.reading import MODELLED, WORLD
 from simulation_handler.sight import View
 
 PARTS = ("robot", "body", "arm", "gripper", "hand", "finger")
@@ -38,7 +41,7 @@ def views(memory: Memory) -> list[View]:
 def obstacles(memory: Memory) -> list[Solid]:
     """Boxes around parts of bodies (`bounds`), and tables, where they are now. What cannot be used is left out."""
     parts = [node for type in PARTS for node in memory.nodes(type) if "bounds" in node]
-    tables = [node for type in FIXTURES for node in memory.nodes(type)]
+    tables = [node for type in SURFACES for node in memory.nodes(type)]
     nodes = sorted(parts, key=lambda node: node.name) + sorted(tables, key=lambda node: node.name)
     boxes = [_bounds(node) if "bounds" in node else _below_its_top(node) for node in nodes]
     found = []
@@ -47,6 +50,18 @@ def obstacles(memory: Memory) -> list[Solid]:
             least, size = box
             centre = pose @ Pose.unchecked(_middle(least, size), (0.0, 0.0, 0.0, 1.0))
             found.append(Solid(node.name, (size[0], size[1], size[2]), centre.t, centre.q, fixed=True))
+    return found
+
+
+def modelled(memory: Memory, forms: Forms) -> list[Solid]:
+    """What stands still and has a mesh that is here, as boxes around its convex pieces; hollow ones are left out."""
+    found = []
+    for node in sorted(memory.nodes(MODELLED), key=lambda node: node.name):
+        with contextlib.suppress(DsrError):
+            form = forms.of(node)
+            if form is not None and form.is_convex:
+                pose = memory.transform(WORLD, node.name) @ Pose(form.centre)
+                found.append(Solid(node.name, form.size, pose.t, pose.q, fixed=True, shape=form.shape))
     return found
 
 

@@ -79,11 +79,11 @@ class PublishedReasoner:
         """Names of all objects, also of those never seen."""
         return tuple(self._objects)
 
-    def set_fixture(self, name: str, size: Vector3, pose: Pose) -> None:
-        """Add a box that never moves, or put it elsewhere (world_from_centre)."""
+    def set_fixture(self, name: str, size: Vector3, pose: Pose, shape: Shape = ()) -> None:
+        """Add a body that never moves, or put it elsewhere (world_from_centre)."""
         if name in self._objects:
             raise SimulationError(f"{name!r} is an object of the belief and cannot be a fixture")
-        self._fix(Body(name, size, pose.t, pose.q, fixed=True))
+        self._fix(Body(name, size, pose.t, pose.q, fixed=True, shape=shape))
         self._lay_floor()
 
     def add_object(
@@ -292,7 +292,7 @@ class PublishedReasoner:
         if body.name in self._sim:
             self._sim.remove(body.name)
         friction = self.config.default_friction
-        self._sim.add_box(body.name, body.size, body.position, body.rotation, friction=friction)
+        self._sim.add_body(body.name, body.size, body.shape, body.position, body.rotation, friction=friction)
         self._fixtures[body.name] = body
 
 

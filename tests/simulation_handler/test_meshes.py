@@ -1,0 +1,209 @@
+"""Meshes in the simulation: their convex pieces fall, rest and carry like the bodies they are."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from dsr.geometry import Mesh
+from dsr.memory import Memory
+from dsr.runtime.lockstep import Lockstep
+from dsr.runtime.system import AgentSpec
+from dsr.shapes import MOST_PARTS, bounds
+from dsr.transforms import Pose
+from simulation_handler import SimulationHandler
+from simulation_handler.meshes import form_of
+from simulation_handler.rollouts import Body, Scene
+from simulation_handler.rollouts.engine import Engine
+from simulation_handler.rollouts.messages import Job, _encoder, _jobs
+from simulation_handler.simulator import Simulator
+from tests.dsr.geometry.shapes import CORNERS, FACES
+from tests.simulation_handler.worlds import CUBE
+
+
+def block(size: tuple[float, ...], centre: tuple[float, ...] = (0.0, 0.0, 0.0)) -> Mesh:
+    return Mesh((np.array(CORNERS) - 0.5) * size + centre, FACES)
+
+
+def together(*meshes: Mesh) -> Mesh:
+    """One mesh of several pieces."""
+    first = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    triangles = [mesh.triangles.astype(int) + start for mesh, start in zip(meshes, first, strict=False)]
+    return Mesh(np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(triangles))
+
+
+def wedge(size: tuple[float, ...]) -> Mesh:
+    """A ramp that rises along x."""
+    corners = [(0, 0, 0), (1, 0, 0), (1, 0, 1), (0, 1, 0), (1, 1, 0), (1, 1, 1)]
+    faces = [(0, 1, 2), (3, 5, 4), (0, 3, 4), (0, 4, 1), (1, 4, 5), (1, 5, 2), (0, 2, 5), (0, 5, 3)]
+    return Mesh((np.array(corners) - 0.5) * size, faces)
+
+
+def bench() -> Mesh:
+    """Two legs with a board on them, that leave room beneath."""
+    legs = [block((0.02, 0.1, 0.1), (x, 0.0, 0.05)) for x in (-0.09, 0.09)]
+    return together(*legs, block((0.2, 0.1, 0.02), (0.0, 0.0, 0.11)))
+
+
+def angle_iron() -> Mesh:
+    """The walls of an L: no piece of it is convex."""
+    low = np.array([(0, 0, 0), (1, 0, 0), (1, 0.1, 0), (0.1, 0.1, 0), (0.1, 1, 0), (0, 1, 0)])
+    sides = [side for k in range(6) for side in ((k, (k + 1) % 6, k + 6), ((k + 1) % 6, (k + 1) % 6 + 6, k + 6))]
+    return Mesh(np.concatenate([low, low + np.array((0.0, 0.0, 1.0))]), sides)
+
+
+class TestForms:
+    def test_each_connected_piece_is_a_part(self) -> None:
+        form = form_of([bench()])
+        assert len(form.shape) == 3 and form.is_convex
+        assert form.size == pytest.approx((0.2, 0.1, 0.12)) and form.centre == pytest.approx((0.0, 0.0, 0.06))
+        low, high = bounds(form.shape)
+        assert low == pytest.approx((-0.1, -0.05, -0.06)) and high == pytest.approx((0.1, 0.05, 0.06))
+
+    def test_triangles_that_share_places_but_no_vertices_are_connected(self) -> None:
+        mesh = block((1.0, 1.0, 1.0))
+        soup = Mesh(mesh.vertices[mesh.triangles.ravel()], np.arange(36).reshape(-1, 3))
+        assert len(form_of([soup]).shape) == 1
+
+    def test_too_many_pieces_are_one_for_each_mesh_or_one_for_all(self) -> None:
+        many = [block((0.01, 0.01, 0.01), (0.1 * k, 0.0, 0.0)) for k in range(MOST_PARTS + 1)]
+        assert len(form_of([together(*many)]).shape) == 1
+        assert len(form_of([together(*many[:9]), together(*many[9:])]).shape) == 2
+        assert len(form_of(many).shape) == 1
+
+    def test_what_is_round_has_few_corners(self) -> None:
+        angle = np.random.default_rng(0).normal(size=(5000, 3))
+        points = angle / np.linalg.norm(angle, axis=1)[:, None]
+        form = form_of([Mesh(points, np.arange(4998)[:, None] + (0, 1, 2))])
+        (part,) = form.shape
+        assert 40 <= len(part.corners) <= 64 and part.size == pytest.approx((2.0, 2.0, 2.0), abs=0.02)
+
+    def test_a_flat_one_is_thin(self) -> None:
+        form = form_of([Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])])
+        assert form.size == (1.0, 1.0, 0.001) and form.is_convex
+
+    def test_a_hollow_one_is_told(self) -> None:
+        walls = [(0.2, 0.01, 0.1, 0.0, 0.1), (0.2, 0.01, 0.1, 0.0, -0.1), (0.01, 0.2, 0.1, 0.1, 0.0)]
+        parts = [block((x, y, z), (at_x, at_y, 0.0)) for x, y, z, at_x, at_y in walls]
+        assert form_of(parts).is_convex
+        assert not form_of([angle_iron()]).is_convex
+
+
+def test_a_block_of_a_mesh_rests_as_a_box_does(table: Simulator) -> None:
+    form = form_of([block(CUBE)])
+    table.add_body("mesh", form.size, form.shape, (0.0, 0.0, 0.05), mass=0.05)
+    table.add_box("box", CUBE, (0.0, 0.0, 0.12), mass=0.05)
+    table.step(720)
+    assert table.position("mesh") == pytest.approx((0.0, 0.0, 0.02), abs=5e-4)
+    assert table.position("box") == pytest.approx((0.0, 0.0, 0.06), abs=1e-3)
+
+
+def test_there_is_room_between_pieces(table: Simulator) -> None:
+    form = form_of([bench()])
+    table.add_box("cube", CUBE, (0.0, 0.0, 0.02), mass=0.05)
+    table.add_body("bench", form.size, form.shape, (0.0, 0.0, 0.06), mass=0.5)
+    table.add_box("top", CUBE, (0.0, 0.0, 0.15), mass=0.05)
+    table.step(720)
+    assert table.position("cube") == pytest.approx((0.0, 0.0, 0.02), abs=5e-4)
+    assert table.position("bench") == pytest.approx((0.0, 0.0, 0.06), abs=1e-3)
+    assert table.position("top")[2] == pytest.approx(0.14, abs=1.5e-3)
+
+
+def test_a_ball_rolls_down_a_wedge_and_not_off_its_box(table: Simulator) -> None:
+    form = form_of([wedge((0.2, 0.2, 0.1))])
+    table.add_body("ramp", form.size, form.shape, (0.0, 0.0, 0.05))
+    table.add_box("cube", CUBE, (0.05, 0.0, 0.12), Pose.from_rotvec((0, 0, 0), (0.0, -math.atan(0.5), 0.0)).q,
+                  mass=0.05, friction=0.1)  # fmt: skip
+    table.step(480)
+    assert table.position("cube")[0] < -0.08
+
+
+def test_rollouts_have_the_same_pieces_in_another_process() -> None:
+    form = form_of([bench()])
+    bodies = (
+        Body("table", (1.0, 1.0, 0.02), (0.0, 0.0, -0.01), fixed=True),
+        Body("bench", form.size, (0.0, 0.0, 0.06), mass=0.5, shape=form.shape),
+        Body("cube", CUBE, (0.0, 0.0, 0.16), mass=0.05),
+    )
+    job = _jobs.decode(_encoder.encode(Job(1, bodies, 1.0)))
+    assert job.bodies == bodies
+    engine = Engine()
+    first = engine.run(Scene(job.bodies), 1.0)
+    assert first.poses["cube"][0][2] == pytest.approx(0.14, abs=1.5e-3)
+    assert engine.run(Scene(bodies), 1.0) == first
+    engine.close()
+
+
+class Room:
+    """A graph with a step on the floor; a cube is seen on it."""
+
+    def __init__(self, mesh: Mesh, height: float = 0.05) -> None:
+        self.lockstep = Lockstep([AgentSpec("simulation_handler", SimulationHandler, {})], strict=True)
+        self.memory: Memory = self.lockstep.memory
+        self.memory.add_node("world", "world")
+        self.memory.add_node("table", "table", size=(1.0, 1.0, 0.04))
+        self.memory.add_edge("world", "table", "RT", pose=Pose())
+        self.memory.add_node("step", "object", mesh=self.memory.put_mesh(mesh))
+        self.memory.add_edge("world", "step", "RT", pose=Pose((0.1, 0.0, height)))
+        self.memory.add_node("camera", "camera")
+        self.memory.add_edge("world", "camera", "RT", pose=Pose((0.0, 0.0, 1.0), (1.0, 0.0, 0.0, 0.0)))
+
+    def see(self, name: str, place: tuple[float, float, float], seconds: float) -> tuple[float, float, float]:
+        """Have it seen there; where it is believed to be then."""
+        for _ in range(round(seconds / 0.1)):
+            camera = self.memory.transform("world", "camera")
+            pose = (camera.inverse() @ Pose(place)).with_stamp(self.lockstep.clock.now())
+            self.memory.add_edge("camera", name, "RT", pose=pose)
+            self.lockstep.run_for(0.1)
+        return self.memory.edge("world", name, "Virtual_RT").pose.t
+
+
+@pytest.fixture
+def room() -> Iterator[Room]:
+    room = Room(block((0.2, 0.2, 0.1)))
+    yield room
+    room.lockstep.close()
+
+
+def test_a_cube_rests_on_what_has_a_mesh(room: Room) -> None:
+    room.memory.add_node("cube_1", "cube", size=CUBE, mass=0.05)
+    assert room.see("cube_1", (0.1, 0.0, 0.126), 3.0) == pytest.approx((0.1, 0.0, 0.12), abs=2e-3)
+    assert room.memory.get_edge("cube_1", "step", "on") is not None
+
+
+def test_a_thing_with_a_mesh_falls_into_its_form(room: Room) -> None:
+    mesh = bench()
+    middle = Mesh(mesh.vertices - np.float32((0.0, 0.0, 0.06)), mesh.triangles)
+    size = (0.2, 0.1, 0.12)
+    room.memory.add_node("bench", "box", size=size, mass=0.5, mesh=room.memory.put_mesh(middle))
+    assert room.see("bench", (-0.3, 0.0, 0.064), 3.0) == pytest.approx((-0.3, 0.0, 0.06), abs=2e-3)
+
+
+def test_a_hollow_mesh_is_left_out_and_told(room: Room, caplog: pytest.LogCaptureFixture) -> None:
+    room.memory.update_node("step", mesh=room.memory.put_mesh(angle_iron()))
+    room.lockstep.run_for(1.0)
+    assert "hollow" in caplog.text
+
+
+def test_what_has_a_mesh_hides_what_is_behind_it() -> None:
+    room = Room(block((0.2, 0.2, 0.1)), height=0.3)
+    lens = {"fx": 600.0, "fy": 600.0, "cx": 160.0, "cy": 120.0, "width": 320, "height": 240}
+    room.memory.update_node("camera", **lens)
+    for name, place in (("cube_1", (0.1, 0.0, 0.02)), ("cube_2", (-0.2, 0.0, 0.02))):
+        room.memory.add_node(name, "cube", size=CUBE, mass=0.05)
+        room.memory.add_edge("world", name, "Virtual_RT", pose=Pose(place))
+    room.lockstep.run_for(0.5)
+    assert room.memory.edge("camera", "cube_1", "sees")["hidden_by"] == "step"
+    assert room.memory.edge("camera", "cube_2", "sees")["visible"] is True
+    room.lockstep.close()
+
+
+def test_meshes_that_nobody_has_harm_nothing(room: Room) -> None:
+    room.memory.add_node("ghost", "object", mesh="0" * 64)
+    room.memory.add_edge("world", "ghost", "RT", pose=Pose())
+    room.memory.add_node("cube_1", "cube", size=CUBE, mass=0.05, mesh="nonsense")
+    room.memory.add_node("cube_2", "cube", size=CUBE, mass=0.05, mesh="1" * 64)
+    assert room.see("cube_2", (-0.3, 0.0, 0.024), 2.0) == pytest.approx((-0.3, 0.0, 0.02), abs=2e-3)
