@@ -18,6 +18,7 @@ from agents.viewer.chronicle import ChronicleView
 from agents.viewer.events import EventView
 from agents.viewer.graph_view import GraphView
 from agents.viewer.images import ImageView
+from agents.viewer.meshes import MeshView
 from agents.viewer.mind import MindView
 from agents.viewer.model import read_scene
 from agents.viewer.scene import SceneView
@@ -67,6 +68,7 @@ class Viewer(Agent):
         recording = self._recording = self._open()
         self._graph = GraphView(recording)
         self._scene = SceneView(recording)
+        self._meshes = MeshView(recording, self.memory)
         self._mind = MindView(recording)
         self._chronicle = ChronicleView(recording, TIMELINE)
         self._calibrations = CalibrationView(recording)
@@ -92,7 +94,7 @@ class Viewer(Agent):
             self._graph.draw(self.memory)
         self._mind.draw(self.memory)
         scene = read_scene(self.memory)
-        self._scene.draw(scene, now)
+        self._scene.draw(scene, now, self._meshes.draw(changes))
         self._calibrations.draw(self.memory, scene.cameras, now)
         self._images.draw(scene.cameras, now)
         self._series.draw_distances(scene)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 import msgspec
@@ -43,15 +43,15 @@ class SceneView:
         self._marks: dict[str, float] = {}
         recording.log(ENTITY, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
 
-    def draw(self, scene: Scene, now: float) -> None:
-        """Log what is not at time `now` (s) as it was before."""
-        self._update("table", scene.tables, _tables)
+    def draw(self, scene: Scene, now: float, meshed: Collection[str] = ()) -> None:
+        """Log what is not at time `now` (s) as it was before; what is shown as its mesh gets no box for its belief."""
+        self._update("table", [table for table in scene.tables if table.name not in meshed], _tables)
         self._update("robot/links", scene.links, _links)
         self._update("robot/grippers", scene.grippers, _grippers)
         self._update("frames", scene.frames, _axes)
         self._update("robot/bounds", scene.parts, _parts)
         self._update("percepts", scene.ghosts, _percepts)
-        self._update("beliefs", scene.beliefs, _beliefs)
+        self._update("beliefs", [solid for solid in scene.beliefs if solid.name not in meshed], _beliefs)
         self._update("surprising", self._marked(scene, now), _surprising)
         self._update("names", list({solid.name: solid for solid in scene.percepts + scene.beliefs}.values()), _names)
         for camera in scene.cameras:
