@@ -11,6 +11,9 @@ import pytest
 import dsr
 
 MODULES = {
+    "dsr.geometry": {
+        "Bounds", "Mesh", "Model", "ModelNode", "bounding_box", "load_model", "mesh_hashes", "own_bounds", "put_model",
+    },
     "dsr.goals": {"Goal", "parse_goal"},
     "dsr.intentions": {
         "ACTIVE", "DONE", "ENDED", "EXECUTING", "FAILED", "FULFILLED", "GIVEN_UP", "HALT", "HALTED", "INVALID",
@@ -31,8 +34,8 @@ MODULES = {
         "query", "read_entry", "relation", "relations", "tell", "ACTION", "AGENT", "INTENTION", "PRESENT", "SURPRISING",
     },
     "dsr.visibility": {
-        "Body", "CAMERA", "Glance", "LEAST_PIXELS", "LEAST_SHARE", "PERSON", "PERSON_FOV", "PERSPECTIVES", "Perspective",
-        "Picture", "Scene", "SightChange", "VisibilityMonitor", "WIDTH", "is_seen", "lens_of", "placed",
+        "Body", "CAMERA", "Glance", "LEAST_PIXELS", "LEAST_SHARE", "PERSON", "PERSON_FOV", "PERSPECTIVES",
+        "Perspective", "Picture", "Scene", "SightChange", "VisibilityMonitor", "WIDTH", "is_seen", "lens_of", "placed",
         "read_perspectives", "shape_of_thing", "visibility",
     },
     "dsr.what_if": {
