@@ -95,6 +95,29 @@ class HandReadings(msgspec.Struct, frozen=True):
     """Through which they are seen, if the device tells."""
 
 
+class PersonReading(msgspec.Struct, frozen=True):
+    """The eyes of a person, as a tracker of heads or gazes tells them."""
+
+    name: str
+    """Whose they are."""
+    pose: tuple[float, float, float, float, float, float, float]
+    """frame_from_person: translation (m), then a quaternion (x, y, z, w); between the eyes, x along the gaze, y left"""
+    sigma_translation: float
+    """m, standard deviation of each coordinate"""
+    sigma_rotation: float
+    """rad, standard deviation about each axis"""
+    fov: tuple[float, float] | None = None
+    """rad, horizontal and vertical: what they see at once, if that is known"""
+
+
+class PersonReadings(msgspec.Struct, frozen=True):
+    """The persons that are in the scene at one instant."""
+
+    stamp: float
+    """s"""
+    persons: list[PersonReading]
+
+
 class ArmDriver(Protocol):
     """An arm with a gripper."""
 
@@ -145,6 +168,16 @@ class HandDriver(Protocol):
     """A camera that finds hands by itself, or a simulated one that skips the images."""
 
     def readings(self) -> HandReadings | None:
+        """The newest readings if they were not returned before, else None."""
+
+    def close(self) -> None:
+        """Release the device."""
+
+
+class PersonDriver(Protocol):
+    """A tracker of heads or gazes."""
+
+    def readings(self) -> PersonReadings | None:
         """The newest readings if they were not returned before, else None."""
 
     def close(self) -> None:

@@ -8,7 +8,7 @@ from typing import Generic, TypeVar
 
 import msgspec
 
-from agents.drivers import ArmState, HandReadings, TagReadings
+from agents.drivers import ArmState, HandReadings, PersonReadings, TagReadings
 from agents.plant.messages import (
     Command,
     Follow,
@@ -19,9 +19,11 @@ from agents.plant.messages import (
     arm_state_key,
     decode_arm_state,
     decode_hand_readings,
+    decode_person_readings,
     decode_tag_readings,
     frame_key,
     hands_key,
+    persons_key,
     readings_key,
 )
 from dsr.blobs import Frame
@@ -148,6 +150,26 @@ class PlantHands:
         self._readings = Newest(bus, hands_key(keys, name), decode_hand_readings)
 
     def readings(self) -> HandReadings | None:
+        """The newest readings if they were not returned before, else None."""
+        return self._readings.take()
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._readings.close()
+
+
+class PlantPersons:
+    """A simulated tracker of persons, a `PersonDriver`.
+
+    Args:
+        bus: where the plant is heard.
+        keys: of the plant's graph.
+    """
+
+    def __init__(self, bus: Transport, keys: Keys) -> None:
+        self._readings = Newest(bus, persons_key(keys), decode_person_readings)
+
+    def readings(self) -> PersonReadings | None:
         """The newest readings if they were not returned before, else None."""
         return self._readings.take()
 

@@ -10,6 +10,7 @@ from agents.plant.hand_figure import palm_pose, relaxed
 from agents.plant.hand_grips import OPENED, PITCH, Grip, take
 from agents.plant.hands import Array, Hand, Style
 from agents.plant.moves import MOVES, TURN_SPEED, Steps, follow, move, turned
+from agents.plant.person_moves import PERSON_MOVES
 from agents.plant.stage import Stage
 from agents.plant.world import STEP
 from agents.scenario.format import (
@@ -42,7 +43,7 @@ _RISEN = 0.08  # m, how much higher a hand comes and leaves
 
 def begin(event: Event, stage: Stage) -> Steps:
     """The steps of any event: with `hand`, that hand comes, does it and lets go of what it does not keep."""
-    steps = MOVES[type(event)](event, stage)
+    steps = {**MOVES, **PERSON_MOVES}[type(event)](event, stage)
     if isinstance(event, Slide | Carry | Lift | Tilt | Topple) and event.hand is not None:
         return _by_hand(event, event.hand, stage, steps)
     return _dropped(event, stage, steps) if isinstance(event, Drop) else steps

@@ -10,7 +10,7 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from agents.drivers import ArmState, HandReadings, TagReadings
+from agents.drivers import ArmState, HandReadings, PersonReadings, TagReadings
 from dsr.decoding import decoded
 from dsr.errors import WireError
 from dsr.intrinsics import Intrinsics
@@ -18,6 +18,8 @@ from dsr.keys import Keys
 from dsr.transforms import Pose
 
 MOST_HANDS = 16
+"""In one message."""
+MOST_PERSONS = 64
 """In one message."""
 LANDMARKS = 21
 """Of one hand."""
@@ -88,10 +90,13 @@ class Truth(msgspec.Struct, frozen=True):
     """21 landmarks (m, world) of each hand in the scene, by number: centres of the joints, as in MediaPipe's order"""
     touched: dict[str, str] = {}
     """Objects on which fingertips of a human hand just lie, and the node of the hand."""
+    persons: dict[str, Seven] = {}
+    """world_from_person of those in the scene, by name: between the eyes, x along the gaze, y left"""
 
 
 _arm_state_decoder = msgspec.msgpack.Decoder(ArmState)
 _hands_decoder = msgspec.msgpack.Decoder(HandReadings)
+_persons_decoder = msgspec.msgpack.Decoder(PersonReadings)
 _readings_decoder = msgspec.msgpack.Decoder(TagReadings)
 _command_decoder: msgspec.msgpack.Decoder[Command] = msgspec.msgpack.Decoder(Command)
 
@@ -189,6 +194,24 @@ def _read_hand_readings(payload: bytes) -> HandReadings:
     return seen
 
 
+def decode_person_readings(payload: bytes) -> PersonReadings:
+    """Readings with a pose and possible deviations for each person; raises `WireError` for anything else."""
+    return decoded(payload, "person readings", _read_person_readings)
+
+
+def _read_person_readings(payload: bytes) -> PersonReadings:
+    seen = _persons_decoder.decode(payload)
+    _check_finite(seen.stamp)
+    if len(seen.persons) > MOST_PERSONS:
+        raise ValueError(f"{len(seen.persons)} persons; expected at most {MOST_PERSONS}")
+    for person in seen.persons:
+        Pose(person.pose[:3], person.pose[3:])
+        _check_finite(person.sigma_translation, person.sigma_rotation, *(person.fov or ()))
+        if min(person.sigma_translation, person.sigma_rotation, *(person.fov or ())) < 0.0:
+            raise ValueError(f"a negative deviation or field of view of {person.name!r}")
+    return seen
+
+
 def _check_lens(lens: Intrinsics) -> None:
     _check_finite(lens.fx, lens.fy, lens.cx, lens.cy)
     if min(lens.fx, lens.fy, lens.width, lens.height) <= 0:
@@ -228,3 +251,8 @@ def readings_key(keys: Keys, camera: str) -> str:
 def hands_key(keys: Keys, camera: str) -> str:
     """Where a camera sends `HandReadings` instead of frames."""
     return keys.device(f"camera/{camera}/hands")
+
+
+def persons_key(keys: Keys) -> str:
+    """Where the tracker of persons sends `PersonReadings`."""
+    return keys.device("persons")

@@ -8,7 +8,15 @@ from collections import deque
 import msgspec
 
 from agents.plant.config import PlantConfig
-from agents.plant.messages import arm_command_key, arm_state_key, decode_command, frame_key, hands_key, readings_key
+from agents.plant.messages import (
+    arm_command_key,
+    arm_state_key,
+    decode_command,
+    frame_key,
+    hands_key,
+    persons_key,
+    readings_key,
+)
 from agents.plant.reality import Reality
 from agents.plant.world import RATE_HZ, STEP
 from agents.scenario.format import decode_start, load_scenario, start_key
@@ -35,7 +43,7 @@ class Plant(Agent):
     name = "plant"
     rate_hz = 60.0
     uses_memory = False
-    publishes = ("device/arm/state", "device/camera/**", "truth")
+    publishes = ("device/arm/state", "device/camera/**", "device/persons", "truth")
     Config = PlantConfig
     config: PlantConfig
 
@@ -143,6 +151,8 @@ class Plant(Agent):
 
     def _publish_sight(self, stamp: float) -> None:
         reality, camera = self._reality, self._reality.camera.name
+        if (persons := reality.person_readings(stamp)) is not None:
+            self.bus.publish(persons_key(self.keys), msgspec.msgpack.encode(persons), Qos.STREAM)
         if self.config.sensor == "pixels":
             self.bus.publish_bulk(frame_key(self.keys, camera), frame_chunks(reality.frame(stamp)))
         else:

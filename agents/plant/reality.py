@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.drivers import ArmState, HandReadings, TagReadings
+from agents.drivers import ArmState, HandReadings, PersonReadings, TagReadings
 from agents.plant.arm import Arm
 from agents.plant.arm_error import displaced
 from agents.plant.bullet import Bullet
@@ -20,6 +20,7 @@ from agents.plant.hands import Hands
 from agents.plant.messages import Command, Follow, MoveGripper, MoveJoints, Point, Truth, seven
 from agents.plant.no_arm import NoArm
 from agents.plant.noise import SensorModel
+from agents.plant.persons import Persons
 from agents.plant.poses import read_tags, recognisable
 from agents.plant.renderer import Renderer
 from agents.plant.stage import Stage
@@ -92,6 +93,7 @@ class Reality:
             moves=dict(self.experimenter.spans),
             hands={hand.number: _points(hand.landmarks) for hand in self.hands.present},
             touched=dict(self.hands.holding("touch")),
+            persons={person.name: seven(person.pose) for person in self.persons.present},
         )
 
     def frame(self, stamp: float) -> Frame:
@@ -111,13 +113,17 @@ class Reality:
             return None
         return read_hands(self.camera, self.world, self.hands, self._hand_noise, stamp)
 
+    def person_readings(self, stamp: float) -> PersonReadings | None:
+        """What the tracker of persons tells; None in a scenario without persons."""
+        return self.persons.read(self._person_noise, stamp) if self.persons else None
+
     def close(self) -> None:
         """Free the physics engine; harmless when repeated."""
         self._resources.close()
 
     def _build(self, scenario: Scenario, config: PlantConfig, seed: int, resources: contextlib.ExitStack) -> None:
-        children = np.random.SeedSequence(seed).spawn(5)  # more of them leave the first ones as they are
-        layout, overhead, wrist, self._hand_noise, fixed = (np.random.default_rng(child) for child in children)
+        children = np.random.SeedSequence(seed).spawn(6)  # more of them leave the first ones as they are
+        layout, overhead, wrist, self._hand_noise, fixed, self._person_noise = map(np.random.default_rng, children)
         bullet = Bullet()
         resources.callback(bullet.close)
         self._renderer = Renderer(bullet, config.renderer) if config.sensor == "pixels" else None
@@ -135,7 +141,9 @@ class Reality:
         """Whether hands can come into the scene."""
         self.hands = Hands(bullet, numbers, seen=self._renderer is not None)
         """Those that can come."""
-        self._stage = Stage(self.world, self.arm, cameras, default_camera=scenario.camera_name, hands=self.hands)
+        self.persons = Persons(scenario.persons)
+        """Those who may be in the scene."""
+        self._stage = Stage(self.world, self.arm, cameras, scenario.camera_name, self.hands, self.persons)
         self.experimenter = Experimenter(scenario.events, self._stage)
 
     def _make_cameras(

@@ -8,6 +8,7 @@ from agents.plant.arm import Arm
 from agents.plant.camera import Camera
 from agents.plant.hands import Hands
 from agents.plant.no_arm import NoArm
+from agents.plant.persons import Persons
 from agents.plant.world import GRAVITY, STEP, World
 from dsr import quaternions
 from dsr.quaternions import Vector3
@@ -64,14 +65,22 @@ class Stage:
         cameras: by name.
         default_camera: the one meant when a move names none.
         hands: the experimenter's hands that can be seen.
+        persons: who may be in the scene.
     """
 
     def __init__(
-        self, world: World, arm: Arm | NoArm, cameras: Mapping[str, Camera], default_camera: str, hands: Hands
+        self,
+        world: World,
+        arm: Arm | NoArm,
+        cameras: Mapping[str, Camera],
+        default_camera: str,
+        hands: Hands,
+        persons: Persons,
     ) -> None:
         self.world = world
         self.arm = arm
         self.hands = hands
+        self.persons = persons
         self._cameras = cameras
         self._default_camera = default_camera
         self._grips: dict[str, Grip] = {}

@@ -6,7 +6,18 @@ from collections.abc import Iterable
 from pathlib import Path as FilePath
 
 from agents.scenario.coloring import color_clash
-from agents.scenario.events import ArmError, Carry, Event, FalsePercept, HandMove, Kill, Place, Slide, Swap
+from agents.scenario.events import (
+    ArmError,
+    Carry,
+    Event,
+    FalsePercept,
+    HandMove,
+    Kill,
+    PersonEvent,
+    Place,
+    Slide,
+    Swap,
+)
 from agents.scenario.expectations import (
     Actions,
     BeliefRecovered,
@@ -66,6 +77,7 @@ def check_scenario(scenario: Scenario, etc: FilePath | None, folder: FilePath) -
     _check_settings(scenario)
     _check_equipment(scenario)
     _check_names(scenario)
+    _check_persons(scenario)
     _check_colors(scenario, etc)
     _check_mission(scenario)
     _check_places(scenario)
@@ -154,6 +166,17 @@ def _check_names(scenario: Scenario) -> None:
             _require(other == spec.name, ("object", index, "marker_id"), message)
 
 
+def _check_persons(scenario: Scenario) -> None:
+    taken = _RESERVED | {spec.name for spec in scenario.objects}
+    for index, person in enumerate(scenario.persons):
+        path: Path = ("person", index, "name")
+        _check_name(path, person.name)
+        _require(person.name not in taken, path, f"the name {person.name!r} is taken; expected a name used once")
+        taken.add(person.name)
+        message = "expected another place than its `position`"
+        _require(person.position != person.look_at, ("person", index, "look_at"), message)
+
+
 def _check_recognised(spec: ObjectSpec, path: Path) -> None:
     """An object has a face for its tag; one that is made of a model has a tag, or is known by its colour."""
     if spec.marker_id is not None:
@@ -210,6 +233,10 @@ def _check_event(event: Event, path: Path, scenario: Scenario) -> None:
     _check_condition(event, (*path, "when"), scenario)
     for field, name in event.named_objects.items():
         _check_objects([name], (*path, field), scenario)
+    if isinstance(event, PersonEvent):
+        persons = [person.name for person in scenario.persons]
+        message = f"unknown person {event.person!r}; {suggest(event.person, persons)}"
+        _require(event.person in persons, (*path, "person"), message)
     if isinstance(event, Place):
         once = (event.position is None) != (event.onto is None)
         _require(once, path, "place: expected either `position` (m) or `onto` (an object)")

@@ -271,6 +271,45 @@ class HandLeave(HandEvent, frozen=True, kw_only=True, tag="hand_leave"):
     """m/s"""
 
 
+class PersonEvent(EventBase, frozen=True, kw_only=True):
+    """An event of a person, of whom only the eyes count: where they are, and where they look."""
+
+    person: str
+
+
+class PersonEnter(PersonEvent, frozen=True, kw_only=True, tag="person_enter"):
+    """A person comes into the scene, at once, and looks."""
+
+    position: Vector3 | None = None
+    """m, between the eyes, world; default: as the file's `[[person]]` says"""
+    look_at: Vector3 | None = None
+    """m, world; default: likewise"""
+
+
+class PersonTurn(PersonEvent, frozen=True, kw_only=True, tag="person_turn"):
+    """A person turns the head."""
+
+    look_at: Vector3
+    """m, world"""
+    speed: Speed = 2.0
+    """rad/s"""
+
+
+class PersonWalk(PersonEvent, frozen=True, kw_only=True, tag="person_walk"):
+    """A person goes somewhere in a straight line, turning the head on the way."""
+
+    to: Vector3
+    """m, between the eyes, world"""
+    look_at: Vector3 | None = None
+    """m, world, at the end; default: the same direction as before"""
+    speed: Speed = 1.0
+    """m/s"""
+
+
+class PersonLeave(PersonEvent, frozen=True, kw_only=True, tag="person_leave"):
+    """A person is gone, at once, and sees nothing until `person_enter`."""
+
+
 class Kill(EventBase, frozen=True, kw_only=True, tag="kill"):
     """Kill an agent's process without warning (SIGKILL); the launcher restarts it.
 
@@ -301,6 +340,10 @@ Event = (
     | HandMove
     | HandRelease
     | HandLeave
+    | PersonEnter
+    | PersonTurn
+    | PersonWalk
+    | PersonLeave
     | Kill
 )
 EVENTS: dict[str, type[Event]] = {str(kind.__struct_config__.tag): kind for kind in get_args(Event)}

@@ -24,6 +24,7 @@ NO_ROBOT = "none"
 _STRAIGHT = 1e-6  # m, length of the horizontal part of a unit vector that counts as vertical
 
 Share = Annotated[float, Meta(ge=0, le=1)]
+Angle = Annotated[float, Meta(gt=0, lt=math.pi)]
 Color = tuple[Share, Share, Share]
 
 
@@ -134,6 +135,20 @@ class ObjectSpec(Section, frozen=True, kw_only=True):
         return self.known and self.marker_id is None and self.color is not None
 
 
+class PersonSpec(Section, frozen=True, kw_only=True):
+    """A person, of whom only the eyes count; the hands are events of their own."""
+
+    name: str
+    position: Vector3
+    """m, between the eyes, world"""
+    look_at: Vector3
+    """m, world"""
+    fov: tuple[Angle, Angle] = (1.745, 1.396)
+    """rad, horizontal and vertical: what they see at once"""
+    present: bool = True
+    """In the scene from the beginning; else from a `person_enter` on."""
+
+
 class MissionSpec(Section, frozen=True, kw_only=True):
     """What the robot is told to achieve."""
 
@@ -166,6 +181,7 @@ class Scenario(Section, frozen=True, kw_only=True):
     random: RandomSpec = RandomSpec()
     mission: MissionSpec | None = None
     """Default: nobody wants anything."""
+    persons: list[PersonSpec] = msgspec.field(name="person", default_factory=list)
     objects: list[ObjectSpec] = msgspec.field(name="object", default_factory=list)
     events: list[Event] = msgspec.field(name="event", default_factory=list)
     expectations: list[Check] = msgspec.field(name="expect", default_factory=list)

@@ -477,3 +477,22 @@ def test_what_stands_under_a_cover_does_not_overlap_it_and_moves_with_it():
 )
 def test_what_is_wrong_with_a_model_is_named(text: str, message: str):
     assert message in refusal(BASE + text)
+
+
+@pytest.mark.parametrize(
+    ("lines", "expected"),
+    [
+        ('name = "a"\nposition = [1, 0, 1]\nlook_at = [0, 0, 0]', "the name 'a' is taken"),
+        ('name = "p"\nposition = [1, 0, 1]\nlook_at = [1, 0, 1]', "expected another place than its `position`"),
+        ('name = "p"\nposition = [1, 0, 1]\nlook_at = [0, 0, 0]\nfov = [4.0, 1.0]', "fov"),
+    ],
+)
+def test_wrong_persons_are_refused(lines: str, expected: str):
+    assert expected in refusal(f"{BASE}\n[[person]]\n{lines}\n")
+
+
+def test_an_event_of_somebody_unknown_is_refused_with_the_names_that_are_known():
+    person = '[[person]]\nname = "anne"\nposition = [1, 0, 1]\nlook_at = [0, 0, 0]\n'
+    leaving = '[[event]]\nat = 1.0\ndo = "person_leave"\nperson = "{}"\n'
+    assert "unknown person 'ann'; did you mean 'anne'" in refusal(BASE + person + leaving.format("ann"))
+    assert parse_scenario(BASE + person + leaving.format("anne")).persons[0].present
