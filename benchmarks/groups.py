@@ -4,14 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from benchmarks import by_type, camera_frames, cascade, frame_chains, growth, join, latency, local, planning, throughput
+from benchmarks import (
+    by_type,
+    camera_frames,
+    cascade,
+    frame_chains,
+    growth,
+    join,
+    latency,
+    local,
+    meshes,
+    planning,
+    throughput,
+)
 from benchmarks.group import Group
 from benchmarks.rows import Spec
 from dsr.errors import ConfigError
 
 GROUPS: tuple[Group, ...] = (
     latency.GROUP, throughput.GROUP, join.GROUP, local.GROUP, by_type.GROUP, frame_chains.GROUP, camera_frames.GROUP,
-    cascade.GROUP, growth.GROUP, planning.GROUP,
+    meshes.GROUP, cascade.GROUP, growth.GROUP, planning.GROUP,
 )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Raw Zenoh: open a session and get bytes from another process by one query."""
+"""Raw Zenoh: get bytes from another process by one query, in a session that is opened for that or is open already."""
 
 from __future__ import annotations
 
@@ -32,11 +32,36 @@ def fetch(endpoint: str, size: int) -> float:
     start = monotonic()
     session = open_session(connect=endpoint)
     try:
-        for _ in range(1000):  # the queryable is known a little after the link is open
-            for reply in session.get(_KEY, timeout=5.0):
-                if reply.ok is not None and len(reply.ok.payload.to_bytes()) == size:
-                    return monotonic() - start
-            sleep(0.001)
+        _get(session, endpoint, size)
+        return monotonic() - start
     finally:
         session.close()  # type: ignore[no-untyped-call]
+
+
+class Asker:
+    """A session that is open, and asks again and again."""
+
+    def __init__(self, endpoint: str, size: int) -> None:
+        zenoh.init_log_from_env_or("error")
+        self._session = open_session(connect=endpoint)
+        self._endpoint, self._size = endpoint, size
+        self.ask()
+
+    def ask(self) -> float:
+        """How long it takes from the query until the bytes are there, s."""
+        start = monotonic()
+        _get(self._session, self._endpoint, self._size)
+        return monotonic() - start
+
+    def close(self) -> None:
+        """Leave."""
+        self._session.close()  # type: ignore[no-untyped-call]
+
+
+def _get(session: zenoh.Session, endpoint: str, size: int) -> None:
+    for _ in range(1000):  # the queryable is known a little after the link is open
+        for reply in session.get(_KEY, timeout=5.0):
+            if reply.ok is not None and len(reply.ok.payload.to_bytes()) == size:
+                return
+        sleep(0.001)
     raise BenchmarkError(f"no answer from {endpoint}")

@@ -74,6 +74,8 @@ class MeshExchange:
         store: MeshStore | None = None,
     ) -> None:
         self.store = store or MeshStore(DiskCache(cache_folder()) if threaded else None)
+        self.shares_memory = transport.shares_memory
+        """Whether others on this machine are told where they can read in place; else all get pieces."""
         self._transport, self._keys, self._rid, self._clock = transport, keys, rid, clock
         self._threaded = threaded
         self._counts: Counter[str] = Counter()
@@ -272,7 +274,7 @@ class MeshExchange:
 
     def _place(self, mesh: Mesh) -> Place | None:
         """Where others on this machine can read it, if the transport reaches them so."""
-        if not self._transport.shares_memory:
+        if not self.shares_memory:
             return None
         with self._lock:
             shared = self._shared.get(mesh.hash)

@@ -62,10 +62,15 @@ class Mesh:
         self._set(b"".join((header, points.tobytes(), indices.tobytes())))
 
     @classmethod
-    def decode(cls, data: Bytes) -> Mesh:
-        """The mesh with these canonical bytes, which are not copied. Raises `WireError` if they are none."""
+    def decode(cls, data: Bytes, hash: str | None = None) -> Mesh:
+        """The mesh with these canonical bytes, which are not copied; `hash` is theirs, if that was checked before.
+
+        Raises `WireError` if they are no such bytes.
+        """
         self = cls.__new__(cls)
         self._set(data)
+        if hash is not None:
+            self.hash = hash
         if len(self.vertices) == 0 or len(self.triangles) == 0:
             raise WireError("a mesh without triangles")
         if not np.isfinite(self.vertices).all() or (self.vertices.view(np.uint32) == _NEGATIVE_ZERO).any():

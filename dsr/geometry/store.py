@@ -51,7 +51,7 @@ class MeshStore:
         if data is None:
             return None
         try:
-            return self._remember(Mesh.decode(data))
+            return self._remember(Mesh.decode(data, hash))
         except WireError as error:  # whoever wrote it knew its hash, and it is no mesh all the same
             _log.warning("the cached mesh %s: %s", hash, error)
             return None

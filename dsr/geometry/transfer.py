@@ -156,7 +156,7 @@ class Transfer:
             self._drop(source.holder, "mismatched", "its bytes do not match the hash")
             return False
         try:
-            self.mesh = Mesh.decode(data)
+            self.mesh = Mesh.decode(data, self.hash)
         except WireError as error:
             self._drop(source.holder, "malformed", str(error))
             return False
