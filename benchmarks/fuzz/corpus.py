@@ -16,6 +16,9 @@ from dsr import Pose
 from dsr.blobs import Frame, encode_frame
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Delta
+from dsr.geometry import Mesh
+from dsr.geometry.messages import Ask, Offer, encode_ask, encode_offer
+from dsr.geometry.shared import Place
 from dsr.graph import Graph
 from dsr.intrinsics import Intrinsics
 from dsr.runtime.logs import LogRecord
@@ -84,6 +87,23 @@ def frames() -> list[bytes]:
 def tickets() -> list[bytes]:
     """A ticket for a message in shared memory, and the empty one."""
     return [msgspec.msgpack.encode(Ticket(1, 5, b"0123456789abcdef", 4096, 1, 3, 4000)), msgspec.msgpack.encode(None)]
+
+
+def mesh_requests() -> list[bytes]:
+    """Who has a mesh; a piece of one."""
+    return [encode_ask(Ask("0123456789abcdef" * 4)), encode_ask(Ask("f" * 64, 1 << 20, 4096, keep=True))]
+
+
+def mesh_offers() -> list[bytes]:
+    """A mesh that is to be had in pieces, and one that can be read in place."""
+    return [encode_offer(Offer(3_600_016)), encode_offer(Offer(4000, Place(1, 5, 4000)))]
+
+
+def meshes() -> list[bytes]:
+    """A triangle and a strip."""
+    strip = [(x, y, 0.5) for x in range(20) for y in (0.0, 1.0)]
+    triangles = [(k, k + 1, k + 2) for k in range(38)]
+    return [bytes(Mesh(strip[:3], triangles[:1]).data), bytes(Mesh(strip, triangles).data)]
 
 
 def statuses() -> list[bytes]:

@@ -23,6 +23,8 @@ from dsr.blobs import decode_frame
 from dsr.bulk import decode_ticket
 from dsr.crdt.delta import Delta
 from dsr.errors import DsrError
+from dsr.geometry import Mesh
+from dsr.geometry.messages import decode_ask, decode_offer
 from dsr.persistence.files import read_graph
 from dsr.persistence.records import HEADER, append_record, read_records
 from dsr.rendezvous import members
@@ -54,6 +56,9 @@ def targets(folder: Path) -> list[Target]:
         Target("digest, request", decode_digest, corpus.digests(), 4),
         Target("camera frame", lambda frame: unpack(decode_frame(frame)), corpus.frames(), 3, load_frame, dump_frame),
         Target("frame ticket", decode_ticket, corpus.tickets(), 1),
+        Target("mesh request", decode_ask, corpus.mesh_requests(), 1),
+        Target("mesh offer", decode_offer, corpus.mesh_offers(), 1),
+        Target("mesh", Mesh.decode, corpus.meshes(), 1),
         Target("status", decode_status, corpus.statuses(), 1),
         Target("log record", decode_log, corpus.log_records(), 1),
         Target("arm state", decode_arm_state, corpus.arm_states(), 1),

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import dsr
-from dsr import AgentError, ConfigError, Frame, Memory, TransportError, rendezvous
+from dsr import AgentError, ConfigError, Frame, Memory, Mesh, MeshNotFoundError, TransportError, rendezvous
 from dsr.clock import WALL_CLOCK
 from dsr.connect import open_transport
 from dsr.crdt.context import CausalContext
@@ -155,6 +155,16 @@ def test_frames_travel_through_shared_memory_as_without_security(join: Join) -> 
     assert eventually(arrives)
     assert eventually(lambda: tickets)
     frames.close()
+
+
+def test_meshes_are_had_from_whoever_has_them_also_by_readers(join: Join) -> None:
+    arm, scene, reader = join("arm"), join("scene"), join("dsr")
+    for memory in (arm, scene, reader):
+        memory.meshes.store.disk = None
+    mesh = Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
+    assert reader.mesh(arm.put_mesh(mesh), PATIENCE) == mesh
+    with pytest.raises(MeshNotFoundError):  # what only a reader has, nobody has
+        scene.mesh(reader.put_mesh(Mesh(mesh.vertices + 1, mesh.triangles)), A_WHILE)
 
 
 # ---- no certificate, no entry
