@@ -25,7 +25,11 @@ from dsr.transport import Transport
 ANSWER_TIMEOUT = 5.0
 """s that whoever is asked for a mesh, or a piece of one, has to answer."""
 AGAIN = 0.5
-"""s from a transfer that failed to the next attempt."""
+"""s from a transfer that failed to the next attempt, if somebody waits for it."""
+SELDOM = 8.0
+"""s from one to the next in the end, if nobody does: each attempt takes twice as long to come as the one before."""
+MOST_WANTED = 10_000
+"""Meshes that are asked for at once, or were lately and nobody had them; further ones are not asked for."""
 MOST_AT_ONCE = 4
 """Transfers; others wait."""
 SHARED_LIMIT = 1 << 28
@@ -81,7 +85,7 @@ class MeshExchange:
         self._counts: Counter[str] = Counter()
         self._transfers: OrderedDict[str, Transfer] = OrderedDict()
         self._begun: set[str] = set()
-        self._failed_at: dict[str, float] = {}
+        self._failures: dict[str, _Failure] = {}
         self._shared: OrderedDict[str, SharedBytes] = OrderedDict()
         self._events: deque[Callable[[], None]] = deque()
         self._lock = threading.Lock()
@@ -125,7 +129,7 @@ class MeshExchange:
         deadline = self._clock.monotonic() + timeout
         while (mesh := self.store.get(_checked(hash))) is None and not self._stopped.is_set():
             left = deadline - self._clock.monotonic()
-            transfer = self._transfer(hash)
+            transfer = self._transfer(hash, awaited=True)
             if transfer is None:
                 self._clock.wait(self._stopped, min(AGAIN, left))
             elif self._clock.wait(transfer.finished, left) and transfer.mesh is not None:
@@ -185,12 +189,16 @@ class MeshExchange:
 
     # ---- getting
 
-    def _transfer(self, hash: str) -> Transfer | None:
-        """The transfer of this mesh, begun if none is; None shortly after one that failed."""
+    def _transfer(self, hash: str, *, awaited: bool = False) -> Transfer | None:
+        """The transfer of this mesh, begun if none is; None for a while after one that failed."""
         with self._lock:
             transfer = self._transfers.get(hash)
             if transfer is None and not self._stopped.is_set():
-                if self._clock.monotonic() < self._failed_at.get(hash, -AGAIN) + AGAIN:
+                failure = self._failures.get(hash)
+                if failure and self._clock.monotonic() < failure.at + (AGAIN if awaited else failure.pause):
+                    return None
+                if failure is None and len(self._transfers) + len(self._failures) >= MOST_WANTED:
+                    self._failures.clear()
                     return None
                 transfer = self._transfers[hash] = Transfer(hash, self, self._counts)
                 self._start_thread()
@@ -213,10 +221,10 @@ class MeshExchange:
             with self._lock:
                 self._begun.discard(transfer.hash)
                 del self._transfers[transfer.hash]
-                now = self._clock.monotonic()
-                self._failed_at = {hash: at for hash, at in self._failed_at.items() if now < at + AGAIN}
+                before = self._failures.pop(transfer.hash, None)
                 if transfer.mesh is None:
-                    self._failed_at[transfer.hash] = now
+                    pause = AGAIN if before is None else min(2.0 * before.pause, SELDOM)
+                    self._failures[transfer.hash] = _Failure(self._clock.monotonic(), pause)
 
     def ask(
         self, holder: str, payload: bytes, on_reply: Callable[[str, bytes], None], on_done: Callable[[], None]
@@ -300,6 +308,15 @@ class MeshExchange:
         self._transport.request(self._keys.mesh(EVERYBODY), encode_ask(Ask(hash)), reply, answered.set, 1.0)
         self._clock.wait(answered, 1.5)
         return found.is_set()
+
+
+class _Failure(NamedTuple):
+    """Nobody had a mesh."""
+
+    at: float
+    """s, monotonic"""
+    pause: float
+    """s until it is asked for again, unless somebody waits for it"""
 
 
 def _checked(hash: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
 import subprocess
 import sys
@@ -159,6 +160,27 @@ class TestInLockstep:
         for get in (memory.mesh, memory.get_mesh):
             with pytest.raises(MeshError, match="no hash"):
                 get(text)
+
+    def test_what_nobody_has_is_asked_for_less_and_less(self, net: Net) -> None:
+        asked: list[float] = []
+        net.liar("a", lambda ask: asked.append(net.clock.now()))
+        reader = net.join("reader")
+        for _ in range(120):
+            assert reader.get_mesh("0" * 64) is None
+            net.pump()
+        pauses = [after - before for before, after in itertools.pairwise(asked)]
+        assert len(asked) <= 10 and max(pauses) <= 14.0 and pauses[-1] > pauses[0]
+        net.join("late").put_mesh(block())
+        assert net.pull(reader, block().hash) == block()
+
+    def test_endless_names_of_meshes_are_not_all_asked_for(self, net: Net, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr("dsr.geometry.exchange.MOST_WANTED", 20)
+        reader = net.join("reader")
+        for number in range(200):
+            assert reader.get_mesh(f"{number:064x}") is None
+            assert len(reader.meshes._transfers) <= 20
+        net.join("holder").put_mesh(block())
+        assert net.pull(reader, block().hash, 200.0) == block()
 
     def test_requests_that_make_no_sense_are_counted(self, net: Net) -> None:
         holder = net.join("holder")
