@@ -15,10 +15,11 @@ class Followers:
 
     Args:
         geometric: edge types that carry a pose; may grow.
+        frames: what is there to begin with; nothing if None.
     """
 
-    def __init__(self, geometric: set[str]) -> None:
-        self.frames = FrameTree()
+    def __init__(self, geometric: set[str], frames: FrameTree | None = None) -> None:
+        self.frames = frames or FrameTree()
         self._geometric = geometric
         self._watches: list[Watch] = []
 

@@ -6,8 +6,10 @@ one, and among several parents of that type (two cameras see one cube) the one w
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Mapping, Sequence
 from itertools import takewhile
+from typing import Protocol
 
 from dsr.errors import ExtrapolationError, NoPathError, TransformError, suggest
 from dsr.frame_batch import Batch
@@ -23,6 +25,13 @@ _MOST_BATCHES = 64
 
 _Steps = list[tuple[str, Link]]
 """The part of a chain that a transform is made of."""
+
+
+class FrameFork(Protocol):
+    """A tree that began as another one and still reads from it."""
+
+    def take_over(self, type: str, child: str) -> None:
+        """The other tree is about to change the edges of this type to `child`: keep them as they are."""
 
 
 class FrameTree:
@@ -46,12 +55,17 @@ class FrameTree:
         self._newest: dict[str, Links] = {}  # type -> child -> link to the parent with the newest sample
         self._chains: dict[tuple[str, str, Types], Chain] = {}
         self._batches: dict[tuple[str, tuple[str, ...], Types], Batch] = {}
+        self._mine: set[tuple[str, str]] | None = None
+        """If histories are shared with forks: those (type, child) that nobody else reads; others are copied first."""
+        self._forks: list[weakref.ref[FrameFork]] = []
 
     def update(self, type: str, parent: str, child: str, pose: Pose) -> None:
         """Record the sample parent_from_child of an edge; it need not be the newest.
 
         The stamp 0.0 means "always". A sample equal to the one of its stamp changes nothing.
         """
+        if self._mine is not None:
+            self._before_change(type, child)
         histories = self._histories.get((type, child), {})
         if parent in histories:
             histories[parent].add(pose)
@@ -65,6 +79,8 @@ class FrameTree:
 
         What a graph shows is the write that won, whatever its stamp; so all replicas have the same transforms.
         """
+        if self._mine is not None:
+            self._before_change(type, child)
         histories = self._histories.get((type, child))
         if histories is None or parent not in histories:
             self.update(type, parent, child, pose)
@@ -81,9 +97,30 @@ class FrameTree:
 
     def remove(self, type: str, parent: str, child: str) -> None:
         """Forget an edge and its past; harmless if there is none."""
+        if self._mine is not None:
+            self._before_change(type, child)
         histories = self._histories.get((type, child), {})
         self._histories[type, child] = {name: h for name, h in histories.items() if name != parent}
         self._choose_newest(type, child)
+
+    def share_with(self, fork: FrameFork) -> None:
+        """Let `fork` read what is here now, and keep from it what changes later."""
+        self._forks = [other for other in self._forks if other() is not None] + [weakref.ref(fork)]
+        self._mine = set()
+
+    def _before_change(self, type: str, child: str) -> None:
+        """Let the forks keep the edges to this frame as they are, and go on with a copy."""
+        key = type, child
+        if self._mine is None or key in self._mine:
+            return
+        for reference in self._forks:
+            fork = reference()
+            if fork is not None:
+                fork.take_over(type, child)
+        histories = self._histories.get(key)
+        if histories is not None:
+            self._histories[key] = {parent: history.copy() for parent, history in histories.items()}
+        self._mine.add(key)
 
     def _choose_newest(self, type: str, child: str) -> None:
         """Let the table name the newest of the frame's edges; a link that is still right stays the same."""
@@ -101,6 +138,14 @@ class FrameTree:
     def _links(self, type: str) -> Links:
         """The table of one edge type; it stays the same object."""
         return self._newest.get(type) or self._newest.setdefault(type, {})
+
+    def link(self, type: str, child: str) -> Link | None:
+        """The link of this type to the parent with the newest sample; None if there is none."""
+        return self._links(type).get(child)
+
+    def histories(self, type: str, child: str) -> dict[str, PoseHistory] | None:
+        """The samples of all edges of this type to `child`, by parent; neither is to be changed."""
+        return self._histories.get((type, child))
 
     def transform(self, target: str, source: str, at: float | None = None, types: Types = ("RT",)) -> Pose:
         """target_from_source: where the frame `source` is in the frame `target`.

@@ -6,16 +6,17 @@ alive at both ends. Nothing here does I/O or reads a clock; callers serialise mu
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, MutableMapping
 from typing import Any, Protocol
 
 from dsr.crdt.context import Dot
 from dsr.crdt.delta import TOMBSTONE, Add, Delta, EdgeKey, Key, Write
 from dsr.crdt.hlc import HybridClock
-from dsr.crdt.store import Entry, Observer, Store
+from dsr.crdt.store import Entry, Store
 from dsr.elements import Edge, Node, type_of
 from dsr.errors import EdgeNotFoundError, NodeNotFoundError, suggest
 from dsr.schema import Schema
+from dsr.sharing import Groups, Sharing
 
 
 class Listener(Protocol):
@@ -39,21 +40,23 @@ class _NoListener:
     def updated(self, element: Node | Edge, attribute: str) -> None: ...
 
 
-class Graph(Observer):
+class Graph(Sharing):
     """One replica of a graph."""
 
     def __init__(self, rid: str, schema: Schema | None = None, listener: Listener | None = None) -> None:
+        super().__init__()
         self.rid = rid
         self.schema = schema or Schema()
         self.store = Store(self)
         self.hlc = HybridClock()
-        self.nodes: dict[str, Node] = {}
-        self.edges: dict[EdgeKey, Edge] = {}
-        self.nodes_by_type: dict[str, dict[str, Node]] = {}
-        self.edges_by_type: dict[str, dict[EdgeKey, Edge]] = {}
-        self.edges_out: dict[str, dict[EdgeKey, Edge]] = {}
-        self.edges_in: dict[str, dict[EdgeKey, Edge]] = {}
-        self._incident: dict[str, dict[EdgeKey, None]] = {}  # not sets: runs of one seed are identical
+        self.nodes: MutableMapping[str, Node] = {}
+        self.edges: MutableMapping[EdgeKey, Edge] = {}
+        self.nodes_by_type: Groups[str, Node] = {}
+        self.edges_by_type: Groups[EdgeKey, Edge] = {}
+        self.edges_out: Groups[EdgeKey, Edge] = {}
+        self.edges_in: Groups[EdgeKey, Edge] = {}
+        self.incident: Groups[EdgeKey, None] = {}  # not sets: runs of one seed are identical
+        """Keys of edges by the names of their ends, visible or not."""
         self._unattached: dict[Dot, Entry] = {}
         self._listener: Listener = listener or _NoListener()
         self._counter = 0
@@ -115,7 +118,7 @@ class Graph(Observer):
         """Remove a node and the edges at it, as seen here; an empty delta if it is not visible."""
         if name not in self.nodes:
             return Delta()
-        keys: list[Key] = [name, *self._incident.get(name, ())]
+        keys: list[Key] = [name, *self.incident.get(name, ())]
         return self._commit_removal([dot for key in keys for dot in self.store.by_key.get(key, ())])
 
     def remove_edge(self, key: EdgeKey) -> Delta:
@@ -200,7 +203,7 @@ class Graph(Observer):
                 self._listener.updated(element, attribute)
 
     def _rebuild_indexes(self) -> None:
-        self._incident, self._unattached = {}, {}
+        self.incident, self._unattached = {}, {}
         for key in self.store.by_key:
             if not isinstance(key, str):
                 self._note_incident(key)
@@ -210,6 +213,14 @@ class Graph(Observer):
         for edge in self.edges.values():
             for index, name in self._edge_indexes(edge.key):
                 index.setdefault(name, {})[edge.key] = edge
+
+    def clear(self) -> None:
+        """Hold nothing any more, unless a fork still reads from here; the graph must be locked."""
+        if any(fork() is not None for fork in self._forks):
+            return
+        self.store = Store(self)
+        self.nodes, self.edges = {}, {}
+        self._rebuild_indexes()
 
     # ---- what the store reports: keep the visible elements and the indexes
 
@@ -229,33 +240,35 @@ class Graph(Observer):
 
     def _note_incident(self, key: EdgeKey) -> None:
         for name in key[:2]:
-            self._incident.setdefault(name, {})[key] = None
+            self.incident.setdefault(name, {})[key] = None
 
     def entry_removed(self, entry: Entry) -> None:
         """Hide the incarnation and what depended on it."""
         if isinstance(entry.key, str):
             self._refresh_edges_at(entry.key)
             self._refresh_node(entry.key)
-            at_node = list(self._incident.get(entry.key, ()))
+            at_node = list(self.incident.get(entry.key, ()))
             self._detach_or_bury([e for key in at_node for e in self.store.by_key.get(key, {}).values()])
             return
         if entry.key not in self.store.by_key:
             for name in entry.key[:2]:
-                keys = self._incident.get(name, {})
-                keys.pop(entry.key, None)
-                if not keys:
-                    self._incident.pop(name, None)
+                keys = self.incident.get(name)
+                if keys is not None:
+                    keys.pop(entry.key, None)
+                    if not keys:
+                        del self.incident[name]
         self._refresh_edge(entry.key)
 
     def register_changed(self, entry: Entry, attribute: str) -> None:
         """Pass on a change of a visible element."""
-        key = entry.key
-        element: Node | Edge | None = self.nodes.get(key) if isinstance(key, str) else self.edges.get(key)
+        element = self._visible(entry.key)
         if element is not None and entry in element._entries:
             self._listener.updated(element, attribute)
 
     def _refresh_node(self, name: str) -> None:
         entries = tuple(self.store.by_key.get(name, {}).values())
+        if self.store.mine is not None:
+            self.before_change(name)
         old = self.nodes.get(name)
         if old is not None and entries:
             self._change_node(old, entries)
@@ -289,12 +302,15 @@ class Graph(Observer):
                 self._listener.updated(element, attribute)
 
     def _refresh_edges_at(self, name: str) -> None:
-        for key in list(self._incident.get(name, ())):
+        for key in list(self.incident.get(name, ())):
             self._refresh_edge(key)
 
     def _refresh_edge(self, key: EdgeKey) -> None:
         entries = tuple(e for e in self.store.by_key.get(key, {}).values() if self._has_ends(e))
         old = self.edges.get(key)
+        if self.store.mine is not None and entries != (old._entries if old else ()):
+            self.before_change(key)
+            old = self.edges.get(key)
         if old is not None and entries:
             self._change_incarnations(old, entries)
         elif old is not None:
@@ -310,7 +326,7 @@ class Graph(Observer):
                 index.setdefault(name, {})[key] = edge
             self._listener.added(edge)
 
-    def _edge_indexes(self, key: EdgeKey) -> list[tuple[dict[str, dict[EdgeKey, Edge]], str]]:
+    def _edge_indexes(self, key: EdgeKey) -> list[tuple[Groups[EdgeKey, Edge], str]]:
         return [(self.edges_out, key[0]), (self.edges_in, key[1]), (self.edges_by_type, key[2])]
 
     def _has_ends(self, entry: Entry) -> bool:

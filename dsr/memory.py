@@ -11,7 +11,7 @@ import logging
 import secrets
 import sys
 import threading
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import TracebackType
 from typing import Any
 
@@ -92,7 +92,7 @@ class Memory(WorldAccess, BlobAccess):
         self.transport = transport
         self.schema = schema or Schema()
         self.rid = rid or new_rid(agent)
-        self._followers = Followers(self.schema.geometric)
+        self._followers = _seat.followers() if _seat else Followers(self.schema.geometric)
         self._frames = self._followers.frames
         self._graph = _seat.graph(self._followers) if _seat else Graph(self.rid, self.schema, self._followers)
         self._guard = guard
@@ -197,14 +197,14 @@ class Memory(WorldAccess, BlobAccess):
         if src is not None and dst is not None and type is not None:
             found = [graph.edges.get((src, dst, type))]
             return [edge for edge in found if edge is not None]
-        indexes: list[dict[EdgeKey, Edge]] = []
+        indexes: list[Mapping[EdgeKey, Edge]] = []
         if src is not None:
             indexes.append(graph.edges_out.get(src, {}))
         if dst is not None:
             indexes.append(graph.edges_in.get(dst, {}))
         if type is not None:
             indexes.append(graph.edges_by_type.get(type, {}))
-        smallest = min(indexes, key=len) if indexes else graph.edges
+        smallest: Mapping[EdgeKey, Edge] = min(indexes, key=len) if indexes else graph.edges
         return [
             edge
             for edge in list(smallest.values())

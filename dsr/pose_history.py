@@ -29,6 +29,12 @@ class PoseHistory:
         self._seconds = seconds
         self._most = most
 
+    def copy(self) -> PoseHistory:
+        """One with the same samples that goes its own way."""
+        other = PoseHistory.__new__(PoseHistory)
+        other._samples, other._seconds, other._most = self._samples[:], self._seconds, self._most
+        return other
+
     @property
     def newest(self) -> Pose:
         """The sample with the latest stamp."""

@@ -181,6 +181,7 @@ class Replica:
                     action()
             with self.lock:
                 outputs = self.synchroniser.tick(self._clock.monotonic(), self._clock.now())
+                self.graph.tidy()
             for output in outputs:
                 self._perform(output)
         if self.after_poll is not None:

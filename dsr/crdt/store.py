@@ -11,7 +11,7 @@ arrived waits in a bounded buffer, outside the context, so that synchronisation 
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, MutableMapping
 from functools import lru_cache
 
 from msgspec.structs import replace
@@ -29,12 +29,12 @@ class Entry:
 
     __slots__ = ("announced", "destinations", "dot", "key", "registers", "sources", "type")
 
-    def __init__(self, add: Add) -> None:
-        self.dot = add.dot
-        self.key = add.key
-        self.type = add.type
-        self.sources = add.sources
-        self.destinations = add.destinations
+    def __init__(self, add: Add | Entry) -> None:
+        self.dot: Dot = add.dot
+        self.key: Key = add.key
+        self.type: str = add.type
+        self.sources: tuple[Dot, ...] = add.sources
+        self.destinations: tuple[Dot, ...] = add.destinations
         self.registers: dict[str, Write] = {}
         """The winning write of each attribute."""
         self.announced = False
@@ -43,6 +43,12 @@ class Entry:
 
 class Observer:
     """Told about every effective change of a store; the default ignores them."""
+
+    def before_change(self, key: Key) -> None:
+        """The element `key` is about to change; only told by a store that shares entries (`Store.mine`)."""
+
+    def entry_copied(self, old: Entry, new: Entry) -> None:
+        """`new` takes the place of `old`, which others go on reading, and is about to change."""
 
     def entry_added(self, entry: Entry) -> None:
         """`entry` became live, with the registers that came with it."""
@@ -59,8 +65,10 @@ class Store:
 
     def __init__(self, observer: Observer | None = None) -> None:
         self.context = CausalContext()
-        self.entries: dict[Dot, Entry] = {}
-        self.by_key: dict[Key, dict[Dot, Entry]] = {}
+        self.entries: MutableMapping[Dot, Entry] = {}
+        self.by_key: MutableMapping[Key, dict[Dot, Entry]] = {}
+        self.mine: set[Dot] | None = None
+        """If entries are shared with forks: those that nobody else reads. The others are copied before they change."""
         self.fingerprint = 0
         """Order-independent hash of the live dots."""
         self.unsettled: dict[tuple[Dot, str], int] = {}
@@ -114,6 +122,8 @@ class Store:
         """A removal is final for its dot, also when it arrives before the addition."""
         self.context.add(dot)
         self._forget_waiting(dot)
+        if self.mine is not None and dot in self.entries:
+            self._observer.before_change(self.entries[dot].key)
         entry = self.entries.pop(dot, None)
         if entry is None:
             return
@@ -128,6 +138,9 @@ class Store:
         """A dot already in the context lives already, or was removed: then a late addition is void."""
         if add.dot in self.entries or add.dot in self.context:
             return None
+        if self.mine is not None:
+            self._observer.before_change(add.key)
+            self.mine.add(add.dot)
         entry = Entry(add)
         self.entries[add.dot] = entry
         self.by_key.setdefault(add.key, {})[add.dot] = entry
@@ -152,6 +165,8 @@ class Store:
                 if write.writer == current.writer:
                     self._settle_same(entry, write, current)
                 return True
+        if self.mine is not None:
+            entry = self._own(entry)
         entry.registers[write.attribute] = write
         if write.dot is None:
             self.unsettled[(write.owner, write.attribute)] = 0
@@ -162,7 +177,23 @@ class Store:
     def _settle_same(self, entry: Entry, write: Write, current: Write) -> None:
         """The same write again, now durable, or made durable by two replicas: the greatest dot stays."""
         if write.dot is not None and (current.dot is None or write.dot > current.dot):
+            if self.mine is not None:
+                entry = self._own(entry)
             entry.registers[write.attribute] = replace(current, dot=write.dot)
+
+    def _own(self, entry: Entry) -> Entry:
+        """The entry as one that may change: others that read it keep the old one."""
+        assert self.mine is not None
+        if entry.dot in self.mine:
+            return entry
+        self._observer.before_change(entry.key)
+        copy = Entry(entry)
+        copy.registers = entry.registers.copy()
+        copy.announced = entry.announced
+        self.entries[entry.dot] = self.by_key[entry.key][entry.dot] = copy
+        self.mine.add(entry.dot)
+        self._observer.entry_copied(entry, copy)
+        return copy
 
     def _wait(self, write: Write) -> bool:
         if write.dot is None:
@@ -229,6 +260,8 @@ class Store:
                 del self.unsettled[(owner, attribute)]
             elif due(write, passes):
                 del self.unsettled[(owner, attribute)]
+                if self.mine is not None:
+                    entry = self._own(entry)
                 durable = entry.registers[attribute] = replace(write, dot=new_dot())
                 delta.writes.append(durable)
             else:

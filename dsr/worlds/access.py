@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from dsr.followers import Followers
+from dsr.frames import FrameTree
 from dsr.geometry.exchange import MeshExchange
+from dsr.graph import Graph
 from dsr.keys import BASE, Keys
 from dsr.replica import Replica
 from dsr.worlds.opened import Seat, Worlds
@@ -22,11 +25,18 @@ class WorldAccess:
 
     _worlds: Worlds
     _replica: Replica
+    _graph: Graph
+    _followers: Followers
+    _frames: FrameTree
     _closed: bool
     meshes: MeshExchange
     keys: Keys
     seat: Seat | None
     """What makes it a memory of another world than the base; None for the base."""
+
+    def close(self) -> None:
+        """See `Memory.close`."""
+        raise NotImplementedError
 
     @property
     def world_name(self) -> str:
@@ -106,6 +116,13 @@ class WorldAccess:
         self._replica.flush()
         if self.seat is None:
             self._worlds.each(lambda memory: memory.flush())
+
+    def drop(self) -> None:
+        """Close, and hold nothing any more: the world was deleted. Called by what keeps the list of worlds."""
+        self.close()
+        with self._replica.lock:
+            self._graph.clear()
+            self._followers.frames = self._frames = FrameTree()
 
     def move(self, keys: Keys) -> None:
         """Go on meeting the other replicas of this world under other keys; called by what keeps the list of worlds."""

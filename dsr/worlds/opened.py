@@ -13,6 +13,8 @@ from dsr.errors import TransportError, WorldError, WorldNotFoundError, suggest
 from dsr.followers import Followers
 from dsr.graph import Graph
 from dsr.keys import BASE, Keys, check_name
+from dsr.worlds.fork import ForkedGraph
+from dsr.worlds.fork_frames import ForkedFrames
 from dsr.worlds.registry import BASE_INFO, ROOT, Record, WorldInfo, find_record, node_name, records, to_attribute
 
 if TYPE_CHECKING:
@@ -40,13 +42,16 @@ class Seat:
         """The keys of the world."""
         return Keys(graph, self.record.info.name, self.record.channel)
 
+    def followers(self) -> Followers:
+        """The listener of the world's graph, which knows what that holds at first."""
+        frames = None if self.source is None else ForkedFrames(self.source._frames)
+        return Followers(self.worlds.base.schema.geometric, frames)
+
     def graph(self, followers: Followers) -> Graph:
         """What the world holds at first."""
-        base = self.worlds.base
-        graph = Graph(self.rid, base.schema, followers)
-        if self.source is not None:
-            graph.join(self.source.replica.graph.store.missing_for(graph.store.context))
-        return graph
+        if self.source is None:
+            return Graph(self.rid, self.worlds.base.schema, followers)
+        return ForkedGraph(self.rid, self.source.replica.graph, followers)
 
 
 class Worlds:
@@ -200,7 +205,7 @@ class Worlds:
         record = find_record(self.base.replica.graph, name)
         if record is None or not (record.dots & seat.record.dots):
             _log.info("world %r was deleted", name)
-            memory.close()
+            memory.drop()
             return
         moved, seat.record = record.channel != seat.record.channel, record
         if moved:

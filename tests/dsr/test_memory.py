@@ -229,7 +229,7 @@ def test_indexes_do_not_grow_with_history(net: Net) -> None:
         memory.add_edge("world", f"c{index}", "has")
         memory.remove_node(f"c{index}")
     graph = memory._graph
-    assert not (graph.edges_in or graph.edges_out or graph.edges_by_type or graph._incident)
+    assert not (graph.edges_in or graph.edges_out or graph.edges_by_type or graph.incident)
 
 
 def test_a_child_forked_while_a_thread_merges_is_not_stuck(net: Net) -> None:

@@ -171,7 +171,7 @@ def test_state_does_not_grow_with_history() -> None:
         for index in range(50):
             graph.remove_node(f"n{index}")
         store = graph.store
-        return len(store.entries) + len(store.by_key) + len(list(store.context.ranges())) + len(graph._incident)
+        return len(store.entries) + len(store.by_key) + len(list(store.context.ranges())) + len(graph.incident)
 
     sizes = [cycle() for _ in range(5)]
     assert set(sizes) == {1}

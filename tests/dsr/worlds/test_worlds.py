@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import gc
+import threading
+import weakref
+
 import pytest
 
 from dsr import AgentError, ConfigError, Memory, Pose, WorldError, WorldInfo, WorldNotFoundError
@@ -16,11 +20,15 @@ def test_a_memory_is_one_of_the_base_and_lists_all_worlds(net: Net) -> None:
     filtered = a.create_world("filtered")
     fork = a.fork("idea", of="base")
     assert (filtered.world_name, fork.world_name) == ("filtered", "idea")
-    assert a.worlds() == fork.worlds() == [
-        WorldInfo("base"),
-        WorldInfo("filtered", creator="a", created=net.clock.now()),
-        WorldInfo("idea", "base", creator="a", created=net.clock.now()),
-    ]
+    assert (
+        a.worlds()
+        == fork.worlds()
+        == [
+            WorldInfo("base"),
+            WorldInfo("filtered", creator="a", created=net.clock.now()),
+            WorldInfo("idea", "base", creator="a", created=net.clock.now()),
+        ]
+    )
     assert a.world("idea") is fork is filtered.world("idea")
 
 
@@ -186,3 +194,60 @@ def test_closing_the_base_closes_all_worlds(net: Net) -> None:
     for world in worlds:
         with pytest.raises(Exception, match="closed"):
             world.add_node("ball", "ball")
+
+
+def test_a_deleted_fork_leaves_no_memory_behind(net: Net) -> None:
+    a = net.join("a")
+    tabletop(a)
+    fork = a.fork("idea")
+    graph = weakref.ref(fork.replica.graph)
+    a.update_node("cube_3", mass=1.0)
+    a.delete_world("idea")
+    assert fork.nodes() == [] and fork.closed and not fork.replica.graph.store.entries
+    del fork
+    gc.collect()
+    assert graph() is None
+    net.pump(0.1)
+    assert a.replica.graph.store.mine is None
+
+
+def test_a_fork_of_a_deleted_fork_keeps_what_it_reads(net: Net) -> None:
+    a = net.join("a")
+    tabletop(a)
+    a.fork("first").update_node("cube_3", mass=1.0)
+    second = a.fork("second", of="first")
+    a.delete_world("first")
+    gc.collect()
+    a.update_node("cube_3", mass=2.0)
+    a.remove_node("table")
+    assert second.node("cube_3")["mass"] == 1.0 and "table" in second
+
+
+def test_what_is_read_without_a_lock_never_shows_what_the_parent_writes(net: Net) -> None:
+    a = net.join("a")
+    for index in range(200):
+        a.add_node(f"n{index}", "cube", mass=0.0)
+        a.add_edge("n0", f"n{index}", "RT", pose=Pose((0.0, 0, 0), stamp=1.0))
+    fork = a.fork("idea")
+    stop = threading.Event()
+
+    def write() -> None:
+        for index in range(200):
+            a.update_node(f"n{index}", mass=1.0)
+            a.update_edge("n0", f"n{index}", "RT", pose=Pose((1.0, 0, 0), stamp=2.0))
+            a.add_node(f"m{index}", "cube", mass=1.0)
+            if index % 3 == 0 and index:
+                a.remove_node(f"n{index}")
+        stop.set()
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    while True:
+        last = stop.is_set()
+        nodes = fork.nodes("cube")
+        assert len(nodes) == 200 and all(node["mass"] == 0.0 for node in nodes)
+        assert all(fork.transform("n0", f"n{index}").t[0] == 0.0 for index in range(1, 200))
+        fork.poll()
+        if last:
+            break
+    writer.join()

@@ -1,0 +1,321 @@
+"""Tables of a fork: what it has taken over, and below that, unchanged, what its parent holds.
+
+A key that is `taken` is the fork's alone; every other one is read from the parent. The parent takes each key over into
+its forks before it changes it, so whoever reads looks at the fork's own table, then at the parent's, and then makes
+sure that the key was not taken meanwhile. That needs no lock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, MutableMapping
+from typing import Any, Generic, TypeVar
+
+from dsr.crdt.context import Dot
+from dsr.crdt.delta import Key
+from dsr.crdt.store import Entry
+
+K = TypeVar("K", bound=Key)
+V = TypeVar("V")
+Taken = dict[Key, None]
+"""The keys that a fork has taken over."""
+_EMPTY: Mapping[Any, Any] = {}
+_KEPT = 64
+"""Members of a group from which on it is worth keeping."""
+
+
+class Elements(MutableMapping[K, V], Generic[K, V]):
+    """Visible elements by key.
+
+    Args:
+        taken: shared by all tables of the fork.
+        parent: tells the parent's table.
+        wrap: makes the fork's handle of an element of the parent.
+    """
+
+    def __init__(
+        self, taken: Taken, parent: Callable[[], MutableMapping[K, V]], wrap: Callable[[K, V, dict[K, V]], V]
+    ) -> None:
+        self.own: dict[K, V] = {}
+        """Of the keys that are taken, those that are visible."""
+        self._taken = taken
+        self._parent = parent
+        self._wrap = wrap
+        self._handles: dict[K, V] = {}
+        self._version = 0
+        self._listed: tuple[int, dict[K, V]] | None = None
+
+    def get(self, key: K, default: V | None = None) -> V | None:  # type: ignore[override]
+        """See `MutableMapping`."""
+        found = self.own.get(key)
+        if found is None:
+            found = self._handles.get(key)
+        return found if found is not None else self._find(key, default)
+
+    def _find(self, key: K, default: V | None) -> V | None:
+        if key not in self._taken:
+            theirs = self._parent().get(key)
+            if theirs is None:
+                return self.own.get(key, default)
+            handle = self._wrap(key, theirs, self.own)
+            if key not in self._taken:
+                self._handles[key] = handle
+                if key not in self._taken:
+                    return handle
+            self._handles.pop(key, None)
+        return self.own.get(key, default)
+
+    def forget_handles(self) -> None:
+        """Give back what only makes reading again faster."""
+        if self._handles:
+            self._handles = {}
+        self._listed = None
+
+    def forget(self, key: K) -> None:
+        """The key was taken."""
+        self._handles.pop(key, None)
+        self._version += 1
+
+    def __getitem__(self, key: K) -> V:
+        found = self.get(key)
+        if found is None:
+            raise KeyError(key)
+        return found
+
+    def __contains__(self, key: object) -> bool:
+        return key in self.own or (key not in self._taken and key in self._parent() and key not in self._taken)
+
+    def __setitem__(self, key: K, value: V) -> None:
+        self.own[key] = value
+        self._version += 1
+
+    def __delitem__(self, key: K) -> None:
+        del self.own[key]
+        self._version += 1
+
+    def listed(self) -> dict[K, V]:
+        """All by key; not to be changed."""
+        listed, version = self._listed, self._version
+        if listed is not None and listed[0] == version:
+            return listed[1]
+        taken, handles, wrap, own = self._taken, self._handles, self._wrap, self.own
+        found = {
+            key: handles.get(key) or wrap(key, theirs, own)
+            for key, theirs in list(self._parent().items())
+            if key not in taken
+        }
+        found |= own
+        self._listed = version, found
+        return found
+
+    def __iter__(self) -> Iterator[K]:
+        return iter(list(self.listed()))
+
+    def __len__(self) -> int:
+        return len(self.listed())
+
+    def values(self) -> list[V]:  # type: ignore[override]
+        """See `MutableMapping`."""
+        return list(self.listed().values())
+
+    def items(self) -> list[tuple[K, V]]:  # type: ignore[override]
+        """See `MutableMapping`."""
+        return list(self.listed().items())
+
+
+class Group(MutableMapping[K, V], Generic[K, V]):
+    """The elements that share a name: of those that are not taken, the parent's."""
+
+    def __init__(self, taken: Taken, parent: Callable[[], Mapping[K, V]], find: Callable[[K], V]) -> None:
+        self.own: dict[K, V] = {}
+        self._taken = taken
+        self._parent = parent
+        self._find = find
+        self._left: int | None = None
+        """How many of the parent's are not taken, if it was counted."""
+        self._version = 0
+        self._listed: tuple[int, list[V]] | None = None
+
+    def take(self) -> None:
+        """One of the parent's members is about to be taken."""
+        if self._left is not None:
+            self._left -= 1
+        self._version += 1
+
+    def forget_handles(self) -> None:
+        """Give back what only makes reading again faster."""
+        self._listed = None
+
+    def __getitem__(self, key: K) -> V:
+        if key in self._taken or key not in self._parent():
+            return self.own[key]
+        return self._find(key)
+
+    def __setitem__(self, key: K, value: V) -> None:
+        self.own[key] = value
+        self._version += 1
+
+    def __delitem__(self, key: K) -> None:
+        del self.own[key]
+        self._version += 1
+
+    def __iter__(self) -> Iterator[K]:
+        taken = self._taken
+        theirs = [key for key in list(self._parent()) if key not in taken]
+        return iter(dict.fromkeys([*theirs, *self.own]))
+
+    def __len__(self) -> int:
+        if self._left is None:
+            self._left = sum(1 for key in list(self._parent()) if key not in self._taken)
+        return self._left + len(self.own)
+
+    def values(self) -> list[V]:  # type: ignore[override]
+        """See `MutableMapping`."""
+        listed, version = self._listed, self._version
+        if listed is not None and listed[0] == version:
+            return listed[1].copy()
+        found = []
+        for key in self:
+            try:
+                found.append(self[key])
+            except KeyError:  # gone meanwhile
+                continue
+        self._listed = version, found
+        return found.copy()
+
+
+class Groups(MutableMapping[str, MutableMapping[K, V]], Generic[K, V]):
+    """Elements by a name that they share: a type, a source, a destination."""
+
+    def __init__(
+        self,
+        taken: Taken,
+        parent: Callable[[], MutableMapping[str, MutableMapping[K, V]]],
+        find: Callable[[K], V],
+    ) -> None:
+        self._taken = taken
+        self._parent = parent
+        self._find = find
+        self._groups: dict[str, Group[K, V]] = {}
+
+    def take(self, name: str, key: K, value: V) -> None:
+        """A member of this group of the parent is about to be taken, as `value`."""
+        group = self._groups.get(name)
+        if group is not None:
+            group.take()
+        self.setdefault(name)[key] = value
+
+    def forget_handles(self) -> None:
+        """Give back what only makes reading again faster."""
+        self._groups = {name: group for name, group in self._groups.items() if group.own}
+        for group in self._groups.values():
+            group.forget_handles()
+
+    def _group(self, name: str) -> Group[K, V]:
+        return Group(self._taken, lambda: self._parent().get(name, _EMPTY), self._find)
+
+    def __getitem__(self, name: str) -> MutableMapping[K, V]:
+        group = self._groups.get(name)
+        if group is None:
+            if name not in self._parent():
+                raise KeyError(name)
+            group = self._group(name)
+            if len(group) >= _KEPT:
+                self._groups[name] = group
+        return group
+
+    def setdefault(self, name: str, default: object = None) -> MutableMapping[K, V]:
+        """See `MutableMapping`."""
+        group = self._groups.get(name)
+        if group is None:
+            group = self._groups[name] = self._group(name)
+        return group
+
+    def __setitem__(self, name: str, value: MutableMapping[K, V]) -> None:
+        raise NotImplementedError
+
+    def __delitem__(self, name: str) -> None:
+        """Only called for a group that is empty."""
+        self._groups.pop(name, None)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(dict.fromkeys([*self._parent(), *self._groups]))
+
+    def __len__(self) -> int:
+        return len(dict.fromkeys([*self._parent(), *self._groups]))
+
+
+class Entries(MutableMapping[Dot, Entry]):
+    """Live entries by creation dot. The graph must be locked, as for all that concerns the store."""
+
+    def __init__(self, taken: Taken, parent: Callable[[], MutableMapping[Dot, Entry]]) -> None:
+        self.own: dict[Dot, Entry] = {}
+        self._taken = taken
+        self._parent = parent
+
+    def get(self, dot: Dot, default: Entry | None = None) -> Entry | None:  # type: ignore[override]
+        """See `MutableMapping`."""
+        found = self.own.get(dot)
+        if found is None:
+            found = self._parent().get(dot)
+            if found is None or found.key in self._taken:
+                return default
+        return found
+
+    def __getitem__(self, dot: Dot) -> Entry:
+        found = self.get(dot)
+        if found is None:
+            raise KeyError(dot)
+        return found
+
+    def __contains__(self, dot: object) -> bool:
+        return self.get(dot) is not None  # type: ignore[arg-type]
+
+    def __setitem__(self, dot: Dot, entry: Entry) -> None:
+        self.own[dot] = entry
+
+    def __delitem__(self, dot: Dot) -> None:
+        del self.own[dot]
+
+    def __iter__(self) -> Iterator[Dot]:
+        taken = self._taken
+        yield from [dot for dot, entry in self._parent().items() if entry.key not in taken]
+        yield from list(self.own)
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+
+class ByKey(MutableMapping[Key, dict[Dot, Entry]]):
+    """Live entries by node or edge, likewise. Those of a key that is not taken are not to be changed."""
+
+    def __init__(self, taken: Taken, parent: Callable[[], MutableMapping[Key, dict[Dot, Entry]]]) -> None:
+        self.own: dict[Key, dict[Dot, Entry]] = {}
+        self._taken = taken
+        self._parent = parent
+
+    def get(self, key: Key, default: Any = None) -> Any:
+        """See `MutableMapping`."""
+        found = self.own.get(key)
+        if found is None and key not in self._taken:
+            found = self._parent().get(key)
+        return default if found is None else found
+
+    def __getitem__(self, key: Key) -> dict[Dot, Entry]:
+        found: dict[Dot, Entry] | None = self.get(key)
+        if found is None:
+            raise KeyError(key)
+        return found
+
+    def __setitem__(self, key: Key, entries: dict[Dot, Entry]) -> None:
+        self.own[key] = entries
+
+    def __delitem__(self, key: Key) -> None:
+        del self.own[key]
+
+    def __iter__(self) -> Iterator[Key]:
+        taken = self._taken
+        yield from [key for key in self._parent() if key not in taken]
+        yield from list(self.own)
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
