@@ -44,7 +44,7 @@ class Calibrator(Agent):
     rate_hz = 10.0
     reads = Access(
         nodes=(CALIBRATION, "camera", "gripper", "action", *THINGS, *WRITTEN_NODES),
-        edges=("RT", "Virtual_RT", "grasping", *WRITTEN_EDGES),
+        edges=("RT", "Virtual_RT", "grasping", "on", "in", *WRITTEN_EDGES),
         attributes=(
             *("target", "method", "forced", "views", "status", "present", "mount", "surprising", "source"),
             "request",
@@ -84,6 +84,8 @@ class Calibrator(Agent):
             if node.get("source") == SURPRISE and node.get("status") not in ANSWERED:
                 continue
             if node.get("status") in ANSWERED:
+                if self._watch is not None and self._watch.needs(name):
+                    continue
                 if now - self._answered.setdefault(name, now) > self.config.keep:
                     self.memory.remove_node(name)
                 continue

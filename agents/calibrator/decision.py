@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +19,7 @@ FEWEST = 3
 
 _CAMERA_MOVED = 6.0  # nats, as in the simulation handler's explanations
 _OBJECT_MOVED = 3.0
+_RIDES = 1.0  # an object that is on or in another is moved with that
 _COINCIDENCE = 6.0  # that an object is seen where it was believed, through a camera that moved
 _MOST_LEANING = 8.0  # for one object that would lean, though it is not believed to
 _NOISE = 3.0  # nats that noise alone may make of that
@@ -38,7 +39,13 @@ class Decision(NamedTuple):
     """For people."""
 
 
-def decide(sightings: Sequence[Sighting], before: Pose, solution: Solution, world_from_parent: Pose) -> Decision:
+def decide(
+    sightings: Sequence[Sighting],
+    before: Pose,
+    solution: Solution,
+    world_from_parent: Pose,
+    carried: Collection[str] = (),
+) -> Decision:
     """By one view: a camera that moved displaces all it sees alike, what was moved is displaced by itself.
 
     Args:
@@ -46,6 +53,7 @@ def decide(sightings: Sequence[Sighting], before: Pose, solution: Solution, worl
         before: parent_from_camera as it was believed.
         solution: the calibration by these sightings.
         world_from_parent: in that view.
+        carried: objects that are on or in others.
     """
     problem = Problem(sightings)
     squared = problem.squared(before.matrix)
@@ -53,7 +61,7 @@ def decide(sightings: Sequence[Sighting], before: Pose, solution: Solution, worl
     here = {sighting.name for sighting, value in zip(sightings, squared, strict=True) if value < OUTLIER}
     agreeing = names - set(solution.outliers)
     explained = np.array([sighting.name in agreeing - here for sighting in sightings])
-    by_objects = _OBJECT_MOVED * len(names - here) + _leaning(problem, world_from_parent @ before, explained)
+    by_objects = _moving(names - here, carried) + _leaning(problem, world_from_parent @ before, explained)
     by_camera = _CAMERA_MOVED + _OBJECT_MOVED * len(names - agreeing) + _COINCIDENCE * len(here - agreeing)
     if 2 * len(agreeing) <= len(names) or by_camera >= by_objects:
         return Decision(False, False, f"{len(here)} of {len(names)} objects are seen where they are believed to be")
@@ -67,7 +75,14 @@ def decide(sightings: Sequence[Sighting], before: Pose, solution: Solution, worl
 
 
 def decide_elsewhere(
-    sightings: Sequence[Sighting], before: Pose, after: Pose, moved: Pose, parents: Mapping[int, Pose], *, last: bool
+    sightings: Sequence[Sighting],
+    before: Pose,
+    after: Pose,
+    moved: Pose,
+    parents: Mapping[int, Pose],
+    *,
+    last: bool,
+    carried: Collection[str] = (),
 ) -> Decision:
     """By views from several places: where the camera moved all beliefs are right, else all objects moved alike.
 
@@ -78,6 +93,7 @@ def decide_elsewhere(
         moved: world_from_world, the common motion of the objects if it was they that moved.
         parents: world_from_parent by view.
         last: the better explanation is taken, however small its lead.
+        carried: objects that are on or in others.
     """
     elsewhere = [
         one._replace(believed=parents[one.view].inverse() @ moved @ parents[one.view] @ one.believed)
@@ -85,7 +101,7 @@ def decide_elsewhere(
     ]
     names = {sighting.name for sighting in sightings}
     by_camera = _CAMERA_MOVED + _misfit(sightings, after)
-    by_objects = _OBJECT_MOVED * len(names) + _misfit(elsewhere, before)
+    by_objects = _moving(names, carried) + _misfit(elsewhere, before)
     lead = abs(by_camera - by_objects)
     views = len({sighting.view for sighting in sightings})
     if lead < _CLEARLY and not last:
@@ -98,6 +114,11 @@ def decide_elsewhere(
 def alike(before: Pose, after: Pose, world_from_parent: Pose) -> Pose:
     """world_from_world: the motion of all objects that would look like that of the camera."""
     return world_from_parent @ before @ (world_from_parent @ after).inverse()
+
+
+def _moving(names: Collection[str], carried: Collection[str]) -> float:
+    """Nats: that these were moved."""
+    return sum(_RIDES if name in carried else _OBJECT_MOVED for name in names)
 
 
 def _leaning(problem: Problem, world_from_camera: Pose, explained: NDArray[np.bool_]) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from typing import NamedTuple
 
 import numpy as np
@@ -16,8 +17,7 @@ WORLD = "world"
 _SHARE = 0.1  # of the newest percept in the average
 _LEARNED = 10  # percepts after which it is known
 _MOST_ASIDE, _MOST_DEEP = 0.005, 0.025  # m from the belief, across and along the viewing ray, that may be an error
-
-
+_NOTED_EVERY = 0.25  # s
 _REMAINS = 0.4  # of the scatter of single percepts: that of the learned mean, and that of ten new ones
 _LEAST = 0.0003  # m, likewise, of what is not noise
 
@@ -39,6 +39,7 @@ class Depths:
         self._stamps: dict[tuple[str, str], float] = {}
         self._counts: dict[tuple[str, str], int] = {}
         self._errors: dict[tuple[str, str], tuple[float, float]] = {}  # mean (m) and variance (m^2)
+        self._earlier: dict[str, deque[tuple[float, dict[str, DepthError]]]] = {}
 
     def learn(self, camera: str) -> None:
         """Take in what `camera` sees now of what is believed to stand still."""
@@ -65,8 +66,22 @@ class Depths:
             if other == camera and self._counts[other, name] >= _LEARNED
         }
 
+    def note(self, camera: str, now: float, span: float) -> None:
+        """Keep for `span` s what is known at time `now` (s)."""
+        earlier = self._earlier.setdefault(camera, deque())
+        if not earlier or now - earlier[-1][0] >= _NOTED_EVERY:
+            earlier.append((now, self.of(camera)))
+        while len(earlier) > 1 and earlier[1][0] < now - span:
+            earlier.popleft()
+
+    def at(self, camera: str, time: float) -> dict[str, DepthError]:
+        """What was known at `time` (s), see `note`."""
+        until = [known for stamp, known in self._earlier.get(camera, ()) if stamp <= time]
+        return until[-1] if until else {}
+
     def forget(self, camera: str) -> None:
         """The camera is believed elsewhere now, which changes all of them."""
+        self._earlier.pop(camera, None)
         for known in (self._counts, self._errors):
             for key in [key for key in known if key[0] == camera]:
                 del known[key]

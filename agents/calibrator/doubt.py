@@ -13,6 +13,7 @@ from agents.calibrator.decision import Decision, alike, decide, decide_elsewhere
 from agents.calibrator.depths import DepthError
 from agents.calibrator.problem import Sighting
 from agents.calibrator.solution import Solution
+from agents.calibrator.steps import carried_things
 from agents.calibrator.views import Views
 from dsr.memory import Memory
 from dsr.quaternions import Vector3
@@ -48,6 +49,7 @@ class Doubt:
     ) -> None:
         self._config = config
         self._views = Views(memory, camera, now, config, believed, depths, keeps_brief=False)
+        self._carried = carried_things(memory)
         edge = memory.edge(self._views.parent, camera, "RT")
         self.camera = camera
         """Name of its node."""
@@ -55,6 +57,8 @@ class Doubt:
         """s"""
         self.before: Pose = edge["pose"]
         """parent_from_camera as it was."""
+        self.written: Pose | None = None
+        """What was written instead of it, if anything was."""
         self.solution: Solution | None = None
         """The calibration by all views up to now."""
         self.sightings: list[Sighting] = []
@@ -63,6 +67,8 @@ class Doubt:
         """By all views up to now; None before the first."""
         self.moved_alike: Pose | None = None
         """world_from_world: how all objects moved if it was they, where that would have looked the same; else None."""
+        self.is_slight = False
+        """Whether nothing was surprising: the objects were displaced by so little that beliefs followed."""
         self._seen_views = 0
 
     @property
@@ -107,6 +113,12 @@ class Doubt:
         """s, stamp of the newest percept that was used."""
         return self._views.latest
 
+    def resume(self, before: Pose, world_from_parent: Pose) -> None:
+        """An earlier run adopted the present pose provisionally; `before` was parent_from_camera before that."""
+        self.before, self.written = before, self.before
+        self.moved_alike = alike(before, self.written, world_from_parent)
+        self._seen_views = 1
+
     def update(self, *, last: bool = False) -> Decision | None:
         """Take in what is new; the decision if a further view is complete. `last`: no more views are to come."""
         self._views.update()
@@ -126,12 +138,18 @@ class Doubt:
             solution = self.solution
             if len(first) < len(sightings):
                 solution = calibrate(first, self.before, self._config.method)
-            self.decision = decide(first, self.before, solution, parent)
+            self.decision = decide(first, self.before, solution, parent, self._carried)
             if self.decision.moved is None or self.decision.is_ambiguous:
                 self.moved_alike = alike(self.before, solution.pose, parent)
         else:
             self.decision = decide_elsewhere(
-                sightings, self.before, self.solution.pose, self.moved_alike, parents, last=last
+                sightings,
+                self.before,
+                self.solution.pose,
+                self.moved_alike,
+                parents,
+                last=last,
+                carried=self._carried,
             )
             if self.decision.moved and self.solution.problem:
                 self.decision = Decision(None, False, self.solution.problem)
@@ -143,6 +161,12 @@ class Doubt:
             return False
         known = {(sighting.name, sighting.view) for sighting in self.sightings}
         return any((one.name, one.view) not in known for one in self._views.sightings(complete=True, least=_ENOUGH))
+
+
+def believed_now(memory: Memory) -> dict[str, Pose]:
+    """world_from_object of everything that is believed somewhere."""
+    edges = memory.edges("Virtual_RT", src=WORLD)
+    return {edge.dst: pose for edge in edges if (pose := edge.get("pose")) is not None}
 
 
 class Memories:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from agents.calibrator.solution import Solution
 from dsr.calibration import ObjectReport, Report
+from dsr.transforms import Pose
 
 
 def make_report(camera: str, parent: str, solution: Solution, *, adopted: bool) -> Report:
@@ -36,6 +37,12 @@ def make_report(camera: str, parent: str, solution: Solution, *, adopted: bool) 
             ObjectReport(one.name, *one.before, *one.after, is_outlier=one.is_outlier) for one in solution.residuals
         ),
     )
+
+
+def pose_of(numbers: Sequence[float]) -> Pose:
+    """A pose of a report."""
+    x, y, z, qx, qy, qz, qw = numbers
+    return Pose((x, y, z), (qx, qy, qz, qw))
 
 
 def refusal(skipped: Mapping[str, int], waited: float) -> str:

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 import msgspec
 
 from agents.calibrator.config import CalibratorConfig
 from agents.calibrator.decision import Decision
-from agents.calibrator.depths import Depths
-from agents.calibrator.doubt import Doubt, Memories
+from agents.calibrator.depths import DepthError, Depths
+from agents.calibrator.doubt import Doubt, Memories, believed_now
 from agents.calibrator.looking import SOURCE, Looking, can_look
-from agents.calibrator.reporting import make_report
+from agents.calibrator.reporting import make_report, pose_of
+from agents.calibrator.steps import REACH, Steps
 from agents.calibrator.touch import Touch
 from dsr.calibration import (
     ADOPTED,
@@ -27,9 +29,10 @@ from dsr.calibration import (
     REFUSED,
     STEADY,
     SURPRISE,
+    read_report,
     request_calibration,
 )
-from dsr.errors import ConfigError
+from dsr.errors import ConfigError, DsrError
 from dsr.memory import Memory
 from dsr.relations import THINGS
 from dsr.timeline import EXPLAINED, Chronicle, Entry
@@ -37,6 +40,17 @@ from dsr.transforms import Pose
 
 _FRESH = 1.0  # s for which a camera sees what it saw
 _CALM = 2.0  # s without anything surprising after which nothing is in doubt any more
+_SAME = 1e-6  # m, rad
+_ASTRAY = 0.006  # m that a belief has moved, from which seeing it where it was will be surprising
+_BACK = 3.0  # s within which that is explained
+
+
+class _Stand(NamedTuple):
+    """For how long it is taken for sure where a camera is, and what is said of it then."""
+
+    until: float
+    mount: str = STEADY
+    why: str = ""
 
 
 class Watch:
@@ -54,11 +68,12 @@ class Watch:
         self._chronicle = chronicle
         self._config = config
         self._log = log
-        self._memories = Memories(config.lookback + _FRESH)
+        self._memories = Memories(max(config.lookback, REACH) + _FRESH)
         self._depths = Depths(memory)
+        self._steps = Steps(memory)
         self._doubts: dict[str, Doubt] = {}
         self._requests: dict[str, str] = {}
-        self._confirmed_until: dict[str, float] = {}
+        self._stands: dict[str, _Stand] = {}
         self._looking: dict[str, Looking] = {}
         self._touches: dict[str, Touch] = {}
         self._heard = memory.clock.now()
@@ -68,11 +83,13 @@ class Watch:
     def update(self, now: float) -> None:
         """Go on at time `now` (s)."""
         self._memories.note(self._memory, now)
-        for node in self._memory.nodes("camera"):
-            if node.name not in self._doubts:
-                self._depths.learn(node.name)
         for entry in self._news():
             self._begin(entry, now)
+        for node in list(self._memory.nodes("camera")):
+            if node.name not in self._doubts:
+                self._depths.learn(node.name)
+                self._depths.note(node.name, now, REACH + _FRESH)
+            self._look_for_step(node.name, now)
         is_calm = self._is_calm(now)
         for camera, doubt in list(self._doubts.items()):
             if camera not in self._memory:
@@ -86,15 +103,17 @@ class Watch:
             looking.update()
             if looking.is_over and self._mount(camera) != IN_DOUBT:
                 del self._looking[camera]
-        for camera, until in list(self._confirmed_until.items()):
-            if now >= until and camera not in self._looking:
-                del self._confirmed_until[camera]
+        for camera, stand in list(self._stands.items()):
+            if now >= stand.until and camera not in self._looking:
+                del self._stands[camera]
                 if self._mount(camera) == CONFIRMED:
-                    self._tell(camera, STEADY, "")
+                    self._tell(camera, stand.mount, stand.why)
 
     def _begin_afresh(self) -> None:
-        """An earlier run may have left things open: what it knew is gone, and doubts come back by themselves."""
+        """Of what an earlier run left open, doubts come back by themselves; provisional poses are watched on."""
         for node in list(self._memory.nodes("camera")):
+            if node.get("mount", STEADY) == PROVISIONAL and self._resume(node.name):
+                continue
             if node.get("mount", STEADY) != STEADY:
                 self._tell(node.name, STEADY, "the calibrator was restarted")
         for node in list(self._memory.nodes(CALIBRATION)):
@@ -103,6 +122,30 @@ class Watch:
         for node in list(self._memory.nodes("action")):
             if node.get("source") == SOURCE:
                 self._memory.remove_node(node.name)
+
+    def _resume(self, camera: str) -> bool:
+        """Go on with a pose that an earlier run adopted provisionally, by what it told; whether that was possible."""
+        for node in self._memory.nodes(CALIBRATION):
+            report = read_report(self._memory, node.name)
+            if node.get("source") != SURPRISE or report is None or not report.adopted or report.camera != camera:
+                continue
+            now, believed = self._memory.clock.now(), believed_now(self._memory)
+            try:
+                doubt = Doubt(self._memory, camera, now, self._config, believed, {})
+                doubt.resume(pose_of(report.before), self._memory.transform("world", doubt.parent))
+            except DsrError:
+                continue
+            if max(pose_of(report.after).distance(doubt.written or doubt.before)) > _SAME:
+                continue
+            self._doubts[camera], self._requests[camera] = doubt, node.name
+            if doubt.moved_alike is not None:
+                self._touches[camera] = Touch(self._memory, believed, doubt.moved_alike)
+            return True
+        return False
+
+    def needs(self, request: str) -> bool:
+        """Whether what came out of a request of our own may still change."""
+        return request in self._requests.values()
 
     @property
     def doubts(self) -> Sequence[Doubt]:
@@ -125,20 +168,39 @@ class Watch:
         """Doubt the cameras that see what is displaced."""
         believed = self._memories.at(entry.begin - self._config.lookback)
         for node in list(self._memory.nodes("camera")):
-            camera, doubt = node.name, self._doubts.get(node.name)
-            if camera in self._confirmed_until or not self._sees(camera, entry.participants, now):
-                continue
-            if doubt is not None and (self._mount(camera) == IN_DOUBT or doubt.looks_anew):
-                continue
-            try:
-                doubt = Doubt(self._memory, camera, now, self._config, believed, self._depths.of(camera))
-            except ConfigError as error:
-                self._log.warning("%s", error)
-                continue
-            self._forget(camera)
-            self._doubts[camera] = doubt
-            self._requests[camera] = self._make_request(camera)
-            self._tell(camera, IN_DOUBT, f"may have moved: {', '.join(entry.participants)} seem displaced alike")
+            if node.name not in self._stands and self._sees(node.name, entry.participants, now):
+                self._doubt(node.name, entry.participants, now, believed, self._depths.of(node.name))
+
+    def _look_for_step(self, camera: str, now: float) -> None:
+        """Doubt a camera that sees all displaced alike by so little that beliefs just follow."""
+        names = self._steps.found(camera, now)
+        if names and self._mount(camera) in (STEADY, PROVISIONAL):
+            time = now - REACH
+            self._doubt(camera, names, now, self._memories.at(time), self._depths.at(camera, time))
+            if camera in self._doubts:
+                self._doubts[camera].is_slight = True
+
+    def _doubt(
+        self,
+        camera: str,
+        names: Sequence[str],
+        now: float,
+        believed: Mapping[str, Pose],
+        depths: Mapping[str, DepthError],
+    ) -> None:
+        """Look into it, unless that is being done."""
+        doubt = self._doubts.get(camera)
+        if doubt is not None and (self._mount(camera) == IN_DOUBT or doubt.looks_anew):
+            return
+        try:
+            doubt = Doubt(self._memory, camera, now, self._config, believed, depths)
+        except ConfigError as error:
+            self._log.warning("%s", error)
+            return
+        self._forget(camera)
+        self._doubts[camera] = doubt
+        self._requests[camera] = self._make_request(camera)
+        self._tell(camera, IN_DOUBT, f"may have moved: {', '.join(names)} seem displaced alike")
 
     def _make_request(self, camera: str) -> str:
         """A request of our own, so that whoever follows calibrations sees this one."""
@@ -155,6 +217,9 @@ class Watch:
 
     def _go_on(self, doubt: Doubt, now: float, *, is_calm: bool) -> None:
         camera, mount = doubt.camera, self._mount(doubt.camera)
+        if self._is_overtaken(doubt):
+            self._end(doubt, STEADY, "its pose was written by somebody else")
+            return
         late = mount == IN_DOUBT and now - doubt.began > self._config.elsewhere_patience
         waits = doubt.is_open and mount == IN_DOUBT
         looking = self._looking.get(camera)
@@ -175,6 +240,11 @@ class Watch:
         elif mount == IN_DOUBT and is_calm and now - doubt.began > _CALM and doubt.decision is None:
             self._end(doubt, STEADY, "nothing seems displaced any more")
 
+    def _is_overtaken(self, doubt: Doubt) -> bool:
+        """Whether somebody else wrote the pose of the camera, such as a calibration on request."""
+        edge, ours = self._memory.get_edge(doubt.parent, doubt.camera, "RT"), doubt.written or doubt.before
+        return edge is not None and max(edge["pose"].distance(ours)) > _SAME
+
     def _may_look(self, doubt: Doubt) -> bool:
         return self._config.moves_arm and doubt.can_look_elsewhere and can_look(self._memory, doubt.parent)
 
@@ -183,11 +253,15 @@ class Watch:
         self._log.info("%s: %s", camera, decision.why)
         if decision.moved is False:
             self._restore(doubt, decision)
-            self._confirmed_until[camera] = now + self._config.confirmed_for
+            if doubt.is_slight:  # nothing that has to be explained otherwise
+                self._end(doubt, STEADY, f"has not moved: {decision.why}", REFUSED)
+                return
+            self._stands[camera] = _Stand(now + self._config.confirmed_for)
             self._end(doubt, CONFIRMED, f"has not moved: {decision.why}", REFUSED)
         elif decision.moved and not decision.is_ambiguous:
             self._adopt(doubt)
             self._end(doubt, STEADY, "", ADOPTED)
+            self._lead_back(doubt)
         elif decision.moved and not doubt.can_look_elsewhere:
             self._adopt_provisionally(doubt, decision.why)
         else:
@@ -207,8 +281,20 @@ class Watch:
         self._adopt(doubt)
         self._answer(doubt, ADOPTED)
         self._tell(doubt.camera, PROVISIONAL, why)
+        self._lead_back(doubt)
         if doubt.moved_alike is not None:
             self._touches[doubt.camera] = Touch(self._memory, doubt.believed(), doubt.moved_alike)
+
+    def _lead_back(self, doubt: Doubt) -> None:
+        """For a while it is sure where a camera is, if beliefs went astray before that was known: they return."""
+        for name, before in doubt.believed().items():
+            edge = self._memory.get_edge("world", name, "Virtual_RT")
+            if edge is not None and edge["pose"].distance(before)[0] > _ASTRAY:
+                camera = doubt.camera
+                now, node = self._memory.clock.now(), self._memory.node(camera)
+                self._stands[camera] = _Stand(now + _BACK, self._mount(camera), str(node.get("explanation", "")))
+                self._tell(camera, CONFIRMED, f"was found out; {name} and others were not seen rightly before")
+                return
 
     def _adopt(self, doubt: Doubt) -> None:
         """Write the pose by all views up to now, unless it is written already."""
@@ -234,6 +320,7 @@ class Watch:
 
     def _write(self, doubt: Doubt, pose: Pose) -> None:
         self._memory.add_edge(doubt.parent, doubt.camera, "RT", pose=pose.with_stamp(0.0))
+        doubt.written = pose
         self._depths.forget(doubt.camera)
 
     def _end(self, doubt: Doubt, mount: str, why: str, status: str = REFUSED) -> None:
@@ -257,6 +344,7 @@ class Watch:
         self._memory.update_node(request, status=status, explanation=text, report=told)
 
     def _forget(self, camera: str) -> None:
+        self._steps.forget(camera)
         self._doubts.pop(camera, None)
         self._touches.pop(camera, None)
         if camera in self._looking:

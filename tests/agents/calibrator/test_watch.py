@@ -20,6 +20,7 @@ from dsr.calibration import (
     STEADY,
     SURPRISE,
     read_report,
+    request_calibration,
 )
 from dsr.intentions import DONE, FAILED, NOTHING_GRASPED
 from dsr.timeline import EXPLAINED, Chronicle
@@ -233,3 +234,41 @@ def test_a_grasp_that_holds_says_that_the_camera_moved(set_up: SetUp) -> None:
     stage.look(0.3)
     assert mount(stage) == STEADY and stage.error[0] > 0.05
     assert len(Chronicle(stage.memory).query(kind=CALIBRATED)) == 1
+
+
+def test_a_calibration_on_request_ends_the_doubt(set_up: SetUp) -> None:
+    stage = set_up(objects=cubes(CLUSTER))
+    stage.parent_from_camera = DOWN @ BUMP
+    explain(stage)
+    stage.look()
+    assert mount(stage) == IN_DOUBT
+    request = request_calibration(stage.memory, "camera", force=True)
+    stage.look()
+    assert stage.memory.node(request)["status"] == ADOPTED
+    assert mount(stage) == STEADY and stage.error[0] < 0.005
+    stage.look(2.0)
+    assert stage.error[0] < 0.005
+
+
+def restart(stage: Stage) -> None:
+    stage.lockstep.kill("calibrator")
+    stage.lockstep.restart("calibrator")
+
+
+def test_a_restarted_calibrator_watches_a_provisional_pose_on(set_up: SetUp) -> None:
+    stage = in_vain(set_up)
+    restart(stage)
+    stage.look(2.0)
+    assert mount(stage) == PROVISIONAL and stage.error[0] > 0.05
+    attempt(stage, "cube_3", FAILED, NOTHING_GRASPED)
+    stage.look(0.3)
+    assert mount(stage) == CONFIRMED and stage.error[0] < 1e-6
+
+
+def test_it_does_not_if_the_pose_was_written_by_others_meanwhile(set_up: SetUp) -> None:
+    stage = in_vain(set_up)
+    stage.lockstep.kill("calibrator")
+    stage.memory.add_edge("world", "camera", "RT", pose=DOWN)
+    stage.lockstep.restart("calibrator")
+    stage.look(0.3)
+    assert mount(stage) == STEADY
