@@ -84,7 +84,7 @@ def request_calibration(
 
     Args:
         memory: where to.
-        camera: its node; empty for the only one there is.
+        camera: its node; empty for the only one there is, or that sees objects.
         method: one of `METHODS`.
         force: adopt the pose also if geometry or agreement speak against it.
         views: from how many poses of the camera's parent the objects are to be seen before the answer.

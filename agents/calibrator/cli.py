@@ -39,7 +39,9 @@ app = typer.Typer(name="calibrate", invoke_without_command=True, context_setting
 
 @app.callback()
 def calibrate(
-    camera: Annotated[str, typer.Option("--camera", metavar="NAME", help="Its node; default: the only one.")] = "",
+    camera: Annotated[
+        str, typer.Option("--camera", metavar="NAME", help="Its node; default: the only one that sees objects.")
+    ] = "",
     method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = DEFAULT_METHOD,
     force: Annotated[bool, typer.Option("--force", help="Adopt the pose also if it is not well determined.")] = False,
     views: Annotated[

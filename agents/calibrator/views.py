@@ -54,11 +54,19 @@ def parent_of(memory: Memory, camera: str) -> str:
 
 
 def only_camera(memory: Memory) -> str:
-    """The name of the only camera. Raises `ConfigError` if there are several, or none."""
+    """The only camera, or the only one that sees objects. Raises `ConfigError` if there are several such, or none."""
     names = sorted(node.name for node in memory.nodes("camera"))
+    seeing = [name for name in names if any(_is_thing(memory, edge.dst) for edge in memory.edges("RT", src=name))]
+    if len(seeing) == 1:
+        return seeing[0]
     if len(names) != 1:
         raise ConfigError(f"which camera? there are {', '.join(names)}" if names else "there is no camera")
     return names[0]
+
+
+def _is_thing(memory: Memory, name: str) -> bool:
+    node = memory.get_node(name)
+    return node is not None and node.type in THINGS
 
 
 class Views:

@@ -156,7 +156,7 @@ def test_which_of_two_cameras_must_be_said(set_up: SetUp) -> None:
     stage = set_up()
     stage.memory.add_node("another", "camera")
     request = request_calibration(stage.memory)
-    stage.look(0.3)
+    stage.wait(0.3)
     assert status(stage, request) == (REFUSED, "which camera? there are another, camera")
 
 
@@ -179,3 +179,12 @@ def test_a_restarted_calibrator_begins_afresh(set_up: SetUp) -> None:
     stage.lockstep.restart("calibrator")
     stage.look(2.0)
     assert status(stage, request)[0] == ADOPTED
+
+
+def test_of_two_cameras_the_one_that_sees_objects_is_meant(set_up: SetUp) -> None:
+    stage = set_up()
+    stage.memory.add_node("another", "camera")
+    stage.look(0.2)
+    request = request_calibration(stage.memory)
+    stage.look()
+    assert status(stage, request)[0] == ADOPTED and report(stage, request).camera == "camera"
