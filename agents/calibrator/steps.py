@@ -23,7 +23,7 @@ _PERIOD = 0.3  # s between two comparisons
 _LEAST = 6  # percepts in each average
 _FLOOR = 0.0003  # m, standard deviation that averages have at least
 _STILL = (0.001, 0.002)  # m, rad that the camera's parent may move meanwhile
-_SHIFT = 0.003  # m, mean displacement that is worth looking into
+_SHIFT = (0.003, 0.02)  # m, mean displacement that is worth looking into, and from which it is surprising anyway
 _LEAD = 40.0  # chi-squared that one motion of the camera must explain; of 6 numbers, noise makes 22.5 in a thousandth
 _MISFIT = 4.0  # chi-squared per degree of freedom that it may leave
 
@@ -107,7 +107,7 @@ def _is_step(averages: Mapping[str, tuple[Array, Array, Array]]) -> bool:
         return False
     old, new, variances = (np.array(column) for column in zip(*averages.values(), strict=True))
     shifts = new - old
-    if float(np.linalg.norm(shifts, axis=1).mean()) < _SHIFT:
+    if not _SHIFT[0] <= float(np.linalg.norm(shifts, axis=1).mean()) <= _SHIFT[1]:
         return False
     arms = old - old.mean(axis=0)
     turns = -np.cross(arms[:, None, :], np.eye(3)[None]).transpose(0, 2, 1)

@@ -253,7 +253,7 @@ class Watch:
         self._log.info("%s: %s", camera, decision.why)
         if decision.moved is False:
             self._restore(doubt, decision)
-            if doubt.is_slight:  # nothing that has to be explained otherwise
+            if doubt.is_slight and doubt.views == 1:  # nothing that has to be explained otherwise
                 self._end(doubt, STEADY, f"has not moved: {decision.why}", REFUSED)
                 return
             self._stands[camera] = _Stand(now + self._config.confirmed_for)

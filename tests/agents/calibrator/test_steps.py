@@ -73,3 +73,9 @@ def test_a_tower_that_was_pushed_is_no_camera_that_moved(stage: Stage) -> None:
         stage.objects[name] = Pose((0.006, 0.003, 0.0)) @ stage.objects[name]
     stage.look(3.0)
     assert not stage.memory.nodes(CALIBRATION)
+
+
+def test_what_is_displaced_far_is_left_to_those_whom_it_surprises(stage: Stage) -> None:
+    stage.objects = {name: Pose((0.05, 0.03, 0.0)) @ pose for name, pose in stage.objects.items()}
+    stage.look(3.0)
+    assert not stage.memory.nodes(CALIBRATION)
