@@ -251,7 +251,8 @@ def _attributes(kind: Kind, unit: str, meanings: dict[str, str], **options: Any)
 _ATTRIBUTES: dict[str, AttributeType] = dict([
     *_attributes("pose", "m, rad", {"pose": "the geometry of an RT or Virtual_RT edge"}, stream=True),
     *_attributes("pose", "m, rad", {"target_pose": "where the tool point shall go, in the world frame",
-                                    "held_at": "gripper_from_object of what a gripper holds, or hand_from_object"}),
+                                    "held_at": "gripper_from_object of what a gripper holds, or hand_from_object",
+                                    "seen_at": "world_from_object where somebody last saw it"}),
     *_attributes("vector", "m", {"size": "extent along x, y, z"}, length=3),
     *_attributes("vector", "m", {"bounds": "box around a part, in its frame: least, then greatest x, y, z"}, length=6),
     *_attributes("vector", "", {"color": "red, green, blue from 0 to 1"}, length=3),
@@ -271,7 +272,7 @@ _ATTRIBUTES: dict[str, AttributeType] = dict([
     *_attributes("float", "", {"share": "of its face that the camera should see, 0 to 1",
                                "score": "how badly an explanation fits: minus its log-likelihood, up to a constant"}),
     *_attributes("float", "", {"confidence": "how sure it is that it is so, 0 to 1"}),
-    *_attributes("float", "s", {"last_seen": "when a camera last saw it"}, stream=True),
+    *_attributes("float", "s", {"last_seen": "when a camera, or whoever has this view, last saw it"}, stream=True),
     *_attributes("float", "px", {"fx": "focal length", "fy": "focal length", "cx": "principal point",
                                  "cy": "principal point"}),
     *_attributes("int", "px", {"width": "of the image", "height": "of the image"}),

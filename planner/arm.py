@@ -6,6 +6,7 @@ import logging
 from collections.abc import Callable, Generator, Iterable
 from typing import Protocol
 
+from dsr.elements import Edge
 from dsr.intentions import ENDED, EXECUTING, FAILED, HALT, HALTED, PLANNED, RUN, WAITING
 from dsr.keys import agent_of
 from dsr.memory import Memory
@@ -132,14 +133,19 @@ class Arm:
         """Whether no camera should see one of `things` although nothing is on it: the arm may be in front of it."""
         relations = read_relations(self._memory)
         covered = {support for _, support in relations.on} | relations.held
-        views = {name: self._memory.edges("sees", dst=name) for name in things if name not in covered}
+        views = {name: self._views(name) for name in things if name not in covered}
         return any(edges and not any(edge.get("visible") for edge in edges) for edges in views.values())
 
     def may_hide_something(self) -> bool:
         """Whether the arm may hide something where it is; it does unless all is known to be in view."""
         things = read_relations(self._memory).things
-        known = any(self._memory.edges("sees", dst=thing) for thing in things)
+        known = any(self._views(thing) for thing in things)
         return not known or self.is_hidden(things)
+
+    def _views(self, thing: str) -> list[Edge]:
+        """What the cameras should see of a thing."""
+        cameras = {node.name for node in self._memory.nodes("camera")}
+        return [edge for edge in self._memory.edges("sees", dst=thing) if edge.src in cameras]
 
     def _is_under_way(self) -> bool:
         node = self._memory.get_node(self.running)

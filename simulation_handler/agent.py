@@ -48,7 +48,7 @@ class SimulationHandler(Agent):
             *("plausible", "source", "since", "grip", "held_at", *SEEN),
             *("present", "explanation", "score", "alternatives", "policy", "target", *WRITTEN_ATTRIBUTES),
         ),
-        exclusive=("Virtual_RT", "on", "in", "plausible", "sees", "present"),
+        exclusive=("Virtual_RT", "on", "in", "plausible", "present"),
     )
     publishes = (KEY,)
     Config = BeliefConfig

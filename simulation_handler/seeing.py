@@ -51,8 +51,9 @@ class Seeing:
             self._write(sight.glances(self._belief.solids()))
 
     def _write(self, glances: dict[tuple[str, str], Glance]) -> None:
+        cameras = {node.name for node in self._memory.nodes("camera")}
         for edge in self._memory.edges("sees"):
-            if (edge.src, edge.dst) not in glances:
+            if edge.src in cameras and (edge.src, edge.dst) not in glances:
                 self._memory.remove_edge(edge.src, edge.dst, "sees")
         for (camera, name), glance in glances.items():
             if self._is_news(camera, name, glance):

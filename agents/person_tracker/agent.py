@@ -11,10 +11,11 @@ import numpy as np
 from agents.drivers import PersonDriver, PersonReading, make_driver
 from dsr.agent import Access, Agent
 from dsr.errors import SchemaError
-from dsr.transforms import Pose
+from dsr.transforms import Pose, interpolate
 from dsr.visibility import PERSON
 
 _LEAST = 1e-4  # m and rad, of a standard deviation
+_MOVES = 5.0  # standard deviations, by which a reading is off if the person moves
 
 
 class PersonTrackerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -26,6 +27,8 @@ class PersonTrackerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=Tru
     """Passed to the driver."""
     frame: str = "world"
     """Node in whose frame the tracker tells poses."""
+    smoothing: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.15
+    """Weight of a new reading of somebody who does not move"""
     max_age: Annotated[float, msgspec.Meta(gt=0)] = 0.5
     """s after which a person that was not seen again is not `perceived` any more"""
 
@@ -77,17 +80,23 @@ class PersonTracker(Agent):
             changed = {key: value for key, value in told.items() if node.get(key) != value}
             if changed:
                 self.memory.update_node(reading.name, **changed)
-            self.memory.add_edge(self.config.frame, reading.name, "RT", pose=_pose(reading, stamp))
+            self.memory.add_edge(self.config.frame, reading.name, "RT", pose=self._smoothed(reading, stamp))
         except SchemaError as error:
             self._skip("malformed", str(error))
+
+    def _smoothed(self, reading: PersonReading, stamp: float) -> Pose:
+        """frame_from_person with its covariance: between the one before and the reading, unless the person moves."""
+        deviations = max(reading.sigma_translation, _LEAST), max(reading.sigma_rotation, _LEAST)
+        pose = Pose(reading.pose[:3], reading.pose[3:], stamp)
+        edge = self.memory.get_edge(self.config.frame, reading.name, "RT")
+        if edge is not None:
+            distance, angle = edge.pose.distance(pose)
+            if distance < _MOVES * deviations[0] and angle < _MOVES * deviations[1]:
+                before = edge.pose.with_covariance(None).with_stamp(0.0)
+                pose = interpolate(before, pose.with_stamp(1.0), self.config.smoothing).with_stamp(stamp)
+        return pose.with_covariance(np.diag(np.square(np.repeat(deviations, 3))))
 
     def _skip(self, reason: str, detail: str) -> None:
         self.skipped[reason] += 1
         if self.skipped[reason] == 1:
             self.log.warning("person skipped: %s (further ones are only counted)", detail)
-
-
-def _pose(reading: PersonReading, stamp: float) -> Pose:
-    """frame_from_person with its covariance."""
-    deviations = [max(reading.sigma_translation, _LEAST)] * 3 + [max(reading.sigma_rotation, _LEAST)] * 3
-    return Pose(reading.pose[:3], reading.pose[3:], stamp, np.diag(np.square(deviations)))

@@ -10,10 +10,11 @@ import numpy as np
 from dsr.memory import Memory
 from dsr.visibility.bodies import Posed, read_posed
 from dsr.visibility.looking import LEAST_PIXELS, LEAST_SHARE, Scene
-from dsr.visibility.perspectives import WIDTH, Perspective, read_perspectives
+from dsr.visibility.perspectives import PERSPECTIVES, WIDTH, Perspective, read_perspectives
 from dsr.visibility.picture import Glance, Picture
 
 _STILL = 3e-4  # m, and of the entries of rotation matrices: what moved by less is where it was
+_STEADY = 5e-3, 1e-2  # m, rad: a perspective that moved by less shows the same
 
 
 class SightChange(NamedTuple):
@@ -37,6 +38,7 @@ class VisibilityMonitor:
         least_pixels: of a thing that is seen.
         band: by how much the share of what is seen may be below the least.
         width: px, of the pictures.
+        kinds: types of nodes that count as perspectives: `camera`, `person`.
     """
 
     def __init__(
@@ -48,8 +50,10 @@ class VisibilityMonitor:
         least_pixels: int = LEAST_PIXELS,
         band: float = 0.05,
         width: int = WIDTH,
+        kinds: Iterable[str] = PERSPECTIVES,
     ) -> None:
         self._memory = memory
+        self._kinds = frozenset(kinds)
         self._names = None if perspectives is None else frozenset(perspectives)
         self._least_share, self._least_pixels, self._band, self._width = least_share, least_pixels, band, width
         self._posed: list[Posed] = []
@@ -104,12 +108,15 @@ class VisibilityMonitor:
             SightChange(*key, key in self._seen, self._glances.get(key, nothing)) for key in sorted(before ^ self._seen)
         ]
 
+    def _wanted(self) -> list[str]:
+        """Names of the perspectives that are there and count."""
+        names = (node.name for kind in sorted(self._kinds) for node in self._memory.nodes(kind))
+        return sorted(name for name in names if self._names is None or name in self._names)
+
     def _look(self) -> None:
         """Draw the pictures that are not up to date."""
         drawn = {}
-        for perspective in read_perspectives(self._memory, None, self._width):
-            if self._names is not None and perspective.name not in self._names:
-                continue
+        for perspective in read_perspectives(self._memory, self._wanted(), self._width):
             known = self._drawn.get(perspective.name)
             if known is None or known[0].lens != perspective.lens or not _is_still(known[0], perspective):
                 known = (perspective, self.scene.seen_from(perspective))
@@ -132,4 +139,4 @@ def _is_same(posed: list[Posed], before: list[Posed]) -> bool:
 
 def _is_still(before: Perspective, now: Perspective) -> bool:
     distance, angle = before.world_from_view.distance(now.world_from_view)
-    return distance < _STILL and angle < _STILL
+    return distance < _STEADY[0] and angle < _STEADY[1]

@@ -143,6 +143,16 @@ class Picture:
         free = (mine > 0.0) & (mine >= self.nearness[inside.slices(self.frame)] * (1.0 - _ROUNDING))
         return self._judge(shot, inside, free, self.bodies[inside.slices(self.frame)])
 
+    def shows(self, point: Array) -> bool:
+        """Whether a point (3,) m in the world is in the picture with nothing in front of it."""
+        x, y, z = ((point - self._eye) @ self._turn).tolist()
+        if z <= NEAREST:
+            return False
+        lens = self._lens
+        column, row = round(x / z * lens.fx + lens.cx), round(y / z * lens.fy + lens.cy)
+        inside = 0 <= column < lens.width and 0 <= row < lens.height
+        return bool(inside) and 1.0 / z >= float(self.nearness[row, column])
+
     def _judge(self, shot: Shot, inside: Window, seen: Flags, there: NDArray[np.int32]) -> Glance:
         alone, pixels = int(np.count_nonzero(shot.nearness)), int(np.count_nonzero(seen))
         hiding = there[(shot.nearness[inside.slices(shot.window)] > 0.0) & ~seen]

@@ -105,3 +105,12 @@ def test_a_hand_hides_what_is_below_it_as_long_as_somebody_sees_it(table: Table)
     assert seen(table)["cube_2"] == (1.0, True, "")
     table.run(1.5)
     assert seen(table)["cube_1"] == (1.0, True, "")
+
+
+def test_what_persons_see_is_told_by_others(table: Table) -> None:
+    table.add("cube_1", cube_at(0.4, 0.1))
+    table.run(1.0)
+    table.memory.add_node("human_1", "person")
+    table.memory.add_edge("human_1", "cube_1", "sees", share=1.0)
+    table.run(0.5)
+    assert len(table.memory.edges("sees", src="human_1")) == 1 and set(seen(table)) == {"cube_1"}

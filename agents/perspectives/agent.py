@@ -1,0 +1,115 @@
+"""The perspective filter: keeps a world for each person, which holds what they see and what they remember."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+
+from agents.perspectives.view import KINDS, LOOKS, RELATIONS, PersonalView
+from dsr.agent import Access, Agent
+from dsr.errors import DsrError
+from dsr.keys import BASE, check_name
+from dsr.memory import Memory
+from dsr.relations import SURFACES
+from dsr.schema import WORLD_RECORD
+from dsr.visibility import LEAST_SHARE, PERSON, PERSPECTIVES, WIDTH, VisibilityMonitor
+
+PREFIX = "view_of_"
+"""Before the name of a person in that of their world."""
+_TOLD = (*LOOKS, "perceived", "present", "last_seen", "seen_at", "fov", "source", "share", "visible")
+Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
+
+
+class PerspectivesConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Whose worlds are kept, and what counts as seen."""
+
+    of: tuple[str, ...] = ()
+    """Names of persons and cameras; all persons that come if empty."""
+    world: str = BASE
+    """The world that they see."""
+    least_share: Share = LEAST_SHARE
+    """Of the pixels that a thing would have alone, from which on it is seen."""
+    band: Share = 0.05
+    """By how much the share of what is seen may be below that."""
+    empty_share: Share = 0.5
+    """Of what would be seen of a thing if it were where it was, from which on that place is seen to be empty."""
+    patience: Annotated[float, msgspec.Meta(ge=0)] = 0.3
+    """s for which a place must be empty"""
+    width: Annotated[int, msgspec.Meta(ge=16, le=4096)] = WIDTH
+    """px, of the pictures"""
+
+    def __post_init__(self) -> None:
+        for name in self.of:
+            check_name("world name", f"{PREFIX}{name}")
+
+
+class Perspectives(Agent):
+    """Keeps worlds `view_of_<person>`, one for each person that comes: see `PersonalView` for what they hold.
+
+    A world stays when the person leaves; after a restart of the agent it goes on, if somebody else holds it.
+    """
+
+    name = "perspectives"
+    rate_hz = 5.0
+    reads = Access(
+        nodes=("*",),
+        edges=("RT", "Virtual_RT", *RELATIONS),
+        attributes=(*LOOKS, "perceived", "present", "last_seen", "fov"),
+    )
+    writes = Access(
+        nodes=(WORLD_RECORD, "world", *KINDS, *SURFACES, *PERSPECTIVES),
+        edges=("RT", "sees", *RELATIONS),
+        attributes=_TOLD,
+    )
+    Config = PerspectivesConfig
+    config: PerspectivesConfig
+
+    def setup(self) -> None:
+        """Begin without any world."""
+        self._views: dict[str, PersonalView] = {}
+        self._monitor: VisibilityMonitor | None = None
+        self._source: Memory | None = None
+
+    def tick(self, now: float) -> None:
+        """Look with everybody's eyes."""
+        source = self._open()
+        if source is None or self._monitor is None:
+            return
+        self._monitor.update()
+        names = self.config.of or tuple(sorted(node.name for node in source.nodes(PERSON)))
+        for name in names:
+            view = self._view(name, source)
+            if view is not None:
+                view.update(self._monitor, now)
+
+    def _open(self) -> Memory | None:
+        """The world that they see; None while there is none."""
+        if self._source is None or self._source.closed:
+            config = self.config
+            try:
+                self._source = self.memory.world(config.world)
+            except DsrError as error:
+                self.degraded = str(error)
+                return None
+            self._monitor = VisibilityMonitor(
+                self._source, config.of or None, least_share=config.least_share, band=config.band, width=config.width,
+                kinds=PERSPECTIVES if config.of else (PERSON,),
+            )  # fmt: skip
+            self._views.clear()
+            self.degraded = ""
+        return self._source
+
+    def _view(self, name: str, source: Memory) -> PersonalView | None:
+        view = self._views.get(name)
+        if view is None or view.world.closed:
+            config = self.config
+            try:
+                world = self.memory.create_world(f"{PREFIX}{name}", exist_ok=True)
+            except DsrError as error:
+                self.degraded = str(error)
+                return None
+            self._views[name] = view = PersonalView(
+                name, source, world, empty_share=config.empty_share, patience=config.patience
+            )
+        return view

@@ -1,0 +1,248 @@
+"""What one person knows of the world by having seen it: a world of its own, kept in step with the eyes."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from typing import Any
+
+from dsr.elements import Node
+from dsr.errors import TransformError
+from dsr.memory import Memory
+from dsr.relations import SURFACES, THINGS
+from dsr.transforms import Pose
+from dsr.visibility import (
+    LEAST_PIXELS,
+    PERSON,
+    PERSPECTIVES,
+    Picture,
+    VisibilityMonitor,
+    placed,
+    shape_of_thing,
+)
+
+KINDS = (*THINGS, "object")
+"""Types of what is seen and remembered."""
+LOOKS = ("size", "shape", "bounds", "mesh", "color", "marker_id", "model", "mass", "friction")
+"""Attributes that are taken over from what is seen."""
+RELATIONS = ("on", "in")
+"""Edges likewise."""
+_WORLD = "world"
+_BELIEVED = ("Virtual_RT", "RT")
+_MOVED = 1e-3, 1e-2  # m, rad, from which a pose is another one
+_SAME_PLACE = 0.03  # m, by which a belief may be off that counts as right
+_TELL_EVERY = 0.5  # s, between two writings of when something was last seen that is seen all the time
+
+
+class PersonalView:
+    """Keeps the world of one person, or camera, in step with what is seen from there.
+
+    What is seen is known as it is in the source, at once. What was seen before stays where it was (`perceived` false,
+    `last_seen`, and `seen_at`), goes along with the container in which it was, if that is seen to move, and is nowhere
+    (`present` false, no pose) once it is seen that it is not where it was. Who is not there learns nothing.
+
+    Args:
+        name: of the person's node in the source.
+        source: the world that is seen.
+        world: the person's own.
+        empty_share: of what would be seen of a thing, from which on its place is seen to be empty.
+        patience: s for which that must be so.
+    """
+
+    def __init__(
+        self, name: str, source: Memory, world: Memory, *, empty_share: float = 0.5, patience: float = 0.3
+    ) -> None:
+        self.name = name
+        self.world = world
+        self._source = source
+        self._empty_share = empty_share
+        self._patience = patience
+        self._last_seen = {node.name: node.get("last_seen", 0.0) for node in self._known()}
+        self._empty_since: dict[str, float] = {}
+
+    def update(self, monitor: VisibilityMonitor, now: float) -> None:
+        """Take in what is seen at time `now` (s), by the monitor's last look."""
+        with self.world.batch():
+            self._furnish(now)
+            if self.name not in monitor.perspectives:
+                self._lose(node.name for node in self._known())
+                self._see_others(None, now)
+                return
+            picture = monitor.picture(self.name)
+            seen = [thing for thing in sorted(monitor.scene.things) if monitor.sees(self.name, thing)]
+            self._lose(node.name for node in self._known() if node.name not in seen)
+            self._carry_along(self._take_in(seen, now), seen, now)
+            self._relate(seen)
+            self._know_contents(seen)
+            self._notice_empty_places(picture, seen, now)
+            self._see_others(picture, now)
+            for thing in seen:
+                if thing in self.world:
+                    self._connect(self.name, thing, monitor.glances[self.name, thing].share)
+
+    # ---- what is seen
+
+    def _take_in(self, seen: Iterable[str], now: float) -> dict[str, tuple[Pose, Pose]]:
+        """Know what is seen as it is; returns where what has moved was, and is."""
+        moved = {}
+        for name in seen:
+            node, pose = self._source.get_node(name), _pose_in(self._source, name)
+            if node is None or pose is None:
+                continue
+            self._copy(node, {"present": True, "perceived": True})
+            self._last_seen[name] = now
+            self._empty_since.pop(name, None)
+            if now - self.world.node(name).get("last_seen", 0.0) >= _TELL_EVERY:
+                self.world.update_node(name, last_seen=now)
+            before = self._put(name, pose.with_covariance(None).with_stamp(now))
+            if before is not None:
+                moved[name] = before, pose
+        return moved
+
+    def _put(self, name: str, pose: Pose) -> Pose | None:
+        """Let something be somewhere; returns where it was before if that was somewhere else."""
+        edge = self.world.get_edge(_WORLD, name, "RT")
+        if edge is not None:
+            distance, angle = edge.pose.distance(pose)
+            if distance < _MOVED[0] and angle < _MOVED[1]:
+                return None
+        before = None if edge is None else edge.pose
+        self.world.add_edge(_WORLD, name, "RT", pose=pose)
+        return before
+
+    def _relate(self, seen: Collection[str]) -> None:
+        """What is seen lies on and in what it lies on and in, as far as that is known."""
+        for kind in RELATIONS:
+            for name in seen:
+                holds = {edge.dst for edge in self._source.edges(kind, src=name) if edge.dst in self.world}
+                for edge in self.world.edges(kind, src=name):
+                    if edge.dst not in holds:
+                        self.world.remove_edge(*edge.key)
+                for other in sorted(holds):
+                    if name in self.world and self.world.get_edge(name, other, kind) is None:
+                        self.world.add_edge(name, other, kind, source=self.name)
+
+    def _know_contents(self, seen: Collection[str]) -> None:
+        """What is covered while it is believed where it is, is in what covers it."""
+        for node in self._known():
+            where = self.world.get_edge(_WORLD, node.name, "RT")
+            truly = None if where is None or node.name in seen else _pose_in(self._source, node.name)
+            if where is None or truly is None or where.pose.distance(truly)[0] > _SAME_PLACE:
+                continue
+            for edge in self._source.edges("in", src=node.name):
+                if edge.dst in seen and self.world.get_edge(*edge.key) is None:
+                    self.world.add_edge(*edge.key, source=self.name)
+
+    def _connect(self, name: str, thing: str, share: float) -> None:
+        edge = self.world.get_edge(name, thing, "sees")
+        if name in self.world and (edge is None or abs(edge.get("share", 0.0) - share) > 0.1):
+            self.world.add_edge(name, thing, "sees", share=share, visible=True)
+
+    # ---- what is remembered
+
+    def _known(self) -> list[Node]:
+        return [node for kind in KINDS for node in self.world.nodes(kind)]
+
+    def _lose(self, names: Iterable[str]) -> None:
+        """Remember what is not seen any more: when and where it was."""
+        for name in names:
+            node = self.world.node(name)
+            if node.get("perceived") is not True:
+                continue
+            where = self.world.get_edge(_WORLD, name, "RT")
+            told: dict[str, Any] = {} if where is None else {"seen_at": where.pose}
+            self.world.update_node(name, perceived=False, last_seen=self._last_seen.get(name, 0.0), **told)
+            self.world.remove_edge(self.name, name, "sees")
+
+    def _carry_along(self, moved: Mapping[str, tuple[Pose, Pose]], seen: Collection[str], now: float) -> None:
+        """What is in something that is seen to move goes along, at any depth."""
+        shifts = {name: after @ before.inverse() for name, (before, after) in moved.items()}
+        level = list(shifts)
+        while level:
+            contents = [
+                (edge.src, edge.dst)
+                for name in level
+                for edge in self.world.edges("in", dst=name)
+                if edge.src not in seen and edge.src not in shifts
+            ]
+            level = []
+            for name, container in sorted(contents):
+                where = self.world.get_edge(_WORLD, name, "RT")
+                if where is not None and name not in shifts:
+                    shifts[name] = shifts[container]
+                    self.world.add_edge(_WORLD, name, "RT", pose=(shifts[name] @ where.pose).with_stamp(now))
+                    level.append(name)
+
+    def _notice_empty_places(self, picture: Picture, seen: Collection[str], now: float) -> None:
+        """What is not where it would be seen is nowhere."""
+        for node in self._known():
+            where = self.world.get_edge(_WORLD, node.name, "RT")
+            if node.name in seen or where is None or not self._is_empty(picture, node, where.pose):
+                self._empty_since.pop(node.name, None)
+                continue
+            since = self._empty_since.setdefault(node.name, now)
+            if now - since >= self._patience:
+                self._forget_place(node.name)
+
+    def _is_empty(self, picture: Picture, node: Node, pose: Pose) -> bool:
+        shape = shape_of_thing(node)
+        if shape is None:
+            return False
+        glance = picture.would_show(placed(node.name, shape, pose))
+        return glance.share >= self._empty_share and glance.pixels >= LEAST_PIXELS
+
+    def _forget_place(self, name: str) -> None:
+        self._empty_since.pop(name, None)
+        self.world.update_node(name, present=False)
+        for edge in (*self.world.edges(src=name), *self.world.edges("RT", dst=name)):
+            self.world.remove_edge(*edge.key)
+
+    # ---- what is around
+
+    def _furnish(self, now: float) -> None:
+        """Tables are known to everybody, and so is where one is oneself."""
+        for kind in SURFACES:
+            for node in self._source.nodes(kind):
+                self._place(node, now, {})
+        own = self._source.get_node(self.name)
+        if own is not None:
+            self._place(own, now, {key: own[key] for key in ("perceived", "fov") if key in own})
+            if now - self.world.node(self.name).get("last_seen", -now) >= _TELL_EVERY and "last_seen" in own:
+                self.world.update_node(self.name, last_seen=own["last_seen"])
+
+    def _see_others(self, picture: Picture | None, now: float) -> None:
+        """Other persons and cameras are where they were last seen."""
+        for node in (node for kind in PERSPECTIVES for node in self._source.nodes(kind) if node.name != self.name):
+            pose = _pose_in(self._source, node.name)
+            there = node.type != PERSON or node.get("perceived") is True
+            if picture is not None and pose is not None and there and picture.shows(pose.translation):
+                self._place(node, now, {"perceived": True, "last_seen": now})
+            elif node.name in self.world and self.world.node(node.name).get("perceived") is True:
+                self.world.update_node(node.name, perceived=False)
+
+    def _place(self, node: Node, now: float, told: Mapping[str, Any]) -> None:
+        """Let a node of the source be known, with its place."""
+        pose = _pose_in(self._source, node.name)
+        if pose is not None:
+            self._copy(node, told)
+            self._put(node.name, pose.with_covariance(None).with_stamp(now))
+
+    def _copy(self, node: Node, told: Mapping[str, Any]) -> None:
+        wanted = {key: node[key] for key in LOOKS if key in node} | dict(told)
+        here = self.world.get_node(node.name)
+        if here is not None and here.type != node.type:
+            self.world.remove_node(node.name)
+            here = None
+        if here is None:
+            self.world.add_node(node.name, node.type, **wanted)
+            return
+        changed = {key: value for key, value in wanted.items() if here.get(key) != value}
+        if changed:
+            self.world.update_node(node.name, **changed)
+
+
+def _pose_in(memory: Memory, name: str) -> Pose | None:
+    """world_from_node, where it is believed to be; None if that is not known."""
+    try:
+        return memory.transform(_WORLD, name, types=_BELIEVED)
+    except TransformError:
+        return None

@@ -1,0 +1,76 @@
+"""The agent that says in the graph what each person sees: edges `sees`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+
+from dsr.agent import Access, Agent
+from dsr.visibility import LEAST_SHARE, PERSON, PERSPECTIVES, WIDTH, VisibilityMonitor
+
+_NEWS = 0.1  # of a share, that is written again
+Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
+
+
+class VisibilityConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Whose sight is written, and what counts."""
+
+    kinds: tuple[str, ...] = (PERSON,)
+    """Types of perspectives: `person`, `camera`; the simulation handler has its own edges from cameras."""
+    least_share: Share = LEAST_SHARE
+    """Of the pixels that a thing would have alone, from which on it is seen."""
+    band: Share = 0.05
+    """By how much the share of what is seen may be below that."""
+    width: Annotated[int, msgspec.Meta(ge=16, le=4096)] = WIDTH
+    """px, of the pictures"""
+
+    def __post_init__(self) -> None:
+        if not set(self.kinds) <= set(PERSPECTIVES):
+            raise ValueError(f"kinds {list(self.kinds)}: expected some of {list(PERSPECTIVES)}")
+
+
+class Visibility(Agent):
+    """Keeps an edge `sees` from each person to each thing that they see now, with the `share` of it that they see."""
+
+    name = "visibility"
+    rate_hz = 5.0
+    reads = Access(
+        nodes=("*",),
+        edges=("RT", "Virtual_RT", "sees"),
+        attributes=("size", "shape", "bounds", "mesh", "present", "fov"),
+    )
+    writes = Access(edges=("sees",), attributes=("share", "visible", "hidden_by"))
+    Config = VisibilityConfig
+    config: VisibilityConfig
+
+    def setup(self) -> None:
+        """Make the monitor."""
+        config = self.config
+        self._monitor = VisibilityMonitor(
+            self.memory, least_share=config.least_share, band=config.band, width=config.width, kinds=config.kinds
+        )
+
+    def tick(self, now: float) -> None:
+        """Look, and write what is news."""
+        self._monitor.update()
+        seen = self._monitor.seen
+        with self.memory.batch():
+            for edge in self.memory.edges("sees"):
+                node = self.memory.get_node(edge.src)
+                if node is not None and node.type in self.config.kinds and (edge.src, edge.dst) not in seen:
+                    self.memory.remove_edge(edge.src, edge.dst, "sees")
+            for name, thing in sorted(seen):
+                self._write(name, thing)
+
+    def _write(self, name: str, thing: str) -> None:
+        if name not in self.memory or thing not in self.memory:
+            return
+        glance = self._monitor.glances[name, thing]
+        edge = self.memory.get_edge(name, thing, "sees")
+        if (
+            edge is None
+            or abs(edge.get("share", 0.0) - glance.share) > _NEWS
+            or edge.get("hidden_by") != glance.hidden_by
+        ):
+            self.memory.add_edge(name, thing, "sees", share=glance.share, visible=True, hidden_by=glance.hidden_by)

@@ -1,0 +1,137 @@
+"""What persons know: what they see now, what they saw last, and what they see not to be there any more."""
+
+from __future__ import annotations
+
+import pytest
+
+from dsr import Pose
+from tests.agents.perspectives.conftest import COVER, TURNED, Table
+
+HERE, THERE = (100, 0, 20), (100, 250, 20)
+MOVED = Pose((0.1, 0.25, 0.02))
+
+
+def test_everybody_knows_what_they_see_and_nothing_else(table: Table) -> None:
+    table.run()
+    assert table.place("human_1", "cube") == HERE
+    assert {"wall", "table", "human_2"} <= {node.name for node in table.view("human_2").nodes()}
+    assert "cube" not in table.view("human_2")
+    assert {(edge.src, edge.dst) for edge in table.memory.edges("sees")} == {
+        ("human_1", "cube"), ("human_1", "wall"), ("human_2", "wall"),
+    }  # fmt: skip
+    assert table.memory.edge("human_1", "cube", "sees")["share"] == 1.0
+
+
+def test_what_is_seen_to_move_is_known_to_have_moved(table: Table) -> None:
+    table.run()
+    table.put("cube", MOVED)
+    table.run()
+    assert table.place("human_1", "cube") == THERE
+
+
+def test_who_is_not_there_learns_nothing_and_remembers(table: Table) -> None:
+    table.run()
+    table.leave("human_1")
+    table.run()
+    table.put("cube", MOVED)
+    table.run()
+    cube = table.view("human_1").node("cube")
+    assert table.place("human_1", "cube") == HERE
+    assert cube["perceived"] is False and cube["seen_at"].t == pytest.approx((0.1, 0.0, 0.02))
+    assert table.lockstep.clock.now() - cube["last_seen"] == pytest.approx(1.2, abs=0.3)
+    assert not table.view("human_1").edges("sees")
+
+
+def test_who_comes_back_sees_at_once_that_it_is_elsewhere(table: Table) -> None:
+    table.run()
+    table.leave("human_1")
+    table.run()
+    table.put("cube", MOVED)
+    table.come("human_1", Pose((0.8, 0.0, 0.4), TURNED))
+    table.run(0.3)
+    assert table.place("human_1", "cube") == THERE
+    assert table.view("human_1").node("cube")["perceived"] is True
+
+
+def test_whoever_sees_the_place_empty_knows_that_it_is_not_there(table: Table) -> None:
+    table.run()
+    table.leave("human_1")
+    table.run()
+    table.put("cube", Pose((-0.1, 0.0, 0.02)))  # behind the wall
+    table.run()
+    assert table.place("human_1", "cube") == HERE
+    table.come("human_1", Pose((0.8, 0.0, 0.1), TURNED))
+    table.run(1.0)
+    assert table.place("human_1", "cube") is None
+    assert table.view("human_1").node("cube")["present"] is False
+    assert table.place("human_2", "cube") == (-100, 0, 20)
+    table.put("cube", MOVED)
+    table.run()
+    assert table.place("human_1", "cube") == THERE
+    assert table.view("human_1").node("cube")["present"] is True
+
+
+def test_a_place_that_is_hidden_is_not_known_to_be_empty(table: Table) -> None:
+    table.add("ball", "cube", Pose((0.2, -0.2, 0.02)), size=(0.04, 0.04, 0.04))
+    table.run()
+    table.add("cover", "container", Pose((0.2, -0.2, 0.04)), size=(0.1, 0.1, 0.08), shape=COVER)
+    table.run()
+    assert table.place("human_1", "ball") == (200, -200, 20)
+    table.leave("human_1")
+    table.run()
+    table.put("ball", Pose((-0.1, 0.0, 0.02)))
+    table.come("human_1", Pose((0.8, 0.0, 0.4), TURNED))
+    table.run(1.0)
+    assert table.place("human_1", "ball") == (200, -200, 20), "a false belief"
+    table.put("cover", Pose((0.2, -0.45, 0.04)))
+    table.run(1.0)
+    assert table.place("human_1", "ball") is None
+
+
+def test_what_is_in_something_goes_along_with_it(table: Table) -> None:
+    table.add("ball", "cube", Pose((0.2, -0.2, 0.02)), size=(0.04, 0.04, 0.04))
+    table.run()
+    table.add("cover", "container", Pose((0.2, -0.2, 0.04)), size=(0.1, 0.1, 0.08), shape=COVER)
+    table.memory.add_edge("ball", "cover", "in")
+    table.run()
+    table.put("ball", Pose((0.3, -0.2, 0.02)))
+    table.put("cover", Pose((0.3, -0.2, 0.04)))
+    table.run(1.0)
+    assert table.view("human_1").node("ball")["perceived"] is False
+    assert table.place("human_1", "ball") == (300, -200, 20)
+
+
+def test_a_world_that_somebody_deletes_begins_anew(table: Table) -> None:
+    table.run()
+    table.memory.delete_world("view_of_human_1")
+    table.run(1.0)
+    assert table.place("human_1", "cube") == HERE
+
+
+def test_a_thing_of_another_type_takes_the_place_of_one_that_was_known(table: Table) -> None:
+    table.run()
+    table.memory.remove_node("cube")
+    table.add("cube", "ball", MOVED, size=(0.04, 0.04, 0.04))
+    table.run()
+    assert table.view("human_1").node("cube").type == "ball" and table.place("human_1", "cube") == THERE
+
+
+def test_a_camera_has_a_view_too() -> None:
+    table = Table(of=("camera",))
+    table.add("cube", "cube", Pose((0.1, 0.0, 0.02)), size=(0.04, 0.04, 0.04))
+    table.add("camera", "camera", Pose((0.0, 0.0, 0.8), (1.0, 0.0, 0.0, 0.0)), fov=(1.0, 0.8))
+    table.run()
+    assert table.place("camera", "cube") == HERE
+    table.lockstep.close()
+
+
+def test_the_same_scene_gives_the_same_worlds() -> None:
+    snapshots = []
+    for _ in range(2):
+        table = Table()
+        table.add("cube", "cube", Pose((0.1, 0.0, 0.02)), size=(0.04, 0.04, 0.04))
+        table.come("human_1", Pose((0.8, 0.0, 0.4), TURNED))
+        table.run(1.0)
+        snapshots.append(table.view("human_1").snapshot())
+        table.lockstep.close()
+    assert snapshots[0] == snapshots[1]
