@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import msgspec
@@ -46,6 +46,8 @@ class Agent:
     graph holds it to them."""
     uses_memory: ClassVar[bool] = True
     """False for one that only needs the bus: it gets no `memory`."""
+    reactive: ClassVar[bool] = False
+    """Whether changes of the graph wake it (see `wake`), and not only time."""
     most_failures: ClassVar[int] = 25
     """It gives up after this many failed ticks in a row."""
     Config: ClassVar[type[Any]] = NoConfig
@@ -62,6 +64,13 @@ class Agent:
     """Seed for its random numbers: the run's, mixed with the agent's name."""
     degraded: str = ""
     """Why it does not work as well as it should, shown in its status; empty if it does."""
+    wake: Callable[[], None] = staticmethod(lambda: None)
+    """Asks for a tick now rather than when the next is due; may be called in any thread, and returns at once."""
+
+    @classmethod
+    def configured(cls, config: Mapping[str, Any]) -> type[Agent]:
+        """This class with what `config` changes in its declarations; most agents declare the same in any case."""
+        return cls
 
     def setup(self) -> None:
         """Prepare. Nodes that it needs may not be there yet: that is for `tick` to cope with."""

@@ -6,6 +6,7 @@ import atexit
 import contextlib
 import os
 from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,8 @@ from dsr import rendezvous
 from dsr.clock import WALL_CLOCK, Clock
 from dsr.errors import ConfigError, ListenError, TransportError
 from dsr.keys import Keys
-from dsr.memory import Guard, Memory, new_rid
+from dsr.memory import Memory, new_rid
+from dsr.runtime.access import Guard, guard_in
 from dsr.schema import Schema
 from dsr.transport import Transport
 
@@ -106,15 +108,27 @@ def identity_of(agent: str, security: str | Path | None = None) -> Identity | No
 
 def _guard(guard: Guard | None, identity: Identity | None) -> Guard | None:
     """Both what the agent declares and what the policy grants it."""
-    if guard is None or identity is None:
-        return identity.guard if identity else guard
+    if identity is None:
+        return guard
+    return _Both(guard, identity.guard)
 
-    def both(element: str, kind: str, attributes: Iterable[str]) -> None:
+
+@dataclass(frozen=True)
+class _Both:
+    """The guard of what an agent declares, if it has one, and that of what it is granted: a write must pass both."""
+
+    declared: Guard | None
+    granted: Guard
+
+    def __call__(self, element: str, kind: str, attributes: Iterable[str]) -> None:
         names = tuple(attributes)
-        guard(element, kind, names)
-        identity.guard(element, kind, names)
+        if self.declared is not None:
+            self.declared(element, kind, names)
+        self.granted(element, kind, names)
 
-    return both
+    def in_world(self, world: str) -> _Both:
+        """The guards in another world."""
+        return _Both(guard_in(self.declared, world), self.granted)
 
 
 def _living_replicas(graph: str, elders: list[rendezvous.Member], identity: Identity | None) -> list[str]:

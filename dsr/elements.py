@@ -86,8 +86,17 @@ class _Element(Mapping[str, Any]):
 
         The same in all replicas, however late they got it.
         """
-        write = _winner(self._entries, attribute)
+        write = self.newest_write(attribute)
         return None if write is None else physical_time(write.stamp)
+
+    def newest_write(self, attribute: str) -> Write | None:
+        """The write that the present value is from, or that took it away; None if it never was set."""
+        return _winner(self._entries, attribute)
+
+    @property
+    def written(self) -> frozenset[str]:
+        """Names of all attributes that were ever set, those taken away since included."""
+        return frozenset(name for entry in self._entries for name in list(entry.registers))
 
     @property
     def attributes(self) -> dict[str, Any]:

@@ -6,7 +6,7 @@ alive at both ends. Nothing here does I/O or reads a clock; callers serialise mu
 
 from __future__ import annotations
 
-from collections.abc import Mapping, MutableMapping
+from collections.abc import Callable, Iterable, Mapping, MutableMapping
 from typing import Any, Protocol
 
 from dsr.crdt.context import Dot
@@ -124,6 +124,43 @@ class Graph(Sharing):
     def remove_edge(self, key: EdgeKey) -> Delta:
         """Remove an edge as seen here; an empty delta if it is not visible."""
         return self._commit_removal(list(self.store.by_key[key])) if key in self.edges else Delta()
+
+    def copy(self, key: Key, type: str, writes: Iterable[Write], now: float) -> Delta:
+        """Repeat what was written elsewhere in the element `key`, which is created if it is not visible.
+
+        The stamps stay: newer values stay too, and what was repeated once is an empty delta the next time. Only the
+        attribute and the value of a write, and its stamp, count; 0 stands for now. Names and values are not checked.
+
+        Raises:
+            NodeNotFoundError: if an end of an edge is missing.
+        """
+        element: Node | Edge | None = self.nodes.get(key) if isinstance(key, str) else self.edges.get(key)
+        add = None
+        if element is None:
+            ends = [] if isinstance(key, str) else [tuple(e.dot for e in self.node(name)._entries) for name in key[:2]]
+            add = Add(self._new_dot(), key, type, *ends)
+        delta = Delta(adds=[add] if add else [])
+        first = self._counter + (0 if add else 1)
+        for write in writes:
+            present = element.newest_write(write.attribute) if element is not None else None
+            if present is not None and 0 < write.stamp <= present.stamp:
+                continue
+            self.hlc.observe(write.stamp)
+            stamp, known = write.stamp or self.hlc.tick(now), self.schema.attributes.get(write.attribute)
+            stream = not add and write.value is not TOMBSTONE and known is not None and known.stream
+            for owner in self._entries_of(key, add):
+                dot = None if stream else self._new_dot()
+                delta.writes.append(Write(owner, write.attribute, stamp, self.rid, dot, write.value))
+        if self._counter >= first:
+            delta.context.append((self.rid, first, self._counter))
+        if delta:
+            self._apply(delta)
+        return delta
+
+    def withdraw(self, key: Key, mine: Callable[[str], bool]) -> Delta:
+        """Remove the incarnations of an element that were created by replicas for whose id `mine` holds."""
+        dots = [dot for dot in self.store.by_key.get(key, ()) if mine(dot[0])]
+        return self._commit_removal(dots) if dots else Delta()
 
     def join(self, delta: Delta) -> None:
         """Join what another replica sent."""

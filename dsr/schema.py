@@ -306,6 +306,7 @@ _ATTRIBUTES: dict[str, AttributeType] = dict([
                              "mount": "of a camera, whether it is where it was: see dsr.calibration",
                              "report": "what came of a calibration, JSON, see dsr.calibration",
                              "mesh": "hashes of its meshes, comma-separated, see dsr.geometry",
+                             "via": "worlds through which it came, comma-separated, see dsr.worlds",
                              "record": "what is known of a world, JSON, see dsr.worlds",
                              "note": "free text"}),
 ])  # fmt: skip

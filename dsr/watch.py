@@ -7,7 +7,7 @@ element are merged, so at most one entry an element waits, however many updates 
 from __future__ import annotations
 
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Literal
 
 import msgspec
@@ -84,8 +84,9 @@ class _Pending:
 class Watch:
     """Changes that match a filter. Iterate to wait for them, or `poll` to take what is there."""
 
-    def __init__(self, wanted: Filter) -> None:
+    def __init__(self, wanted: Filter, notify: Callable[[], None] | None = None) -> None:
         self._filter = wanted
+        self._notify = notify
         self._pending: dict[Key, _Pending] = {}
         self._condition = threading.Condition()
         self._ready: list[Change] = []
@@ -123,6 +124,8 @@ class Watch:
             self._closed = True
             self._pending = {}
             self._condition.notify_all()
+        if self._notify is not None:
+            self._notify()
 
     @property
     def closed(self) -> bool:
@@ -147,6 +150,8 @@ class Watch:
             if attribute is not None:
                 pending.attributes.add(attribute)
             self._condition.notify()
+        if self._notify is not None:
+            self._notify()
 
     def offer_all(self, element: Node | Edge) -> None:
         """Called by the memory for what came, or is there when the watch begins."""

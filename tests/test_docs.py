@@ -126,6 +126,36 @@ def test_the_system_runs(agents_folder: Path) -> None:
             assert changes.next(timeout=30) is not None
 
 
+def test_the_filter_has_ten_lines_and_leaves_out_what_is_small(
+    agents_folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    document = (ROOT / "docs/filters.md").read_text(encoding="utf-8")
+    blocks = dict(NAMED_BLOCK.findall(document))
+    lines = [line for line in blocks["small_objects.py"].splitlines() if line.strip() and not line.startswith('"""')]
+    assert len(lines) <= 10
+    for name, code in blocks.items():
+        (agents_folder / name).write_text(code, encoding="utf-8")
+    assert [spec.kind.__name__ for spec in load_system(agents_folder / "cascade.toml").agents] == [
+        "PassThrough", "ByType",
+    ]  # fmt: skip
+    with dsr.connect("filtering", agent="scene") as memory:
+        world = memory.create_world("world1")
+        command = [sys.executable, "small_objects.py", "--graph", "filtering"]
+        with subprocess.Popen(command, cwd=agents_folder, env=environment()) as process:
+            for name, edge in (("small", 0.04), ("large", 0.06)):
+                world.add_node(name, "cube", size=(edge, edge, edge))
+            with memory.watch(node_type="world_record") as records:
+                while "world2" not in [info.name for info in memory.worlds()]:
+                    assert records.next(timeout=30) is not None
+            filtered = memory.world("world2")
+            changes = filtered.watch(node_type="cube")
+            while "large" not in filtered:
+                assert changes.next(timeout=30) is not None
+            assert "small" not in filtered
+            process.terminate()
+            assert process.wait(20) == 0
+
+
 def test_names_of_ones_own_can_be_registered(agents_folder: Path) -> None:
     thermometer = importlib.import_module("own_names").Thermometer
     with Lockstep([AgentSpec("thermometer", thermometer)], strict=True) as lockstep:

@@ -15,7 +15,7 @@ from agents.segments import segments
 from dsr.cli.common import GraphOption, RouterOption, console, new_run_folder, shown
 from dsr.errors import ConfigError
 from dsr.rendezvous import endpoints, graphs, running_graph
-from dsr.runtime.agent_process import run_process
+from dsr.runtime.agent_process import Stop, run_process
 
 _NAME = "record"
 """Of the agent; the system may have a recorder already."""
@@ -47,7 +47,7 @@ def record(
         raise ConfigError(f"no graph {name!r} runs on this machine; running: {', '.join(graphs()) or 'none'}")
     folder = folder or new_run_folder(_NAME)
     before = set(segments(folder, FILE_NAME))
-    stop = threading.Event()
+    stop = Stop()
     timer = threading.Timer(seconds, stop.set) if seconds is not None else None
     handlers = {number: signal.signal(number, lambda *_: stop.set()) for number in (signal.SIGINT, signal.SIGTERM)}
     config: dict[str, Any] = {"folder": str(folder), "frames_hz": frames_hz}

@@ -1,6 +1,6 @@
 """Geometry: meshes as immutable blobs known by their hash, models from files, and the boxes around things."""
 
-from dsr.geometry.boxes import bounding_box, own_bounds
+from dsr.geometry.boxes import bounding_box, own_bounds, volume
 from dsr.geometry.files import load_model
 from dsr.geometry.mesh import Bounds, Mesh, mesh_hashes
 from dsr.geometry.model import Model, ModelNode
@@ -16,4 +16,5 @@ __all__ = [
     "mesh_hashes",
     "own_bounds",
     "put_model",
+    "volume",
 ]

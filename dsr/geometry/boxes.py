@@ -8,6 +8,7 @@ vertices themselves.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
@@ -74,6 +75,14 @@ def own_bounds(memory: Memory, node: Node) -> Bounds | None:
     x, y, z = (abs(edge) / 2 for edge in size)
     below, above = (2 * z, 0.0) if node.type in _ON_TOP else (z, z)
     return Bounds((-x, -y, -below), (x, y, above))
+
+
+def volume(memory: Memory, node: Node) -> float | None:
+    """Volume (m^3) of the box around a node without what is below it; None if it has no extent that is known."""
+    bounds = own_bounds(memory, node)
+    if bounds is None:
+        return None
+    return math.prod(high - low for low, high in zip(bounds.low, bounds.high, strict=True))
 
 
 def corners(bounds: Bounds) -> Points:

@@ -36,11 +36,24 @@ EXIT_USAGE = 2
 _log = logging.getLogger("dsr.agent")
 
 
+class Stop(threading.Event):
+    """Set when an agent's process is to end; `bell` is set with it, and whenever the agent asks to be woken."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.bell = threading.Event()
+
+    def set(self) -> None:
+        """End the process."""
+        super().set()
+        self.bell.set()
+
+
 def run_command_line(kind: type[Agent], arguments: Sequence[str] | None = None) -> int:
     """Run an agent with command line `arguments` until a signal; returns the exit code."""
     options = _parser(kind).parse_args(arguments)
     log_to_terminal(options.name, options.log_level)
-    stop = threading.Event()
+    stop = Stop()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
     follow_launcher(os.environ, stop)
@@ -71,9 +84,10 @@ def run_process(
     config: dict[str, Any],
     router: str | None,
     seed: int,
-    stop: threading.Event,
+    stop: Stop,
 ) -> None:
     """Join `graph` as agent `name` and tick until `stop` is set; raises what ends the agent otherwise."""
+    kind = kind.configured(config)
     with contextlib.ExitStack() as resources:
         memory, bus, rid = _join(kind, graph, name, [router] if router else [], resources)
         handler = BusLogHandler(bus, Keys(graph), name, WALL_CLOCK)
@@ -82,6 +96,7 @@ def run_process(
         agent = make_agent(
             kind, name=name, config=config, bus=bus, keys=Keys(graph), clock=WALL_CLOCK, memory=memory, seed=seed
         )
+        agent.wake = stop.bell.set
         runner = Runner(agent, rid=rid, pid=os.getpid(), restarts=int(os.environ.get(LAUNCHED, "0")))
         resources.callback(runner.teardown)
         runner.setup()
@@ -103,14 +118,20 @@ def _join(
     return None, bus, rid
 
 
-def _run_ticks(runner: Runner, stop: threading.Event) -> None:
-    """Tick on schedule, and tell the status in between if the ticks are far apart."""
+def _run_ticks(runner: Runner, stop: Stop) -> None:
+    """Tick on schedule and when woken, and tell the status in between if the ticks are far apart."""
     clock = runner.agent.clock
     schedule = Schedule(clock.monotonic(), runner.agent.rate_hz)
-    while not clock.wait(stop, min(schedule.due, runner.status_due) - clock.monotonic()):
+    while True:
+        woken = clock.wait(stop.bell, min(schedule.due, runner.status_due) - clock.monotonic())
+        stop.bell.clear()
+        if stop.is_set():
+            return
         now = clock.monotonic()
-        if now >= schedule.due:
+        due = now >= schedule.due
+        if due:
             runner.missed += schedule.take(now)
+        if due or woken:
             runner.tick(clock.now())
         elif now >= runner.status_due:
             runner.tell()

@@ -11,6 +11,7 @@ import contextlib
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
+from functools import partial
 from types import TracebackType
 
 from dsr.agent import make_agent
@@ -77,6 +78,7 @@ class Lockstep:
         """Its link, for traffic outside the graph."""
         self._seats: dict[str, _Seat] = {}
         self._starts: Counter[str] = Counter()
+        self._woken: set[str] = set()
         try:
             for spec in self._specs.values():
                 if spec.name not in later:
@@ -159,6 +161,7 @@ class Lockstep:
             memory=memory,
             seed=self._seed,
         )
+        agent.wake = partial(self._woken.add, name)
         runner = Runner(agent, rid=rid, strict=self._strict)
         try:
             runner.setup()
@@ -198,14 +201,22 @@ class Lockstep:
         self.network.deliver()
         for name in self._specs:
             seat = self._seats.get(name)
-            if seat is not None and seat.schedule.due <= now:
-                seat.schedule.take(now)
-                if seat.memory is not None:
-                    seat.memory.poll()
+            if seat is not None and self._is_up(name, seat, now):
                 seat.runner.tick(now)
                 self._pass_on(seat)
         self.memory.poll()
         self.network.deliver()
+
+    def _is_up(self, name: str, seat: _Seat, now: float) -> bool:
+        """Whether an agent ticks at `now`: it is due, or was woken; it has then merged what has arrived."""
+        due = seat.schedule.due <= now
+        if due:
+            seat.schedule.take(now)
+        if seat.memory is not None and (due or seat.runner.agent.reactive):
+            seat.memory.poll()
+        woken = name in self._woken
+        self._woken.discard(name)
+        return due or woken
 
     def _pass_on(self, seat: _Seat) -> None:
         """Deliver what an agent sent."""

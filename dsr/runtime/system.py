@@ -39,6 +39,9 @@ class AgentSpec:
     ready_timeout: float = 30.0
     """s it may take until its first good tick."""
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "kind", self.kind.configured(self.config))
+
 
 @dataclass(frozen=True)
 class System:

@@ -2,22 +2,31 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any
 
+from msgspec.structs import replace
+
+from dsr.clock import Clock
+from dsr.crdt.context import Dot
+from dsr.crdt.delta import TOMBSTONE, Write
+from dsr.elements import Edge, Node
 from dsr.followers import Followers
 from dsr.frames import FrameTree
 from dsr.geometry.exchange import MeshExchange
 from dsr.graph import Graph
-from dsr.keys import BASE, Keys
+from dsr.keys import BASE, Keys, agent_of
 from dsr.replica import Replica
+from dsr.schema import Schema
 from dsr.worlds.opened import Seat, Worlds
-from dsr.worlds.registry import WorldInfo
+from dsr.worlds.registry import VIA, WorldInfo
 
 if TYPE_CHECKING:
     from dsr.memory import Memory
 
 TIMEOUT = 5.0
 """s that others get to hand on a world that is opened."""
+_NOBODY: Dot = ("", 0)
 
 
 class WorldAccess:
@@ -31,11 +40,17 @@ class WorldAccess:
     _closed: bool
     meshes: MeshExchange
     keys: Keys
+    agent: str
+    clock: Clock
+    schema: Schema
     seat: Seat | None
     """What makes it a memory of another world than the base; None for the base."""
 
     def close(self) -> None:
         """See `Memory.close`."""
+        raise NotImplementedError
+
+    def _check_write(self, element: str, type: str, attributes: Iterable[str]) -> None:
         raise NotImplementedError
 
     @property
@@ -98,6 +113,60 @@ class WorldAccess:
         """
         self._worlds.delete(name)
 
+    def copy(self, element: Node | Edge, values: Mapping[str, Any] | None = None, /, **own: Any) -> bool:
+        """Repeat an element of another world here; false if there was nothing to write.
+
+        It is created if it is not here. Each value is written as of the time at which it was written there, so that
+        newer ones stay, and what has come round through other worlds is not written again. Its attribute `via`, which
+        tells how it came into that world, is not repeated.
+
+        Args:
+            element: of the other world.
+            values: its attributes with the values that they are to have here; as they are there if None. Values of
+                attributes that it does not have count as written when it was last written.
+            own: attributes to be written as of now, unless they are set so already.
+
+        Raises:
+            NodeNotFoundError: if an end of an edge is not here.
+            SchemaError: for values of `values` or `own` that do not fit.
+            AgentError: if this agent may not write that.
+        """
+        key = element.name if isinstance(element, Node) else element.key
+        writes = list(_writes(element, None if values is None else self.schema.to_values(values)))
+        with self._replica.lock:
+            graph = self._replica.graph
+            here = graph.nodes.get(key) if isinstance(key, str) else graph.edges.get(key)
+            for name, value in self.schema.to_values(own).items():
+                if here is None or here.get(name) != value:
+                    writes.append(Write(_NOBODY, name, 0, "", None, value))
+            kind = "node" if isinstance(key, str) else "edge"
+            self._check_write(kind, element.type, [write.attribute for write in writes])
+            delta = graph.copy(key, element.type, writes, self.clock.now())
+            if delta:
+                self._replica.commit(delta)
+        if delta:
+            self._replica.send_soon()
+        return bool(delta)
+
+    def withdraw(self, element: Node | Edge) -> bool:
+        """Take back an element of this world as far as this agent created it, in this run or an earlier one.
+
+        It stays if others created it too. False if this agent did not. Raises `AgentError` if it may not write it.
+        """
+        key = element.name if isinstance(element, Node) else element.key
+        with self._replica.lock:
+            self._check_write("node" if isinstance(key, str) else "edge", element.type, ())
+            delta = self._replica.graph.withdraw(key, lambda rid: agent_of(rid) == self.agent)
+            if delta:
+                self._replica.commit(delta)
+        if delta:
+            self._replica.send_soon()
+        return bool(delta)
+
+    def created(self, element: Node | Edge) -> bool:
+        """Whether this agent created the element, in this run or an earlier one, alone or with others."""
+        return any(agent_of(rid) == self.agent for rid, _ in element.created)
+
     @property
     def closed(self) -> bool:
         """Whether it was closed, or its world deleted; then nothing changes in it any more."""
@@ -128,3 +197,20 @@ class WorldAccess:
         """Go on meeting the other replicas of this world under other keys; called by what keeps the list of worlds."""
         self.keys = keys
         self._replica.move(keys)
+
+
+def _writes(element: Node | Edge, values: Mapping[str, Any] | None) -> Iterator[Write]:
+    """The writes that the element's present values are from, those that took one away included."""
+    latest = 0
+    for name in sorted(element.written - {VIA}):
+        write = element.newest_write(name)
+        if write is None:
+            continue
+        latest = max(latest, write.stamp)
+        if values is None or write.value is TOMBSTONE:
+            yield write
+        elif name in values:
+            yield replace(write, value=values[name])
+    given = values or {}
+    for name in sorted(given.keys() - element.written):
+        yield Write(_NOBODY, name, latest, "", None, given[name])

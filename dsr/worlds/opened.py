@@ -13,6 +13,7 @@ from dsr.errors import TransportError, WorldError, WorldNotFoundError, suggest
 from dsr.followers import Followers
 from dsr.graph import Graph
 from dsr.keys import BASE, Keys, check_name
+from dsr.runtime.access import guard_in
 from dsr.worlds.fork import ForkedGraph
 from dsr.worlds.fork_frames import ForkedFrames
 from dsr.worlds.registry import BASE_INFO, ROOT, Record, WorldInfo, find_record, node_name, records, to_attribute
@@ -154,7 +155,8 @@ class Worlds:
         with self.lock:
             memory = Memory(
                 base.graph_name, base.agent, transport=base.transport, clock=base.clock, schema=base.schema,
-                guard=base._guard, gate=base.replica.synchroniser.gate, rid=seat.rid, threaded=self.threaded,
+                guard=guard_in(base._guard, record.info.name), gate=base.replica.synchroniser.gate, rid=seat.rid,
+                threaded=self.threaded,
                 meshes=base.meshes, _seat=seat,
             )  # fmt: skip
             self._open = {**self._open, record.info.name: memory}

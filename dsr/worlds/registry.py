@@ -21,6 +21,8 @@ from dsr.schema import WORLD_RECORD
 
 ROOT = "world"
 """Name and type of the root node that a new world has."""
+VIA = "via"
+"""Attribute of an element that a filter made: the worlds through which it came, comma-separated, first one first."""
 _PREFIX = ".world."
 
 

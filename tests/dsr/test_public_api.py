@@ -13,6 +13,7 @@ import dsr
 MODULES = {
     "dsr.geometry": {
         "Bounds", "Mesh", "Model", "ModelNode", "bounding_box", "load_model", "mesh_hashes", "own_bounds", "put_model",
+        "volume",
     },
     "dsr.goals": {"Goal", "parse_goal"},
     "dsr.intentions": {
@@ -42,7 +43,9 @@ MODULES = {
         "Action", "Answer", "Change", "MAX_CHANGES", "MAX_SECONDS", "Numbers", "Pending", "Question", "SERVICE",
         "TIMEOUT", "WhatIf", "decode_answer", "decode_question", "encode_answer", "encode_question",
     },
-    "dsr.worlds": {"ROOT", "WorldInfo"},
+    "dsr.worlds": {
+        "ROOT", "Client", "Filter", "FilterConfig", "Monitor", "Provider", "Reader", "WorldInfo", "WorldsConfig",
+    },
 }  # fmt: skip
 """What agents of one's own import from modules rather than from `dsr`."""
 

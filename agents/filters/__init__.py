@@ -1,0 +1,1 @@
+"""Standard filters: worlds made from others by what is in them. Each module is one, and a program."""

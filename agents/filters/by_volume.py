@@ -1,0 +1,40 @@
+"""Passes on things by their volume."""
+
+from __future__ import annotations
+
+import math
+
+from dsr.agent import main
+from dsr.elements import Node
+from dsr.geometry import volume
+from dsr.worlds import Filter, FilterConfig
+
+
+class ByVolumeConfig(FilterConfig, frozen=True, forbid_unknown_fields=True):
+    """Which volumes, of the box around a thing."""
+
+    least: float = 0.0
+    """m^3"""
+    most: float = math.inf
+    """m^3"""
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.least <= self.most:
+            raise ValueError(f"least {self.least} m^3, most {self.most} m^3: expected 0 <= least <= most")
+
+
+class ByVolume(Filter):
+    """Passes on what is neither smaller nor larger than wanted, frames without extent included."""
+
+    name = "by_volume"
+    Config = ByVolumeConfig
+    config: ByVolumeConfig
+
+    def accepts(self, node: Node) -> bool:
+        """By the volume of the box around it."""
+        found = volume(self.memory, node)
+        return found is None or self.config.least <= found <= self.config.most
+
+
+if __name__ == "__main__":
+    main(ByVolume)

@@ -1,0 +1,61 @@
+"""A world made from others: `Filter`, of which a subclass says what it passes on and how it changes that."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from dsr.elements import Edge, Node
+from dsr.worlds.clients import Client, WorldsConfig
+from dsr.worlds.mirror import Conflict, Mirror
+
+
+class FilterConfig(WorldsConfig, frozen=True, forbid_unknown_fields=True):
+    """Where a filter is at home, and what it does about things that several of its worlds hold."""
+
+    conflict: Conflict = "newest"
+    """newest: of each attribute the value written last; first: what the first listed world that has the thing says."""
+
+
+class Filter(Client):
+    """Keeps the world `writes` in step with the worlds `reads`: all that it accepts, changed as `edit` says.
+
+    An edge is passed on if it is accepted and both its ends are in the output. A filter takes away only what it added
+    itself, so several may write into one world, beside people and other agents. What somebody else takes away comes
+    back as long as the input holds it. After a restart it goes on.
+
+    Cascades may contain circles. Every value keeps the time at which it was first written and replaces only older ones,
+    and no element is passed on to a world through which it came (attribute `via`); so every change passes each filter
+    at most once.
+    """
+
+    Config = FilterConfig
+    config: FilterConfig
+
+    def accepts(self, node: Node) -> bool:
+        """Whether a node is passed on; asked whenever it changes. If it depends on more, see `refresh`."""
+        return True
+
+    def accepts_edge(self, edge: Edge) -> bool:
+        """Whether an edge is passed on if its ends are."""
+        return True
+
+    def edit(self, element: Node | Edge, values: Mapping[str, Any]) -> Mapping[str, Any]:
+        """The attributes that an element has in the output, given those that it has in the input."""
+        return values
+
+    def refresh(self) -> None:
+        """Look at everything again in the next step: what is accepted has changed."""
+        self._mirror.look_at_all()
+        self.wake()
+
+    def opened(self) -> None:
+        """Begin to keep the output in step; who overrides this calls it too."""
+        edit = None if type(self).edit is Filter.edit else self.edit
+        conflict: Conflict = getattr(self.config, "conflict", "newest")
+        self._mirror = Mirror(self.sources, self.target, self.accepts, self.accepts_edge, edit, conflict)
+        self._mirror.look_at_all()
+
+    def update(self, now: float) -> None:
+        """Pass on what has changed; who overrides this calls it too."""
+        self._mirror.update(self.changes())

@@ -1,0 +1,69 @@
+"""The standard filters, in lockstep."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from agents.filters.by_name import ByName
+from agents.filters.by_type import ByType
+from agents.filters.by_volume import ByVolume
+from agents.filters.pass_through import PassThrough
+from dsr import Agent, ConfigError, Memory, Pose, SchemaError
+from dsr.runtime.config import convert
+from dsr.runtime.lockstep import Lockstep
+from dsr.runtime.system import AgentSpec
+
+WORLDS = {"reads": ["base"], "writes": "out"}
+
+
+def scene(memory: Memory) -> None:
+    memory.add_node("world", "world")
+    for name, kind, edge in (("table", "table", 1.0), ("cube_1", "cube", 0.04), ("cube_2", "cube", 0.02)):
+        memory.add_node(name, kind, size=(edge, edge, edge))
+        memory.add_edge("world", name, "RT", pose=Pose())
+    memory.add_node("camera", "camera")
+
+
+@pytest.mark.parametrize(
+    ("kind", "config", "expected"),
+    [
+        (PassThrough, {}, {"table", "cube_1", "cube_2", "camera"}),
+        (ByType, {"types": ["cube", "table"]}, {"table", "cube_1", "cube_2"}),
+        (ByType, {"leave_out": ["camera"]}, {"table", "cube_1", "cube_2"}),
+        (ByName, {"names": ["cube_*"]}, {"cube_1", "cube_2"}),
+        (ByName, {"names": ["cube_?", "camera"], "leave_out": ["*_2"]}, {"cube_1", "camera"}),
+        (ByVolume, {"least": 1e-5}, {"table", "cube_1", "camera"}),
+        (ByVolume, {"most": 1e-5}, {"cube_2", "camera"}),
+    ],
+)
+def test_what_they_pass_on(kind: type[Agent], config: dict[str, Any], expected: set[str]) -> None:
+    with Lockstep([AgentSpec("filter", kind, {**WORLDS, **config})], strict=True) as lockstep:
+        scene(lockstep.memory)
+        lockstep.run_for(1.0)
+        out = lockstep.memory.world("out")
+        assert {node.name for node in out.nodes()} == {"world", *expected}
+        assert {edge.dst for edge in out.edges("RT")} == expected - {"camera"}
+
+
+def test_a_thing_that_grows_is_passed_on_then() -> None:
+    with Lockstep([AgentSpec("filter", ByVolume, {**WORLDS, "least": 1e-5})], strict=True) as lockstep:
+        scene(lockstep.memory)
+        lockstep.run_for(1.0)
+        out = lockstep.memory.world("out")
+        lockstep.memory.update_node("cube_2", size=(0.1, 0.1, 0.1))
+        lockstep.run_for(1.0)
+        assert out.get_edge("world", "cube_2", "RT") is not None
+
+
+def test_wrong_configurations_are_refused() -> None:
+    for kind, config in ((ByVolume, {"least": 2.0, "most": 1.0}), (ByType, {"tipes": ["cube"]})):
+        with pytest.raises(ConfigError):
+            convert({**WORLDS, **config}, kind.Config, "configuration")
+    with pytest.raises(SchemaError, match="cube"):
+        Lockstep([AgentSpec("filter", ByType, {**WORLDS, "types": ["cub"]})], strict=True)
+    with pytest.raises(ConfigError, match="names no world"):
+        Lockstep([AgentSpec("filter", PassThrough)], strict=True)
+    with pytest.raises(ConfigError, match="reads and writes world 'out'"):
+        AgentSpec("filter", PassThrough, {"reads": ["out"], "writes": "out"})

@@ -1,0 +1,339 @@
+"""Filters in lockstep: what they pass on, circles, restarts, worlds that are missing or deleted."""
+
+from __future__ import annotations
+
+import itertools
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any
+
+import pytest
+
+from dsr import Access, AgentError, Edge, Memory, Node, Pose
+from dsr.local_transport import LocalTransport
+from dsr.runtime.lockstep import Lockstep
+from dsr.runtime.system import AgentSpec
+from dsr.transport import Qos
+from dsr.worlds.filters import Filter
+
+
+@pytest.fixture
+def sent(monkeypatch: pytest.MonkeyPatch) -> Counter[str]:
+    """Messages with durable changes of worlds beside the base, by world."""
+    sent: Counter[str] = Counter()
+    publish = LocalTransport.publish
+
+    def counted(self: LocalTransport, key: str, payload: bytes, qos: Qos = Qos.RELIABLE) -> None:
+        parts = key.split("/")
+        if parts[3] == "world" and parts[6] == "d":
+            sent[parts[4]] += 1
+        publish(self, key, payload, qos)
+
+    monkeypatch.setattr(LocalTransport, "publish", counted)
+    return sent
+
+
+class Copy(Filter):
+    name = "copy"
+    reads = ("base",)
+    writes = "copied"
+
+
+def run(*specs: AgentSpec, **options: Any) -> Lockstep:
+    return Lockstep(specs, strict=True, **options)
+
+
+def cube(memory: Memory, name: str = "cube_1", x: float = 0.4, **attributes: Any) -> None:
+    if "world" not in memory:
+        memory.add_node("world", "world")
+    memory.add_node(name, "cube", **attributes)
+    memory.add_edge("world", name, "RT", pose=Pose((x, 0.0, 0.02)))
+
+
+def content(memory: Memory) -> dict[Any, Any]:
+    found: dict[Any, Any] = {node.name: (node.type, node.attributes) for node in memory.nodes()}
+    found.update({edge.key: edge.attributes for edge in memory.edges()})
+    for _, attributes in list(found.items()):
+        (attributes[1] if isinstance(attributes, tuple) else attributes).pop("via", None)
+    return found
+
+
+def chain(*worlds: str) -> list[AgentSpec]:
+    pairs = itertools.pairwise(worlds)
+    return [AgentSpec(f"f_{a}_{b}", Copy, {"reads": [a], "writes": b}) for a, b in pairs]
+
+
+def test_the_output_is_what_the_input_is() -> None:
+    with run(AgentSpec("copy", Copy)) as lockstep:
+        base = lockstep.memory
+        cube(base, mass=1.0, size=(0.04, 0.04, 0.04))
+        lockstep.run_for(1.0)
+        copied = base.world("copied")
+        assert content(copied) == content(base)
+        assert copied.node("cube_1")["via"] == "base"
+        base.update_node("cube_1", mass=2.0)
+        base.update_edge("world", "cube_1", "RT", pose=Pose((0.5, 0.0, 0.02)))
+        base.remove_attribute("cube_1", "size")
+        lockstep.run_for(1.0)
+        assert content(copied) == content(base)
+        base.remove_node("cube_1")
+        cube(base, "cube_2")
+        lockstep.run_for(1.0)
+        assert "cube_1" not in copied
+        assert content(copied) == content(base)
+
+
+def test_values_keep_their_time_and_newer_ones_in_the_output_stay() -> None:
+    with run(AgentSpec("copy", Copy)) as lockstep:
+        base = lockstep.memory
+        cube(base, mass=1.0)
+        written = base.node("cube_1").written_at("mass")
+        lockstep.run_for(1.0)
+        copied = base.world("copied")
+        assert copied.node("cube_1").written_at("mass") == written
+        copied.update_node("cube_1", mass=3.0)
+        base.update_node("cube_1", friction=0.5)
+        lockstep.run_for(1.0)
+        assert copied.node("cube_1")["mass"] == 3.0
+        base.update_node("cube_1", mass=1.5)
+        lockstep.run_for(1.0)
+        assert copied.node("cube_1")["mass"] == 1.5
+
+
+@pytest.mark.parametrize("length", [3, 10])
+def test_in_a_circle_every_change_passes_each_filter_once(length: int, sent: Counter[str]) -> None:
+    worlds = [f"w{index}" for index in range(length)]
+    with run(*chain(*worlds, worlds[0])) as lockstep:
+        lockstep.run_for(2.0)
+        first = lockstep.memory.world("w0")
+        lockstep.run_for(2.0)
+        sent.clear()
+        cube(first, mass=1.0)
+        first.flush()
+        lockstep.run_for(3.0)
+        assert all(content(lockstep.memory.world(world)) == content(first) for world in worlds)
+        assert sum(sent.values()) == length  # ours, and one of each filter but the last, which has nothing to say
+        middle = lockstep.memory.world(worlds[length // 2])
+        lockstep.run_for(1.0)
+        sent.clear()
+        middle.update_node("cube_1", mass=2.0)
+        lockstep.run_for(3.0)
+        assert first.node("cube_1")["mass"] == 2.0
+        assert sum(sent.values()) == length
+        sent.clear()
+        first.remove_node("cube_1")
+        lockstep.run_for(3.0)
+        assert not any("cube_1" in lockstep.memory.world(world) for world in worlds)
+        assert sum(sent.values()) == length
+
+
+def test_in_a_circle_changes_that_chase_each_other_come_to_rest(sent: Counter[str]) -> None:
+    worlds = [f"w{index}" for index in range(5)]
+    with run(*chain(*worlds, worlds[0])) as lockstep:
+        lockstep.run_for(2.0)
+        memories = [lockstep.memory.world(world) for world in worlds]
+        lockstep.run_for(2.0)
+        cube(memories[0], mass=0.0)
+        lockstep.run_for(2.0)
+        for round_ in range(5):
+            for index, memory in enumerate(memories):
+                lockstep.clock.advance_to(lockstep.clock.now() + 1e-3)
+                if "cube_1" in memory:
+                    memory.update_node("cube_1", mass=float(10 * round_ + index))
+            if round_ % 2:
+                memories[0].remove_node("cube_1")
+                lockstep.run_for(0.02)
+                cube(memories[0], mass=float(-round_))
+            lockstep.run_for(0.02)
+        lockstep.run_for(3.0)
+        sent.clear()
+        lockstep.run_for(3.0)
+        assert sum(sent.values()) == 0
+        assert {str(content(memory)) for memory in memories} == {str(content(memories[0]))}
+
+
+def test_a_filter_takes_away_only_what_it_added_and_brings_back_what_others_took() -> None:
+    with run(AgentSpec("copy", Copy)) as lockstep:
+        base = lockstep.memory
+        cube(base)
+        lockstep.run_for(1.0)
+        copied = base.world("copied")
+        cube(copied, "mine")
+        copied.remove_node("cube_1")
+        lockstep.run_for(1.0)
+        assert "cube_1" in copied
+        assert copied.get_edge("world", "cube_1", "RT") is not None
+        base.remove_node("cube_1")
+        base.remove_node("world")
+        lockstep.run_for(1.0)
+        assert "cube_1" not in copied
+        assert "mine" in copied and "world" in copied
+
+
+def test_a_thing_that_two_ways_lead_to_stays_until_both_let_it_go() -> None:
+    class Heavy(Copy):
+        def accepts(self, node: Node) -> bool:
+            return bool(node.get("mass", 0.0) > 1.0)
+
+    class Seen(Copy):
+        def accepts(self, node: Node) -> bool:
+            return bool(node.get("perceived", False))
+
+    with run(AgentSpec("heavy", Heavy), AgentSpec("seen", Seen)) as lockstep:
+        base = lockstep.memory
+        cube(base, mass=2.0, perceived=True)
+        lockstep.run_for(1.0)
+        copied = base.world("copied")
+        for mass, perceived, there in ((0.5, True, True), (2.0, False, True), (0.5, False, False), (2.0, False, True)):
+            base.update_node("cube_1", mass=mass, perceived=perceived)
+            lockstep.run_for(1.0)
+            assert ("cube_1" in copied) is there, (mass, perceived)
+            assert (copied.get_edge("world", "cube_1", "RT") is not None) is there
+
+
+def test_what_is_made_anew_keeps_nothing_of_the_old() -> None:
+    with run(AgentSpec("copy", Copy)) as lockstep:
+        base = lockstep.memory
+        cube(base, mass=1.0)
+        lockstep.run_for(1.0)
+        base.remove_node("cube_1")
+        cube(base, x=0.1)
+        lockstep.run_for(1.0)
+        assert content(base.world("copied")) == content(base)
+        base.remove_node("cube_1")
+        base.add_node("cube_1", "box")
+        lockstep.run_for(1.0)
+        assert content(base.world("copied")) == content(base)
+
+
+def test_several_inputs_are_merged_newest_or_first() -> None:
+    for conflict, mass in (("newest", 3.0), ("first", 1.0)):
+        specs = [AgentSpec("merge", Copy, {"reads": ["one", "two"], "writes": "both", "conflict": conflict})]
+        with run(*specs) as lockstep:
+            one, two = (lockstep.memory.create_world(name) for name in ("one", "two"))
+            cube(one, mass=0.0)
+            cube(two, "cube_2")
+            cube(two, mass=2.0)
+            one.update_node("cube_1", mass=1.0)
+            lockstep.run_for(1.0)
+            both = lockstep.memory.world("both")
+            lockstep.run_for(1.0)
+            two.update_node("cube_1", mass=3.0)
+            lockstep.run_for(1.0)
+            assert both.node("cube_1")["mass"] == mass
+            assert "cube_2" in both
+            one.remove_node("cube_1")
+            lockstep.run_for(1.0)
+            assert both.node("cube_1")["mass"] == 3.0
+            two.remove_node("cube_1")
+            lockstep.run_for(1.0)
+            assert "cube_1" not in both
+
+
+def test_values_may_be_changed_on_the_way() -> None:
+    class Rounded(Copy):
+        def edit(self, element: Node | Edge, values: Mapping[str, Any]) -> Mapping[str, Any]:
+            return {name: round(value) if name == "mass" else value for name, value in values.items() if name != "note"}
+
+    with run(AgentSpec("rounded", Rounded)) as lockstep:
+        cube(lockstep.memory, mass=1.4, note="hidden")
+        lockstep.run_for(1.0)
+        node = lockstep.memory.world("copied").node("cube_1")
+        assert node["mass"] == 1.0
+        assert "note" not in node
+
+
+def test_it_waits_for_a_world_and_goes_on_after_one_was_deleted(caplog: pytest.LogCaptureFixture) -> None:
+    with run(AgentSpec("copy", Copy, {"reads": ["raw"], "writes": "copied"})) as lockstep:
+        memory = lockstep.memory
+        runner = lockstep.runner("copy")
+        lockstep.run_for(1.0)
+        assert "no world 'raw'" in runner.agent.degraded
+        assert str(runner.state) == "degraded"
+        cube(memory.create_world("raw"))
+        lockstep.run_for(1.0)
+        assert str(runner.state) == "ready"
+        assert "cube_1" in memory.world("copied")
+        memory.delete_world("raw")
+        lockstep.run_for(1.0)
+        assert runner.agent.degraded == "world 'raw' was deleted"
+        assert "world 'raw' was deleted; it waits for that" in caplog.text
+        cube(memory.create_world("raw"), "cube_2")
+        lockstep.run_for(1.0)
+        assert "cube_2" in memory.world("copied") and "cube_1" not in memory.world("copied")
+        memory.delete_world("copied")
+        lockstep.run_for(1.0)
+        assert "no world 'copied'" in runner.agent.degraded
+        assert [info.name for info in memory.worlds()] == ["base", "raw"]
+        memory.create_world("copied")
+        lockstep.run_for(1.0)
+        assert content(memory.world("copied")) == content(memory.world("raw"))
+
+
+def test_a_filter_that_is_restarted_goes_on(sent: Counter[str]) -> None:
+    with run(AgentSpec("copy", Copy)) as lockstep:
+        base = lockstep.memory
+        cube(base, "cube_1", mass=1.0)
+        cube(base, "cube_2")
+        lockstep.run_for(1.0)
+        copied = base.world("copied")
+        lockstep.run_for(1.0)
+        lockstep.kill("copy")
+        sent.clear()
+        lockstep.restart("copy")
+        lockstep.run_for(1.0)
+        assert not sent, "nothing has changed meanwhile"
+        lockstep.kill("copy")
+        base.remove_node("cube_2")
+        base.update_node("cube_1", mass=2.0)
+        cube(base, "cube_3")
+        lockstep.run_for(1.0)
+        lockstep.restart("copy")
+        lockstep.run_for(1.0)
+        assert content(copied) == content(base)
+
+
+def test_a_filter_may_write_only_into_its_output() -> None:
+    class Stray(Copy):
+        def update(self, now: float) -> None:
+            super().update(now)
+            self.memory.add_node("stray", "cube")
+
+    with run(AgentSpec("stray", Stray)) as lockstep, pytest.raises(AgentError, match="into world 'base', which it"):
+        lockstep.run_for(1.0)
+
+
+def test_two_runs_are_equal() -> None:
+    def outcome() -> str:
+        with run(*chain("base", "w1", "w2", "w1"), seed=3) as lockstep:
+            cube(lockstep.memory, mass=1.0)
+            lockstep.run_for(1.0)
+            cube(lockstep.memory.world("w2"), "cube_2")
+            lockstep.run_for(1.0)
+            return lockstep.memory.world("w1").snapshot().hex()
+
+    assert outcome() == outcome()
+
+
+class _Narrow(Copy):
+    contents = Access(nodes=("cube",), edges=("RT",), attributes=("via",))
+
+
+def test_contents_narrow_what_is_declared() -> None:
+    assert _Narrow.writes == Access(
+        ("cube", "world_record", "world"), ("RT",), ("via",), worlds=("copied",)
+    )  # fmt: skip
+    assert Copy.reads.worlds == ("base",)
+
+
+def test_a_failing_filter_leaves_the_rest_in_step() -> None:
+    class Picky(Copy):
+        def accepts(self, node: Node) -> bool:
+            return bool(node["mass"] > 0.5)
+
+    with Lockstep([AgentSpec("picky", Picky)]) as lockstep:
+        lockstep.memory.add_node("unknown", "cube")
+        cube(lockstep.memory, mass=1.0)
+        lockstep.run_for(1.0)
+        assert "cube_1" in lockstep.memory.world("copied")
+        assert "no attribute 'mass'" in lockstep.runner("picky").status().last_error
