@@ -57,7 +57,7 @@ class SimulationHandler(Agent):
     def setup(self) -> None:
         """Begin with an empty simulation; the first tick fills it."""
         self._belief = self._make_reasoner()
-        forms = Forms(self.memory)
+        forms = self._forms = Forms(self.memory)
         self._reading = Reading(self.memory, self._belief, self.log, forms)
         self._writing = Writing(self.memory, self._belief, self.log)
         self._seeing = Seeing(self.memory, self._belief, forms)
@@ -80,6 +80,6 @@ class SimulationHandler(Agent):
 
     def teardown(self) -> None:
         """Free the simulations."""
-        for taken in (getattr(self, "_what_if", None), getattr(self, "_belief", None)):
+        for taken in (getattr(self, part, None) for part in ("_what_if", "_forms", "_belief")):
             if taken is not None:
                 taken.close()

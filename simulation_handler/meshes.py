@@ -1,9 +1,10 @@
-"""What meshes are in the simulation: the convex hull of each connected piece, thinned out to few corners."""
+"""What meshes are in the simulation: convex hulls of few corners, of each connected piece or of what makes it up."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,12 +19,13 @@ from dsr.geometry.mesh import joined_bounds
 from dsr.memory import Memory
 from dsr.quaternions import Vector3
 from dsr.shapes import MOST_PARTS, Part, Shape
+from simulation_handler.decomposing import decomposed
 
 Points = NDArray[np.float64]
 
 _MOST_CORNERS = 64  # of a hull
 _THINNEST = 0.001  # m
-_HOLLOW = 0.03  # of the diagonal that a surface may be inside of its hull
+_HOLLOW = 0.05  # of the diagonal that a surface may be inside of its hull
 _MOST_KEPT = 256  # forms
 _MOST_LOOKED_AT = 5000  # points of a surface
 
@@ -35,8 +37,8 @@ class Form(NamedTuple):
     """In the frame of its node."""
     shape: Shape
     """Its convex pieces, in the frame at the centre of the bounds."""
-    is_convex: bool
-    """Whether each piece is its own hull, or nearly; a hollow one is filled in the simulation."""
+    is_true: bool
+    """Whether the parts leave out what the surface does; else something hollow is filled."""
 
     @property
     def centre(self) -> Vector3:
@@ -52,11 +54,15 @@ class Form(NamedTuple):
 
 
 class Forms:
-    """The forms of nodes with meshes; those that are not here yet are asked for."""
+    """The forms of nodes with meshes; those that are not here yet are asked for.
+
+    Working one out may take seconds, so that is done in a thread, if the memory has threads.
+    """
 
     def __init__(self, memory: Memory) -> None:
         self._memory = memory
-        self._known: dict[tuple[str, ...], Form] = {}
+        self._worker = ThreadPoolExecutor(1, "dsr-forms") if memory.meshes.threaded else None
+        self._known: dict[tuple[str, ...], Future[Form]] = {}
 
     def of(self, node: Mapping[str, Any]) -> Form | None:
         """The form of a node; None without meshes, or until they are here. Raises `SchemaError`."""
@@ -69,39 +75,74 @@ class Forms:
                 return None
             if len(self._known) >= _MOST_KEPT:
                 self._known.clear()
-            self._known[hashes] = form_of(meshes)
-        return self._known[hashes]
+            self._known[hashes] = self._work_out(meshes)
+        known = self._known[hashes]
+        return known.result() if known.done() else None
+
+    def close(self) -> None:
+        """Work out no more."""
+        if self._worker is not None:
+            self._worker.shutdown(wait=False, cancel_futures=True)
+
+    def _work_out(self, meshes: list[Mesh]) -> Future[Form]:
+        if self._worker is not None:
+            return self._worker.submit(form_of, meshes)
+        done: Future[Form] = Future()
+        done.set_result(form_of(meshes))
+        return done
+
+
+class _Piece(NamedTuple):
+    """Triangles that belong together."""
+
+    points: Points
+    """(n, 3) m"""
+    triangles: NDArray[np.int64]
+    """(m, 3) indices"""
 
 
 def form_of(meshes: list[Mesh]) -> Form:
     """The form of a body made of these meshes.
 
-    Of more than 16 pieces, each mesh is one; of more than 16 meshes, all are one.
+    Of more than 16 pieces, each mesh is one; of more than 16 meshes, all are one. Hollow pieces are divided, as finely
+    as 16 parts allow.
     """
     bounds = joined_bounds(mesh.bounds for mesh in meshes)
     if bounds is None:
         raise SchemaError("a body without meshes has no form")
-    pieces = [piece for mesh in meshes for piece in _connected(mesh)]
+    wholes = [_whole(mesh) for mesh in meshes]
+    pieces = [piece for whole in wholes for piece in _connected(whole)]
     if len(pieces) > MOST_PARTS:
-        pieces = [mesh.vertices[mesh.triangles.ravel()].astype(np.float64) for mesh in meshes]
+        pieces = wholes
     if len(pieces) > MOST_PARTS:
-        pieces = [np.concatenate(pieces)]
+        first = np.cumsum([0, *(len(whole.points) for whole in wholes)])
+        triangles = [whole.triangles + start for whole, start in zip(wholes, first, strict=False)]
+        pieces = [_Piece(np.concatenate([whole.points for whole in wholes]), np.concatenate(triangles))]
+    hulls: list[Points] = []
+    is_true = True
+    for number, piece in enumerate(pieces, start=1):
+        found = [_hull(piece.points)]
+        if _is_hollow(piece, found):
+            divided = decomposed(*piece, MOST_PARTS - len(hulls) - (len(pieces) - number)) or found
+            found = [_hull(part) for part in divided]
+            is_true = is_true and not _is_hollow(piece, found)
+        hulls += found
     centre = (np.array(bounds.low) + bounds.high) / 2.0
-    hulls = [_hull(piece) for piece in pieces]
-    surface = np.concatenate([mesh.vertices[mesh.triangles].mean(axis=1) for mesh in meshes]).astype(np.float64)
-    deepest = _depth(surface[:: len(surface) // _MOST_LOOKED_AT + 1], hulls)
-    return Form(bounds, tuple(_part(hull, centre) for hull in hulls), deepest <= _HOLLOW * math.dist(*bounds))
+    return Form(bounds, tuple(_part(hull, centre) for hull in hulls), is_true)
 
 
-def _connected(mesh: Mesh) -> list[Points]:
-    """The vertices of each connected piece, or all if there are too many.
-
-    Triangles are connected where just two of them share an edge: pieces that only touch have edges of four. Vertices at
-    one place are one.
-    """
+def _whole(mesh: Mesh) -> _Piece:
+    """All of a mesh; vertices at one place are one."""
     places, index = np.unique(mesh.vertices[mesh.triangles.ravel()], axis=0, return_inverse=True)
-    triangles = index.reshape(-1, 3)
-    points = places.astype(np.float64)
+    return _Piece(places.astype(np.float64), index.reshape(-1, 3).astype(np.int64))
+
+
+def _connected(whole: _Piece) -> list[_Piece]:
+    """Its connected pieces, or all as one if there are too many.
+
+    Triangles are connected where just two of them share an edge: pieces that only touch have edges of four.
+    """
+    points, triangles = whole
     edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     order = np.lexsort(edges.T)
     _, first, sharing = np.unique(edges[order], axis=0, return_index=True, return_counts=True)
@@ -110,8 +151,12 @@ def _connected(mesh: Mesh) -> list[Points]:
     graph = coo_array((np.ones(len(pairs)), ends), shape=(len(triangles), len(triangles)))
     count, labels = connected_components(graph, directed=False)
     if count > MOST_PARTS:
-        return [points]
-    return [points[np.unique(triangles[labels == label])] for label in range(count)]
+        return [whole]
+    pieces = []
+    for label in range(count):
+        used, corners = np.unique(triangles[labels == label], return_inverse=True)
+        pieces.append(_Piece(points[used], corners.reshape(-1, 3)))
+    return pieces
 
 
 def _hull(points: Points) -> Points:
@@ -131,16 +176,15 @@ def _hull(points: Points) -> Points:
     return np.asarray(corners[farthest])
 
 
-def _depth(surface: Points, hulls: list[Points]) -> float:
-    """How far (m) the deepest of the points (n, 3) is inside of the hull next to it: 0 if all pieces are convex."""
-    depths = np.full(len(surface), np.inf)
+def _is_hollow(piece: _Piece, hulls: list[Points]) -> bool:
+    """Whether a part of its surface is deep inside of these hulls, which therefore fill what is empty."""
+    surface = piece.points[piece.triangles].mean(axis=1)
+    surface = surface[:: len(surface) // _MOST_LOOKED_AT + 1]
+    deepest = 0.0
     for hull in hulls:
         planes = ConvexHull(hull).equations
-        inside = -(surface @ planes[:, :3].T + planes[:, 3]).max(axis=1)
-        near = inside > -_THINNEST
-        depths[near] = np.minimum(depths[near], np.maximum(inside[near], 0.0))
-    found = depths[np.isfinite(depths)]
-    return float(found.max(initial=0.0))
+        deepest = max(deepest, float(-(surface @ planes[:, :3].T + planes[:, 3]).max(axis=1).min()))
+    return deepest > _HOLLOW * math.dist(piece.points.min(axis=0), piece.points.max(axis=0))
 
 
 def _part(hull: Points, centre: Points) -> Part:

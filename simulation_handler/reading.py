@@ -19,7 +19,7 @@ from dsr.memory import Memory
 from dsr.perceived import is_perceived
 from dsr.quaternions import Vector3
 from dsr.relations import SURFACES, THINGS
-from dsr.shapes import Shape, bounds, from_numbers
+from dsr.shapes import MOST_PARTS, Shape, bounds, from_numbers
 from dsr.transforms import Pose
 from simulation_handler.explainer import EXPLANATION
 from simulation_handler.holding import Grasp
@@ -149,8 +149,8 @@ class Reading:
         form = self._forms.of(node)
         if form is None:
             return
-        if not form.is_convex:
-            raise SchemaError(f"{node}: its mesh is hollow; expected convex pieces, or a node for each that is")
+        if not form.is_true:
+            raise SchemaError(f"{node}: its mesh is too hollow for {MOST_PARTS} convex parts; give it as several nodes")
         pose = self._memory.transform(WORLD, node.name) @ Pose(form.centre)
         self._belief.set_fixture(node.name, form.size, pose, form.shape)
         self._fixed.add(node.name)

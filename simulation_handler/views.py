@@ -54,12 +54,12 @@ def obstacles(memory: Memory) -> list[Solid]:
 
 
 def modelled(memory: Memory, forms: Forms) -> list[Solid]:
-    """What stands still and has a mesh that is here, as boxes around its convex pieces; hollow ones are left out."""
+    """What stands still and has a mesh that is here, as boxes around its parts; what they would fill is left out."""
     found = []
     for node in sorted(memory.nodes(MODELLED), key=lambda node: node.name):
         with contextlib.suppress(DsrError):
             form = forms.of(node)
-            if form is not None and form.is_convex:
+            if form is not None and form.is_true:
                 pose = memory.transform(WORLD, node.name) @ Pose(form.centre)
                 found.append(Solid(node.name, form.size, pose.t, pose.q, fixed=True, shape=form.shape))
     return found

@@ -81,7 +81,8 @@ class MeshExchange:
         self.shares_memory = transport.shares_memory
         """Whether others on this machine are told where they can read in place; else all get pieces."""
         self._transport, self._keys, self._rid, self._clock = transport, keys, rid, clock
-        self._threaded = threaded
+        self.threaded = threaded
+        """Whether transfers go on by themselves."""
         self._counts: Counter[str] = Counter()
         self._transfers: OrderedDict[str, Transfer] = OrderedDict()
         self._begun: set[str] = set()
@@ -134,7 +135,7 @@ class MeshExchange:
                 self._clock.wait(self._stopped, min(AGAIN, left))
             elif self._clock.wait(transfer.finished, left) and transfer.mesh is not None:
                 return transfer.mesh
-            if not self._threaded or self._clock.monotonic() >= deadline:
+            if not self.threaded or self._clock.monotonic() >= deadline:
                 break
         if mesh is None:
             raise MeshNotFoundError(f"nobody within reach has mesh {hash}, or gave it within {timeout:g} s")
@@ -247,7 +248,7 @@ class MeshExchange:
         self._arrived.set()
 
     def _start_thread(self) -> None:
-        if self._threaded and self._thread is None:
+        if self.threaded and self._thread is None:
             self._thread = threading.Thread(target=self._run, name="dsr-meshes", daemon=True)
             self._thread.start()
 

@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 
+import dsr
+from dsr.clock import WALL_CLOCK
 from dsr.geometry import Mesh
 from dsr.memory import Memory
 from dsr.runtime.lockstep import Lockstep
@@ -15,7 +20,8 @@ from dsr.runtime.system import AgentSpec
 from dsr.shapes import MOST_PARTS, bounds
 from dsr.transforms import Pose
 from simulation_handler import SimulationHandler
-from simulation_handler.meshes import form_of
+from simulation_handler.decomposing import decomposed
+from simulation_handler.meshes import Forms, form_of
 from simulation_handler.rollouts import Body, Scene
 from simulation_handler.rollouts.engine import Engine
 from simulation_handler.rollouts.messages import Job, _encoder, _jobs
@@ -48,17 +54,23 @@ def bench() -> Mesh:
     return together(*legs, block((0.2, 0.1, 0.02), (0.0, 0.0, 0.11)))
 
 
-def angle_iron() -> Mesh:
-    """The walls of an L: no piece of it is convex."""
-    low = np.array([(0, 0, 0), (1, 0, 0), (1, 0.1, 0), (0.1, 0.1, 0), (0.1, 1, 0), (0, 1, 0)])
-    sides = [side for k in range(6) for side in ((k, (k + 1) % 6, k + 6), ((k + 1) % 6, (k + 1) % 6 + 6, k + 6))]
-    return Mesh(np.concatenate([low, low + np.array((0.0, 0.0, 1.0))]), sides)
+def cup() -> Mesh:
+    """Open at the top, of one piece: 80 mm wide and 90 mm high, with walls of 6 mm."""
+    profile = np.array([(0.04, -0.045), (0.04, 0.045), (0.034, 0.045), (0.034, -0.037)])
+    angles = 2.0 * np.pi * np.arange(24) / 24
+    rings = [np.column_stack([r * np.cos(angles), r * np.sin(angles), np.full(24, z)]) for r, z in profile]
+    points = np.concatenate([*rings, [(0.0, 0.0, -0.045), (0.0, 0.0, -0.037)]])
+    around = [(k, (k + 1) % 24) for k in range(24)]
+    faces = [face for n in range(3) for a, b in around for face in (
+        (24 * n + a, 24 * n + b, 24 * n + 24 + b), (24 * n + a, 24 * n + 24 + b, 24 * n + 24 + a))]  # fmt: skip
+    faces += [face for a, b in around for face in ((96, b, a), (97, 72 + a, 72 + b))]
+    return Mesh(points, faces)
 
 
 class TestForms:
     def test_each_connected_piece_is_a_part(self) -> None:
         form = form_of([bench()])
-        assert len(form.shape) == 3 and form.is_convex
+        assert len(form.shape) == 3 and form.is_true
         assert form.size == pytest.approx((0.2, 0.1, 0.12)) and form.centre == pytest.approx((0.0, 0.0, 0.06))
         low, high = bounds(form.shape)
         assert low == pytest.approx((-0.1, -0.05, -0.06)) and high == pytest.approx((0.1, 0.05, 0.06))
@@ -77,19 +89,28 @@ class TestForms:
     def test_what_is_round_has_few_corners(self) -> None:
         angle = np.random.default_rng(0).normal(size=(5000, 3))
         points = angle / np.linalg.norm(angle, axis=1)[:, None]
-        form = form_of([Mesh(points, np.arange(4998)[:, None] + (0, 1, 2))])
+        form = form_of([Mesh(points, ConvexHull(points).simplices)])
         (part,) = form.shape
         assert 40 <= len(part.corners) <= 64 and part.size == pytest.approx((2.0, 2.0, 2.0), abs=0.02)
 
     def test_a_flat_one_is_thin(self) -> None:
         form = form_of([Mesh([(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])])
-        assert form.size == (1.0, 1.0, 0.001) and form.is_convex
+        assert form.size == (1.0, 1.0, 0.001) and form.is_true
 
-    def test_a_hollow_one_is_told(self) -> None:
-        walls = [(0.2, 0.01, 0.1, 0.0, 0.1), (0.2, 0.01, 0.1, 0.0, -0.1), (0.01, 0.2, 0.1, 0.1, 0.0)]
-        parts = [block((x, y, z), (at_x, at_y, 0.0)) for x, y, z, at_x, at_y in walls]
-        assert form_of(parts).is_convex
-        assert not form_of([angle_iron()]).is_convex
+    def test_a_hollow_one_is_divided_and_always_alike(self) -> None:
+        form = form_of([cup()])
+        assert 4 <= len(form.shape) <= MOST_PARTS and form.is_true
+        assert form_of([cup()]) == form
+
+    def test_what_cannot_be_divided_is_told(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr("simulation_handler.meshes.decomposed", lambda *_: None)
+        form = form_of([cup()])
+        assert len(form.shape) == 1 and not form.is_true
+        assert form_of([block((1.0, 1.0, 1.0))]).is_true
+
+    def test_a_program_that_fails_divides_nothing(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr("simulation_handler.decomposing.sys.executable", "/bin/false")
+        assert decomposed(np.eye(3), np.array([[0, 1, 2]]), 16) is None
 
 
 def test_a_block_of_a_mesh_rests_as_a_box_does(table: Simulator) -> None:
@@ -182,10 +203,34 @@ def test_a_thing_with_a_mesh_falls_into_its_form(room: Room) -> None:
     assert room.see("bench", (-0.3, 0.0, 0.064), 3.0) == pytest.approx((-0.3, 0.0, 0.06), abs=2e-3)
 
 
-def test_a_hollow_mesh_is_left_out_and_told(room: Room, caplog: pytest.LogCaptureFixture) -> None:
-    room.memory.update_node("step", mesh=room.memory.put_mesh(angle_iron()))
+def test_a_cube_falls_into_a_cup_and_stays_there(table: Simulator) -> None:
+    form = form_of([cup()])
+    table.add_body("cup", form.size, form.shape, (0.0, 0.0, 0.045), mass=0.2)
+    table.add_box("die", (0.02, 0.02, 0.02), (0.0, 0.0, 0.12), mass=0.02)
+    table.step(720)
+    x, y, z = table.position("die")
+    assert math.hypot(x, y) < 0.03 and z == pytest.approx(0.018, abs=0.004)
+    assert table.position("cup") == pytest.approx((0.0, 0.0, 0.045), abs=2e-3)
+
+
+def test_what_cannot_be_divided_is_left_out_and_told(
+    room: Room, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("simulation_handler.meshes.decomposed", lambda *_: None)
+    room.memory.update_node("step", mesh=room.memory.put_mesh(cup()))
     room.lockstep.run_for(1.0)
-    assert "hollow" in caplog.text
+    assert "too hollow" in caplog.text
+
+
+def test_with_threads_forms_are_worked_out_beside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    with dsr.connect("forms", agent="modeller") as memory:
+        node = memory.add_node("step", "object", mesh=memory.put_mesh(bench()))
+        forms = Forms(memory)
+        while (form := forms.of(node)) is None:
+            WALL_CLOCK.wait(threading.Event(), 0.01)
+        assert form == form_of([bench()])
+        forms.close()
 
 
 def test_what_has_a_mesh_hides_what_is_behind_it() -> None:
