@@ -16,6 +16,7 @@ from dsr.polygons import Point, Polygon, hull
 from dsr.quaternions import Quaternion, Vector3
 from dsr.shapes import Part, PartKind, Shape
 from dsr.transforms import Pose
+from simulation_handler.faces import depth, dot, faces
 
 _CORNERS = tuple((x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5))
 _LEVEL = 1e-7  # slope of an edge that counts as horizontal
@@ -74,18 +75,28 @@ class Solid:
 
     @cached_property
     def half_height(self) -> float:
-        """Distance in height from the centre to the highest corner, m."""
-        return 0.5 * self.size[2] if self.kind == "sphere" else half_height(self.size, self.rotation)
+        """Distance in height from the lowest point to the centre, m."""
+        return self._reach(-1.0)
+
+    def _reach(self, sign: float) -> float:
+        """How far it reaches from its centre, m: up (sign 1), or down (-1)."""
+        if self.kind == "sphere":
+            return 0.5 * self.size[2]
+        x, y, z = quaternions.to_matrix(self.rotation)[2]
+        is_flat = max(abs(x), abs(y), abs(z)) > 1.0 - _LEVEL**2
+        if is_flat or not self.shape or self.kind == "box" or not faces(self.shape):
+            return half_height(self.size, self.rotation)
+        return depth(self.shape, (sign * x, sign * y, sign * z))
 
     @property
     def bottom(self) -> float:
-        """Height of its lowest corner, m."""
+        """Height of its lowest point, m."""
         return self.position[2] - self.half_height
 
     @property
     def top(self) -> float:
-        """Height of its highest corner, m."""
-        return self.position[2] + self.half_height
+        """Height of its highest point, m."""
+        return self.position[2] + self._reach(1.0)
 
     @cached_property
     def radius(self) -> float:
@@ -130,8 +141,16 @@ class Solid:
         """It with the nearest rotation that puts a face down, and how far that is (tilt, rad); a ball has none."""
         if self.kind == "sphere":
             return self, 0.0
-        rotation, tilt = face_down(self.rotation)
+        rotation, tilt = face_down(self.rotation, self._sides())
         return self.turned(rotation), tilt
+
+    def _sides(self) -> Sequence[Vector3]:
+        """Outward normals, in its frame, of those of its sides that may be down; none if they are those of a box."""
+        if self.kind == "cylinder":
+            x, y, z = quaternions.to_matrix(self.rotation)[2]
+            radius = math.hypot(x, y)
+            return [(0.0, 0.0, math.copysign(1.0, -z))] if radius < abs(z) else [(-x / radius, -y / radius, 0.0)]
+        return () if self.kind else faces(self.shape)
 
 
 def _parallelogram(centre: Point, a: Point, b: Point) -> Polygon:
@@ -154,12 +173,21 @@ def half_height(size: Vector3, rotation: Quaternion) -> float:
     return 0.5 * sum(abs(component) * edge for component, edge in zip(down, size, strict=True))
 
 
-def face_down(rotation: Quaternion) -> tuple[Quaternion, float]:
-    """The nearest rotation that puts a face down, and how far it is (tilt, rad, at most 0.96)."""
-    down = quaternions.to_matrix(rotation)[2]
-    axis = max(range(3), key=lambda k: abs(down[k]))
-    sign = math.copysign(1.0, down[axis])
-    normal = quaternions.rotate(rotation, (sign * (axis == 0), sign * (axis == 1), sign * (axis == 2)))
+def face_down(rotation: Quaternion, sides: Sequence[Vector3] = ()) -> tuple[Quaternion, float]:
+    """The nearest rotation that puts a face down, and how far it is (tilt, rad; of a box at most 0.96).
+
+    Args:
+        rotation: world_from_body.
+        sides: outward normals of its faces (unit, in its frame); none for those of a box.
+    """
+    up = quaternions.to_matrix(rotation)[2]
+    if sides:
+        x, y, z = min(sides, key=lambda side: dot(side, up))
+        normal = quaternions.rotate(rotation, (-x, -y, -z))
+    else:
+        axis = max(range(3), key=lambda k: abs(up[k]))
+        sign = math.copysign(1.0, up[axis])
+        normal = quaternions.rotate(rotation, (sign * (axis == 0), sign * (axis == 1), sign * (axis == 2)))
     sine = math.hypot(normal[0], normal[1])
     tilt = math.atan2(sine, normal[2])
     if sine == 0.0:

@@ -12,14 +12,14 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from dsr import quaternions
-from dsr.quaternions import Quaternion, Vector3
+from dsr.quaternions import Vector3
 from dsr.transforms import Pose
 from simulation_handler.bodies import Bodies
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.situation import Look
 from simulation_handler.fingertips import FAR, NEAR, is_opposed, way_out
 from simulation_handler.geometry import Solid
+from simulation_handler.leaning import levelled, without_yaw
 from simulation_handler.objects import BelievedObject
 from simulation_handler.paths import Path, between
 from simulation_handler.relations import Relation, Relations
@@ -36,10 +36,11 @@ _ELSEWHERE = 0.05  # m from where its hand would have it, from which an object a
 _PRESUMED = 0.3  # s that a hand must touch what it hides, to be presumed to hold it
 _HALF = 0.5  # of what there is to see of an object
 _FINGERS = 5
+_AT_REST = (0.4, 0.015, math.pi)  # s, m and rad: a palm that moved less than that has not opened, nor drawn back
+_DRAWN_BACK = 0.12  # m that an opening hand may draw back before its fingertips are seen
 _DRIFT = 0.1  # share by which a palm that does not move as its fingertips do is taken to have moved by itself
 _ALONG = 0.15  # m from there, as a palm of poor rotation may be: what is in the air is in that hand, or falls
 _BLEND = 0.2  # weight of the newest in how a hand holds an object
-_LEVEL, _TILTED = 0.2, 0.4  # rad up to which tilt is the hand's noise, and from which it is all tilt
 
 
 class HandPercept(NamedTuple):
@@ -70,6 +71,8 @@ class HandGrasp:
     """Of the fingertips that touched it while that could be seen, in its frame, m."""
     aloft: float = -math.inf
     """s, when it was last seen in the air with its hand, or nothing spoke against that."""
+    sure: Pose | None = None
+    """World_from_object while it is unseen, when fingertips that touch it, or a palm at rest, told that last."""
 
 
 @dataclass
@@ -97,8 +100,8 @@ class Touching:
 
     @property
     def grasps(self) -> Mapping[Relation, HandGrasp]:
-        """What is touched, by (hand, object)."""
-        return self._grasps
+        """What is touched, and not let go of just now, by (hand, object)."""
+        return {relation: grasp for relation, grasp in self._grasps.items() if not grasp.opened}
 
     def ways(self) -> dict[str, Path]:
         """The ways that the fingertips in sight took, by name."""
@@ -162,9 +165,12 @@ class Touching:
             pose = self._hands[item.hand].path.last
             there = pose @ self._grasps[item.hand, item.name].hand_from_object
             item.turned_by_hand = without_yaw(levelled(item.solid(there.t, there.q)))
-            if now - item.track.last_stamp > UNSEEN and not self._opens(item, touching, opposed):
+            if now - item.track.last_stamp > UNSEEN:
                 turned = there.q if item.shows_rotation else item.turned_by_hand
-                item.path.add(self._in_fingers(item, Pose.unchecked(there.t, turned), pose))
+                if not self._opens(item, touching, opposed):
+                    item.path.add(self._in_fingers(item, Pose.unchecked(there.t, turned), pose))
+                elif (left := self._left(item)) is not None:
+                    item.path.add(left.with_stamp(pose.stamp))
 
     def _opens(self, item: BelievedObject, touching: set[Relation], opposed: set[Relation]) -> bool:
         """Whether the hand that holds an object may be letting go of it just now: it then takes it nowhere."""
@@ -184,13 +190,22 @@ class Touching:
             if tip in hand.tips and (tip, item.name) in self._touches.current() and _is_measured(hand.tips[tip], hand)
         ]
         if not offsets:
+            if hand.path.is_still(*_AT_REST):
+                grasp.sure = item.path.at(palm.stamp - 0.5 * _AT_REST[0])
             return Pose.unchecked(there.t, there.q, palm.stamp)
         x, y, z = (a + sum(values) / len(offsets) for a, *values in zip(there.t, *offsets, strict=True))
         before = item.path.last.t
         position = min(there.t, (x, y, z), key=lambda place: math.dist(place, before))
         held = Pose.unchecked(position, there.q, palm.stamp)
         grasp.hand_from_object = between(grasp.hand_from_object, palm.inverse() @ held, _DRIFT)
+        grasp.sure = held
         return held
+
+    def _left(self, item: BelievedObject) -> Pose | None:
+        """Where a hand that is seen to have opened let go of an unseen object, before it drew back; None if unknown."""
+        left = self._grasps[item.hand, item.name].sure
+        is_near = left is not None and math.dist(left.t, item.path.last.t) <= _DRAWN_BACK
+        return left if is_near else None
 
     def _contacts(self, now: float) -> tuple[set[Relation], set[Relation]]:
         """(fingertip, object) and (hand, object) that touch, and pinch, as far as can be told."""
@@ -278,7 +293,7 @@ class Touching:
         grasp.opened = not (is_seen or is_pinched) and (grasp.opened or grasp.grip == PINCH)
         grasp.grip = PINCH if is_pinched else TOUCH
         if is_seen:
-            grasp.presumed = False
+            grasp.presumed, grasp.sure = False, None
         elif not is_pinched and not grasp.presumed and not grasp.opened:
             grasp.presumed = since < now - _PRESUMED and self._hides(name, thing)
         if is_seen or not item.hand:
@@ -363,17 +378,6 @@ class Touching:
             if grasp.grip == PINCH or grasp.presumed or is_carried:
                 holders.setdefault(thing, hand)
         return holders
-
-
-def levelled(solid: Solid) -> Quaternion:
-    """How a solid is turned that seems to be so by its hand: level, where it may be."""
-    flat, tilt = solid.face_down()
-    return quaternions.slerp(flat.rotation, solid.rotation, min(max((tilt - _LEVEL) / (_TILTED - _LEVEL), 0.0), 1.0))
-
-
-def without_yaw(rotation: Quaternion) -> Quaternion:
-    """The tilt of a rotation alone: hands tell less of yaws than what is known of the objects in them."""
-    return quaternions.product(rotation, quaternions.conjugate(quaternions.about_z(rotation)))
 
 
 def _drops(hand: _Hand, item: BelievedObject) -> bool:

@@ -14,7 +14,7 @@ from simulation_handler.belief import Belief
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining import Look
 from simulation_handler.touching import HandPercept
-from tests.simulation_handler.worlds import BALL, CAMERA, CUBE, PERIOD, ROUND, TABLE, container
+from tests.simulation_handler.worlds import BALL, CAMERA, CUBE, PERIOD, ROUND, TABLE, beaker, container
 
 BOX: Vector3 = (0.17, 0.17, 0.15)
 SMALL: Vector3 = (0.09, 0.09, 0.08)
@@ -39,6 +39,7 @@ KINDS = {
     "cover": Thing(BOX, container(BOX, upside_down=True), 0.2),
     "tray": Thing(FLAT, container(FLAT), 0.2),
     "cup": Thing(SMALL, container(SMALL), 0.1),
+    "beaker": Thing(SMALL, beaker(SMALL), 0.1),
     "block": Thing((0.2, 0.3, 0.25), (), 0.5),
 }
 """By the first part of their names."""

@@ -12,8 +12,11 @@ from hypothesis import strategies as st
 from dsr import quaternions
 from dsr.polygons import area, contains, intersection, overlap
 from dsr.quaternions import Quaternion
+from dsr.shapes import Part
 from dsr.transforms import Pose
+from simulation_handler.faces import faces
 from simulation_handler.geometry import Solid, face_down
+from tests.simulation_handler.worlds import beaker, container
 
 COORDINATE = st.floats(-1.0, 1.0)
 ANGLE = st.floats(-math.pi, math.pi)
@@ -41,6 +44,42 @@ def test_face_down_keeps_yaw(yaw: float, tilt: float, direction: float) -> None:
     flat, found = face_down(tipped.q)
     assert found == pytest.approx(abs(tilt), abs=1e-7)
     assert Pose(rotation=flat).distance(upright)[1] < 1e-6
+
+
+BEAKER = (0.09, 0.09, 0.08)
+
+
+@given(ANGLE, st.floats(-0.2, 0.2), ANGLE)
+def test_a_round_body_lies_on_the_next_of_its_sides(roll: float, lean: float, yaw: float) -> None:
+    lying = Pose.from_rotvec((0, 0, 0), (0, 0, yaw)) @ Pose.from_rotvec((0, 0, 0), (0.5 * math.pi + lean, 0, 0))
+    rotation = (lying @ Pose.from_rotvec((0, 0, 0), (0, 0, roll))).q
+    off = abs(math.remainder(roll, math.pi / 6))
+    walled = Solid("b", BEAKER, (0.0, 0.0, 0.0), rotation, shape=beaker(BEAKER))
+    flat, tilt = walled.face_down()
+    assert max(off, abs(lean)) - 0.01 <= tilt <= off + abs(lean) + 0.01
+    assert flat.half_height == pytest.approx(0.045, abs=1e-4)
+    full = Solid("c", BEAKER, (0.0, 0.0, 0.0), rotation, shape=(Part("cylinder", BEAKER),))
+    flat, tilt = full.face_down()
+    assert tilt == pytest.approx(abs(lean), abs=1e-6)
+    assert flat.half_height == pytest.approx(0.045, abs=1e-6)
+
+
+@given(ROTATION)
+def test_the_lowest_and_highest_points_of_a_round_body(rotation: Quaternion) -> None:
+    solid = Solid("b", BEAKER, (0.1, 0.2, 0.3), rotation, shape=beaker(BEAKER))
+    signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    walls = [part for part in solid.parts if part.kind == "box"]
+    heights = [part.pose.apply(0.5 * signs * part.size)[:, 2] for part in walls]
+    lowest, highest = min(map(np.min, heights)), max(map(np.max, heights))
+    assert lowest - 0.0031 <= solid.bottom <= lowest + 1e-9  # the bottom, of 3 mm, may be below the walls
+    assert highest - 1e-9 <= solid.top <= highest + 0.0031
+
+
+def test_sides_of_bodies_of_boxes_are_those_of_their_bounding_boxes() -> None:
+    assert faces(container(BEAKER)) == ()
+    cross = (Part("box", (0.2, 0.02, 0.02)), Part("box", (0.02, 0.2, 0.02)))
+    oblique = {tuple(round(value, 2) for value in side) for side in faces(cross) if side[2] == 0.0}
+    assert {(x, y, 0.0) for x in (0.71, -0.71) for y in (0.71, -0.71)} <= oblique
 
 
 @given(ROTATION, SMALL, SMALL, SMALL)

@@ -12,9 +12,10 @@ from dsr.quaternions import Quaternion
 from dsr.transforms import Pose
 from simulation_handler.explaining import Look
 from simulation_handler.geometry import Solid
+from simulation_handler.leaning import levelled, without_yaw
 from simulation_handler.sight import Glance
 from simulation_handler.surfaces import outwards
-from simulation_handler.touching import PINCH, TOUCH, levelled, without_yaw
+from simulation_handler.touching import PINCH, TOUCH
 from tests.simulation_handler.occluded import BOX, SMALL, Occlusion, standing
 from tests.simulation_handler.worlds import BALL, CUBE, ROUND, WALL, container
 
@@ -292,6 +293,53 @@ def test_what_a_hand_lets_go_of_unseen_falls_where_its_fingers_opened() -> None:
         world.run(0.1)
     assert world.belief.grasps() == {}
     assert world.pose("cup").t == pytest.approx((0.3, 0.0, 0.04), abs=0.015)
+
+
+@pytest.mark.parametrize("on", [0.0, 0.08])
+@pytest.mark.parametrize("seed", range(3))
+def test_what_hidden_fingertips_let_go_of_falls_from_where_their_palm_last_stood_still(seed: int, on: float) -> None:
+    world = cup_in_a_hand(seed)
+    world.move("cup", standing(0.3, 0.0, SMALL, on=0.2))
+    world.seen.discard("cup")
+    tips, world.tips_from_object = world.tips_from_object, {}
+    world.move("cup", standing(0.3, -0.15, SMALL, on=on))
+    world.run(1.0)
+    world.truths["cup"] = standing(0.3, -0.15, SMALL)
+    heights = []
+    for k in range(12):
+        assert world.palm is not None
+        if k < 5:
+            world.palm = world.palm @ Pose((-0.012, 0.0, 0.007))
+        else:
+            world.tips_from_object = {name: (x, y + math.copysign(0.025, y), z) for name, (x, y, z) in tips.items()}
+        for _ in range(2):
+            world.tick()
+            if world.belief.grasps():
+                heights.append(world.pose("cup").t[2])
+    assert world.belief.grasps() == {}
+    assert heights[-1] == pytest.approx(on + 0.04, abs=0.015)  # before it fell, if that
+    assert world.error("cup") < 0.02
+
+
+@pytest.mark.parametrize("roll", [0.1, math.pi / 6, 0.9])
+def test_a_round_cup_that_a_hand_lays_down_rests_whichever_way_it_is_rolled(roll: float) -> None:
+    world = Occlusion({"beaker": standing(0.3, 0.0, SMALL, yaw=roll)})
+    world.run(2.0)
+    world.hand("beaker")
+    world.run(0.8)
+    world.move("beaker", standing(0.3, 0.0, SMALL, on=0.2, yaw=roll))
+    lying = Pose.from_rotvec((0.3, 0.0, 0.5 * SMALL[0]), (0.5 * math.pi, 0.0, 0.0)) @ Pose.from_rotvec(
+        (0.0, 0.0, 0.0), (0.0, 0.0, roll)
+    )
+    world.move("beaker", Pose((0.3, 0.0, 0.2), lying.q))
+    world.move("beaker", lying)
+    world.run(0.5)
+    world.palm = None
+    world.belief.touch({})
+    world.run(1.5)
+    assert world.belief.plausible("beaker")
+    assert world.belief.supports().keys() == {("beaker", "table")}
+    assert math.dist(world.pose("beaker").t, lying.t) < 0.006
 
 
 def test_what_is_in_a_cup_in_a_hand_goes_along() -> None:

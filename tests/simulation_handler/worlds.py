@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
+from dsr import quaternions
 from dsr.intrinsics import Intrinsics
 from dsr.quaternions import Vector3
 from dsr.shapes import Part, Shape
@@ -32,6 +34,20 @@ def container(size: Vector3, wall: float = WALL, *, upside_down: bool = False) -
         *(Part("box", (wall, size[1], size[2]), (side * x, 0.0, 0.0)) for side in (-1, 1)),
         *(Part("box", (size[0], wall, size[2]), (0.0, side * y, 0.0)) for side in (-1, 1)),
     )
+
+
+def beaker(size: Vector3, wall: float = WALL, walls: int = 12) -> Shape:
+    """A round bottom and a ring of walls, open on top."""
+    inner, angles = 0.5 * (size[0] - wall), [2.0 * math.pi * k / walls for k in range(walls)]
+    width = size[0] * math.tan(math.pi / walls)
+    return (
+        Part("cylinder", (size[0], size[0], wall), (0.0, 0.0, 0.5 * (wall - size[2]))),
+        *(
+            Part("box", (wall, width, size[2] - wall), (inner * math.cos(a), inner * math.sin(a), 0.5 * wall),
+                 quaternions.from_rotvec((0.0, 0.0, a)))
+            for a in angles
+        ),
+    )  # fmt: skip
 
 
 class SyntheticCamera:
