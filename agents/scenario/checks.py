@@ -31,6 +31,7 @@ from agents.scenario.expectations import (
     Surprises,
     TrueRelations,
     Windowed,
+    Worlds,
 )
 from agents.scenario.geometry import has_face, penetration, upright_box
 from agents.scenario.layout import TOUCH, object_box, overlapping, table_box
@@ -302,6 +303,8 @@ def _check_expectation(check: Check, path: Path, scenario: Scenario) -> None:
         message = f"the window begins at {after} s; expected before {at} s, when it is judged"
         given = getattr(check, "after", None) is not None
         _require(after < at, (*path, "after" if given else "at"), message)
+    if isinstance(check, Worlds):
+        _require(bool(check.present or check.absent), path, "worlds: expected `present` or `absent`: lists of names")
     if isinstance(check, Edges | TrueRelations | Inside):
         name = check.__struct_config__.tag
         some = bool(check.present or check.absent)

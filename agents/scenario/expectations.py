@@ -10,7 +10,8 @@ from typing import get_args
 
 import msgspec
 
-from agents.scenario.units import Count, Noise, Radians, Seconds
+from agents.scenario.units import Count, Noise, Radians, Seconds, Vector3
+from dsr.keys import BASE
 
 
 class Expectation(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="check"):
@@ -114,6 +115,36 @@ class Edges(Expectation, frozen=True, kw_only=True, tag="edges"):
     type: str = "on"
     present: tuple[tuple[str, str], ...] = ()
     absent: tuple[tuple[str, str], ...] = ()
+    world: str = BASE
+    """In which world."""
+
+
+class KnownIn(OfObjects, frozen=True, kw_only=True, tag="known_in"):
+    """In a world, each of the objects has a place; of what is not given here, nothing is asked."""
+
+    world: str
+    objects: tuple[str, ...]
+    after: Seconds | None = None
+    """If given, this holds at every moment from then on."""
+    value: bool = True
+    """False: none of them has a place there, whether they have a node or not."""
+    position: Vector3 | None = None
+    """m, where they are there, in the frame `world`"""
+    right: bool | None = None
+    """They are there where they truly are; false: they are not."""
+    tolerance: Noise = 0.03
+    """m, of `position` and `right`"""
+    perceived: bool | None = None
+    """The attribute `perceived` there."""
+
+
+class Worlds(Expectation, frozen=True, kw_only=True, tag="worlds"):
+    """The worlds `present` are in the list of worlds, and none that is `absent`."""
+
+    after: Seconds | None = None
+    """If given, this holds at every moment from then on."""
+    present: tuple[str, ...] = ()
+    absent: tuple[str, ...] = ()
 
 
 class Inside(Expectation, frozen=True, kw_only=True, tag="inside"):
@@ -240,6 +271,8 @@ Check = (
     | Perceived
     | Attribute
     | Edges
+    | KnownIn
+    | Worlds
     | Recovered
     | TrueRelations
     | RelationsRight

@@ -13,14 +13,16 @@ from agents.scenario.expectations import (
     Edges,
     Expectation,
     Inside,
+    KnownIn,
     OfObjects,
     Surprises,
     Windowed,
+    Worlds,
 )
 from agents.scenario.history import History, Sample
 from agents.scenario.perturbations import event_end
 
-WithWindow = Windowed | BeliefError | Edges | Surprises | Inside | Actions
+WithWindow = Windowed | BeliefError | Edges | Surprises | Inside | Actions | KnownIn | Worlds
 Finding = tuple[bool, str]
 """Whether it holds, and what was found."""
 NOTHING: Finding = (False, "there was no object to judge")

@@ -27,6 +27,17 @@ class Error(msgspec.Struct, frozen=True):
     """rad"""
 
 
+class WorldSample(msgspec.Struct, frozen=True):
+    """One moment of a world other than the base, as far as expectations are about it."""
+
+    places: dict[str, Pose]
+    """world_from_object of each object that has a place there."""
+    perceived: frozenset[str]
+    """Names of the objects that are perceived there."""
+    edges: frozenset[tuple[str, str, str]]
+    """Type, source, destination."""
+
+
 class Sample(msgspec.Struct, frozen=True, kw_only=True):
     """One moment; all poses are world_from_object, by name of the object."""
 
@@ -57,6 +68,8 @@ class Sample(msgspec.Struct, frozen=True, kw_only=True):
     """How far the scenario's camera is believed to be from where it is; None if one of both is not known."""
     absent: frozenset[str] = frozenset()
     """Objects believed to have left the scene."""
+    worlds: dict[str, WorldSample | None] = {}
+    """By name, all that are listed, the base excepted; None for those that no expectation looks into."""
 
     def poses(self, source: Source) -> dict[str, Pose]:
         """The percepts or the beliefs."""

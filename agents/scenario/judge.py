@@ -15,11 +15,12 @@ from agents.scenario.model import Scenario
 from agents.scenario.result import Result
 from agents.scenario.truth import Truth, decode_truth
 from agents.scenario.verdicts import judge_check
+from agents.scenario.worlds import WorldWatch
 from dsr.calibration import CALIBRATED
 from dsr.elements import Node
 from dsr.errors import TransformError, WireError
 from dsr.intentions import FULFILLED, GIVEN_UP
-from dsr.keys import Keys
+from dsr.keys import BASE, Keys
 from dsr.memory import Memory
 from dsr.observed_actions import read_action
 from dsr.runtime.status import State, decode_status
@@ -44,6 +45,7 @@ class Judge:
         self.dropped = 0
         """Messages that were no valid truth or status."""
         self._memory = memory
+        self._worlds = WorldWatch(scenario, memory)
         self._start = 0.0
         self._truth: bytes | None = None
         self._flagged: set[str] = set()
@@ -144,6 +146,7 @@ class Judge:
             surprising=frozenset(self._flagged),
             camera_error=self._camera_error(truth),
             absent=frozenset(name for name, node in nodes.items() if not node.get("present", True)),
+            worlds=self._worlds.look(),
         )
 
     def _follow_mind(self, time: float) -> None:
@@ -193,7 +196,8 @@ class Judge:
         return None
 
     def _relations(self) -> list[Any]:
-        kinds = {check.type for check in self.history.scenario.expectations if isinstance(check, Edges)}
+        checks = [check for check in self.history.scenario.expectations if isinstance(check, Edges)]
+        kinds = {check.type for check in checks if check.world == BASE}
         return [edge for kind in sorted({"on", "in", "grasping", *kinds}) for edge in self._memory.edges(kind)]
 
     def _attributes(self) -> dict[tuple[str, str], Any]:

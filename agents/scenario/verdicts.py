@@ -38,6 +38,8 @@ from agents.scenario.findings import (
 from agents.scenario.history import History, Sample
 from agents.scenario.measures import OverlapMeter, belief_gap, drift, height_error, mean_error, pose_error
 from agents.scenario.result import Verdict
+from agents.scenario.worlds import WORLDS, edges_in_world
+from dsr.keys import BASE
 
 STILL = 1.0
 """s that a belief must not have moved to count as resting"""
@@ -158,6 +160,8 @@ def _attribute(check: Attribute, history: History, sample: Sample) -> Finding:
 
 
 def _edges(check: Edges, history: History, sample: Sample) -> Finding:
+    if check.world != BASE:
+        return edges_in_world(check, history, sample)
     begin = begin_of(check, history, None)
     for one in [sample] if begin is None else history.window(begin, sample.time):
         found = {(src, dst) for kind, src, dst in one.edges if kind == check.type}
@@ -186,6 +190,7 @@ _JUDGES: dict[type, Callable[[Any, History, Sample], Finding]] = {
     Attribute: _attribute,
     Edges: _edges,
     Recovered: _recovered,
+    **WORLDS,
     **COURSE,
     **DOINGS,
     **CAMERAS,
