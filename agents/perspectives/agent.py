@@ -12,6 +12,7 @@ from dsr.errors import DsrError
 from dsr.keys import BASE, check_name
 from dsr.memory import Memory
 from dsr.relations import SURFACES
+from dsr.runtime.access import EVERYTHING
 from dsr.schema import WORLD_RECORD
 from dsr.visibility import LEAST_SHARE, PERSON, PERSPECTIVES, WIDTH, VisibilityMonitor
 
@@ -61,6 +62,7 @@ class Perspectives(Agent):
         nodes=(WORLD_RECORD, "world", *KINDS, *SURFACES, *PERSPECTIVES),
         edges=("RT", "sees", *RELATIONS),
         attributes=_TOLD,
+        worlds=(f"{PREFIX}{EVERYTHING}",),
     )
     Config = PerspectivesConfig
     config: PerspectivesConfig

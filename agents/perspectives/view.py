@@ -9,6 +9,8 @@ from dsr.elements import Node
 from dsr.errors import TransformError
 from dsr.memory import Memory
 from dsr.relations import SURFACES, THINGS
+from dsr.spatial import Box
+from dsr.surfaces import Solids
 from dsr.transforms import Pose
 from dsr.visibility import (
     LEAST_PIXELS,
@@ -154,8 +156,8 @@ class PersonalView:
             self.world.remove_edge(self.name, name, "sees")
 
     def _carry_along(self, moved: Mapping[str, tuple[Pose, Pose]], seen: Collection[str], now: float) -> None:
-        """What is in something that is seen to move goes along, at any depth."""
-        shifts = {name: after @ before.inverse() for name, (before, after) in moved.items()}
+        """What is in something that is seen to move goes along, at any depth; what a lifted cover covered stays."""
+        shifts = dict(moved)
         level = list(shifts)
         while level:
             contents = [
@@ -167,10 +169,15 @@ class PersonalView:
             level = []
             for name, container in sorted(contents):
                 where = self.world.get_edge(_WORLD, name, "RT")
-                if where is not None and name not in shifts:
-                    shifts[name] = shifts[container]
-                    self.world.add_edge(_WORLD, name, "RT", pose=(shifts[name] @ where.pose).with_stamp(now))
-                    level.append(name)
+                if where is None or name in shifts:
+                    continue
+                goal = carried(self.world.node(container), *shifts[container], where.pose)
+                if goal is None:
+                    self.world.remove_edge(name, container, "in")
+                    continue
+                shifts[name] = where.pose, goal
+                self.world.add_edge(_WORLD, name, "RT", pose=goal.with_stamp(now))
+                level.append(name)
 
     def _notice_empty_places(self, picture: Picture, seen: Collection[str], now: float) -> None:
         """What is not where it would be seen is nowhere."""
@@ -246,3 +253,22 @@ def _pose_in(memory: Memory, name: str) -> Pose | None:
         return memory.transform(_WORLD, name, types=_BELIEVED)
     except TransformError:
         return None
+
+
+def carried(container: Node, before: Pose, after: Pose, content: Pose) -> Pose | None:
+    """Where something comes to be that is in a container which moves from one pose (in the world) to another.
+
+    On the bottom of the container it goes along as it is. What is only covered is pushed over its support, and None
+    once the cover is above its middle: then it has stayed behind.
+    """
+    shape, size = shape_of_thing(container), container.get("size")
+    goal = after @ before.inverse() @ content
+    if not shape or size is None:
+        return goal
+    below = content.translation - (0.0, 0.0, Box(before, size).diagonal)
+    inside = before.inverse()
+    if Solids.of(shape).cut_off(inside.apply(content.translation), inside.apply(below)[None]).any():
+        return goal
+    if Box(after, size).bottom > content.t[2]:
+        return None
+    return Pose((goal.t[0], goal.t[1], content.t[2]), goal.q)

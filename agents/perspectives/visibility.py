@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Any, ClassVar
 
 import msgspec
 
-from dsr.agent import Access, Agent
+from dsr.agent import Access
+from dsr.keys import BASE
 from dsr.visibility import LEAST_SHARE, PERSON, PERSPECTIVES, WIDTH, VisibilityMonitor
+from dsr.worlds import Monitor, WorldsConfig
 
 _NEWS = 0.1  # of a share, that is written again
 Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
 
 
-class VisibilityConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class VisibilityConfig(WorldsConfig, frozen=True, forbid_unknown_fields=True):
     """Whose sight is written, and what counts."""
 
     kinds: tuple[str, ...] = (PERSON,)
@@ -30,47 +32,47 @@ class VisibilityConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             raise ValueError(f"kinds {list(self.kinds)}: expected some of {list(PERSPECTIVES)}")
 
 
-class Visibility(Agent):
-    """Keeps an edge `sees` from each person to each thing that they see now, with the `share` of it that they see."""
+class Visibility(Monitor):
+    """Keeps an edge `sees` from each person to each thing that they see now, with the `share` of it that they see.
+
+    In the base, unless it is configured for another world (`reads`).
+    """
 
     name = "visibility"
+    reads: ClassVar[Any] = (BASE,)
+    contents = Access(edges=("sees",), attributes=("share", "visible", "hidden_by"))
     rate_hz = 5.0
-    reads = Access(
-        nodes=("*",),
-        edges=("RT", "Virtual_RT", "sees"),
-        attributes=("size", "shape", "bounds", "mesh", "present", "fov"),
-    )
-    writes = Access(edges=("sees",), attributes=("share", "visible", "hidden_by"))
+    reactive = False
     Config = VisibilityConfig
     config: VisibilityConfig
 
-    def setup(self) -> None:
+    def opened(self) -> None:
         """Make the monitor."""
         config = self.config
         self._monitor = VisibilityMonitor(
-            self.memory, least_share=config.least_share, band=config.band, width=config.width, kinds=config.kinds
+            self.target, least_share=config.least_share, band=config.band, width=config.width, kinds=config.kinds
         )
 
-    def tick(self, now: float) -> None:
+    def update(self, now: float) -> None:
         """Look, and write what is news."""
         self._monitor.update()
         seen = self._monitor.seen
-        with self.memory.batch():
-            for edge in self.memory.edges("sees"):
-                node = self.memory.get_node(edge.src)
+        with self.target.batch():
+            for edge in self.target.edges("sees"):
+                node = self.target.get_node(edge.src)
                 if node is not None and node.type in self.config.kinds and (edge.src, edge.dst) not in seen:
-                    self.memory.remove_edge(edge.src, edge.dst, "sees")
+                    self.target.remove_edge(edge.src, edge.dst, "sees")
             for name, thing in sorted(seen):
                 self._write(name, thing)
 
     def _write(self, name: str, thing: str) -> None:
-        if name not in self.memory or thing not in self.memory:
+        if name not in self.target or thing not in self.target:
             return
         glance = self._monitor.glances[name, thing]
-        edge = self.memory.get_edge(name, thing, "sees")
+        edge = self.target.get_edge(name, thing, "sees")
         if (
             edge is None
             or abs(edge.get("share", 0.0) - glance.share) > _NEWS
             or edge.get("hidden_by") != glance.hidden_by
         ):
-            self.memory.add_edge(name, thing, "sees", share=glance.share, visible=True, hidden_by=glance.hidden_by)
+            self.target.add_edge(name, thing, "sees", share=glance.share, visible=True, hidden_by=glance.hidden_by)

@@ -21,6 +21,7 @@ from agents.scenario.expectations import (
 )
 from agents.scenario.history import History, Sample
 from agents.scenario.perturbations import event_end
+from dsr.keys import BASE
 
 WithWindow = Windowed | BeliefError | Edges | Surprises | Inside | Actions | KnownIn | Worlds
 Finding = tuple[bool, str]
@@ -30,7 +31,7 @@ NOTHING: Finding = (False, "there was no object to judge")
 
 def describe(check: Check) -> str:
     """The expectation in a line, e.g. `resting (tolerance 1 mm)`."""
-    details = [f"{key} {_written(key, value)}" for key, value in _stated(check) if value not in (None, ())]
+    details = [f"{key} {_written(key, value)}" for key, value in _stated(check) if value not in (None, (), BASE)]
     name = str(check.__struct_config__.tag)
     return f"{name} ({', '.join(details)})" if details else name
 

@@ -117,6 +117,13 @@ def _worlds(check: Worlds, history: History, sample: Sample) -> Finding:
     return True, ", ".join(sorted(sample.worlds)) or "none"
 
 
+def _place(world: Memory, name: str) -> Pose | None:
+    try:
+        return world.transform("world", name, types=_BELIEVED)
+    except TransformError:
+        return None
+
+
 def _samples(check: Edges | KnownIn | Worlds, history: History, sample: Sample) -> Iterable[Sample]:
     begin = begin_of(check, history, None)
     return [sample] if begin is None else history.window(begin, sample.time)

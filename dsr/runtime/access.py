@@ -25,8 +25,8 @@ class Access:
         edges: edge types; the pose of a geometric edge needs no further declaration.
         attributes: attributes of those nodes and edges.
         exclusive: those of the names above that no other agent of the system may write.
-        worlds: the worlds to which this applies; all of them if None. The list of worlds, nodes of type
-            `world_record`, belongs to none of them.
+        worlds: the worlds to which this applies, `view_of_*` for all that begin so; all of them if None. The list of
+            worlds, nodes of type `world_record`, belongs to none of them.
 
     Raises:
         AgentError: if `exclusive` holds a name that is not declared.
@@ -49,12 +49,12 @@ class Access:
 
     def includes_world(self, name: str) -> bool:
         """Whether this applies to the world `name`."""
-        return self.worlds is None or name in self.worlds
+        return self.worlds is None or any(_overlap(name, world) for world in self.worlds)
 
     def meets(self, other: Access) -> bool:
         """Whether both apply to the same world; who says nothing about worlds is at work in the base."""
-        mine, theirs = (set((BASE,) if access.worlds is None else access.worlds) for access in (self, other))
-        return not mine.isdisjoint(theirs)
+        mine, theirs = ((BASE,) if access.worlds is None else access.worlds for access in (self, other))
+        return any(_overlap(one, another) for one in mine for another in theirs)
 
     def check_names(self, schema: Schema) -> None:
         """Raise `AgentError` for a declared name that `schema` does not know."""
@@ -63,6 +63,16 @@ class Access:
             for name in declared:
                 if name != EVERYTHING and name not in valid:
                     raise AgentError(f"declared name {name!r} is not in the schema; {suggest(name, valid)}")
+
+
+def _overlap(one: str, other: str) -> bool:
+    """Whether names of worlds, or beginnings of names (`view_of_*`), may mean the same one."""
+    stem, other_stem = one.removesuffix(EVERYTHING), other.removesuffix(EVERYTHING)
+    if stem != one and other_stem != other:
+        return stem.startswith(other_stem) or other_stem.startswith(stem)
+    return (
+        one == other or (stem != one and other.startswith(stem)) or (other_stem != other and one.startswith(other_stem))
+    )
 
 
 class WriteGuard:

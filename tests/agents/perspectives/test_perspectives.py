@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from dsr import Pose
+from agents.perspectives.view import carried
+from dsr import LocalNetwork, ManualClock, Memory, Pose
 from tests.agents.perspectives.conftest import COVER, TURNED, Table
 
 HERE, THERE = (100, 0, 20), (100, 250, 20)
@@ -99,6 +100,40 @@ def test_what_is_in_something_goes_along_with_it(table: Table) -> None:
     table.run(1.0)
     assert table.view("human_1").node("ball")["perceived"] is False
     assert table.place("human_1", "ball") == (300, -200, 20)
+
+
+def test_what_a_lifted_cover_covered_stays_behind(table: Table) -> None:
+    table.add("ball", "cube", Pose((0.2, -0.2, 0.02)), size=(0.04, 0.04, 0.04))
+    table.run()
+    table.add("cover", "container", Pose((0.2, -0.2, 0.04)), size=(0.1, 0.1, 0.08), shape=COVER)
+    table.memory.add_edge("ball", "cover", "in")
+    table.run()
+    table.leave("human_1")
+    table.run()
+    table.put("ball", Pose((-0.1, 0.0, 0.02)))
+    table.memory.remove_edge("ball", "cover", "in")
+    table.come("human_1", Pose((0.8, 0.0, 0.4), TURNED))
+    table.run()
+    assert table.view("human_1").get_edge("ball", "cover", "in")
+    for height in (0.08, 0.12):
+        table.put("cover", Pose((0.2, -0.2, height)))
+        table.run(0.2)
+    table.put("cover", Pose((0.2, -0.5, 0.12)))
+    table.run(1.0)
+    assert table.place("human_1", "ball") is None
+
+
+def test_what_is_in_an_open_box_goes_where_that_goes() -> None:
+    with Memory("g", "tester", transport=LocalNetwork(ManualClock()).connect("a"), clock=ManualClock()) as memory:
+        upright = Pose((0.0, 0.0, 0.04))
+        raised = Pose.from_rotvec((0.1, 0.0, 0.5), (0.0, 0.0, 1.0))
+        turned = Pose((0.0, 0.0, 0.04), (1.0, 0.0, 0.0, 0.0))
+        cover = memory.add_node("cover", "container", size=(0.1, 0.1, 0.08), shape=COVER)
+        ball = Pose((0.01, 0.0, 0.02))
+        assert carried(cover, turned, raised @ turned.inverse() @ turned, ball) == raised @ turned.inverse() @ ball
+        assert carried(cover, upright, raised, ball) is None
+        slid = carried(cover, upright, Pose((0.2, 0.0, 0.05)), ball)
+        assert slid is not None and slid.t == pytest.approx((0.21, 0.0, 0.02))
 
 
 def test_a_world_that_somebody_deletes_begins_anew(table: Table) -> None:
