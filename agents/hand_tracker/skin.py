@@ -16,6 +16,7 @@ from agents.hand_tracker.config import HandTrackerConfig, SkinModel
 from agents.hand_tracker.depth import Color, Depth, behind_surface, depth_at, images, rays
 from agents.hand_tracker.fingertips import Patch, Tip, fingertips
 from agents.hand_tracker.sighting import SeenHand, Source
+from agents.hand_tracker.wrist import away_from, find_wrist
 from dsr import quaternions
 from dsr.blobs import Frame
 from dsr.intrinsics import Intrinsics
@@ -31,6 +32,8 @@ MOST_HANDS = 4
 """Patches of skin that are looked at, the largest first."""
 _TO_THE_FINGERS = 0.012
 """m, from the middle of the widest place of a hand to the mean of wrist and knuckles"""
+_BY_WRIST, _VAGUE = 0.3, 1.0
+"""rad, standard deviations of a palm's rotation if the wrist tells it, and if nothing does"""
 _JUMP = 0.03  # m, of the depth between neighbouring pixels that are not of one hand
 _KERNEL = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (3, 3))
 
@@ -50,10 +53,10 @@ class SkinFinder:
     def find(self, frame: Frame, table: Array | None) -> list[SeenHand]:
         """The hands in a frame, at most `MOST_HANDS`. Raises `WireError` for an unusable frame."""
         color, depth, lens = images(frame)
-        mask = skin(color, self._config.skin) & in_band(depth, lens, table, self._config.skin)
+        colored, near = skin(color, self._config.skin), in_band(depth, lens, table, self._config.skin)
         found = []
-        for patch in self._patches(mask, depth, lens):
-            hand = self._hand(patch, depth, lens)
+        for patch in self._patches(colored & near, depth, lens):
+            hand = self._hand(patch, near & ~colored, depth, lens)
             found += [] if hand is None else [hand]
         return found
 
@@ -80,7 +83,7 @@ class SkinFinder:
         patches.sort(key=lambda patch: -int(patch.inside.sum()))
         return patches[:MOST_HANDS]
 
-    def _hand(self, patch: Patch, depth: Depth, lens: Intrinsics) -> SeenHand | None:
+    def _hand(self, patch: Patch, body: Mask, depth: Depth, lens: Intrinsics) -> SeenHand | None:
         mask = np.zeros(depth.shape, bool)
         height, width = patch.inside.shape
         mask[patch.corner[1] : patch.corner[1] + height, patch.corner[0] : patch.corner[0] + width] = patch.inside
@@ -90,14 +93,17 @@ class SkinFinder:
         if surface is None:
             return None
         palm = behind_surface(middle, surface, self._config.palm_radius, lens)
+        wrist = find_wrist(patch, middle, body, depth, lens.fx)
         tips: dict[int, Array] = {}
-        for tip in found:
+        for tip in found if wrist is None else away_from(wrist, middle, found):
             centre = self._centre(tip, patch.distance, mask, depth, lens)
             if centre is not None:
                 tips[len(tips)] = centre
-        along = _along(palm, tips, mask, depth, lens)
+        elbow = None if wrist is None else _surface(wrist, patch, depth, lens)
+        along = _along(palm, tips, elbow, mask, depth, lens)
         palm = palm + _TO_THE_FINGERS * along
-        return SeenHand(Pose(palm, _rotation(palm, along)), tips, False, "unknown", SIGMA)
+        turn = None if tips else (_VAGUE if elbow is None else _BY_WRIST) ** 2 * np.eye(3)
+        return SeenHand(Pose(palm, _rotation(palm, along)), tips, False, "unknown", SIGMA, turn)
 
     def _centre(self, tip: Tip, distance: float, mask: Mask, depth: Depth, lens: Intrinsics) -> Array | None:
         """(3,) m, of a fingertip; None if its depth is not known."""
@@ -157,10 +163,20 @@ def jumps(depth: Depth, mask: Mask) -> Mask:
     return np.asarray(known & (far - near > _JUMP))
 
 
-def _along(palm: Array, tips: dict[int, Array], mask: Mask, depth: Depth, lens: Intrinsics) -> Array:
-    """(3,) unit vector from the palm to the fingers: to the fingertips, else along the patch."""
-    if tips:
-        direction = np.mean(list(tips.values()), axis=0) - palm
+def _surface(pixel: Array, patch: Patch, depth: Depth, lens: Intrinsics) -> Array | None:
+    """(3,) m, what is seen around a pixel (2,) at the edge of a hand."""
+    there = depth_at(depth, pixel, 0.01 * lens.fx / patch.distance)
+    return None if there is None else behind_surface(pixel, there, 0.0, lens)
+
+
+def _along(
+    palm: Array, tips: dict[int, Array], wrist: Array | None, mask: Mask, depth: Depth, lens: Intrinsics
+) -> Array:
+    """(3,) unit vector from the palm to the fingers: to the fingertips and away from the wrist, else along the patch."""
+    ways = [np.mean(list(tips.values()), axis=0) - palm] if tips else []
+    ways += [] if wrist is None else [palm - wrist]
+    if ways:
+        direction = np.sum([way / max(float(np.linalg.norm(way)), 1e-9) for way in ways], axis=0)
     else:
         rows, columns = np.nonzero(mask & (depth > 0))
         points = rays(np.column_stack([columns, rows])[::7].astype(float), lens)
