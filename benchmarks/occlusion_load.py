@@ -28,7 +28,7 @@ from dsr.quaternions import Vector3
 from dsr.shapes import Part, Shape
 from dsr.transforms import Pose
 from simulation_handler.belief import Belief
-from simulation_handler.touching import HandPercept
+from simulation_handler.hands import HandPercept
 
 TICK = 0.05
 """s, between two steps"""

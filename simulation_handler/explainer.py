@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
+from dataclasses import replace
 
 from dsr.calibration import CAMERA_MOVED
 from dsr.transforms import Pose
@@ -47,6 +48,8 @@ class Explainer:
         """(object, support): where a plan has just put something."""
         self.look: Look | None = None
         """What cameras should see; None without one."""
+        self.take: Callable[[str, float], str] = lambda name, now: ""
+        """Lets a hand have, at a time (s), what is missing where it covered it; names the hand, or nothing."""
         self.cameras_in_doubt = False
         """Somebody finds out whether a camera has moved."""
         self.cameras_stand = False
@@ -115,6 +118,7 @@ class Explainer:
         if explanation is None:
             self._look_again_at = now + _PAUSE
             return
+        explanation = self._with_hands(explanation, now)
         if explanation.changes_belief:
             self._adopt(explanation, now)
             self._noticing.update(now, self.look)
@@ -126,6 +130,14 @@ class Explainer:
             self._news = [*self._news, (now, explanation)][-_MOST_WAITING:]
         if is_news or CAMERA_MOVED not in explanation.text:  # that is told again until somebody did something about it
             self._told = (explanation.text, now + 2.0 * self._config.follow_for)
+
+    def _with_hands(self, explanation: Explanation, now: float) -> Explanation:
+        """The same, but what was removed where a hand covered it is in that hand."""
+        taken = {name: hand for name in sorted(explanation.removed) if (hand := self.take(name, now))}
+        text = explanation.text
+        for name, hand in taken.items():
+            text = text.replace(f"removed({name})", f"taken_along({name}; {hand})")
+        return replace(explanation, text=text, removed=explanation.removed - taken.keys())
 
     def settle_relations(self, now: float) -> None:
         """After physics: let the relations of what was put elsewhere be those of its contacts."""

@@ -16,11 +16,12 @@ from dsr.quaternions import Vector3
 from simulation_handler.bodies import Bodies
 from simulation_handler.containment import Containment
 from simulation_handler.geometry import Solid
+from simulation_handler.hands import UNSEEN
 from simulation_handler.objects import BelievedObject
 from simulation_handler.paths import Path
 from simulation_handler.simulator import FINGER_RADIUS
 from simulation_handler.surfaces import outwards
-from simulation_handler.touching import UNSEEN, Touching
+from simulation_handler.touching import Touching
 
 _LAG = 0.1  # s by which a sphere is behind what is seen: the newest place is not smoothed yet
 _HURRY = 2.0  # how much faster than it was seen to it may move to catch up

@@ -22,11 +22,12 @@ from dsr.relations import SURFACES, THINGS
 from dsr.shapes import MOST_PARTS, Shape, bounds, from_numbers
 from dsr.transforms import Pose
 from simulation_handler.explainer import EXPLANATION
+from simulation_handler.hands import HandPercept
 from simulation_handler.holding import Grasp
 from simulation_handler.meshes import Forms
 from simulation_handler.reasoner import Reasoner
 from simulation_handler.relations import BOUNDS, CONTACT
-from simulation_handler.touching import TOUCH, HandGrasp, HandPercept
+from simulation_handler.touching import TOUCH, HandGrasp
 
 WORLD = "world"
 MODELLED = "object"
@@ -184,8 +185,10 @@ class Reading:
                 self._belief.recall_support((relation.src, relation.dst), relation.get("since", now), now)
         for edge in self._memory.edges("grasping", dst=node.name):
             held_at = edge.get("held_at")
-            if edge.get("source") == CONTACT and held_at is not None:
-                grasp = HandGrasp(edge.get("since", now), edge.get("grip", TOUCH), held_at)
+            source = edge.get("source")
+            if source in (CONTACT, EXPLANATION) and held_at is not None:
+                since, covered = edge.get("since", now), source == EXPLANATION
+                grasp = HandGrasp(since, edge.get("grip", TOUCH), held_at, covered=covered)
                 self._belief.recall_grasp((edge.src, edge.dst), grasp, now)
         for relation in self._memory.edges("in", src=node.name):
             self._belief.recall_contents((relation.src, relation.dst), relation.get("since", now), now)

@@ -10,15 +10,16 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 from dsr.quaternions import Vector3
 from dsr.transforms import Pose
 from simulation_handler.bodies import Bodies
 from simulation_handler.config import BeliefConfig
+from simulation_handler.covering import RESOLVED, Covering
 from simulation_handler.explaining.situation import Look
 from simulation_handler.fingertips import FAR, NEAR, is_opposed, way_out
 from simulation_handler.geometry import Solid
+from simulation_handler.hands import UNSEEN, Hand, HandPercept
 from simulation_handler.leaning import levelled, without_yaw
 from simulation_handler.objects import BelievedObject
 from simulation_handler.paths import Path, between
@@ -28,10 +29,7 @@ TOUCH, PINCH = "touch", "pinch"
 """Grips: fingertips on one side, or on two opposite ones."""
 
 _TOUCH_DELAY = 0.2  # s that a touch must last, or be gone
-_MEASURED = 0.15  # s up to which a fingertip is known
 _HIDDEN = 0.6  # s for which a fingertip that touched what is seen may be hidden while its palm is in sight
-UNSEEN = 0.25
-"""s after its last percept, from which an object is where its hand has it, or pushes it."""
 _ELSEWHERE = 0.05  # m from where its hand would have it, from which an object at rest is not held
 _PRESUMED = 0.3  # s that a hand must touch what it hides, to be presumed to hold it
 _HALF = 0.5  # of what there is to see of an object
@@ -41,17 +39,6 @@ _DRAWN_BACK = 0.12  # m that an opening hand may draw back before its fingertips
 _DRIFT = 0.1  # share by which a palm that does not move as its fingertips do is taken to have moved by itself
 _ALONG = 0.15  # m from there, as a palm of poor rotation may be: what is in the air is in that hand, or falls
 _BLEND = 0.2  # weight of the newest in how a hand holds an object
-
-
-class HandPercept(NamedTuple):
-    """What is seen of a hand."""
-
-    pose: Pose
-    """world_from_hand, with stamp"""
-    tips: Mapping[str, Pose]
-    """Fingertips in the world by name, with stamps; their rotations say nothing."""
-    perceived: bool
-    """Whether the hand is in sight now."""
 
 
 @dataclass
@@ -69,19 +56,12 @@ class HandGrasp:
     """It was a pinch until its fingertips were seen apart, and the object was not seen since: it is held no more."""
     places: dict[str, Vector3] = field(default_factory=dict)
     """Of the fingertips that touched it while that could be seen, in its frame, m."""
+    covered: bool = False
+    """The hand covered it: that it touches it is presumed, not seen."""
     aloft: float = -math.inf
     """s, when it was last seen in the air with its hand, or nothing spoke against that."""
     sure: Pose | None = None
     """World_from_object while it is unseen, when fingertips that touch it, or a palm at rest, told that last."""
-
-
-@dataclass
-class _Hand:
-    """A hand and the ways it took."""
-
-    perceived: bool = False
-    path: Path = field(default_factory=Path)
-    tips: dict[str, Path] = field(default_factory=dict)
 
 
 class Touching:
@@ -92,10 +72,11 @@ class Touching:
         """What cameras should see; None without one."""
         self._bodies = bodies
         self._config = config
-        self._hands: dict[str, _Hand] = {}
+        self._hands: dict[str, Hand] = {}
         self._touches = Relations(_TOUCH_DELAY)  # (fingertip, object)
         self._pinches = Relations(_TOUCH_DELAY)  # (hand, object)
         self._grasps: dict[Relation, HandGrasp] = {}
+        self._covering = Covering(bodies)
         self._recalled: dict[Relation, float] = {}  # s up to which a recalled grasp may wait for its touch
 
     @property
@@ -110,7 +91,7 @@ class Touching:
             for hand in self._hands.values()
             if hand.perceived
             for name, path in sorted(hand.tips.items())
-            if _is_measured(path, hand)
+            if hand.measures(path)
         }
 
     def observe(self, hands: Mapping[str, HandPercept]) -> None:
@@ -118,7 +99,7 @@ class Touching:
         for name in self._hands.keys() - hands.keys():
             del self._hands[name]
         for name, percept in hands.items():
-            hand = self._hands.setdefault(name, _Hand())
+            hand = self._hands.setdefault(name, Hand())
             hand.perceived = percept.perceived
             if not percept.perceived:
                 continue
@@ -129,7 +110,7 @@ class Touching:
             for tip, pose in percept.tips.items():
                 hand.tips.setdefault(tip, Path()).add(pose)
 
-    def _may_touch_hidden(self, tip: str, hand: _Hand) -> bool:
+    def _may_touch_hidden(self, tip: str, hand: Hand) -> bool:
         """Whether a fingertip that is hidden goes on touching: what is hidden with it, or anything for a short time."""
         now = hand.path.newest
         touched = [self._bodies.objects[thing] for name, thing in self._touches.current() if name == tip]
@@ -138,6 +119,9 @@ class Touching:
 
     def recall(self, relation: Relation, grasp: HandGrasp, now: float) -> None:
         """Take over a grasp that held before."""
+        if grasp.covered:
+            self._covering.recall(relation, grasp.hand_from_object, grasp.since)
+            return
         self._grasps[relation] = grasp
         self._recalled[relation] = math.inf
         if grasp.grip == PINCH:
@@ -148,6 +132,11 @@ class Touching:
         self._grasps = {relation: grasp for relation, grasp in self._grasps.items() if name not in relation}
         self._touches.forget(name)
         self._pinches.forget(name)
+        self._covering.forget(name)
+
+    def take(self, name: str, now: float) -> str:
+        """The hand that must have taken what is missing, and has it from now on; empty if none covered it."""
+        return self._covering.take(name, now)
 
     def update(self, now: float) -> None:
         """Decide at time `now` (s) what is touched and held, and let what is unseen and held go with its hand."""
@@ -155,6 +144,7 @@ class Touching:
         self._touches.update(touching, now)
         self._pinches.update(opposed, now)
         self._update_grasps(now)
+        self._update_covered(now)
         holders = self._holders(now)
         for item in self._bodies.objects.values():
             before, item.hand, item.turned_by_hand = item.hand, holders.get(item.name, ""), None
@@ -163,7 +153,9 @@ class Touching:
             if not item.hand or not self._hands[item.hand].perceived:
                 continue
             pose = self._hands[item.hand].path.last
-            there = pose @ self._grasps[item.hand, item.name].hand_from_object
+            grasp = self._grasps[item.hand, item.name]
+            covered = grasp.covered
+            there = self._covering.place(item.hand, item.name) if covered else pose @ grasp.hand_from_object
             item.turned_by_hand = without_yaw(levelled(item.solid(there.t, there.q)))
             if now - item.track.last_stamp > UNSEEN:
                 turned = there.q if item.shows_rotation else item.turned_by_hand
@@ -175,6 +167,8 @@ class Touching:
     def _opens(self, item: BelievedObject, touching: set[Relation], opposed: set[Relation]) -> bool:
         """Whether the hand that holds an object may be letting go of it just now: it then takes it nowhere."""
         relation = (item.hand, item.name)
+        if self._grasps[relation].covered:
+            return False
         was_pinched = relation in self._pinches.current() and relation not in opposed
         return was_pinched or not any((tip, item.name) in touching for tip in self._hands[item.hand].tips)
 
@@ -187,7 +181,7 @@ class Touching:
         offsets = [
             tuple(a - b for a, b in zip(hand.tips[tip].last.t, (there @ Pose.unchecked(place, there.q)).t, strict=True))
             for tip, place in grasp.places.items()
-            if tip in hand.tips and (tip, item.name) in self._touches.current() and _is_measured(hand.tips[tip], hand)
+            if tip in hand.tips and (tip, item.name) in self._touches.current() and hand.measures(hand.tips[tip])
         ]
         if not offsets:
             if hand.path.is_still(*_AT_REST):
@@ -228,11 +222,11 @@ class Touching:
                     opposed |= {(name, item.name)} & self._pinches.current().keys()
         return touching, opposed
 
-    def _of(self, hand: _Hand, item: BelievedObject) -> set[Relation]:
+    def _of(self, hand: Hand, item: BelievedObject) -> set[Relation]:
         return {(tip, item.name) for tip in hand.tips}
 
     def _touched(
-        self, hand: _Hand, item: BelievedObject, known: Collection[Relation], now: float
+        self, hand: Hand, item: BelievedObject, known: Collection[Relation], now: float
     ) -> dict[str, Vector3 | None]:
         """Fingertips that touch an object, with the way out of it there; None for one that is not measured now."""
         stamp, solid = self._seen_at(hand, item, now)
@@ -240,7 +234,7 @@ class Touching:
         if item.hand and hand is self._hands.get(item.hand) and now - item.track.last_stamp > UNSEEN:
             there = hand.path.last @ self._grasps[item.hand, item.name].hand_from_object  # its body comes later
             solids.append(item.solid(there.t, there.q))
-        touching = {tip: path.at(stamp).t for tip, path in hand.tips.items() if _is_measured(path, hand)}
+        touching = {tip: path.at(stamp).t for tip, path in hand.tips.items() if hand.measures(path)}
         grown = {tip: FAR if (tip, item.name) in known else NEAR for tip in touching}
         found: dict[str, Vector3 | None] = {}
         for solid in solids:
@@ -253,7 +247,7 @@ class Touching:
             return {}
         return found | dict.fromkeys(touched - touching.keys())
 
-    def _seen_at(self, hand: _Hand, item: BelievedObject, now: float) -> tuple[float, Solid]:
+    def _seen_at(self, hand: Hand, item: BelievedObject, now: float) -> tuple[float, Solid]:
         """A time (s) for which both are known, and where the object was then."""
         if now - item.track.last_stamp > UNSEEN:
             return hand.path.newest, self._bodies.solid(item.name)
@@ -274,14 +268,32 @@ class Touching:
             relation = (owners.get(tip, ""), item)
             touched[relation] = min(since, touched.get(relation, since))
         pinched = self._pinches.current()
-        for relation in list(self._grasps):
+        for relation in [relation for relation, grasp in self._grasps.items() if not grasp.covered]:
             is_touched = relation in touched or self._is_aloft(relation, now)
             if self._is_over(relation, is_touched) or self._is_elsewhere(relation, now):
                 del self._grasps[relation]
         for relation, since in touched.items():
             name, thing = relation
-            if name in self._hands and thing in self._bodies.sim and self._hands[name].perceived:
+            is_covered = relation in self._grasps and self._grasps[relation].covered and relation not in pinched
+            if name in self._hands and thing in self._bodies.sim and self._hands[name].perceived and not is_covered:
                 self._go_on(relation, since, relation in pinched, now)
+
+    def _update_covered(self, now: float) -> None:
+        """The grasps of hands that cover what they touch: those of which fingertips say nothing."""
+        busy = {
+            relation
+            for relation, grasp in self._grasps.items()
+            if not grasp.covered and (grasp.grip == PINCH or self._hands[relation[0]].measured >= RESOLVED)
+        }
+        self._covering.update(self._hands, busy, self.look, now)
+        covers = self._covering.covers
+        for relation in [relation for relation, grasp in self._grasps.items() if grasp.covered]:
+            if relation not in covers:
+                del self._grasps[relation]
+        for relation, cover in covers.items():
+            grasp = self._grasps.setdefault(relation, HandGrasp(cover.since, TOUCH, cover.hand_from_object))
+            grasp.hand_from_object, grasp.presumed = cover.hand_from_object, cover.taken
+            grasp.covered, grasp.opened = True, False
 
     def _go_on(self, relation: Relation, since: float, is_pinched: bool, now: float) -> None:
         """A hand in sight touches an object: begin that grasp, or bring it up to date."""
@@ -289,6 +301,7 @@ class Touching:
         item, hand = self._bodies.objects[thing], self._hands[name]
         there = self._hand_from_object(hand, item, now)
         grasp = self._grasps.setdefault(relation, HandGrasp(since, TOUCH, there))
+        grasp.covered = False
         is_seen = now - item.track.last_stamp <= UNSEEN
         grasp.opened = not (is_seen or is_pinched) and (grasp.opened or grasp.grip == PINCH)
         grasp.grip = PINCH if is_pinched else TOUCH
@@ -306,7 +319,7 @@ class Touching:
     def _hides(self, name: str, thing: str) -> bool:
         """Whether a hand hides an object that it touches, and some of its own fingertips are hidden, too."""
         hand = self._hands[name]
-        if self.look is None or sum(_is_measured(path, hand) for path in hand.tips.values()) >= _FINGERS:
+        if self.look is None or hand.measured >= _FINGERS:
             return False
         solids = [self._bodies.solid(other) for other in self._bodies.objects if other in self._bodies.sim]
         glances = [glance for (_, seen), glance in self.look(solids).items() if seen == thing]
@@ -341,16 +354,16 @@ class Touching:
         there = hand.path.at(stamp) @ self._grasps[relation].hand_from_object
         return now - item.track.last_stamp <= UNSEEN and math.dist(there.t, solid.position) < _ALONG
 
-    def _hand_from_object(self, hand: _Hand, item: BelievedObject, now: float) -> Pose:
+    def _hand_from_object(self, hand: Hand, item: BelievedObject, now: float) -> Pose:
         stamp, solid = self._seen_at(hand, item, now)
         return hand.path.at(stamp).inverse() @ solid.pose
 
-    def _note_places(self, grasp: HandGrasp, hand: _Hand, item: BelievedObject, now: float) -> None:
+    def _note_places(self, grasp: HandGrasp, hand: Hand, item: BelievedObject, now: float) -> None:
         """Keep in mind where fingertips touch an object."""
         stamp, solid = self._seen_at(hand, item, now)
         object_from_world = solid.pose.inverse()
         for tip, path in hand.tips.items():
-            if (tip, item.name) in self._touches.current() and _is_measured(path, hand):
+            if (tip, item.name) in self._touches.current() and hand.measures(path):
                 place = object_from_world @ path.at(stamp)
                 before = grasp.places.get(tip, place.t)
                 x, y, z = (a + _BLEND * (b - a) for a, b in zip(before, place.t, strict=True))
@@ -362,7 +375,7 @@ class Touching:
         item, hand = self._bodies.objects[thing], self._hands.get(name)
         if hand is None or thing not in self._bodies.sim or item.estimate_at(now) is None:
             return False
-        if hand.perceived and any(_is_measured(path, hand) for path in hand.tips.values()):
+        if hand.perceived and hand.measured:
             return False
         rests = not item.driven and item.placement is not None and item.placement.rests
         there = hand.path.last @ self._grasps[relation].hand_from_object if hand.path.newest > -math.inf else None
@@ -380,10 +393,6 @@ class Touching:
         return holders
 
 
-def _drops(hand: _Hand, item: BelievedObject) -> bool:
+def _drops(hand: Hand, item: BelievedObject) -> bool:
     """Whether an object was falling when it was last seen, and the hand was not."""
     return item.path.is_falling and not hand.path.is_falling
-
-
-def _is_measured(path: Path, hand: _Hand) -> bool:
-    return path.newest >= hand.path.newest - _MEASURED

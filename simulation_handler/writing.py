@@ -11,6 +11,7 @@ from dsr.errors import GraphError
 from dsr.memory import Memory
 from dsr.transforms import Pose
 from simulation_handler.events import Events
+from simulation_handler.explainer import EXPLANATION
 from simulation_handler.reading import SOURCES, WORLD
 from simulation_handler.reasoner import Reasoner
 from simulation_handler.relations import CONTACT, Relation
@@ -79,12 +80,13 @@ class Writing:
         """Let the edges `grasping` of human hands be what the belief says that they touch."""
         grasps = self._belief.grasps()
         for edge in self._memory.edges("grasping"):
-            if edge.get("source") == CONTACT and (edge.src, edge.dst) not in grasps:
+            if edge.get("source") in (CONTACT, EXPLANATION) and (edge.src, edge.dst) not in grasps:
                 self._memory.remove_edge(edge.src, edge.dst, "grasping")
         for (hand, name), grasp in grasps.items():
             written = self._memory.get_edge(hand, name, "grasping")
-            if written is None or written.get("grip") != grasp.grip or _is_regrasped(written, grasp):
-                values = {"source": CONTACT, "since": grasp.since, "grip": grasp.grip}
+            values = {"source": EXPLANATION if grasp.covered else CONTACT, "since": grasp.since, "grip": grasp.grip}
+            told = () if written is None else (written.get("grip"), written.get("source"))
+            if told != (values["grip"], values["source"]) or (written and _is_regrasped(written, grasp)):
                 with contextlib.suppress(GraphError):
                     self._memory.add_edge(hand, name, "grasping", held_at=grasp.hand_from_object, **values)
 

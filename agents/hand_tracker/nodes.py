@@ -17,7 +17,7 @@ from dsr.transforms import Pose
 _NAME = re.compile(r"human_hand_(\d)")
 _FINGER = re.compile(r"human_hand_\d_finger_(\d)")
 _LEAST_SIGMA = 0.001  # m
-_TURN_SIGMA = 0.1  # rad, of a palm
+_TURN_SIGMA = 0.1  # rad, of a palm, at least
 _PALM_FACTOR = 2.0  # of a fingertip's standard deviation, that of a palm's centre
 
 
@@ -64,8 +64,9 @@ class HandNodes:
         name = hand_name(track.number)
         told = {"perceived": True, "side": track.side, "source": track.source}
         self._put(name, "hand", {**told, "last_seen": min(track.last_seen, now)})
-        sigma = max(track.sigma, _LEAST_SIGMA)
-        self._memory.add_edge("world", name, "RT", pose=_uncertain(track.palm, _PALM_FACTOR * sigma))
+        sigma, turn = max(track.sigma, _LEAST_SIGMA), max(track.turn_sigma, _TURN_SIGMA)
+        palm_sigma = max(_PALM_FACTOR * sigma, track.palm_sigma)
+        self._memory.add_edge("world", name, "RT", pose=_uncertain(track.palm, palm_sigma, turn))
         for finger, tip in track.tips.items():
             node = finger_name(track.number, finger)
             seen = tip.last_seen == track.last_seen
@@ -117,5 +118,5 @@ class HandNodes:
         return {edge.dst: int(match[1]) for edge in edges if (match := _FINGER.fullmatch(edge.dst))}
 
 
-def _uncertain(pose: Pose, sigma: float) -> Pose:
-    return pose.with_covariance(np.diag([sigma**2] * 3 + [_TURN_SIGMA**2] * 3))
+def _uncertain(pose: Pose, sigma: float, turn: float = _TURN_SIGMA) -> Pose:
+    return pose.with_covariance(np.diag([sigma**2] * 3 + [turn**2] * 3))

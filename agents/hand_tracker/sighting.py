@@ -46,6 +46,8 @@ class SeenHand(NamedTuple):
     """m, standard deviation of each coordinate"""
     turn_covariance: Array | None = None
     """(3, 3) rad^2, of the palm's rotation, about the same axes as its pose; None if unknown"""
+    palm_sigma: float = 0.0
+    """m, standard deviation of each coordinate of the palm's centre, where that is more than landmarks would give it"""
 
 
 class Finder(Protocol):

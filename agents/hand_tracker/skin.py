@@ -28,11 +28,13 @@ Mask = NDArray[np.bool_]
 
 SIGMA = 0.004
 """m, standard deviation of each coordinate of a fingertip"""
+PALM_SIGMA = 0.013
+"""m, likewise of the middle of the palm: the widest place of an outline that may be seen from the side"""
 MOST_HANDS = 4
 """Patches of skin that are looked at, the largest first."""
 _TO_THE_FINGERS = 0.012
 """m, from the middle of the widest place of a hand to the mean of wrist and knuckles"""
-_BY_WRIST, _VAGUE = 0.3, 1.0
+_BY_WRIST, _VAGUE = 0.15, 1.0
 """rad, standard deviations of a palm's rotation if the wrist tells it, and if nothing does"""
 _JUMP = 0.03  # m, of the depth between neighbouring pixels that are not of one hand
 _KERNEL = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (3, 3))
@@ -102,8 +104,9 @@ class SkinFinder:
         elbow = None if wrist is None else _surface(wrist, patch, depth, lens)
         along = _along(palm, tips, elbow, mask, depth, lens)
         palm = palm + _TO_THE_FINGERS * along
-        turn = None if tips else (_VAGUE if elbow is None else _BY_WRIST) ** 2 * np.eye(3)
-        return SeenHand(Pose(palm, _rotation(palm, along)), tips, False, "unknown", SIGMA, turn)
+        sigma = _VAGUE if elbow is None else _BY_WRIST
+        turn = None if len(tips) > (elbow is not None) else sigma**2 * np.eye(3)
+        return SeenHand(Pose(palm, _rotation(palm, along)), tips, False, "unknown", SIGMA, turn, PALM_SIGMA)
 
     def _centre(self, tip: Tip, distance: float, mask: Mask, depth: Depth, lens: Intrinsics) -> Array | None:
         """(3,) m, of a fingertip; None if its depth is not known."""
@@ -172,8 +175,9 @@ def _surface(pixel: Array, patch: Patch, depth: Depth, lens: Intrinsics) -> Arra
 def _along(
     palm: Array, tips: dict[int, Array], wrist: Array | None, mask: Mask, depth: Depth, lens: Intrinsics
 ) -> Array:
-    """(3,) unit vector from the palm to the fingers: to the fingertips and away from the wrist, else along the patch."""
-    ways = [np.mean(list(tips.values()), axis=0) - palm] if tips else []
+    """(3,) unit vector from the palm to the fingers: to their tips and away from the wrist, else along the patch."""
+    told = tips and (wrist is None or len(tips) > 1)  # one alone may be a thumb's
+    ways = [np.mean(list(tips.values()), axis=0) - palm] if told else []
     ways += [] if wrist is None else [palm - wrist]
     if ways:
         direction = np.sum([way / max(float(np.linalg.norm(way)), 1e-9) for way in ways], axis=0)

@@ -25,6 +25,7 @@ _GATE = 0.15
 """m, that a hand may be off at least; what it can have moved is added"""
 _TIP_GATE = 0.05
 """m, that a fingertip may move in the palm's frame from frame to frame"""
+_GUESSED = 0.9  # rad, standard deviation of a rotation of which an axis, or all, was guessed
 _NEVER = 1e6
 
 
@@ -56,6 +57,10 @@ class Track:
         """s"""
         self.sigma = 0.0
         """m, of each coordinate of a fingertip as it was measured"""
+        self.palm_sigma = 0.0
+        """m, likewise of the palm, where that is more than landmarks would give it"""
+        self.turn_sigma = 0.0
+        """rad, of the palm's rotation as it was measured, about the axis that is known worst; 0 if unknown"""
         self.tips: dict[int, Fingertip] = {}
         """By finger, 0 (thumb) to 4 (little finger)."""
         self._config = config
@@ -85,13 +90,22 @@ class Track:
             self._turn = TurnFilter(self._config.smoothing, hand.palm.q, stamp)
             self.tips.clear()
         self._point.update(hand.palm.translation, stamp)
-        self._turn.update(hand.palm.q, stamp, hand.turn_covariance)
+        self._update_turn(hand)
         self.last_seen = max(self.last_seen, stamp)
-        self.source, self.sigma = source, hand.sigma
+        self.source, self.sigma, self.palm_sigma = source, hand.sigma, hand.palm_sigma
         if hand.side != "unknown":
             self.side = hand.side
         tips = hand.tips if hand.is_labelled else self._labelled(hand)
         self._update_tips(tips, stamp)
+
+    def _update_turn(self, hand: SeenHand) -> None:
+        """Take in how the palm is turned; the first sight that tells anything of that is not smoothed with guesses."""
+        covariance = hand.turn_covariance
+        sigma = 0.0 if covariance is None else float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
+        if self.turn_sigma >= _GUESSED and sigma < _GUESSED:
+            self._turn = TurnFilter(self._config.smoothing, hand.palm.q, hand.palm.stamp)
+        self._turn.update(hand.palm.q, hand.palm.stamp, covariance)
+        self.turn_sigma = sigma
 
     def _update_tips(self, tips: dict[int, Array], stamp: float) -> None:
         palm = self.palm

@@ -51,7 +51,7 @@ def find_wrist(patch: Patch, middle: Array, body: Mask, depth: NDArray[np.float3
     edge = _edge(rows, columns, depth.shape)
     begins = ring & (np.abs(near - beside) < _GOES_ON)
     found = [*_begins(others, begins, edge, metre), _pixels((hand > 0) & edge)]
-    places = np.concatenate(found) + (columns.start, rows.start)
+    places = np.concatenate(found) + np.array((columns.start, rows.start))
     if len(places) < _LEAST_WIDTH * metre:
         return None
     directions = places - middle
@@ -75,9 +75,10 @@ def _window(patch: Patch, margin: int, shape: tuple[int, ...]) -> tuple[slice, s
 def _begins(others: Mask, ring: Mask, edge: Mask, metre: float) -> list[Array]:
     """Pixels (n, 2) beside the hand of each thing that goes on from it far enough, or out of the image."""
     count, labels, stats, _ = cv2.connectedComponentsWithStats(others.astype(np.uint8), connectivity=4)
-    large = [k for k in range(1, count) if stats[k, cv2.CC_STAT_AREA] >= _LEAST_AREA * metre**2]
-    leaving = set(np.unique(labels[edge]).tolist()) - {0, *large}
-    return [_pixels(ring & (labels == label)) for label in (*large, *sorted(leaving))]
+    leaving = set(np.unique(labels[edge]).tolist())
+    least = _LEAST_AREA * metre**2
+    likely = [k for k in range(1, count) if k in leaving or stats[k, cv2.CC_STAT_AREA] >= least]
+    return [_pixels(ring & (labels == label)) for label in likely]
 
 
 def _edge(rows: slice, columns: slice, shape: tuple[int, ...]) -> Mask:
