@@ -30,7 +30,7 @@ _STILL = 0.02  # m, in half of that
 _GRIPS = tuple((x, 0.0, 0.0) for x in (0.0, 0.03, 0.06, 0.09, 0.12))
 """m, in the palm's frame: where a hand may have what it holds, from the palm to between the fingertips"""
 _REACH = 0.05  # m from there to the surface of the object
-_LEFT = 0.03  # m that the palm must go away from where it rested, until it has taken something along
+_LEFT = 0.022  # m that the palm must go away from where it rested, until it has taken something along
 _ELSEWHERE = 0.06  # m from where its hand would have it, from which what is seen is not in that
 _BLEND = 0.1  # weight of the newest in how a hand holds an object
 _TURNING = 1.5  # s in which what a hand covers turns with it
