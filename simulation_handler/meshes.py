@@ -25,9 +25,13 @@ Points = NDArray[np.float64]
 
 _MOST_CORNERS = 64  # of a hull
 _THINNEST = 0.001  # m
-_HOLLOW = 0.05  # of the diagonal that a surface may be inside of its hull
+_HOLLOW = 0.15  # of the volume of its hull that may be empty in what counts as convex
+_FILLED = 0.3  # of what is empty that parts may fill
+_ON = 0.002  # of its diagonal that a surface may be inside of the hull that it is on
 _MOST_KEPT = 256  # forms
-_MOST_LOOKED_AT = 5000  # points of a surface
+_AT_ONCE = 20  # directions
+_MOST_LOOKED_AT = 2000  # points of a surface
+_MOST_EXACT = 2000  # points whose hull is made of all
 
 
 class Form(NamedTuple):
@@ -121,11 +125,12 @@ def form_of(meshes: list[Mesh]) -> Form:
     hulls: list[Points] = []
     is_true = True
     for number, piece in enumerate(pieces, start=1):
-        found = [_hull(piece.points)]
-        if _is_hollow(piece, found):
+        outermost = _outermost(piece.points)
+        found = [_hull(outermost)]
+        if _is_filled(piece, outermost, found):
             divided = decomposed(*piece, MOST_PARTS - len(hulls) - (len(pieces) - number)) or found
             found = [_hull(part) for part in divided]
-            is_true = is_true and not _is_hollow(piece, found)
+            is_true = is_true and not _is_filled(piece, outermost, found)
         hulls += found
     centre = (np.array(bounds.low) + bounds.high) / 2.0
     return Form(bounds, tuple(_part(hull, centre) for hull in hulls), is_true)
@@ -133,8 +138,9 @@ def form_of(meshes: list[Mesh]) -> Form:
 
 def _whole(mesh: Mesh) -> _Piece:
     """All of a mesh; vertices at one place are one."""
-    places, index = np.unique(mesh.vertices[mesh.triangles.ravel()], axis=0, return_inverse=True)
-    return _Piece(places.astype(np.float64), index.reshape(-1, 3).astype(np.int64))
+    places, index = np.unique(mesh.vertices, axis=0, return_inverse=True)
+    used, corners = np.unique(index.ravel()[mesh.triangles], return_inverse=True)
+    return _Piece(places[used].astype(np.float64), corners.reshape(-1, 3).astype(np.int64))
 
 
 def _connected(whole: _Piece) -> list[_Piece]:
@@ -144,8 +150,9 @@ def _connected(whole: _Piece) -> list[_Piece]:
     """
     points, triangles = whole
     edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    order = np.lexsort(edges.T)
-    _, first, sharing = np.unique(edges[order], axis=0, return_index=True, return_counts=True)
+    keys = edges @ (len(points), 1)
+    order = np.argsort(keys, kind="stable")
+    _, first, sharing = np.unique(keys[order], return_index=True, return_counts=True)
     pairs = first[sharing == 2]
     ends = order[pairs] // 3, order[pairs + 1] // 3
     graph = coo_array((np.ones(len(pairs)), ends), shape=(len(triangles), len(triangles)))
@@ -172,19 +179,45 @@ def _hull(points: Points) -> Points:
         return np.asarray(middle + signs * half)
     if len(corners) <= _MOST_CORNERS:
         return np.asarray(corners)
-    farthest = np.unique((corners @ _DIRECTIONS.T).argmax(axis=0))
-    return np.asarray(corners[farthest])
+    return _farthest(corners, _DIRECTIONS)
 
 
-def _is_hollow(piece: _Piece, hulls: list[Points]) -> bool:
-    """Whether a part of its surface is deep inside of these hulls, which therefore fill what is empty."""
+def _outermost(points: Points) -> Points:
+    """Those of many points that are farthest in any of 500 directions: their hull is that of all, nearly."""
+    return points if len(points) <= _MOST_EXACT else _farthest(points, _MANY_DIRECTIONS)
+
+
+def _farthest(points: Points, directions: Points) -> Points:
+    """The points that are farthest in these directions (n, 3)."""
+    parts = [directions[k : k + _AT_ONCE] for k in range(0, len(directions), _AT_ONCE)]
+    return np.asarray(points[np.unique(np.concatenate([(part @ points.T).argmax(axis=1) for part in parts]))])
+
+
+def _is_filled(piece: _Piece, outermost: Points, hulls: list[Points]) -> bool:
+    """Whether these hulls fill too much of what is empty in the convex hull of a piece."""
+    try:
+        hull = ConvexHull(outermost)
+    except QhullError:
+        return False  # flat
+    if _is_on(piece, hull):
+        return False
+    a, b, c = np.moveaxis(piece.points[piece.triangles] - piece.points.mean(axis=0), 1, 0)
+    volume = abs(float(np.einsum("ni,ni->", a, np.cross(b, c)))) / 6.0
+    empty = hull.volume - volume
+    filled = sum(ConvexHull(part).volume for part in hulls) - volume
+    return empty > _HOLLOW * hull.volume and filled > _FILLED * empty
+
+
+def _is_on(piece: _Piece, hull: ConvexHull) -> bool:
+    """Whether a piece is closed and all of its surface on its hull: then it is convex, however its triangles turn."""
+    edges = np.sort(piece.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    _, sharing = np.unique(edges @ (len(piece.points), 1), return_counts=True)
+    if (sharing != 2).any():
+        return False
     surface = piece.points[piece.triangles].mean(axis=1)
     surface = surface[:: len(surface) // _MOST_LOOKED_AT + 1]
-    deepest = 0.0
-    for hull in hulls:
-        planes = ConvexHull(hull).equations
-        deepest = max(deepest, float(-(surface @ planes[:, :3].T + planes[:, 3]).max(axis=1).min()))
-    return deepest > _HOLLOW * math.dist(piece.points.min(axis=0), piece.points.max(axis=0))
+    depth = -(surface @ hull.equations[:, :3].T + hull.equations[:, 3]).max(axis=1)
+    return float(depth.max()) <= _ON * math.dist(piece.points.min(axis=0), piece.points.max(axis=0))
 
 
 def _part(hull: Points, centre: Points) -> Part:
@@ -206,4 +239,4 @@ def _spread(count: int) -> Points:
     return np.concatenate([np.eye(3), -np.eye(3), spiral])
 
 
-_DIRECTIONS = _spread(_MOST_CORNERS - 6)
+_DIRECTIONS, _MANY_DIRECTIONS = _spread(_MOST_CORNERS - 6), _spread(500)

@@ -54,12 +54,13 @@ def bench() -> Mesh:
     return together(*legs, block((0.2, 0.1, 0.02), (0.0, 0.0, 0.11)))
 
 
-def cup() -> Mesh:
-    """Open at the top, of one piece: 80 mm wide and 90 mm high, with walls of 6 mm."""
-    profile = np.array([(0.04, -0.045), (0.04, 0.045), (0.034, 0.045), (0.034, -0.037)])
+def cup(wall: float = 0.006) -> Mesh:
+    """Open at the top, of one piece: 80 mm wide and 90 mm high; the bottom is as thick as the wall (m)."""
+    inner, bottom = 0.04 - wall, wall - 0.045
+    profile = np.array([(0.04, -0.045), (0.04, 0.045), (inner, 0.045), (inner, bottom)])
     angles = 2.0 * np.pi * np.arange(24) / 24
     rings = [np.column_stack([r * np.cos(angles), r * np.sin(angles), np.full(24, z)]) for r, z in profile]
-    points = np.concatenate([*rings, [(0.0, 0.0, -0.045), (0.0, 0.0, -0.037)]])
+    points = np.concatenate([*rings, [(0.0, 0.0, -0.045), (0.0, 0.0, bottom)]])
     around = [(k, (k + 1) % 24) for k in range(24)]
     faces = [face for n in range(3) for a, b in around for face in (
         (24 * n + a, 24 * n + b, 24 * n + 24 + b), (24 * n + a, 24 * n + 24 + b, 24 * n + 24 + a))]  # fmt: skip
@@ -80,7 +81,8 @@ class TestForms:
         soup = Mesh(mesh.vertices[mesh.triangles.ravel()], np.arange(36).reshape(-1, 3))
         assert len(form_of([soup]).shape) == 1
 
-    def test_too_many_pieces_are_one_for_each_mesh_or_one_for_all(self) -> None:
+    def test_too_many_pieces_are_one_for_each_mesh_or_one_for_all(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr("simulation_handler.meshes.decomposed", lambda *_: None)
         many = [block((0.01, 0.01, 0.01), (0.1 * k, 0.0, 0.0)) for k in range(MOST_PARTS + 1)]
         assert len(form_of([together(*many)]).shape) == 1
         assert len(form_of([together(*many[:9]), together(*many[9:])]).shape) == 2
@@ -101,6 +103,18 @@ class TestForms:
         form = form_of([cup()])
         assert 4 <= len(form.shape) <= MOST_PARTS and form.is_true
         assert form_of([cup()]) == form
+
+    @pytest.mark.parametrize("wall", [0.001, 0.006, 0.02])
+    def test_however_thin_its_walls_it_is_found_hollow(self, wall: float, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr("simulation_handler.meshes.decomposed", lambda *_: None)
+        assert not form_of([cup(wall)]).is_true
+
+    def test_what_is_convex_is_so_however_its_triangles_turn(self) -> None:
+        mesh = block((1.0, 2.0, 3.0))
+        turned = mesh.triangles.copy()
+        turned[::2] = turned[::2, ::-1]
+        form = form_of([Mesh(mesh.vertices, turned)])
+        assert len(form.shape) == 1 and form.is_true
 
     def test_what_cannot_be_divided_is_told(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr("simulation_handler.meshes.decomposed", lambda *_: None)
