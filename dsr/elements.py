@@ -19,15 +19,15 @@ def type_of(entries: tuple[Entry, ...]) -> str:
     return entries[0].type if len(entries) == 1 else max(entries, key=lambda entry: entry.dot).type
 
 
-def _winner(entries: tuple[Entry, ...], attribute: str) -> Write | None:
+def winner(entries: tuple[Entry, ...], attribute: str) -> Write | None:
     """The winning write among the incarnations of one element."""
     writes = [entry.registers[attribute] for entry in entries if attribute in entry.registers]
     return max(writes, key=lambda write: (write.stamp, write.writer)) if writes else None
 
 
-def _stored(entries: tuple[Entry, ...], attribute: str) -> Any:
+def stored(entries: tuple[Entry, ...], attribute: str) -> Any:
     """The winning value among the incarnations of one element; `TOMBSTONE` if none is set."""
-    write = entries[0].registers.get(attribute) if len(entries) == 1 else _winner(entries, attribute)
+    write = entries[0].registers.get(attribute) if len(entries) == 1 else winner(entries, attribute)
     return TOMBSTONE if write is None else write.value
 
 
@@ -43,7 +43,7 @@ class _Element(Mapping[str, Any]):
         return type_of(self._entries)
 
     def _value(self, attribute: str) -> Any:
-        return _stored(self._entries, attribute)
+        return stored(self._entries, attribute)
 
     def __getitem__(self, attribute: str) -> Any:
         """The present value. Raises `GraphError` if the attribute is not set."""
@@ -61,8 +61,7 @@ class _Element(Mapping[str, Any]):
         return isinstance(attribute, str) and self._value(attribute) is not TOMBSTONE
 
     def __iter__(self) -> Iterator[str]:
-        names = {name for entry in self._entries for name in list(entry.registers)}
-        return iter(sorted(name for name in names if self._value(name) is not TOMBSTONE))
+        return iter(sorted(name for name in self.written if self._value(name) is not TOMBSTONE))
 
     def __len__(self) -> int:
         return sum(1 for _ in self)
@@ -91,7 +90,7 @@ class _Element(Mapping[str, Any]):
 
     def newest_write(self, attribute: str) -> Write | None:
         """The write that the present value is from, or that took it away; None if it never was set."""
-        return _winner(self._entries, attribute)
+        return winner(self._entries, attribute)
 
     @property
     def written(self) -> frozenset[str]:
@@ -152,9 +151,9 @@ class Edge(_Element):
         return pose
 
     def _value(self, attribute: str) -> Any:
-        value = _stored(self._entries, attribute)
+        value = stored(self._entries, attribute)
         if value is TOMBSTONE and attribute in POSE_FIELDS:
-            pose = _stored(self._entries, "pose")
+            pose = stored(self._entries, "pose")
             part = getattr(pose, attribute) if isinstance(pose, Pose) else None
             return TOMBSTONE if part is None else part
         return value

@@ -3,11 +3,29 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import Protocol
 
 from dsr.elements import Edge, Node
 from dsr.frames import FrameTree
 from dsr.transforms import Pose
-from dsr.watch import Watch
+from dsr.watch import ChangeKind
+
+
+class Follower(Protocol):
+    """Told about changes: a `Watch`, or an overlay of the graph."""
+
+    @property
+    def closed(self) -> bool:
+        """Whether it wants to hear no more."""
+
+    def offer(self, kind: ChangeKind, element: Node | Edge, attribute: str | None = None) -> None:
+        """An element changed or went."""
+
+    def offer_all(self, element: Node | Edge) -> None:
+        """An element came, with all its attributes."""
+
+    def close(self) -> None:
+        """Nothing will change any more."""
 
 
 class Followers:
@@ -21,9 +39,9 @@ class Followers:
     def __init__(self, geometric: set[str], frames: FrameTree | None = None) -> None:
         self.frames = frames or FrameTree()
         self._geometric = geometric
-        self._watches: list[Watch] = []
+        self._watches: list[Follower] = []
 
-    def follow(self, watch: Watch, existing: Iterable[Node | Edge]) -> None:
+    def follow(self, watch: Follower, existing: Iterable[Node | Edge]) -> None:
         """Tell `watch` of all changes from now on, and of elements that are there. The graph must be locked."""
         for element in existing:
             watch.offer_all(element)

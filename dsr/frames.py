@@ -13,7 +13,7 @@ from typing import Protocol
 
 from dsr.errors import ExtrapolationError, NoPathError, TransformError, suggest
 from dsr.frame_batch import Batch
-from dsr.frame_chain import Chain, Find, Link, Links, Newest, Path, climb
+from dsr.frame_chain import Chain, Dependency, Find, Link, Links, Newest, Path, climb
 from dsr.pose_history import PoseHistory
 from dsr.transforms import Array, Pose
 
@@ -142,6 +142,10 @@ class FrameTree:
     def link(self, type: str, child: str) -> Link | None:
         """The link of this type to the parent with the newest sample; None if there is none."""
         return self._links(type).get(child)
+
+    def depend_on(self, type: str, child: str, link: Link | None) -> list[Dependency]:
+        """What must stay for `link` to answer with this link again."""
+        return [(self._links(type), child, link)]
 
     def histories(self, type: str, child: str) -> dict[str, PoseHistory] | None:
         """The samples of all edges of this type to `child`, by parent; neither is to be changed."""

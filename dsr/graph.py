@@ -118,12 +118,12 @@ class Graph(Sharing):
         """Remove a node and the edges at it, as seen here; an empty delta if it is not visible."""
         if name not in self.nodes:
             return Delta()
-        keys: list[Key] = [name, *self.incident.get(name, ())]
-        return self._commit_removal([dot for key in keys for dot in self.store.by_key.get(key, ())])
+        keys: list[Key] = [name, *self.incident_keys(name)]
+        return self._commit_removal([entry.dot for key in keys for entry in self.live(key)])
 
     def remove_edge(self, key: EdgeKey) -> Delta:
         """Remove an edge as seen here; an empty delta if it is not visible."""
-        return self._commit_removal(list(self.store.by_key[key])) if key in self.edges else Delta()
+        return self._commit_removal([e.dot for e in self.live(key)]) if key in self.edges else Delta()
 
     def copy(self, key: Key, type: str, writes: Iterable[Write], now: float) -> Delta:
         """Repeat what was written elsewhere in the element `key`, which is created if it is not visible.
@@ -187,7 +187,15 @@ class Graph(Sharing):
         return delta
 
     def _entries_of(self, key: Key, add: Add | None) -> list[Dot]:
-        return [add.dot] if add else list(self.store.by_key[key])
+        return [add.dot] if add else [entry.dot for entry in self.live(key)]
+
+    def live(self, key: Key) -> list[Entry]:
+        """All incarnations of an element that live; the graph must be locked."""
+        return list(self.store.by_key.get(key, {}).values())
+
+    def incident_keys(self, name: str) -> list[EdgeKey]:
+        """Keys of the edges at a node, visible or not; the graph must be locked."""
+        return list(self.incident.get(name, ()))
 
     def _new_dot(self) -> Dot:
         self._counter += 1
@@ -252,8 +260,8 @@ class Graph(Sharing):
                 index.setdefault(name, {})[edge.key] = edge
 
     def clear(self) -> None:
-        """Hold nothing any more, unless a fork still reads from here; the graph must be locked."""
-        if any(fork() is not None for fork in self._forks):
+        """Hold nothing any more, unless another one still reads from here; the graph must be locked."""
+        if any(fork() is not None for fork in self._forks) or any(overlay() is not None for overlay in self.overlays):
             return
         self.store = Store(self)
         self.nodes, self.edges = {}, {}
@@ -333,7 +341,10 @@ class Graph(Sharing):
     def _change_incarnations(self, element: Node | Edge, entries: tuple[Entry, ...]) -> None:
         """Another incarnation of a visible element came or went: its values may be others now."""
         before = dict(element)
+        others = element._entries != entries
         element._entries = entries
+        if others and self.overlays:
+            self.incarnations_changed(element)
         for attribute in before.keys() | set(element):
             if before.get(attribute) is not element.get(attribute):
                 self._listener.updated(element, attribute)

@@ -6,6 +6,7 @@ import weakref
 from collections.abc import MutableMapping
 from typing import Protocol, TypeVar
 
+from dsr.crdt.context import Dot
 from dsr.crdt.delta import EdgeKey, Key
 from dsr.crdt.store import Entry, Observer, Store
 from dsr.elements import Edge, Node
@@ -23,6 +24,13 @@ class Fork(Protocol):
         """The other graph is about to change this element: keep it as it is."""
 
 
+class LooksThrough(Protocol):
+    """A graph that shows another one's elements, live."""
+
+    def below_has_others(self, element: Node | Edge) -> None:
+        """Other incarnations of an element of the other graph are seen there now."""
+
+
 class Sharing(Observer):
     """Base of `Graph`."""
 
@@ -32,6 +40,8 @@ class Sharing(Observer):
 
     def __init__(self) -> None:
         self._forks: list[weakref.ref[Fork]] = []
+        self.overlays: list[weakref.ref[LooksThrough]] = []
+        """Graphs that look through to this one, live."""
 
     def share_with(self, fork: Fork) -> None:
         """Let `fork` read what is here now, and keep from it what changes later; the graph must be locked."""
@@ -44,10 +54,27 @@ class Sharing(Observer):
         if not self._forks:
             self.store.mine = None
 
+    def element(self, dot: Dot) -> Entry | None:
+        """What lives under a creation dot, here or below."""
+        return self.store.entries.get(dot)
+
+    def is_known(self, dot: Dot) -> bool:
+        """Whether it is clear what became of what was created under `dot`."""
+        return dot in self.store.context
+
+    def incarnations_changed(self, element: Node | Edge) -> None:
+        """Tell the overlays."""
+        for reference in self.overlays:
+            overlay = reference()
+            if overlay is not None:
+                overlay.below_has_others(element)
+
     def tidy(self) -> None:
         """Give back what is not needed any more; called now and then, the graph must be locked."""
         if self._forks and any(fork() is None for fork in self._forks):
             self.release(None)
+        if self.overlays and any(overlay() is None for overlay in self.overlays):
+            self.overlays = [overlay for overlay in self.overlays if overlay() is not None]
 
     def before_change(self, key: Key) -> None:
         """Let the forks keep what is about to change."""

@@ -250,7 +250,7 @@ class Synchroniser:
     def delivered(self) -> bool:
         """Whether every reachable peer told that it has seen all that was written here."""
         rid, store = self.graph.rid, self.graph.store
-        samples = [entry.registers[name] for dot, name in store.unsettled if (entry := store.entries.get(dot))]
+        samples = [entry.registers[name] for dot, name in store.unsettled if (entry := store.find(dot))]
         last = store.context.vector.get(rid, 0)
         settled = all(sample.writer != rid for sample in samples)
         digests = [peer.digest for peer in self._peers.values()]

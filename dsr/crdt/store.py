@@ -154,17 +154,22 @@ class Store:
 
     def _write(self, write: Write) -> bool:
         """Apply a write; false if its dot must not yet count as seen."""
-        entry = self.entries.get(write.owner)
+        entry = self.find(write.owner)
         if entry is None:
             return write.owner in self.context or self._wait(write)
+        self._set(entry, write)
+        return True
+
+    def _set(self, entry: Entry, write: Write) -> None:
+        """Let the greater of `write` and what the register holds win."""
         current = entry.registers.get(write.attribute)
         if current is not None:
             if write.stamp < current.stamp:
-                return True
+                return
             if write.stamp == current.stamp and write.writer <= current.writer:
                 if write.writer == current.writer:
                     self._settle_same(entry, write, current)
-                return True
+                return
         if self.mine is not None:
             entry = self._own(entry)
         entry.registers[write.attribute] = write
@@ -172,7 +177,6 @@ class Store:
             self.unsettled[(write.owner, write.attribute)] = 0
         if entry.announced:
             self._observer.register_changed(entry, write.attribute)
-        return True
 
     def _settle_same(self, entry: Entry, write: Write, current: Write) -> None:
         """The same write again, now durable, or made durable by two replicas: the greatest dot stays."""
@@ -180,6 +184,18 @@ class Store:
             if self.mine is not None:
                 entry = self._own(entry)
             entry.registers[write.attribute] = replace(current, dot=write.dot)
+
+    def find(self, dot: Dot) -> Entry | None:
+        """What was created under `dot` and lives, with the registers that are written here."""
+        return self.entries.get(dot)
+
+    def is_known(self, dot: Dot) -> bool:
+        """Whether it is clear what became of what was created under `dot`."""
+        return dot in self.context
+
+    def element(self, dot: Dot) -> Entry | None:
+        """The node or edge that lives under `dot`."""
+        return self.entries.get(dot)
 
     def _own(self, entry: Entry) -> Entry:
         """The entry as one that may change: others that read it keep the old one."""
@@ -254,7 +270,7 @@ class Store:
         """Give a dot to each stream register for which `due(write, times passed over)` holds."""
         delta = Delta()
         for (owner, attribute), passes in list(self.unsettled.items()):
-            entry = self.entries.get(owner)
+            entry = self.find(owner)
             write = entry.registers.get(attribute) if entry else None
             if entry is None or write is None or write.dot is not None:
                 del self.unsettled[(owner, attribute)]

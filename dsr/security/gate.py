@@ -173,15 +173,15 @@ class _Screening:
 
     def _type_of(self, dot: Dot) -> tuple[Key, str] | None:
         """Key and type of the element created under `dot`, if it lives here or comes with the message."""
-        element = self._store.entries.get(dot) or self._arriving.get(dot)
+        element = self._store.element(dot) or self._arriving.get(dot)
         return (element.key, element.type) if element else None
 
     def _is_known(self, dot: Dot) -> bool:
         """Whether it is clear what became of the element created under `dot`."""
-        return dot in self._arriving or dot in self._void or dot in self._store.context
+        return dot in self._arriving or dot in self._void or self._store.is_known(dot)
 
     def _ends(self, dot: Dot) -> set[Dot]:
-        edge = self._store.entries.get(dot) or self._arriving.get(dot)
+        edge = self._store.element(dot) or self._arriving.get(dot)
         return {*edge.sources, *edge.destinations} if edge else set()
 
     def _accounted_for(self) -> list[DotRange]:

@@ -29,7 +29,7 @@ class ForkedFrames(FrameTree):
         super().__init__(history=source._history, samples=source._samples, extrapolation=source._extrapolation)
         self._source = source
         self._taken: set[_Key] = set()
-        self._histories = _SharedHistories(source, self._taken)
+        self._histories = SharedHistories(source, self._taken)
         self._mine = set()
         self._changing = threading.RLock()
         """Held while a link is changed, or one of the source is put into the table."""
@@ -98,7 +98,7 @@ class _ReadThrough(Newest):
         return None
 
 
-class _SharedHistories(dict[_Key, _Histories]):
+class SharedHistories(dict[_Key, _Histories]):
     """Histories by (type, child): those taken over, and below them the source's."""
 
     def __init__(self, source: FrameTree, taken: set[_Key]) -> None:

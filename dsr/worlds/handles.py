@@ -1,13 +1,17 @@
-"""Nodes and edges of a fork that it has not taken over: what one holds goes on showing the fork, whatever happens."""
+"""Nodes and edges of forks and overlays, of which part is the parent's: what one holds goes on showing what holds there."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Protocol
 
-from dsr.crdt.delta import EdgeKey
+from dsr.crdt.delta import TOMBSTONE, EdgeKey, Write
 from dsr.crdt.store import Entry
-from dsr.elements import Edge, Node
+from dsr.elements import Edge, Node, stored, type_of, winner
+from dsr.schema import POSE_FIELDS
+from dsr.transforms import Pose
+
+Entries = tuple[Entry, ...]
 
 
 class SharedNode(Node):
@@ -15,18 +19,18 @@ class SharedNode(Node):
 
     __slots__ = ("_own", "_shared")
 
-    def __init__(self, name: str, entries: tuple[Entry, ...], own: Mapping[str, Node]) -> None:
+    def __init__(self, name: str, entries: Entries, own: Mapping[str, Node]) -> None:
         self.name = name
         self._shared = entries
         self._own = own
 
     @property
-    def _entries(self) -> tuple[Entry, ...]:  # type: ignore[override]
+    def _entries(self) -> Entries:  # type: ignore[override]
         taken = self._own.get(self.name)
         return self._shared if taken is None else taken._entries
 
     def __eq__(self, other: object) -> bool:
-        return other is self or (isinstance(other, Node) and _same(self._own, self.name, self._shared, other))
+        return other is self or (isinstance(other, Node) and _same(self._own, self.name, other))
 
     def __hash__(self) -> int:
         return hash((id(self._own), self.name))
@@ -37,25 +41,217 @@ class SharedEdge(Edge):
 
     __slots__ = ("_own", "_shared")
 
-    def __init__(self, key: EdgeKey, entries: tuple[Entry, ...], own: Mapping[EdgeKey, Edge]) -> None:
+    def __init__(self, key: EdgeKey, entries: Entries, own: Mapping[EdgeKey, Edge]) -> None:
         self.src, self.dst, self.type_name = key
         self._shared = entries
         self._own = own
 
     @property
-    def _entries(self) -> tuple[Entry, ...]:  # type: ignore[override]
+    def _entries(self) -> Entries:  # type: ignore[override]
         taken = self._own.get(self.key)
         return self._shared if taken is None else taken._entries
 
     def __eq__(self, other: object) -> bool:
-        return other is self or (isinstance(other, Edge) and _same(self._own, self.key, self._shared, other))
+        return other is self or (isinstance(other, Edge) and _same(self._own, self.key, other))
 
     def __hash__(self) -> int:
         return hash((id(self._own), self.key))
 
 
-def _same(own: Mapping[Any, Any], key: Any, shared: tuple[Entry, ...], other: Node | Edge) -> bool:
+def _same(own: Mapping[Any, Any], key: Any, other: Node | Edge) -> bool:
     """Whether `other` is the element of that key in the same fork, taken over or not."""
-    if isinstance(other, SharedNode | SharedEdge):
-        return other._own is own and (other.name if isinstance(other, SharedNode) else other.key) == key
+    if isinstance(other, SharedNode | SharedEdge | LiveNode | LiveEdge):
+        return other._own is own and (other.name if isinstance(other, Node) else other.key) == key
     return own.get(key) is other
+
+
+class LiveNode(Node):
+    """A node that an overlay shows as its parent has it, until it says something of it itself."""
+
+    __slots__ = ("_below", "_own")
+
+    def __init__(self, name: str, below: Node, own: Mapping[str, Node]) -> None:
+        self.name = name
+        self._below = below
+        self._own = own
+
+    @property
+    def _entries(self) -> Entries:  # type: ignore[override]
+        return (self._own.get(self.name) or self._below)._entries
+
+    def _value(self, attribute: str) -> Any:
+        return (self._own.get(self.name) or self._below)._value(attribute)
+
+    def _write_of(self, attribute: str) -> Write | None:
+        return (self._own.get(self.name) or self._below)._write_of(attribute)
+
+    def __eq__(self, other: object) -> bool:
+        return other is self or (isinstance(other, Node) and _same(self._own, self.name, other))
+
+    def __hash__(self) -> int:
+        return hash((id(self._own), self.name))
+
+
+class LiveEdge(Edge):
+    """An edge that an overlay shows as its parent has it, until it says something of it itself."""
+
+    __slots__ = ("_below", "_own")
+
+    def __init__(self, key: EdgeKey, below: Edge, own: Mapping[EdgeKey, Edge]) -> None:
+        self.src, self.dst, self.type_name = key
+        self._below = below
+        self._own = own
+
+    @property
+    def _entries(self) -> Entries:  # type: ignore[override]
+        return (self._own.get(self.key) or self._below)._entries
+
+    def _value(self, attribute: str) -> Any:
+        return (self._own.get(self.key) or self._below)._value(attribute)
+
+    def _write_of(self, attribute: str) -> Write | None:
+        return (self._own.get(self.key) or self._below)._write_of(attribute)
+
+    def __eq__(self, other: object) -> bool:
+        return other is self or (isinstance(other, Edge) and _same(self._own, self.key, other))
+
+    def __hash__(self) -> int:
+        return hash((id(self._own), self.key))
+
+
+class Splitting(Protocol):
+    """Tells what an overlay shows of an element."""
+
+    def split(self, element: Node | Edge) -> tuple[Entries, Entries]:
+        """The overlay's own incarnations, and those of the parent that it shows."""
+
+    def patches_of(self, entries: Entries) -> Entries:
+        """What the overlay says of these incarnations of the parent."""
+
+
+class Layered:
+    """What a node and an edge with a layer of their own have in common: first what that says, then the parent."""
+
+    __slots__ = ()
+    _graph: Splitting
+    _below: Any
+    _seen: Any
+    _parts: Any
+
+    def refresh(self) -> tuple[Entries, Entries, Entries]:
+        """What it is made of: own incarnations, what is said of the parent's, and those."""
+        below = () if self._below is None else self._below._entries
+        if below is not self._seen:
+            own, shown = self._graph.split(self)  # type: ignore[arg-type]
+            if own or shown or self._parts is None:  # what is gone stays as it was
+                self._parts = own, self._graph.patches_of(shown), shown
+            self._seen = below
+        parts: tuple[Entries, Entries, Entries] = self._parts
+        return parts
+
+    def outdate(self, below: Node | Edge | None) -> None:
+        """The layer has changed, or the parent has another element there."""
+        self._below, self._seen = below, None
+
+    def layer_write(self, attribute: str) -> Write | None:
+        """What the layer itself says of an attribute."""
+        own, patches, _ = self.refresh()
+        return winner((*own, *patches), attribute) if own or patches else None
+
+    def all_entries(self) -> Entries:
+        """All incarnations."""
+        own, _, shown = self.refresh()
+        return (*shown, *own)
+
+    def value(self, attribute: str) -> Any:
+        """The value of an attribute; `TOMBSTONE` if it is not set."""
+        write = self.layer_write(attribute)
+        if write is not None:
+            return write.value
+        below = self._below
+        if below is None:
+            return TOMBSTONE
+        return below._value(attribute) if len(self._parts[2]) == len(self._seen) else stored(self._parts[2], attribute)
+
+    def write_of(self, attribute: str) -> Write | None:
+        """The write that the value comes from."""
+        write = self.layer_write(attribute)
+        if write is not None or self._below is None:
+            return write
+        below: Write | None = self._below._write_of(attribute)
+        return below
+
+    def names(self) -> set[str]:
+        """Attributes that may be set."""
+        own, patches, _ = self.refresh()
+        names = {name for entry in (*own, *patches) for name in list(entry.registers)}
+        return names if self._below is None else names | self._below._names()
+
+    def layered_type(self) -> str:
+        """Type: its own incarnations decide, if there are any."""
+        own, _, shown = self.refresh()
+        return type_of(own or shown)
+
+
+class LayeredNode(Layered, Node):
+    """A node of which an overlay has something of its own to say."""
+
+    __slots__ = ("_below", "_graph", "_parts", "_seen")
+
+    def __init__(self, name: str, below: Node | None, graph: Splitting) -> None:
+        self.name = name
+        self._below = below
+        self._graph = graph
+        self._parts = self._seen = None
+
+    @property
+    def _entries(self) -> Entries:  # type: ignore[override]
+        return self.all_entries()
+
+    @property
+    def type(self) -> str:
+        """See `Node.type`."""
+        return self.layered_type()
+
+    def _value(self, attribute: str) -> Any:
+        return self.value(attribute)
+
+    def _write_of(self, attribute: str) -> Write | None:
+        return self.write_of(attribute)
+
+    def _names(self) -> set[str]:
+        return self.names()
+
+
+class LayeredEdge(Layered, Edge):
+    """An edge of which an overlay has something of its own to say."""
+
+    __slots__ = ("_below", "_graph", "_parts", "_seen")
+
+    def __init__(self, key: EdgeKey, below: Edge | None, graph: Splitting) -> None:
+        self.src, self.dst, self.type_name = key
+        self._below = below
+        self._graph = graph
+        self._parts = self._seen = None
+
+    @property
+    def _entries(self) -> Entries:  # type: ignore[override]
+        return self.all_entries()
+
+    @property
+    def type(self) -> str:
+        """See `Edge.type`."""
+        return self.type_name
+
+    def _value(self, attribute: str) -> Any:
+        if attribute in POSE_FIELDS and self.layer_write(attribute) is None:
+            pose = self.value("pose")
+            part = getattr(pose, attribute) if isinstance(pose, Pose) else None
+            return TOMBSTONE if part is None else part
+        return self.value(attribute)
+
+    def _write_of(self, attribute: str) -> Write | None:
+        return self.write_of(attribute)
+
+    def _names(self) -> set[str]:
+        return self.names()

@@ -11,11 +11,14 @@ from typing import TYPE_CHECKING
 
 from dsr.errors import TransportError, WorldError, WorldNotFoundError, suggest
 from dsr.followers import Followers
+from dsr.frames import FrameTree
 from dsr.graph import Graph
 from dsr.keys import BASE, Keys, check_name
 from dsr.runtime.access import guard_in
 from dsr.worlds.fork import ForkedGraph
 from dsr.worlds.fork_frames import ForkedFrames
+from dsr.worlds.overlay import Overlay
+from dsr.worlds.overlay_frames import OverlayFrames
 from dsr.worlds.registry import BASE_INFO, ROOT, Record, WorldInfo, find_record, node_name, records, to_attribute
 
 if TYPE_CHECKING:
@@ -45,14 +48,28 @@ class Seat:
 
     def followers(self) -> Followers:
         """The listener of the world's graph, which knows what that holds at first."""
-        frames = None if self.source is None else ForkedFrames(self.source._frames)
-        return Followers(self.worlds.base.schema.geometric, frames)
+        return Followers(self.worlds.base.schema.geometric, self._frames())
+
+    def _frames(self) -> FrameTree | None:
+        if self.source is None:
+            return None
+        theirs = self.source.replica.graph
+        if self.record.info.follows:
+            return OverlayFrames(self.source._frames)
+        return None if isinstance(theirs, Overlay) else ForkedFrames(self.source._frames)
 
     def graph(self, followers: Followers) -> Graph:
         """What the world holds at first."""
         if self.source is None:
             return Graph(self.rid, self.worlds.base.schema, followers)
-        return ForkedGraph(self.rid, self.source.replica.graph, followers)
+        parent = self.source.replica.graph
+        if isinstance(followers.frames, OverlayFrames):
+            return Overlay(self.rid, parent, self.source._followers, followers, followers.frames)
+        if not isinstance(parent, Overlay):
+            return ForkedGraph(self.rid, parent, followers)
+        graph = Graph(self.rid, parent.schema, followers)
+        graph.join(parent.flattened())
+        return graph
 
 
 class Worlds:
@@ -95,13 +112,20 @@ class Worlds:
             self.sweep()
             if name in self._open:
                 return self._open[name]
-            memory = self._take_seat(self._record(name), None)
+            memory = self._join(name, timeout)
             try:
                 self._wait_joined(memory, name, timeout)
             except BaseException:
                 memory.close()
                 raise
             return memory
+
+    def _join(self, name: str, timeout: float) -> Memory:
+        """Take part in a world that is listed; its parent, too, if it looks through to that."""
+        record = self._record(name)
+        info = record.info
+        below = self.open(info.parent, timeout) if info.follows and info.parent is not None else None
+        return self._take_seat(record, below)
 
     def create(self, name: str, *, exist_ok: bool, timeout: float) -> Memory:
         """See `Memory.create_world`."""
@@ -111,7 +135,7 @@ class Worlds:
                     raise WorldError(f"world {name!r} exists already; open it with world({name!r})")
                 with contextlib.suppress(WorldNotFoundError):
                     return self.open(name, timeout)
-                memory = self._take_seat(self._record(name), None)
+                memory = self._join(name, timeout)
             else:
                 memory = self._make(WorldInfo(name), None)
             memory.replica.synchroniser.nobody_there()

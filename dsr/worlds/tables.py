@@ -141,6 +141,11 @@ class Group(MutableMapping[K, V], Generic[K, V]):
             self._left -= 1
         self._version += 1
 
+    def outdate(self) -> None:
+        """The parent's members are others now."""
+        self._left = None
+        self._version += 1
+
     def forget_handles(self) -> None:
         """Give back what only makes reading again faster."""
         self._listed = None
@@ -203,6 +208,10 @@ class Groups(MutableMapping[str, MutableMapping[K, V]], Generic[K, V]):
         if group is not None:
             group.take()
         self.setdefault(name)[key] = value
+
+    def kept(self, name: str) -> Group[K, V] | None:
+        """The group of this name, if more is known of it than what the parent knows."""
+        return self._groups.get(name)
 
     def forget_handles(self) -> None:
         """Give back what only makes reading again faster."""

@@ -1,0 +1,117 @@
+"""The store of an overlay: only what it holds of its own, and what it says of elements of its parent.
+
+A write to a node or edge of the parent is a write to that one's creation dot, kept in a *patch*. Hiding is removing that
+dot. So both are for one incarnation: what the parent makes anew shows. A patch of which the parent's element has not
+arrived waits, and takes no part in the fingerprint: streams may make one here and not there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+from dsr.crdt.context import CausalContext, Dot
+from dsr.crdt.delta import Add, Delta, Write
+from dsr.crdt.store import Entry, Observer, Store
+
+
+class LayerObserver(Protocol):
+    """What an overlay's graph is told besides what every graph is."""
+
+    def hidden(self, dot: Dot) -> None:
+        """What the parent holds under `dot` is not to be seen any more."""
+
+    def replied(self) -> None:
+        """A synchronisation reply was joined: anything may be hidden now."""
+
+
+class Layer(Store):
+    """The replicated state of one overlay.
+
+    Args:
+        observer: told about changes.
+        told: the same, about what only overlays know.
+        below: tells the entry of the parent under a creation dot.
+        known_below: tells whether it is clear what became of such a dot.
+    """
+
+    def __init__(
+        self,
+        observer: Observer,
+        told: LayerObserver,
+        below: Callable[[Dot], Entry | None],
+        known_below: Callable[[Dot], bool],
+    ) -> None:
+        super().__init__(observer)
+        self.patches: dict[Dot, Entry] = {}
+        """What is said of elements of the parent, by creation dot."""
+        self._told = told
+        self._below = below
+        self._known_below = known_below
+
+    def join(self, delta: Delta) -> None:
+        """See `Store.join`."""
+        super().join(delta)
+        if delta.live is not None:
+            self._told.replied()
+
+    def find(self, dot: Dot) -> Entry | None:
+        """See `Store.find`."""
+        return self.entries.get(dot) or self.patches.get(dot)
+
+    def is_known(self, dot: Dot) -> bool:
+        """See `Store.is_known`."""
+        return super().is_known(dot) or self._known_below(dot)
+
+    def element(self, dot: Dot) -> Entry | None:
+        """See `Store.element`; those of the parent, too."""
+        return self.entries.get(dot) or (None if dot in self.context else self._below(dot))
+
+    def bury(self, dot: Dot) -> None:
+        """The parent's element is gone for good, and what was said of it with it."""
+        if self.patches.pop(dot, None) is not None:
+            self.context.add(dot)
+
+    def _write(self, write: Write) -> bool:
+        if self.find(write.owner) is None and write.owner not in self.context:
+            if self._known_below(write.owner) and self._below(write.owner) is None:
+                return True  # the parent has removed it
+            patch = self.patches[write.owner] = Entry(Add(write.owner, "", ""))
+            patch.announced = True
+        return super()._write(write)
+
+    def _add(self, add: Add) -> Entry | None:
+        entry = super()._add(add)
+        patch = self.patches.pop(add.dot, None)
+        if entry is not None and patch is not None:
+            entry.registers = patch.registers
+        return entry
+
+    def _remove(self, dot: Dot) -> None:
+        own = dot in self.entries
+        self.patches.pop(dot, None)
+        super()._remove(dot)
+        if not own:
+            self._told.hidden(dot)
+
+    def _remove_absent(self, delta: Delta) -> None:
+        super()._remove_absent(delta)
+        seen = CausalContext(delta.context)
+        assert delta.live is not None
+        for dot in [dot for dot in self.patches if dot in seen and dot not in delta.live]:
+            self._remove(dot)
+
+    def rebuild(self) -> None:
+        """See `Store.rebuild`."""
+        super().rebuild()
+        for dot, patch in self.patches.items():
+            for write in patch.registers.values():
+                if write.dot is None:
+                    self.unsettled.setdefault((dot, write.attribute), 0)
+
+    def missing_for(self, seen: CausalContext) -> Delta:
+        """See `Store.missing_for`."""
+        reply = super().missing_for(seen)
+        for patch in self.patches.values():
+            reply.writes += [w for w in patch.registers.values() if w.dot is None or w.dot not in seen]
+        return reply

@@ -1,0 +1,408 @@
+"""An overlay of a graph: what it holds of its own, and everything else live from its parent, attribute by attribute.
+
+Only the overlay's own layer is state, replicated among those that have the overlay open; each of them also has the
+parent open, and looks through. A key that is *taken* has a view of its own in the tables, made anew when the layer or the
+parent changes; every other key is read from the parent. What depends on the parent: an edge of the layer is
+visible while both its ends are, here; an edge of the parent is hidden with an end of it.
+"""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Iterable
+from typing import Any
+
+from dsr.crdt.context import Dot
+from dsr.crdt.delta import Add, Delta, EdgeKey, Key
+from dsr.crdt.store import Entry
+from dsr.elements import Edge, Node
+from dsr.followers import Followers
+from dsr.graph import Graph
+from dsr.watch import ChangeKind
+from dsr.worlds.handles import LayeredEdge, LayeredNode, LiveEdge, LiveNode
+from dsr.worlds.layer import Layer
+from dsr.worlds.overlay_frames import OverlayFrames
+from dsr.worlds.tables import Elements, Groups, Taken
+
+
+class Overlay(Graph):
+    """A replica of an overlay of `parent`, empty at first.
+
+    Args:
+        rid: id of the replica, unlike any that ever wrote into the parent.
+        parent: the graph to look through to; it must be locked, and is locked together with the overlay.
+        told: the parent's listener.
+        listener: the overlay's, with frames that look through to those of `told`.
+    """
+
+    store: Layer
+
+    def __init__(self, rid: str, parent: Graph, told: Followers, listener: Followers, frames: OverlayFrames) -> None:
+        super().__init__(rid, parent.schema, listener)
+        self.parent = parent
+        self._frames = frames
+        self._clear_tables()
+        parent.overlays.append(weakref.ref(self))
+        self._link = _Link(self)
+        told.follow(self._link, [])
+
+    def _clear_tables(self) -> None:
+        parent = self.parent
+        taken: Taken = {}
+        self._taken = taken
+        self._types: dict[Key, str] = {}
+        """Of what is taken and seen, the type under which it is listed."""
+        self.store = Layer(self, self, parent.element, parent.is_known)
+        self._nodes = self.nodes = Elements(taken, lambda: parent.nodes, LiveNode)
+        self._edges = self.edges = Elements(taken, lambda: parent.edges, LiveEdge)
+        node, edge = self._nodes.__getitem__, self._edges.__getitem__
+        self.nodes_by_type = Groups(taken, lambda: parent.nodes_by_type, node)
+        self.edges_by_type = Groups(taken, lambda: parent.edges_by_type, edge)
+        self.edges_out = Groups(taken, lambda: parent.edges_out, edge)
+        self.edges_in = Groups(taken, lambda: parent.edges_in, edge)
+        self.incident = {}
+
+    def tidy(self) -> None:
+        """See `Graph.tidy`: also what only makes reading again faster."""
+        super().tidy()
+        tables: list[Any] = [self._nodes, self._edges, self.nodes_by_type, self.edges_by_type]
+        for table in [*tables, self.edges_out, self.edges_in]:
+            table.forget_handles()
+
+    def clear(self) -> None:
+        """See `Graph.clear`."""
+        self._link.close()
+        self.parent = Graph(self.rid, self.schema)
+        self._clear_tables()
+
+    # ---- incarnations, here and below
+
+    def live(self, key: Key) -> list[Entry]:
+        """See `Graph.live`: own ones, and those of the parent that are not hidden."""
+        below = [entry for entry in self.parent.live(key) if entry.dot not in self.store.context]
+        return [*below, *super().live(key)]
+
+    def incident_keys(self, name: str) -> list[EdgeKey]:
+        """See `Graph.incident_keys`."""
+        return list(dict.fromkeys([*self.parent.incident_keys(name), *super().incident_keys(name)]))
+
+    def element(self, dot: Dot) -> Entry | None:
+        """See `Graph.element`."""
+        return self.store.element(dot)
+
+    def is_known(self, dot: Dot) -> bool:
+        """See `Graph.is_known`."""
+        return self.store.is_known(dot)
+
+    def _has_ends(self, entry: Entry) -> bool:
+        element = self.store.element
+        return any(map(element, entry.sources)) and any(map(element, entry.destinations))
+
+    def _is_dead(self, entry: Entry) -> bool:
+        known, element = self.store.is_known, self.store.element
+        return any(all(known(dot) and not element(dot) for dot in ends) for ends in (entry.sources, entry.destinations))
+
+    def split(self, element: Node | Edge) -> tuple[tuple[Entry, ...], tuple[Entry, ...]]:
+        """See `Splitting.split`."""
+        assert isinstance(element, LayeredNode | LayeredEdge)
+        key: Key = element.name if isinstance(element, LayeredNode) else element.key
+        own = tuple(super().live(key))
+        entries = () if element._below is None else element._below._entries
+        shown = tuple(entry for entry in entries if entry.dot not in self.store.context)
+        if isinstance(element, LayeredNode):
+            return own, shown
+        return tuple(filter(self._has_ends, own)), tuple(filter(self._has_ends, shown))
+
+    def patches_of(self, entries: Iterable[Entry]) -> tuple[Entry, ...]:
+        """See `Splitting.patches_of`."""
+        patches = self.store.patches
+        return tuple(patches[entry.dot] for entry in entries if entry.dot in patches) if patches else ()
+
+    # ---- what the layer's store reports
+
+    def entry_added(self, entry: Entry) -> None:
+        """See `Graph.entry_added`."""
+        if not isinstance(entry.key, str):
+            self._note_incident(entry.key)
+            if not self._has_ends(entry):
+                if self._is_dead(entry):
+                    self._bury([entry])
+                else:
+                    self._unattached[entry.dot] = entry
+        self._refresh(entry.key)
+
+    def entry_removed(self, entry: Entry) -> None:
+        """See `Graph.entry_removed`."""
+        key = entry.key
+        if not isinstance(key, str) and key not in self.store.by_key:
+            for name in key[:2]:
+                keys = self.incident.get(name, {})
+                keys.pop(key, None)
+                if not keys:
+                    self.incident.pop(name, None)
+        self._refresh(key)
+
+    def register_changed(self, entry: Entry, attribute: str) -> None:
+        """See `Graph.register_changed`."""
+        below = self.parent.element(entry.dot) if entry.type == "" else entry
+        if below is None:
+            return  # the parent's element is still to come
+        key = below.key
+        if key not in self._taken:
+            self._refresh(key, told=False)
+        element = self._visible(key)
+        if isinstance(element, LayeredNode | LayeredEdge):
+            element.outdate(element._below)
+            self._listener.updated(element, attribute)
+
+    def hidden(self, dot: Dot) -> None:
+        """See `LayerObserver.hidden`."""
+        below = self.parent.element(dot)
+        if below is not None:
+            self._refresh(below.key)
+
+    def replied(self) -> None:
+        """See `LayerObserver.replied`."""
+        self._look_below(self.parent.nodes)
+        self._look_below(self.parent.edges)
+
+    def _look_below(self, elements: Any) -> None:
+        """Take what is hidden, or has patches that came before it."""
+        for key, element in list(elements.items()):
+            if key not in self._taken and self._concerns(element):
+                self._refresh(key)
+
+    def _concerns(self, element: Node | Edge) -> bool:
+        """Whether the layer changes how this element of the parent is seen."""
+        store = self.store
+        return any(
+            entry.dot in store.context or entry.dot in store.patches or not self._shows_ends(entry)
+            for entry in element._entries
+        )
+
+    def _shows_ends(self, entry: Entry) -> bool:
+        return isinstance(entry.key, str) or self._has_ends(entry)
+
+    # ---- what the parent reports
+
+    def below_came(self, element: Node | Edge) -> None:
+        """The parent shows an element that it did not."""
+        key = _key(element)
+        self._outdate(element)
+        if key in self._taken or self._concerns(element):
+            self._refresh(key, was_below=False)
+        else:
+            shown = self._visible(key)
+            assert shown is not None
+            self._listener.added(shown)
+        if isinstance(key, str):
+            self._refresh_edges_at(key)
+
+    def below_went(self, element: Node | Edge) -> None:
+        """The parent does not show an element any more."""
+        key = _key(element)
+        self._outdate(element)
+        for entry in element._entries:
+            if self.parent.element(entry.dot) is None and self.parent.is_known(entry.dot):
+                self.store.bury(entry.dot)
+        if key in self._taken:
+            self._refresh(key)
+        else:
+            self._listener.removed(element)
+        if isinstance(key, str):
+            self._refresh_edges_at(key)
+
+    def below_changed(self, element: Node | Edge, attribute: str) -> None:
+        """An attribute of an element of the parent changed."""
+        key = _key(element)
+        shown = self._visible(key)
+        if isinstance(shown, LayeredNode | LayeredEdge) and shown.layer_write(attribute) is not None:
+            return
+        if shown is not None:
+            self._listener.updated(shown, attribute)
+
+    def below_has_others(self, element: Node | Edge) -> None:
+        """Other incarnations of an element of the parent are seen there now."""
+        key = _key(element)
+        if key in self._taken or self._concerns(element):
+            self._refresh(key)
+
+    def _outdate(self, element: Node | Edge) -> None:
+        """What was listed for readers may be other elements now."""
+        key = _key(element)
+        if isinstance(key, str):
+            self._nodes.forget(key)
+            _outdate(self.nodes_by_type, element.type)
+        else:
+            self._edges.forget(key)
+            for index, name in self._edge_indexes(key):
+                _outdate(index, name)
+
+    # ---- what is seen
+
+    def _refresh_edges_at(self, name: str) -> None:
+        """Look again at edges that are seen, or not, because of this end."""
+        for key in self.incident_keys(name):
+            if key in self._taken or key in self.store.by_key or not all(map(self._shows_ends, self.parent.live(key))):
+                self._refresh(key)
+        own = [entry for key in super().incident_keys(name) for entry in super(Overlay, self).live(key)]
+        self._detach_or_bury(own)
+
+    def _refresh(self, key: Key, *, told: bool = True, was_below: bool = True) -> None:
+        """Take the element, or look again at how it is seen now, and tell what changed by that.
+
+        Args:
+            key: of the element.
+            told: tell the listener.
+            was_below: whether, if it is taken only now, it was seen before as the parent has it.
+        """
+        old = self._visible(key) if was_below or key in self._taken else None
+        before = dict(old) if old is not None else {}
+        type = "" if old is None else self._types.get(key, old.type)
+        below: Any = self.parent.nodes.get(key) if isinstance(key, str) else self.parent.edges.get(key)
+        view: LayeredNode | LayeredEdge
+        view = LayeredNode(key, below, self) if isinstance(key, str) else LayeredEdge(key, below, self)
+        new = view if view._entries else None
+        if isinstance(old, LayeredNode | LayeredEdge) and new is not None and type == new.type:
+            old.outdate(below)
+            new = old
+        self._put(key, new, below, type)
+        if told:
+            self._tell(key, old, new, before, type)
+
+    def _put(self, key: Key, new: Any, below: Node | Edge | None, old_type: str) -> None:
+        """Have the tables show `new`, or nothing, under this key."""
+        first = key not in self._taken
+        if isinstance(key, str):
+            elements: Any = self._nodes
+            groups: list[tuple[Any, str]] = [(self.nodes_by_type, type) for type in {old_type} - {""}]
+            into: list[tuple[Any, str]] = [] if new is None else [(self.nodes_by_type, new.type)]
+        else:
+            elements, groups = self._edges, list(self._edge_indexes(key))
+            into = groups
+            if first:
+                self._frames.take_over(key[2], key[1])
+        for group, name in groups:
+            if new is None or (group, name) not in into:
+                _drop(group, name, key)
+        if new is None:
+            self._types.pop(key, None)
+        else:
+            self._types[key] = new.type
+            elements.own[key] = new
+            for group, name in into:
+                group.setdefault(name)[key] = new
+        self._taken[key] = None
+        if new is None:
+            elements.own.pop(key, None)
+        elements.forget(key)
+        if first and below is not None:
+            for group, name in [*into, *groups, *([(self.nodes_by_type, below.type)] if isinstance(key, str) else [])]:
+                _outdate(group, name)
+        if first and new is None and not isinstance(key, str):
+            self._frames.remove(key[2], key[0], key[1])
+
+    def _tell(self, key: Key, old: Any, new: Any, before: dict[str, Any], type: str) -> None:
+        listener = self._listener
+        if old is not None and (new is None or new.type != type):
+            listener.removed(old)
+            old = None
+            if new is None:
+                if isinstance(key, str):
+                    self._refresh_edges_at(key)
+                return
+        if new is None:
+            return
+        if old is None:
+            listener.added(new)
+            if isinstance(key, str):
+                self._refresh_edges_at(key)
+            return
+        for attribute in sorted(before.keys() | set(new)):
+            if before.get(attribute) is not new.get(attribute):
+                listener.updated(new, attribute)
+        self.incarnations_changed(new)
+
+    # ---- as a whole
+
+    def flattened(self) -> Delta:
+        """Everything that is seen, as the state of a graph of its own; the graph must be locked."""
+        delta = Delta()
+        elements: list[Node | Edge] = [*self.nodes.values(), *self.edges.values()]
+        for element in elements:
+            writes = [write for name in element._names() if (write := element._write_of(name)) is not None]
+            for entry in element._entries:
+                delta.adds.append(Add(entry.dot, entry.key, entry.type, entry.sources, entry.destinations))
+                delta.writes += [_rewritten(entry.dot, write) for write in writes]
+        delta.context = [*self._contexts()]
+        return delta
+
+    def _contexts(self) -> Iterable[tuple[str, int, int]]:
+        parent = self.parent
+        yield from parent._contexts() if isinstance(parent, Overlay) else parent.store.context.ranges()
+        yield from self.store.context.ranges()
+
+    def _recover(self) -> None:
+        self.store.rebuild()
+        self.store.context.add_range(self.rid, 1, self._counter)
+        self.incident, self._unattached = {}, {}
+        for key in list(self.store.by_key):
+            if not isinstance(key, str):
+                self._note_incident(key)
+        own = [entry for entry in self.store.entries.values() if not isinstance(entry.key, str)]
+        for key in dict.fromkeys([*self._taken, *self.store.by_key]):
+            self._refresh(key)
+        self.replied()
+        self._detach_or_bury(own)
+
+
+class _Link:
+    """Follows the parent for an overlay, as long as somebody holds that."""
+
+    def __init__(self, overlay: Overlay) -> None:
+        self._overlay = weakref.ref(overlay)
+        self._closed = False
+
+    @property
+    def closed(self) -> bool:
+        return self._closed or self._overlay() is None
+
+    def offer(self, kind: ChangeKind, element: Node | Edge, attribute: str | None = None) -> None:
+        overlay = self._overlay()
+        if overlay is None or self._closed:
+            return
+        if kind == "removed":
+            overlay.below_went(element)
+        elif attribute is not None:
+            overlay.below_changed(element, attribute)
+
+    def offer_all(self, element: Node | Edge) -> None:
+        overlay = self._overlay()
+        if overlay is not None and not self._closed:
+            overlay.below_came(element)
+
+    def close(self) -> None:
+        self._closed = True
+
+
+def _key(element: Node | Edge) -> Key:
+    return element.name if isinstance(element, Node) else element.key
+
+
+def _rewritten(owner: Dot, write: Any) -> Any:
+    return write if write.owner == owner else type(write)(owner, *[getattr(write, f) for f in _FIELDS])
+
+
+_FIELDS = ("attribute", "stamp", "writer", "dot", "value")
+
+
+def _drop(groups: Any, name: str, key: Key) -> None:
+    group = groups.kept(name)
+    if group is not None and key in group.own:
+        del group[key]
+
+
+def _outdate(groups: Any, name: str) -> None:
+    group = groups.kept(name)
+    if group is not None:
+        group.outdate()

@@ -1,0 +1,32 @@
+"""Overlays of random graphs, on two replicas with messages lost, repeated and late: always what the definition says."""
+
+from __future__ import annotations
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tests.dsr.worlds.copies import NAMES, shown
+from tests.dsr.worlds.layers import Network
+
+ACTIONS = st.tuples(st.integers(0, 11), st.integers(0, 3), st.integers(0, 5), st.integers(0, 5), st.integers(0, 15))
+"""(what, in which graph, and three numbers)"""
+
+
+@settings(max_examples=150, deadline=None)
+@given(st.lists(ACTIONS, max_size=40))
+def test_an_overlay_shows_what_its_definition_says(actions: list[tuple[int, ...]]) -> None:
+    network = Network()
+    for index in range(len(NAMES)):
+        network.act(0, 2, index, 0, 1)
+    for src, dst in ((0, 1), (1, 2), (0, 3), (3, 4)):
+        network.act(4, 2, src, dst, 2)
+    network.reply(1, upper=False)
+    for what, *where in actions:
+        network.act(what, *where)
+        for place in network.places:
+            place.check(frames=what == 11)
+    network.settle()
+    for place in network.places:
+        place.check(frames=True)
+    a, b = (place.overlay for place in network.places)
+    assert shown(a) == shown(b) and a.store.context == b.store.context and a.store.fingerprint == b.store.fingerprint

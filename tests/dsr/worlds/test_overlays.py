@@ -1,0 +1,133 @@
+"""Overlays: their own first, everything else live from the parent, attribute by attribute; replicated layer by layer."""
+
+from __future__ import annotations
+
+import pytest
+
+from dsr import NodeNotFoundError, Pose, WorldError
+from tests.dsr.conftest import Net, tabletop
+
+
+def test_an_overlay_shows_its_parent_live_but_for_what_it_says_itself(net: Net) -> None:
+    a = net.join("a")
+    tabletop(a)
+    overlay = a.fork("view", follow=True)
+    handle = overlay.node("cube_3")
+    overlay.update_node("cube_3", mass=1.0)
+    a.update_node("cube_3", mass=2.0, marker_id=4)
+    a.add_node("ball", "ball")
+    assert overlay.node("cube_3")["mass"] == handle["mass"] == 1.0 and handle["marker_id"] == 4
+    assert "ball" in overlay and a.node("cube_3")["mass"] == 2.0
+    assert [node.name for node in overlay.nodes("ball")] == ["ball"]
+    a.update_edge("world", "cube_3", "RT", pose=Pose((1, 0, 0), stamp=6.0))
+    assert overlay.transform("world", "cube_3").t == (1, 0, 0)
+    overlay.update_edge("world", "cube_3", "RT", pose=Pose((2, 0, 0), stamp=6.0))
+    a.update_edge("world", "cube_3", "RT", pose=Pose((3, 0, 0), stamp=7.0))
+    assert overlay.transform("world", "cube_3").t == (2, 0, 0) == overlay.edge("world", "cube_3", "RT").pose.t
+    assert a.transform("world", "cube_3").t == (3, 0, 0)
+
+
+def test_removal_hides_and_what_the_parent_makes_anew_shows(net: Net) -> None:
+    a = net.join("a")
+    tabletop(a)
+    overlay = a.fork("view", follow=True)
+    overlay.remove_node("cube_3")
+    assert "cube_3" not in overlay and "cube_3" in a and overlay.edges("RT", dst="cube_3") == []
+    a.add_edge("table", "cube_3", "has")
+    assert overlay.edges("has") == []
+    with pytest.raises(NodeNotFoundError):
+        overlay.node("cube_3")
+    a.remove_node("cube_3")
+    a.add_node("cube_3", "cube", mass=3.0)
+    assert overlay.node("cube_3")["mass"] == 3.0
+
+
+def test_what_an_overlay_says_of_an_element_goes_with_it(net: Net) -> None:
+    a = net.join("a")
+    tabletop(a)
+    overlay = a.fork("view", follow=True)
+    overlay.update_node("cube_3", mass=1.0)
+    overlay.add_node("ghost", "ball")
+    overlay.add_edge("cube_3", "ghost", "has")
+    a.remove_node("cube_3")
+    assert "cube_3" not in overlay and "ghost" in overlay and overlay.edges("has") == []
+    a.add_node("cube_3", "cube")
+    assert "mass" not in overlay.node("cube_3")
+
+
+def test_an_attribute_taken_away_in_an_overlay_stays_hidden(net: Net) -> None:
+    a = net.join("a")
+    tabletop(a)
+    overlay = a.fork("view", follow=True)
+    overlay.remove_attribute("cube_3", "mass")
+    a.update_node("cube_3", mass=2.0)
+    assert "mass" not in overlay.node("cube_3") and a.node("cube_3")["mass"] == 2.0
+
+
+def test_watches_of_an_overlay_tell_of_changes_in_both(net: Net) -> None:
+    a = net.join("a")
+    tabletop(a)
+    overlay = a.fork("view", follow=True)
+    with overlay.watch(existing=False) as watch:
+        a.update_node("cube_3", mass=2.0)
+        assert [(c.kind, c.name, c.attributes) for c in watch.poll()] == [("updated", "cube_3", {"mass"})]
+        overlay.update_node("cube_3", mass=1.0)
+        assert [(c.kind, c.name) for c in watch.poll()] == [("updated", "cube_3")]
+        a.update_node("cube_3", mass=3.0)
+        assert watch.poll() == []
+        overlay.remove_node("cube_3")
+        assert {(c.kind, c.element) for c in watch.poll()} == {("removed", "node"), ("removed", "edge")}
+        a.update_node("cube_3", mass=4.0)
+        a.remove_node("cube_3")
+        assert watch.poll() == []
+        a.remove_node("table")
+        assert {(c.kind, c.element) for c in watch.poll()} == {("removed", "node"), ("removed", "edge")}
+
+
+def test_a_late_joiner_gets_the_layer_and_looks_through_to_its_own_parent(net: Net) -> None:
+    a = net.join("a")
+    tabletop(a)
+    overlay = a.fork("view", follow=True)
+    overlay.update_node("cube_3", mass=1.0)
+    overlay.add_node("ghost", "ball")
+    overlay.remove_node("table")
+    net.pump(1.5)
+    b = net.join("b")
+    net.pump(0.3)
+    theirs = b.world("view")
+    assert theirs.node("cube_3")["mass"] == 1.0 and "ghost" in theirs and "table" not in theirs and "table" in b
+    a.update_node("cube_3", marker_id=9)
+    theirs.update_node("cube_3", mass=5.0)
+    net.pump(0.2)
+    assert theirs.node("cube_3")["marker_id"] == 9 and overlay.node("cube_3")["mass"] == 5.0
+    assert len(overlay.replica.graph.store.entries) == 1
+
+
+def test_a_parent_that_is_followed_cannot_be_deleted_and_an_overlay_can(net: Net) -> None:
+    a = net.join("a")
+    tabletop(a)
+    a.fork("middle")
+    a.fork("view", of="middle", follow=True)
+    with pytest.raises(WorldError, match="followed by view"):
+        a.delete_world("middle")
+    a.delete_world("view")
+    a.delete_world("middle")
+    a.update_node("cube_3", mass=7.0)
+
+
+def test_overlays_of_overlays_and_forks_of_overlays(net: Net) -> None:
+    a = net.join("a")
+    tabletop(a)
+    one = a.fork("one", follow=True)
+    one.update_node("cube_3", mass=1.0)
+    two = a.fork("two", of="one", follow=True)
+    two.update_node("cube_3", marker_id=2)
+    fork = a.fork("fork", of="two")
+    a.update_node("cube_3", size=(1.0, 1.0, 1.0))
+    one.update_node("cube_3", mass=4.0)
+    assert dict(two.node("cube_3")) == {"mass": 4.0, "marker_id": 2, "size": (1.0, 1.0, 1.0)}
+    assert fork.node("cube_3")["mass"] == 1.0 and fork.node("cube_3")["marker_id"] == 2
+    assert fork.node("cube_3").created == a.node("cube_3").created
+    assert fork.transform("world", "cube_3").t == two.transform("world", "cube_3").t == (0.3, 0.1, 0.02)
+    a.remove_node("cube_3")
+    assert "cube_3" not in two and "cube_3" in fork
