@@ -11,6 +11,9 @@ from dsr.crdt.delta import EdgeKey, Key
 from dsr.crdt.store import Entry, Observer, Store
 from dsr.elements import Edge, Node
 
+_HANDLES_LAST = 200
+"""Polls (10 s of threads) for which forks and overlays keep what they made to be read."""
+
 K = TypeVar("K")
 V = TypeVar("V")
 Groups = MutableMapping[str, MutableMapping[K, V]]
@@ -42,6 +45,7 @@ class Sharing(Observer):
         self._forks: list[weakref.ref[Fork]] = []
         self.overlays: list[weakref.ref[LooksThrough]] = []
         """Graphs that look through to this one, live."""
+        self._polls = 0
 
     def share_with(self, fork: Fork) -> None:
         """Let `fork` read what is here now, and keep from it what changes later; the graph must be locked."""
@@ -69,8 +73,14 @@ class Sharing(Observer):
             if overlay is not None:
                 overlay.below_has_others(element)
 
+    def forget_handles(self) -> None:
+        """Give back what only makes reading again faster."""
+
     def tidy(self) -> None:
-        """Give back what is not needed any more; called now and then, the graph must be locked."""
+        """Give back what is not needed any more; called at each poll, the graph must be locked."""
+        self._polls += 1
+        if self._polls % _HANDLES_LAST == 0:
+            self.forget_handles()
         if self._forks and any(fork() is None for fork in self._forks):
             self.release(None)
         if self.overlays and any(overlay() is None for overlay in self.overlays):

@@ -58,9 +58,8 @@ class ForkedGraph(Graph):
         self.edges_in = Groups(taken, lambda: parent.edges_in, edge)
         self.incident = Groups(taken, lambda: parent.incident, _nothing)
 
-    def tidy(self) -> None:
-        """See `Graph.tidy`: also what only makes reading again faster."""
-        super().tidy()
+    def forget_handles(self) -> None:
+        """See `Graph.forget_handles`."""
         if self.parent is not None:
             tables: list[Any] = [self._nodes, self._edges, self.nodes_by_type, self.edges_by_type]
             for table in [*tables, self.edges_out, self.edges_in, self.incident]:

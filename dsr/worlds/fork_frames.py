@@ -107,6 +107,7 @@ class SharedHistories(dict[_Key, _Histories]):
         self._taken = taken
 
     def get(self, key: _Key, default: _Histories | None = None) -> _Histories | None:  # type: ignore[override]
+        """See `dict`."""
         found = super().get(key)
         if found is None and key not in self._taken:
             theirs = self._source.histories(*key)
@@ -116,5 +117,6 @@ class SharedHistories(dict[_Key, _Histories]):
         return default if found is None else found
 
     def copy(self) -> dict[_Key, _Histories]:
+        """All of them, as an ordinary dictionary."""
         theirs = self._source._histories.copy()
         return {key: histories for key, histories in theirs.items() if key not in self._taken} | dict(self)

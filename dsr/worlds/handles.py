@@ -1,4 +1,4 @@
-"""Nodes and edges of forks and overlays, of which part is the parent's: what one holds goes on showing what holds there."""
+"""Nodes and edges of forks and overlays, part of them the parent's: what one holds goes on showing what holds there."""
 
 from __future__ import annotations
 
@@ -82,8 +82,9 @@ class LiveNode(Node):
     def _value(self, attribute: str) -> Any:
         return (self._own.get(self.name) or self._below)._value(attribute)
 
-    def _write_of(self, attribute: str) -> Write | None:
-        return (self._own.get(self.name) or self._below)._write_of(attribute)
+    def newest_write(self, attribute: str) -> Write | None:
+        """See `Node.newest_write`."""
+        return (self._own.get(self.name) or self._below).newest_write(attribute)
 
     def __eq__(self, other: object) -> bool:
         return other is self or (isinstance(other, Node) and _same(self._own, self.name, other))
@@ -109,8 +110,9 @@ class LiveEdge(Edge):
     def _value(self, attribute: str) -> Any:
         return (self._own.get(self.key) or self._below)._value(attribute)
 
-    def _write_of(self, attribute: str) -> Write | None:
-        return (self._own.get(self.key) or self._below)._write_of(attribute)
+    def newest_write(self, attribute: str) -> Write | None:
+        """See `Node.newest_write`."""
+        return (self._own.get(self.key) or self._below).newest_write(attribute)
 
     def __eq__(self, other: object) -> bool:
         return other is self or (isinstance(other, Edge) and _same(self._own, self.key, other))
@@ -178,14 +180,14 @@ class Layered:
         write = self.layer_write(attribute)
         if write is not None or self._below is None:
             return write
-        below: Write | None = self._below._write_of(attribute)
+        below: Write | None = self._below.newest_write(attribute)
         return below
 
-    def names(self) -> set[str]:
+    def names(self) -> frozenset[str]:
         """Attributes that may be set."""
         own, patches, _ = self.refresh()
-        names = {name for entry in (*own, *patches) for name in list(entry.registers)}
-        return names if self._below is None else names | self._below._names()
+        names = frozenset(name for entry in (*own, *patches) for name in list(entry.registers))
+        return names if self._below is None else names | self._below.written
 
     def layered_type(self) -> str:
         """Type: its own incarnations decide, if there are any."""
@@ -216,10 +218,13 @@ class LayeredNode(Layered, Node):
     def _value(self, attribute: str) -> Any:
         return self.value(attribute)
 
-    def _write_of(self, attribute: str) -> Write | None:
+    def newest_write(self, attribute: str) -> Write | None:
+        """See `Node.newest_write`."""
         return self.write_of(attribute)
 
-    def _names(self) -> set[str]:
+    @property
+    def written(self) -> frozenset[str]:
+        """See `Node.written`."""
         return self.names()
 
 
@@ -250,8 +255,11 @@ class LayeredEdge(Layered, Edge):
             return TOMBSTONE if part is None else part
         return self.value(attribute)
 
-    def _write_of(self, attribute: str) -> Write | None:
+    def newest_write(self, attribute: str) -> Write | None:
+        """See `Node.newest_write`."""
         return self.write_of(attribute)
 
-    def _names(self) -> set[str]:
+    @property
+    def written(self) -> frozenset[str]:
+        """See `Node.written`."""
         return self.names()

@@ -1,9 +1,9 @@
 """An overlay of a graph: what it holds of its own, and everything else live from its parent, attribute by attribute.
 
 Only the overlay's own layer is state, replicated among those that have the overlay open; each of them also has the
-parent open, and looks through. A key that is *taken* has a view of its own in the tables, made anew when the layer or the
-parent changes; every other key is read from the parent. What depends on the parent: an edge of the layer is
-visible while both its ends are, here; an edge of the parent is hidden with an end of it.
+parent open, and looks through. A key that is *taken* has a view of its own in the tables, made anew when the layer or
+the parent changes; every other key is read from the parent. What depends on the parent: an edge of the layer is visible
+while both its ends are, here; an edge of the parent is hidden with an end of it.
 """
 
 from __future__ import annotations
@@ -62,9 +62,8 @@ class Overlay(Graph):
         self.edges_in = Groups(taken, lambda: parent.edges_in, edge)
         self.incident = {}
 
-    def tidy(self) -> None:
-        """See `Graph.tidy`: also what only makes reading again faster."""
-        super().tidy()
+    def forget_handles(self) -> None:
+        """See `Graph.forget_handles`."""
         tables: list[Any] = [self._nodes, self._edges, self.nodes_by_type, self.edges_by_type]
         for table in [*tables, self.edges_out, self.edges_in]:
             table.forget_handles()
@@ -74,6 +73,13 @@ class Overlay(Graph):
         self._link.close()
         self.parent = Graph(self.rid, self.schema)
         self._clear_tables()
+
+    def settle(self, patience: int = 3) -> Delta:
+        """See `Graph.settle`; what was said of elements that the parent has removed goes with them."""
+        known, element = self.parent.is_known, self.parent.element
+        for dot in [dot for dot in self.store.patches if known(dot) and element(dot) is None]:
+            self.store.bury(dot)
+        return super().settle(patience)
 
     # ---- incarnations, here and below
 
@@ -202,9 +208,6 @@ class Overlay(Graph):
         """The parent does not show an element any more."""
         key = _key(element)
         self._outdate(element)
-        for entry in element._entries:
-            if self.parent.element(entry.dot) is None and self.parent.is_known(entry.dot):
-                self.store.bury(entry.dot)
         if key in self._taken:
             self._refresh(key)
         else:
@@ -330,7 +333,7 @@ class Overlay(Graph):
         delta = Delta()
         elements: list[Node | Edge] = [*self.nodes.values(), *self.edges.values()]
         for element in elements:
-            writes = [write for name in element._names() if (write := element._write_of(name)) is not None]
+            writes = [write for name in element.written if (write := element.newest_write(name)) is not None]
             for entry in element._entries:
                 delta.adds.append(Add(entry.dot, entry.key, entry.type, entry.sources, entry.destinations))
                 delta.writes += [_rewritten(entry.dot, write) for write in writes]
@@ -397,12 +400,12 @@ _FIELDS = ("attribute", "stamp", "writer", "dot", "value")
 
 
 def _drop(groups: Any, name: str, key: Key) -> None:
-    group = groups.kept(name)
+    group = groups.known(name)
     if group is not None and key in group.own:
         del group[key]
 
 
 def _outdate(groups: Any, name: str) -> None:
-    group = groups.kept(name)
+    group = groups.known(name)
     if group is not None:
         group.outdate()

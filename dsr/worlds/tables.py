@@ -19,8 +19,6 @@ V = TypeVar("V")
 Taken = dict[Key, None]
 """The keys that a fork has taken over."""
 _EMPTY: Mapping[Any, Any] = {}
-_KEPT = 64
-"""Members of a group from which on it is worth keeping."""
 
 
 class Elements(MutableMapping[K, V], Generic[K, V]):
@@ -209,7 +207,7 @@ class Groups(MutableMapping[str, MutableMapping[K, V]], Generic[K, V]):
             group.take()
         self.setdefault(name)[key] = value
 
-    def kept(self, name: str) -> Group[K, V] | None:
+    def known(self, name: str) -> Group[K, V] | None:
         """The group of this name, if more is known of it than what the parent knows."""
         return self._groups.get(name)
 
@@ -222,14 +220,17 @@ class Groups(MutableMapping[str, MutableMapping[K, V]], Generic[K, V]):
     def _group(self, name: str) -> Group[K, V]:
         return Group(self._taken, lambda: self._parent().get(name, _EMPTY), self._find)
 
-    def __getitem__(self, name: str) -> MutableMapping[K, V]:
+    def get(self, name: str, default: Any = None) -> Any:
+        """See `MutableMapping`."""
         group = self._groups.get(name)
+        if group is None and name in self._parent():
+            group = self._groups[name] = self._group(name)
+        return default if group is None else group
+
+    def __getitem__(self, name: str) -> MutableMapping[K, V]:
+        group: MutableMapping[K, V] | None = self.get(name)
         if group is None:
-            if name not in self._parent():
-                raise KeyError(name)
-            group = self._group(name)
-            if len(group) >= _KEPT:
-                self._groups[name] = group
+            raise KeyError(name)
         return group
 
     def setdefault(self, name: str, default: object = None) -> MutableMapping[K, V]:

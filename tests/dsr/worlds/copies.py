@@ -216,7 +216,7 @@ def act(world: World, action: int, a: int, b: int, value: int) -> None:  # noqa:
         for side in (world.it, world.twin):
             side.hold()
     elif action == 12 and isinstance(graph, ForkedGraph):
-        graph.tidy()
+        graph.forget_handles()
     elif action == 13 and isinstance(graph, ForkedGraph) and value == 0:
         graph.detach()
     elif action == 14:

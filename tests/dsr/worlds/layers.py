@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from dsr import Pose
-from dsr.crdt.context import CausalContext, Dot
+from dsr.crdt.context import Dot
 from dsr.crdt.delta import TOMBSTONE, Delta, Write
 from dsr.crdt.store import Entry
 from dsr.elements import Edge, Node
@@ -96,9 +96,7 @@ def expected(base: Graph, overlay: Overlay) -> tuple[dict[str, Any], dict[Any, A
     return nodes, edges
 
 
-def attributes(
-    entries: list[Entry], below: dict[Dot, Entry], own: Any, patches: dict[Dot, Entry]
-) -> dict[str, Any]:
+def attributes(entries: list[Entry], below: dict[Dot, Entry], own: Any, patches: dict[Dot, Entry]) -> dict[str, Any]:
     layers = (
         [own.get(entry.dot) or patches.get(entry.dot) for entry in entries],
         [below.get(entry.dot) for entry in entries],
@@ -174,9 +172,14 @@ class Network:
             for where in (0, 1):
                 self.reply(where, upper=False)
                 self.reply(where, upper=True)
+        for place in self.places:  # what is said of what is gone goes, and that is told, too
+            place.overlay.settle()
+            assert all(place.base.element(dot) for dot in place.overlay.store.patches)
+        for where in (0, 1):
+            self.reply(where, upper=True)
 
 
-def change(graph: Graph, action: int, a: int, b: int, value: int) -> Delta | None:
+def change(graph: Graph, action: int, a: int, b: int, value: int) -> Delta | None:  # noqa: PLR0911
     name, other = NAMES[a % len(NAMES)], NAMES[b % len(NAMES)]
     key = (name, other, EDGE_TYPES[value % 2])
     pose = Pose((float(value), float(a), 0.0), stamp=float(value % 8))
@@ -198,10 +201,5 @@ def change(graph: Graph, action: int, a: int, b: int, value: int) -> Delta | Non
     if action == 9:
         return graph.settle()
     if action == 10:
-        graph.tidy()
+        graph.forget_handles()
     return None
-
-
-def everything(graph: Graph) -> Any:
-    nodes, edges = shown(graph)
-    return nodes, edges, graph.store.context == CausalContext(graph.store.context.ranges())

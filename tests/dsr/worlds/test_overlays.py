@@ -1,4 +1,4 @@
-"""Overlays: their own first, everything else live from the parent, attribute by attribute; replicated layer by layer."""
+"""Overlays: their own first, everything else live from the parent, attribute by attribute; only that is replicated."""
 
 from __future__ import annotations
 
