@@ -12,6 +12,7 @@
     │   └── ExtrapolationError
     ├── MeshError               vertices and triangles of which no mesh can be made
     │   └── MeshNotFoundError   nobody within reach has the mesh
+    ├── ImaginationError        what was to be imagined cannot be, by physics or for want of room
     ├── WireError               bytes that are no valid message (the peer's fault)
     ├── TransportError          the network refuses what was asked (no such endpoint, closed session)
     │   └── ListenError         the endpoint to listen on cannot be had (port in use)
@@ -53,6 +54,10 @@ class WorldNotFoundError(GraphError):
 
 class WorldError(DsrError):
     """A world cannot be made, followed or deleted."""
+
+
+class ImaginationError(DsrError):
+    """What was to be imagined cannot be: physics does not allow it, or there is no room."""
 
 
 class TransformError(DsrError):

@@ -16,6 +16,8 @@ from dsr.clock import Clock
 from dsr.decoding import decoded
 from dsr.errors import TransportError, WireError
 from dsr.keys import Keys
+from dsr.quaternions import Vector3
+from dsr.shapes import MOST_PARTS, Shape, to_numbers
 from dsr.transforms import Pose
 from dsr.transport import Transport
 
@@ -23,22 +25,31 @@ SERVICE = "what_if"
 """Name of the service, see `Keys.service`."""
 MAX_SECONDS = 10.0
 MAX_CHANGES = 1000
+_MOST_NUMBERS = 11 * MOST_PARTS  # of the shape of what is added
 TIMEOUT = 5.0
 """s to wait for an answer, unless told otherwise."""
 
 Numbers = tuple[float, float, float, float, float, float, float]
 """A pose as it travels: translation x y z, then the quaternion x y z w."""
-Action = Literal["place", "hold", "remove"]
+Action = Literal["place", "hold", "remove", "add"]
 
 
 class Change(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Something that is different from what is believed; `place`, `hold` and `remove` make one."""
+    """Something that is different from what is believed; `place`, `hold`, `remove` and `add` make one."""
 
     object: str
     """Name of an object or a fixture (a table)."""
     action: Action
     pose: Numbers | None = None
     """world_from_object, of the centre of its box; of a held one, None is where it is."""
+    size: tuple[float, float, float] | None = None
+    """m, of what is added: edge lengths of the box around it"""
+    shape: Annotated[tuple[float, ...], msgspec.Meta(max_length=_MOST_NUMBERS)] = ()
+    """Its parts, as in the attribute `shape` of a node; none for a solid box."""
+    mass: float = 0.1
+    """kg"""
+    friction: float = 0.5
+    """Coulomb coefficient"""
 
     @staticmethod
     def place(name: str, pose: Pose) -> Change:
@@ -49,6 +60,14 @@ class Change(msgspec.Struct, frozen=True, omit_defaults=True):
     def hold(name: str, pose: Pose | None = None) -> Change:
         """Hold it at `pose` or where it is, whatever pushes it."""
         return Change(name, "hold", None if pose is None else (*pose.t, *pose.q))
+
+    @staticmethod
+    def add(
+        name: str, pose: Pose, size: Vector3, shape: Shape = (), mass: float = 0.1, friction: float = 0.5
+    ) -> Change:
+        """Let there be one more object at `pose`, which nobody believes in, at rest and free to move from there."""
+        numbers = to_numbers(shape) if shape else ()
+        return Change(name, "add", (*pose.t, *pose.q), size, numbers, mass, friction)
 
     @staticmethod
     def remove(name: str) -> Change:

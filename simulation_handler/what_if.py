@@ -8,10 +8,11 @@ import threading
 from collections.abc import Collection
 
 from dsr.clock import Clock
-from dsr.errors import DsrError, suggest
+from dsr.errors import DsrError, SchemaError, suggest
 from dsr.keys import Keys
 from dsr.polygons import overlap
 from dsr.quaternions import conjugate, product
+from dsr.shapes import from_numbers
 from dsr.transforms import Pose
 from dsr.transport import Transport
 from dsr.what_if import SERVICE, Answer, Change, Question, decode_question, encode_answer
@@ -25,6 +26,8 @@ KEY = f"service/{SERVICE}"
 """Where it answers, below the graph's root: what a secured graph must grant."""
 _DEEPEST = 0.005  # m that an object may be placed into another: physics pushes it out, but does not throw it
 _MOST_WAITING = 16
+_LEAST_SIZE = 1e-3  # m, of what is added
+_HEAVIEST = 1e3  # kg
 _FARTHEST = 100.0  # m from the world's origin that something may be put
 
 _log = logging.getLogger("simulation_handler.what_if")
@@ -100,6 +103,8 @@ class WhatIfService:
 def changed(scene: Scene, change: Change) -> Scene:
     """The scene with a change made. Raises `RefusedError` for one that makes no sense."""
     name = change.object
+    if change.action == "add":
+        return Scene((*scene.bodies, added(scene, change)))
     known = [body for body in scene.names if body != FLOOR]
     if name not in known:
         raise RefusedError(f"no object {name!r} has a place in the belief; {suggest(name, known)}")
@@ -110,6 +115,25 @@ def changed(scene: Scene, change: Change) -> Scene:
     elif change.action == "place":
         raise RefusedError(f"change of {name!r}: to place it needs a pose")
     return scene.held([name]) if change.action == "hold" else scene.released([name])
+
+
+def added(scene: Scene, change: Change) -> Body:
+    """One more body. Raises `RefusedError` if it cannot be, or is there already."""
+    name, size = change.object, change.size
+    if name in scene:
+        raise RefusedError(f"{name!r} is there already; place it elsewhere instead")
+    if change.pose is None or size is None:
+        raise RefusedError(f"to add {name!r} takes a pose and a size")
+    if not (_LEAST_SIZE <= min(size) <= max(size) <= _FARTHEST):
+        raise RefusedError(f"size of {name!r}: {size}; expected {_LEAST_SIZE} to {_FARTHEST} m along each axis")
+    if not (0.0 < change.mass <= _HEAVIEST and 0.0 <= change.friction <= _HEAVIEST):
+        raise RefusedError(f"mass {change.mass} kg, friction {change.friction} of {name!r}: expected 0 to {_HEAVIEST}")
+    try:
+        shape = from_numbers(change.shape) if change.shape else ()
+    except SchemaError as error:
+        raise RefusedError(str(error)) from error
+    position, rotation = _placing(name, change.pose)
+    return Body(name, size, position, rotation, change.mass, change.friction, shape=shape)
 
 
 def check_room(scene: Scene, placed: Collection[str]) -> None:

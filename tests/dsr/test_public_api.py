@@ -16,6 +16,10 @@ MODULES = {
         "volume",
     },
     "dsr.goals": {"Goal", "parse_goal"},
+    "dsr.imagining": {
+        "Outcome", "PLACEABLE", "Step", "Thinking", "Thought", "best", "carried_out", "differences", "keep",
+        "parse_step", "placed", "think",
+    },
     "dsr.intentions": {
         "ACTIVE", "DONE", "ENDED", "EXECUTING", "FAILED", "FULFILLED", "GIVEN_UP", "HALT", "HALTED", "INVALID",
         "MAINTAINED", "MIND", "NOTHING_GRASPED", "NO_SOLVER", "PLANNED", "PLANNING", "PREFIX", "REACHED", "RUN",
@@ -54,8 +58,8 @@ def test_public_names() -> None:
     assert set(dsr.__all__) == {
         "Access", "Agent", "AgentError", "AttributeType", "Change", "Clock", "ClockDriftError", "ConfigError",
         "DsrError", "Edge", "EdgeNotFoundError", "ExtrapolationError", "Faults", "Frame", "FrameReader", "GoalError",
-        "GraphContent", "GraphError", "ListenError", "LocalNetwork", "ManualClock", "Memory", "Mesh", "MeshError",
-        "MeshNotFoundError", "NoPathError", "Node",
+        "GraphContent", "GraphError", "ImaginationError", "ListenError", "LocalNetwork", "ManualClock", "Memory",
+        "Mesh", "MeshError", "MeshNotFoundError", "NoPathError", "Node",
         "NodeNotFoundError", "Pose", "Schema", "SchemaError", "StateKeeper", "Statistics", "TransformError",
         "TransportError", "WallClock", "Watch", "WireError", "WorldError", "WorldInfo", "WorldNotFoundError", "connect",
         "read_graph", "write_graph",

@@ -1,0 +1,190 @@
+"""Carries a plan out in a world, step by step by physics, and says what came of it, so that plans can be compared."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from dsr.elements import Node
+from dsr.errors import ConfigError
+from dsr.imagining.scenes import IMPRECISE, differences, keep, place_of, surface_below
+from dsr.imagining.thinking import Thought
+from dsr.memory import Memory
+from dsr.relations import SURFACES, THINGS
+from dsr.spatial import Box
+from dsr.timeline import Chronicle
+from dsr.transforms import Pose
+from dsr.what_if import Answer, Question
+
+_STEP = re.compile(r"(?P<skill>pick|place|remove)\s+(?P<target>\S+)(?:\s+(?P<how>on|at)\s+(?P<where>.+))?\s*")
+_SECONDS = 1.0  # simulated after each step
+_RAISED = 0.15  # m, what is picked
+_ABOVE = 5e-4  # m, over what something is placed on
+_DISTURBED = 0.01  # m, from which a thing counts as moved
+
+
+class Step(NamedTuple):
+    """One step of a plan."""
+
+    skill: str
+    """`pick`, `place` or `remove`; others change nothing here."""
+    target: str
+    """The thing."""
+    destination: str = ""
+    """What it is placed on."""
+    pose: Pose | None = None
+    """world_from_target, where it is placed, instead."""
+
+    @staticmethod
+    def of(action: Node) -> Step:
+        """That of a node of type `action`, as a planner writes it."""
+        return Step(
+            action.get("skill", ""), action.get("target", ""), action.get("destination", ""), action.get("target_pose")
+        )
+
+    def __str__(self) -> str:
+        where = f" on {self.destination}" if self.destination else ""
+        if not where and self.pose is not None:
+            where = " at " + ", ".join(f"{number:.3f}" for number in self.pose.t)
+        return f"{self.skill} {self.target}{where}"
+
+
+class Outcome(NamedTuple):
+    """What came of a plan."""
+
+    steps: int
+    """That were carried out."""
+    failed: str
+    """Why it ended before its end; empty if it did not."""
+    fallen: tuple[str, ...]
+    """Things that lie on the floor at the end and did not before."""
+    moved: Mapping[str, float]
+    """m, how far things were moved that no step is about, by more than 10 mm."""
+
+    @property
+    def cost(self) -> tuple[bool, int, float, int]:
+        """Less is better: a plan that is carried out, then less fallen, less disturbed, fewer steps."""
+        return bool(self.failed), len(self.fallen), round(sum(self.moved.values()), 3), self.steps
+
+    def __str__(self) -> str:
+        parts = [self.failed or f"{self.steps} steps"]
+        parts += [f"{name} falls" for name in self.fallen]
+        parts += [f"{name} moves by {1e3 * distance:.0f} mm" for name, distance in sorted(self.moved.items())]
+        return "; ".join(parts)
+
+
+def parse_step(text: str) -> Step:
+    """The step of a text: `pick cube_3`, `place cube_3 on cube_4`, `place cube_3 at 0.3, 0.1, 0.02`, `remove lid`.
+
+    Raises `ConfigError`.
+    """
+    match = _STEP.fullmatch(text.strip())
+    expected = "expected 'pick A', 'place A on B', 'place A at X, Y, Z' (m) or 'remove A'"
+    if match is None or (match["skill"] == "place") != (match["how"] is not None):
+        raise ConfigError(f"step {text!r}: {expected}")
+    if match["how"] != "at":
+        return Step(match["skill"], match["target"], (match["where"] or "").strip())
+    try:
+        x, y, z = (float(part) for part in match["where"].split(","))
+        return Step(match["skill"], match["target"], pose=Pose((x, y, z)))
+    except ValueError:
+        raise ConfigError(f"step {text!r}: {expected}") from None
+
+
+def carried_out(base: Memory, world: Memory, steps: Sequence[Step]) -> Thought[Outcome]:
+    """Carry a plan out in `world`, whose content changes to what comes of it; each step is simulated for a second.
+
+    A step fails if its thing does not end up where it is put. What happened is told in the timeline of `world`.
+
+    Args:
+        base: the world whose belief is simulated.
+        world: another one, as a fork of it.
+        steps: of the plan.
+
+    Raises:
+        ConfigError: for a step about something that is nowhere.
+    """
+    chronicle = Chronicle(world)
+    start = {name: pose for name in _things(world, steps) if (pose := place_of(world, name)) is not None}
+    held: set[str] = set()
+    done, failed, answer = 0, "", Answer()
+    for number, step in enumerate(steps):
+        if step.skill == "remove":
+            world.update_node(step.target, present=False)
+            held.discard(step.target)
+            changes = differences(base, world, held=held)
+        elif step.skill in ("pick", "place"):
+            goal = _goal(world, step)
+            (held.add if step.skill == "pick" else held.discard)(step.target)
+            changes = differences(base, world, held=held, elsewhere={step.target: goal})
+        else:
+            continue
+        answer = yield Question(_SECONDS, changes)
+        failed = answer.refused or _failure(step, answer)
+        if not answer.refused:
+            keep(world, answer)
+        text = f"{step}: {failed}" if failed else str(step)
+        chronicle.happened("imagined", [name for name in (step.target, step.destination) if name], text=text)
+        if failed:
+            break
+        done = number + 1
+    return Outcome(done, failed, _fallen(world, answer, start), _moved(world, steps, start))
+
+
+def best(outcomes: Mapping[str, Outcome]) -> str:
+    """The name of the best outcome, the first one of equals. Raises `ValueError` if there is none, or all failed."""
+    good = {name: outcome for name, outcome in outcomes.items() if not outcome.failed}
+    if not good:
+        raise ValueError("no plan can be carried out: " + "; ".join(f"{name}: {o}" for name, o in outcomes.items()))
+    return min(good, key=lambda name: good[name].cost)
+
+
+def _goal(world: Memory, step: Step) -> Pose:
+    """world_from_target at the end of a step."""
+    here, node = place_of(world, step.target), world.node(step.target)
+    if here is None:
+        raise ConfigError(f"step {step}: nobody knows where {step.target!r} is")
+    if step.skill == "pick":
+        return Pose((here.t[0], here.t[1], here.t[2] + _RAISED), here.q)
+    if step.pose is not None:
+        return step.pose
+    size = node.get("size")
+    support, below = world.node(step.destination), place_of(world, step.destination)
+    if below is None or not isinstance(size, tuple):
+        raise ConfigError(f"step {step}: nobody knows where {step.destination!r} is, or how large {step.target!r} is")
+    top = below.t[2] if support.type in SURFACES else Box(below, support["size"]).top
+    half = Box(Pose((0.0, 0.0, 0.0), here.q), (size[0], size[1], size[2])).top
+    return Pose((below.t[0] + IMPRECISE[0], below.t[1] + IMPRECISE[1], top + half + _ABOVE), here.q)
+
+
+def _failure(step: Step, answer: Answer) -> str:
+    """Why a step has not done what it should; empty if it has."""
+    if step.skill != "place":
+        return ""
+    if step.target in answer.on_floor:
+        return f"{step.target} would fall to the floor"
+    if step.destination and step.destination not in answer.rests_on.get(step.target, ()):
+        return f"{step.target} would not stay on {step.destination}"
+    moved = answer.moved.get(step.target, 0.0)
+    return "" if moved <= _DISTURBED else f"{step.target} would move by {1e3 * moved:.0f} mm"
+
+
+def _things(world: Memory, steps: Sequence[Step]) -> list[str]:
+    return sorted({node.name for kind in THINGS for node in world.nodes(kind)} | {step.target for step in steps})
+
+
+def _fallen(world: Memory, answer: Answer, start: Mapping[str, Pose]) -> tuple[str, ...]:
+    """What is on the floor at the end and was above a table before."""
+    return tuple(
+        name
+        for name in sorted(answer.on_floor)
+        if name in start and surface_below(world, *start[name].t[:2]) is not None
+    )
+
+
+def _moved(world: Memory, steps: Sequence[Step], start: Mapping[str, Pose]) -> dict[str, float]:
+    about = {step.target for step in steps}
+    ends = {name: pose for name in start if name not in about and (pose := place_of(world, name)) is not None}
+    distances = {name: start[name].distance(pose)[0] for name, pose in ends.items()}
+    return {name: distance for name, distance in distances.items() if distance > _DISTURBED}

@@ -1,0 +1,117 @@
+"""A world as a scene to simulate: how it differs from what is believed, and what came of it, written into it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from types import MappingProxyType
+
+from dsr.elements import Node
+from dsr.errors import SchemaError, TransformError
+from dsr.memory import Memory
+from dsr.relations import SURFACES, THINGS
+from dsr.shapes import from_numbers
+from dsr.transforms import Pose
+from dsr.what_if import Answer, Change
+
+WORLD = "world"
+IMAGINED = "imagination"
+"""`source` of edges `on` that follow from what was imagined."""
+IMPRECISE = (0.006, 0.004)
+"""m, along x and y, by which things are put beside the middle: what only balances there falls, as it would."""
+BELIEVED = ("Virtual_RT", "RT")
+NOTHING: Mapping[str, Pose] = MappingProxyType({})
+_SAME = 5e-4, 2e-3  # m, rad: what differs by less is where it is believed to be
+_MASS, _FRICTION = 0.1, 0.5  # kg; of what does not tell
+
+
+def place_of(memory: Memory, name: str) -> Pose | None:
+    """world_from_thing where it is believed to be; None if it is nowhere."""
+    node = memory.get_node(name)
+    if node is None or node.get("present") is False:
+        return None
+    try:
+        return memory.transform(WORLD, name, types=BELIEVED)
+    except TransformError:
+        return None
+
+
+def differences(
+    base: Memory, world: Memory, *, held: Collection[str] = (), elsewhere: Mapping[str, Pose] = NOTHING
+) -> tuple[Change, ...]:
+    """The changes that make of the scene that the base believes in the scene of another world.
+
+    What the base does not believe to be anywhere is added, if it tells its `size`.
+
+    Args:
+        base: the world whose belief the simulation handler has.
+        world: the other one.
+        held: names of things that stay where they are, whatever pushes them.
+        elsewhere: world_from_thing of things that are not where the other world has them.
+    """
+    changes = []
+    for name in sorted({node.name for memory in (base, world) for kind in THINGS for node in memory.nodes(kind)}):
+        believed = base.get_edge(WORLD, name, "Virtual_RT")
+        before = None if believed is None or base.node(name).get("present") is False else believed.pose
+        now = elsewhere.get(name) or place_of(world, name)
+        if now is None:
+            if before is not None:
+                changes.append(Change.remove(name))
+        elif before is None:
+            changes += _added(world.node(name), now)
+        elif name in held:
+            changes.append(Change.hold(name, now))
+        elif name in elsewhere or _is_elsewhere(before, now):
+            changes.append(Change.place(name, now))
+    return tuple(changes)
+
+
+def keep(world: Memory, answer: Answer) -> None:
+    """Write into a world where everything is after a simulation (`Virtual_RT`), and what rests on what (`on`)."""
+    with world.batch():
+        for name in sorted(answer.poses):
+            if name not in world:
+                continue
+            pose = answer.pose(name)
+            edge = world.get_edge(WORLD, name, "Virtual_RT")
+            if edge is None or _is_elsewhere(edge.pose, pose):
+                world.add_edge(WORLD, name, "Virtual_RT", pose=pose)
+            _rest(world, name, [support for support in answer.rests_on.get(name, ()) if support in world])
+
+
+def _rest(world: Memory, name: str, supports: Collection[str]) -> None:
+    for edge in world.edges("on", src=name):
+        if edge.dst not in supports:
+            world.remove_edge(*edge.key)
+    for support in supports:
+        if world.get_edge(name, support, "on") is None:
+            world.add_edge(name, support, "on", source=IMAGINED)
+
+
+def _added(node: Node, pose: Pose) -> list[Change]:
+    size = node.get("size")
+    if not isinstance(size, tuple) or len(size) != 3:
+        return []
+    try:
+        shape = from_numbers(node["shape"]) if "shape" in node else ()
+    except SchemaError:
+        return []
+    mass, friction = node.get("mass", _MASS), node.get("friction", _FRICTION)
+    return [Change.add(node.name, pose, (size[0], size[1], size[2]), shape, mass, friction)]
+
+
+def _is_elsewhere(before: Pose, now: Pose) -> bool:
+    distance, angle = before.distance(now)
+    return distance > _SAME[0] or angle > _SAME[1]
+
+
+def surface_below(world: Memory, x: float, y: float) -> tuple[str, float] | None:
+    """The highest table beneath a place, with the height of its top (m); None beside all tables."""
+    found: tuple[str, float] | None = None
+    for node in (node for kind in SURFACES for node in world.nodes(kind)):
+        size, pose = node.get("size"), place_of(world, node.name)
+        if pose is None or not isinstance(size, tuple):
+            continue
+        u, v, _ = pose.inverse().apply((x, y, pose.t[2])).tolist()
+        if abs(u) <= size[0] / 2 and abs(v) <= size[1] / 2 and (found is None or pose.t[2] > found[1]):
+            found = node.name, pose.t[2]
+    return found
