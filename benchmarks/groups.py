@@ -16,6 +16,7 @@ from benchmarks import (
     meshes,
     planning,
     throughput,
+    world_cascade,
 )
 from benchmarks.group import Group
 from benchmarks.rows import Spec
@@ -23,7 +24,7 @@ from dsr.errors import ConfigError
 
 GROUPS: tuple[Group, ...] = (
     latency.GROUP, throughput.GROUP, join.GROUP, local.GROUP, by_type.GROUP, frame_chains.GROUP, camera_frames.GROUP,
-    meshes.GROUP, cascade.GROUP, growth.GROUP, planning.GROUP,
+    meshes.GROUP, cascade.GROUP, world_cascade.GROUP, growth.GROUP, planning.GROUP,
 )  # fmt: skip
 
 

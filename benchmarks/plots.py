@@ -14,7 +14,7 @@ mpl.use("Agg")
 from matplotlib import pyplot as plt
 from matplotlib.ticker import FuncFormatter
 
-from benchmarks import cascade, join, latency, throughput
+from benchmarks import cascade, join, latency, throughput, world_cascade
 from benchmarks.rows import Row, number
 from benchmarks.session import Findings
 
@@ -163,6 +163,23 @@ def _cascade(data: Mapping[str, Any]) -> Any:
     return figure
 
 
+def _worlds(data: Mapping[str, Any]) -> Any:
+    """Fig. 2 of the Underworlds paper, with its figures; logarithmic, for they lie far apart."""
+    figure, axes = plt.subplots(figsize=(7, 4.2))
+    for (name, values), color in zip(data["ms"].items(), (_OURS, *_OTHERS), strict=False):
+        style = "s--" if "published" in name else "o-"
+        axes.plot(
+            data["worlds"], values, style, color=color, linewidth=2 if name == "ours" else 1.3, label=_named(name)
+        )
+    _mark_targets(axes, {worlds: spec.target for worlds, spec in world_cascade.SPECS.items()})
+    axes.set(xlabel="worlds, a filter process between each two", ylabel="ms, median", yscale="log")
+    axes.set_xticks(data["worlds"], [str(worlds) for worlds in data["worlds"]])
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda y, _: f"{y:g}"))
+    axes.legend(fontsize=8)
+    axes.set_title("One node created, through cascaded worlds")
+    return figure
+
+
 def _growth(data: Mapping[str, Any]) -> Any:
     figure, axes = plt.subplots(figsize=(8, 4.8))
     colors = plt.get_cmap("tab10").colors
@@ -192,5 +209,6 @@ _PLOTS: dict[str, Callable[[Any], Any]] = {
     "join": _join,
     "camera frames": _frames,
     "cascade": _cascade,
+    "worlds": _worlds,
     "growth": _growth,
 }

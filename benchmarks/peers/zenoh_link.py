@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -16,14 +17,14 @@ KEY = "bench/value"
 
 
 def open_session(
-    *, listen: str | None = None, connect: str | None = None, shared_memory: bool = False
+    *, listen: str | None = None, connect: str | Sequence[str] = (), shared_memory: bool = False
 ) -> zenoh.Session:
     """A peer that knows its endpoints and looks for no others, as the working memory's are."""
     config = zenoh.Config()
     settings: dict[str, Any] = {
         "mode": "peer",
         "listen/endpoints": [listen] if listen else [],
-        "connect/endpoints": [connect] if connect else [],
+        "connect/endpoints": [connect] if isinstance(connect, str) else list(connect),
         "connect/retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2},
         "scouting/multicast/enabled": False,
         "transport/shared_memory/enabled": shared_memory,
@@ -55,7 +56,7 @@ class _Sender:
     def __init__(self, session: zenoh.Session, link: ZenohLink) -> None:
         self._session = session
         self._padding = b"\0" * (link.size - 8)
-        self._publisher = _publisher(session, reliable=link.reliable)
+        self._publisher = publisher(session, reliable=link.reliable)
 
     def send(self, number: int) -> None:
         self._publisher.put(number.to_bytes(8, "little") + self._padding)
@@ -78,8 +79,8 @@ class _Reader:
 def forward(connection: Connection, first: str, last: str) -> None:
     """Pass on whatever comes from endpoint `first` to those who connect to `last`, until the pipe closes."""
     target, source = open_session(listen=last), open_session(connect=first)
-    publisher = _publisher(target, reliable=True)
-    source.declare_subscriber(KEY, lambda sample: publisher.put(sample.payload))
+    following = publisher(target, reliable=True)
+    source.declare_subscriber(KEY, lambda sample: following.put(sample.payload))
     connection.send("ready")
     for _ in commands(connection):
         pass
@@ -87,10 +88,11 @@ def forward(connection: Connection, first: str, last: str) -> None:
         session.close()  # type: ignore[no-untyped-call]
 
 
-def _publisher(session: zenoh.Session, *, reliable: bool) -> zenoh.Publisher:
+def publisher(session: zenoh.Session, *, reliable: bool, key: str = KEY) -> zenoh.Publisher:
+    """One with the quality of service of our updates, or of our streams."""
     control, priority = zenoh.CongestionControl, zenoh.Priority
     return session.declare_publisher(
-        KEY,
+        key,
         congestion_control=control.BLOCK if reliable else control.DROP,
         priority=priority.INTERACTIVE_HIGH if reliable else priority.INTERACTIVE_LOW,
         express=True,

@@ -78,7 +78,7 @@ class Mirror:
             if change.kind == "removed":
                 self._gone.add(key)
         for change in self._watch.poll():
-            if change.kind != "updated":
+            if change.kind == "removed" or (change.kind == "added" and not self._is_ours(change)):
                 self._note(change)
         if not self._nodes and not self._edges:
             return
@@ -100,6 +100,11 @@ class Mirror:
             return key
         self._nodes[change.name] = None
         return change.name
+
+    def _is_ours(self, change: Change) -> bool:
+        """Whether we have created the element of the target that came."""
+        here = _of(self._target, change.name if change.element == "node" else (change.src, change.dst, change.type))
+        return here is not None and self._target.created(here)
 
     # ---- one element
 

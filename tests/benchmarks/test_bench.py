@@ -186,6 +186,7 @@ def test_plots_are_drawn_of_what_was_measured(tmp_path: Path) -> None:
         "join": {"1000": {"ours": [0.1, 0.2]}, "10000": {"ours": [0.5]}},
         "camera frames": {"ours": [1.0, 2.0]},
         "cascade": {"graphs": [1, 5], "ms": {"ours": [1.0, 2.0]}},
+        "worlds": {"worlds": [1, 2], "ms": {"ours": [1.0, 2.0], "Underworlds (published)": [3.6, 10.7]}},
         "growth": {"nodes": [100, 1000], "us": {"get node": [1.0, 1.1]}},
     }
     files = draw(Findings(rows, curves), tmp_path)
