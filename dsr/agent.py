@@ -16,7 +16,7 @@ import numpy as np
 
 from dsr.clock import Clock
 from dsr.errors import AgentError
-from dsr.keys import Keys, check_name
+from dsr.keys import BASE, Keys, check_name
 from dsr.runtime.access import Access
 from dsr.runtime.config import convert
 from dsr.transport import Transport
@@ -71,6 +71,10 @@ class Agent:
     def configured(cls, config: Mapping[str, Any]) -> type[Agent]:
         """This class with what `config` changes in its declarations; most agents declare the same in any case."""
         return cls
+
+    def world_names(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """The worlds that it reads and those that it writes, as it declares; it may open more."""
+        return (BASE,) if self.reads != Access() else (), (BASE,) if self.writes != Access() else ()
 
     def setup(self) -> None:
         """Prepare. Nodes that it needs may not be there yet: that is for `tick` to cope with."""

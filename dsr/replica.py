@@ -78,6 +78,10 @@ class Replica:
         self._keys = keys
         self.skipped = 0
         """Messages passed over because merging could not keep up."""
+        self.received = 0
+        """Messages with changes of others that arrived."""
+        self.written = 0
+        """Changes of our own."""
         self._outbox = Outbox()
         self._inbox: deque[Callable[[], None]] = deque()
         self._arrived = threading.Event()
@@ -96,6 +100,7 @@ class Replica:
         rid, keys, transport, sync = self.graph.rid, self._keys, self._transport, self.synchroniser
 
         def merge(key: str, payload: bytes) -> None:
+            self.received += 1
             self._receive(lambda: sync.receive_delta(_last(key), payload))
 
         def digest(key: str, payload: bytes) -> None:
@@ -119,6 +124,7 @@ class Replica:
 
     def commit(self, delta: Delta) -> None:
         """Queue a delta of our own; the caller holds the lock, and calls `send_soon` when it does not any more."""
+        self.written += 1
         self._outbox.add(delta, together=self._holds > 0)
 
     def send_soon(self) -> None:

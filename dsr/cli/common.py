@@ -16,7 +16,7 @@ from rich.markup import escape
 
 from dsr.clock import WALL_CLOCK
 from dsr.connect import SECURITY, connect
-from dsr.errors import ConfigError, NodeNotFoundError, SchemaError, TransportError
+from dsr.errors import ConfigError, NodeNotFoundError, SchemaError, TransportError, WorldNotFoundError
 from dsr.memory import Memory
 from dsr.rendezvous import endpoints, graphs, running_graph
 from dsr.runtime.access import Access, WriteGuard
@@ -47,10 +47,10 @@ errors = Console(stderr=True, highlight=False)
 
 @contextlib.contextmanager
 def naming() -> Iterator[None]:
-    """Within it, a name that the graph or the schema does not know is wrong input: raises `ConfigError` instead."""
+    """Within it, a name that the system or the schema does not know is wrong input: raises `ConfigError` instead."""
     try:
         yield
-    except (NodeNotFoundError, SchemaError) as error:
+    except (NodeNotFoundError, SchemaError, WorldNotFoundError) as error:
         raise ConfigError(str(error)) from error
 
 

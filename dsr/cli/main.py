@@ -13,7 +13,23 @@ import typer
 from rich.logging import RichHandler
 from rich.markup import escape
 
-from dsr.cli import doctor, hub, inspect, load, persist, relations, run, security, soak, top, visibility, watch, what_if
+from dsr.cli import (
+    diff,
+    doctor,
+    hub,
+    inspect,
+    load,
+    persist,
+    relations,
+    run,
+    security,
+    soak,
+    top,
+    topology,
+    visibility,
+    watch,
+    what_if,
+)
 from dsr.cli.common import errors, shown
 from dsr.errors import ConfigError, DsrError
 from dsr.runtime.logs import PlainFormatter
@@ -25,7 +41,9 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     help="Working memory for robots. Start with `dsr demo`; look into what runs with `dsr ls`, `dsr tree`, `dsr top`.",
 )
-for module in (run, inspect, relations, visibility, watch, top, what_if, persist, load, hub, soak, doctor):
+for module in (
+    run, inspect, relations, visibility, watch, top, topology, diff, what_if, persist, load, hub, soak, doctor,
+):  # fmt: skip
     app.add_typer(module.app)
 app.add_typer(security.app)
 

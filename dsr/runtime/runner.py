@@ -9,6 +9,7 @@ from collections import deque
 
 from dsr.agent import Agent
 from dsr.errors import AgentError, ConfigError, DsrError
+from dsr.runtime.activity import Activity
 from dsr.runtime.status import PERIOD, State, Status, encode_status
 from dsr.transport import Qos
 
@@ -64,6 +65,7 @@ class Runner:
         self._known_errors: set[str] = set()
         self._ticks: deque[tuple[float, float]] = deque(maxlen=_SAMPLES)  # (end, duration), s
         self._told = -math.inf
+        self._activity = Activity(agent)
 
     def setup(self) -> None:
         """Set the agent up. A failure is logged and raised as a `DsrError`; so are declared names that do not exist."""
@@ -161,6 +163,7 @@ class Runner:
             restarts=self._restarts,
             last_error=self.agent.degraded or self._last_error,
             stamp=self.agent.clock.now(),
+            worlds=self._activity.uses(self.agent.clock.now()),
         )
 
     def _rate(self) -> float:

@@ -13,6 +13,7 @@ from dsr.clock import Clock
 from dsr.decoding import decoded
 from dsr.errors import WireError
 from dsr.keys import Keys
+from dsr.runtime.activity import WorldUse
 from dsr.transport import Transport
 
 PERIOD = 1.0
@@ -58,6 +59,8 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     last_error: str = ""
     stamp: float = 0.0
     """s"""
+    worlds: list[WorldUse] = []
+    """What it does in which worlds."""
 
 
 _encoder = msgspec.msgpack.Encoder()

@@ -1,7 +1,21 @@
 """Worlds: several graphs side by side in one system, forks of one another or made anew (docs/worlds.md)."""
 
 from dsr.worlds.clients import Client, Monitor, Provider, Reader, WorldsConfig
+from dsr.worlds.comparison import Difference, Tolerance, difference
 from dsr.worlds.filters import Filter, FilterConfig
 from dsr.worlds.registry import ROOT, WorldInfo
 
-__all__ = ["ROOT", "Client", "Filter", "FilterConfig", "Monitor", "Provider", "Reader", "WorldInfo", "WorldsConfig"]
+__all__ = [
+    "ROOT",
+    "Client",
+    "Difference",
+    "Filter",
+    "FilterConfig",
+    "Monitor",
+    "Provider",
+    "Reader",
+    "Tolerance",
+    "WorldInfo",
+    "WorldsConfig",
+    "difference",
+]

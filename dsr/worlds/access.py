@@ -62,6 +62,10 @@ class WorldAccess:
         """All worlds of the system: the base first, the others by name."""
         return self._worlds.list()
 
+    def opened_worlds(self) -> list[Memory]:
+        """The base and all other worlds that are open in this process."""
+        return [self._worlds.base, *self._worlds.opened()]
+
     def world(self, name: str, *, timeout: float = TIMEOUT) -> Memory:
         """The world `name`, complete; the same memory as long as it is open. It closes with the base's.
 

@@ -91,6 +91,10 @@ class Client(Agent):
             return cls
         return type(cls.__name__, (cls,), {**given, "__module__": cls.__module__, "__doc__": cls.__doc__})
 
+    def world_names(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """The worlds that it names."""
+        return self.inputs, tuple(self.writes.worlds or ())
+
     # ---- the life of an agent
 
     def setup(self) -> None:

@@ -242,6 +242,10 @@ class Worlds:
         with self.lock:
             self._open = {name: other for name, other in self._open.items() if other is not memory}
 
+    def opened(self) -> tuple[Memory, ...]:
+        """The worlds beside the base that are open."""
+        return tuple(self._open.values())
+
     def each(self, act: Callable[[Memory], None]) -> None:
         """Do something with every open world."""
         for memory in list(self._open.values()):

@@ -48,7 +48,8 @@ MODULES = {
         "TIMEOUT", "WhatIf", "decode_answer", "decode_question", "encode_answer", "encode_question",
     },
     "dsr.worlds": {
-        "ROOT", "Client", "Filter", "FilterConfig", "Monitor", "Provider", "Reader", "WorldInfo", "WorldsConfig",
+        "ROOT", "Client", "Difference", "Filter", "FilterConfig", "Monitor", "Provider", "Reader", "Tolerance",
+        "WorldInfo", "WorldsConfig", "difference",
     },
 }  # fmt: skip
 """What agents of one's own import from modules rather than from `dsr`."""

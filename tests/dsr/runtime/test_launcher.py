@@ -72,6 +72,7 @@ def test_agents_become_ready_work_together_and_stop(tmp_path: Path) -> None:
         rows = launcher.rows()
         assert [row.agent for row in rows] == ["first", "second"]
         assert all(row.is_ready and row.heard is not None for row in rows)
+        wait_for(lambda: "cube_1" in launcher.memory and "cube_2" in launcher.memory)
         wait_for(lambda: launcher.memory.node("cube_2")["mass"] > launcher.memory.node("cube_1")["mass"] > 0)
         pids = [row.pid for row in rows]
     assert seen[0] == ["starting", "starting"]

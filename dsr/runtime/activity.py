@@ -1,0 +1,90 @@
+"""What an agent does in which worlds: counted by its replicas, told in its status."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import msgspec
+
+from dsr.keys import BASE
+
+if TYPE_CHECKING:
+    from dsr.agent import Agent
+    from dsr.memory import Memory
+
+_WINDOW = 0.9
+"""s over which rates are taken at least."""
+
+
+class WorldUse(msgspec.Struct, frozen=True, kw_only=True):
+    """What an agent does in a world."""
+
+    world: str
+    reads: bool = False
+    """It says that it reads it, or has opened it."""
+    writes: bool = False
+    """It says that it writes it, or has written to it."""
+    read_hz: float = 0.0
+    """Messages of others a second that it took in."""
+    write_hz: float = 0.0
+    """Changes a second that it made."""
+    last_read: float | None = None
+    """s since the Unix epoch, to about a second; None if there was nothing yet."""
+    last_write: float | None = None
+
+
+class _Count:
+    """A number that grows: how fast, and when it did so last."""
+
+    def __init__(self) -> None:
+        self.hz = 0.0
+        self.last: float | None = None
+        self._count = 0
+        self._since: float | None = None
+
+    def sample(self, count: int, now: float) -> None:
+        """Note that it is `count` at time `now` (s)."""
+        if self._since is None:
+            self._since = now
+            self.last = now if count else None
+        elif now - self._since >= _WINDOW:
+            self.hz = (count - self._count) / (now - self._since)
+            self.last = now if count > self._count else self.last
+            self._since = now
+        else:
+            return
+        self._count = count
+
+
+class Activity:
+    """Follows what one agent does in its worlds; to be asked about once a second."""
+
+    def __init__(self, agent: Agent) -> None:
+        self._agent = agent
+        self._counts: dict[str, tuple[_Count, _Count]] = {}
+
+    def uses(self, now: float) -> list[WorldUse]:
+        """What it does in each world at time `now` (s), by name of the world."""
+        agent = self._agent
+        if not agent.uses_memory:
+            return []
+        reads, writes = agent.world_names()
+        opened = {memory.world_name: memory for memory in agent.memory.opened_worlds()}
+        names = {*reads, *writes, *(name for name in opened if name != BASE)}
+        return [self._use(name, opened.get(name), name in reads, name in writes, now) for name in sorted(names)]
+
+    def _use(self, name: str, memory: Memory | None, reads: bool, writes: bool, now: float) -> WorldUse:
+        read, written = self._counts.setdefault(name, (_Count(), _Count()))
+        if memory is not None:
+            read.sample(memory.replica.received, now)
+            written.sample(memory.replica.written, now)
+        wrote = memory is not None and memory.replica.written > 0
+        return WorldUse(
+            world=name,
+            reads=reads or (memory is not None and not writes),
+            writes=writes or (wrote and not reads),
+            read_hz=read.hz,
+            write_hz=written.hz,
+            last_read=read.last,
+            last_write=written.last,
+        )
