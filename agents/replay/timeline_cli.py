@@ -22,6 +22,7 @@ from dsr.cli.common import (
     JsonOption,
     RouterOption,
     SecurityOption,
+    WorldOption,
     console,
     errors,
     print_json,
@@ -30,7 +31,7 @@ from dsr.cli.common import (
 )
 from dsr.clock import WALL_CLOCK
 from dsr.errors import ConfigError
-from dsr.keys import agent_of
+from dsr.keys import BASE, agent_of
 from dsr.memory import Memory
 from dsr.runtime.logs import printable
 from dsr.timeline import EVENT, SITUATION, Event
@@ -63,6 +64,7 @@ def timeline(
     ] = None,
     until: Annotated[float | None, typer.Option(metavar="S", help="Only until then, likewise.")] = None,
     graph: GraphOption = None,
+    world: WorldOption = BASE,
     as_json: JsonOption = False,
     router: RouterOption = None,
     security: SecurityOption = None,
@@ -74,12 +76,12 @@ def timeline(
     """
     wanted = Selection(kinds or (), participants or (), since, until)
     if recording is None:
-        _show_running(graph, router, security, wanted, follow=follow, as_json=as_json)
+        _show_running(graph, world, router, security, wanted, follow=follow, as_json=as_json)
         return
     if follow:
         raise ConfigError("--follow is for a running system; a recording has an end")
-    if graph is not None:
-        raise ConfigError("--graph is for a running system; a recording is one graph")
+    if graph is not None or world != BASE:
+        raise ConfigError("--graph and --world are for a running system; a recording is one graph")
     source = open_recording(recording)
     history = history_of(source)
     wanted.check_found(*history)
@@ -102,9 +104,16 @@ def _show(events: list[Event], begin: float, *, as_json: bool) -> None:
 
 
 def _show_running(
-    graph: str | None, router: str | None, security: Path | None, wanted: Selection, *, follow: bool, as_json: bool
+    graph: str | None,
+    world: str,
+    router: str | None,
+    security: Path | None,
+    wanted: Selection,
+    *,
+    follow: bool,
+    as_json: bool,
 ) -> None:
-    with reading(graph, router, security) as memory:
+    with reading(graph, router, security, world) as memory:
         listener, never = Listener(memory), threading.Event()
         if listener.keeper is None:
             WALL_CLOCK.wait(never, LISTEN)

@@ -17,6 +17,7 @@ from rich.markup import escape
 from dsr.clock import WALL_CLOCK
 from dsr.connect import SECURITY, connect
 from dsr.errors import ConfigError, NodeNotFoundError, SchemaError, TransportError, WorldNotFoundError
+from dsr.keys import BASE
 from dsr.memory import Memory
 from dsr.rendezvous import endpoints, graphs, running_graph
 from dsr.runtime.access import Access, WriteGuard
@@ -32,6 +33,9 @@ RouterOption = Annotated[
 SecurityOption = Annotated[
     Path | None,
     typer.Option("--security", metavar="FOLDER", envvar=SECURITY, help="With its certificates (dsr security init)."),
+]
+WorldOption = Annotated[
+    str, typer.Option("--world", "-w", metavar="NAME", help="Which world of the graph (dsr worlds).")
 ]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON instead of a table.")]
 
@@ -55,14 +59,18 @@ def naming() -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def reading(graph: str | None, router: str | None, security: Path | None) -> Iterator[Memory]:
-    """A replica of the running graph, that writes nothing. Raises `ConfigError` if there is none."""
+def reading(
+    graph: str | None, router: str | None, security: Path | None, world: str = BASE
+) -> Iterator[Memory]:
+    """A replica of a world of the running graph, that writes nothing. Raises `ConfigError` if there is none."""
     name = _running(graph, router)
     guard = WriteGuard("dsr", Access())
     routers = [router] if router else ()
     with connect(name, agent="dsr", connect=routers, guard=guard, security=security) as memory:
         _check_company(memory, router)
-        yield memory
+        with naming():
+            opened = memory.world(world)
+        yield opened
 
 
 @contextlib.contextmanager

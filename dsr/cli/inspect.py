@@ -14,6 +14,7 @@ from dsr.cli.common import (
     JsonOption,
     RouterOption,
     SecurityOption,
+    WorldOption,
     console,
     naming,
     plain,
@@ -24,6 +25,7 @@ from dsr.cli.common import (
 )
 from dsr.elements import Edge, Node
 from dsr.errors import TransformError
+from dsr.keys import BASE
 from dsr.memory import Memory
 from dsr.timeline import TIMELINE
 
@@ -40,12 +42,13 @@ _NOTES = {("perceived", False): "not seen", ("plausible", False): "implausible",
 def ls(
     kind: Annotated[str | None, typer.Option("--type", "-t", help="Only nodes of this type.")] = None,
     graph: GraphOption = None,
+    world: WorldOption = BASE,
     as_json: JsonOption = False,
     router: RouterOption = None,
     security: SecurityOption = None,
 ) -> None:
     """List the nodes: where they were perceived and where they are believed to be, in the world frame (m)."""
-    with reading(graph, router, security) as memory:
+    with reading(graph, router, security, world) as memory:
         with naming():
             nodes = sorted(memory.nodes(kind), key=lambda node: (node.type, node.name))
         rows = [_summary(memory, node) for node in nodes]
@@ -89,12 +92,13 @@ def _place(position: list[float] | None) -> str:
 def show(
     name: Annotated[str, typer.Argument(help="Name of a node.")],
     graph: GraphOption = None,
+    world: WorldOption = BASE,
     as_json: JsonOption = False,
     router: RouterOption = None,
     security: SecurityOption = None,
 ) -> None:
     """Show everything about a node: its attributes with units, and the edges from and to it."""
-    with reading(graph, router, security) as memory:
+    with reading(graph, router, security, world) as memory:
         with naming():
             node = memory.node(name)
         edges = [*memory.edges(src=name), *memory.edges(dst=name)]
@@ -133,18 +137,19 @@ def _attribute_table(memory: Memory, node: Node) -> Table:
 @app.command()
 def tree(
     graph: GraphOption = None,
+    world: WorldOption = BASE,
     as_json: JsonOption = False,
     router: RouterOption = None,
     security: SecurityOption = None,
 ) -> None:
     """Show how nodes hang together: frames under their parents, parts under wholes, plan steps in order."""
-    with reading(graph, router, security) as memory:
+    with reading(graph, router, security, world) as memory:
         roots = build_forest(memory)
-        name = memory.graph_name
+        name = memory.graph_name if world == BASE else f"{memory.graph_name}, world {world}"
     if as_json:
         print_json(roots)
         return
-    drawing = Tree(f"graph [bold]{name}[/]")
+    drawing = Tree(f"graph [bold]{shown(name)}[/]")
     for root in roots:
         _draw(drawing, root)
     console.print(drawing)

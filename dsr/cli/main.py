@@ -29,6 +29,7 @@ from dsr.cli import (
     visibility,
     watch,
     what_if,
+    worlds,
 )
 from dsr.cli.common import errors, shown
 from dsr.errors import ConfigError, DsrError
@@ -42,7 +43,7 @@ app = typer.Typer(
     help="Working memory for robots. Start with `dsr demo`; look into what runs with `dsr ls`, `dsr tree`, `dsr top`.",
 )
 for module in (
-    run, inspect, relations, visibility, watch, top, topology, diff, what_if, persist, load, hub, soak, doctor,
+    run, inspect, relations, visibility, worlds, watch, top, topology, diff, what_if, persist, load, hub, soak, doctor,
 ):  # fmt: skip
     app.add_typer(module.app)
 app.add_typer(security.app)

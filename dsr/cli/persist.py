@@ -8,7 +8,8 @@ from typing import Annotated
 
 import typer
 
-from dsr.cli.common import GraphOption, RouterOption, SecurityOption, console, errors, reading
+from dsr.cli.common import GraphOption, RouterOption, SecurityOption, WorldOption, console, errors, reading
+from dsr.keys import BASE
 from dsr.persistence.content import GraphContent
 from dsr.persistence.files import read_graph, write_graph
 from dsr.runtime.logs import printable
@@ -32,12 +33,13 @@ FormatOption = Annotated[FileFormat, typer.Option("--format", help="What is writ
 def save(
     file: Annotated[Path, typer.Argument(help="JSON file to write; an old one is replaced.")],
     graph: GraphOption = None,
+    world: WorldOption = BASE,
     file_format: FormatOption = FileFormat.DSR,
     router: RouterOption = None,
     security: SecurityOption = None,
 ) -> None:
-    """Write the running graph to a JSON file that people can read and edit. Equal graphs give equal files."""
-    with reading(graph, router, security) as memory:
+    """Write a world of the running graph to a JSON file that people can read and edit. Equal ones give equal files."""
+    with reading(graph, router, security, world) as memory:
         content = GraphContent.of(memory)
     warn(content)
     write_graph(content, file, file_format.value)

@@ -9,9 +9,10 @@ from typing import Annotated, Any
 import msgspec
 import typer
 
-from dsr.cli.common import GraphOption, RouterOption, SecurityOption, naming, plain, readable, reading
+from dsr.cli.common import GraphOption, RouterOption, SecurityOption, WorldOption, naming, plain, readable, reading
 from dsr.clock import WALL_CLOCK
 from dsr.elements import Edge, Node
+from dsr.keys import BASE
 from dsr.memory import Memory
 from dsr.runtime.logs import printable
 from dsr.watch import Change
@@ -24,6 +25,7 @@ app = typer.Typer()
 @app.command()
 def watch(
     graph: GraphOption = None,
+    world: WorldOption = BASE,
     node_type: Annotated[Names, typer.Option("--node-type", "--type", "-t", help="Only nodes of this type.")] = None,
     edge_type: Annotated[Names, typer.Option("--edge-type", "-e", help="Only edges of this type.")] = None,
     attribute: Annotated[Names, typer.Option("--attribute", "-a", help="Only this attribute.")] = None,
@@ -37,7 +39,7 @@ def watch(
 
     Example: dsr watch --node-type cube --attribute perceived
     """
-    with reading(graph, router, security) as memory:
+    with reading(graph, router, security, world) as memory:
         with naming():
             changes = memory.watch(
                 node_type=node_type, edge_type=edge_type, attribute=attribute, existing=not changes_only

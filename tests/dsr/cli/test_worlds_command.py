@@ -1,0 +1,42 @@
+"""`dsr worlds`, and `--world` of the commands that look into a graph."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from dsr import ConfigError, Memory
+
+
+def test_worlds_are_listed_with_where_they_come_from_and_how_large_they_are(
+    memory: Memory, cli: Callable[..., str], cli_json: Callable[..., Any]
+) -> None:
+    memory.fork("idea").add_node("ball", "ball")
+    memory.fork("view", follow=True)
+    base, idea, view = cli_json("worlds")
+    assert (base["name"], base["nodes"], base["parent"]) == ("base", 4, None)
+    assert (idea["name"], idea["parent"], idea["follows"], idea["nodes"]) == ("idea", "base", False, 5)
+    assert idea["creator"] == "owner" and idea["created"] > 0 and idea["held_by"] == 1
+    assert (view["nodes"], view["follows"]) == (4, True)
+    text = cli("worlds")
+    assert "fork of base" in text and "follows base" in text
+
+
+def test_other_worlds_are_looked_into_with_an_option(
+    memory: Memory, cli: Callable[..., str], cli_json: Callable[..., Any], tmp_path: Path
+) -> None:
+    idea = memory.fork("idea")
+    idea.remove_node("cube_3")
+    idea.add_node("ball", "ball", mass=0.5)
+    assert {row["name"] for row in cli_json("ls", "--world", "idea")} == {"world", "table", "camera_overhead", "ball"}
+    assert "0.5" in cli("show", "ball", "--world", "idea")
+    assert "ball" in cli("tree", "-w", "idea") and "world idea" in cli("tree", "-w", "idea")
+    file = tmp_path / "idea.json"
+    cli("save", str(file), "--world", "idea")
+    assert "ball" in {node["name"] for node in json.loads(file.read_text())["nodes"]}
+    with pytest.raises(ConfigError, match="did you mean 'idea'"):
+        cli("ls", "--world", "idae")
