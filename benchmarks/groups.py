@@ -17,6 +17,7 @@ from benchmarks import (
     planning,
     throughput,
     world_cascade,
+    worlds,
 )
 from benchmarks.group import Group
 from benchmarks.rows import Spec
@@ -24,7 +25,7 @@ from dsr.errors import ConfigError
 
 GROUPS: tuple[Group, ...] = (
     latency.GROUP, throughput.GROUP, join.GROUP, local.GROUP, by_type.GROUP, frame_chains.GROUP, camera_frames.GROUP,
-    meshes.GROUP, cascade.GROUP, world_cascade.GROUP, growth.GROUP, planning.GROUP,
+    meshes.GROUP, cascade.GROUP, worlds.GROUP, world_cascade.GROUP, growth.GROUP, planning.GROUP,
 )  # fmt: skip
 
 
