@@ -1,4 +1,4 @@
-"""Forks and overlays of a large world: made at once, without memory of their own until something changes, quick to read."""
+"""Forks and overlays of a large world: made at once, no memory of their own until something changes, quick to read."""
 
 from __future__ import annotations
 

@@ -189,6 +189,10 @@ class Store:
         """What was created under `dot` and lives, with the registers that are written here."""
         return self.entries.get(dot)
 
+    def written_dots(self) -> list[Dot]:
+        """Creation dots of all that `find` finds."""
+        return list(self.entries)
+
     def is_known(self, dot: Dot) -> bool:
         """Whether it is clear what became of what was created under `dot`."""
         return dot in self.context

@@ -59,16 +59,17 @@ def pieces(store: Store, lock: AbstractContextManager[Any]) -> Iterator[Delta]:
 
     What changes meanwhile may be in them or not; whoever joins them joins what was pending from now on, too.
     """
-    dots = list(store.entries)
-    last = Delta(context=list(store.context.ranges()), live=frozenset(dots))
+    dots = store.written_dots()
+    last = Delta(context=list(store.context.ranges()), live=frozenset(store.entries))
     return _copied(store, lock, dots, last)
 
 
 def _copied(store: Store, lock: AbstractContextManager[Any], dots: list[Dot], last: Delta) -> Iterator[Delta]:
     for start in range(0, len(dots), _PIECE):
         with lock:
-            entries = [entry for dot in dots[start : start + _PIECE] if (entry := store.entries.get(dot))]
-            writes = [write for entry in entries for write in entry.registers.values()]
+            found = [entry for dot in dots[start : start + _PIECE] if (entry := store.find(dot))]
+            entries = [entry for entry in found if entry.dot in store.entries]
+            writes = [write for entry in found for write in entry.registers.values()]
         adds = [Add(entry.dot, entry.key, entry.type, entry.sources, entry.destinations) for entry in entries]
         yield Delta(adds=adds, writes=writes)
     yield last

@@ -24,7 +24,7 @@ from dsr.clock import WALL_CLOCK
 from dsr.connect import SECURITY, connect
 from dsr.errors import AgentError, TransportError
 from dsr.persistence.content import GraphContent
-from dsr.persistence.keeper import StateKeeper
+from dsr.persistence.world_keeper import WorldKeeper
 from dsr.rendezvous import claim_file, lock_file
 from dsr.runtime.status import Heard, State, StatusBoard
 from dsr.runtime.supervised import Supervised
@@ -127,7 +127,7 @@ class Launcher:
         self.memory = connect(name, agent="launcher", connect=routers, security=self._security)
         self._resources.callback(self.memory.close)
         if self._state is not None:
-            self.restored = StateKeeper(self.memory, self._state).restored
+            self.restored = WorldKeeper(self.memory, self._state).restored
         if self._content is not None and not self.restored:
             self._content.put_into(self.memory)
         self.board = StatusBoard(self.memory.transport, self.memory.keys, self.clock)

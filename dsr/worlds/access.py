@@ -105,6 +105,19 @@ class WorldAccess:
         """
         return self._worlds.fork(name, of or self.world_name, follow=follow, timeout=timeout)
 
+    def hold_world(self, name: str, *, timeout: float = TIMEOUT) -> Memory:
+        """The world `name`, with nothing in it if nobody holds it any more: for whoever has kept its state.
+
+        Raises:
+            WorldNotFoundError: if it is not in the list.
+            TransportError: if those who hold it do not answer within `timeout` s.
+        """
+        return self._worlds.hold(name, timeout)
+
+    def world_channels(self) -> dict[str, str]:
+        """Names of the worlds beside the base, each with what tells it from others that ever had its name."""
+        return self._worlds.channels()
+
     def delete_world(self, name: str) -> None:
         """Delete a world without trace: every process drops it as soon as it hears of it.
 

@@ -59,6 +59,10 @@ class Layer(Store):
         """See `Store.find`."""
         return self.entries.get(dot) or self.patches.get(dot)
 
+    def written_dots(self) -> list[Dot]:
+        """See `Store.written_dots`."""
+        return [*self.entries, *self.patches]
+
     def is_known(self, dot: Dot) -> bool:
         """See `Store.is_known`."""
         return super().is_known(dot) or self._known_below(dot)

@@ -104,6 +104,19 @@ class Worlds:
 
     # ---- making and opening
 
+    def channels(self) -> dict[str, str]:
+        """Names of all worlds but the base, with the channels on which their replicas meet."""
+        return {record.info.name: record.channel for record in records(self.base.replica.graph)}
+
+    def hold(self, name: str, timeout: float) -> Memory:
+        """See `Memory.hold_world`."""
+        with self._opening:
+            with contextlib.suppress(WorldNotFoundError):
+                return self.open(name, timeout)
+            memory = self._join(name, timeout)
+            memory.replica.synchroniser.nobody_there()
+            return memory
+
     def open(self, name: str, timeout: float) -> Memory:
         """See `Memory.world`."""
         if name == BASE:
@@ -124,7 +137,7 @@ class Worlds:
         """Take part in a world that is listed; its parent, too, if it looks through to that."""
         record = self._record(name)
         info = record.info
-        below = self.open(info.parent, timeout) if info.follows and info.parent is not None else None
+        below = self.hold(info.parent, timeout) if info.follows and info.parent is not None else None
         return self._take_seat(record, below)
 
     def create(self, name: str, *, exist_ok: bool, timeout: float) -> Memory:

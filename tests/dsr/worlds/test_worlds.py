@@ -8,7 +8,7 @@ import weakref
 
 import pytest
 
-from dsr import AgentError, ConfigError, Memory, Pose, WorldError, WorldInfo, WorldNotFoundError
+from dsr import AgentError, ConfigError, Memory, NoPathError, Pose, WorldError, WorldInfo, WorldNotFoundError
 from dsr.runtime.access import Access, WriteGuard
 from tests.dsr.conftest import Net, tabletop
 
@@ -159,6 +159,51 @@ def test_the_list_of_worlds_is_no_part_of_a_world_but_can_be_watched(net: Net) -
         assert [change.kind for change in worlds.poll()] == ["added"]
         a.delete_world("w")
         assert [change.kind for change in worlds.poll()] == ["removed"]
+
+
+def test_rapid_creations_are_all_seen(net: Net) -> None:
+    a, b = net.join("a"), net.join("b")
+    net.pump(1.5)
+    ours = a.create_world("w")
+    net.pump(0.1)
+    theirs = b.world("w")
+    seen: set[str] = set()
+    with theirs.watch(node_type="ball") as watch:
+        for index in range(1000):
+            ours.add_node(f"n{index}", "ball")
+            if index % 37 == 0:
+                net.pump()
+                seen |= {change.name for change in watch.poll() if change.kind == "added"}
+        net.pump(0.2)
+        seen |= {change.name for change in watch.poll() if change.kind == "added"}
+    assert len(seen) == 1000
+
+
+def test_reparenting_and_orphans(net: Net) -> None:
+    a = net.join("a")
+    world = a.create_world("w")
+    for name in ("shelf", "tray"):
+        world.add_node(name, "table")
+        world.add_edge("world", name, "RT", pose=Pose((1.0, 0, 0)))
+    world.add_node("cup", "cup")
+    world.add_edge("shelf", "cup", "RT", pose=Pose((0, 1.0, 0)))
+    world.remove_edge("shelf", "cup", "RT")
+    world.add_edge("tray", "cup", "RT", pose=Pose((0, 2.0, 0)))
+    assert world.transform("world", "cup").t == (1.0, 2.0, 0.0)
+    world.remove_node("tray")  # what hung there stays, without a place
+    assert "cup" in world
+    with pytest.raises(NoPathError):
+        world.transform("world", "cup")
+
+
+def test_waiting_ends_in_time_or_with_the_change(net: Net) -> None:
+    a = net.join("a")
+    world = a.create_world("w")
+    with world.watch(node_type="ball") as watch:
+        assert watch.next(timeout=0.01) is None
+        threading.Timer(0.05, lambda: world.add_node("ball", "ball")).start()
+        change = watch.next(timeout=10.0)
+        assert change is not None and change.name == "ball"
 
 
 def test_wrong_names_and_worlds_are_refused(net: Net) -> None:

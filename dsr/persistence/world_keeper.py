@@ -1,0 +1,106 @@
+"""Keeps the state of all worlds of a memory, each in a folder of its own, so that they outlive those who made them.
+
+    keeper = WorldKeeper(memory, Path("state"))     # worlds of which the folder holds the state are there again
+
+The base is kept in the folder itself (dsr/persistence/keeper.py), every other world in `worlds/<name>/<channel>` below.
+The keeper has every world open, so it also hands them on; it drops what is deleted, and its files.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import shutil
+import threading
+from pathlib import Path
+
+from dsr.errors import DsrError
+from dsr.keys import BASE
+from dsr.memory import Memory
+from dsr.persistence.keeper import StateKeeper
+
+PERIOD = 0.25
+"""s between two looks at the list of worlds."""
+
+_log = logging.getLogger("dsr.persistence")
+
+
+class WorldKeeper:
+    """Restores the base and the worlds of a memory from a folder, and keeps their state there until it is closed.
+
+    Args:
+        memory: the memory of the base; it should have joined its graph.
+        folder: made if missing; belongs to one keeper at a time.
+        threaded: work in threads of its own. Without, call `flush` several times a second.
+
+    Raises:
+        ConfigError: if the folder is in use, cannot be written, or no snapshot of the base in it can be read.
+    """
+
+    def __init__(self, memory: Memory, folder: Path, *, threaded: bool = True) -> None:
+        self._memory = memory
+        self._folder = folder / "worlds"
+        self._threaded = threaded
+        self._keepers: dict[Path, StateKeeper] = {}
+        self._refused: set[Path] = set()
+        self._stop = threading.Event()
+        self._looking = threading.Lock()
+        self.base = StateKeeper(memory, folder, threaded=threaded)
+        """The keeper of the base."""
+        self._look()
+        self._thread = threading.Thread(target=self._run, name="dsr-worlds", daemon=True) if threaded else None
+        memory.on_close(self.close)
+        if self._thread:
+            self._thread.start()
+
+    @property
+    def restored(self) -> bool:
+        """Whether the folder held a state of the base."""
+        return self.base.restored
+
+    def flush(self) -> None:
+        """Follow the list of worlds, and write what is new in all of them to the disk, now."""
+        self._look()
+        self.base.flush()
+        for keeper in list(self._keepers.values()):
+            keeper.flush()
+
+    def close(self) -> None:
+        """Stop following the list; the state of each world is kept until that closes."""
+        self._stop.set()
+        if self._thread and self._thread is not threading.current_thread():
+            self._thread.join()
+
+    def _run(self) -> None:
+        while not self._memory.clock.wait(self._stop, PERIOD):
+            self._look()
+
+    def _look(self) -> None:
+        """Keep what is new in the list, and drop what is not in it any more."""
+        with self._looking:
+            channels = self._memory.world_channels()
+            wanted = {self._folder / name / channel: name for name, channel in channels.items() if name != BASE}
+            for folder in [folder for folder in self._keepers if folder not in wanted]:
+                self._keepers.pop(folder).close()
+            self._remove_others(set(wanted))
+            for folder, name in wanted.items():
+                if folder not in self._keepers and folder not in self._refused:
+                    self._keep(name, folder)
+
+    def _keep(self, name: str, folder: Path) -> None:
+        try:
+            world = self._memory.hold_world(name)
+            self._keepers[folder] = StateKeeper(world, folder, threaded=self._threaded)
+        except DsrError as error:  # try again, unless the folder is what is wrong
+            _log.warning("world %r is not kept: %s", name, error)
+            if folder.exists():
+                self._refused.add(folder)
+
+    def _remove_others(self, wanted: set[Path]) -> None:
+        """Deleted worlds leave no files."""
+        for folder in self._folder.glob("*/*"):
+            if folder not in wanted:
+                shutil.rmtree(folder, ignore_errors=True)
+        for folder in self._folder.glob("*"):
+            with contextlib.suppress(OSError):
+                folder.rmdir()  # if it is empty
