@@ -59,6 +59,8 @@ class ColorReading(msgspec.Struct, frozen=True):
     """m, standard deviation of each coordinate"""
     up: tuple[float, float, float] | None = None
     """Unit vector of the object's own z axis in the camera's optical frame, if its shape shows that"""
+    ahead: tuple[float, float, float] | None = None
+    """Likewise of its own x axis, or of what looks like that; it says nothing of what is round"""
 
 
 class TagReadings(msgspec.Struct, frozen=True):

@@ -263,6 +263,7 @@ _ATTRIBUTES: dict[str, AttributeType] = dict([
     *_attributes("vector", "rad/s", {"joint_velocities": "measured"}, stream=True),
     *_attributes("float", "kg", {"mass": "mass"}),
     *_attributes("float", "", {"friction": "Coulomb coefficient", "target_speed": "0 to 1 of the limits"}),
+    *_attributes("float", "m", {"rolling_friction": "lever arm of the resistance to rolling"}),
     *_attributes("float", "m", {"target_opening": "wanted distance between the finger pads"}),
     *_attributes("float", "m", {"opening": "distance between the finger pads"}, stream=True),
     *_attributes("float", "s", {"since": "when it began", "time": "when it happened", "begin": "when a situation began",

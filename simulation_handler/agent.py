@@ -36,7 +36,8 @@ class SimulationHandler(Agent):
         nodes=(*FIXTURES, *OBJECTS, *PARTS, "world", "camera", "gripper", "action", *WRITTEN_NODES),
         edges=("RT", "Virtual_RT", "on", "in", "sees", "grasping", "has"),
         attributes=(
-            *("size", "shape", "mass", "friction", "plausible", "source", "since", "bounds", *INTRINSICS, *SEEN),
+            *("size", "shape", "mass", "friction", "rolling_friction", "plausible", "source", "since", "bounds"),
+            *(*INTRINSICS, *SEEN),
             *("surprising", "present", "skill", "target", "destination", "status", "held_at", "grip"),
             *("perceived", "last_seen", "side", "mount", "mesh"),
         ),

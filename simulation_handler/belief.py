@@ -88,6 +88,7 @@ class Belief:
         *,
         mass: float | None = None,
         friction: float | None = None,
+        rolling_friction: float | None = None,
         shape: Shape = (),
         drivable: bool = False,
     ) -> None:
@@ -101,11 +102,12 @@ class Belief:
                 this, what moves is put where it is seen, and the rest is for explanations.
             mass: kg.
             friction: Coulomb coefficient.
+            rolling_friction: m, lever arm of the resistance to rolling.
 
         Raises:
             SimulationError: for a name in use.
         """
-        self._bodies.add_object(name, size, mass, friction, shape, drivable=drivable)
+        self._bodies.add_object(name, size, mass, friction, shape, drivable=drivable, rolling_friction=rolling_friction)
 
     def recall(self, name: str, world_pose: Pose, *, held: bool = False) -> None:
         """Believe again that an object is at `world_pose`, and `held` there by something unknown or not."""

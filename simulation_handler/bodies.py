@@ -63,13 +63,16 @@ class Bodies:
         shape: Shape = (),
         *,
         drivable: bool = False,
+        rolling_friction: float | None = None,
     ) -> BelievedObject:
         """Let an object exist, without a place yet."""
         if name in self.objects or name in self.fixtures:
             raise SimulationError(f"{name!r} is already part of the belief")
         mass = self._config.default_mass if mass is None else mass
         friction = self._config.default_friction if friction is None else friction
-        self.objects[name] = BelievedObject(name, size, mass, friction, Track(self._config), shape, drivable)
+        self.objects[name] = BelievedObject(
+            name, size, mass, friction, Track(self._config), shape, drivable, rolling_friction
+        )
         return self.objects[name]
 
     def remove(self, name: str) -> None:
@@ -123,8 +126,8 @@ class Bodies:
         ]
         for name, item in self.objects.items():
             if name in self.sim:
-                pose = self.sim.pose(name)
-                bodies.append(Body(name, item.size, *pose, item.mass, item.friction, item.pinned, item.shape))
+                pose, rolling = self.sim.pose(name), item.rolling_friction
+                bodies.append(Body(name, item.size, *pose, item.mass, item.friction, item.pinned, item.shape, rolling))
         return Scene(tuple(bodies))
 
     def put(self, item: BelievedObject, position: Vector3, rotation: Quaternion) -> None:
@@ -133,8 +136,9 @@ class Bodies:
             self.sim.place(item.name, position, rotation)
         else:
             self.sim.add_body(
-                item.name, item.size, item.shape, position, rotation, mass=item.mass, friction=item.friction
-            )
+                item.name, item.size, item.shape, position, rotation,
+                mass=item.mass, friction=item.friction, rolling_friction=item.rolling_friction,
+            )  # fmt: skip
             item.pinned, item.gone = False, False
         item.put = Pose.unchecked(position, rotation)
 

@@ -165,7 +165,10 @@ class Explainer:
             believed=placed,
             properties={
                 **{name: Properties(0.0, config.default_friction) for name in bodies.fixtures},
-                **{name: Properties(item.mass, item.friction, item.shape) for name, item in objects.items()},
+                **{
+                    name: Properties(item.mass, item.friction, item.shape, item.rolling_friction)
+                    for name, item in objects.items()
+                },
             },
             seen={
                 name: seen_now(item, config, now)

@@ -42,6 +42,8 @@ class BelievedObject:
     """Its pieces; none for a solid box."""
     drivable: bool = False
     """Where it is seen to move, it takes along by contact what is in it, on it, or in its way."""
+    rolling_friction: float | None = None
+    """m, lever arm of the resistance to rolling; None if that is not known"""
     path: Path = field(default_factory=Path)
     """The way that it was seen to take."""
     noise: float = 0.0

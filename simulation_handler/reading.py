@@ -44,8 +44,8 @@ _MOST_OFF = 0.001  # m that the bounds of a shape may differ from the size
 _FARTHEST = 100.0  # m from the world's origin that a hand may be
 _MOST_AHEAD = 0.5  # s that a percept's stamp may be ahead of this machine's clock
 
-Properties = tuple[Vector3, float | None, float | None, Shape]
-"""Size (m), mass (kg), friction and shape of an object; None where its node does not say."""
+Properties = tuple[Vector3, float | None, float | None, float | None, Shape]
+"""Size (m), mass (kg), friction, rolling friction (m) and shape of an object; None where its node does not say."""
 
 
 class Reading:
@@ -165,9 +165,11 @@ class Reading:
         pose = self._belief.pose(name) if known else None
         if known:
             self._belief.remove(name)
-        size, mass, friction, shape = properties
+        size, mass, friction, rolling_friction, shape = properties
         drivable = node.type not in EXPLAINED
-        self._belief.add_object(name, size, mass=mass, friction=friction, shape=shape, drivable=drivable)
+        self._belief.add_object(
+            name, size, mass=mass, friction=friction, rolling_friction=rolling_friction, shape=shape, drivable=drivable
+        )
         self._known[name] = properties
         if pose is not None:
             self._belief.recall(name, pose)
@@ -234,7 +236,7 @@ def _properties(node: Node, forms: Forms) -> Properties:
     if mass == 0.0:
         raise SchemaError(f"{node}: mass 0 kg; expected more")
     size = _size(node)
-    return size, mass, friction, _shape(node, size, forms)
+    return size, mass, friction, _number(node, "rolling_friction"), _shape(node, size, forms)
 
 
 def _size(node: Node) -> Vector3:

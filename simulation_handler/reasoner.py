@@ -42,6 +42,7 @@ class Reasoner(Protocol):
         *,
         mass: float | None = None,
         friction: float | None = None,
+        rolling_friction: float | None = None,
         shape: Shape = (),
         drivable: bool = False,
     ) -> None:

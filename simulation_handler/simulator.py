@@ -36,7 +36,7 @@ _MOST_PARTS = 16  # of a step, enough for a fall of 0.12 m
 _RECOVERY = 0.08  # share of an interpenetration that is undone in a step, as pybullet has it
 _ENABLE_SLEEPING: int = pybullet.ACTIVATION_STATE_ENABLE_SLEEPING
 _DISABLE_SLEEPING: int = pybullet.ACTIVATION_STATE_DISABLE_SLEEPING
-_ROLLING_FRICTION = 0.01  # m, of what is round: a ball comes to rest as on a soft cloth
+_ROLLING_FRICTION = 0.01  # m, of what is round, if nobody says: a ball comes to rest as on a soft cloth
 _SLEEP_SPEED = 0.02  # m/s or rad/s, below which a body may fall asleep
 _GEOMETRIES: dict[PartKind, int] = {
     "box": pybullet.GEOM_BOX,
@@ -125,6 +125,7 @@ class Simulator:
         *,
         mass: float = 0.0,
         friction: float = 0.5,
+        rolling_friction: float | None = None,
     ) -> None:
         """Add a body.
 
@@ -136,6 +137,7 @@ class Simulator:
             rotation: (4,) of the body in the world.
             mass: kg; 0 for one that never moves.
             friction: Coulomb coefficient; that of a contact is the product of both bodies'.
+            rolling_friction: m, lever arm of the resistance to rolling and spinning; None for one that is usual.
 
         Raises:
             SimulationError: for a name in use, or a size, shape or mass that no body can have.
@@ -154,9 +156,11 @@ class Simulator:
             body, -1, lateralFriction=friction, frictionAnchor=1, restitution=0.0, sleepThreshold=_SLEEP_SPEED,
             activationState=_ENABLE_SLEEPING if self._sleeping else _DISABLE_SLEEPING, physicsClientId=self._client,
         )  # fmt: skip
-        if any(part.kind != "box" for part in shape):
+        if rolling_friction is None:
+            rolling_friction = _ROLLING_FRICTION if any(part.kind != "box" for part in shape) else 0.0
+        if rolling_friction:
             pybullet.changeDynamics(
-                body, -1, rollingFriction=_ROLLING_FRICTION, spinningFriction=_ROLLING_FRICTION,
+                body, -1, rollingFriction=rolling_friction, spinningFriction=rolling_friction,
                 physicsClientId=self._client,
             )  # fmt: skip
         self._ids[name], self._names[body], self._masses[name] = body, name, mass

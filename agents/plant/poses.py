@@ -29,9 +29,9 @@ COLOR_DISTANCES = (0.6, 1.0, 1.3)
 """m from the camera, at which the errors of colours were measured"""
 SIGMA_COLOR = (0.0012, 0.0015, 0.0025)
 """m, of each coordinate of the centre of an object that is recognised by its colour and seen completely"""
-SIGMA_TILT = 0.02
-"""rad, about each axis: medians of the angle are 0.002 to 0.045 rad by object and distance, most of them near 0.02
-(`python -m benchmarks.perception --tilted --distances 0.9 1.4`)"""
+SIGMA_TURN = 0.02
+"""rad, about each axis: medians of the tilt's error are 0.002 to 0.045 rad by object and distance, most of them near
+0.02 (`python -m benchmarks.perception --tilted --distances 0.9 1.4`); of yaws, see `--colors`"""
 STEEPEST = math.radians(75)
 """rad between the tag's normal and the viewing ray, beyond which a tag is not found"""
 SMALLEST = 12.0
@@ -63,8 +63,8 @@ def read_tags(camera: Camera, world: World, hands: Hands, stamp: float) -> TagRe
             seen.readings.append(_measured(spec.marker_id, pose, errors[name], noise))
         elif spec.color is not None:
             shows_tilt = len(spec.shape) > 1 and share >= _ENOUGH_FOR_TILT
-            up = _measured_up(pose, noise) if shows_tilt else None
-            seen.colors.append(_measured_color(spec.color, pose, errors[name], noise, share, up))
+            axes = _measured_axes(pose, noise) if shows_tilt else None
+            seen.colors.append(_measured_color(spec.color, pose, errors[name], noise, share, axes))
     return seen
 
 
@@ -96,21 +96,25 @@ def _measured(marker_id: int, camera_from_object: Pose, error: float, noise: NDA
 
 
 def _measured_color(
-    color: Color, camera_from_object: Pose, error: float, noise: NDArray[np.float64], share: float, up: Vector3 | None
+    color: Color,
+    camera_from_object: Pose,
+    error: float,
+    noise: NDArray[np.float64],
+    share: float,
+    axes: tuple[Vector3, Vector3] | None,
 ) -> ColorReading:
     """The centre moved towards the camera by `error` m, then disturbed; the less is seen, the more."""
     distance = math.hypot(*camera_from_object.t)
     sigma = float(np.interp(distance, COLOR_DISTANCES, SIGMA_COLOR)) / share
     x, y, z = (camera_from_object.translation * (1 - error / distance) + noise[:3] * sigma).tolist()
-    return ColorReading(color, (x, y, z), sigma, up)
+    return ColorReading(color, (x, y, z), sigma, *(axes or ()))
 
 
-def _measured_up(camera_from_object: Pose, noise: NDArray[np.float64]) -> Vector3:
-    """The own z axis of an object, of which only a hollow or composite shape tells, disturbed."""
-    turn = Pose.from_rotvec((0.0, 0.0, 0.0), (noise[3] * SIGMA_TILT, noise[4] * SIGMA_TILT, 0.0))
-    measured = camera_from_object @ turn
-    x, y, z = measured.rotation_matrix[:, 2].tolist()
-    return x, y, z
+def _measured_axes(camera_from_object: Pose, noise: NDArray[np.float64]) -> tuple[Vector3, Vector3]:
+    """The own z and x axes of an object, of which only a hollow or composite shape tells, disturbed."""
+    measured = camera_from_object @ Pose.from_rotvec((0.0, 0.0, 0.0), noise[3:] * SIGMA_TURN)
+    x_axis, _, z_axis = measured.rotation_matrix.T.tolist()
+    return tuple(z_axis), tuple(x_axis)
 
 
 def _share_of_color(camera: Camera, world: World, hands: Hands, spec: ObjectSpec, camera_from_object: Pose) -> float:

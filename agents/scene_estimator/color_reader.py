@@ -57,4 +57,4 @@ class ColorReader:
     def _sighting(self, name: str, placed: Placed, stamp: float) -> ColorSighting:
         ray = placed.position / np.linalg.norm(placed.position)
         covariance = placed.covariance + self._noise.depth_bias_std**2 * np.outer(ray, ray)
-        return ColorSighting(name, placed.position, covariance, stamp, placed.lean)
+        return ColorSighting(name, placed.position, covariance, stamp, placed.lean, placed.guess.yaw, placed.yaw_sigma)

@@ -11,6 +11,7 @@ from agents.colors import TOLERANCE, spectral_angle
 from agents.drivers import ColorReading, TagReadings
 from agents.scene_estimator.geometry import Array
 from agents.scene_estimator.pose import NoiseModel
+from agents.scene_estimator.turning import ROUND, nearest_turn, order
 from dsr import quaternions
 from dsr.elements import Node
 from dsr.errors import SchemaError, WireError
@@ -25,6 +26,8 @@ ANY_ROTATION = math.pi
 LEANING = 0.15
 """rad, likewise, of a tilt that was seen"""
 UPRIGHT: Quaternion = (0.0, 0.0, 0.0, 1.0)
+TURNED = 0.03
+"""rad, likewise, of the yaw that a sensor without images tells of what stands upright"""
 LEANS = 0.25
 """rad, from which what leans is told from what is upright"""
 _FARTHEST = 100.0  # m
@@ -55,14 +58,19 @@ class ColorSighting(NamedTuple):
     """s, of the exposure"""
     lean: Quaternion | None = None
     """In the world, from standing upright to how it is turned; None if that could not be seen."""
+    yaw: float = 0.0
+    """rad, about its own z axis, before that"""
+    yaw_sigma: float = math.inf
+    """rad, standard deviation of the yaw; infinite if that could not be seen"""
 
     def pose(self, world_from_camera: Pose) -> Pose:
-        """camera_from_object with covariance: upright along the world's axes, which may be wrong, or leaning."""
+        """camera_from_object with covariance: as it is seen to be turned, and upright where that cannot be seen."""
         camera_from_world = world_from_camera.inverse()
         lean = UPRIGHT if self.lean is None else self.lean
         tilt = ANY_ROTATION if self.lean is None else LEANING
-        yaw = ANY_ROTATION if lean == UPRIGHT else LEANING
-        rotation = quaternions.product(camera_from_world.q, lean)
+        yaw = min(self.yaw_sigma, ANY_ROTATION if lean == UPRIGHT else LEANING)
+        about_z = quaternions.from_rotvec((0.0, 0.0, self.yaw))
+        rotation = quaternions.product(camera_from_world.q, quaternions.product(lean, about_z))
         turn = Pose((0.0, 0.0, 0.0), rotation).rotation_matrix
         covariance = np.zeros((6, 6))
         covariance[:3, :3] = turn.T @ self.covariance @ turn
@@ -77,6 +85,8 @@ class ColoredObjects:
         self._memory = memory
         self._watches = [memory.watch(attribute=name) for name in ("color", "marker_id", "size", "shape")]
         self.known: list[ColoredObject] = []
+        self.turned: dict[str, Quaternion] = {}
+        """world_from_object of what was last seen of rotations"""
 
     def update(self) -> None:
         """Take note of what was written to nodes."""
@@ -119,19 +129,32 @@ def _sensed(
     reading: ColorReading, stamp: float, objects: ColoredObjects, noise: NoiseModel, world_from_camera: Pose | None
 ) -> ColorSighting | None:
     position = np.array(reading.position, dtype=np.float64)
-    numbers = (*reading.position, *reading.color, reading.sigma, *(reading.up or ()))
+    numbers = (*reading.position, *reading.color, reading.sigma, *(reading.up or ()), *(reading.ahead or ()))
     if not all(map(math.isfinite, numbers)) or not _near(position) or not 0.0 <= reading.sigma < _FARTHEST:
         raise WireError(f"colour reading at {stamp}: {reading}: expected a place within {_FARTHEST} m")
     if (colored := objects.find(reading.color)) is None:
         return None
     ray = position / np.linalg.norm(position)
     covariance = reading.sigma**2 * np.eye(3) + noise.depth_bias_std**2 * np.outer(ray, ray)
-    lean = None
-    if reading.up is not None and world_from_camera is not None:
-        if abs(math.hypot(*reading.up) - 1.0) > _ROUNDING:
-            raise WireError(f"colour reading at {stamp}: up {reading.up}: expected a unit vector")
-        lean = lean_of(quaternions.rotate(world_from_camera.q, reading.up))
-    return ColorSighting(colored.name, position, covariance, stamp, lean)
+    if any(abs(math.hypot(*axis) - 1.0) > _ROUNDING for axis in (reading.up, reading.ahead) if axis is not None):
+        raise WireError(f"colour reading at {stamp}: up {reading.up}, ahead {reading.ahead}: expected unit vectors")
+    if reading.up is None or world_from_camera is None:
+        return ColorSighting(colored.name, position, covariance, stamp)
+    lean = lean_of(quaternions.rotate(world_from_camera.q, reading.up))
+    if reading.ahead is None or order(colored.shape, colored.size) == ROUND:
+        return ColorSighting(colored.name, position, covariance, stamp, lean)
+    yaw = _yaw(lean, quaternions.rotate(world_from_camera.q, reading.ahead), colored, objects)
+    return ColorSighting(colored.name, position, covariance, stamp, lean, yaw, TURNED)
+
+
+def _yaw(lean: Quaternion, ahead: Vector3, colored: ColoredObject, objects: ColoredObjects) -> float:
+    """rad, of an object whose own x axis is seen to point `ahead`, or one that looks alike and is near the last one."""
+    x, y, _ = quaternions.rotate(quaternions.conjugate(lean), ahead)
+    seen = quaternions.product(lean, quaternions.from_rotvec((0.0, 0.0, math.atan2(y, x))))
+    turn = nearest_turn(seen, objects.turned.get(colored.name, UPRIGHT), order(colored.shape, colored.size))
+    objects.turned[colored.name] = turn
+    about_z = quaternions.product(quaternions.conjugate(lean), turn)
+    return 2.0 * math.atan2(about_z[2], about_z[3])
 
 
 def _near(position: Array) -> bool:

@@ -8,6 +8,7 @@ place. What turns by less than 35 degrees from frame to frame is followed so, to
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,6 +23,7 @@ _STEPS = 15
 _SHARE = 300  # points at which the surface is looked for
 _STIFF = 0.3  # rad, and
 _FIRM = 0.02  # m: standard deviations of a step, and of the place by the middle of the points
+_PRIOR = np.diag([_STIFF**-2] * 3 + [_FIRM**-2] * 3)
 _SETTLED = 3e-3  # rad
 _FARTHEST = 0.6  # rad from the guess
 _TOGETHER = 10  # points of whose errors only one tells something
@@ -64,16 +66,32 @@ def leaning(scene: Scene, shape: Shape, size: Vector3, guess: Array, good: float
     return judged(scene, shape, size, turn, position) if _angle(turn @ guess.T) < _FARTHEST else None
 
 
-def tilt_sigma(scene: Scene, shape: Shape, size: Vector3, found: Fit, sigma: float) -> float:
-    """rad, standard deviation of the worse known of the two directions in which a fitted shape may lean.
+class Turned(NamedTuple):
+    """How surely a fitted shape is turned as it is."""
 
-    From the curvature of the sum of squared distances around the fit, if points are off by `sigma` m, ten together.
-    """
+    tilt_sigma: float
+    """rad, standard deviation of the worse known of the two directions in which it may lean"""
+    yaw_sigma: float
+    """rad, of its turn about its own z axis"""
+    yaw_off: float
+    """rad, by which it should be turned about that axis to lie better on the points"""
+
+
+def turned(scene: Scene, shape: Shape, size: Vector3, found: Fit, sigma: float) -> Turned:
+    """From the sum of squared distances around the fit, if points are off by `sigma` m, ten together."""
     near = scene.points[scene.around(found.position, size)]
     near = near[:: max(1, len(near) // _SHARE)]
-    jacobian, _ = _linear(near, shape, size, found.turn, found.position)
-    information = jacobian.T @ jacobian / (_TOGETHER * sigma**2) + np.diag([_STIFF**-2] * 3 + [_FIRM**-2] * 3)
-    return math.sqrt(float(np.linalg.eigvalsh(np.linalg.inv(information)[:2, :2])[-1]))
+    jacobian, distance = _linear(near, shape, size, found.turn, found.position)
+    information = jacobian.T @ jacobian / (_TOGETHER * sigma**2) + _PRIOR
+    covariance, up = np.linalg.inv(information), found.turn[:, 2]
+    about = np.vstack([np.append(up, np.zeros(3)), np.eye(6)[3:]])  # that axis, and where it is
+    weighted = jacobian / (sigma**2 + distance**2)[:, None]
+    normal = about @ (weighted.T @ jacobian + _PRIOR) @ about.T
+    return Turned(
+        math.sqrt(float(np.linalg.eigvalsh(covariance[:2, :2])[-1])),
+        math.sqrt(float(up @ covariance[:3, :3] @ up)),
+        float(np.linalg.solve(normal, -about @ (weighted.T @ distance))[0]),
+    )
 
 
 def is_unlike_fallen(scene: Scene, shape: Shape, size: Vector3, found: Fit) -> bool:
@@ -101,7 +119,7 @@ def _step(
     """
     jacobian, distance = _linear(points, shape, size, turn, position)
     weighted = jacobian / (good**2 + distance**2)[:, None]
-    normal = weighted.T @ jacobian + np.diag([_STIFF**-2] * 3 + [_FIRM**-2] * 3)
+    normal = weighted.T @ jacobian + _PRIOR
     pull = np.concatenate([np.zeros(3), (middle - position) / _FIRM**2])
     return np.asarray(np.linalg.solve(normal, pull - weighted.T @ distance))
 

@@ -14,8 +14,9 @@ import numpy as np
 from agents.scene_estimator.colored import LEANS, UPRIGHT
 from agents.scene_estimator.fitting import ROUGH, ROUGH_POINTS, Fit, Scene, View, cloud, fit
 from agents.scene_estimator.geometry import Array
-from agents.scene_estimator.leaning import is_unlike_fallen, lean, leaning, tilt, tilt_sigma
+from agents.scene_estimator.leaning import is_unlike_fallen, lean, leaning, tilt, turned
 from agents.scene_estimator.segmentation import Mask
+from agents.scene_estimator.turning import ROUND, nearest_alike, order
 from dsr import quaternions
 from dsr.quaternions import Quaternion, Vector3
 from dsr.shapes import Shape
@@ -34,11 +35,14 @@ _FINER = np.radians((10.0, 5.0, 2.5))  # rad, by which the best of those is turn
 _GOOD_FIT = 1.5  # times the depth noise: a mean distance up to which no other rotation is tried
 _USUALLY = 1.4  # times the usual mean distance: the same
 _NEWS = 0.1  # weight of the newest in that
-_SURELY = 1.3  # times that: the same, for one that leans
+_SURELY = 2.0  # times that: the same, for one that leans
 _CLEARLY = 0.8  # of the mean distance with which it leans: one with which it surely stands upright
 _STANDS = 0.1  # rad, up to which it is upright again
 _TELLS = 0.06  # rad, standard deviation of its tilt up to which it is known to stand upright
 _TELLS_LEAN = 0.15  # rad, likewise, to lean: of a ball, whose tilt nothing tells, it is more
+_TELLS_YAW = 0.1  # rad, likewise, of its yaw
+_SURE_OF_YAW = 0.02  # rad, standard deviation of one that is known best
+_TO_COME = 3.0  # times the newest change of a yaw: how far off it may still be
 _TRUST = 1.5  # times the mean distance of the points from the shape: how far off the place may be
 
 
@@ -66,6 +70,8 @@ class Placed(NamedTuple):
     """Whether the shape lies on the points but for their noise."""
     lean: Quaternion | None
     """How it surely leans, or stands, in the world; None if that cannot be told"""
+    yaw_sigma: float
+    """rad, standard deviation of the guessed yaw; infinite if that cannot be told"""
 
 
 def place(
@@ -97,12 +103,19 @@ def place(
     if found is None or found.share < LEAST_SHARE or found.agreement < _AGREEMENT or found.misfit > worst:
         return None
     position, covariance = _in_camera(found, view, size)
-    sure = _sure_lean(scene, shape, size, found, guess, good) if is_familiar else None
-    return Placed(position, covariance, guess, found.misfit <= good, sure)
+    known = turned(scene, shape, size, found, max(found.misfit, _FLOOR))
+    sure = _sure_lean(scene, shape, size, found, guess, good, known.tilt_sigma) if is_familiar else None
+    shows_yaw = sure is not None and order(shape, size) != ROUND and known.yaw_sigma < _TELLS_YAW
+    if shows_yaw and guess.lean == UPRIGHT:
+        guess = guess._replace(yaw=guess.yaw + known.yaw_off)
+    yaw_sigma = math.hypot(_SURE_OF_YAW, known.yaw_sigma, _TO_COME * known.yaw_off) if shows_yaw else math.inf
+    return Placed(position, covariance, guess, found.misfit <= good, sure, yaw_sigma)
 
 
-def _sure_lean(scene: Scene, shape: Shape, size: Vector3, found: Fit, guess: Guess, good: float) -> Quaternion | None:
-    sigma = tilt_sigma(scene, shape, size, found, max(found.misfit, _FLOOR))
+def _sure_lean(
+    scene: Scene, shape: Shape, size: Vector3, found: Fit, guess: Guess, good: float, sigma: float
+) -> Quaternion | None:
+    """How it leans, if its tilt is known with a standard deviation of `sigma` rad."""
     if guess.lean != UPRIGHT and tilt(found.turn) > LEANS:
         return guess.lean if sigma < _TELLS_LEAN else None
     fits = found.misfit <= min(good, _USUALLY * max(guess.misfit, _FLOOR))
@@ -115,6 +128,10 @@ def _fitting(
     """The best fit near the guess, or with any yaw; and how it is turned."""
     upright, good = _about_z(guess.yaw), min(good, _USUALLY * max(guess.misfit, _FLOOR))
     standing = fit(scene, shape, size, upright)
+    if search and guess.misfit == math.inf and standing is not None and order(shape, size) != ROUND:
+        guess = guess._replace(yaw=_best_yaw(scene, shape, size, guess.yaw))
+        upright, search = _about_z(guess.yaw), False
+        standing = fit(scene, shape, size, upright)
     if guess.lean == UPRIGHT and standing is not None and standing.misfit <= good:
         usual = standing.misfit if guess.misfit == math.inf else guess.misfit + _NEWS * (standing.misfit - guess.misfit)
         return standing, guess._replace(misfit=usual)
@@ -148,7 +165,7 @@ def _best_yaw(scene: Scene, shape: Shape, size: Vector3, yaw: float) -> float:
         for angle in (float(best + step) for step in angles):
             found = fit(scene, shape, size, _about_z(angle), ROUGH, ROUGH_POINTS)
             misfits[angle] = math.inf if found is None else found.misfit
-    return min(misfits, key=lambda angle: misfits[angle])
+    return nearest_alike(min(misfits, key=lambda angle: misfits[angle]), yaw, order(shape, size))
 
 
 def _about_z(yaw: float) -> Array:

@@ -31,7 +31,7 @@ class SceneSetup(Agent):
     writes = Access(
         nodes=("world", "table", *THINGS),
         edges=("RT",),
-        attributes=("size", "shape", "mass", "friction", "marker_id", "color", "model"),
+        attributes=("size", "shape", "mass", "friction", "rolling_friction", "marker_id", "color", "model"),
     )
     Config = SceneSetupConfig
     config: SceneSetupConfig
@@ -60,6 +60,8 @@ def _properties(spec: ObjectSpec) -> dict[str, Any]:
     """Attributes of an object that can be known without seeing it."""
     known: dict[str, Any] = {"size": spec.size, "mass": spec.mass, "friction": spec.friction}
     optional = {"marker_id": spec.marker_id, "color": spec.color, "model": spec.model}
+    if spec.rolling_friction:
+        known["rolling_friction"] = spec.rolling_friction
     if spec.shape:
         known["shape"] = to_numbers(spec.shape)
     return {**known, **{name: value for name, value in optional.items() if value is not None}}

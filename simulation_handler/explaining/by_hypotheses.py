@@ -159,6 +159,7 @@ def scene_of(situation: Situation, drafted: Draft) -> Scene:
                 friction=properties.friction,
                 fixed=fixed or solid.name in drafted.held,
                 shape=solid.shape,
+                rolling_friction=properties.rolling_friction,
                 velocity=motion.velocity if motion else STILL,
                 spin=motion.spin if motion else STILL,
             )

@@ -88,6 +88,8 @@ class Properties:
     """Coulomb coefficient."""
     shape: Shape = ()
     """Its pieces; none for a solid box."""
+    rolling_friction: float | None = None
+    """m, lever arm of the resistance to rolling; None if that is not known"""
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,8 @@ class _Object:
     shape: Shape
     mass: float
     friction: float
+    rolling_friction: float | None
+    """m, lever arm of the resistance to rolling; None if that is not known"""
     seen: Pose | None = None
     """world_from_object of the newest percept."""
     stamp: float = -math.inf
@@ -94,6 +96,7 @@ class PublishedReasoner:
         *,
         mass: float | None = None,
         friction: float | None = None,
+        rolling_friction: float | None = None,
         shape: Shape = (),
         drivable: bool = False,
     ) -> None:
@@ -102,7 +105,7 @@ class PublishedReasoner:
             raise SimulationError(f"{name!r} is already part of the belief")
         mass = self.config.default_mass if mass is None else mass
         friction = self.config.default_friction if friction is None else friction
-        self._objects[name] = _Object(name, size, shape, mass, friction)
+        self._objects[name] = _Object(name, size, shape, mass, friction, rolling_friction)
 
     def remove(self, name: str) -> None:
         """Forget an object or a fixture. Harmless if there is none."""
@@ -182,7 +185,15 @@ class PublishedReasoner:
     def scene(self) -> Scene:
         """All that has a place, fixtures and floor too, as it is simulated."""
         bodies = (
-            Body(item.name, item.size, *self._sim.pose(item.name), item.mass, item.friction, False, item.shape)
+            Body(
+                item.name,
+                item.size,
+                *self._sim.pose(item.name),
+                item.mass,
+                item.friction,
+                shape=item.shape,
+                rolling_friction=item.rolling_friction,
+            )
             for item in self._objects.values()
             if item.name in self._sim
         )
@@ -273,7 +284,10 @@ class PublishedReasoner:
         if item.name in self._sim:
             self._sim.place(item.name, pose.t, pose.q)
         else:
-            self._sim.add_body(item.name, item.size, item.shape, pose.t, pose.q, mass=item.mass, friction=item.friction)
+            self._sim.add_body(
+                item.name, item.size, item.shape, pose.t, pose.q,
+                mass=item.mass, friction=item.friction, rolling_friction=item.rolling_friction,
+            )  # fmt: skip
 
     def _object(self, name: str) -> _Object:
         try:

@@ -88,8 +88,9 @@ class Engine:
         for body in scene.bodies[kept:]:
             mass = 0.0 if _is_fixed(body) else body.mass
             self._sim.add_body(
-                body.name, body.size, body.shape, body.position, body.rotation, mass=mass, friction=body.friction
-            )
+                body.name, body.size, body.shape, body.position, body.rotation,
+                mass=mass, friction=body.friction, rolling_friction=body.rolling_friction,
+            )  # fmt: skip
             self._loaded.append(body)
         for body in scene.bodies:
             if not _is_fixed(body):

@@ -37,6 +37,8 @@ class Body(NamedTuple):
     """It stays where it is: a fixture, or an object that is held in place."""
     shape: Shape = ()
     """Its pieces; none for a solid box."""
+    rolling_friction: float | None = None
+    """m, lever arm of the resistance to rolling; None if that is not known"""
     velocity: Vector3 = STILL
     """Of its centre in the world at the beginning, m/s."""
     spin: Vector3 = STILL

@@ -12,8 +12,11 @@ from dsr.elements import Edge
 from dsr.memory import Memory
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec
+from dsr.shapes import Part, to_numbers
 from dsr.transforms import Pose
 from simulation_handler import SimulationHandler
+from simulation_handler.rollouts.scene import Scene
+from simulation_handler.what_if import WhatIfService
 from tests.simulation_handler.worlds import CUBE, TABLE, SyntheticCamera, cube_at
 
 NAME = "simulation_handler"
@@ -252,6 +255,19 @@ def test_bad_nodes_are_skipped_and_said_once(
     table.run(1.0)
     assert table.error("cube_9") < 0.003
     assert agent.degraded == ""
+
+
+def test_how_easily_something_rolls_is_taken_from_its_node(table: Table, monkeypatch: pytest.MonkeyPatch) -> None:
+    scenes, offer = list[Scene](), WhatIfService.offer
+    monkeypatch.setattr(
+        WhatIfService, "offer", lambda self, scene, now: (scenes.append(scene), offer(self, scene, now))
+    )
+    size = (0.06, 0.06, 0.06)
+    shape = to_numbers((Part("sphere", size),))
+    table.memory.add_node("ball", "ball", size=size, shape=shape, mass=0.05, rolling_friction=0.003)
+    table.truths["ball"] = Pose((0.3, 0.1, 0.03))
+    table.run(0.5)
+    assert [body.rolling_friction for body in scenes[-1].bodies if body.name == "ball"] == [0.003]
 
 
 def test_percepts_of_a_camera_that_hangs_nowhere_are_skipped(table: Table) -> None:

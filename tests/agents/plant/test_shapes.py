@@ -13,6 +13,7 @@ import pytest
 
 from agents.object_models import find_model, load_model
 from agents.plant.bullet import Bullet
+from agents.plant.poses import SIGMA_TURN
 from agents.plant.reality import Reality
 from agents.plant.renderer import Renderer, RendererName
 from agents.plant.world import RATE_HZ, World, upright
@@ -162,6 +163,22 @@ def test_colours_are_read_where_the_objects_are(make_reality: MakeReality) -> No
     assert errors.mean(axis=0) == pytest.approx([0.0, 0.0, 0.0], abs=1e-3)
     assert errors.std(axis=0) == pytest.approx(samples[0].sigma, rel=0.2)
     assert reality.truth(0.0).in_view == ("cup",)
+
+
+def test_hollow_objects_show_how_they_are_turned(make_reality: MakeReality) -> None:
+    box = made_of("container_green", 0.35, 0.1)
+    reality = make_reality(box, made_of("ball", 0.3, -0.15))
+    true = upright((0.35, 0.1, 0.06), 0.4)
+    reality.world.put("container_green", true)
+    camera_from_object = reality.camera.pose.inverse() @ true
+    angles = []
+    for _ in range(100):
+        seen = {reading.color: reading for reading in reality.readings(0.0).colors}
+        ahead = seen[box.color].ahead
+        angles.append(math.asin(float(np.dot(ahead, camera_from_object.rotation_matrix[:, 1]))))
+        assert all(reading.ahead is None for color, reading in seen.items() if color != box.color)
+    assert np.mean(angles) == pytest.approx(0.0, abs=0.01)
+    assert np.std(angles) == pytest.approx(SIGMA_TURN, rel=0.3)
 
 
 def test_what_is_hidden_or_out_of_the_image_has_no_colour(make_reality: MakeReality) -> None:

@@ -16,6 +16,7 @@ from agents.scene_estimator.color_reader import ColorReader
 from agents.scene_estimator.colored import LEANING, ColorSighting
 from agents.scene_estimator.pose import NoiseModel
 from agents.scene_estimator.segmentation import ColorImage
+from agents.scene_estimator.turning import nearest_alike
 from benchmarks.color_scene import AWAY, ColorScene, looking_at
 from dsr import Pose
 from dsr.shapes import to_numbers
@@ -124,6 +125,30 @@ def test_what_is_tilted_and_put_back_is_followed(scene: ColorScene, model: str, 
     assert len(off) > 0.8 * len(degrees)
     assert max(off) < 3.0 * LEANING
     assert np.median(off) < 0.5 * LEANING
+
+
+@pytest.mark.parametrize(("model", "yaw"), [("container_green", 0.3), ("container_green", -0.1), ("cover_large", 0.5)])
+def test_the_yaw_of_what_has_corners_is_seen(scene: ColorScene, model: str, yaw: float) -> None:
+    rng, errors = np.random.default_rng(7), []
+    truth = standing(scene, model, yaw)
+    for distance in (0.7, 1.0, 1.3):
+        camera, reader = looking_at((*PLACE, 0.05), distance, rng), ColorReader(NO_BIAS)
+        for _ in range(6):
+            sighting = read(scene, camera, reader)[model]
+        if math.isfinite(sighting.yaw_sigma):
+            errors.append(abs(nearest_alike(sighting.yaw, yaw, 4) - yaw))
+            assert errors[-1] < 4.0 * sighting.yaw_sigma
+            assert (camera @ sighting.pose(camera)).distance(truth)[1] < errors[-1] + 1e-6
+    assert errors and max(errors) < 0.1
+
+
+def test_nobody_sees_how_a_cup_or_a_ball_is_turned(scene: ColorScene) -> None:
+    rng = np.random.default_rng(8)
+    for model in ("cup", "ball"):
+        standing(scene, model, 0.2)
+        camera, reader = looking_at((*PLACE, 0.05), 0.8, rng), ColorReader(NO_BIAS)
+        assert all(math.isinf(read(scene, camera, reader)[model].yaw_sigma) for _ in range(3))
+        scene.put(model, AWAY)
 
 
 def test_nobody_sees_a_ball_lean(scene: ColorScene) -> None:

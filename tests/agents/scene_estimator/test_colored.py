@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from agents.drivers import ColorReading, TagReadings
-from agents.scene_estimator.colored import LEANING
+from agents.scene_estimator.colored import LEANING, TURNED
 from dsr import Pose
 from dsr.shapes import Part, to_numbers
 
@@ -59,6 +59,50 @@ def test_a_sensor_may_tell_how_something_leans(
     assert sigmas == pytest.approx([LEANING, LEANING, yaw_sigma])
 
 
+@pytest.mark.parametrize(
+    ("turned", "told"), [(0.3, 0.3), (0.3 + math.pi / 2, 0.3), (-0.7, -0.7), (0.9, 0.9 - math.pi / 2)]
+)
+def test_a_sensor_may_tell_how_something_is_turned(
+    make_bench: Callable[..., Bench], sensor: FakeSensor, turned: float, told: float
+) -> None:
+    bench = make_bench(tag_sensors=SENSORS)
+    bench.memory.add_node("lid", "box", size=(0.1, 0.1, 0.02), color=RED)
+    bench.run(PERIOD)
+    tell(bench, sensor, turned_reading(bench, turned))
+    seen = bench.memory.transform("world", "lid")
+    assert seen.distance(Pose.from_rotvec(seen.t, (0.0, 0.0, told)))[1] < 1e-6
+    sigmas = np.sqrt(np.diag(covariance(bench.memory.edge("camera_overhead", "lid", "RT").pose))[3:])
+    assert sigmas == pytest.approx([LEANING, LEANING, TURNED])
+
+
+def test_of_turns_that_look_alike_a_sensor_means_the_one_near_the_last(
+    make_bench: Callable[..., Bench], sensor: FakeSensor
+) -> None:
+    bench = make_bench(tag_sensors=SENSORS)
+    bench.memory.add_node("lid", "box", size=(0.1, 0.1, 0.02), color=RED)
+    bench.run(PERIOD)
+    for turned in (0.0, 0.3, 0.6, 0.9, 1.2 - math.pi / 2):
+        tell(bench, sensor, turned_reading(bench, turned))
+    seen = bench.memory.transform("world", "lid")
+    assert seen.distance(Pose.from_rotvec(seen.t, (0.0, 0.0, 1.2)))[1] < 1e-6
+
+
+def test_nothing_tells_how_what_is_round_is_turned(make_bench: Callable[..., Bench], sensor: FakeSensor) -> None:
+    bench = make_bench(tag_sensors=SENSORS)
+    bench.memory.add_node("ball", "ball", size=SIZE, color=RED, shape=BALL)
+    bench.run(PERIOD)
+    tell(bench, sensor, turned_reading(bench, 0.3))
+    pose = bench.memory.edge("camera_overhead", "ball", "RT").pose
+    assert covariance(pose)[5, 5] == pytest.approx(math.pi**2)
+
+
+def turned_reading(bench: Bench, yaw: float) -> ColorReading:
+    """What stands upright, turned."""
+    axes = bench.memory.transform("camera_overhead", "world") @ Pose.from_rotvec((0.0, 0.0, 0.0), (0.0, 0.0, yaw))
+    ahead, _, up = (tuple(axis) for axis in axes.rotation_matrix.T.tolist())
+    return ColorReading(RED, (0.0, 0.1, 0.4), 0.002, up, ahead)
+
+
 def test_other_colours_and_tagged_objects_are_not_meant(make_bench: Callable[..., Bench], sensor: FakeSensor) -> None:
     bench = make_bench(tag_sensors=SENSORS)
     bench.memory.add_node("cube_3", "cube", size=SIZE, color=RED, marker_id=3)
@@ -73,6 +117,8 @@ def test_other_colours_and_tagged_objects_are_not_meant(make_bench: Callable[...
     "wrong",
     [
         ColorReading(RED, (0.0, 0.0, math.nan), 0.002),
+        ColorReading(RED, (0.0, 0.0, 1.0), 0.002, (0.0, 0.0, 1.0), (0.0, 0.0, 2.0)),
+        ColorReading(RED, (0.0, 0.0, 1.0), 0.002, (0.0, 0.0, 1.0), (0.0, math.nan, 0.0)),
         ColorReading(RED, (0.0, 0.0, 1e200), 0.002),
         ColorReading(RED, (0.0, 0.0, 0.0), 0.002),
         ColorReading(RED, (0.0, 0.0, 1.0), -1.0),

@@ -77,6 +77,12 @@ def test_known_objects_are_there_without_a_pose_and_others_are_not(memory: Memor
     assert "cube_4" not in memory
 
 
+def test_what_rolls_says_how_easily(memory: Memory) -> None:
+    set_up(memory, "c_pour")
+    assert memory.node("ball")["rolling_friction"] == 0.002
+    assert "rolling_friction" not in memory.node("blue")
+
+
 def test_without_a_scenario_there_is_a_table(memory: Memory) -> None:
     set_up(memory, "")
     assert [node.name for node in memory.nodes()] == ["world", "table"]
