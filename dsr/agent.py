@@ -38,9 +38,10 @@ class Agent:
     """Unique within a graph; the class gives the default."""
     rate_hz: float = 10.0
     """Ticks a second."""
-    reads: ClassVar[Access] = Access()
-    writes: ClassVar[Access] = Access()
-    """What it may write: anything else raises `AgentError`."""
+    reads: ClassVar[Any] = Access()
+    """An `Access`; a class at home in other worlds may name these instead (see `dsr.worlds.Client`)."""
+    writes: ClassVar[Any] = Access()
+    """Likewise what it may write: anything else raises `AgentError`."""
     publishes: ClassVar[tuple[str, ...]] = ()
     """Keys of the bus on which it publishes, below the graph's root: `device/arm/command`, `blob/**`. Only a secured
     graph holds it to them."""
@@ -74,7 +75,9 @@ class Agent:
 
     def world_names(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """The worlds that it reads and those that it writes, as it declares; it may open more."""
-        return (BASE,) if self.reads != Access() else (), (BASE,) if self.writes != Access() else ()
+        writes: Access = self.writes
+        at_home = writes != Access() and writes.includes_world(BASE)
+        return (BASE,) if self.reads != Access() else (), (BASE,) if at_home else ()
 
     def setup(self) -> None:
         """Prepare. Nodes that it needs may not be there yet: that is for `tick` to cope with."""

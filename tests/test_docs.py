@@ -136,7 +136,7 @@ def test_the_filter_has_ten_lines_and_leaves_out_what_is_small(
     for name, code in blocks.items():
         (agents_folder / name).write_text(code, encoding="utf-8")
     assert [spec.kind.__name__ for spec in load_system(agents_folder / "cascade.toml").agents] == [
-        "PassThrough", "ByType",
+        "PassThrough", "ByType", "RelationsMonitor",
     ]  # fmt: skip
     with dsr.connect("filtering", agent="scene") as memory:
         world = memory.create_world("world1")

@@ -23,6 +23,7 @@ from agents.viewer.mind import MindView
 from agents.viewer.model import read_scene
 from agents.viewer.scene import SceneView
 from agents.viewer.series import SeriesView
+from agents.viewer.topology_view import TopologyView
 from agents.viewer.window import Window, WindowError
 from dsr.agent import Access, Agent
 
@@ -67,6 +68,7 @@ class Viewer(Agent):
         self._window: Window | None = None
         recording = self._recording = self._open()
         self._graph = GraphView(recording)
+        self._topology = TopologyView(recording)
         self._scene = SceneView(recording)
         self._meshes = MeshView(recording, self.memory)
         self._mind = MindView(recording)
@@ -92,6 +94,7 @@ class Viewer(Agent):
         self._events.draw_changes(changes, self.memory, now)
         if any(change.kind != "updated" for change in changes):
             self._graph.draw(self.memory)
+        self._topology.draw(self.memory)
         self._mind.draw(self.memory)
         scene = read_scene(self.memory)
         self._scene.draw(scene, now, self._meshes.draw(changes))
@@ -133,6 +136,7 @@ class Viewer(Agent):
             self._series.note_truth(message)
         for message in self._statuses.take():
             self._series.draw_status(message)
+            self._topology.note_status(message)
         for message in self._logs.take():
             self._events.draw_record(message)
 

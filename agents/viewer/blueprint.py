@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import rerun.blueprint as rrb
 
-from agents.viewer import calibrations, chronicle, events, graph_view, mind, scene, series
+from agents.viewer import calibrations, chronicle, events, graph_view, mind, scene, series, topology_view
 
 TIMELINE = "stamp"
 _OVERVIEW = rrb.EyeControls3D(position=(1.35, -0.9, 0.85), look_target=(0.2, 0.03, 0.34), eye_up=(0.0, 0.0, 1.0))
@@ -60,8 +60,9 @@ def _thoughts() -> tuple[rrb.View, rrb.Container]:
     return plan, rrb.Tabs(explanations, cameras, active_tab=0)
 
 
-def _graph() -> rrb.View:
-    return rrb.GraphView(origin=graph_view.ENTITY, name="Working memory")
+def _graph() -> rrb.Container:
+    memory = rrb.GraphView(origin=graph_view.ENTITY, name="Working memory")
+    return rrb.Tabs(memory, rrb.GraphView(origin=topology_view.ENTITY, name="Worlds"), active_tab=0)
 
 
 def _images(cameras: Sequence[str]) -> rrb.Container | rrb.View:

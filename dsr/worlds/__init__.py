@@ -3,6 +3,7 @@
 from dsr.worlds.clients import Client, Monitor, Provider, Reader, WorldsConfig
 from dsr.worlds.comparison import Difference, Tolerance, difference
 from dsr.worlds.filters import Filter, FilterConfig
+from dsr.worlds.hosting import Hosted, HostedConfig
 from dsr.worlds.registry import ROOT, WorldInfo
 
 __all__ = [
@@ -11,6 +12,8 @@ __all__ = [
     "Difference",
     "Filter",
     "FilterConfig",
+    "Hosted",
+    "HostedConfig",
     "Monitor",
     "Provider",
     "Reader",

@@ -64,11 +64,12 @@ class Client(Agent):
     def __init_subclass__(cls, **options: Any) -> None:
         """Take down the names of the worlds, and say what they amount to as declarations. Raises `ConfigError`."""
         super().__init_subclass__(**options)
-        if not isinstance(cls.__dict__.get("reads", Access()), Access):
-            names = (cls.reads,) if isinstance(cls.reads, str) else tuple(cls.reads)
+        reads, writes = cls.__dict__.get("reads", Access()), cls.__dict__.get("writes", Access())
+        if not isinstance(reads, Access):
+            names = (reads,) if isinstance(reads, str) else tuple(reads)
             cls.inputs = tuple(check_name("world name", name) for name in names)
-        if not isinstance(cls.__dict__.get("writes", Access()), Access):
-            cls.output = check_name("world name", cls.writes) if cls.writes else ""
+        if not isinstance(writes, Access):
+            cls.output = check_name("world name", writes) if writes else ""
         if cls.output and cls.output in cls.inputs:
             raise ConfigError(f"{cls.__name__} reads and writes world {cls.output!r}: a Monitor may, with writes = ''")
         cls.reads = Access(_ALL, _ALL, _ALL, worlds=cls.inputs)
@@ -93,7 +94,7 @@ class Client(Agent):
 
     def world_names(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """The worlds that it names."""
-        return self.inputs, tuple(self.writes.worlds or ())
+        return self.inputs, tuple(self._may_write().worlds or ())
 
     # ---- the life of an agent
 
@@ -168,9 +169,13 @@ class Client(Agent):
             return self.memory
         if self._made:
             return self.memory.world(self.output)
-        memory = self.memory.create_world(self.output, exist_ok=True)
+        memory = self._make_output()
         self._made = True
         return memory
+
+    def _make_output(self) -> Memory:
+        """The world that it writes, made if there is none."""
+        return self.memory.create_world(self.output, exist_ok=True)
 
 
 class Reader(Client):
@@ -202,10 +207,7 @@ class Monitor(Client):
         found = super()._may_write()
         if cls.output or not cls.inputs:
             return found
-        contents = cls.contents
-        return Access(
-            contents.nodes, contents.edges, contents.attributes, exclusive=contents.exclusive, worlds=cls.inputs[:1]
-        )
+        return Access(cls.contents.nodes, cls.contents.edges, cls.contents.attributes, worlds=cls.inputs[:1])
 
 
 def _are_names(given: Mapping[str, Any]) -> bool:

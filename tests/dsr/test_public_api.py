@@ -48,8 +48,8 @@ MODULES = {
         "TIMEOUT", "WhatIf", "decode_answer", "decode_question", "encode_answer", "encode_question",
     },
     "dsr.worlds": {
-        "ROOT", "Client", "Difference", "Filter", "FilterConfig", "Monitor", "Provider", "Reader", "Tolerance",
-        "WorldInfo", "WorldsConfig", "difference",
+        "ROOT", "Client", "Difference", "Filter", "FilterConfig", "Hosted", "HostedConfig", "Monitor", "Provider",
+        "Reader", "Tolerance", "WorldInfo", "WorldsConfig", "difference",
     },
 }  # fmt: skip
 """What agents of one's own import from modules rather than from `dsr`."""
