@@ -68,10 +68,7 @@ class TopologyView:
 
 
 def arrange(found: Topology) -> tuple[list[Placed], list[tuple[str, str]]]:
-    """Boxes and arrows, from the left to the right in the direction in which content flows.
-
-    Agents that only have to do with one world, and beside it with no other, stand next to it; circles are drawn as such.
-    """
+    """Boxes and arrows, from the left to the right in the direction in which content flows."""
     arrows = [
         arrow
         for client in found.clients
