@@ -138,23 +138,21 @@ def _sensed(
     covariance = reading.sigma**2 * np.eye(3) + noise.depth_bias_std**2 * np.outer(ray, ray)
     if any(abs(math.hypot(*axis) - 1.0) > _ROUNDING for axis in (reading.up, reading.ahead) if axis is not None):
         raise WireError(f"colour reading at {stamp}: up {reading.up}, ahead {reading.ahead}: expected unit vectors")
-    if reading.up is None or world_from_camera is None:
-        return ColorSighting(colored.name, position, covariance, stamp)
-    lean = lean_of(quaternions.rotate(world_from_camera.q, reading.up))
-    if reading.ahead is None or order(colored.shape, colored.size) == ROUND:
-        return ColorSighting(colored.name, position, covariance, stamp, lean)
-    yaw = _yaw(lean, quaternions.rotate(world_from_camera.q, reading.ahead), colored, objects)
-    return ColorSighting(colored.name, position, covariance, stamp, lean, yaw, TURNED)
+    lean, yaw_sigma, before = None, math.inf, objects.turned.get(colored.name, UPRIGHT)
+    if reading.up is not None and world_from_camera is not None:
+        lean = lean_of(quaternions.rotate(world_from_camera.q, reading.up))
+        if reading.ahead is not None and (count := order(colored.shape, colored.size)) != ROUND:
+            seen = _turn(lean, quaternions.rotate(world_from_camera.q, reading.ahead))
+            before = objects.turned[colored.name] = nearest_turn(seen, before, count)
+            yaw_sigma = TURNED
+    _, _, z, w = quaternions.about_z(before)
+    return ColorSighting(colored.name, position, covariance, stamp, lean, 2.0 * math.atan2(z, w), yaw_sigma)
 
 
-def _yaw(lean: Quaternion, ahead: Vector3, colored: ColoredObject, objects: ColoredObjects) -> float:
-    """rad, of an object whose own x axis is seen to point `ahead`, or one that looks alike and is near the last one."""
+def _turn(lean: Quaternion, ahead: Vector3) -> Quaternion:
+    """world_from_object of what leans like that, if its own x axis points `ahead` in the world."""
     x, y, _ = quaternions.rotate(quaternions.conjugate(lean), ahead)
-    seen = quaternions.product(lean, quaternions.from_rotvec((0.0, 0.0, math.atan2(y, x))))
-    turn = nearest_turn(seen, objects.turned.get(colored.name, UPRIGHT), order(colored.shape, colored.size))
-    objects.turned[colored.name] = turn
-    about_z = quaternions.product(quaternions.conjugate(lean), turn)
-    return 2.0 * math.atan2(about_z[2], about_z[3])
+    return quaternions.product(lean, quaternions.from_rotvec((0.0, 0.0, math.atan2(y, x))))
 
 
 def _near(position: Array) -> bool:

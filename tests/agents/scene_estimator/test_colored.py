@@ -87,6 +87,20 @@ def test_of_turns_that_look_alike_a_sensor_means_the_one_near_the_last(
     assert seen.distance(Pose.from_rotvec(seen.t, (0.0, 0.0, 1.2)))[1] < 1e-6
 
 
+def test_what_is_not_seen_to_be_turned_is_guessed_to_be_turned_as_before(
+    make_bench: Callable[..., Bench], sensor: FakeSensor
+) -> None:
+    bench = make_bench(tag_sensors=SENSORS)
+    bench.memory.add_node("lid", "box", size=(0.1, 0.1, 0.02), color=RED)
+    bench.run(PERIOD)
+    tell(bench, sensor, turned_reading(bench, 0.3))
+    tell(bench, sensor, ColorReading(RED, (0.0, 0.1, 0.4), 0.002))
+    seen = bench.memory.transform("world", "lid")
+    assert seen.distance(Pose.from_rotvec(seen.t, (0.0, 0.0, 0.3)))[1] < 1e-6
+    sigmas = np.sqrt(np.diag(covariance(bench.memory.edge("camera_overhead", "lid", "RT").pose))[3:])
+    assert sigmas == pytest.approx([math.pi] * 3)
+
+
 def test_nothing_tells_how_what_is_round_is_turned(make_bench: Callable[..., Bench], sensor: FakeSensor) -> None:
     bench = make_bench(tag_sensors=SENSORS)
     bench.memory.add_node("ball", "ball", size=SIZE, color=RED, shape=BALL)
