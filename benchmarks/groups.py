@@ -16,6 +16,7 @@ from benchmarks import (
     meshes,
     planning,
     throughput,
+    visibility,
     world_cascade,
     worlds,
 )
@@ -25,7 +26,7 @@ from dsr.errors import ConfigError
 
 GROUPS: tuple[Group, ...] = (
     latency.GROUP, throughput.GROUP, join.GROUP, local.GROUP, by_type.GROUP, frame_chains.GROUP, camera_frames.GROUP,
-    meshes.GROUP, cascade.GROUP, worlds.GROUP, world_cascade.GROUP, growth.GROUP, planning.GROUP,
+    meshes.GROUP, cascade.GROUP, worlds.GROUP, world_cascade.GROUP, growth.GROUP, planning.GROUP, visibility.GROUP,
 )  # fmt: skip
 
 

@@ -21,7 +21,7 @@ ONE_PLACE = {
     "cryptography": ("dsr/security/authority.py",),
     "rerun": ("agents/viewer/",),
     "mcap": ("agents/recorder/",),
-    "pybullet": ("simulation_handler/", "agents/plant/"),
+    "pybullet": ("simulation_handler/", "agents/plant/", "benchmarks/peers/tiny_renderer.py"),
 }
 """Libraries that only these files or folders import."""
 SHARED_BY_AGENTS = (

@@ -34,36 +34,16 @@ from agents.scenario.expectations import (
     Worlds,
 )
 from agents.scenario.geometry import has_face, penetration, upright_box
+from agents.scenario.inconsistency import RESERVED, InconsistencyError, check_given_name, require
 from agents.scenario.layout import TOUCH, object_box, overlapping, table_box
+from agents.scenario.minds import check_persons, check_plans
 from agents.scenario.model import NO_ROBOT, CameraSpec, ObjectSpec, RobotSpec, Scenario
 from agents.scenario.relations import GROUND
 from dsr.errors import ConfigError, GoalError, suggest
 from dsr.goals import parse_goal
-from dsr.keys import check_name
 from dsr.observed_actions import parse_pattern
 from dsr.runtime.system import agent_names, find_system
 from dsr.runtime.toml_lines import Path
-
-_RESERVED = {
-    "world",
-    "robot",
-    "table",
-    "camera_overhead",
-    "camera_wrist",
-    "camera_fixed",
-    "arm",
-    "gripper",
-    "body",
-    "mind",
-}
-
-
-class InconsistencyError(ConfigError):
-    """A value that does not fit the rest of the scenario."""
-
-    def __init__(self, path: Path, message: str) -> None:
-        super().__init__(message)
-        self.path = path
 
 
 def check_scenario(scenario: Scenario, etc: FilePath | None, folder: FilePath) -> None:
@@ -71,16 +51,17 @@ def check_scenario(scenario: Scenario, etc: FilePath | None, folder: FilePath) -
 
     Paths are relative to `folder`, that of the scenario's file.
     """
-    _check_name(("name",), scenario.name)
+    check_given_name(("name",), scenario.name)
     if etc is not None and scenario.robot.exists:
         _check_file(("robot", "model"), scenario.robot.model, etc / "robots", ".urdf")
     _check_system(scenario, folder)
     _check_settings(scenario)
     _check_equipment(scenario)
     _check_names(scenario)
-    _check_persons(scenario)
+    check_persons(scenario)
     _check_colors(scenario, etc)
     _check_mission(scenario)
+    check_plans(scenario, folder)
     _check_places(scenario)
     for index, event in enumerate(scenario.events):
         _check_event(event, ("event", index), scenario)
@@ -88,22 +69,10 @@ def check_scenario(scenario: Scenario, etc: FilePath | None, folder: FilePath) -
         _check_expectation(check, ("expect", index), scenario)
 
 
-def _require(holds: bool, path: Path, message: str) -> None:
-    if not holds:
-        raise InconsistencyError(path, message)
-
-
-def _check_name(path: Path, name: str) -> None:
-    try:
-        check_name("name", name)
-    except ConfigError as error:
-        raise InconsistencyError(path, str(error)) from error
-
-
 def _check_file(path: Path, name: str, folder: FilePath, suffix: str) -> None:
     """The name must be that of a file in `folder`, if there is any."""
     known = {file.stem for file in folder.glob(f"*{suffix}")}
-    _require(not known or name in known, path, f"unknown {path[-1]} {name!r}; {suggest(name, known)}")
+    require(not known or name in known, path, f"unknown {path[-1]} {name!r}; {suggest(name, known)}")
 
 
 def _check_system(scenario: Scenario, folder: FilePath) -> None:
@@ -113,80 +82,69 @@ def _check_system(scenario: Scenario, folder: FilePath) -> None:
     except ConfigError as error:
         raise InconsistencyError(("system",), str(error)) from error
     message = f"the system {scenario.system!r} has an arm; expected a robot, or another `system`, e.g. 'reasoner'"
-    _require(scenario.robot.exists or "arm_controller" not in agents, ("robot", "model"), message)
+    require(scenario.robot.exists or "arm_controller" not in agents, ("robot", "model"), message)
     message = f"the system {scenario.system!r} has no agent 'fixed_camera'; expected another `system`, e.g. 'reasoner'"
-    _require(isinstance(scenario.camera, str) or "fixed_camera" in agents, ("camera",), message)
+    require(isinstance(scenario.camera, str) or "fixed_camera" in agents, ("camera",), message)
     for index, event in enumerate(scenario.events):
         if isinstance(event, Kill):
             message = f"unknown agent {event.agent!r}; {suggest(event.agent, agents)}"
-            _require(event.agent in agents, ("event", index, "agent"), message)
+            require(event.agent in agents, ("event", index, "agent"), message)
 
 
 def _check_equipment(scenario: Scenario) -> None:
     """What is used of arm and cameras is there."""
     camera, has_arm = scenario.camera, scenario.robot.exists
     if isinstance(camera, CameraSpec):
-        _require(camera.position != camera.look_at, ("camera", "look_at"), "expected another place than its `position`")
+        require(camera.position != camera.look_at, ("camera", "look_at"), "expected another place than its `position`")
     cameras = {"overhead", scenario.camera_name} | ({"wrist"} if has_arm else set())
-    _require(has_arm or camera != "wrist", ("camera",), "there is no robot to carry the camera")
-    _require(has_arm or scenario.mission is None, ("mission",), "there is no robot to do it")
+    require(has_arm or camera != "wrist", ("camera",), "there is no robot to carry the camera")
+    require(has_arm or scenario.mission is None, ("mission",), "there is no robot to do it")
     for index, event in enumerate(scenario.events):
         used = getattr(event, "camera", None)
         message = f"there is no camera {used!r}; {suggest(str(used), cameras)}"
-        _require(used is None or used in cameras, ("event", index, "camera"), message)
-        _require(has_arm or not isinstance(event, ArmError), ("event", index), "there is no robot")
+        require(used is None or used in cameras, ("event", index, "camera"), message)
+        require(has_arm or not isinstance(event, ArmError), ("event", index), "there is no robot")
 
 
 def _check_settings(scenario: Scenario) -> None:
-    _require(
+    require(
         scenario.settle < scenario.duration,
         ("settle",),
         f"settle = {scenario.settle} s; expected less than the duration, {scenario.duration} s",
     )
     low, high = scenario.sensor.depth_bias
-    _require(low <= high, ("sensor", "depth_bias"), f"[{low}, {high}] m: expected the smaller bound first")
+    require(low <= high, ("sensor", "depth_bias"), f"[{low}, {high}] m: expected the smaller bound first")
     model, start, default = scenario.robot.model, scenario.robot.start, RobotSpec().start
     needs_start = model not in ("gen3", NO_ROBOT) and start == default
-    _require(not needs_start, ("robot",), f"robot {model!r} needs `start`: its joint positions in rad")
+    require(not needs_start, ("robot",), f"robot {model!r} needs `start`: its joint positions in rad")
     fits = model != "gen3" or len(start) == len(default)
-    _require(fits, ("robot", "start"), f"expected {len(default)} joint positions (rad), got {len(start)}")
+    require(fits, ("robot", "start"), f"expected {len(default)} joint positions (rad), got {len(start)}")
 
 
 def _check_names(scenario: Scenario) -> None:
-    names = set(_RESERVED)
+    names = set(RESERVED)
     markers: dict[int, str] = {}
     for index, spec in enumerate(scenario.objects):
         _check_recognised(spec, ("object", index))
         path: Path = ("object", index, "name")
-        _check_name(path, spec.name)
-        _require(spec.name not in names, path, f"the name {spec.name!r} is taken; expected a name used once")
+        check_given_name(path, spec.name)
+        require(spec.name not in names, path, f"the name {spec.name!r} is taken; expected a name used once")
         names.add(spec.name)
         if spec.marker_id is not None:
             other = markers.setdefault(spec.marker_id, spec.name)
             message = f"{spec.name!r} has the marker {spec.marker_id} of {other!r}; expected one used once"
-            _require(other == spec.name, ("object", index, "marker_id"), message)
-
-
-def _check_persons(scenario: Scenario) -> None:
-    taken = _RESERVED | {spec.name for spec in scenario.objects}
-    for index, person in enumerate(scenario.persons):
-        path: Path = ("person", index, "name")
-        _check_name(path, person.name)
-        _require(person.name not in taken, path, f"the name {person.name!r} is taken; expected a name used once")
-        taken.add(person.name)
-        message = "expected another place than its `position`"
-        _require(person.position != person.look_at, ("person", index, "look_at"), message)
+            require(other == spec.name, ("object", index, "marker_id"), message)
 
 
 def _check_recognised(spec: ObjectSpec, path: Path) -> None:
     """An object has a face for its tag; one that is made of a model has a tag, or is known by its colour."""
     if spec.marker_id is not None:
         message = f"{spec.name!r} has no closed upper face for a tag; leave `marker_id` out, to recognise it by colour"
-        _require(has_face(spec.shape, spec.size), (*path, "marker_id"), message)
+        require(has_face(spec.shape, spec.size), (*path, "marker_id"), message)
     if spec.model is None or spec.marker_id is not None:
         return
-    _require(spec.color is not None, path, f"{spec.name!r}: expected a `marker_id` or a `color` to recognise it by")
-    _require(spec.known, path, f"{spec.name!r} is recognised by its colour: expected `known = true`, or a `marker_id`")
+    require(spec.color is not None, path, f"{spec.name!r}: expected a `marker_id` or a `color` to recognise it by")
+    require(spec.known, path, f"{spec.name!r} is recognised by its colour: expected `known = true`, or a `marker_id`")
 
 
 def _check_colors(scenario: Scenario, etc: FilePath | None) -> None:
@@ -212,7 +170,7 @@ def _check_places(scenario: Scenario) -> None:
     table = table_box(scenario.table)
     for index, spec in enumerate(scenario.objects):
         depth = penetration(object_box(spec), table)
-        _require(
+        require(
             depth <= TOUCH,
             ("object", index, "position"),
             f"{spec.name!r} is {depth * 1000:.1f} mm inside the table; "
@@ -229,7 +187,7 @@ def _check_places(scenario: Scenario) -> None:
 
 def _check_event(event: Event, path: Path, scenario: Scenario) -> None:
     once = (event.at is None) != (event.when is None)
-    _require(once, path, "expected either `at` (s) or `when` (a condition)")
+    require(once, path, "expected either `at` (s) or `when` (a condition)")
     _check_time(event.at or 0.0, (*path, "at"), scenario)
     _check_condition(event, (*path, "when"), scenario)
     for field, name in event.named_objects.items():
@@ -237,36 +195,36 @@ def _check_event(event: Event, path: Path, scenario: Scenario) -> None:
     if isinstance(event, PersonEvent):
         persons = [person.name for person in scenario.persons]
         message = f"unknown person {event.person!r}; {suggest(event.person, persons)}"
-        _require(event.person in persons, (*path, "person"), message)
+        require(event.person in persons, (*path, "person"), message)
     if isinstance(event, Place):
         once = (event.position is None) != (event.onto is None)
-        _require(once, path, "place: expected either `position` (m) or `onto` (an object)")
-        _require(event.onto != event.object, (*path, "onto"), "an object cannot be placed onto itself")
+        require(once, path, "place: expected either `position` (m) or `onto` (an object)")
+        require(event.onto != event.object, (*path, "onto"), "an object cannot be placed onto itself")
         _check_above_table(event, event.position, (*path, "position"), scenario)
     if isinstance(event, Slide):
         once = (event.to is None) != (event.by is None)
-        _require(once, path, "slide: expected either `to` (m, where it goes) or `by` (m, how far)")
-        _require(event.yaw is None or not event.turn, (*path, "turn"), "expected either `yaw` or `turn` (rad)")
+        require(once, path, "slide: expected either `to` (m, where it goes) or `by` (m, how far)")
+        require(event.yaw is None or not event.turn, (*path, "turn"), "expected either `yaw` or `turn` (rad)")
     if isinstance(event, Swap):
-        _require(event.other != event.object, (*path, "other"), "an object cannot swap with itself")
+        require(event.other != event.object, (*path, "other"), "an object cannot swap with itself")
     if isinstance(event, FalsePercept | ArmError):
         error = (*event.translation, *getattr(event, "rotation", ()))
-        _require(any(error), path, f"{event.__struct_config__.tag}: expected an error that is not zero")
+        require(any(error), path, f"{event.__struct_config__.tag}: expected an error that is not zero")
     if isinstance(event, HandMove):
-        _require(event.to is None or event.by is None, path, "hand_move: expected `to` or `by` (m), not both")
+        require(event.to is None or event.by is None, path, "hand_move: expected `to` or `by` (m), not both")
         some = event.to is not None or event.by is not None or event.turn
-        _require(bool(some), path, "hand_move: expected `to`, `by` (m) or `turn` (rad)")
+        require(bool(some), path, "hand_move: expected `to`, `by` (m) or `turn` (rad)")
     _check_direction(event, path)
     if isinstance(event, Carry):
         _check_above_table(event, event.to, (*path, "to"), scenario)
     if isinstance(event, Kill):
-        _require(event.at is not None, path, "kill: expected `at` (s): conditions are judged by the plant")
+        require(event.at is not None, path, "kill: expected `at` (s): conditions are judged by the plant")
 
 
 def _check_direction(event: Event, path: Path) -> None:
     """A side is a direction."""
     side = getattr(event, "side", None)
-    _require(side is None or any(side), (*path, "side"), "expected a direction along x and y that is not zero")
+    require(side is None or any(side), (*path, "side"), "expected a direction along x and y that is not zero")
 
 
 def _check_condition(event: Event, path: Path, scenario: Scenario) -> None:
@@ -286,7 +244,7 @@ def _check_above_table(
     spec, table = scenario.object(event.object), table_box(scenario.table)
     depth = penetration(upright_box(position, event.yaw or spec.yaw, spec.size), table)
     least = table.top + spec.size[2] / 2
-    _require(depth <= TOUCH, path, f"{spec.name!r} would be inside the table; expected z >= {least:.4f} m")
+    require(depth <= TOUCH, path, f"{spec.name!r} would be inside the table; expected z >= {least:.4f} m")
 
 
 def _check_expectation(check: Check, path: Path, scenario: Scenario) -> None:
@@ -302,45 +260,46 @@ def _check_expectation(check: Check, path: Path, scenario: Scenario) -> None:
     if after is not None:
         message = f"the window begins at {after} s; expected before {at} s, when it is judged"
         given = getattr(check, "after", None) is not None
-        _require(after < at, (*path, "after" if given else "at"), message)
+        require(after < at, (*path, "after" if given else "at"), message)
     if isinstance(check, Worlds):
-        _require(bool(check.present or check.absent), path, "worlds: expected `present` or `absent`: lists of names")
+        require(bool(check.present or check.absent), path, "worlds: expected `present` or `absent`: lists of names")
     if isinstance(check, Edges | TrueRelations | Inside):
         name = check.__struct_config__.tag
         some = bool(check.present or check.absent)
-        _require(some, path, f"{name}: expected `present` or `absent`: lists of [source, destination]")
+        require(some, path, f"{name}: expected `present` or `absent`: lists of [source, destination]")
     if isinstance(check, TrueRelations):
         _check_relation_names(check, path, scenario)
     if isinstance(check, Actions):
         _check_actions(check, path, scenario)
     if isinstance(check, Surprises | Replans | Calibrations):
         message = f"at least {check.least} and at most {check.most} is impossible"
-        _require(check.most is None or check.least <= check.most, (*path, "most"), message)
+        require(check.most is None or check.least <= check.most, (*path, "most"), message)
     if isinstance(check, Mission | Replans):
-        _require(scenario.mission is not None, path, "there is no [mission] in this file")
+        wanted = scenario.mission is not None or bool(scenario.plans)
+        require(wanted, path, "there is no [mission] in this file, and no [[plan]]")
     if isinstance(check, BeliefRecovered):
         some = any(not event.by_runner for event in scenario.events)
-        _require(some, path, "belief_recovered: expected an [[event]] to recover from")
+        require(some, path, "belief_recovered: expected an [[event]] to recover from")
     if isinstance(check, Recovered):
         killed = {event.agent for event in scenario.events if isinstance(event, Kill)}
         message = f"no event kills {check.agent!r}; {suggest(check.agent, killed)}"
-        _require(check.agent in killed, (*path, "agent"), message)
+        require(check.agent in killed, (*path, "agent"), message)
 
 
 def _check_relative(check: Check, path: Path, scenario: Scenario) -> None:
     """Times that count from the end of an event."""
     count = len(scenario.events)
     known = check.event is not None and 1 <= check.event <= count
-    _require(known, (*path, "event"), f"there is no event {check.event}; expected a number from 1 to {count}")
-    _require(check.at is not None, path, "expected `at` (s) with `event`: how long after its end this is judged")
+    require(known, (*path, "event"), f"there is no event {check.event}; expected a number from 1 to {count}")
+    require(check.at is not None, path, "expected `at` (s) with `event`: how long after its end this is judged")
     by_plant = check.event is not None and not scenario.events[check.event - 1].by_runner
-    _require(by_plant, (*path, "event"), "expected an event in the true world, not `kill`")
+    require(by_plant, (*path, "event"), "expected an event in the true world, not `kill`")
 
 
 def _check_actions(check: Actions, path: Path, scenario: Scenario) -> None:
     """Its terms can be read, and are about objects of the file that it looks at."""
     some = check.sequence is not None or bool(check.present or check.absent)
-    _require(some, path, "actions: expected `sequence`, `present` or `absent`: lists such as ['Pick(cup)']")
+    require(some, path, "actions: expected `sequence`, `present` or `absent`: lists such as ['Pick(cup)']")
     for field, index, term in check.terms:
         try:
             pattern = parse_pattern(term)
@@ -349,24 +308,24 @@ def _check_actions(check: Actions, path: Path, scenario: Scenario) -> None:
         if pattern.thing is not None:
             _check_objects([pattern.thing], (*path, field, index), scenario)
             looked_at = check.objects is None or pattern.thing in check.objects
-            _require(looked_at, (*path, field, index), f"{pattern.thing!r} is not one of the `objects` of this check")
+            require(looked_at, (*path, field, index), f"{pattern.thing!r} is not one of the `objects` of this check")
 
 
 def _check_relation_names(check: TrueRelations, path: Path, scenario: Scenario) -> None:
     known = {spec.name for spec in scenario.objects}
     for field, pairs in (("present", check.present), ("absent", check.absent)):
         for upper, lower in pairs:
-            _require(upper in known, (*path, field), f"unknown object {upper!r}; {suggest(upper, known)}")
+            require(upper in known, (*path, field), f"unknown object {upper!r}; {suggest(upper, known)}")
             below = {*known, *GROUND}
-            _require(lower in below, (*path, field), f"unknown object {lower!r}; {suggest(lower, below)}")
+            require(lower in below, (*path, field), f"unknown object {lower!r}; {suggest(lower, below)}")
 
 
 def _check_time(at: float, path: Path, scenario: Scenario) -> None:
     message = f"{at} s is after the end; expected at most {scenario.duration} s"
-    _require(at <= scenario.duration, path, message)
+    require(at <= scenario.duration, path, message)
 
 
 def _check_objects(names: Iterable[str], path: Path, scenario: Scenario) -> None:
     known = {spec.name for spec in scenario.objects}
     for name in names:
-        _require(name in known, path, f"unknown object {name!r}; {suggest(name, known)}")
+        require(name in known, path, f"unknown object {name!r}; {suggest(name, known)}")

@@ -141,6 +141,9 @@ class KnownIn(OfObjects, frozen=True, kw_only=True, tag="known_in"):
 class Worlds(Expectation, frozen=True, kw_only=True, tag="worlds"):
     """The worlds `present` are in the list of worlds, and none that is `absent`."""
 
+    ever: bool = False
+    """At some moment from the start, or from `after`, on."""
+
     after: Seconds | None = None
     """If given, this holds at every moment from then on."""
     present: tuple[str, ...] = ()

@@ -18,7 +18,7 @@ from typing import Any
 
 import msgspec
 
-from agents.scenario.checks import InconsistencyError, check_scenario
+from agents.scenario.checks import check_scenario
 from agents.scenario.conditions import PREDICATES, Condition, Term
 from agents.scenario.events import (
     EVENTS,
@@ -49,6 +49,7 @@ from agents.scenario.events import (
 )
 from agents.scenario.expectations import Check
 from agents.scenario.explain import syntax_error, type_error, value_error
+from agents.scenario.inconsistency import InconsistencyError
 from agents.scenario.layout import start_poses
 from agents.scenario.model import (
     CameraSpec,

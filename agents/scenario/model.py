@@ -160,6 +160,16 @@ class MissionSpec(Section, frozen=True, kw_only=True):
     """Greater is more urgent."""
 
 
+class PlanSpec(Section, frozen=True, kw_only=True):
+    """A plan that the robot considers, beside others."""
+
+    name: str
+    goal: str
+    """What it is for, as the goal of a mission."""
+    steps: Annotated[tuple[str, ...], Meta(min_length=1)]
+    """E.g. `place cube_3 on cube_4`."""
+
+
 class Scenario(Section, frozen=True, kw_only=True):
     """One scenario file, checked."""
 
@@ -182,6 +192,8 @@ class Scenario(Section, frozen=True, kw_only=True):
     mission: MissionSpec | None = None
     """Default: nobody wants anything."""
     persons: list[PersonSpec] = msgspec.field(name="person", default_factory=list)
+    plans: list[PlanSpec] = msgspec.field(name="plan", default_factory=list)
+    """What comes of them is imagined, and the best is adopted."""
     objects: list[ObjectSpec] = msgspec.field(name="object", default_factory=list)
     events: list[Event] = msgspec.field(name="event", default_factory=list)
     expectations: list[Check] = msgspec.field(name="expect", default_factory=list)

@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 
 from agents.object_models import ObjectModel, find_model, load_model
-from agents.scenario.checks import InconsistencyError
+from agents.scenario.inconsistency import InconsistencyError
 from agents.scenario.model import ObjectSpec, Scenario
 from dsr.errors import ConfigError
 from dsr.runtime.toml_lines import Path

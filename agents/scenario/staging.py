@@ -72,6 +72,11 @@ def _settings(run: Run) -> dict[str, dict[str, Any]]:
     return {
         MISSION: {} if mission is None else msgspec.structs.asdict(mission),
         **_policy_settings(run.policy),
+        **(
+            {"imagination": {"plans": [msgspec.structs.asdict(plan) for plan in run.scenario.plans]}}
+            if run.scenario.plans
+            else {}
+        ),
         "plant": {"scenario": str(run.file), "sensor": run.sensor},
         "scene_setup": {"scenario": str(run.file)},
         "fixed_camera": {"scenario": str(run.file)},

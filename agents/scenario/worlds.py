@@ -111,8 +111,15 @@ def _known_at(check: KnownIn, sample: Sample, name: str) -> Finding:
 
 
 def _worlds(check: Worlds, history: History, sample: Sample) -> Finding:
+    def holds(one: Sample) -> bool:
+        return one.worlds.keys() >= set(check.present) and one.worlds.keys().isdisjoint(check.absent)
+
+    if check.ever:
+        window = history.window(begin_of(check, history, 0.0) or 0.0, sample.time)
+        moment = next((one for one in window if holds(one)), None)
+        return (False, "never") if moment is None else (True, f"at {moment.time:.2f} s")
     for one in _samples(check, history, sample):
-        if not (one.worlds.keys() >= set(check.present) and one.worlds.keys().isdisjoint(check.absent)):
+        if not holds(one):
             return False, f"{', '.join(sorted(one.worlds)) or 'none'} at {one.time:.2f} s"
     return True, ", ".join(sorted(sample.worlds)) or "none"
 

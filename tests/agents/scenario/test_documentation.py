@@ -12,7 +12,16 @@ import pytest
 from agents.scenario.events import EVENTS
 from agents.scenario.expectations import CHECKS
 from agents.scenario.format import PREDICATES, parse_scenario
-from agents.scenario.model import ObjectSpec, PersonSpec, RandomSpec, RobotSpec, Scenario, SensorSpec, TableSpec
+from agents.scenario.model import (
+    ObjectSpec,
+    PersonSpec,
+    PlanSpec,
+    RandomSpec,
+    RobotSpec,
+    Scenario,
+    SensorSpec,
+    TableSpec,
+)
 
 ROOT = Path(__file__).parents[3]
 DOCUMENT = (ROOT / "docs/scenarios.md").read_text()
@@ -36,10 +45,10 @@ def test_there_is_an_example_and_its_wrong_line_is_explained_as_written():
     assert str(caught.value) == shown[0].strip("`")
 
 
-@pytest.mark.parametrize("section", [RobotSpec, TableSpec, SensorSpec, RandomSpec, ObjectSpec, PersonSpec])
+@pytest.mark.parametrize("section", [RobotSpec, TableSpec, SensorSpec, RandomSpec, ObjectSpec, PersonSpec, PlanSpec])
 def test_every_field_of_a_section_is_documented_with_its_default(section: type[msgspec.Struct]):
     title = section.__name__.removesuffix("Spec").lower()
-    heading = f"### `[[{title}]]`" if section in (ObjectSpec, PersonSpec) else f"### `[{title}]`"
+    heading = f"### `[[{title}]]`" if section in (ObjectSpec, PersonSpec, PlanSpec) else f"### `[{title}]`"
     text = DOCUMENT.partition(heading)[2].partition("\n#")[0]
     rows = {
         cells[1].strip().strip("`"): cells[2].strip() for line in text.splitlines() if (cells := line.split("|"))[1:]

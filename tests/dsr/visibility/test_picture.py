@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.visibility_scene import LENS, TABLE, cast, looking, random_things
 from dsr.shapes import Part, box
 from dsr.transforms import Pose
 from dsr.visibility import Body, Picture, placed
-from tests.dsr.visibility.scenes import LENS, TABLE, cast, looking, random_things
 
 CUBE = box((0.04, 0.04, 0.04))
 VIEW = looking((-1.0, 0.0, 0.3), (0.0, 0.0, 0.02))

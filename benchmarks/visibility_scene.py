@@ -13,6 +13,7 @@ from dsr.transforms import Pose
 from dsr.visibility import Body, placed
 from dsr.visibility.picture import NEAREST
 
+_CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 LENS = Intrinsics.from_fov(80, 60, 1.05)
 TABLE = placed("table", box((1.2, 1.2, 0.04)), Pose((0.0, 0.0, -0.02)))
 
@@ -69,6 +70,32 @@ def cast(view: Pose, lens: Intrinsics, bodies: Sequence[Body]) -> dict[str, tupl
         for k, body in enumerate(bodies)
         for hit in [np.isfinite(depths[k])]
     }
+
+
+def shares(view: Pose, lens: Intrinsics, bodies: Sequence[Body], side: int = 24) -> dict[str, float]:
+    """How much of every body is seen, by `side` x `side` rays spread over what it takes of the picture's plane.
+
+    Nothing of it depends on pixels; what is beyond the picture's edges is not seen.
+    """
+    return {body.name: _share(view, lens, bodies, body, side) for body in bodies}
+
+
+def _share(view: Pose, lens: Intrinsics, bodies: Sequence[Body], body: Body, side: int) -> float:
+    solids = body.solids
+    corners = solids.centre[:, None] + (_CORNERS * solids.half[:, None]) @ solids.turn.transpose(0, 2, 1)
+    points = (corners.reshape(-1, 3) - view.translation) @ view.rotation_matrix
+    if points[:, 2].min() <= NEAREST:
+        return 0.0
+    pixels = lens.project(points)
+    low, high = pixels.min(axis=0), pixels.max(axis=0)
+    steps = (np.arange(side) + 0.5) / side
+    u, v = (grid.ravel() for grid in np.meshgrid(*(low[k] + steps * (high[k] - low[k]) for k in range(2))))
+    rays = np.stack([(u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy, np.ones(len(u))], axis=1)
+    depths = np.array([_depth(view.translation, rays @ view.rotation_matrix.T, other) for other in bodies])
+    own = depths[bodies.index(body)]
+    hit = np.isfinite(own)
+    inside = (u >= -0.5) & (u <= lens.width - 0.5) & (v >= -0.5) & (v <= lens.height - 0.5)
+    return float((hit & inside & (own <= depths.min(axis=0))).sum() / max(1, hit.sum()))
 
 
 def _depth(eye: np.ndarray, rays: np.ndarray, body: Body) -> np.ndarray:

@@ -1,0 +1,6 @@
+"""Imagination: plans are carried out in forks of the world, compared, and one of them is adopted."""
+
+from agents.imagination.adoption import Adoption
+from agents.imagination.agent import Imagination
+
+__all__ = ["Adoption", "Imagination"]

@@ -1,0 +1,146 @@
+"""Carries candidate plans out in forks of the world, each in its own, compares them and keeps the best."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import msgspec
+
+from dsr.agent import Access, Agent
+from dsr.errors import DsrError
+from dsr.goals import parse_goal
+from dsr.imagining import Outcome, Thinking, best, carried_out, parse_step
+from dsr.keys import check_name
+from dsr.memory import Memory
+from dsr.relations import SURFACES, THINGS, read_relations
+from dsr.runtime.access import EVERYTHING
+from dsr.schema import WORLD_RECORD
+from dsr.timeline import WRITTEN_ATTRIBUTES, WRITTEN_EDGES, WRITTEN_NODES, Chronicle
+from dsr.what_if import WhatIf
+from dsr.worlds import ROOT
+
+PREFIX = "plan_"
+"""Before the name of a plan in that of its world."""
+ADOPTED = "adopted"
+"""`status` of the root of the world whose plan was chosen; its `goal` is what that plan is for."""
+NotNegative = Annotated[float, msgspec.Meta(ge=0)]
+
+
+class Candidate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A plan to be considered."""
+
+    name: str
+    goal: str
+    """What it is for, as for `dsr mission`."""
+    steps: tuple[str, ...]
+    """E.g. `place cube_3 on cube_4`, see `dsr.imagining.parse_step`."""
+
+
+class ImaginationConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What is to be considered, and when."""
+
+    plans: tuple[Candidate, ...] = ()
+    delay: NotNegative = 1.0
+    """s between everything that the plans are about being believed and the forks"""
+    hold: NotNegative = 0.0
+    """s for which the worlds of all plans stay after they were carried out, to be looked at"""
+
+
+class Imagination(Agent):
+    """Forks a world `plan_<name>` for each plan, carries it out there by physics, and compares what comes of them.
+
+    The best one's world stays, its root marked as adopted; the others are deleted without trace. If none can be carried
+    out, none stays, and its status says why.
+    """
+
+    name = "imagination"
+    rate_hz = 10.0
+    reads = Access(
+        nodes=(*THINGS, *SURFACES),
+        edges=("RT", "Virtual_RT", "on", "grasping"),
+        attributes=("size", "shape", "present"),
+    )
+    writes = Access(
+        nodes=(WORLD_RECORD, ROOT, *THINGS, *WRITTEN_NODES),
+        edges=("Virtual_RT", "on", *WRITTEN_EDGES),
+        attributes=("present", "status", "goal", *WRITTEN_ATTRIBUTES),
+        worlds=(f"{PREFIX}{EVERYTHING}",),
+    )
+    Config = ImaginationConfig
+    config: ImaginationConfig
+
+    def setup(self) -> None:
+        """Read the plans. Raises `ConfigError` for names and steps that are none, `GoalError` for goals."""
+        self._steps = {check_name("plan", plan.name): [*map(parse_step, plan.steps)] for plan in self.config.plans}
+        self._goals = {plan.name: parse_goal(plan.goal) for plan in self.config.plans}
+        self._what_if = WhatIf(self.bus, self.keys, self.clock)
+        self._thoughts: dict[str, Thinking[Outcome]] = {}
+        self._worlds: dict[str, Memory] = {}
+        self._since: float | None = None
+        self._finished: float | None = None
+        self._decided = not self._steps
+
+    def tick(self, now: float) -> None:
+        """Wait for the scene, then for answers, then decide."""
+        if self._decided:
+            return
+        if not self._thoughts:
+            if self._is_due(now):
+                self._begin()
+        elif self._is_thought_through():
+            self._finished = now if self._finished is None else self._finished
+            if now - self._finished >= self.config.hold:
+                self._decide()
+
+    def _is_due(self, now: float) -> bool:
+        """Whether all that the plans are about has been believed for some time."""
+        relations = read_relations(self.memory)
+        about = {name for steps in self._steps.values() for step in steps for name in (step.target, step.destination)}
+        if not relations.things | relations.tables >= about - {""}:
+            self._since = None
+            return False
+        self._since = now if self._since is None else self._since
+        return now - self._since >= self.config.delay
+
+    def _is_thought_through(self) -> bool:
+        """Go on with all thoughts; whether all are done."""
+        done = [thought.poll() for thought in self._thoughts.values()]
+        return all(done)
+
+    def _begin(self) -> None:
+        """Fork a world for each plan."""
+        for name, steps in self._steps.items():
+            world = f"{PREFIX}{name}"
+            if any(info.name == world for info in self.memory.worlds()):  # of an earlier run of this agent
+                self.memory.delete_world(world)
+            self._worlds[name] = fork = self.memory.fork(world)
+            self._thoughts[name] = Thinking(carried_out(self.memory, fork, steps), self._what_if)
+
+    def _decide(self) -> None:
+        """Keep the best plan's world and delete the others."""
+        self._decided = True
+        outcomes = {
+            name: thought.result or Outcome(0, thought.failed, (), {}) for name, thought in self._thoughts.items()
+        }
+        for name, outcome in outcomes.items():
+            self.log.info("plan %s: %s", name, outcome)
+        try:
+            chosen = best(outcomes)
+        except ValueError as error:
+            chosen, self.degraded = "", str(error)
+        for name in outcomes:
+            if name != chosen:
+                self._worlds.pop(name).close()
+                self.memory.delete_world(f"{PREFIX}{name}")
+        if chosen:
+            self._adopt(chosen, outcomes)
+
+    def _adopt(self, chosen: str, outcomes: dict[str, Outcome]) -> None:
+        world = self._worlds[chosen]
+        text = "; ".join(f"{name}: {outcome}" for name, outcome in outcomes.items())
+        try:
+            with world.batch():
+                Chronicle(world).happened(ADOPTED, [ROOT], text=text)
+                world.update_node(ROOT, status=ADOPTED, goal=str(self._goals[chosen]))
+        except DsrError as error:  # somebody deleted it
+            self.degraded = str(error)

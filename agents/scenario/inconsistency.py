@@ -1,0 +1,43 @@
+"""What the checks of a scenario share: the error that names a place in the file, and names that are taken."""
+
+from __future__ import annotations
+
+from dsr.errors import ConfigError
+from dsr.keys import check_name
+from dsr.runtime.toml_lines import Path
+
+RESERVED = {
+    "world",
+    "robot",
+    "table",
+    "camera_overhead",
+    "camera_wrist",
+    "camera_fixed",
+    "arm",
+    "gripper",
+    "body",
+    "mind",
+}
+"""Nodes that are there in any case."""
+
+
+class InconsistencyError(ConfigError):
+    """A value that does not fit the rest of the scenario."""
+
+    def __init__(self, path: Path, message: str) -> None:
+        super().__init__(message)
+        self.path = path
+
+
+def require(holds: bool, path: Path, message: str) -> None:
+    """Raise `InconsistencyError` unless something holds."""
+    if not holds:
+        raise InconsistencyError(path, message)
+
+
+def check_given_name(path: Path, name: str) -> None:
+    """Raise `InconsistencyError` for a name that cannot be used."""
+    try:
+        check_name("name", name)
+    except ConfigError as error:
+        raise InconsistencyError(path, str(error)) from error
