@@ -337,3 +337,25 @@ def test_a_failing_filter_leaves_the_rest_in_step() -> None:
         lockstep.run_for(1.0)
         assert "cube_1" in lockstep.memory.world("copied")
         assert "no attribute 'mass'" in lockstep.runner("picky").status().last_error
+
+
+@pytest.mark.parametrize("follow", [False, True])
+def test_a_fork_or_an_overlay_may_be_read(follow: bool) -> None:
+    with run(AgentSpec("copy", Copy, {"reads": ["idea"]})) as lockstep:
+        base = lockstep.memory
+        cube(base, mass=1.0)
+        base.add_node("cube_2", "cube")
+        idea = base.fork("idea", follow=follow)
+        lockstep.run_for(1.0)
+        copied = base.world("copied")
+        idea.update_node("cube_1", mass=2.0, friction=0.5)
+        idea.remove_node("cube_2")
+        base.update_node("cube_1", note="from the base")
+        cube(base, "cube_3")
+        lockstep.run_for(1.0)
+        assert content(copied) == content(idea)
+        assert ("cube_3" in copied) is follow
+        base.update_edge("world", "cube_1", "RT", pose=Pose((0.7, 0.0, 0.02)))
+        base.remove_node("cube_3")
+        lockstep.run_for(1.0)
+        assert content(copied) == content(idea)
