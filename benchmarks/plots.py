@@ -209,6 +209,6 @@ _PLOTS: dict[str, Callable[[Any], Any]] = {
     "join": _join,
     "camera frames": _frames,
     "cascade": _cascade,
-    "worlds": _worlds,
+    "world cascade": _worlds,
     "growth": _growth,
 }

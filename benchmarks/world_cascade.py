@@ -101,7 +101,7 @@ def measure(run: Run) -> None:
         run.row(spec, medians[_OURS], [Peer(_ZENOH, medians[_ZENOH])], note)
         for name, median in medians.items():
             curve.setdefault(name, []).append(median)
-    run.curve("worlds", {"worlds": list(SPECS), "ms": {**curve, "Underworlds (published)": list(PUBLISHED.values())}})
+    run.curve("world cascade", {"worlds": list(SPECS), "ms": {**curve, "Underworlds (published)": list(PUBLISHED.values())}})
 
 
 def _start_filters(stack: contextlib.ExitStack, link: _Cascade) -> None:
@@ -165,4 +165,4 @@ def _message_size() -> int:
     return sizes[-1]
 
 
-GROUP = Group("worlds", list(SPECS.values()), measure)
+GROUP = Group("world cascade", list(SPECS.values()), measure)

@@ -67,6 +67,7 @@ def test_numbers_are_short() -> None:
 
 
 def test_rows_have_different_names() -> None:
+    assert len({group.name for group in groups.GROUPS}) == len(groups.GROUPS)
     names = [spec.row for group in groups.GROUPS for spec in group.specs]
     assert len(set(names)) == len(names)
 
@@ -186,7 +187,7 @@ def test_plots_are_drawn_of_what_was_measured(tmp_path: Path) -> None:
         "join": {"1000": {"ours": [0.1, 0.2]}, "10000": {"ours": [0.5]}},
         "camera frames": {"ours": [1.0, 2.0]},
         "cascade": {"graphs": [1, 5], "ms": {"ours": [1.0, 2.0]}},
-        "worlds": {"worlds": [1, 2], "ms": {"ours": [1.0, 2.0], "Underworlds (published)": [3.6, 10.7]}},
+        "world cascade": {"worlds": [1, 2], "ms": {"ours": [1.0, 2.0], "Underworlds (published)": [3.6, 10.7]}},
         "growth": {"nodes": [100, 1000], "us": {"get node": [1.0, 1.1]}},
     }
     files = draw(Findings(rows, curves), tmp_path)
