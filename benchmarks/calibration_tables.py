@@ -155,9 +155,9 @@ def _figures(rows: Sequence[Row]) -> dict[str, list[Row]]:
             "history": histories([one[method]["history"] for one in trials]),
             "errors": [one[method]["error"] for one in trials],
         }
-        for method in METHODS
+        for method in (METHODS if trials else ())
     ]
-    return {"methods": methods if trials else [], **{part: _elsewhere(rows, part) for part in ("cubes", "layouts")}}
+    return {"methods": methods, **{part: _elsewhere(rows, part) for part in ("cubes", "layouts")}}
 
 
 def _elsewhere(rows: Sequence[Row], part: str) -> list[Row]:

@@ -78,7 +78,13 @@ class Report(msgspec.Struct, frozen=True):
 
 
 def request_calibration(
-    memory: Memory, camera: str = "", *, method: str = DEFAULT_METHOD, force: bool = False, views: int = 1
+    memory: Memory,
+    camera: str = "",
+    *,
+    method: str = DEFAULT_METHOD,
+    force: bool = False,
+    views: int = 1,
+    move: bool = False,
 ) -> str:
     """Ask for the calibration of a camera.
 
@@ -88,6 +94,7 @@ def request_calibration(
         method: one of `METHODS`.
         force: adopt the pose also if geometry or agreement speak against it.
         views: from how many poses of the camera's parent the objects are to be seen before the answer.
+        move: have the arm that carries the camera go to the other ones, and come back; otherwise somebody else does.
 
     Returns:
         The name of the request, a node below `mind`; `status` and `explanation` say how it goes, and `read_report` what
@@ -103,7 +110,7 @@ def request_calibration(
     with memory.batch():
         if MIND not in memory:
             memory.add_node(MIND, "mind")
-        memory.add_node(name, CALIBRATION, target=camera, method=method, forced=force, views=views)
+        memory.add_node(name, CALIBRATION, target=camera, method=method, forced=force, views=views, moves_arm=move)
         memory.add_edge(MIND, name, "has")
     return name
 

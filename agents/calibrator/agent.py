@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import msgspec
 
 from agents.calibrator.calibrate import calibrate
 from agents.calibrator.config import CalibratorConfig
+from agents.calibrator.doubt import believed_now
+from agents.calibrator.looking import Looking, can_look
 from agents.calibrator.reporting import make_report, refusal
 from agents.calibrator.views import Views, only_camera
 from agents.calibrator.watch import Watch
@@ -46,7 +50,7 @@ class Calibrator(Agent):
         nodes=(CALIBRATION, "camera", "gripper", "action", *THINGS, *WRITTEN_NODES),
         edges=("RT", "Virtual_RT", "grasping", "on", "in", *WRITTEN_EDGES),
         attributes=(
-            *("target", "method", "forced", "views", "status", "present", "mount", "surprising", "source"),
+            *("target", "method", "forced", "views", "moves_arm", "status", "present", "mount", "surprising", "source"),
             "request",
             *WRITTEN_ATTRIBUTES,
         ),
@@ -55,7 +59,7 @@ class Calibrator(Agent):
         nodes=("mind", "camera", "action", CALIBRATION, *WRITTEN_NODES),
         edges=("RT", "has", *WRITTEN_EDGES),
         attributes=(
-            *("target", "method", "forced", "views", "status", "explanation", "report", "mount", "source"),
+            *("target", "method", "forced", "views", "moves_arm", "status", "explanation", "report", "mount", "source"),
             *("skill", "target_pose", "request"),
             *WRITTEN_ATTRIBUTES,
         ),
@@ -69,6 +73,7 @@ class Calibrator(Agent):
         self._views: dict[str, Views] = {}
         self._began: dict[str, float] = {}
         self._answered: dict[str, float] = {}
+        self._looking: dict[str, Looking] = {}
         self._chronicle = Chronicle(self.memory, self.name)
         self._watch = Watch(self.memory, self._chronicle, self.config, self.log) if self.config.by_itself else None
 
@@ -77,6 +82,7 @@ class Calibrator(Agent):
         if self._watch is not None:
             self._watch.update(now)
         requests = {node.name: node for node in self.memory.nodes(CALIBRATION)}
+        self._move_arms(requests)
         for known in (self._views, self._began, self._answered):
             for name in known.keys() - requests.keys():
                 del known[name]
@@ -102,11 +108,17 @@ class Calibrator(Agent):
             if not 1 <= wanted <= _MOST_VIEWS:
                 raise ConfigError(f"views {wanted}: expected 1 to {_MOST_VIEWS}")
             camera = node.get("target") or only_camera(self.memory)
-            self._views[name], self._began[name] = Views(self.memory, camera, now, self.config), now
+            moves = node.get("moves_arm") is True
+            believed = believed_now(self.memory) if moves else None  # later they follow what is seen from elsewhere
+            self._views[name] = Views(self.memory, camera, now, self.config, believed, keeps_brief=not moves)
+            self._began[name] = now
         views = self._views[name]
         views.update()
         waited = now - self._began[name]
-        if views.complete >= wanted or (views.complete and waited > self.config.views_patience):
+        if views.complete and views.complete < wanted and node.get("moves_arm") is True:
+            self._look_around(name, views, wanted - 1)
+        is_over = waited > self.config.views_patience or (name in self._looking and self._looking[name].is_over)
+        if views.complete >= wanted or (views.complete and is_over):
             self._answer(node, views)
         elif not views.complete and now - max(views.latest, self._began[name]) > self.config.patience:
             raise ConfigError(refusal(views.skipped, now - self._began[name]))
@@ -114,6 +126,26 @@ class Calibrator(Agent):
             progress = f"{views.complete} of {wanted} views"
             if (node.get("status"), node.get("explanation")) != (LOOKING, progress):
                 self.memory.update_node(name, status=LOOKING, explanation=progress)
+
+    def _look_around(self, name: str, views: Views, most: int) -> None:
+        """Have the arm bring the camera to other places. Raises `ConfigError` without an arm that could."""
+        if name in self._looking:
+            return
+        if not can_look(self.memory, views.parent):
+            raise ConfigError(f"no arm is there that moves {views.camera}, which is fixed to {views.parent}")
+        self._looking[name] = Looking(
+            self.memory, views.parent, views.camera, views.middle, lambda: views.complete, self.config, most
+        )
+
+    def _move_arms(self, requests: Mapping[str, Node]) -> None:
+        """Go on with the moves of arms; home with those whose request is answered or gone."""
+        for name, looking in list(self._looking.items()):
+            is_open = name in requests and requests[name].get("status") not in ANSWERED
+            if not is_open and not looking.goes_home:
+                looking.go_home()
+            looking.update()
+            if looking.is_over and not is_open:
+                del self._looking[name]
 
     def _answer(self, node: Node, views: Views) -> None:
         """Solve, and adopt or refuse. Raises `ConfigError` if there is nothing to solve."""

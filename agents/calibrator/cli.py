@@ -45,8 +45,11 @@ def calibrate(
     method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = DEFAULT_METHOD,
     force: Annotated[bool, typer.Option("--force", help="Adopt the pose also if it is not well determined.")] = False,
     views: Annotated[
-        int, typer.Option(min=1, metavar="N", help="From how many poses of the arm to look; somebody moves it.")
+        int, typer.Option(min=1, metavar="N", help="From how many poses of the arm to look; you move it, or --move.")
     ] = 1,
+    move: Annotated[
+        bool, typer.Option("--move", help="Have the arm that carries the camera move to the further views, and back.")
+    ] = False,
     recording: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Use what this recording, or folder of a run, shows.")
     ] = None,
@@ -65,11 +68,13 @@ def calibrate(
     with --recording deserves to be.
     """
     checked_method(method)
+    if move and (views < 2 or recording is not None):
+        raise ConfigError("--move takes --views of 2 or more, and no --recording")
     if recording is not None:
         report = calibrate_recorded(ReplayedGraph(recording), camera, method, begin=begin, end=until, force=force)
     else:
         with writing(graph, router, security, agent) as memory:
-            report = _ask(memory, camera, method, views, force=force)
+            report = _ask(memory, camera, method, views, force=force, move=move)
     if as_json:
         print_json(msgspec.to_builtins(report))
     else:
@@ -77,12 +82,12 @@ def calibrate(
     raise typer.Exit(0 if report.adopted else 1)
 
 
-def _ask(memory: Memory, camera: str, method: str, views: int, *, force: bool) -> Report:
+def _ask(memory: Memory, camera: str, method: str, views: int, *, force: bool, move: bool) -> Report:
     """Request a calibration and wait for what comes out. Raises `ConfigError` or `DsrError` if nothing does."""
     cameras = [node.name for node in memory.nodes("camera")]
     if camera and camera not in cameras:
         raise ConfigError(f"no camera {camera!r}; {suggest(camera, cameras)}")
-    name = request_calibration(memory, camera, method=method, force=force, views=views)
+    name = request_calibration(memory, camera, method=method, force=force, views=views, move=move)
     try:
         return _wait(memory, name)
     finally:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Generator
+from itertools import count
 
 from agents.calibrator.config import CalibratorConfig
 from dsr.errors import DsrError
@@ -18,8 +19,8 @@ Script = Generator[None, None, None]
 SOURCE = "calibrator"
 """`source` of the action nodes."""
 WORLD = "world"
-_MOST_MOVES = 2
-"""From so many places it looks at most, beside where it is."""
+MOST_MOVES = 2
+"""From so many places it looks, beside where it is, unless told otherwise."""
 _TURNS = (0.9, -0.9, 0.6, -0.6, 1.5, -1.5)  # rad about the vertical
 _TILTS = (0.0, math.pi, 0.5 * math.pi, -0.5 * math.pi)  # rad, directions in which it leans over the objects
 _LEAN = 0.3  # rad
@@ -46,6 +47,7 @@ class Looking:
         middle: m, world: what to look at.
         views: says how many views there are by now.
         config: the gripper's tool point, and how long a view takes.
+        most: from so many places, beside where it is.
     """
 
     def __init__(
@@ -56,7 +58,9 @@ class Looking:
         middle: Vector3,
         views: Callable[[], int],
         config: CalibratorConfig,
+        most: int = MOST_MOVES,
     ) -> None:
+        self._most = most
         self._memory = memory
         self._parent = parent
         self._camera = camera
@@ -68,6 +72,8 @@ class Looking:
         self._count = 0
         self._home: Pose | None = None
         self._script: Script | None = self._look_around()
+        self.goes_home = False
+        """Whether it is done with looking."""
 
     @property
     def is_over(self) -> bool:
@@ -84,6 +90,7 @@ class Looking:
 
     def go_home(self) -> None:
         """What was to be known is known: stop, and go back unless somebody else works with the arm."""
+        self.goes_home = True
         self._stop()
         self._script = self._return()
 
@@ -97,7 +104,7 @@ class Looking:
         found = 0
         for turn in _TURNS:
             for azimuth in _TILTS:
-                if found >= _MOST_MOVES:
+                if found >= self._most:
                     return
                 there = _orbited(world_from_camera, self._middle, turn, azimuth)
                 tool = there @ world_from_camera.inverse() @ self._home
@@ -127,7 +134,8 @@ class Looking:
         """Bring the tool point there (world_from_tool); whether it came there."""
         self._drop()
         self._count += 1
-        self._name = f"action_look_{self._memory.rid}_{self._count}"
+        names = (f"action_look_{self._memory.rid}_{number}" for number in count(1))
+        self._name = next(name for name in names if name not in self._memory)
         values = {"skill": "move", "status": PLANNED, "request": RUN, "source": SOURCE, "explanation": ""}
         self._memory.add_node(self._name, "action", target_pose=tool, **values)
         began = self._now()

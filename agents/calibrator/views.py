@@ -6,12 +6,15 @@ from collections import Counter, deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from agents.calibrator.config import CalibratorConfig
 from agents.calibrator.depths import DepthError, without_error
 from agents.calibrator.fusing import fuse
 from agents.calibrator.problem import Sighting
 from dsr.errors import ConfigError, TransformError, suggest
 from dsr.memory import Memory
+from dsr.quaternions import Vector3
 from dsr.relations import THINGS
 from dsr.transforms import Pose
 
@@ -148,6 +151,15 @@ class Views:
                 self.skipped["no covariance"] += 1
             else:
                 self._take(edge.dst, pose, believed)
+
+    @property
+    def middle(self) -> Vector3:
+        """M, world: where what was seen is believed to be, on average. Raises `ConfigError` if nothing was."""
+        places = [seen.believed.t for view in self._views for seen in view.objects.values()]
+        if not places:
+            raise ConfigError("nothing that is seen is believed to stand still")
+        x, y, z = np.mean(places, axis=0).tolist()
+        return x, y, z
 
     def parents(self) -> dict[int, Pose]:
         """world_from_parent in each view, by its number."""

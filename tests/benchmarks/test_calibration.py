@@ -75,6 +75,8 @@ def test_tables_and_plots_are_made_of_the_rows(tmp_path: Path) -> None:
         ["calibration_sessions.csv", *(f"calibration_{kind}.{end}" for kind in kinds for end in ("csv", "png"))]
     )
     assert (tmp_path / "calibration_spread.csv").read_text().splitlines()[0] == "method,trial," + ",".join(tables.SIX)
+    tables.draw(rows()[3:], tmp_path / "mixed")
+    assert [path.name for path in (tmp_path / "mixed").iterdir()] == ["calibration_sessions.csv"]
     title, _, lines = tables._trials_table(rows())
     assert title == "1 bumps, four cubes" and lines[0][:3] == ["the system", "1/1", "1"] and len(lines) == 4
     assert [line[0] for line in tables._survey_table(rows())[2]] == ["2 cube(s)", "60 mm square"]

@@ -20,7 +20,8 @@ def memory() -> Memory:
 def test_a_request_hangs_below_the_mind_and_two_are_two(memory: Memory) -> None:
     names = [request_calibration(memory, "camera", force=True, views=3), request_calibration(memory)]
     assert len(set(names)) == 2 and {edge.dst for edge in memory.edges("has", src=MIND)} == set(names)
-    assert memory.node(names[0]).attributes == {"target": "camera", "method": "robust", "forced": True, "views": 3}
+    asked = {"target": "camera", "method": "robust", "forced": True, "views": 3, "moves_arm": False}
+    assert memory.node(names[0]).attributes == asked
 
 
 def test_wrong_requests(memory: Memory) -> None:

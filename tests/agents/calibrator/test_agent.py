@@ -188,3 +188,10 @@ def test_of_two_cameras_the_one_that_sees_objects_is_meant(set_up: SetUp) -> Non
     request = request_calibration(stage.memory)
     stage.look()
     assert status(stage, request)[0] == ADOPTED and report(stage, request).camera == "camera"
+
+
+def test_no_arm_moves_a_camera_on_a_stand(set_up: SetUp) -> None:
+    stage = set_up()
+    request = request_calibration(stage.memory, views=2, move=True)
+    stage.look()
+    assert status(stage, request)[0] == REFUSED and "no arm is there that moves camera" in status(stage, request)[1]

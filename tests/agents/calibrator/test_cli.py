@@ -67,7 +67,12 @@ def test_nothing_is_written_into_a_recording(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("arguments", "expected"),
-    [(["--method", "magic"], "unknown method"), (["--recording", "x.mcap"], "cannot be read"), ([], "no graph runs")],
+    [
+        (["--method", "magic"], "unknown method"),
+        (["--recording", "x.mcap"], "cannot be read"),
+        ([], "no graph runs"),
+        (["--move"], "--views of 2 or more"),
+    ],
 )
 def test_wrong_input_is_told(arguments: list[str], expected: str) -> None:
     with pytest.raises(dsr.DsrError, match=expected):
@@ -104,7 +109,13 @@ def test_a_running_system_is_asked() -> None:
         result = run("--method", "powell", "--views", "2", "--camera", "camera", "--json")
         answerer.join(5.0)
         assert result.exit_code == 0 and json.loads(result.stdout)["text"] == "it is elsewhere"
-        assert answerer.asked == {"target": "camera", "method": "powell", "forced": False, "views": 2}
+        assert answerer.asked == {
+            "target": "camera",
+            "method": "powell",
+            "forced": False,
+            "views": 2,
+            "moves_arm": False,
+        }
         assert memory.nodes(CALIBRATION) == []
         answerer = Answerer(memory, status=REFUSED, explanation="there is no camera")
         answerer.start()
