@@ -19,6 +19,7 @@ _LOOK = 1.0  # s at each pose
 _CAMERA, _GRIPPER = "camera_wrist", "gripper"
 _GRIPPER_FROM_TOOL = Pose((0.0, 0.0, 0.12))
 _MIDDLE = (0.36, 0.0, 0.02)
+_ROUNDS = 3  # in which the aim converges
 
 
 class SurveyConfig(msgspec.Struct, frozen=True):
@@ -73,7 +74,7 @@ class Surveyor(Agent):
             yield
         down = self.memory.transform("world", _GRIPPER)
         for number, place in enumerate(EVALUATED_FROM):
-            if (yield from self._moved(number, _aimed(down, place))):
+            if (yield from self._moved(number, _aimed(down, mount, place))):
                 yield from self._look(mount)
 
     def _moved(self, number: int, tool: Pose) -> Generator[None, None, bool]:
@@ -107,14 +108,20 @@ class Surveyor(Agent):
             Surveyor.found["after"].append(after)
 
 
-def _aimed(world_from_gripper: Pose, place: tuple[float, float, float]) -> Pose:
-    """world_from_tool with the gripper at `place` (m), pointing at the middle of the cubes, turned as it was."""
-    forward = np.subtract(_MIDDLE, place)
-    forward /= np.linalg.norm(forward)
-    side = world_from_gripper.rotation_matrix[:, 0]
-    side = side - (side @ forward) * forward
-    side /= np.linalg.norm(side)
+def _aimed(world_from_gripper: Pose, gripper_from_camera: Pose, place: tuple[float, float, float]) -> Pose:
+    """world_from_tool with the gripper at `place` (m), turned as it was, its camera looking at the middle.
+
+    It is not the gripper that points there: its fingers would hide the cubes.
+    """
+    right = world_from_gripper.rotation_matrix[:, 0]
+    rotation = world_from_gripper.rotation_matrix
+    for _ in range(_ROUNDS):
+        forward = np.subtract(_MIDDLE, place) - rotation[:, 1] * gripper_from_camera.t[1]
+        forward /= np.linalg.norm(forward)
+        side = right - (right @ forward) * forward
+        side /= np.linalg.norm(side)
+        rotation = np.column_stack([side, np.cross(forward, side), forward])
     matrix = np.eye(4)
-    matrix[:3, :3] = np.column_stack([side, np.cross(forward, side), forward])
+    matrix[:3, :3] = rotation
     matrix[:3, 3] = place
     return Pose.from_matrix(matrix) @ _GRIPPER_FROM_TOOL

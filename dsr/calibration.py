@@ -110,7 +110,8 @@ def request_calibration(
     with memory.batch():
         if MIND not in memory:
             memory.add_node(MIND, "mind")
-        memory.add_node(name, CALIBRATION, target=camera, method=method, forced=force, views=views, moves_arm=move)
+        moves = {"moves_arm": True} if move else {}
+        memory.add_node(name, CALIBRATION, target=camera, method=method, forced=force, views=views, **moves)
         memory.add_edge(MIND, name, "has")
     return name
 

@@ -9,9 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from agents.arm_controller.kinematics import Chain
+from agents.arm_controller.urdf import load_robot
+from agents.scenario.model import RobotSpec
 from benchmarks import calibration as system
+from benchmarks import calibration_survey as survey
 from benchmarks import calibration_tables as tables
 from benchmarks.calibration_runs import EVENT_AT, bump, in_view, name_of, observing, on_table, play, put, scene, spread
+from benchmarks.calibration_scene import EVALUATED_FROM
 from dsr.transforms import Pose
 
 
@@ -113,3 +118,16 @@ def test_a_second_bump_while_the_first_is_looked_into_is_found_out_too(camera: s
     second = bump(Pose.from_rotvec((-0.04, 0.03, 0.0), (-0.05, -0.08, 0.1)), at=EVENT_AT + 1.5)
     metrics = play(scene(cubes, [first, second], duration=14.0, camera=camera), seed=0, sensor="poses").result.metrics
     assert metrics["camera_error_m"] < 0.004 and metrics["times_calibrated"] >= 1
+
+
+def test_from_other_arm_poses_the_camera_not_the_gripper_points_at_the_cubes() -> None:
+    robot = load_robot(Path(__file__).resolve().parents[2] / "etc/robots/gen3.urdf")
+    start = np.array(RobotSpec().start)
+    gripper, camera = (
+        Chain(robot.between("base_link", link)).forward(start) for link in ("end_effector_link", "camera_wrist_link")
+    )
+    gripper_from_camera = gripper.inverse() @ camera
+    for place in EVALUATED_FROM:
+        there = survey._aimed(gripper, gripper_from_camera, place) @ Pose((0.0, 0.0, -0.12)) @ gripper_from_camera
+        x, y, _ = there.inverse().apply(survey._MIDDLE)
+        assert abs(x) < 0.02 and abs(y) < 0.005

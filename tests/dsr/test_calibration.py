@@ -20,8 +20,8 @@ def memory() -> Memory:
 def test_a_request_hangs_below_the_mind_and_two_are_two(memory: Memory) -> None:
     names = [request_calibration(memory, "camera", force=True, views=3), request_calibration(memory)]
     assert len(set(names)) == 2 and {edge.dst for edge in memory.edges("has", src=MIND)} == set(names)
-    asked = {"target": "camera", "method": "robust", "forced": True, "views": 3, "moves_arm": False}
-    assert memory.node(names[0]).attributes == asked
+    assert memory.node(names[0]).attributes == {"target": "camera", "method": "robust", "forced": True, "views": 3}
+    assert memory.node(request_calibration(memory, views=2, move=True))["moves_arm"] is True
 
 
 def test_wrong_requests(memory: Memory) -> None:

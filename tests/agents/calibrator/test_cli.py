@@ -114,7 +114,6 @@ def test_a_running_system_is_asked() -> None:
             "method": "powell",
             "forced": False,
             "views": 2,
-            "moves_arm": False,
         }
         assert memory.nodes(CALIBRATION) == []
         answerer = Answerer(memory, status=REFUSED, explanation="there is no camera")
