@@ -17,16 +17,37 @@ NEAR = 0.010
 FAR = 0.018
 """m up to which it goes on"""
 
+APART = 0.020
+"""m between surfaces of two fingertips on opposite sides, together, from which a hand is open and neither touches"""
+
 _DEEPEST = -0.020  # m, deeper than which no fingertip is in an object: it is in front of it or behind
 _OPPOSED = -0.5  # cosine between the ways out of the object at two fingertips
 
 
-def way_out(solid: Solid, point: Vector3, most: float) -> Vector3 | None:
-    """Out of an object at a fingertip that is at most `most` m away; None if that does not touch it."""
+def ways_out(solid: Solid, points: Mapping[str, Vector3], most: Mapping[str, float]) -> dict[str, Vector3]:
+    """The way out of an object at each fingertip that touches it.
+
+    Args:
+        solid: the object.
+        points: centres of the fingertips, m, by name.
+        most: m between surfaces, up to which each of them touches.
+    """
+    met = {tip: near for tip, point in points.items() if (near := _near(solid, point, most[tip])) is not None}
+    return {tip: way for tip, (distance, way) in met.items() if not _is_open(distance, way, list(met.values()))}
+
+
+def _near(solid: Solid, point: Vector3, most: float) -> tuple[float, Vector3] | None:
+    """How far a fingertip is from an object, m, and the way out of that; None if it is more than `most` m."""
     if math.dist(point, solid.position) > solid.radius + TIP_RADIUS + most:
         return None
     distance, way = outwards(solid, point)
-    return way if _DEEPEST <= distance - TIP_RADIUS <= most else None
+    return (distance - TIP_RADIUS, way) if _DEEPEST <= distance - TIP_RADIUS <= most else None
+
+
+def _is_open(distance: float, way: Vector3, others: list[tuple[float, Vector3]]) -> bool:
+    """Whether a fingertip has others on the opposite side, and is far apart from all of them."""
+    opposite = [other for other, there in others if _dot(way, there) < _OPPOSED]
+    return bool(opposite) and distance + min(opposite) > APART
 
 
 def is_opposed(ways: Mapping[str, Vector3 | None]) -> bool:

@@ -17,7 +17,7 @@ from simulation_handler.bodies import Bodies
 from simulation_handler.config import BeliefConfig
 from simulation_handler.covering import RESOLVED, Covering
 from simulation_handler.explaining.situation import Look
-from simulation_handler.fingertips import FAR, NEAR, is_opposed, way_out
+from simulation_handler.fingertips import FAR, NEAR, is_opposed, ways_out
 from simulation_handler.geometry import Solid
 from simulation_handler.hands import UNSEEN, Hand, HandPercept
 from simulation_handler.leaning import levelled, without_yaw
@@ -238,8 +238,7 @@ class Touching:
         grown = {tip: FAR if (tip, item.name) in known else NEAR for tip in touching}
         found: dict[str, Vector3 | None] = {}
         for solid in solids:
-            ways = {tip: way_out(solid, point, grown[tip]) for tip, point in touching.items()}
-            met: dict[str, Vector3 | None] = {tip: way for tip, way in ways.items() if way is not None}
+            met: dict[str, Vector3 | None] = {**ways_out(solid, touching, grown)}
             if (is_opposed(met), len(met)) > (is_opposed(found), len(found)):
                 found = met
         touched = {tip for tip in hand.tips if (tip, item.name) in known}
