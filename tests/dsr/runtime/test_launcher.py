@@ -86,6 +86,7 @@ def test_an_agent_killed_with_9_is_started_again_and_the_others_do_not_notice(tm
         launcher.wait_ready()
         first, second = launcher.rows()
         assert first.pid and second.pid
+        wait_for(lambda: launcher.memory.node("cube_1")["mass"] > 0)
         os.kill(first.pid, signal.SIGKILL)
         wait_for(lambda: (launcher.poll(), launcher.rows()[0].restarts)[1] == 1)
         launcher.wait_ready()
