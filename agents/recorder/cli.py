@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import threading
 from pathlib import Path
 from typing import Annotated, Any
@@ -16,6 +15,7 @@ from dsr.cli.common import GraphOption, RouterOption, console, new_run_folder, s
 from dsr.errors import ConfigError
 from dsr.rendezvous import endpoints, graphs, running_graph
 from dsr.runtime.agent_process import Stop, run_process
+from dsr.runtime.signals import set_on_signals
 
 _NAME = "record"
 """Of the agent; the system may have a recorder already."""
@@ -49,18 +49,16 @@ def record(
     before = set(segments(folder, FILE_NAME))
     stop = Stop()
     timer = threading.Timer(seconds, stop.set) if seconds is not None else None
-    handlers = {number: signal.signal(number, lambda *_: stop.set()) for number in (signal.SIGINT, signal.SIGTERM)}
     config: dict[str, Any] = {"folder": str(folder), "frames_hz": frames_hz}
     console.print(f"recording graph {name} to {folder}" + ("" if timer else "; Ctrl-C ends it"), soft_wrap=True)
     try:
         if timer:
             timer.start()
-        run_process(Recorder, graph=name, name=_NAME, config=config, router=router, seed=0, stop=stop)
+        with set_on_signals(stop):
+            run_process(Recorder, graph=name, name=_NAME, config=config, router=router, seed=0, stop=stop)
     finally:
         if timer:
             timer.cancel()
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
     for file in segments(folder, FILE_NAME):
         if file not in before:
             _report(file)

@@ -7,7 +7,6 @@ import contextlib
 import inspect
 import logging
 import os
-import signal
 import threading
 from collections.abc import Sequence
 from pathlib import Path
@@ -27,6 +26,7 @@ from dsr.runtime.config import TomlFile
 from dsr.runtime.lifeline import LAUNCHED, follow_launcher
 from dsr.runtime.logs import BusLogHandler, log_to_terminal
 from dsr.runtime.runner import Runner, Schedule
+from dsr.runtime.signals import set_on_signals
 from dsr.transport import Transport
 
 EXIT_FAILED = 1
@@ -54,19 +54,18 @@ def run_command_line(kind: type[Agent], arguments: Sequence[str] | None = None) 
     options = _parser(kind).parse_args(arguments)
     log_to_terminal(options.name, options.log_level)
     stop = Stop()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
     follow_launcher(os.environ, stop)
     try:
-        run_process(
-            kind,
-            graph=running_graph(options.graph),
-            name=options.name,
-            config=read_config(options.config),
-            router=options.connect,
-            seed=options.seed,
-            stop=stop,
-        )
+        with set_on_signals(stop):
+            run_process(
+                kind,
+                graph=running_graph(options.graph),
+                name=options.name,
+                config=read_config(options.config),
+                router=options.connect,
+                seed=options.seed,
+                stop=stop,
+            )
     except ConfigError as error:
         _log.error("%s", error)
         return EXIT_USAGE
