@@ -144,7 +144,7 @@ class Launcher:
             process.start()
 
     def _command(self, spec: AgentSpec) -> list[str]:
-        command = [sys.executable, "-m", spec.module, "--graph", self.graph, "--name", spec.name]
+        command = [sys.executable, "-m", "dsr.runtime", spec.program, "--graph", self.graph, "--name", spec.name]
         command += ["--config", msgspec.json.encode(spec.config).decode(), "--seed", str(self._seed)]
         command += ["--log-level", self._log_level]
         return command + (["--connect", self._router] if self._router else [])

@@ -32,8 +32,8 @@ class AgentSpec:
     name: str
     kind: type[Agent]
     config: Mapping[str, Any] = field(default_factory=dict)
-    module: str = ""
-    """Starts it as a process: `python -m <module>`; empty for one that only runs in lockstep."""
+    program: str = ""
+    """`module:Class`, which `python -m dsr.runtime` starts as a process; empty for one that only runs in lockstep."""
     restart: bool = True
     """Start it again when it crashed."""
     ready_timeout: float = 30.0
@@ -136,8 +136,7 @@ def _read_agent(source: TomlFile, index: int, table: _AgentTable, folder: Path) 
         kind = load_class(table.agent_class, folder)
     if table.config:
         source.convert(kind.Config, (*path, "config"))
-    module = table.agent_class.partition(":")[0]
-    return AgentSpec(table.name, kind, table.config, module, table.restart, table.ready_timeout)
+    return AgentSpec(table.name, kind, table.config, table.agent_class, table.restart, table.ready_timeout)
 
 
 @contextlib.contextmanager

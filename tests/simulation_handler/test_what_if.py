@@ -251,7 +251,9 @@ def live(
     if folder is not None:
         secure(folder)
         monkeypatch.setenv(SECURITY, str(folder))
-    system = System("what_if", (AgentSpec("simulation_handler", SimulationHandler, module="simulation_handler"),))
+    system = System(
+        "what_if", (AgentSpec("simulation_handler", SimulationHandler, program="simulation_handler:SimulationHandler"),)
+    )
 
     def run(*arguments: str) -> Any:
         return CliRunner().invoke(app, ["what-if", *arguments])

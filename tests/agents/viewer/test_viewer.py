@@ -302,7 +302,7 @@ def test_without_a_display_the_file_is_written_all_the_same(stage: Any, monkeypa
 
 
 SERVER = """
-import socket, sys, threading, time
+import os, socket, sys, threading, time
 server = socket.create_server(("127.0.0.1", int(sys.argv[sys.argv.index("--port") + 1])))
 """
 
@@ -328,12 +328,17 @@ def test_a_window_that_does_not_start_does_not_matter(
 
 
 def test_a_window_that_is_closed_does_not_matter(stage: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    use_program(monkeypatch, tmp_path, f"{SERVER}for _ in range(2): connection = server.accept()\ntime.sleep(0.2)")
+    closed = tmp_path / "closed"
+    accepting = "connections = [server.accept() for _ in range(2)]"
+    use_program(
+        monkeypatch, tmp_path, f"{SERVER}{accepting}\nwhile not os.path.exists({str(closed)!r}): time.sleep(0.02)"
+    )
     viewer = stage.start_viewer(spawn=True)
     stage.build_table("cube_3")
     stage.run()
     assert viewer._window is not None
-    viewer._window._process.wait()
+    closed.touch()
+    viewer._window._process.wait(60.0)
     stage.run()
     assert viewer._window is None
     assert "/world/beliefs" in stage.finish().entities

@@ -21,6 +21,21 @@ from dsr.runtime.supervised import Supervised
 from dsr.runtime.system import AgentSpec, System, load_class, load_system
 
 SYSTEMS = Path(__file__).parent / "systems"
+TWINS = """
+from dsr.agent import Access, Agent, main
+
+class One(Agent):
+    writes = Access(nodes=("cube",))
+
+    def setup(self):
+        self.memory.add_node(f"cube_{type(self).__name__.lower()}", "cube")
+
+class Two(One):
+    pass
+
+if __name__ == "__main__":
+    main(One)
+"""
 
 
 @pytest.fixture(autouse=True)
@@ -62,7 +77,20 @@ def _group_of(pid: int) -> int | None:
 def one(name: str, **fields: object) -> System:
     """A system of one toy agent."""
     kind = load_class(f"toy_{name}:{name.capitalize()}", SYSTEMS)
-    return System(name, (AgentSpec(name, kind, module=f"toy_{name}", **fields),), SYSTEMS)  # type: ignore[arg-type]
+    return System(name, (AgentSpec(name, kind, program=f"toy_{name}:{name.capitalize()}", **fields),), SYSTEMS)  # type: ignore[arg-type]
+
+
+def test_two_classes_of_one_module_are_two_agents(tmp_path: Path) -> None:
+    """Each process runs the class that its table names, whatever `python -m` of that module would run."""
+    file = tmp_path / "twins.toml"
+    tables = "".join(
+        f'[[agent]]\nname = "{name}"\nclass = "toy_twins:{name.capitalize()}"\n' for name in ("one", "two")
+    )
+    file.write_text(f'graph = "twins"\n{tables}')
+    (tmp_path / "toy_twins.py").write_text(TWINS)
+    with Launcher(load_system(file), tmp_path / "run") as launcher:
+        launcher.wait_ready()
+        wait_for(lambda: "cube_one" in launcher.memory and "cube_two" in launcher.memory)
 
 
 def test_agents_become_ready_work_together_and_stop(tmp_path: Path) -> None:

@@ -26,7 +26,7 @@ def test_a_system_is_read_in_order_with_its_classes_and_configurations() -> None
     system = load_system(SYSTEMS / "counters.toml")
     assert system.graph == "counters"
     first, second = system.agents
-    assert (first.name, first.kind.__name__, first.module) == ("first", "Counter", "toy_counter")
+    assert (first.name, first.kind.__name__, first.program) == ("first", "Counter", "toy_counter:Counter")
     assert first.config == {}
     assert second.config == {"node": "cube_2", "step": 2.0}
 
