@@ -11,6 +11,8 @@ THINGS = ("cube", "box", "container", "cup", "ball")
 """Node types of what can be perceived and moved; all else is structure, a hand, or what stands still."""
 SURFACES = ("table",)
 """Node types of what things are put on and that never moves."""
+MODELLED = ("object",)
+"""Node types of what has the form of its mesh, as loaded from a file, and does not move by itself."""
 ARITY = {"on": 2, "ontable": 1, "clear": 1, "holding": 1, "handempty": 0}
 """The relations by name, with how many things each relates."""
 Pair = tuple[str, str]

@@ -26,7 +26,7 @@ from agents.drivers import ArmDriver, ArmState, make_driver
 from dsr.agent import Access, Agent
 from dsr.errors import ConfigError
 from dsr.intrinsics import INTRINSICS
-from dsr.relations import THINGS
+from dsr.relations import MODELLED, THINGS
 
 OBJECTS = (*THINGS, "hand", "finger")
 """Types of nodes that may be in the way or in the gripper."""
@@ -49,10 +49,11 @@ class ArmController(Agent):
     name = "arm_controller"
     rate_hz = 50.0
     reads = Access(
-        nodes=("arm", "gripper", "table", "action", *OBJECTS),
+        nodes=("arm", "gripper", "table", "action", *MODELLED, *OBJECTS),
         edges=("RT", "Virtual_RT", "grasping"),
         attributes=(
-            *("size", "present", "perceived", "target_joints", "target_pose", "target_speed", "target_opening"),
+            *("size", "bounds", "mesh", "present", "perceived"),
+            *("target_joints", "target_pose", "target_speed", "target_opening"),
             *("skill", "target", "destination", "request"),
         ),
     )

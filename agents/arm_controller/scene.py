@@ -7,13 +7,16 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dsr import Memory
+from dsr import Memory, Node
 from dsr.errors import TransformError
+from dsr.geometry import own_bounds
 from dsr.quaternions import Vector3
+from dsr.relations import MODELLED
 from dsr.transforms import Pose
 
 Array = NDArray[np.float64]
 WORLD = "world"
+_ROBOT = ("robot", "body", "arm", "gripper")
 
 
 @dataclass(frozen=True)
@@ -31,6 +34,11 @@ class Thing:
         """(3,) m, how far it extends from its centre along the world's axes."""
         extent: Array = np.abs(self.pose.rotation_matrix) @ np.array(self.size) / 2
         return extent
+
+    def contains(self, point: Vector3) -> bool:
+        """Whether a point (m, world) is within its box."""
+        away = np.abs(self.pose.inverse().apply(point))
+        return bool((away < np.array(self.size) / 2).all())
 
     @property
     def top(self) -> float:
@@ -78,6 +86,38 @@ class Scene:
     def tables(self) -> list[Thing]:
         """All tables."""
         return [thing for node in self._memory.nodes("table") if (thing := self.table(node.name)) is not None]
+
+    def models(self, base: Vector3) -> list[Thing]:
+        """The boxes around objects with meshes that stand around an arm whose base is at `base` (m, world).
+
+        Not what the robot carries as a part of it, nor what is around the arm's base, such as a room.
+        """
+        found = [thing for kind in MODELLED for node in self._memory.nodes(kind) if (thing := self._model(node))]
+        return [thing for thing in found if not thing.contains(base)]
+
+    def _model(self, node: Node) -> Thing | None:
+        bounds = None if node.get("present") is False else own_bounds(self._memory, node)
+        if bounds is None or self._is_of_robot(node.name):
+            return None
+        try:
+            pose = self._memory.transform(WORLD, node.name, types=("Virtual_RT", "RT"))
+        except TransformError:
+            return None
+        low, high = np.array(bounds.low), np.array(bounds.high)
+        x, y, z = (high - low).tolist()
+        u, v, w = ((low + high) / 2).tolist()
+        return Thing(node.name, pose @ Pose((u, v, w)), (x, y, z))
+
+    def _is_of_robot(self, name: str) -> bool:
+        """Whether its frame hangs on one of the robot's."""
+        seen: set[str] = set()
+        while name not in seen:
+            seen.add(name)
+            node = self._memory.get_node(name)
+            if node is None or node.type in _ROBOT:
+                return node is not None
+            name = next((edge.src for edge in self._memory.edges("RT", dst=name)), name)
+        return False
 
     def world_from(self, node: str) -> Pose:
         """Where a part of the robot is. Raises `TransformError` if it is unknown."""

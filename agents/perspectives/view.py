@@ -8,7 +8,7 @@ from typing import Any
 from dsr.elements import Node
 from dsr.errors import TransformError
 from dsr.memory import Memory
-from dsr.relations import SURFACES, THINGS
+from dsr.relations import MODELLED, SURFACES, THINGS
 from dsr.spatial import Box
 from dsr.surfaces import Solids
 from dsr.transforms import Pose
@@ -22,7 +22,7 @@ from dsr.visibility import (
     shape_of_thing,
 )
 
-KINDS = (*THINGS, "object")
+KINDS = (*THINGS, *MODELLED)
 """Types of what is seen and remembered."""
 LOOKS = ("size", "shape", "bounds", "mesh", "color", "marker_id", "model", "mass", "friction")
 """Attributes that are taken over from what is seen."""

@@ -12,6 +12,7 @@ from agents.inbox import Inbox, Message
 from agents.recorder.channels import SNAPSHOT
 from agents.recorder.images import pack
 from agents.recorder.mcap_file import Record, RecordingWriter
+from agents.recorder.meshes import MeshRecorder
 from agents.recorder.reader import FILE_NAME
 from agents.segments import next_segment
 from dsr.agent import Access, Agent
@@ -59,6 +60,7 @@ class Recorder(Agent):
     Config = RecorderConfig
     config: RecorderConfig
     _writer: RecordingWriter | None = None
+    _meshes: MeshRecorder | None = None
     _inboxes: tuple[Inbox, ...] = ()
 
     def setup(self) -> None:
@@ -72,6 +74,7 @@ class Recorder(Agent):
         self._writer = RecordingWriter(
             path, {**self.config.about, "graph": keys.graph, "root": keys.root, "segment": path.name}
         )
+        self._meshes = MeshRecorder(self.memory, self._writer)
         wanted = (keys.delta(), keys.stream(), keys.truth(), keys.log(), keys.status(), *map(keys.device, _DEVICES))
         images = Inbox(self.bus, keys.blob("**"), self.clock, _MOST_IMAGES_WAITING)
         self._inboxes = (images, Inbox(self.bus, wanted, self.clock, _MOST_WAITING))
@@ -79,12 +82,13 @@ class Recorder(Agent):
 
     def tick(self, now: float) -> None:
         """Write what arrived since the last tick, in the order of arrival."""
-        assert self._writer is not None
+        assert self._writer is not None and self._meshes is not None
         if self._last_snapshot == -math.inf:
             self._write_snapshot(now)
         for message in self._take(now):
             topic = message.key.removeprefix(self.keys.root + "/")
             self._writer.write(Record(message.stamp, topic, message.payload))
+        self._meshes.update(now)
         if now - self._last_snapshot >= self.config.snapshot_period or self._repairs != self.memory.statistics.repairs:
             self._write_snapshot(now)
         if now - self._last_flush >= self.config.flush_period:
@@ -96,8 +100,9 @@ class Recorder(Agent):
         """Write what is left and close the file, so that it has an index."""
         for inbox in self._inboxes:
             inbox.close()
-        if self._writer is not None:
+        if self._writer is not None and self._meshes is not None:
             self.tick(self.clock.now())
+            self._meshes.close()
             self._writer.close()
 
     def _write_snapshot(self, now: float) -> None:

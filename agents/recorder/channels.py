@@ -19,6 +19,9 @@ class ChannelKind(NamedTuple):
 SNAPSHOT = "snapshot"
 """Topic of the whole graph at one instant; it is written first, so that a late recording is complete too."""
 
+MESH = "mesh"
+"""Topic of the meshes that nodes name by their hashes, each once."""
+
 _DELTA = """MessagePack array [version, replica ids, adds, writes, removed, context, live]: changes of the graph.
   add      [replica, counter, key, type, sources, destinations]; key: a node's name, or [source, destination, type]
   write    [owner replica, owner counter, attribute, stamp, writer, dot replica, dot counter, value]
@@ -39,6 +42,12 @@ KINDS = (
     ChannelKind("d/", "dsr.Delta", "msgpack", "Durable changes.\n" + _DELTA),
     ChannelKind("rt/", "dsr.Stream", "msgpack", "Samples of high-rate values, without dots.\n" + _DELTA),
     ChannelKind("blob/", "dsr.Frame", "dsr-frame", _FRAME),
+    ChannelKind(
+        MESH,
+        "dsr.Mesh",
+        "dsr-mesh",
+        "Canonical bytes of a mesh, whose SHA-256 is what nodes have in `mesh`; see dsr/geometry/mesh.py.\n",
+    ),
     ChannelKind(
         "truth",
         "dsr.Truth",

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 from bisect import bisect_right
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from agents.recorder.channels import SNAPSHOT
+from agents.recorder.channels import MESH, SNAPSHOT
 from agents.recorder.mcap_file import RecordingError, RecordingFile
 from agents.recorder.reader import read_recording
+from dsr.errors import WireError
+from dsr.geometry import Mesh
 
 HISTORY = 2.0
 """s of changes that are read before the time asked for, so that frames have a past."""
@@ -55,6 +58,8 @@ class RecordingIndex:
         self._snapshots: list[float] = []
         self.topics: Counter[str] = Counter()
         """How many messages each topic has; in the order in which they first appear."""
+        self._meshes: set[tuple[int, int]] = set()
+        """(file, position) of the pieces with meshes"""
         self.begin = self.end = 0.0
         """Stamps of the first and the last message, s."""
         self._scan()
@@ -77,6 +82,14 @@ class RecordingIndex:
         """Whether `read_for` begins later than `reached`: then going on from there would only take longer."""
         return self._place_for(self.begin + time).stamp > self.begin + reached
 
+    def meshes(self) -> Iterator[Mesh]:
+        """Those that are in the recording, one in memory at a time; what is none is left out."""
+        for number, position in sorted(self._meshes):
+            for record in next(self._files[number].pieces(position)).records:
+                if record.topic == MESH:
+                    with contextlib.suppress(WireError):
+                        yield Mesh.decode(record.payload)
+
     def _scan(self) -> None:
         latest: float | None = None
         for number, file in enumerate(self._files):
@@ -89,6 +102,8 @@ class RecordingIndex:
                     self.topics[record.topic] += 1
                     if record.topic == SNAPSHOT:
                         self._snapshots.append(latest)
+                    elif record.topic == MESH:
+                        self._meshes.add((number, piece.position))
         self.end = latest or 0.0
 
     def _place_for(self, stamp: float) -> _Place:

@@ -77,6 +77,8 @@ def run_anew(
     graph = reference.memory.graph_name
     with Lockstep(seats, graph=graph, clock=clock, seed=seed, later=later) as lockstep:
         feed.memory = lockstep.memory
+        for mesh in index.meshes():
+            lockstep.memory.put_mesh(mesh)
         comparison = Comparison(
             reference.memory, lockstep.memory, _geometric(specs), index.begin, tolerance, turn_tolerance
         )

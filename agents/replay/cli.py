@@ -183,6 +183,7 @@ def play(
     routers = [router] if router else ()
     with connect(name, agent="replay", connect=routers, security=security) as memory:
         player = Player(source, memory, begin=begin, until=until, speed=speed, pause_at=pause_at)
+        _tell_missing(player)
         controls = Controls(memory.transport, memory.keys, player)
         console.print(f"graph {name}: {source.duration:.1f} s from {shown(str(source.index.path))}", soft_wrap=True)
         try:
@@ -191,6 +192,7 @@ def play(
             raise typer.Exit(_INTERRUPTED) from None
         finally:
             controls.close()
+        _tell_missing(player)
     _report(source, player)
 
 
@@ -202,6 +204,16 @@ def _speed(text: str) -> float:
     if not value > 0:
         raise ConfigError(f"--speed {text}: expected a positive number, or max")
     return value
+
+
+def _tell_missing(player: Player) -> None:
+    """Say which meshes nobody has."""
+    missing = player.missing_meshes
+    for hash, name in sorted(missing.items(), key=lambda pair: pair[1])[:_SHOWN]:
+        text = f"mesh {hash[:12]} of {name} is neither in the recording nor on this machine: it is shown without"
+        errors.print(f"[yellow]{shown(text)}[/]", soft_wrap=True)
+    if len(missing) > _SHOWN:
+        errors.print(f"[yellow]and {len(missing) - _SHOWN} more[/]")
 
 
 def _report(source: ReplayedGraph, player: Player) -> None:

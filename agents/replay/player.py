@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
+from agents.replay.meshes import MeshCheck
 from agents.replay.mirror import Mirror
 from agents.replay.source import ReplayedGraph
 from agents.replay.traffic import Traffic
@@ -41,6 +42,9 @@ class Player:
     ) -> None:
         self._source = source
         self.mirror = Mirror(target)
+        self._meshes = MeshCheck(target)
+        for mesh in source.index.meshes():
+            target.put_mesh(mesh)
         self._traffic = Traffic(target.transport, target.keys, target.clock)
         self.until = source.duration if until is None else min(max(until, 0.0), source.duration)
         """s"""
@@ -51,6 +55,11 @@ class Player:
         self._watch: Watch | None = None
         self._watched: Memory | None = None
         self.seek(begin)
+
+    @property
+    def missing_meshes(self) -> dict[str, str]:
+        """Names of nodes by the hashes of those of their meshes that neither the recording has nor anybody here."""
+        return self._meshes.missing()
 
     @property
     def time(self) -> float:

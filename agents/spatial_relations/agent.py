@@ -10,7 +10,7 @@ import msgspec
 from agents.spatial_relations.wishes import Wish, make_wish, read_wish
 from dsr.agent import Access, Agent
 from dsr.errors import ConfigError, DsrError
-from dsr.relations import SURFACES, THINGS
+from dsr.relations import MODELLED, SURFACES, THINGS
 from dsr.spatial import EGOCENTRIC, QUERY, SOURCE, WRITTEN, Box, Fact, Hysteresis, Scene, View, read_scene, read_view
 
 Seen = tuple[Fact, str]
@@ -50,9 +50,12 @@ class SpatialRelations(Agent):
     name = "spatial_relations"
     rate_hz = 10.0
     reads = Access(
-        nodes=(*THINGS, *SURFACES, QUERY),
+        nodes=(*THINGS, *SURFACES, *MODELLED, QUERY),
         edges=("RT", "Virtual_RT", *WRITTEN),
-        attributes=("size", "present", "relations", "things", "others", "viewpoint", "source", "status"),
+        attributes=(
+            *("size", "bounds", "mesh", "present"),
+            *("relations", "things", "others", "viewpoint", "source", "status"),
+        ),
     )
     writes = Access(
         nodes=(QUERY,), edges=WRITTEN, attributes=("since", "source", "viewpoint", "status"), exclusive=WRITTEN

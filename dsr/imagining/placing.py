@@ -10,7 +10,7 @@ from dsr.imagining.scenes import BELIEVED, IMPRECISE, WORLD, differences, keep, 
 from dsr.imagining.thinking import Thought
 from dsr.memory import Memory
 from dsr.quaternions import from_rotvec, rotate
-from dsr.relations import SURFACES
+from dsr.relations import MODELLED, SURFACES
 from dsr.spatial import EGOCENTRIC, Box, View, margin, read_scene, read_view
 from dsr.spatial.boxes import overlap
 from dsr.transforms import Pose
@@ -55,7 +55,8 @@ def placed(base: Memory, world: Memory, name: str, relation: str, reference: str
     """
     box, around = _box(world, name), _around(world, reference)
     view = _view(world, relation, reference, viewpoint)
-    others = {key: other for key, other in read_scene(world).boxes.items() if key != name}
+    boxes = read_scene(world).boxes
+    others = {key: other for key, other in boxes.items() if key != name and not _is_modelled(world, key)}
     why, asked = "there is no room", 0
     for pose in _candidates(world, box, around, relation, view):
         if _is_inside(Box(pose, box.size), others, relation, reference):
@@ -149,6 +150,11 @@ def _is_inside(box: Box, others: Mapping[str, Box], relation: str, reference: st
         for name, other in others.items()
         if not (relation == "in" and name == reference)
     )
+
+
+def _is_modelled(world: Memory, name: str) -> bool:
+    """Whether it may have room within its box, such as a shelf: physics tells whether something fits in."""
+    return world.node(name).type in MODELLED
 
 
 def _box(world: Memory, name: str) -> Box:

@@ -8,14 +8,17 @@ from typing import NamedTuple
 
 from dsr.elements import Node
 from dsr.errors import ConfigError, TransformError, suggest
+from dsr.geometry import own_bounds
 from dsr.memory import Memory
-from dsr.relations import SURFACES, THINGS
+from dsr.quaternions import Vector3
+from dsr.relations import MODELLED, SURFACES, THINGS
 from dsr.spatial.boxes import Box
 from dsr.spatial.definitions import EGOCENTRIC, SPATIAL, View, margin
 from dsr.transforms import Pose
 
 WORLD = "world"
 _BELIEVED = ("Virtual_RT", "RT")
+_THINNEST = 1e-4  # m, of what is flat
 
 
 class Fact(NamedTuple):
@@ -65,9 +68,9 @@ class Scene:
 
 
 def read_scene(memory: Memory) -> Scene:
-    """All things and surfaces in `memory` whose `size` is known and that are believed to be somewhere."""
+    """All things, surfaces and objects with meshes whose extent is known and that are believed to be somewhere."""
     boxes = {}
-    for kind in (*THINGS, *SURFACES):
+    for kind in (*THINGS, *SURFACES, *MODELLED):
         for node in memory.nodes(kind):
             box = None if node.get("present") is False else _box(memory, node)
             if box is not None:
@@ -100,13 +103,26 @@ def checked_relations(names: Iterable[str], known: Collection[str] = SPATIAL) ->
 
 
 def _box(memory: Memory, node: Node) -> Box | None:
-    size = node.get("size")
-    if not isinstance(size, tuple) or len(size) != 3 or min(size) <= 0.0:
+    size, centre = _extent(memory, node)
+    if size is None:
         return None
     try:
         pose = memory.transform(WORLD, node.name, types=_BELIEVED)
     except TransformError:
         return None
-    if node.type in SURFACES:  # their frame is at the centre of the top
-        pose = pose @ Pose((0.0, 0.0, -0.5 * size[2]))
-    return Box(pose, (size[0], size[1], size[2]))
+    return Box(pose if centre is None else pose @ Pose(centre), size)
+
+
+def _extent(memory: Memory, node: Node) -> tuple[Vector3 | None, Vector3 | None]:
+    """Edge lengths of the box around a node, None if unknown, and where its centre is in the node's frame."""
+    size = node.get("size")
+    if node.type not in MODELLED and isinstance(size, tuple) and len(size) == 3 and min(size) > 0.0:
+        return (size[0], size[1], size[2]), (0.0, 0.0, -0.5 * size[2]) if node.type in SURFACES else None
+    bounds = own_bounds(memory, node) if node.type in MODELLED or "mesh" in node else None
+    if bounds is None:
+        return None, None
+    (x, y, z), (u, v, w) = bounds
+    return (
+        (max(u - x, _THINNEST), max(v - y, _THINNEST), max(w - z, _THINNEST)),
+        (0.5 * (x + u), 0.5 * (y + v), 0.5 * (z + w)),
+    )

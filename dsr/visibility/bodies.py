@@ -11,7 +11,7 @@ import numpy as np
 from dsr.elements import Node
 from dsr.errors import DsrError, SchemaError
 from dsr.memory import Memory
-from dsr.relations import SURFACES, THINGS
+from dsr.relations import MODELLED, SURFACES, THINGS
 from dsr.schema import WORLD_RECORD
 from dsr.shapes import Part, Shape, box, from_numbers
 from dsr.surfaces import Solids
@@ -41,7 +41,7 @@ class Posed(NamedTuple):
     @property
     def is_thing(self) -> bool:
         """Whether it can be moved, and is looked for."""
-        return self.kind in THINGS or self.kind == "object"
+        return self.kind in (*THINGS, *MODELLED)
 
 
 def read_posed(memory: Memory) -> list[Posed]:

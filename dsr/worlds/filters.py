@@ -20,7 +20,8 @@ class FilterConfig(WorldsConfig, frozen=True, forbid_unknown_fields=True):
 class Filter(Client):
     """Keeps the world `writes` in step with the worlds `reads`: all that it accepts, changed as `edit` says.
 
-    An edge is passed on if it is accepted and both its ends are in the output. A filter takes away only what it added
+    An edge is passed on if it is accepted and both its ends are in the output. What is placed by a frame that is not
+    passed on hangs on the nearest frame above that is, where it is in the input. A filter takes away only what it added
     itself, so several may write into one world, beside people and other agents. What somebody else takes away comes
     back as long as the input holds it. After a restart it goes on.
 

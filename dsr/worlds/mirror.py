@@ -12,6 +12,7 @@ from dsr.errors import NodeNotFoundError
 from dsr.schema import WORLD_RECORD
 from dsr.watch import Change
 from dsr.worlds.registry import ROOT, VIA
+from dsr.worlds.reparenting import Reparenting
 
 if TYPE_CHECKING:
     from dsr.memory import Memory
@@ -56,6 +57,7 @@ class Mirror:
         self._edit = edit
         self._exact = edit is not None or conflict == "first"
         self._first_only = conflict == "first"
+        self._reparenting = Reparenting(self._sources, target, self._may_pass, accepts_edge, self._first_only)
         self._watch = target.watch(existing=False)
         self._nodes: dict[str, None] = {}
         self._edges: dict[EdgeKey, None] = {}
@@ -87,6 +89,9 @@ class Mirror:
             for name in _drained(self._nodes):
                 with _kept(failures):
                     self._bring_node(name)
+            self._reparenting.note(self._edges)
+            with _kept(failures):
+                self._reparenting.update()
             for key in _drained(self._edges):
                 with _kept(failures):
                     self._bring_edge(key)
@@ -124,6 +129,8 @@ class Mirror:
     def _bring_edge(self, key: EdgeKey) -> None:
         found = [self._found(world, edge) for world, memory in self._sources.items() if (edge := memory.get_edge(*key))]
         wanted = [one for one in found if isinstance(one.element, Edge) and self._accepts_edge(one.element)]
+        if not wanted and self._reparenting.holds(key):
+            return
         if key[0] in self._target and key[1] in self._target:
             with contextlib.suppress(NodeNotFoundError):  # an end goes at this moment, which is another change
                 self._bring(key, wanted)

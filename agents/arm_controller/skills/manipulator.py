@@ -236,7 +236,8 @@ class Manipulator:
 
     def _things(self) -> list[Thing]:
         objects = [thing for thing in self.scene.objects() if thing.name != self.holding.held]
-        return [*objects, *self.scene.tables()]
+        base = self.scene.world_from(self.config.arm).t
+        return [*objects, *self.scene.tables(), *self.scene.models(base)]
 
     def _obstacles(self, things: Sequence[Thing], target: str) -> Obstacles:
         return Obstacles(self.figure, things, self.scene.world_from(self.config.arm).inverse(), target)

@@ -237,3 +237,18 @@ def test_a_late_arm_is_not_stuck(table: Table) -> None:
     """A simulated reality that its machine cannot keep up with lags behind the clock."""
     table.arm.pace = 0.4
     assert table.act("pick", target="cube_3") == ("done", "")
+
+
+def test_nothing_is_put_into_an_object_with_a_mesh(table: Table) -> None:
+    """Such as `dsr load` makes: its box is in the way, but for what the robot carries or what is around its base."""
+    memory = table.memory
+    memory.add_node("shelf", "object", bounds=(-0.1, -0.1, 0.0, 0.1, 0.1, 0.3))
+    memory.add_edge("world", "shelf", "RT", pose=Pose((0.42, -0.25, 0.0)))
+    memory.add_node("room", "object", bounds=(-3.0, -3.0, -1.0, 3.0, 3.0, 2.0))
+    memory.add_edge("world", "room", "RT", pose=Pose())
+    memory.add_node("sensor", "object", bounds=(-0.1, -0.1, -0.1, 0.1, 0.1, 0.1))
+    memory.add_edge("gripper", "sensor", "RT", pose=Pose())
+    pick(table)
+    status, why = table.act("place", destination="table", target_pose=Pose((0.42, -0.25, 0.02)))
+    assert status == "failed" and "shelf is in the way" in why
+    assert table.act("place", destination="table", target_pose=Pose((0.30, 0.2, 0.02)))[0] == "done"

@@ -13,7 +13,7 @@ import pytest
 from agents.recorder.agent import Recorder
 from agents.recorder.images import unpack
 from agents.recorder.reader import Record, read_recording
-from dsr import Frame, Memory, Pose
+from dsr import Frame, Memory, Mesh, Pose
 from dsr.agent import make_agent
 from dsr.blobs import decode_frame
 from dsr.clock import ManualClock
@@ -226,3 +226,16 @@ def test_an_overflow_is_counted_and_shown(world: World, monkeypatch: pytest.Monk
 def test_a_wrong_configuration_is_refused(world: World, config: dict[str, float]) -> None:
     with pytest.raises(ConfigError, match=next(iter(config))):
         world.start_recorder(**config)
+
+
+def test_meshes_that_nodes_name_are_kept_once_each(world: World) -> None:
+    mesh = Mesh([(0, 0, 0), (0.1, 0, 0), (0, 0.1, 0)], [(0, 1, 2)])
+    world.memory.add_node("flag", "object", mesh=world.memory.put_mesh(mesh))
+    world.memory.add_node("twin", "object", mesh=mesh.hash)
+    world.memory.add_node("ghost", "object", mesh="0" * 64)
+    recorder = world.start_recorder()
+    world.run(3.0)
+    world.memory.update_node("twin", mesh=f"{mesh.hash},{mesh.hash}")
+    world.run(1.0)
+    recorder.teardown()
+    assert [record.payload for record in world.records() if record.topic == "mesh"] == [mesh.data]

@@ -12,7 +12,7 @@ import pytest
 from agents.replay import ReplayedGraph
 from agents.replay.mirror import Mirror
 from agents.replay.player import Player
-from dsr import AttributeType, Frame, Memory, Pose, Schema
+from dsr import AttributeType, Frame, Memory, Mesh, Pose, Schema
 from dsr.clock import ManualClock
 from dsr.keys import Keys
 from dsr.local_transport import LocalNetwork
@@ -185,3 +185,21 @@ def test_a_node_of_another_type_is_made_anew_with_its_edges() -> None:
     mirror = Mirror(target)
     mirror.apply(watch.poll(), source)
     assert state(target) == state(source) and not mirror.left_out
+
+
+def test_meshes_come_with_the_recording_and_missing_ones_are_told(tmp_path: Path) -> None:
+    studio = Studio(tmp_path, snapshot_period=1.0)
+    mesh = Mesh([(0, 0, 0), (0.1, 0, 0), (0, 0.1, 0)], [(0, 1, 2)])
+    studio.memory.add_node("flag", "object", mesh=studio.memory.put_mesh(mesh))
+    studio.memory.add_node("ghost", "object", mesh="0" * 64)
+    studio.run(6.0)
+    theatre = Theatre(studio.finish(), begin=5.0)
+    theatre.run(0.5)
+    assert theatre.audience.node("flag")["mesh"] == mesh.hash
+    for _ in range(20):
+        theatre.audience.get_mesh(mesh.hash)
+        theatre.run(0.1)
+        theatre.stage.poll()
+        theatre.audience.flush()
+    assert theatre.audience.get_mesh(mesh.hash) == mesh
+    assert theatre.player.missing_meshes == {"0" * 64: "ghost"}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import dsr
 from dsr import ConfigError, ManualClock, Memory, NodeNotFoundError, Pose
 from dsr.local_transport import LocalNetwork
 from dsr.spatial import Fact, Hysteresis, Scene, read_scene, read_view, request_relations
@@ -42,6 +43,19 @@ def test_the_scene_is_what_is_believed_to_be_somewhere(memory: Memory) -> None:
     assert list(scene.boxes) == ["cube_1", "cube_2", "table"]
     assert scene.boxes["cube_1"].pose.t == (0.0, 0.0, 0.02)
     assert scene.boxes["table"].top == pytest.approx(0.0) and scene.boxes["table"].bottom == pytest.approx(-0.05)
+
+
+def test_objects_with_meshes_are_in_the_scene_as_the_box_around_them(memory: Memory) -> None:
+    memory.add_node("shelf", "object", bounds=(0.0, -0.1, 0.0, 0.2, 0.1, 0.5))
+    memory.add_edge("world", "shelf", "RT", pose=Pose((0.5, 0.0, 0.0)))
+    flat = dsr.Mesh([(0, 0, 0), (0.1, 0, 0), (0, 0.1, 0)], [(0, 1, 2)])
+    memory.add_node("poster", "object", mesh=memory.put_mesh(flat))
+    memory.add_edge("shelf", "poster", "RT", pose=Pose((0.0, 0.0, 0.6)))
+    scene = read_scene(memory)
+    assert scene.boxes["shelf"].pose.t == pytest.approx((0.6, 0.0, 0.25))
+    assert scene.boxes["shelf"].size == pytest.approx((0.2, 0.2, 0.5))
+    assert scene.boxes["poster"].bottom == pytest.approx(0.6, abs=1e-3)
+    assert {Fact("above", "poster", "shelf"), Fact("on_top", "shelf", "table")} <= holding(scene, "above", "on_top")
 
 
 def test_relations_among_some_or_all(memory: Memory) -> None:

@@ -359,3 +359,105 @@ def test_a_fork_or_an_overlay_may_be_read(follow: bool) -> None:
         base.remove_node("cube_3")
         lockstep.run_for(1.0)
         assert content(copied) == content(idea)
+
+
+class Cubes(Copy):
+    """Leaves out what is no cube."""
+
+    def accepts(self, node: Node) -> bool:
+        return node.type == "cube"
+
+
+def arm(memory: Memory) -> None:
+    """A cube below a camera below an arm, another one on it."""
+    for name, kind in (("world", "world"), ("arm", "arm"), ("camera", "camera"), ("low", "cube"), ("high", "cube")):
+        memory.add_node(name, kind)
+    memory.add_edge("world", "arm", "RT", pose=Pose((1.0, 0.0, 0.0), (0.0, 0.0, 0.6, 0.8)))
+    memory.add_edge("arm", "camera", "RT", pose=Pose((0.0, 0.0, 0.5), (1.0, 0.0, 0.0, 0.0)))
+    memory.add_edge("camera", "low", "RT", pose=Pose((0.1, 0.0, 0.4), stamp=0.5))
+    memory.add_edge("low", "high", "RT", pose=Pose((0.0, 0.0, 0.04)))
+
+
+def test_what_hangs_on_a_frame_that_is_left_out_is_where_it_was() -> None:
+    with run(AgentSpec("copy", Cubes)) as lockstep:
+        base = lockstep.memory
+        arm(base)
+        lockstep.run_for(1.0)
+        copied = base.world("copied")
+        assert {edge.key for edge in copied.edges()} == {("world", "low", "RT"), ("low", "high", "RT")}
+        for name in ("low", "high"):
+            assert max(copied.transform("world", name).distance(base.transform("world", name))) < 1e-9
+        assert copied.transform("world", "low").stamp == 0.5
+        base.update_edge("world", "arm", "RT", pose=Pose((2.0, 0.0, 0.0)))
+        lockstep.run_for(1.0)
+        assert max(copied.transform("world", "high").distance(base.transform("world", "high"))) < 1e-9
+        base.remove_edge("arm", "camera", "RT")  # now nobody knows where it is
+        lockstep.run_for(1.0)
+        assert {edge.key for edge in copied.edges()} == {("low", "high", "RT")}
+        base.add_edge("arm", "camera", "RT", pose=Pose((0.0, 0.0, 0.7)))
+        base.add_edge("world", "low", "RT", pose=Pose((5.0, 0.0, 0.0), stamp=0.9))
+        lockstep.run_for(1.0)
+        assert copied.transform("world", "low").t == (5.0, 0.0, 0.0)
+        base.remove_edge("world", "low", "RT")
+        lockstep.run_for(1.0)
+        assert max(copied.transform("world", "low").distance(base.transform("world", "low"))) < 1e-9
+        base.remove_node("low")
+        lockstep.run_for(1.0)
+        assert not copied.edges()
+
+
+def test_what_was_reparented_stays_over_a_restart_and_ends_with_the_filter_that_wants_the_parent() -> None:
+    class Wider(Cubes):
+        wide = False
+
+        def accepts(self, node: Node) -> bool:
+            return type(self).wide or super().accepts(node)
+
+    with run(AgentSpec("copy", Wider)) as lockstep:
+        base = lockstep.memory
+        arm(base)
+        lockstep.run_for(1.0)
+        copied = base.world("copied")
+        created = copied.edge("world", "low", "RT").created
+        lockstep.kill("copy")
+        lockstep.run_for(0.5)
+        lockstep.restart("copy")
+        lockstep.run_for(1.0)
+        assert copied.edge("world", "low", "RT").created == created
+        Wider.wide = True
+        base.update_edge("camera", "low", "RT", pose=Pose((0.1, 0.0, 0.4), stamp=1.5))
+        for name in ("arm", "camera"):
+            base.update_node(name, mass=1.0)
+        lockstep.run_for(1.0)
+        assert content(copied) == content(base)
+
+
+def test_what_was_reparented_does_not_come_back_in_a_circle(sent: Counter[str]) -> None:
+    specs = [AgentSpec("there", Cubes), AgentSpec("back", Copy, {"reads": ["copied"], "writes": "base"})]
+    with run(*specs) as lockstep:
+        base = lockstep.memory
+        arm(base)
+        lockstep.run_for(2.0)
+        before = sent["copied"]
+        lockstep.run_for(3.0)
+        assert sent["copied"] == before
+        assert base.get_edge("world", "low", "RT") is None
+        assert base.world("copied").get_edge("world", "low", "RT") is not None
+
+
+def test_of_two_sources_with_orphans_the_newer_one_counts() -> None:
+    with run(AgentSpec("copy", Cubes, {"reads": ["left", "right"], "writes": "merged"})) as lockstep:
+        left, right = (lockstep.memory.create_world(name) for name in ("left", "right"))
+        for memory, x in ((left, 1.0), (right, 2.0)):
+            memory.add_node("camera", "camera")
+            memory.add_edge("world", "camera", "RT", pose=Pose((x, 0.0, 0.0)))
+            memory.add_node("cube_1", "cube")
+            memory.add_edge("camera", "cube_1", "RT", pose=Pose((0.0, 0.0, 0.5)))
+            lockstep.run_for(0.5)
+        lockstep.run_for(1.0)
+        merged = lockstep.memory.world("merged")
+        assert merged.transform("world", "cube_1").t == (2.0, 0.0, 0.5)
+        left.update_edge("camera", "cube_1", "RT", pose=Pose((0.0, 0.0, 0.6)))
+        lockstep.run_for(1.0)
+        assert merged.transform("world", "cube_1").t == (1.0, 0.0, 0.6)
+        lockstep.memory.delete_world("merged")
