@@ -14,6 +14,7 @@ from dsr.memory import Memory
 from dsr.relations import SURFACES
 from dsr.runtime.access import EVERYTHING
 from dsr.schema import WORLD_RECORD
+from dsr.timeline import WRITTEN_ATTRIBUTES, WRITTEN_EDGES, WRITTEN_NODES
 from dsr.visibility import LEAST_SHARE, PERSON, PERSPECTIVES, WIDTH, VisibilityMonitor
 
 PREFIX = "view_of_"
@@ -59,9 +60,9 @@ class Perspectives(Agent):
         attributes=(*LOOKS, "perceived", "present", "last_seen", "fov"),
     )
     writes = Access(
-        nodes=(WORLD_RECORD, "world", *KINDS, *SURFACES, *PERSPECTIVES),
-        edges=("RT", "sees", *RELATIONS),
-        attributes=_TOLD,
+        nodes=(WORLD_RECORD, "world", *KINDS, *SURFACES, *PERSPECTIVES, *WRITTEN_NODES),
+        edges=("RT", "sees", *RELATIONS, *WRITTEN_EDGES),
+        attributes=(*_TOLD, *WRITTEN_ATTRIBUTES),
         worlds=(f"{PREFIX}{EVERYTHING}",),
     )
     Config = PerspectivesConfig

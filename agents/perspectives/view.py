@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
+from agents.perspectives.chronicle import PersonalTimeline
 from dsr.elements import Node
 from dsr.errors import TransformError
 from dsr.memory import Memory
@@ -60,26 +61,31 @@ class PersonalView:
         self._patience = patience
         self._last_seen = {node.name: node.get("last_seen", 0.0) for node in self._known()}
         self._empty_since: dict[str, float] = {}
+        self._timeline = PersonalTimeline(name, world, self._known)
 
     def update(self, monitor: VisibilityMonitor, now: float) -> None:
         """Take in what is seen at time `now` (s), by the monitor's last look."""
         with self.world.batch():
             self._furnish(now)
-            if self.name not in monitor.perspectives:
+            if self.name in monitor.perspectives:
+                self._look(monitor, now)
+            else:
                 self._lose(node.name for node in self._known())
                 self._see_others(None, now)
-                return
-            picture = monitor.picture(self.name)
-            seen = [thing for thing in sorted(monitor.scene.things) if monitor.sees(self.name, thing)]
-            self._lose(node.name for node in self._known() if node.name not in seen)
-            self._carry_along(self._take_in(seen, now), seen, now)
-            self._relate(seen)
-            self._know_contents(seen)
-            self._notice_empty_places(picture, seen, now)
-            self._see_others(picture, now)
-            for thing in seen:
-                if thing in self.world:
-                    self._connect(self.name, thing, monitor.glances[self.name, thing].share)
+            self._timeline.update(now)
+
+    def _look(self, monitor: VisibilityMonitor, now: float) -> None:
+        picture = monitor.picture(self.name)
+        seen = [thing for thing in sorted(monitor.scene.things) if monitor.sees(self.name, thing)]
+        self._lose(node.name for node in self._known() if node.name not in seen)
+        self._carry_along(self._take_in(seen, now), seen, now)
+        self._relate(seen)
+        self._know_contents(seen)
+        self._notice_empty_places(picture, seen, now)
+        self._see_others(picture, now)
+        for thing in seen:
+            if thing in self.world:
+                self._connect(self.name, thing, monitor.glances[self.name, thing].share)
 
     # ---- what is seen
 
@@ -220,8 +226,7 @@ class PersonalView:
         """Other persons and cameras are where they were last seen."""
         for node in (node for kind in PERSPECTIVES for node in self._source.nodes(kind) if node.name != self.name):
             pose = _pose_in(self._source, node.name)
-            there = node.type != PERSON or node.get("perceived") is True
-            if picture is not None and pose is not None and there and picture.shows(pose.translation):
+            if picture is not None and pose is not None and _is_shown(node, pose, picture):
                 self._place(node, now, {"perceived": True, "last_seen": now})
             elif node.name in self.world and self.world.node(node.name).get("perceived") is True:
                 self.world.update_node(node.name, perceived=False)
@@ -245,6 +250,13 @@ class PersonalView:
         changed = {key: value for key, value in wanted.items() if here.get(key) != value}
         if changed:
             self.world.update_node(node.name, **changed)
+
+
+def _is_shown(node: Node, pose: Pose, picture: Picture) -> bool:
+    """Whether anything of a person is seen; of a camera, the point where it is."""
+    if node.type == PERSON:
+        return node.get("perceived") is True and picture.glance(node.name).pixels >= LEAST_PIXELS
+    return picture.shows(pose.translation)
 
 
 def _pose_in(memory: Memory, name: str) -> Pose | None:

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeGuard
 
 import numpy as np
 
 from dsr.elements import Node
 from dsr.errors import DsrError, SchemaError
 from dsr.memory import Memory
+from dsr.perceived import is_perceived
 from dsr.relations import MODELLED, SURFACES, THINGS
 from dsr.schema import WORLD_RECORD
 from dsr.shapes import Part, Shape, box, from_numbers
 from dsr.surfaces import Solids
 from dsr.transforms import Array, Pose
-from dsr.visibility.perspectives import BELIEVED
+from dsr.visibility.persons import HEAD, TRUNK, upright
+from dsr.visibility.perspectives import BELIEVED, PERSON
 from dsr.visibility.picture import Body
 
 _WORLD = "world"
@@ -45,25 +48,32 @@ class Posed(NamedTuple):
 
 
 def read_posed(memory: Memory) -> list[Posed]:
-    """All that has a form and a place, by name; what is believed to have left the scene is nowhere."""
+    """All that has a form and a place, by name; what is believed to have left the scene is nowhere.
+
+    A person is two: the head, which turns with the eyes, and the trunk, which stands upright.
+    """
     formed = []
+    now = memory.clock.now()
     for node in memory.nodes():
-        if node.type != WORLD_RECORD and (shape := _shape_of(node)) is not None:
+        if node.type != WORLD_RECORD and (shape := _shape_of(node, now)) is not None:
             formed.append((node, shape))
     formed.sort(key=lambda pair: pair[0].name)
     if not formed:
         return []
     matrices = memory.transforms(_WORLD, [node.name for node, _ in formed], types=BELIEVED)
-    return [
-        Posed(node.name, node.type, shape, node.get("mesh", ""), matrix)
-        for (node, shape), matrix in zip(formed, matrices, strict=True)
-        if math.isfinite(float(matrix.sum())) and float(np.abs(matrix[:3, 3]).max()) < _FARTHEST
-    ]
+    found = []
+    for (node, shape), matrix in zip(formed, matrices, strict=True):
+        if math.isfinite(float(matrix.sum())) and float(np.abs(matrix[:3, 3]).max()) < _FARTHEST:
+            found.append(Posed(node.name, node.type, shape, node.get("mesh", ""), matrix))
+            if shape is HEAD and "mesh" not in node:
+                found.append(Posed(node.name, node.type, TRUNK, "", upright(matrix)))
+    return found
 
 
 def bodies_of(memory: Memory, posed: Sequence[Posed]) -> list[Body]:
     """These as bodies in the world; a mesh that is not here yet is the box around it, and is asked for."""
-    return [_body(memory, one) for one in posed]
+    groups = (list(group) for _, group in itertools.groupby(posed, key=lambda one: one.name))
+    return [_joined([_body(memory, one) for one in group]) for group in groups]
 
 
 def placed(name: str, shape: Shape, world_from_body: Pose) -> Body:
@@ -82,8 +92,16 @@ def shape_of_thing(node: Node) -> Shape | None:
     return box(size) if _is_size(size) else None
 
 
-def _shape_of(node: Node) -> Shape | None:
-    if node.get("present") is False:
+def _joined(bodies: list[Body]) -> Body:
+    """The parts of what has one name as one body."""
+    if len(bodies) == 1:
+        return bodies[0]
+    columns = zip(*(body.solids for body in bodies), strict=True)
+    return bodies[0]._replace(solids=Solids(*map(np.concatenate, columns)))
+
+
+def _shape_of(node: Node, now: float) -> Shape | None:
+    if node.get("present") is False or (node.type == PERSON and not is_perceived(node, now)):
         return None
     if node.type in THINGS:
         return shape_of_thing(node)
@@ -92,15 +110,19 @@ def _shape_of(node: Node) -> Shape | None:
         return (Part("box", size, (0.0, 0.0, -0.5 * size[2])),)
     if node.type == "hand" and node.get("perceived") is not False:
         return (_PALM,)
-    if (
-        isinstance(bounds, tuple)
-        and len(bounds) == 6
-        and all(a < b for a, b in zip(bounds[:3], bounds[3:], strict=True))
-    ):
+    if _are_bounds(bounds):
         x, y, z = (b - a for a, b in zip(bounds[:3], bounds[3:], strict=True))
         u, v, w = (0.5 * (a + b) for a, b in zip(bounds[:3], bounds[3:], strict=True))
         return (Part("box", (x, y, z), (u, v, w)),)
-    return None
+    return HEAD if node.type == PERSON else None
+
+
+def _are_bounds(bounds: object) -> TypeGuard[tuple[float, ...]]:
+    return (
+        isinstance(bounds, tuple)
+        and len(bounds) == 6
+        and all(low < high for low, high in zip(bounds[:3], bounds[3:], strict=True))
+    )
 
 
 def _is_size(size: object) -> bool:

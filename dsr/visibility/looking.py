@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from dsr.memory import Memory
 from dsr.visibility.bodies import Posed, bodies_of, read_posed
-from dsr.visibility.perspectives import WIDTH, Perspective, read_perspectives
+from dsr.visibility.perspectives import PERSON, WIDTH, Perspective, read_perspectives
 from dsr.visibility.picture import Body, Glance, Picture
 
 Sights = Mapping[tuple[str, str], Glance]
@@ -25,16 +25,21 @@ class Scene(NamedTuple):
     bodies: list[Body]
     things: frozenset[str]
     """Names of those that are looked for."""
+    persons: frozenset[str] = frozenset()
+    """Names of the persons."""
 
     @staticmethod
     def of(memory: Memory, posed: list[Posed] | None = None) -> Scene:
         """The scene of a world, or of what was read of it."""
         posed = read_posed(memory) if posed is None else posed
-        return Scene(bodies_of(memory, posed), frozenset(one.name for one in posed if one.is_thing))
+        things = frozenset(one.name for one in posed if one.is_thing)
+        persons = frozenset(one.name for one in posed if one.kind == PERSON)
+        return Scene(bodies_of(memory, posed), things, persons)
 
     def seen_from(self, perspective: Perspective) -> Picture:
-        """What that looks like."""
-        return Picture(perspective.world_from_view, perspective.lens, self.bodies, self.things)
+        """What that looks like. Nobody's own body is in the way, wherever they look."""
+        others = [body for body in self.bodies if body.name != perspective.name]
+        return Picture(perspective.world_from_view, perspective.lens, others, self.things | self.persons)
 
 
 def visibility(memory: Memory, names: Iterable[str] | None = None, width: int = WIDTH) -> dict[tuple[str, str], Glance]:

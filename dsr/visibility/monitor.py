@@ -10,10 +10,11 @@ import numpy as np
 from dsr.memory import Memory
 from dsr.visibility.bodies import Posed, read_posed
 from dsr.visibility.looking import LEAST_PIXELS, LEAST_SHARE, Scene
-from dsr.visibility.perspectives import PERSPECTIVES, WIDTH, Perspective, read_perspectives
+from dsr.visibility.perspectives import PERSON, PERSPECTIVES, WIDTH, Perspective, read_perspectives
 from dsr.visibility.picture import Glance, Picture
 
 _STILL = 3e-4  # m, and of the entries of rotation matrices: what moved by less is where it was
+_SWAYS = 5e-3  # likewise, of persons
 _STEADY = 5e-3, 1e-2  # m, rad: a perspective that moved by less shows the same
 
 
@@ -132,9 +133,11 @@ class VisibilityMonitor:
 def _is_same(posed: list[Posed], before: list[Posed]) -> bool:
     if [one[:4] for one in posed] != [one[:4] for one in before]:
         return False
-    return not posed or bool(
-        np.abs(np.array([a.matrix - b.matrix for a, b in zip(posed, before, strict=True)])).max() < _STILL
-    )
+    if not posed:
+        return True
+    moved = np.abs(np.array([a.matrix - b.matrix for a, b in zip(posed, before, strict=True)])).max(axis=(1, 2))
+    limits = np.array([_SWAYS if one.kind == PERSON else _STILL for one in posed])
+    return bool((moved < limits).all())
 
 
 def _is_still(before: Perspective, now: Perspective) -> bool:

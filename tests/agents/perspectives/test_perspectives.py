@@ -6,6 +6,7 @@ import pytest
 
 from agents.perspectives.view import carried
 from dsr import LocalNetwork, ManualClock, Memory, Pose
+from dsr.timeline import kept_by, query
 from tests.agents.perspectives.conftest import COVER, TURNED, Table
 
 HERE, THERE = (100, 0, 20), (100, 250, 20)
@@ -170,3 +171,50 @@ def test_the_same_scene_gives_the_same_worlds() -> None:
         snapshots.append(table.view("human_1").snapshot())
         table.lockstep.close()
     assert snapshots[0] == snapshots[1]
+
+
+def test_what_was_seen_when_is_on_the_timeline_of_the_persons_world(table: Table) -> None:
+    table.run(1.0)
+    table.leave("human_1")
+    table.run(1.0)
+    table.put("cube", Pose((0.1, 0.3, 0.02)))
+    table.run(1.0)
+    world = table.view("human_1")  # somebody else has it open
+    table.lockstep.kill("perspectives")
+    table.run(0.2)
+    table.lockstep.restart("perspectives")
+    table.come("human_1", Pose((0.8, 0.0, 0.4), TURNED))
+    table.run(1.0)
+    before, since = query(world, kind="sees", participants="cube")
+    assert before.participants == ("human_1", "cube") and not before.is_open and since.is_open
+    assert before.outcome == "last seen at (0.100, 0.000, 0.020)"
+    assert before.end is not None and 0.5 < before.end - before.begin < 1.5 < since.begin - before.begin
+    assert len(query(world, kind="present", participants="cube")) == 1
+    assert query(world, kind="sees", participants="wall", open=True)
+    (first,) = query(table.view("human_2"), kind="sees", participants="cube")
+    assert first.begin > before.begin + 1.5  # the wall hid it
+    assert not query(table.memory)
+    assert kept_by(world) == "perspectives"
+
+
+def test_a_place_that_is_seen_to_be_empty_is_on_the_timeline(table: Table) -> None:
+    table.run(1.0)
+    table.memory.update_node("cube", present=False)
+    table.memory.remove_edge("world", "cube", "RT")
+    table.run(2.0)
+    (gone,) = query(table.view("human_1"), kind="present", participants="cube")
+    assert gone.end is not None and gone.outcome == "not there any more"
+
+
+def test_persons_hide_what_is_behind_them_and_are_seen(table: Table) -> None:
+    table.run(1.0)
+    assert table.memory.get_edge("human_1", "cube", "sees") is not None
+    table.come("human_3", Pose((0.5, 0.0, 0.5)))
+    table.run(1.0)
+    assert table.memory.get_edge("human_1", "cube", "sees") is None
+    assert table.view("human_1").node("human_3")["perceived"] is True
+    assert table.view("human_1").node("cube")["perceived"] is False
+    table.leave("human_3")
+    table.run(1.0)
+    assert table.memory.get_edge("human_1", "cube", "sees") is not None
+    assert table.view("human_1").node("human_3")["perceived"] is False

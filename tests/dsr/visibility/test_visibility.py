@@ -8,6 +8,7 @@ import pytest
 
 from dsr import ConfigError, ManualClock, Memory, Pose
 from dsr.visibility import LEAST_SHARE, VisibilityMonitor, is_seen, lens_of, read_perspectives, visibility
+from dsr.visibility.bodies import bodies_of, read_posed
 
 
 def seen(memory: Memory) -> set[tuple[str, str]]:
@@ -88,3 +89,18 @@ def test_what_is_seen_stays_so_until_it_clearly_is_not(memory: Memory) -> None:
         assert monitor.sees("human_2", "cube") is expected, (height, monitor.glances["human_2", "cube"])
         share = monitor.glances["human_2", "cube"].share
         assert (share >= LEAST_SHARE) is (height == 0.196)
+
+
+@pytest.mark.parametrize("pitch", [-1.2, 0.0, 0.9])
+def test_the_trunk_of_a_person_stands_upright_wherever_they_look(memory: Memory, pitch: float) -> None:
+    memory.add_node("guard", "person", perceived=True)
+    turned = Pose.from_rotvec((0.3, 0.0, 1.5), (0.0, 0.0, 0.7)) @ Pose.from_rotvec((0.0, 0.0, 0.0), (0.0, pitch, 0.0))
+    memory.add_edge("world", "guard", "RT", pose=turned)
+    head, trunk = (one for one in read_posed(memory) if one.name == "guard")
+    assert head.matrix[:3, 0] == pytest.approx(turned.rotation_matrix[:, 0])
+    assert trunk.matrix[:3, 2] == pytest.approx((0.0, 0.0, 1.0))
+    assert trunk.matrix[:2, 0] == pytest.approx((math.cos(0.7), math.sin(0.7)))
+    (body,) = (body for body in bodies_of(memory, read_posed(memory)) if body.name == "guard")
+    assert len(body.solids.kinds) == 2
+    memory.update_node("guard", perceived=False)
+    assert "guard" not in [one.name for one in read_posed(memory)]
