@@ -9,7 +9,8 @@
     ├── WorldError              a world cannot be made, followed or deleted
     ├── TransformError          a frame chain cannot be evaluated
     │   ├── NoPathError
-    │   └── ExtrapolationError
+    │   ├── ExtrapolationError
+    │   └── CycleError          frames hang below one another in a circle, or would
     ├── MeshError               vertices and triangles of which no mesh can be made
     │   └── MeshNotFoundError   nobody within reach has the mesh
     ├── ImaginationError        what was to be imagined cannot be, by physics or for want of room
@@ -70,6 +71,10 @@ class NoPathError(TransformError):
 
 class ExtrapolationError(TransformError):
     """The time asked for lies too far outside the recorded samples."""
+
+
+class CycleError(TransformError):
+    """Frames hang below one another in a circle, or would with the edge that was to be written."""
 
 
 class MeshError(DsrError):

@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 from itertools import takewhile
 from typing import Protocol
 
-from dsr.errors import ExtrapolationError, NoPathError, TransformError, suggest
+from dsr.errors import CycleError, ExtrapolationError, NoPathError, TransformError, suggest
 from dsr.frame_batch import Batch
 from dsr.frame_chain import Chain, Dependency, Find, Link, Links, Newest, Path, climb
 from dsr.pose_history import PoseHistory
@@ -23,6 +23,7 @@ _MOST_CHAINS = 4096
 _MOST_BATCHES = 64
 
 
+_Chains = dict[tuple[str, str, Types], Chain]
 _Steps = list[tuple[str, Link]]
 """The part of a chain that a transform is made of."""
 
@@ -53,11 +54,12 @@ class FrameTree:
         self._extrapolation = extrapolation
         self._histories: dict[tuple[str, str], dict[str, PoseHistory]] = {}  # (type, child) -> by parent
         self._newest: dict[str, Links] = {}  # type -> child -> link to the parent with the newest sample
-        self._chains: dict[tuple[str, str, Types], Chain] = {}
+        self._chains: _Chains = {}
         self._batches: dict[tuple[str, tuple[str, ...], Types], Batch] = {}
         self._mine: set[tuple[str, str]] | None = None
         """If histories are shared with forks: those (type, child) that nobody else reads; others are copied first."""
         self._forks: list[weakref.ref[FrameFork]] = []
+        self._overlays: list[weakref.ref[FrameTree]] = []
 
     def update(self, type: str, parent: str, child: str, pose: Pose) -> None:
         """Record the sample parent_from_child of an edge; it need not be the newest.
@@ -125,19 +127,47 @@ class FrameTree:
     def _choose_newest(self, type: str, child: str) -> None:
         """Let the table name the newest of the frame's edges; a link that is still right stays the same."""
         links = self._links(type)
-        histories = self._histories[type, child]
+        histories, link = self._histories[type, child], links.get(child)
         if not histories:
             del self._histories[type, child]
             links.pop(child, None)
-            return
-        parent, history = next(iter(histories.items())) if len(histories) == 1 else _by_newest(histories)[0]
-        link, pose = links.get(child), history.newest
-        if link is None or link.pose is not pose or link.parent != parent:
+        else:
+            parent, history = next(iter(histories.items())) if len(histories) == 1 else _by_newest(histories)[0]
+            pose = history.newest
+            if link is not None and link.parent == parent:
+                if link.pose is not pose:
+                    links[child] = Link(type, parent, pose)
+                return
             links[child] = Link(type, parent, pose)
+        self.hangs_elsewhere(child)
+
+    def show_through(self, overlay: FrameTree) -> None:
+        """Tell `overlay`, which looks through to this tree, when a frame hangs elsewhere."""
+        self._overlays = [other for other in self._overlays if other() is not None] + [weakref.ref(overlay)]
+
+    def hangs_elsewhere(self, child: str) -> None:
+        """Forget all chains if this frame is in a circle now: two ways lead round it, and theirs may not be the one."""
+        types, seen, waiting = self.types(), {child}, [child]
+        while waiting:
+            frame = waiting.pop()
+            parents = {link.parent for type in types if (link := self.link(type, frame)) is not None}
+            if child in parents:
+                self._chains, self._batches = {}, {}
+                break
+            waiting += parents - seen
+            seen |= parents
+        for reference in self._overlays:
+            overlay = reference()
+            if overlay is not None:
+                overlay.hangs_elsewhere(child)
 
     def _links(self, type: str) -> Links:
         """The table of one edge type; it stays the same object."""
         return self._newest.get(type) or self._newest.setdefault(type, {})
+
+    def types(self) -> set[str]:
+        """The types of the edges, or more."""
+        return set(self._newest)
 
     def link(self, type: str, child: str) -> Link | None:
         """The link of this type to the parent with the newest sample; None if there is none."""
@@ -167,35 +197,33 @@ class FrameTree:
         Raises:
             NoPathError: if the two chains do not meet.
             ExtrapolationError: if an edge on the way is not known at that time.
-            TransformError: if they do not meet because edges form a cycle.
+            CycleError: if they do not meet because edges form a cycle.
         """
         if at is not None:
             up, down = self._path(target, source, types, lambda frame: self._link_at(frame, at, types))
             return self._product(up, down, at).with_stamp(at)
-        chain = self._chains.get((target, source, types))
+        chains = self._chains
+        chain = chains.get((target, source, types))
         if chain is None:
-            return self._newest_chain(target, source, types).pose
+            return self._newest_chain(chains, target, source, types).pose
         for links, frame, link in chain.dependencies:
             if links.get(frame) is not link:
-                return self._renewed_chain(chain, target, source, types).pose
+                renewed = chain.renewed()
+                if renewed is None:
+                    return self._newest_chain(chains, target, source, types).pose
+                chains[target, source, types] = renewed
+                return renewed.pose
         return chain.pose
 
-    def _renewed_chain(self, chain: Chain, target: str, source: str, types: Types) -> Chain:
-        renewed = chain.renewed()
-        if renewed is None:
-            return self._newest_chain(target, source, types)
-        self._chains[target, source, types] = renewed
-        return renewed
-
-    def _newest_chain(self, target: str, source: str, types: Types) -> Chain:
-        """The chain by the newest samples; it is kept."""
+    def _newest_chain(self, chains: _Chains, target: str, source: str, types: Types) -> Chain:
+        """The chain by the newest samples; it is kept in `chains`, which were taken before a sample was read."""
         newest = self._newest_links(types)
         up, down = self._path(target, source, types, newest.find)
         steps = [*down, *reversed(up)]
         chain = Chain([d for frame, link in steps for d in newest.depend(frame, link)], inverted=len(down))
-        if len(self._chains) >= _MOST_CHAINS:
-            self._chains.clear()
-        self._chains[target, source, types] = chain
+        if len(chains) >= _MOST_CHAINS:
+            chains.clear()
+        chains[target, source, types] = chain
         return chain
 
     def transforms(self, target: str, sources: Sequence[str], at: float | None = None, types: Types = ("RT",)) -> Array:
@@ -221,15 +249,16 @@ class FrameTree:
         if at is not None:
             return Batch(target, sources, lambda frame: self._link_at(frame, at, types)).transforms()
         request = (target, tuple(sources), types)
-        batch = self._batches.get(request)
+        batches = self._batches
+        batch = batches.get(request)
         renewed = None if batch is None else batch.renewed()
         if renewed is None:
             newest = self._newest_links(types)
             renewed = Batch(target, sources, newest.find, newest.depend)
         if renewed is not batch:
-            if len(self._batches) >= _MOST_BATCHES:
-                self._batches.clear()
-            self._batches[request] = renewed
+            if len(batches) >= _MOST_BATCHES:
+                batches.clear()
+            batches[request] = renewed
         return renewed.transforms()
 
     def _newest_links(self, types: Types) -> Newest:
@@ -293,7 +322,7 @@ class FrameTree:
             link = chain[next(reversed(chain))]
             if link is not None:
                 cycle = list(chain)[list(chain).index(link.parent) :]
-                return TransformError(f"{problem}: cycle {' -> '.join(map(repr, [*cycle, link.parent]))}")
+                return CycleError(f"{problem}: cycle {' -> '.join(map(repr, [*cycle, link.parent]))}")
         ends = [self._end(chain, types) for chain in (up, down)]
         return NoPathError(f"{problem}: {ends[0]}; {ends[1]}")
 

@@ -18,6 +18,7 @@ from typing import Any
 from dsr.blob_access import BlobAccess
 from dsr.clock import WALL_CLOCK, Clock
 from dsr.crdt.delta import Delta, EdgeKey
+from dsr.cycles import check_new_edge
 from dsr.elements import Edge, Node
 from dsr.errors import ClockDriftError, TransportError
 from dsr.followers import Followers
@@ -212,12 +213,14 @@ class Memory(WorldAccess, BlobAccess):
     def add_edge(self, src: str, dst: str, type: str, /, **attributes: Any) -> Edge:
         """Create an edge; if it is there already, only write the attributes.
 
-        A geometric edge takes `pose`, or `translation` and `rotation` with `stamp` and `covariance` if wanted.
-        Raises `SchemaError`, and `NodeNotFoundError` if an endpoint is missing.
+        A geometric edge takes `pose`, or `translation` and `rotation` with `stamp` and `covariance` if wanted. Raises
+        `SchemaError`, `NodeNotFoundError` if an end is missing, `CycleError` if frames would hang in a circle.
         """
         values = with_pose(attributes)
         with self._replica.lock:
             self._check_write("edge", type, values)
+            if type in self.schema.geometric and (src, dst, type) not in self._graph.edges:
+                check_new_edge(self._graph, src, dst, type)
             self._replica.commit(self._graph.add_edge(src, dst, type, values, self.clock.now()))
             edge = self._graph.edges[(src, dst, type)]
         self._replica.send_soon()
@@ -244,7 +247,7 @@ class Memory(WorldAccess, BlobAccess):
         """target_from_source: where the frame `source` is in the frame `target`; see `FrameTree.transform`.
 
         With `types=("Virtual_RT", "RT")` each frame is taken where the simulation believes it to be, if it does.
-        Raises `NoPathError`, `ExtrapolationError`.
+        Raises `NoPathError`, `ExtrapolationError`, `CycleError`.
         """
         return self._frames.transform(target, source, at, types)
 

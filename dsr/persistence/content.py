@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from dsr.crdt.delta import EdgeKey
+from dsr.cycles import check_edges
 from dsr.elements import Edge, Node
 from dsr.errors import ConfigError, SchemaError
 from dsr.memory import Memory
@@ -96,9 +97,12 @@ class GraphContent:
 
         Raises:
             ConfigError: if a node has another type there, or a custom name another kind; nothing is written then.
+            CycleError: if frames would hang in a circle; nothing is written then either.
         """
         register(self.schema, memory.schema)
         self._check_types(memory, replace)
+        there = [] if replace else [edge.key for edge in memory.edges()]
+        check_edges([*there, *self.edges], self.schema.geometric | memory.schema.geometric)
         if replace:
             self._remove_others(memory)
         for names in _chunks(self.nodes):

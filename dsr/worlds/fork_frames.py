@@ -66,6 +66,10 @@ class ForkedFrames(FrameTree):
         self.take_over(type, child)
         super()._before_change(type, child)
 
+    def types(self) -> set[str]:
+        """See `FrameTree.types`."""
+        return super().types() | self._source.types()
+
     def link(self, type: str, child: str) -> Link | None:
         """See `FrameTree.link`."""
         links = self._links(type)

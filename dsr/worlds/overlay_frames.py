@@ -21,6 +21,7 @@ class OverlayFrames(FrameTree):
         self._taken: set[tuple[str, str]] = set()
         self._marks: dict[str, Links] = {}
         self._histories = SharedHistories(source, self._taken)
+        source.show_through(self)
 
     def take_over(self, type: str, child: str) -> None:
         """Go on alone with the edges of this type to `child`, from where they are in the source."""
@@ -51,6 +52,10 @@ class OverlayFrames(FrameTree):
         """See `FrameTree.remove`, likewise."""
         if (type, child) in self._taken:
             super().remove(type, parent, child)
+
+    def types(self) -> set[str]:
+        """See `FrameTree.types`."""
+        return super().types() | self._source.types()
 
     def link(self, type: str, child: str) -> Link | None:
         """See `FrameTree.link`."""

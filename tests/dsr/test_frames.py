@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dsr.errors import ExtrapolationError, NoPathError, TransformError
+from dsr.errors import CycleError, ExtrapolationError, NoPathError
 from dsr.frames import FrameTree
 from dsr.transforms import Pose, interpolate
 
@@ -331,9 +331,9 @@ class TestFailures:
     def test_a_cycle_is_named(self, at: float | None) -> None:
         tree = chain(shift(1.0), shift(1.0), shift(1.0))
         tree.update("RT", "f2", "f0", shift(1.0))
-        with pytest.raises(TransformError, match="cycle 'f2' -> 'f1' -> 'f0' -> 'f2'"):
+        with pytest.raises(CycleError, match="cycle 'f2' -> 'f1' -> 'f0' -> 'f2'"):
             tree.transform("elsewhere", "f3", at)
-        with pytest.raises(TransformError, match="cycle"):
+        with pytest.raises(CycleError, match="cycle"):
             tree.transform("f3", "elsewhere", at)
 
     def test_below_a_cycle_frames_still_meet(self) -> None:
@@ -342,10 +342,21 @@ class TestFailures:
         tree.update("RT", "f1", "side", shift(5.0))
         assert tree.transform("side", "f2").t[0] == pytest.approx(-4.0)
 
+    @pytest.mark.parametrize("asked_before", [False, True])
+    def test_round_a_cycle_the_way_up_from_the_source_counts(self, asked_before: bool) -> None:
+        tree = chain(shift(1.0))
+        if asked_before:
+            assert tree.transform("f1", "f0").t[0] == -1.0 and tree.transforms("f1", ["f0"])[0, 0, 3] == -1.0
+        tree.update("RT", "f1", "f0", shift(5.0))
+        assert tree.transform("f1", "f0").t[0] == 5.0 and tree.transforms("f1", ["f0"])[0, 0, 3] == 5.0
+        assert tree.transform("f0", "f1").t[0] == 1.0
+        tree.remove("RT", "f1", "f0")
+        assert tree.transform("f1", "f0").t[0] == -1.0 and tree.transforms("f1", ["f0"])[0, 0, 3] == -1.0
+
     def test_an_edge_from_a_frame_to_itself_is_a_cycle(self) -> None:
         tree = FrameTree()
         tree.update("RT", "a", "a", shift(1.0))
-        with pytest.raises(TransformError, match="cycle 'a' -> 'a'"):
+        with pytest.raises(CycleError, match="cycle 'a' -> 'a'"):
             tree.transform("world", "a")
 
 

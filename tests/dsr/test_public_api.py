@@ -58,9 +58,9 @@ MODULES = {
 def test_public_names() -> None:
     assert set(dsr.__all__) == {
         "Access", "Agent", "AgentError", "AttributeType", "Change", "Clock", "ClockDriftError", "ConfigError",
-        "DsrError", "Edge", "EdgeNotFoundError", "ExtrapolationError", "Faults", "Frame", "FrameReader", "GoalError",
-        "GraphContent", "GraphError", "ImaginationError", "ListenError", "LocalNetwork", "ManualClock", "Memory",
-        "Mesh", "MeshError", "MeshNotFoundError", "NoPathError", "Node",
+        "CycleError", "DsrError", "Edge", "EdgeNotFoundError", "ExtrapolationError", "Faults", "Frame", "FrameReader",
+        "GoalError", "GraphContent", "GraphError", "ImaginationError", "ListenError", "LocalNetwork", "ManualClock",
+        "Memory", "Mesh", "MeshError", "MeshNotFoundError", "NoPathError", "Node",
         "NodeNotFoundError", "Pose", "Schema", "SchemaError", "StateKeeper", "Statistics", "TransformError",
         "TransportError", "WallClock", "Watch", "WireError", "WorldError", "WorldInfo", "WorldNotFoundError", "connect",
         "read_graph", "write_graph",
