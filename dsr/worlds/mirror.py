@@ -95,6 +95,8 @@ class Mirror:
             for key in _drained(self._edges):
                 with _kept(failures):
                     self._bring_edge(key)
+            with _kept(failures):
+                self._reparenting.update()
         if failures:
             raise failures[0]
 

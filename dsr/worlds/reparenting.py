@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from dsr.crdt.delta import EdgeKey
 from dsr.elements import Edge, Node
-from dsr.errors import NodeNotFoundError, TransformError
+from dsr.errors import CycleError, NodeNotFoundError, TransformError
 from dsr.transforms import Pose
 from dsr.worlds.registry import VIA
 
@@ -76,14 +76,15 @@ class Reparenting:
         if not self._is_due:
             return
         self._is_due = False
-        for node, kind in sorted(self._orphans):
-            place = self._place(node, kind)
-            key = None if place is None else (place.parent, node, kind)
+        places = {(node, kind): self._place(node, kind) for node, kind in sorted(self._orphans)}
+        for (node, kind), place in places.items():
             before = self._written.get((node, kind))
-            if before is not None and before != key:
+            if before is not None and (place is None or before[0] != place.parent):
                 self._take_back(before)
                 del self._written[node, kind]
-            if place is not None and key is not None:
+        for (node, kind), place in places.items():
+            if place is not None:
+                key = (place.parent, node, kind)
                 self._write(key, place)
                 self._written[node, kind] = key
             elif not self._is_orphan(node, kind):
@@ -97,6 +98,8 @@ class Reparenting:
             self._target.add_edge(*key, pose=place.pose, **({VIA: place.via} if here is None else {}))
         except NodeNotFoundError:  # an end goes at this moment, which is another change
             return
+        except CycleError:  # an edge that is to go is still there
+            self._is_due = True
 
     def _take_back(self, key: EdgeKey) -> None:
         edge = self._target.get_edge(*key)

@@ -10,6 +10,7 @@ import pytest
 import dsr
 from dsr import CycleError, Faults, LocalNetwork, ManualClock, Memory, NoPathError, Pose
 from dsr.persistence.content import GraphContent, NodeContent
+from dsr.worlds.mirror import Mirror
 from tests.dsr.conftest import Net
 
 KINDS = ("base", "made", "fork", "overlay")
@@ -339,3 +340,22 @@ def test_what_filters_repeat_and_what_arrives_is_never_refused() -> None:
     assert merged.copy(left.edge("a", "b", "RT")) and merged.copy(right.edge("b", "a", "RT"))
     with pytest.raises(CycleError):
         merged.transform("world", "a")
+
+
+def test_a_filter_follows_what_is_turned_upside_down(net: Net) -> None:
+    """On the way there are moments at which the old edge is still in the output."""
+    base = make(net.join("a"), "base")
+    out = base.create_world("out")
+    mirror = Mirror({"base": base}, out, lambda node: node.name != "between", lambda edge: True)
+    with base.watch() as watch:
+        for parent, name in (("world", "a"), ("a", "between"), ("between", "b"), ("b", "c")):
+            hang(base, parent, name, 1.0)
+        mirror.update({"base": watch.poll()})
+        assert out.transform("world", "c").t == (4.0, 0.0, 0.0) and {e.src for e in out.edges("RT", dst="b")} == {"a"}
+        for src, dst in (("world", "a"), ("a", "between"), ("between", "b"), ("b", "c")):
+            base.remove_edge(src, dst, "RT")
+        for src, dst in (("world", "c"), ("c", "b"), ("b", "between"), ("between", "a")):
+            base.add_edge(src, dst, "RT", pose=Pose((1.0, 0, 0)))
+        mirror.update({"base": watch.poll()})
+    assert out.transform("world", "a").t == (4.0, 0.0, 0.0)
+    assert {edge.key[:2] for edge in out.edges("RT")} == {("world", "c"), ("c", "b"), ("b", "a")}
