@@ -66,6 +66,10 @@ def placed(base: Memory, world: Memory, name: str, relation: str, reference: str
             break
         answer = yield Question(_SECONDS, differences(base, world, elsewhere={name: pose}))
         why = _objection(answer, name, box, relation, reference, around, view)
+        if not why and relation in ("above", "on_top"):  # it stays beside the middle, and so in it
+            precise = {name: Pose((pose.t[0] - IMPRECISE[0], pose.t[1] - IMPRECISE[1], pose.t[2]), pose.q)}
+            answer = yield Question(_SECONDS, differences(base, world, elsewhere=precise))
+            why = _objection(answer, name, box, relation, reference, around, view)
         if not why:
             world.update_node(name, present=True)
             keep(world, answer)

@@ -95,7 +95,9 @@ def parse_step(text: str) -> Step:
 def carried_out(base: Memory, world: Memory, steps: Sequence[Step]) -> Thought[Outcome]:
     """Carry a plan out in `world`, whose content changes to what comes of it; each step is simulated for a second.
 
-    A step fails if its thing does not end up where it is put. What happened is told in the timeline of `world`.
+    A step fails if its thing does not end up where it is put. What is put on something is tried a little beside its
+    middle first, where what only balances falls, and then put in the middle. What happened is told in the timeline of
+    `world`.
 
     Args:
         base: the world whose belief is simulated.
@@ -113,15 +115,18 @@ def carried_out(base: Memory, world: Memory, steps: Sequence[Step]) -> Thought[O
         if step.skill == "remove":
             world.update_node(step.target, present=False)
             held.discard(step.target)
-            changes = differences(base, world, held=held)
+            goals: list[Pose | None] = [None]
         elif step.skill in ("pick", "place"):
-            goal = _goal(world, step)
+            goals = [*_goals(world, step)]
             (held.add if step.skill == "pick" else held.discard)(step.target)
-            changes = differences(base, world, held=held, elsewhere={step.target: goal})
         else:
             continue
-        answer = yield Question(_SECONDS, changes)
-        failed = answer.refused or _failure(step, answer)
+        for goal in goals:
+            elsewhere = {} if goal is None else {step.target: goal}
+            answer = yield Question(_SECONDS, differences(base, world, held=held, elsewhere=elsewhere))
+            failed = answer.refused or _failure(step, answer)
+            if failed:
+                break
         if not answer.refused:
             keep(world, answer)
         text = f"{step}: {failed}" if failed else str(step)
@@ -140,22 +145,23 @@ def best(outcomes: Mapping[str, Outcome]) -> str:
     return min(good, key=lambda name: good[name].cost)
 
 
-def _goal(world: Memory, step: Step) -> Pose:
-    """world_from_target at the end of a step."""
+def _goals(world: Memory, step: Step) -> list[Pose]:
+    """world_from_target at the end of a step; before the last one, where it has to stay as well."""
     here, node = place_of(world, step.target), world.node(step.target)
     if here is None:
         raise ConfigError(f"step {step}: nobody knows where {step.target!r} is")
     if step.skill == "pick":
-        return Pose((here.t[0], here.t[1], here.t[2] + _RAISED), here.q)
+        return [Pose((here.t[0], here.t[1], here.t[2] + _RAISED), here.q)]
     if step.pose is not None:
-        return step.pose
+        return [step.pose]
     size = node.get("size")
     support, below = world.node(step.destination), place_of(world, step.destination)
     if below is None or not isinstance(size, tuple):
         raise ConfigError(f"step {step}: nobody knows where {step.destination!r} is, or how large {step.target!r} is")
     top = below.t[2] if support.type in SURFACES else Box(below, support["size"]).top
     half = Box(Pose((0.0, 0.0, 0.0), here.q), (size[0], size[1], size[2])).top
-    return Pose((below.t[0] + IMPRECISE[0], below.t[1] + IMPRECISE[1], top + half + _ABOVE), here.q)
+    x, y, z = below.t[0], below.t[1], top + half + _ABOVE
+    return [Pose((x + IMPRECISE[0], y + IMPRECISE[1], z), here.q), Pose((x, y, z), here.q)]
 
 
 def _failure(step: Step, answer: Answer) -> str:

@@ -17,7 +17,7 @@ WORLD = "world"
 IMAGINED = "imagination"
 """`source` of edges `on` that follow from what was imagined."""
 IMPRECISE = (0.006, 0.004)
-"""m, along x and y, by which things are put beside the middle: what only balances there falls, as it would."""
+"""m, along x and y, by which things are first tried beside the middle: what only balances there falls, as it would."""
 BELIEVED = ("Virtual_RT", "RT")
 NOTHING: Mapping[str, Pose] = MappingProxyType({})
 _SAME = 5e-4, 2e-3  # m, rad: what differs by less is where it is believed to be

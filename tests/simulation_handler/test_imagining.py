@@ -198,6 +198,15 @@ def test_a_plan_leaves_its_outcome_as_a_world(room: Room) -> None:
     assert len(room.memory.edges("on", dst="table")) == 4 and not query(room.memory)
 
 
+def test_what_stays_is_kept_in_the_middle_however_high_the_tower(room: Room) -> None:
+    idea = room.fork()
+    assert not carry_out(room, "place cube_3 on cube_1", "place cube_2 on cube_3", world=idea).failed
+    assert idea.edge("world", "cube_2", "Virtual_RT").pose.t == pytest.approx((0.3, 0.0, 0.1), abs=1e-3)
+    other = room.memory.fork("other")
+    pose = room.think(placed(room.memory, other, "cube_3", "on_top", "cube_1"))
+    assert pose.t == pytest.approx((0.3, 0.0, 0.06), abs=1e-3)
+
+
 def test_a_plan_that_cannot_be_carried_out_says_why(room: Room) -> None:
     assert "would not stay on ball" in carry_out(room, "place cube_3 on ball", "place cube_2 on cube_3").failed
 
