@@ -246,6 +246,10 @@ class Worlds:
             _log.info("world %r was deleted", name)
             memory.drop()
             return
+        if record.info.looks_through_to != seat.record.info.looks_through_to:
+            _log.warning("world %r was made elsewhere at the same time, and what was made here is dropped", name)
+            memory.drop()
+            return
         moved, seat.record = record.channel != seat.record.channel, record
         if moved:
             memory.move(seat.keys(memory.graph_name))

@@ -39,6 +39,11 @@ class WorldInfo(msgspec.Struct, frozen=True):
     created: float = 0.0
     """s since the Unix epoch, by the creator's clock; 0 for the base."""
 
+    @property
+    def looks_through_to(self) -> str | None:
+        """The parent of an overlay; None for any other world."""
+        return self.parent if self.follows else None
+
 
 class Record(msgspec.Struct, frozen=True):
     """A world's entry in the list."""

@@ -14,6 +14,11 @@ ACTIONS = st.tuples(st.integers(0, 15), st.integers(0, 5), st.integers(0, 5), st
 @settings(max_examples=150, deadline=None)
 @given(st.lists(ACTIONS, max_size=12), st.lists(ACTIONS, max_size=40))
 def test_a_fork_is_a_deep_copy(before: list[tuple[int, ...]], after: list[tuple[int, ...]]) -> None:
+    history(before, after)
+
+
+def history(before: list[tuple[int, ...]], after: list[tuple[int, ...]]) -> None:
+    """What is done before there is a fork, and then; checked after each action."""
     worlds = [World.plain("base")]
     fill(worlds[0])
     for what, _, *numbers in before:

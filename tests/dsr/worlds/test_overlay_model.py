@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from tests.dsr.worlds.copies import NAMES, shown
@@ -14,7 +14,13 @@ ACTIONS = st.tuples(st.integers(0, 11), st.integers(0, 3), st.integers(0, 5), st
 
 @settings(max_examples=150, deadline=None)
 @given(st.lists(ACTIONS, max_size=40), st.booleans())
+@example([(0, 0, 0, 0, 0), (0, 0, 0, 0, 0), (4, 0, 1, 0, 0), (11, 0, 0, 0, 0)], late=False)  # a cycle after a transform
 def test_an_overlay_shows_what_its_definition_says(actions: list[tuple[int, ...]], late: bool) -> None:
+    history(actions, late)
+
+
+def history(actions: list[tuple[int, ...]], late: bool) -> None:
+    """What is done; `late` tells whether the second replica of the parent begins with nothing."""
     network = Network()
     for index in range(len(NAMES)):
         network.act(0, 2, index, 0, 1)
