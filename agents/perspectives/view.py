@@ -32,6 +32,7 @@ RELATIONS = ("on", "in")
 _WORLD = "world"
 _BELIEVED = ("Virtual_RT", "RT")
 _MOVED = 1e-3, 1e-2  # m, rad, from which a pose is another one
+_SWAYED = 5e-3, 2e-2  # likewise, of who looks: heads are never still
 _SAME_PLACE = 0.03  # m, by which a belief may be off that counts as right
 _TELL_EVERY = 0.5  # s, between two writings of when something was last seen that is seen all the time
 
@@ -106,12 +107,12 @@ class PersonalView:
                 moved[name] = before, pose
         return moved
 
-    def _put(self, name: str, pose: Pose) -> Pose | None:
-        """Let something be somewhere; returns where it was before if that was somewhere else."""
+    def _put(self, name: str, pose: Pose, least: tuple[float, float] = _MOVED) -> Pose | None:
+        """Let something be somewhere; returns where it was before if that was somewhere else, by `least` m or rad."""
         edge = self.world.get_edge(_WORLD, name, "RT")
         if edge is not None:
             distance, angle = edge.pose.distance(pose)
-            if distance < _MOVED[0] and angle < _MOVED[1]:
+            if distance < least[0] and angle < least[1]:
                 return None
         before = None if edge is None else edge.pose
         self.world.add_edge(_WORLD, name, "RT", pose=pose)
@@ -227,7 +228,9 @@ class PersonalView:
         for node in (node for kind in PERSPECTIVES for node in self._source.nodes(kind) if node.name != self.name):
             pose = _pose_in(self._source, node.name)
             if picture is not None and pose is not None and _is_shown(node, pose, picture):
-                self._place(node, now, {"perceived": True, "last_seen": now})
+                self._place(node, now, {"perceived": True})
+                if now - self.world.node(node.name).get("last_seen", 0.0) >= _TELL_EVERY:
+                    self.world.update_node(node.name, last_seen=now)
             elif node.name in self.world and self.world.node(node.name).get("perceived") is True:
                 self.world.update_node(node.name, perceived=False)
 
@@ -236,7 +239,7 @@ class PersonalView:
         pose = _pose_in(self._source, node.name)
         if pose is not None:
             self._copy(node, told)
-            self._put(node.name, pose.with_covariance(None).with_stamp(now))
+            self._put(node.name, pose.with_covariance(None).with_stamp(now), _SWAYED)
 
     def _copy(self, node: Node, told: Mapping[str, Any]) -> None:
         wanted = {key: node[key] for key in LOOKS if key in node} | dict(told)

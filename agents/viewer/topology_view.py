@@ -18,6 +18,7 @@ from dsr.worlds.topology import Topology, topology
 ENTITY = "worlds"
 _COLUMN, _ROW = 220.0, 70.0
 """px"""
+_GOLDEN = (5.0**0.5 - 1.0) / 2.0
 _FASTEST_TOLD = 0.5
 """Changes a second from which on a world counts as active."""
 
@@ -86,7 +87,8 @@ def arrange(found: Topology) -> tuple[list[Placed], list[tuple[str, str]]]:
     for name in names:
         column = columns[name]
         row = rows[column] = rows.get(column, -1) + 1
-        boxes.append(Placed(name, labels[name], colors[name], column * _COLUMN, row * _ROW))
+        lift = column * _GOLDEN % 1.0  # so that arrows over several columns do not run through the boxes between
+        boxes.append(Placed(name, labels[name], colors[name], column * _COLUMN, (row + lift) * _ROW))
     return boxes, arrows
 
 
