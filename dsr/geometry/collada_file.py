@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from typing import Any, Literal
 
 import collada
@@ -31,7 +32,10 @@ def read_collada(data: bytes) -> tuple[list[RawNode], float, Literal["x", "y", "
     tops = [raw for node in document.scene.nodes for raw in reader.nodes(node)]
     warnings = tuple(" ".join(str(error).split())[:200] for error in document.errors[:_MOST_WARNINGS])
     up = {"X_UP": "x", "Z_UP": "z"}.get(str(document.assetInfo.upaxis), "y")
-    return tops, float(document.assetInfo.unitmeter or 1.0), up, warnings  # type: ignore[return-value]
+    unit = 1.0 if document.assetInfo.unitmeter is None else float(document.assetInfo.unitmeter)
+    if not 0.0 < unit < math.inf:
+        raise MeshError(f"no valid COLLADA: a unit of {unit} m")
+    return tops, unit, up, warnings  # type: ignore[return-value]
 
 
 class _Reader:

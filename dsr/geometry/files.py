@@ -22,6 +22,8 @@ Up = Literal["x", "y", "z"]
 """The axis of a file that points upwards."""
 
 _GLB_HEADER = struct.Struct("<4sIIII")
+_STL_HEADER = struct.Struct("<80xI")
+_STL_TRIANGLE = 50  # bytes
 _GLB_MAGIC, _GLB_JSON = b"glTF", 0x4E4F534A
 _MOST_NUMBERS = 1 << 26  # in all accessors of a GLB: one without data stands for as many zeros
 _UP: dict[str, Array] = {  # z-up from file, as COLLADA 1.4.1 defines X_UP, Y_UP and Z_UP
@@ -95,7 +97,18 @@ def _stl(data: bytes) -> _Content:
     from trimesh.exchange.stl import load_stl
     from trimesh.util import wrap_as_stream
 
+    _check_stl(data)
     return _Content(_flat(load_stl(wrap_as_stream(data))))
+
+
+def _check_stl(data: bytes) -> None:
+    """Raise `MeshError` for what is neither a whole binary STL nor text."""
+    if data.lstrip()[:5].lower() == b"solid" and b"\0" not in data[:_STL_HEADER.size]:
+        return
+    triangles = _STL_HEADER.unpack_from(data)[0] if len(data) >= _STL_HEADER.size else 0
+    expected = _STL_HEADER.size + _STL_TRIANGLE * triangles
+    if len(data) < expected or len(data) < _STL_HEADER.size:
+        raise MeshError(f"no valid STL: {len(data)} bytes, neither text nor {triangles} triangles in {expected} bytes")
 
 
 def _flat(loaded: Mapping[str, Any]) -> list[RawNode]:

@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 MOST_NODES = 5_000
 """Of one model."""
 _DIGITS = 9  # of a factor of scale: instances that differ by rounding alone shall have one mesh
+_FARTHEST = 1e5  # m, of a vertex from the frame of its node
 _LEAST_SCALE = 1e-9
 _MOST_LETTERS = 100
 
@@ -175,6 +176,9 @@ def _mesh(piece: Geometry, rest: Array) -> Mesh | None:
         triangles = triangles[:, ::-1]
     with np.errstate(over="ignore"):
         points = (vertices @ rest.T).astype(np.float32) + np.float32(0.0)
+    farthest = float(np.abs(points).max())
+    if _FARTHEST < farthest < np.inf:
+        raise MeshError(f"a vertex {farthest:g} m from the middle; at most {_FARTHEST:g}: is the scale right?")
     used, corners = np.unique(points[triangles.ravel()], axis=0, return_inverse=True)
     corners = corners.reshape(-1, 3)
     a, b, c = corners.T
