@@ -81,10 +81,10 @@ class Perspectives(Agent):
             return
         self._monitor.update()
         names = self.config.of or tuple(sorted(node.name for node in source.nodes(PERSON)))
-        for name in names:
-            view = self._view(name, source)
-            if view is not None:
-                view.update(self._monitor, now)
+        views = [view for name in names if (view := self._view(name, source)) is not None]
+        removed = [view for name, view in sorted(self._views.items()) if name not in names and not view.world.closed]
+        for view in (*views, *removed):
+            view.update(self._monitor, now)
 
     def _open(self) -> Memory | None:
         """The world that they see; None while there is none."""

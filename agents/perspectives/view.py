@@ -218,21 +218,31 @@ class PersonalView:
             for node in self._source.nodes(kind):
                 self._place(node, now, {})
         own = self._source.get_node(self.name)
-        if own is not None:
-            self._place(own, now, {key: own[key] for key in ("perceived", "fov") if key in own})
-            if now - self.world.node(self.name).get("last_seen", -now) >= _TELL_EVERY and "last_seen" in own:
-                self.world.update_node(self.name, last_seen=own["last_seen"])
+        if own is None:
+            self._miss(self.name)
+            return
+        self._place(own, now, {key: own[key] for key in ("perceived", "fov") if key in own})
+        here = self.world.get_node(self.name)
+        if here is not None and now - here.get("last_seen", -now) >= _TELL_EVERY and "last_seen" in own:
+            self.world.update_node(self.name, last_seen=own["last_seen"])
 
     def _see_others(self, picture: Picture | None, now: float) -> None:
         """Other persons and cameras are where they were last seen."""
-        for node in (node for kind in PERSPECTIVES for node in self._source.nodes(kind) if node.name != self.name):
-            pose = _pose_in(self._source, node.name)
-            if picture is not None and pose is not None and _is_shown(node, pose, picture):
+        nodes = (node for memory in (self._source, self.world) for kind in PERSPECTIVES for node in memory.nodes(kind))
+        for name in sorted({node.name for node in nodes} - {self.name}):
+            node, pose = self._source.get_node(name), _pose_in(self._source, name)
+            if picture is not None and node is not None and pose is not None and _is_shown(node, pose, picture):
                 self._place(node, now, {"perceived": True})
-                if now - self.world.node(node.name).get("last_seen", 0.0) >= _TELL_EVERY:
-                    self.world.update_node(node.name, last_seen=now)
-            elif node.name in self.world and self.world.node(node.name).get("perceived") is True:
-                self.world.update_node(node.name, perceived=False)
+                if now - self.world.node(name).get("last_seen", 0.0) >= _TELL_EVERY:
+                    self.world.update_node(name, last_seen=now)
+            else:
+                self._miss(name)
+
+    def _miss(self, name: str) -> None:
+        """Let somebody not be perceived."""
+        node = self.world.get_node(name)
+        if node is not None and node.get("perceived") is True:
+            self.world.update_node(name, perceived=False)
 
     def _place(self, node: Node, now: float, told: Mapping[str, Any]) -> None:
         """Let a node of the source be known, with its place."""

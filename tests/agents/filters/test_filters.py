@@ -67,3 +67,22 @@ def test_wrong_configurations_are_refused() -> None:
         Lockstep([AgentSpec("filter", PassThrough)], strict=True)
     with pytest.raises(ConfigError, match="reads and writes world 'out'"):
         AgentSpec("filter", PassThrough, {"reads": ["out"], "writes": "out"})
+
+
+def test_by_volume_goes_by_a_things_own_box_however_it_is_turned() -> None:
+    with Lockstep([AgentSpec("filter", ByVolume, {**WORLDS, "least": 1e-3})], strict=True) as lockstep:
+        base = lockstep.memory
+        base.add_node("world", "world")
+        for name, kind in (("frame", "group"), ("stick", "object"), ("small", "cube"), ("large", "box")):
+            base.add_node(name, kind)
+        base.update_node("stick", bounds=(0.0, 0.0, 0.0, 1.0, 0.01, 0.01))  # a box around it as it stands has 0.1 m^3
+        base.update_node("small", size=(0.01, 0.01, 0.01))
+        base.update_node("large", size=(0.2, 0.2, 0.2))
+        askew = Pose.from_rotvec((0.1, 0.2, 0.3), (0.4, 0.5, 0.6))
+        for parent, child in (("world", "frame"), ("frame", "stick"), ("frame", "small"), ("small", "large")):
+            base.add_edge(parent, child, "RT", pose=askew)
+        lockstep.run_for(1.0)
+        large = base.world("out")
+        assert {node.name for node in large.nodes()} >= {"world", "frame", "large"}
+        assert "stick" not in large and "small" not in large
+        assert max(large.transform("world", "large").distance(base.transform("world", "large"))) < 1e-9

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import pytest
 
 from agents.perspectives.view import carried
@@ -218,3 +220,42 @@ def test_persons_hide_what_is_behind_them_and_are_seen(table: Table) -> None:
     table.run(1.0)
     assert table.memory.get_edge("human_1", "cube", "sees") is not None
     assert table.view("human_1").node("human_3")["perceived"] is False
+
+
+def test_three_persons_come_and_go_while_a_thing_is_destroyed_and_made_anew(table: Table) -> None:
+    table.come("human_3", Pose((0.0, -0.8, 0.4), (0.0, 0.0, math.sqrt(0.5), math.sqrt(0.5))))
+    table.memory.remove_node("wall")
+    table.come("human_2", Pose((-0.8, 0.0, 0.4)))
+    persons = ("human_1", "human_2", "human_3")
+    table.run(1.0)
+    assert [table.place(person, "cube") for person in persons] == [HERE] * 3
+    table.leave("human_1")
+    table.run()
+    table.put("cube", MOVED)
+    table.run()
+    table.leave("human_2")
+    table.run()
+    table.memory.remove_node("cube")
+    table.run(1.5)
+    assert [table.place(person, "cube") for person in persons] == [HERE, THERE, None]
+    table.add("cube", "ball", Pose((0.3, 0.1, 0.03)), size=(0.06, 0.06, 0.06))
+    table.run(1.0)
+    assert [table.view(person).node("cube").type for person in persons] == ["cube", "cube", "ball"]
+    table.come("human_1", Pose((0.8, 0.0, 0.4), TURNED))
+    table.run(1.5)
+    assert table.place("human_1", "cube") == (300, 100, 30)
+
+
+def test_a_person_whose_node_is_removed_learns_nothing_and_is_seen_by_nobody(table: Table) -> None:
+    table.run(1.0)
+    assert table.view("human_1").node("human_2")["perceived"] is True
+    table.memory.remove_node("human_2")
+    table.run(1.0)
+    table.put("wall", Pose((0.0, 0.4, 0.1)))
+    table.run(1.0)
+    assert table.place("human_2", "wall") == (0, 0, 100)
+    for node, person in (("human_2", "human_2"), ("wall", "human_2"), ("human_2", "human_1")):
+        assert table.view(person).node(node)["perceived"] is False
+    table.memory.add_node("human_4", "person", perceived=True)  # nobody knows where
+    table.run(1.0)
+    assert "human_4" not in table.view("human_4")

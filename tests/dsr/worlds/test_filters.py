@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections import Counter
 from collections.abc import Mapping
+from random import Random
 from typing import Any
 
 import pytest
@@ -461,3 +462,28 @@ def test_of_two_sources_with_orphans_the_newer_one_counts() -> None:
         lockstep.run_for(1.0)
         assert merged.transform("world", "cube_1").t == (1.0, 0.0, 0.6)
         lockstep.memory.delete_world("merged")
+
+
+@pytest.mark.parametrize("length", [2, 3])
+def test_a_ring_that_is_written_everywhere_comes_to_rest_with_the_same_everywhere(length: int) -> None:
+    worlds = [f"w{index}" for index in range(length)]
+    random = Random(length)
+    with run(*chain(*worlds, worlds[0])) as lockstep:
+        lockstep.run_for(3.0)
+        memories = [lockstep.memory.world(world) for world in worlds]
+        for _, memory in itertools.product(range(30), memories):
+            name, action = f"cube_{random.randrange(6)}", random.random()
+            if name not in memory:
+                cube(memory, name, random.random(), mass=random.random())
+            elif action < 0.4:
+                memory.update_node(name, mass=random.random())
+            elif action < 0.7 and memory.get_edge("world", name, "RT"):
+                memory.update_edge("world", name, "RT", pose=Pose((random.random(), 0.0, 0.0)))
+            elif action < 0.9:
+                memory.remove_node(name)
+            lockstep.run_for(0.1)
+        lockstep.run_for(4.0)
+        assert all(content(memory) == content(memories[0]) for memory in memories)
+        before = [memory.replica.written for memory in memories]
+        lockstep.run_for(2.0)
+        assert [memory.replica.written for memory in memories] == before
