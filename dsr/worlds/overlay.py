@@ -173,9 +173,9 @@ class Overlay(Graph):
         self._look_below(self.parent.edges)
 
     def _look_below(self, elements: Any) -> None:
-        """Take what is hidden, or has patches that came before it."""
+        """Look again at what is hidden, or has patches that came before it."""
         for key, element in list(elements.items()):
-            if key not in self._taken and self._concerns(element):
+            if self._concerns(element):
                 self._refresh(key)
 
     def _concerns(self, element: Node | Edge) -> bool:

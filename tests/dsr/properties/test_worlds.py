@@ -178,7 +178,11 @@ class Worlds(RuleBasedStateMachine):
 
     @rule(site=sites, world=worlds, thing=things, value=numbers)
     def update(self, site: int, world: str, thing: str, value: int) -> None:
-        self._write(site, world, lambda memory: thing in memory and memory.update_node(thing, mass=float(value)))
+        def write(memory: Memory) -> None:
+            if thing in memory:
+                memory.update_node(thing, mass=float(value))
+
+        self._write(site, world, write)
 
     @rule(site=sites, world=worlds, ends=st.tuples(things, things), x=numbers)
     def hang(self, site: int, world: str, ends: tuple[str, str], x: int) -> None:
