@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, Any, ClassVar
 
 import msgspec
@@ -49,17 +48,13 @@ class Visibility(Monitor):
 
     def opened(self) -> None:
         """Make the monitor."""
-        self._looked = -math.inf
         config = self.config
         self._monitor = VisibilityMonitor(
             self.target, least_share=config.least_share, band=config.band, width=config.width, kinds=config.kinds
         )
 
     def update(self, now: float) -> None:
-        """Look, and write what is news; also when every change wakes it, not much more often than `rate_hz`."""
-        if 0.0 <= now - self._looked < 0.8 / self.rate_hz:
-            return
-        self._looked = now
+        """Look, and write what is news."""
         self._monitor.update()
         seen = self._monitor.seen
         with self.target.batch():

@@ -6,7 +6,6 @@ import math
 
 import pytest
 
-from agents.perspectives import Visibility
 from agents.perspectives.view import carried
 from dsr import LocalNetwork, ManualClock, Memory, Pose
 from dsr.timeline import kept_by, query
@@ -260,14 +259,3 @@ def test_a_person_whose_node_is_removed_learns_nothing_and_is_seen_by_nobody(tab
     table.memory.add_node("human_4", "person", perceived=True)  # nobody knows where
     table.run(1.0)
     assert "human_4" not in table.view("human_4")
-
-
-def test_what_is_written_often_does_not_make_the_agent_look_more_often(table: Table) -> None:
-    table.run(1.0)
-    agent = table.lockstep.runner("visibility").agent
-    assert isinstance(agent, Visibility)
-    before = agent._monitor.pictures
-    for step in range(40):
-        table.put("cube", Pose((0.1, 0.002 * step, 0.02)))
-        table.run(0.05)
-    assert 8 <= (agent._monitor.pictures - before) / 2 <= 13  # of two persons, in 2 s
