@@ -55,6 +55,7 @@ class Visibility(Monitor):
 
     def update(self, now: float) -> None:
         """Look, and write what is news."""
+        self.changes()
         self._monitor.update()
         seen = self._monitor.seen
         with self.target.batch():

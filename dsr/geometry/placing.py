@@ -12,6 +12,8 @@ from dsr.transforms import Pose
 if TYPE_CHECKING:
     from dsr.memory import Memory
 
+ROOT = "world"
+"""The outermost frame, and its type."""
 OBJECT, GROUP = "object", "group"
 _CENTRED = ("cube", "box", "container", "cup", "ball")  # as `dsr.relations.THINGS`
 _ON_TOP = ("table",)
@@ -38,11 +40,12 @@ def put_model(
         The names of the nodes, the root first.
 
     Raises:
-        NodeNotFoundError: if there is no node `under`.
+        NodeNotFoundError: if there is no node `under`; the root `world` is made if there is none.
         SchemaError: for an unknown type.
         ConfigError: if a name is taken by a node of another type or elsewhere; nothing is written then.
     """
-    memory.node(under)
+    if under != ROOT:
+        memory.node(under)
     memory.schema.check_node(f"{prefix}{model.root.name}", type)
     if type in _CENTRED or type in _ON_TOP:
         model = model.merged((0.5, 0.5, 1.0) if type in _ON_TOP else (0.5, 0.5, 0.5))
@@ -52,6 +55,8 @@ def put_model(
     for mesh in model.meshes:
         memory.put_mesh(mesh)
     with memory.batch():
+        if under not in memory:
+            memory.add_node(ROOT, ROOT)
         for node in nodes:
             pose = node.pose if node.parent is not None or at is None else at @ node.pose
             memory.add_node(node.name, type if node.meshes else GROUP, **_attributes(node, type))

@@ -35,7 +35,7 @@ class Client(Agent):
 
     It opens them, and makes the one that it writes if there is none. As long as one is missing, or after one was
     deleted, it waits, which its status tells, and goes on as soon as they are all there. It is woken by what changes in
-    the worlds that it reads, so that `rate_hz` only matters for what depends on time.
+    the worlds that it reads, so that `rate_hz` only matters for what depends on time, unless it is not `reactive`.
 
     As an agent it declares (`Agent.reads`, `Agent.writes`) everything in these worlds, or of the world that it writes
     only `contents`, and nothing in any other one.
@@ -101,7 +101,8 @@ class Client(Agent):
     def setup(self) -> None:
         """Prepare; who overrides this calls it too."""
         self.sources = {}
-        self._sources = {name: Source(self.memory, name, self.wake) for name in self.inputs}
+        wake = self.wake if self.reactive else None
+        self._sources = {name: Source(self.memory, name, wake) for name in self.inputs}
         self._target: Memory | None = None
         self._made = False
         self._waiting = ""

@@ -18,10 +18,10 @@ class Source:
     Args:
         base: the memory that leads to the worlds.
         name: of the world.
-        wake: called when something changes, in any thread.
+        wake: called when something changes, in any thread; nothing is if None.
     """
 
-    def __init__(self, base: Memory, name: str, wake: Callable[[], None]) -> None:
+    def __init__(self, base: Memory, name: str, wake: Callable[[], None] | None) -> None:
         self.name = name
         self.taken = 0
         """Changes that were taken."""

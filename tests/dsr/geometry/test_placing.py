@@ -87,3 +87,10 @@ def test_a_table_has_its_frame_on_top(memory: Memory) -> None:
     put_model(memory, chair(), type="table")
     assert memory.transform("world", "chair").t == (0.5, 0.5, 2.0)
     assert bounding_box(memory, "chair") == ((0.0, 0.0, 0.0), (1.0, 1.0, 2.0))
+
+
+def test_an_empty_world_gets_its_root() -> None:
+    clock = ManualClock()
+    with Memory("g", "a", transport=LocalNetwork(clock).connect("a"), clock=clock) as memory:
+        assert put_model(memory, chair(), at=Pose((1.0, 0.0, 0.0)))[0] == "chair"
+        assert memory.node("world").type == "world" and memory.transform("world", "chair").t == (1.0, 0.0, 0.0)

@@ -10,11 +10,13 @@ from typing import Any
 
 import pytest
 
-from dsr import Access, AgentError, Edge, Memory, Node, Pose
+from dsr import Access, AgentError, Edge, LocalNetwork, ManualClock, Memory, Node, Pose
+from dsr.agent import make_agent
 from dsr.local_transport import LocalTransport
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec
 from dsr.transport import Qos
+from dsr.worlds.clients import Reader
 from dsr.worlds.filters import Filter
 
 
@@ -487,3 +489,23 @@ def test_a_ring_that_is_written_everywhere_comes_to_rest_with_the_same_everywher
         before = [memory.replica.written for memory in memories]
         lockstep.run_for(2.0)
         assert [memory.replica.written for memory in memories] == before
+
+
+@pytest.mark.parametrize("reactive", [True, False])
+def test_only_who_is_reactive_is_woken_by_changes(reactive: bool) -> None:
+    class Listener(Reader):
+        name = "listener"
+        reads = ("base",)
+
+    Listener.reactive = reactive
+    clock, woken = ManualClock(), []
+    with Memory("g", "listener", transport=LocalNetwork(clock).connect("a"), clock=clock) as memory:
+        memory.replica.synchroniser.nobody_there()
+        bus, keys = memory.transport, memory.keys
+        agent = make_agent(Listener, name="listener", config={}, bus=bus, keys=keys, clock=clock, memory=memory)
+        agent.wake = lambda: woken.append(1)
+        agent.setup()
+        agent.tick(clock.now())
+        woken.clear()
+        memory.add_node("cube_1", "cube")
+        assert bool(woken) is reactive
