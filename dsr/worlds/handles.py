@@ -160,6 +160,11 @@ class Layered:
         own, patches, _ = self.refresh()
         return winner((*own, *patches), attribute) if own or patches else None
 
+    def said(self) -> frozenset[str]:
+        """Attributes of which the layer itself says something, by what was read last."""
+        own, patches, _ = self._parts or ((), (), ())
+        return frozenset(name for entry in (*own, *patches) for name in list(entry.registers))
+
     def all_entries(self) -> Entries:
         """All incarnations."""
         own, _, shown = self.refresh()
@@ -185,8 +190,8 @@ class Layered:
 
     def names(self) -> frozenset[str]:
         """Attributes that may be set."""
-        own, patches, _ = self.refresh()
-        names = frozenset(name for entry in (*own, *patches) for name in list(entry.registers))
+        self.refresh()
+        names = self.said()
         return names if self._below is None else names | self._below.written
 
     def layered_type(self) -> str:

@@ -227,8 +227,15 @@ class Overlay(Graph):
     def below_has_others(self, element: Node | Edge) -> None:
         """Other incarnations of an element of the parent are seen there now."""
         key = _key(element)
-        if key in self._taken or self._concerns(element):
-            self._refresh(key)
+        if key not in self._taken and not self._concerns(element):
+            return
+        old = self._visible(key)
+        said = old.said() if isinstance(old, LayeredNode | LayeredEdge) else frozenset()
+        self._refresh(key)
+        new = self._visible(key)
+        if new is old and isinstance(new, LayeredNode | LayeredEdge):  # which values come with which incarnation?
+            for attribute in sorted(said | new.said()):
+                self._listener.updated(new, attribute)
 
     def _outdate(self, element: Node | Edge) -> None:
         """What was listed for readers may be other elements now."""
