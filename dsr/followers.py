@@ -53,21 +53,21 @@ class Followers:
             watch.close()
 
     def added(self, element: Node | Edge) -> None:
-        """Part of `dsr.graph.Listener`."""
+        """Part of `dsr.listener.Listener`."""
         if isinstance(element, Edge):
             self._note_pose(element)
         for watch in self._watches:
             watch.offer_all(element)
 
     def removed(self, element: Node | Edge) -> None:
-        """Part of `dsr.graph.Listener`."""
+        """Part of `dsr.listener.Listener`."""
         if isinstance(element, Edge) and element.type in self._geometric:
             self.frames.remove(element.type, element.src, element.dst)
         for watch in self._watches:
             watch.offer("removed", element)
 
     def updated(self, element: Node | Edge, attribute: str) -> None:
-        """Part of `dsr.graph.Listener`."""
+        """Part of `dsr.listener.Listener`."""
         if attribute == "pose" and isinstance(element, Edge):
             self._note_pose(element)
         for watch in self._watches:

@@ -7,7 +7,7 @@ alive at both ends. Nothing here does I/O or reads a clock; callers serialise mu
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, MutableMapping
-from typing import Any, Protocol
+from typing import Any
 
 from dsr.crdt.context import Dot
 from dsr.crdt.delta import TOMBSTONE, Add, Delta, EdgeKey, Key, Write
@@ -15,29 +15,9 @@ from dsr.crdt.hlc import HybridClock
 from dsr.crdt.store import Entry, Store
 from dsr.elements import Edge, Node, type_of
 from dsr.errors import EdgeNotFoundError, NodeNotFoundError, suggest
+from dsr.listener import Listener, NoListener
 from dsr.schema import Schema
 from dsr.sharing import Groups, Sharing
-
-
-class Listener(Protocol):
-    """Told about every visible change, local or remote."""
-
-    def added(self, element: Node | Edge) -> None:
-        """`element` became visible, with the attributes that it has."""
-
-    def removed(self, element: Node | Edge) -> None:
-        """`element` is not visible any more."""
-
-    def updated(self, element: Node | Edge, attribute: str) -> None:
-        """An attribute changed, appeared or went."""
-
-
-class _NoListener:
-    def added(self, element: Node | Edge) -> None: ...
-
-    def removed(self, element: Node | Edge) -> None: ...
-
-    def updated(self, element: Node | Edge, attribute: str) -> None: ...
 
 
 class Graph(Sharing):
@@ -58,7 +38,7 @@ class Graph(Sharing):
         self.incident: Groups[EdgeKey, None] = {}  # not sets: runs of one seed are identical
         """Keys of edges by the names of their ends, visible or not."""
         self._unattached: dict[Dot, Entry] = {}
-        self._listener: Listener = listener or _NoListener()
+        self._listener: Listener = listener or NoListener()
         self._counter = 0
 
     # ---- reading

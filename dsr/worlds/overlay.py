@@ -18,9 +18,9 @@ from dsr.crdt.store import Entry
 from dsr.elements import Edge, Node
 from dsr.followers import Followers
 from dsr.graph import Graph
-from dsr.watch import ChangeKind
 from dsr.worlds.handles import LayeredEdge, LayeredNode, LiveEdge, LiveNode
 from dsr.worlds.layer import Layer
+from dsr.worlds.link import Link
 from dsr.worlds.overlay_frames import OverlayFrames
 from dsr.worlds.tables import Elements, Groups, Taken
 
@@ -43,7 +43,7 @@ class Overlay(Graph):
         self._frames = frames
         self._clear_tables()
         parent.overlays.append(weakref.ref(self))
-        self._link = _Link(self)
+        self._link = Link(self)
         told.follow(self._link, [])
 
     def _clear_tables(self) -> None:
@@ -364,35 +364,6 @@ class Overlay(Graph):
             self._refresh(key)
         self.replied()
         self._detach_or_bury(own)
-
-
-class _Link:
-    """Follows the parent for an overlay, as long as somebody holds that."""
-
-    def __init__(self, overlay: Overlay) -> None:
-        self._overlay = weakref.ref(overlay)
-        self._closed = False
-
-    @property
-    def closed(self) -> bool:
-        return self._closed or self._overlay() is None
-
-    def offer(self, kind: ChangeKind, element: Node | Edge, attribute: str | None = None) -> None:
-        overlay = self._overlay()
-        if overlay is None or self._closed:
-            return
-        if kind == "removed":
-            overlay.below_went(element)
-        elif attribute is not None:
-            overlay.below_changed(element, attribute)
-
-    def offer_all(self, element: Node | Edge) -> None:
-        overlay = self._overlay()
-        if overlay is not None and not self._closed:
-            overlay.below_came(element)
-
-    def close(self) -> None:
-        self._closed = True
 
 
 def _key(element: Node | Edge) -> Key:
