@@ -26,7 +26,7 @@ MODULES = {
         "RUNNING", "UNSOLVABLE", "WAITING", "WANTED", "add_intention", "describe_action",
     },
     "dsr.intrinsics": {"INTRINSICS", "Intrinsics", "read_intrinsics"},
-    "dsr.relations": {"ARITY", "SURFACES", "THINGS", "Pair", "Relation", "Relations", "read_relations"},
+    "dsr.relations": {"ARITY", "MODELLED", "SURFACES", "THINGS", "Pair", "Relation", "Relations", "read_relations"},
     "dsr.spatial": {
         "ALLOCENTRIC", "Box", "EGOCENTRIC", "EPSILON", "Fact", "Hysteresis", "MIRRORED", "QUERY", "SOURCE", "SPATIAL",
         "Scene", "View", "WRITTEN", "above", "behind", "below", "checked_relations", "close_to", "in_", "in_front_of",
