@@ -21,6 +21,7 @@ from agents.viewer.images import ImageView
 from agents.viewer.meshes import MeshView
 from agents.viewer.mind import MindView
 from agents.viewer.model import read_scene
+from agents.viewer.persons import PersonView
 from agents.viewer.scene import SceneView
 from agents.viewer.series import SeriesView
 from agents.viewer.topology_view import TopologyView
@@ -71,6 +72,7 @@ class Viewer(Agent):
         self._topology = TopologyView(recording)
         self._scene = SceneView(recording)
         self._meshes = MeshView(recording, self.memory)
+        self._persons = PersonView(recording)
         self._mind = MindView(recording)
         self._chronicle = ChronicleView(recording, TIMELINE)
         self._calibrations = CalibrationView(recording)
@@ -98,6 +100,7 @@ class Viewer(Agent):
         self._mind.draw(self.memory)
         scene = read_scene(self.memory)
         self._scene.draw(scene, now, self._meshes.draw(changes))
+        self._persons.draw(self.memory)
         self._calibrations.draw(self.memory, scene.cameras, now)
         self._images.draw(scene.cameras, now)
         self._series.draw_distances(scene)

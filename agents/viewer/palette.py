@@ -34,7 +34,7 @@ NODE_TYPES: dict[str, Color] = {
     "camera": CAMERA,
     "table": (215, 175, 130),
     **dict.fromkeys(THINGS, _OBJECT),
-    **dict.fromkeys(("hand", "finger"), _HUMAN),
+    **dict.fromkeys(("hand", "finger", "person"), _HUMAN),
     **dict.fromkeys(("mind", "intention", "action"), _PLAN),
     "event": SURPRISE,
 }
