@@ -41,8 +41,8 @@ def show(
     security: SecurityOption = None,
 ) -> None:
     """List what is seen from every perspective, with the share of the pixels that each thing would have alone."""
-    with reading(graph, router, security) as memory:
-        found = visibility(memory.world(world), perspective, width)
+    with reading(graph, router, security, world) as memory:
+        found = visibility(memory, perspective, width)
     rows = [
         {"perspective": name, "thing": thing, "seen": seen, **glance._asdict()}
         for (name, thing), glance in sorted(found.items())

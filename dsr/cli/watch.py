@@ -12,6 +12,7 @@ import typer
 from dsr.cli.common import GraphOption, RouterOption, SecurityOption, WorldOption, naming, plain, readable, reading
 from dsr.clock import WALL_CLOCK
 from dsr.elements import Edge, Node
+from dsr.errors import WorldNotFoundError
 from dsr.keys import BASE
 from dsr.memory import Memory
 from dsr.runtime.logs import printable
@@ -35,7 +36,7 @@ def watch(
     router: RouterOption = None,
     security: SecurityOption = None,
 ) -> None:
-    """Print every change of nodes and edges until Ctrl-C. Options may be repeated.
+    """Print every change of nodes and edges until Ctrl-C, or until the world is deleted. Options may be repeated.
 
     Example: dsr watch --node-type cube --attribute perceived
     """
@@ -48,6 +49,8 @@ def watch(
             while True:
                 for change in changes.poll():
                     typer.echo(_json_line(memory, change) if as_json else _text_line(memory, change))
+                if changes.closed:
+                    raise WorldNotFoundError(f"world {world!r} was deleted")
                 WALL_CLOCK.wait(threading.Event(), period)
         except KeyboardInterrupt:
             return

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from dsr import Memory, Pose, WorldNotFoundError
+from dsr import ConfigError, Memory, Pose
 
 Cli = Callable[..., Any]
 
@@ -27,7 +27,7 @@ def test_visibility_lists_who_sees_what(memory: Memory, cli: Cli, cli_json: Cli)
 
 
 def test_visibility_of_another_world(memory: Memory, cli_json: Cli) -> None:
-    with pytest.raises(WorldNotFoundError, match="nowhere"):
+    with pytest.raises(ConfigError, match="nowhere"):
         cli_json("visibility", "nowhere")
     idea = memory.fork("idea")
     idea.update_node("cube_3", present=False)

@@ -42,3 +42,15 @@ def test_programs_get_json_lines(memory: Memory) -> None:
         assert line["attributes"] == {"source": "contact"}
         process.terminate()
         assert process.wait(20) == 0
+
+
+def test_it_ends_when_the_world_is_deleted(memory: Memory) -> None:
+    idea = memory.fork("idea")
+    with watching("--world", "idea", "--node-type", "cube") as process:
+        assert process.stdout and process.stderr
+        assert "cube_3" in process.stdout.readline()
+        idea.update_node("cube_3", perceived=False)
+        assert process.stdout.readline().rstrip().endswith("updated cube cube_3  perceived False")
+        memory.delete_world("idea")
+        assert process.wait(20) == 1
+        assert "world 'idea' was deleted" in process.stderr.read()

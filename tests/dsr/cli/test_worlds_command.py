@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+import dsr
 from dsr import ConfigError, Memory
 
 
@@ -40,3 +41,27 @@ def test_other_worlds_are_looked_into_with_an_option(
     assert "ball" in {node["name"] for node in json.loads(file.read_text())["nodes"]}
     with pytest.raises(ConfigError, match="did you mean 'idea'"):
         cli("ls", "--world", "idae")
+
+
+@pytest.mark.parametrize(
+    "command", [("ls",), ("show", "cube_3"), ("tree",), ("watch",), ("save", "none.json"), ("visibility",)]
+)
+def test_worlds_that_are_not_there_any_more_are_clear_errors(
+    memory: Memory, cli: Callable[..., str], command: tuple[str, ...]
+) -> None:
+    memory.fork("gone")
+    memory.delete_world("gone")
+    with dsr.connect("scene", agent="other") as other:
+        other.fork("left")
+    option = [] if command == ("visibility",) else ["--world"]
+    for world, error in (("gone", "no world 'gone'"), ("left", "world 'left' is listed, but nobody holds it")):
+        with pytest.raises(ConfigError, match=error):
+            cli(*command, *option, world)
+
+
+def test_worlds_that_nobody_holds_are_listed_as_such(memory: Memory, cli_json: Callable[..., Any]) -> None:
+    with dsr.connect("scene", agent="other") as other:
+        other.fork("left")
+    assert [(row["name"], row["held_by"]) for row in cli_json("worlds")] == [("base", 1), ("left", 0)]
+    with pytest.raises(ConfigError, match="nobody holds it"):
+        cli_json("diff", "base", "left")
