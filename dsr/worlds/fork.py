@@ -52,12 +52,11 @@ class ForkedGraph(Graph):
         self._by_key = self.store.by_key = ByKey(taken, lambda: store.by_key)
         self._nodes = self.nodes = Elements(taken, lambda: parent.nodes, _shared_node)
         self._edges = self.edges = Elements(taken, lambda: parent.edges, _shared_edge)
-        node, edge = self._nodes.__getitem__, self._edges.__getitem__
-        self.nodes_by_type = Groups(taken, lambda: parent.nodes_by_type, node)
-        self.edges_by_type = Groups(taken, lambda: parent.edges_by_type, edge)
-        self.edges_out = Groups(taken, lambda: parent.edges_out, edge)
-        self.edges_in = Groups(taken, lambda: parent.edges_in, edge)
-        self.incident = Groups(taken, lambda: parent.incident, _nothing)
+        self.nodes_by_type = Groups(taken, lambda: parent.nodes_by_type, self._nodes)
+        self.edges_by_type = Groups(taken, lambda: parent.edges_by_type, self._edges)
+        self.edges_out = Groups(taken, lambda: parent.edges_out, self._edges)
+        self.edges_in = Groups(taken, lambda: parent.edges_in, self._edges)
+        self.incident = Groups(taken, lambda: parent.incident)
 
     def forget_handles(self) -> None:
         """See `Graph.forget_handles`."""
@@ -151,10 +150,6 @@ def _shared_node(name: str, theirs: Node, own: dict[str, Node]) -> Node:
 
 def _shared_edge(key: EdgeKey, theirs: Edge, own: dict[EdgeKey, Edge]) -> Edge:
     return SharedEdge(key, theirs._entries, own)
-
-
-def _nothing(key: EdgeKey) -> None:
-    return None
 
 
 def _take(groups: MutableMapping[str, Any], name: str, key: Key, value: Any) -> None:

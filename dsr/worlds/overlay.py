@@ -55,11 +55,10 @@ class Overlay(Graph):
         self.store = Layer(self, self, parent.element, parent.is_known)
         self._nodes = self.nodes = Elements(taken, lambda: parent.nodes, LiveNode)
         self._edges = self.edges = Elements(taken, lambda: parent.edges, LiveEdge)
-        node, edge = self._nodes.__getitem__, self._edges.__getitem__
-        self.nodes_by_type = Groups(taken, lambda: parent.nodes_by_type, node)
-        self.edges_by_type = Groups(taken, lambda: parent.edges_by_type, edge)
-        self.edges_out = Groups(taken, lambda: parent.edges_out, edge)
-        self.edges_in = Groups(taken, lambda: parent.edges_in, edge)
+        self.nodes_by_type = Groups(taken, lambda: parent.nodes_by_type, self._nodes)
+        self.edges_by_type = Groups(taken, lambda: parent.edges_by_type, self._edges)
+        self.edges_out = Groups(taken, lambda: parent.edges_out, self._edges)
+        self.edges_in = Groups(taken, lambda: parent.edges_in, self._edges)
         self.incident = {}
 
     def forget_handles(self) -> None:

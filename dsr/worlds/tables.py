@@ -7,6 +7,7 @@ sure that the key was not taken meanwhile. That needs no lock.
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterator, Mapping, MutableMapping
 from typing import Any, Generic, TypeVar
 
@@ -61,6 +62,10 @@ class Elements(MutableMapping[K, V], Generic[K, V]):
                     return handle
             self._handles.pop(key, None)
         return self.own.get(key, default)
+
+    def handle(self, key: K, theirs: V) -> V:
+        """The handle of an element of the parent, which is not kept for the next time."""
+        return self._handles.get(key) or self._wrap(key, theirs, self.own)
 
     def forget_handles(self) -> None:
         """Give back what only makes reading again faster."""
@@ -123,11 +128,11 @@ class Elements(MutableMapping[K, V], Generic[K, V]):
 class Group(MutableMapping[K, V], Generic[K, V]):
     """The elements that share a name: of those that are not taken, the parent's."""
 
-    def __init__(self, taken: Taken, parent: Callable[[], Mapping[K, V]], find: Callable[[K], V]) -> None:
+    def __init__(self, taken: Taken, parent: Callable[[], Mapping[K, V]], elements: Elements[K, V] | None) -> None:
         self.own: dict[K, V] = {}
         self._taken = taken
         self._parent = parent
-        self._find = find
+        self._elements = elements
         self._left: int | None = None
         """How many of the parent's are not taken, if it was counted."""
         self._version = 0
@@ -149,9 +154,10 @@ class Group(MutableMapping[K, V], Generic[K, V]):
         self._listed = None
 
     def __getitem__(self, key: K) -> V:
-        if key in self._taken or key not in self._parent():
+        theirs = self._parent()
+        if key in self._taken or key not in theirs:
             return self.own[key]
-        return self._find(key)
+        return theirs[key] if self._elements is None else self._elements[key]
 
     def __setitem__(self, key: K, value: V) -> None:
         self.own[key] = value
@@ -176,12 +182,15 @@ class Group(MutableMapping[K, V], Generic[K, V]):
         listed, version = self._listed, self._version
         if listed is not None and listed[0] == version:
             return listed[1].copy()
-        found = []
-        for key in self:
-            try:
-                found.append(self[key])
-            except KeyError:  # gone meanwhile
-                continue
+        found, theirs, taken, elements = [], self._parent(), self._taken, self._elements
+        if isinstance(theirs, dict) and elements is not None:
+            handle = elements.handle
+            found = [handle(key, element) for key, element in list(theirs.items()) if key not in taken]
+            found += list(self.own.values())
+        else:
+            for key in self:
+                with contextlib.suppress(KeyError):  # gone meanwhile
+                    found.append(self[key])
         self._listed = version, found
         return found.copy()
 
@@ -193,11 +202,11 @@ class Groups(MutableMapping[str, MutableMapping[K, V]], Generic[K, V]):
         self,
         taken: Taken,
         parent: Callable[[], MutableMapping[str, MutableMapping[K, V]]],
-        find: Callable[[K], V],
+        elements: Elements[K, V] | None = None,
     ) -> None:
         self._taken = taken
         self._parent = parent
-        self._find = find
+        self._elements = elements
         self._groups: dict[str, Group[K, V]] = {}
 
     def take(self, name: str, key: K, value: V) -> None:
@@ -218,7 +227,7 @@ class Groups(MutableMapping[str, MutableMapping[K, V]], Generic[K, V]):
             group.forget_handles()
 
     def _group(self, name: str) -> Group[K, V]:
-        return Group(self._taken, lambda: self._parent().get(name, _EMPTY), self._find)
+        return Group(self._taken, lambda: self._parent().get(name, _EMPTY), self._elements)
 
     def get(self, name: str, default: Any = None) -> Any:
         """See `MutableMapping`."""
