@@ -23,13 +23,13 @@ from simulation_handler.explainer import Explainer
 from simulation_handler.explaining import Explanation, Look, Policy, make_policy
 from simulation_handler.fingers import Fingers
 from simulation_handler.geometry import Solid
-from simulation_handler.hands import HandPercept
+from simulation_handler.hands import HandGrasp, HandPercept
 from simulation_handler.holding import Grasp, Holding
 from simulation_handler.percepts import make_percept
 from simulation_handler.relations import Relation, Relations, resting
 from simulation_handler.rollouts.scene import Scene
 from simulation_handler.simulator import TIME_STEP
-from simulation_handler.touching import HandGrasp, Touching
+from simulation_handler.touching import Touching
 
 _MOST_STEPS = 48  # of physics in one step of the belief; time beyond is lost
 

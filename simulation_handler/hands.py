@@ -1,14 +1,18 @@
-"""What is seen of each human hand, and the ways that its palm and its fingertips were seen to take."""
+"""What is seen of each human hand, the ways that its palm and its fingertips took, and what it grasps."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from dsr.quaternions import Vector3
 from dsr.transforms import Pose
 from simulation_handler.paths import Path
 
+TOUCH, PINCH = "touch", "pinch"
+"""Grips: fingertips on one side, or on two opposite ones."""
 UNSEEN = 0.25
 """s after its last percept, from which an object is where its hand has it, or pushes it."""
 _MEASURED = 0.15  # s up to which a fingertip is known
@@ -41,3 +45,26 @@ class Hand:
     def measured(self) -> int:
         """How many of its fingertips are."""
         return sum(self.measures(tip) for tip in self.tips.values())
+
+
+@dataclass
+class HandGrasp:
+    """An object that a hand touches."""
+
+    since: float
+    """s"""
+    grip: str
+    """`TOUCH` or `PINCH`."""
+    hand_from_object: Pose
+    presumed: bool = False
+    """It is held, very likely: the hand hides it, and so where the finger is that would oppose."""
+    opened: bool = False
+    """It was a pinch until its fingertips were seen apart, and the object was not seen since: it is held no more."""
+    places: dict[str, Vector3] = field(default_factory=dict)
+    """Of the fingertips that touched it while that could be seen, in its frame, m."""
+    covered: bool = False
+    """The hand covered it: that it touches it is presumed, not seen."""
+    aloft: float = -math.inf
+    """s, when it was last seen in the air with its hand, or nothing spoke against that."""
+    sure: Pose | None = None
+    """World_from_object while it is unseen, when fingertips that touch it, or a palm at rest, told that last."""

@@ -22,12 +22,11 @@ from dsr.relations import SURFACES, THINGS
 from dsr.shapes import MOST_PARTS, Shape, bounds, from_numbers
 from dsr.transforms import Pose
 from simulation_handler.explainer import EXPLANATION
-from simulation_handler.hands import HandPercept
+from simulation_handler.hands import TOUCH, HandGrasp, HandPercept
 from simulation_handler.holding import Grasp
 from simulation_handler.meshes import Forms
 from simulation_handler.reasoner import Reasoner
 from simulation_handler.relations import BOUNDS, CONTACT
-from simulation_handler.touching import TOUCH, HandGrasp
 
 WORLD = "world"
 MODELLED = "object"

@@ -11,11 +11,10 @@ from dsr.transforms import Pose
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining import Explanation, Look
 from simulation_handler.geometry import Solid
-from simulation_handler.hands import HandPercept
+from simulation_handler.hands import HandGrasp, HandPercept
 from simulation_handler.holding import Grasp
 from simulation_handler.relations import Relation
 from simulation_handler.rollouts.scene import Scene
-from simulation_handler.touching import HandGrasp
 
 
 class Reasoner(Protocol):

@@ -9,24 +9,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
 
-from dsr.quaternions import Vector3
 from dsr.transforms import Pose
 from simulation_handler.bodies import Bodies
 from simulation_handler.config import BeliefConfig
 from simulation_handler.covering import RESOLVED, Covering
 from simulation_handler.explaining.situation import Look
-from simulation_handler.fingertips import FAR, NEAR, is_opposed, ways_out
+from simulation_handler.fingertips import NEAR, Gaps, Met, is_opposed, meet
 from simulation_handler.geometry import Solid
-from simulation_handler.hands import UNSEEN, Hand, HandPercept
+from simulation_handler.hands import PINCH, TOUCH, UNSEEN, Hand, HandGrasp, HandPercept
 from simulation_handler.leaning import levelled, without_yaw
 from simulation_handler.objects import BelievedObject
 from simulation_handler.paths import Path, between
 from simulation_handler.relations import Relation, Relations
-
-TOUCH, PINCH = "touch", "pinch"
-"""Grips: fingertips on one side, or on two opposite ones."""
 
 _TOUCH_DELAY = 0.2  # s that a touch must last, or be gone
 _HIDDEN = 0.6  # s for which a fingertip that touched what is seen may be hidden while its palm is in sight
@@ -41,29 +36,6 @@ _ALONG = 0.15  # m from there, as a palm of poor rotation may be: what is in the
 _BLEND = 0.2  # weight of the newest in how a hand holds an object
 
 
-@dataclass
-class HandGrasp:
-    """An object that a hand touches."""
-
-    since: float
-    """s"""
-    grip: str
-    """`TOUCH` or `PINCH`."""
-    hand_from_object: Pose
-    presumed: bool = False
-    """It is held, very likely: the hand hides it, and so where the finger is that would oppose."""
-    opened: bool = False
-    """It was a pinch until its fingertips were seen apart, and the object was not seen since: it is held no more."""
-    places: dict[str, Vector3] = field(default_factory=dict)
-    """Of the fingertips that touched it while that could be seen, in its frame, m."""
-    covered: bool = False
-    """The hand covered it: that it touches it is presumed, not seen."""
-    aloft: float = -math.inf
-    """s, when it was last seen in the air with its hand, or nothing spoke against that."""
-    sure: Pose | None = None
-    """World_from_object while it is unseen, when fingertips that touch it, or a palm at rest, told that last."""
-
-
 class Touching:
     """Keeps track of hands and of what they hold."""
 
@@ -75,6 +47,7 @@ class Touching:
         self._hands: dict[str, Hand] = {}
         self._touches = Relations(_TOUCH_DELAY)  # (fingertip, object)
         self._pinches = Relations(_TOUCH_DELAY)  # (hand, object)
+        self._gaps = Gaps()
         self._grasps: dict[Relation, HandGrasp] = {}
         self._covering = Covering(bodies)
         self._recalled: dict[Relation, float] = {}  # s up to which a recalled grasp may wait for its touch
@@ -205,6 +178,7 @@ class Touching:
         """(fingertip, object) and (hand, object) that touch, and pinch, as far as can be told."""
         touching: set[Relation] = set()
         opposed: set[Relation] = set()
+        noted: dict[Relation, float] = {}
         known = self._touches.current().keys()
         for name, hand in self._hands.items():
             for item in self._bodies.objects.values():
@@ -214,12 +188,15 @@ class Touching:
                     touching |= {relation for relation in known if relation in self._of(hand, item)}
                     opposed |= {(name, item.name)} & self._pinches.current().keys()
                     continue
-                ways = self._touched(hand, item, known, now)
-                touching |= {(tip, item.name) for tip in ways}
-                if is_opposed(ways):
+                touched = self._touched(hand, item, known, now)
+                touching |= {(tip, item.name) for tip in touched}
+                if is_opposed(touched):
                     opposed.add((name, item.name))
-                elif sum(way is not None for way in ways.values()) < 2 <= len(ways):
+                elif sum(met is not None for met in touched.values()) < 2 <= len(touched):
                     opposed |= {(name, item.name)} & self._pinches.current().keys()
+                if now - item.track.last_stamp <= UNSEEN:
+                    noted |= {(tip, item.name): met.gap for tip, met in touched.items() if met is not None}
+        self._gaps.update(noted, known)
         return touching, opposed
 
     def _of(self, hand: Hand, item: BelievedObject) -> set[Relation]:
@@ -227,18 +204,18 @@ class Touching:
 
     def _touched(
         self, hand: Hand, item: BelievedObject, known: Collection[Relation], now: float
-    ) -> dict[str, Vector3 | None]:
-        """Fingertips that touch an object, with the way out of it there; None for one that is not measured now."""
+    ) -> dict[str, Met | None]:
+        """Fingertips that touch an object; None for one that is not measured now."""
         stamp, solid = self._seen_at(hand, item, now)
         solids = [solid]
         if item.hand and hand is self._hands.get(item.hand) and now - item.track.last_stamp > UNSEEN:
             there = hand.path.last @ self._grasps[item.hand, item.name].hand_from_object  # its body comes later
             solids.append(item.solid(there.t, there.q))
         touching = {tip: path.at(stamp).t for tip, path in hand.tips.items() if hand.measures(path)}
-        grown = {tip: FAR if (tip, item.name) in known else NEAR for tip in touching}
-        found: dict[str, Vector3 | None] = {}
+        most = {tip: self._gaps.most(at) if (at := (tip, item.name)) in known else NEAR for tip in touching}
+        found: dict[str, Met | None] = {}
         for solid in solids:
-            met: dict[str, Vector3 | None] = {**ways_out(solid, touching, grown)}
+            met: dict[str, Met | None] = {**meet(solid, touching, most)}
             if (is_opposed(met), len(met)) > (is_opposed(found), len(found)):
                 found = met
         touched = {tip for tip in hand.tips if (tip, item.name) in known}

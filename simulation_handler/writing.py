@@ -12,10 +12,10 @@ from dsr.memory import Memory
 from dsr.transforms import Pose
 from simulation_handler.events import Events
 from simulation_handler.explainer import EXPLANATION
+from simulation_handler.hands import HandGrasp
 from simulation_handler.reading import SOURCES, WORLD
 from simulation_handler.reasoner import Reasoner
 from simulation_handler.relations import CONTACT, Relation
-from simulation_handler.touching import HandGrasp
 
 _REFRESH = 1.0  # s after which a pose is written again, unchanged
 _SHIFT = 5e-5  # m that a body must have moved since its pose was written

@@ -13,13 +13,12 @@ from dsr.transforms import Pose
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining import Explanation, Look
 from simulation_handler.geometry import Solid
-from simulation_handler.hands import HandPercept
+from simulation_handler.hands import HandGrasp, HandPercept
 from simulation_handler.holding import Grasp
 from simulation_handler.published.boxes import BoxRelations, WorldBox, world_box
 from simulation_handler.relations import BOUNDS, Relation
 from simulation_handler.rollouts.scene import Body, Scene
 from simulation_handler.simulator import SimulationError, Simulator
-from simulation_handler.touching import HandGrasp
 
 _FLOOR = "_floor"
 _FLOOR_SIZE = (20.0, 20.0, 0.2)

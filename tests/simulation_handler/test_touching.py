@@ -12,10 +12,10 @@ from dsr.quaternions import Quaternion
 from dsr.transforms import Pose
 from simulation_handler.explaining import Look
 from simulation_handler.geometry import Solid
+from simulation_handler.hands import PINCH, TOUCH
 from simulation_handler.leaning import levelled, without_yaw
 from simulation_handler.sight import Glance
 from simulation_handler.surfaces import outwards
-from simulation_handler.touching import PINCH, TOUCH
 from tests.simulation_handler.occluded import BOX, SMALL, Occlusion, standing
 from tests.simulation_handler.worlds import BALL, CUBE, ROUND, WALL, container
 
