@@ -23,6 +23,7 @@ from simulation_handler.config import BeliefConfig
 from simulation_handler.containment import Containment, carried_by
 from simulation_handler.explaining.scoring import is_displaced
 from simulation_handler.explaining.situation import seen_now
+from simulation_handler.hands import UNSEEN
 from simulation_handler.objects import BelievedObject
 from simulation_handler.paths import between, turn_between
 from simulation_handler.percepts import Array
@@ -50,6 +51,7 @@ _VAGUE: Array = np.diag((1e-5, 1e-5, 1e-4))  # m^2, of what is unseen in a hand
 _ALIKE = 0.5  # of the way that a load was seen to take, by which that of what it stands on is another one
 _SURELY_APART = 0.03  # m of its way, from which a load is seen to leave what it stands on
 _UPRIGHT = 0.35  # rad of tilt, up to which what stands on a driven body does not slide
+_BESIDE = 0.02  # m of height that both bodies share, from which neither stands on the other
 _LOST = 0.06  # m from where it is seen, beyond which what is in or on a driven object does not ride with it
 
 
@@ -100,7 +102,7 @@ class Driving:
             elif (start := self._start(item, now)) is not None:
                 self._begin(item, start)
         self._lead_from_below(self._drives.keys() - before, now)
-        self._let_pass()
+        self._let_pass(now)
         riders = self._riders(self._drives)
         for item in self._bodies.objects.values():
             item.driven = item.name in self._drives
@@ -140,14 +142,23 @@ class Driving:
             beneath.setdefault(upper, set()).add(lower)
         return beneath
 
-    def _let_pass(self) -> None:
-        """Driven bodies of which none carries the other do not push each other: where they are seen tells all.
+    def _let_pass(self, now: float) -> None:
+        """Bodies beside each other, of which one is driven, do not push each other while both are seen: that tells all.
 
-        Their thin walls would get into each other by the noise of that, and not out again.
+        Their thin walls would get into each other by the noise of that, and not out again without a kick.
         """
-        riders = {name: self._riders([name]) for name in self._drives}
-        pairs = combinations(sorted(self._drives), 2)
-        self._bodies.sim.let_pass({(a, b) for a, b in pairs if b not in riders[a] and a not in riders[b]})
+        sim, objects = self._bodies.sim, self._bodies.objects.values()
+        seen = [item.name for item in objects if item.drivable and now - item.track.last_stamp <= UNSEEN]
+        names = sorted(self._drives.keys() | {name for name in seen if name in sim})
+        riders = {name: self._riders([name]) for name in names}
+        pairs = [pair for pair in combinations(names, 2) if not self._drives.keys().isdisjoint(pair)]
+        sim.let_pass({(a, b) for a, b in pairs if b not in riders[a] and a not in riders[b] and self._beside(a, b)})
+
+    def _beside(self, *pair: str) -> bool:
+        """Whether neither of two bodies can be about to stand on the other, or both are driven."""
+        one, other = map(self._bodies.solid, pair)
+        overlap = min(one.top, other.top) - max(one.bottom, other.bottom)
+        return overlap > _BESIDE or self._drives.keys() >= set(pair)
 
     def step(self, count: int) -> None:
         """Let `count` steps of physics pass."""

@@ -234,6 +234,8 @@ class Simulator:
     def _filter(self, pair: tuple[str, str], *, may_collide: bool) -> None:
         one, other = map(self._id, pair)
         pybullet.setCollisionFilterPair(one, other, -1, -1, int(may_collide), physicsClientId=self._client)
+        self._wake_around(one)  # sleepers have just lost all their contacts
+        self._wake_around(other)
 
     def step(self, count: int = 1, *, gently: bool = False) -> None:
         """Let `count` times 1/240 s pass, in smaller steps while something moves fast.

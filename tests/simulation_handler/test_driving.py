@@ -42,6 +42,16 @@ def test_boxes_that_pass_each_other_closely_do_not_get_stuck(seed: int) -> None:
 
 
 @pytest.mark.parametrize("seed", range(3))
+def test_a_box_that_seems_to_go_through_the_edge_of_another_one_kicks_neither(seed: int) -> None:
+    world = Occlusion({"box_1": standing(0.2, 0.0, BOX), "other_1": standing(0.4, 0.155, BOX)}, seed)
+    world.run(1.5)
+    for step in range(1, 21):
+        world.move("box_1", standing(0.2 + 0.02 * step, 0.0, BOX))
+        off, turned = world.pose("other_1").distance(world.truths["other_1"])
+        assert off < 0.01 and turned < 0.1
+
+
+@pytest.mark.parametrize("seed", range(3))
 def test_a_ball_goes_along_in_a_box_that_is_pushed_lifted_and_put_down(seed: int) -> None:
     world = ball_in_a_box(seed)
     for goal in (

@@ -35,6 +35,16 @@ def test_bodies_pass_through_each_other_only_as_long_as_told(table: Simulator) -
     assert table.position(above)[2] == pytest.approx(0.06, abs=1e-3)
 
 
+def test_what_sleeps_goes_on_resting_on_the_table_when_it_may_be_passed(table: Simulator) -> None:
+    pair = (stack(table, 1)[0], "other")
+    table.add_box(pair[1], CUBE, (0.3, 0.0, 0.02), mass=0.05)
+    table.step(4 * SECOND)
+    for pairs in ({pair}, set()):
+        table.let_pass(pairs)
+        table.step(4)
+        assert {contact[:2] for contact in table.contacts()} == {(name, "table") for name in pair}
+
+
 @pytest.mark.parametrize("count", [1, 3])
 def test_cubes_rest_at_their_height_without_interpenetration(table: Simulator, count: int) -> None:
     names = stack(table, count)
