@@ -18,18 +18,21 @@ NEAR = 0.010
 """m between surfaces up to which a touch begins: what hands and percepts are off"""
 FAR = 0.018
 """m up to which it goes on, at most"""
-WITHDRAWN = 0.008
+WITHDRAWN = 0.010
 """m by which a fingertip that touches no more is further away than it was while it touched"""
 APART = 0.020
 """m between surfaces of two fingertips on opposite sides, together, from which a hand is open and neither touches"""
 
-_BLEND = 0.2  # weight of the newest gap
+_SOON, _LATE = 0.4, 0.1  # weights of the newest gap in what it is now, and in what it was while it touched
+_LEAST = -0.002  # m, as which less than that counts: fingertips are not in objects
+_FORGOTTEN = 0.5  # s
+_REACH = 0.040  # m, further than which no fingertip is at an object
 _DEEPEST = -0.020  # m, deeper than which no fingertip is in an object: it is in front of it or behind
 _OPPOSED = -0.5  # cosine between the ways out of the object at two fingertips
 
 
 class Met(NamedTuple):
-    """A fingertip that touches an object."""
+    """A fingertip at an object."""
 
     gap: float
     """m between the surfaces"""
@@ -38,40 +41,52 @@ class Met(NamedTuple):
 
 
 class Gaps:
-    """How far from an object each fingertip was seen while it touched: what is seen of both may be off by as much."""
+    """How far from objects fingertips are seen, now and while they touched: what is seen of both is off by as much."""
 
     def __init__(self) -> None:
-        self._gaps: dict[Relation, float] = {}
+        self._gaps: dict[Relation, tuple[float, float, float]] = {}  # now and while it touched, m; when, s
 
-    def most(self, relation: Relation) -> float:
-        """M between surfaces up to which (fingertip, object), which touch, go on to do so."""
-        return min(FAR, max(NEAR, self._gaps.get(relation, FAR) + WITHDRAWN))
+    def touching(self, gaps: Mapping[Relation, float], known: Collection[Relation], now: float) -> set[Relation]:
+        """Which (fingertip, object), at `gaps` (m) at time `now` (s), touch, where `known` ones did.
 
-    def update(self, gaps: Mapping[Relation, float], known: Collection[Relation]) -> None:
-        """Take in the gaps (m) of those that touch and are seen; those that are neither here nor `known` are over."""
-        before = {relation: gap for relation, gap in self._gaps.items() if relation in known}
-        noted = {at: (old := before.get(at, gap)) + _BLEND * (gap - old) for at, gap in gaps.items()}
-        self._gaps = before | noted
+        Those that were not near enough to have a gap for some time are forgotten: they come to touch anew.
+        """
+        self._gaps = {relation: gap for relation, gap in self._gaps.items() if gap[2] >= now - _FORGOTTEN}
+        found = set()
+        for relation, gap in gaps.items():
+            here, touched, _ = self._gaps.get(relation, (gap, math.inf, now))
+            here = gap if math.isinf(touched) else here + _SOON * (gap - here)
+            most = min(FAR, touched + WITHDRAWN) if relation in known else min(NEAR, touched + 0.5 * WITHDRAWN)
+            if here <= most:
+                found.add(relation)
+                if gap <= touched + 0.5 * WITHDRAWN:
+                    touched = gap if math.isinf(touched) else touched + _LATE * (gap - touched)
+            self._gaps[relation] = here, max(touched, _LEAST), now
+        return found
 
 
-def meet(solid: Solid, points: Mapping[str, Vector3], most: Mapping[str, float]) -> dict[str, Met]:
-    """Which fingertips touch an object, by name.
+def meet(solid: Solid, points: Mapping[str, Vector3]) -> dict[str, Met]:
+    """Fingertips around an object, by name.
 
     Args:
         solid: the object.
         points: centres of the fingertips, m, by name.
-        most: m between surfaces, up to which each of them touches.
     """
-    near = {tip: met for tip, point in points.items() if (met := _near(solid, point, most[tip])) is not None}
-    return {tip: met for tip, met in near.items() if not _is_open(met, near.values())}
+    return {tip: near for tip, point in points.items() if (near := _near(solid, point)) is not None}
 
 
-def _near(solid: Solid, point: Vector3, most: float) -> Met | None:
-    """A fingertip at an object; None if it is more than `most` m from it."""
-    if math.dist(point, solid.position) > solid.radius + TIP_RADIUS + most:
+def closed(fingertips: Mapping[str, Met]) -> set[str]:
+    """Fingertips around an object, but for those of a hand that is open around it."""
+    near = [met for met in fingertips.values() if met.gap <= FAR]
+    return {tip for tip, met in fingertips.items() if not _is_open(met, near)}
+
+
+def _near(solid: Solid, point: Vector3) -> Met | None:
+    """A fingertip at an object; None if it is far from it."""
+    if math.dist(point, solid.position) > solid.radius + TIP_RADIUS + _REACH:
         return None
     distance, way = outwards(solid, point)
-    return Met(distance - TIP_RADIUS, way) if _DEEPEST <= distance - TIP_RADIUS <= most else None
+    return Met(distance - TIP_RADIUS, way) if _DEEPEST <= distance - TIP_RADIUS <= _REACH else None
 
 
 def _is_open(met: Met, others: Iterable[Met]) -> bool:

@@ -15,7 +15,7 @@ from simulation_handler.bodies import Bodies
 from simulation_handler.config import BeliefConfig
 from simulation_handler.covering import RESOLVED, Covering
 from simulation_handler.explaining.situation import Look
-from simulation_handler.fingertips import NEAR, Gaps, Met, is_opposed, meet
+from simulation_handler.fingertips import FAR, NEAR, Gaps, Met, closed, is_opposed, meet
 from simulation_handler.geometry import Solid
 from simulation_handler.hands import PINCH, TOUCH, UNSEEN, Hand, HandGrasp, HandPercept
 from simulation_handler.leaning import levelled, without_yaw
@@ -178,7 +178,6 @@ class Touching:
         """(fingertip, object) and (hand, object) that touch, and pinch, as far as can be told."""
         touching: set[Relation] = set()
         opposed: set[Relation] = set()
-        noted: dict[Relation, float] = {}
         known = self._touches.current().keys()
         for name, hand in self._hands.items():
             for item in self._bodies.objects.values():
@@ -194,9 +193,6 @@ class Touching:
                     opposed.add((name, item.name))
                 elif sum(met is not None for met in touched.values()) < 2 <= len(touched):
                     opposed |= {(name, item.name)} & self._pinches.current().keys()
-                if now - item.track.last_stamp <= UNSEEN:
-                    noted |= {(tip, item.name): met.gap for tip, met in touched.items() if met is not None}
-        self._gaps.update(noted, known)
         return touching, opposed
 
     def _of(self, hand: Hand, item: BelievedObject) -> set[Relation]:
@@ -206,16 +202,19 @@ class Touching:
         self, hand: Hand, item: BelievedObject, known: Collection[Relation], now: float
     ) -> dict[str, Met | None]:
         """Fingertips that touch an object; None for one that is not measured now."""
+        is_seen = now - item.track.last_stamp <= UNSEEN
         stamp, solid = self._seen_at(hand, item, now)
         solids = [solid]
-        if item.hand and hand is self._hands.get(item.hand) and now - item.track.last_stamp > UNSEEN:
+        if item.hand and hand is self._hands.get(item.hand) and not is_seen:
             there = hand.path.last @ self._grasps[item.hand, item.name].hand_from_object  # its body comes later
             solids.append(item.solid(there.t, there.q))
         touching = {tip: path.at(stamp).t for tip, path in hand.tips.items() if hand.measures(path)}
-        most = {tip: self._gaps.most(at) if (at := (tip, item.name)) in known else NEAR for tip in touching}
         found: dict[str, Met | None] = {}
         for solid in solids:
-            met: dict[str, Met | None] = {**meet(solid, touching, most)}
+            near = meet(solid, touching)
+            gaps = {(tip, item.name): met.gap for tip, met in near.items()}
+            touch = self._gaps.touching(gaps, known, now) if is_seen else _touching(gaps, known)
+            met: dict[str, Met | None] = {tip: near[tip] for tip in sorted(closed(near)) if (tip, item.name) in touch}
             if (is_opposed(met), len(met)) > (is_opposed(found), len(found)):
                 found = met
         touched = {tip for tip in hand.tips if (tip, item.name) in known}
@@ -367,6 +366,11 @@ class Touching:
             if grasp.grip == PINCH or grasp.presumed or is_carried:
                 holders.setdefault(thing, hand)
         return holders
+
+
+def _touching(gaps: Mapping[Relation, float], known: Collection[Relation]) -> set[Relation]:
+    """Which (fingertip, object), at `gaps` (m), touch what is unseen."""
+    return {relation for relation, gap in gaps.items() if gap <= (FAR if relation in known else NEAR)}
 
 
 def _drops(hand: Hand, item: BelievedObject) -> bool:
