@@ -29,6 +29,7 @@ from simulation_handler.percepts import make_percept
 from simulation_handler.relations import Relation, Relations, resting
 from simulation_handler.rollouts.scene import Scene
 from simulation_handler.simulator import TIME_STEP
+from simulation_handler.spilling import Spilling
 from simulation_handler.touching import Touching
 
 _MOST_STEPS = 48  # of physics in one step of the belief; time beyond is lost
@@ -52,6 +53,7 @@ class Belief:
         self._touching = Touching(self._bodies, self.config)
         self._fingers = Fingers(self._bodies, self._touching, self._containment)
         self._holding = Holding(self._bodies)
+        self._spilling = Spilling(self._bodies)
         policy = policy or make_policy(self.config)
         self._explainer = Explainer(self._bodies, self._relations, policy, self.config, self._containment)
         self._explainer.take = self._touching.take
@@ -60,6 +62,7 @@ class Belief:
     def close(self) -> None:
         """Free the simulation."""
         self._explainer.close()
+        self._spilling.close()
         self._bodies.sim.close()
 
     def __contains__(self, name: str) -> bool:
@@ -204,6 +207,7 @@ class Belief:
         self._explainer.settle_relations(now)
         self._relations.update(resting(self._bodies.sim.contacts()), now)
         self._containment.update(self.solids(), now)
+        self._spilling.update(self._containment.current(), self._containment.left, now)
 
     def _let_go(self, now: float) -> set[str]:
         """What nobody can hold where it is: what should be seen there, and what is in a container without a hand."""

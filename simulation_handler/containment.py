@@ -20,11 +20,16 @@ class Containment:
     def __init__(self, delay: float) -> None:
         """`delay`: s that something must be inside, or outside."""
         self._relations = Relations(delay)
+        self._found: set[Relation] = set()
+        self.left: set[Relation] = set()
+        """(object, container) that have just got out, in the last step; the relation may still hold for a moment."""
 
     def update(self, solids: Iterable[Solid], now: float) -> None:
         """Take in where all objects are at time `now` (s)."""
         known = self._relations.current().keys()
-        self._relations.update(inside(list(solids), known), now)
+        before, self._found = self._found, inside(list(solids), known)
+        self.left = {relation for relation in before - self._found if relation in known}
+        self._relations.update(self._found, now)
 
     def recall(self, relation: Relation, since: float, now: float) -> None:
         """Take over a relation that held before."""
