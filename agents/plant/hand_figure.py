@@ -9,6 +9,7 @@ mirror image in y.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -57,8 +58,14 @@ def joints(tips: Array, side: Side) -> Array:
     """(21, 3) joints in the palm's frame (m) of a hand with fingertips (5, 3) there.
 
     Bones keep their lengths as long as the fingertip is within reach; beyond, the finger is straight and stretched.
+    The array is not to be written to.
     """
-    mirrored = _mirrored(tips, side)
+    return _joints(np.ascontiguousarray(tips, np.float64).tobytes(), side)
+
+
+@lru_cache(maxsize=64)  # a hand that holds something keeps its figure
+def _joints(tips: bytes, side: Side) -> Array:
+    mirrored = _mirrored(np.frombuffer(tips).reshape(5, 3), side)
     found = np.empty((JOINTS, 3))
     found[0] = _WRIST - _CENTRE
     for finger in range(5):
@@ -66,7 +73,9 @@ def joints(tips: Array, side: Side) -> Array:
         found[1 + 4 * finger : 5 + 4 * finger] = _finger(
             base, mirrored[finger], _LENGTHS[finger], np.array(_BULGES[finger])
         )
-    return _mirrored(found, side)
+    found = _mirrored(found, side)
+    found.setflags(write=False)
+    return found
 
 
 def radius(bone: tuple[int, int]) -> float:
