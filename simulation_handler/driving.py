@@ -14,6 +14,7 @@ from collections.abc import Collection, Mapping, Set
 from dataclasses import dataclass
 from itertools import combinations
 
+import msgspec
 import numpy as np
 
 from dsr.quaternions import Vector3
@@ -45,6 +46,8 @@ _STILL_METRES = 0.012
 _STILL_RADIANS = 0.2
 _ASTRAY = 0.012  # m from where it was, and
 _SURELY = 2.5  # times the noise, from which two percepts tell that an object is on its way
+_ASTRAY_BOTH = 0.008  # m, likewise, from which an object and the hand that holds it tell that
+_THE_SAME_WAY = 0.7  # cosine
 _ARRIVED = 0.004  # m
 _STUCK = 1.0  # s after which a body that cannot get where it is seen is driven no more
 _VAGUE: Array = np.diag((1e-5, 1e-5, 1e-4))  # m^2, of what is unseen in a hand
@@ -87,6 +90,7 @@ class Driving:
         self._relations = relations
         self._containment = containment
         self._config = config
+        self._lifted = msgspec.structs.replace(config, hover_tolerance=min(_ASTRAY_BOTH, config.hover_tolerance))
         self._drives: dict[str, _Drive] = {}
         self._now = -math.inf
 
@@ -220,7 +224,7 @@ class Driving:
             return item.path.newest if item.hand else None
         solid = self._bodies.solid(item.name)
         strays = item.path.strays_from(solid.pose, self._astray(item))
-        if item.hand and strays:
+        if item.hand and (strays or _goes_with_hand(item, solid.position)):
             return item.path.newest
         if not strays and not is_displaced(seen_now(item, self._config, now), solid, self._config):
             return None
@@ -265,7 +269,8 @@ class Driving:
         above = self._bodies.above(item, pose.t)
         scene = self._bodies.scene(leaving_out={item.name, *above, *self._riders([item.name])})
         covariance = _VAGUE if item.track.estimate is None else item.percept_covariance(self._config)
-        placement = place(item.solid(pose.t, pose.q), covariance, list(scene.values()), self._config)
+        config = self._lifted if _is_lifted(item, drive) else self._config
+        placement = place(item.solid(pose.t, pose.q), covariance, list(scene.values()), config)
         drive.end, drive.rests = placement.solid.pose, placement.rests
         item.hovering_since = None if drive.rests else (item.hovering_since or self._now)
 
@@ -289,6 +294,23 @@ class Driving:
         if item.estimate_at(now) is None or item.name not in self._bodies.sim:
             return False
         return math.dist(item.percept().position, self._bodies.sim.position(item.name)) > _LOST
+
+
+def _goes_with_hand(item: BelievedObject, position: Vector3) -> bool:
+    """Whether an object and the hand that holds it are both seen to have moved it from `position`, the same way."""
+    if item.place_by_hand is None:
+        return False
+    by_hand, by_itself = np.subtract(item.place_by_hand, position), np.subtract(item.path.last.t, position)
+    ways = float(np.linalg.norm(by_hand)), float(np.linalg.norm(by_itself))
+    return min(ways) > _ASTRAY_BOTH and float(by_hand @ by_itself) > _THE_SAME_WAY * math.prod(ways)
+
+
+def _is_lifted(item: BelievedObject, drive: _Drive) -> bool:
+    """Whether an object is off what carried it by far less than percepts may be, because its hand is, too."""
+    if item.place_by_hand is None or item.bias is None:
+        return False
+    height = min(item.place_by_hand[2], item.path.last.t[2]) - drive.begin.t[2]
+    return not drive.rests or height > _ASTRAY_BOTH
 
 
 def _towards(a: Pose, b: Pose, metres: float) -> Pose:

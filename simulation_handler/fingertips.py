@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Mapping
 from itertools import combinations
 from typing import NamedTuple
 
@@ -20,8 +20,6 @@ FAR = 0.018
 """m up to which it goes on, at most"""
 WITHDRAWN = 0.010
 """m by which a fingertip that touches no more is further away than it was while it touched"""
-APART = 0.020
-"""m between surfaces of two fingertips on opposite sides, together, from which a hand is open and neither touches"""
 
 _SOON, _LATE = 0.4, 0.1  # weights of the newest gap in what it is now, and in what it was while it touched
 _LEAST = -0.002  # m, as which less than that counts: fingertips are not in objects
@@ -75,24 +73,12 @@ def meet(solid: Solid, points: Mapping[str, Vector3]) -> dict[str, Met]:
     return {tip: near for tip, point in points.items() if (near := _near(solid, point)) is not None}
 
 
-def closed(fingertips: Mapping[str, Met]) -> set[str]:
-    """Fingertips around an object, but for those of a hand that is open around it."""
-    near = [met for met in fingertips.values() if met.gap <= FAR]
-    return {tip for tip, met in fingertips.items() if not _is_open(met, near)}
-
-
 def _near(solid: Solid, point: Vector3) -> Met | None:
     """A fingertip at an object; None if it is far from it."""
     if math.dist(point, solid.position) > solid.radius + TIP_RADIUS + _REACH:
         return None
     distance, way = outwards(solid, point)
     return Met(distance - TIP_RADIUS, way) if _DEEPEST <= distance - TIP_RADIUS <= _REACH else None
-
-
-def _is_open(met: Met, others: Iterable[Met]) -> bool:
-    """Whether a fingertip has others on the opposite side, and is far apart from all of them."""
-    opposite = [other.gap for other in others if _dot(met.way, other.way) < _OPPOSED]
-    return bool(opposite) and met.gap + min(opposite) > APART
 
 
 def is_opposed(fingertips: Mapping[str, Met | None]) -> bool:

@@ -82,6 +82,8 @@ class BelievedObject:
     """Its percepts tell how it leans, if not its yaw."""
     turned_by_hand: Quaternion | None = None
     """How it leans as far as that hand tells: for percepts that say nothing of rotations, such as those by colour."""
+    place_by_hand: Vector3 | None = None
+    """Where that hand, which is seen, has it, m."""
     confirmed: Solid | None = None
     """Where perception last agreed that it is, unless it has moved since with something, or in a gripper."""
     gone: bool = False

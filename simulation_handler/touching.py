@@ -15,7 +15,7 @@ from simulation_handler.bodies import Bodies
 from simulation_handler.config import BeliefConfig
 from simulation_handler.covering import RESOLVED, Covering
 from simulation_handler.explaining.situation import Look
-from simulation_handler.fingertips import FAR, NEAR, Gaps, Met, closed, is_opposed, meet
+from simulation_handler.fingertips import FAR, NEAR, Gaps, Met, is_opposed, meet
 from simulation_handler.geometry import Solid
 from simulation_handler.hands import PINCH, TOUCH, UNSEEN, Hand, HandGrasp, HandPercept
 from simulation_handler.leaning import levelled, without_yaw
@@ -120,7 +120,8 @@ class Touching:
         self._update_covered(now)
         holders = self._holders(now)
         for item in self._bodies.objects.values():
-            before, item.hand, item.turned_by_hand = item.hand, holders.get(item.name, ""), None
+            before, item.hand = item.hand, holders.get(item.name, "")
+            item.turned_by_hand = item.place_by_hand = None
             if before and not item.hand:
                 item.let_go_at = now
             if not item.hand or not self._hands[item.hand].perceived:
@@ -129,7 +130,7 @@ class Touching:
             grasp = self._grasps[item.hand, item.name]
             covered = grasp.covered
             there = self._covering.place(item.hand, item.name) if covered else pose @ grasp.hand_from_object
-            item.turned_by_hand = without_yaw(levelled(item.solid(there.t, there.q)))
+            item.turned_by_hand, item.place_by_hand = without_yaw(levelled(item.solid(there.t, there.q))), there.t
             if now - item.track.last_stamp > UNSEEN:
                 turned = there.q if item.shows_rotation else item.turned_by_hand
                 if not self._opens(item, touching, opposed):
@@ -214,7 +215,7 @@ class Touching:
             near = meet(solid, touching)
             gaps = {(tip, item.name): met.gap for tip, met in near.items()}
             touch = self._gaps.touching(gaps, known, now) if is_seen else _touching(gaps, known)
-            met: dict[str, Met | None] = {tip: near[tip] for tip in sorted(closed(near)) if (tip, item.name) in touch}
+            met: dict[str, Met | None] = {tip: near[tip] for tip, _ in sorted(touch)}
             if (is_opposed(met), len(met)) > (is_opposed(found), len(found)):
                 found = met
         touched = {tip for tip in hand.tips if (tip, item.name) in known}

@@ -1,36 +1,23 @@
-"""Which fingertips touch an object: near it, not withdrawn from it, and not those of an open hand around it."""
+"""Which fingertips touch an object: near it, and not withdrawn from it."""
 
 from __future__ import annotations
 
 import pytest
 
-from simulation_handler.fingertips import FAR, TIP_RADIUS, Gaps, closed, meet
+from simulation_handler.fingertips import TIP_RADIUS, Gaps, is_opposed, meet
 from simulation_handler.geometry import Solid
 
 CUBE = Solid("cube", (0.04, 0.04, 0.04), (0.0, 0.0, 0.02))
 
 
-@pytest.mark.parametrize(
-    ("thumb", "index", "middle", "touching"),
-    [
-        (0.0, 0.0, 0.015, {"thumb", "index", "middle"}),
-        (-0.005, 0.017, None, {"thumb", "index"}),
-        (0.008, 0.008, None, {"thumb", "index"}),
-        (0.014, 0.016, None, set()),
-        (0.006, 0.002, 0.017, {"thumb", "index"}),
-        (0.015, None, None, {"thumb"}),
-        (0.019, 0.0, None, {"index"}),
-    ],
-)  # fmt: skip
-def test_fingertips_far_apart_on_opposite_sides_do_not_touch(
-    thumb: float, index: float | None, middle: float | None, touching: set[str]
-) -> None:
-    left, right = -0.02 - TIP_RADIUS, 0.02 + TIP_RADIUS
-    points = {"thumb": (0.0, left - thumb, 0.02)}
-    points |= {} if index is None else {"index": (0.0, right + index, 0.02)}
-    points |= {} if middle is None else {"middle": (0.01, right + middle, 0.02)}
+def test_gaps_and_ways_out_are_those_between_surfaces() -> None:
+    reach = 0.02 + TIP_RADIUS
+    points = {"thumb": (0.0, -reach - 0.005, 0.02), "index": (0.0, reach - 0.001, 0.02), "middle": (0.1, 0.0, 0.02)}
     met = meet(CUBE, points)
-    assert {tip for tip in closed(met) if met[tip].gap <= FAR} == touching
+    assert met.keys() == {"thumb", "index"}
+    assert (met["thumb"].gap, met["index"].gap) == (pytest.approx(0.005), pytest.approx(-0.001))
+    assert met["thumb"].way == pytest.approx((0.0, -1.0, 0.0))
+    assert is_opposed(met) and not is_opposed({"thumb": met["thumb"], "index": None})
 
 
 TIP = ("thumb", "cube")

@@ -48,6 +48,19 @@ def test_two_fingertips_on_one_side_touch_and_lift_nothing(seed: int) -> None:
     assert world.belief.grasps() == {}
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_what_a_hand_lifts_a_little_is_seen_to_be_off_the_table(seed: int) -> None:
+    world = cup_in_a_hand(seed)
+    world.move("cup", standing(0.3, 0.0, SMALL, on=0.018))
+    world.run(0.4)
+    assert world.error("cup") < 0.008
+    assert ("cup", "table") not in world.belief.supports()
+    world.move("cup", standing(0.3, 0.0, SMALL))
+    world.run(1.0)
+    assert world.error("cup") < 0.006
+    assert ("cup", "table") in world.belief.supports()
+
+
 def test_a_hand_beside_an_object_does_not_touch_it() -> None:
     world = cup_in_a_hand()
     world.hand("cup", opened=0.025)
