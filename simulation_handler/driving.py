@@ -42,6 +42,7 @@ _FASTEST = 1.5  # m/s
 _FASTEST_TURN = 8.0  # rad/s
 _STILL = 0.6  # s that an object must be seen to stay where it is
 _AT_REST = 0.25  # s of that, at the end, in which it surely was where it is
+_SHORTEST = 0.3  # s of a drive: what sets out slowly has been seen to stay for a while
 _STILL_METRES = 0.012
 _STILL_RADIANS = 0.2
 _ASTRAY = 0.012  # m from where it was, and
@@ -60,12 +61,15 @@ _LOST = 0.06  # m from where it is seen, beyond which what is in or on a driven 
 
 _Twist = tuple[Vector3, Vector3]
 """m/s and rad/s, in the world"""
+_HALTED: _Twist = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 @dataclass
 class _Drive:
     """How far a body is on its way."""
 
+    begun: float
+    """s"""
     played: float
     """s, up to which it has followed the way"""
     begin: Pose
@@ -78,7 +82,7 @@ class _Drive:
     """A hand has held it since it rested"""
     still_since: float | None = None
     """s"""
-    velocity: _Twist = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    velocity: _Twist = _HALTED
     """m/s and rad/s, in the last step of physics"""
 
 
@@ -239,7 +243,7 @@ class Driving:
     def _begin(self, item: BelievedObject, start: float) -> None:
         self._bodies.set_pinned(item, False)
         here = self._bodies.pose(item.name)
-        self._drives[item.name] = _Drive(start, here, here)
+        self._drives[item.name] = _Drive(self._now, start, here, here)
 
     def _go_on(self, item: BelievedObject, drive: _Drive, now: float, seconds: float) -> None:
         before, late = item.path.at(drive.played), now - _LAG - drive.played
@@ -255,13 +259,17 @@ class Driving:
                 self._end(item, drive)
         elif item.hand and not drive.rests:
             drive.still_since = None
-        elif item.path.is_still(_STILL, _STILL_METRES, _STILL_RADIANS) and drive.played >= item.path.newest - _STILL:
+        elif now - drive.begun > _SHORTEST and self._is_still(item, drive):
             drive.still_since = now if drive.still_since is None else drive.still_since
             apart = self._bodies.pose(item.name).distance(drive.end)[0]
             if apart < _ARRIVED or now - drive.still_since > _STUCK:
                 self._end(item, drive)
         else:
             drive.still_since = None
+
+    def _is_still(self, item: BelievedObject, drive: _Drive) -> bool:
+        was_played = drive.played >= item.path.newest - _STILL
+        return was_played and item.path.is_still(_STILL, _STILL_METRES, _STILL_RADIANS)
 
     def _aim(self, item: BelievedObject, drive: _Drive) -> None:
         """Where the body should be at the end of this step: where it was seen, as far as other bodies allow."""
@@ -276,6 +284,8 @@ class Driving:
 
     def _end(self, item: BelievedObject, drive: _Drive) -> None:
         """Leave the body to perception again; or, if that has lost it, to physics, or to what holds it unseen."""
+        for load in self._loads().get(item.name, ()):
+            self._take_along(load, self._bodies.pose(item.name), drive.velocity, _HALTED)
         del self._drives[item.name]
         item.put, item.placement, item.strikes = self._bodies.pose(item.name), None, 0
         item.track.begin_anew(item.path.newest - _AT_REST)

@@ -28,11 +28,13 @@ class Thing(NamedTuple):
     shape: Shape = ()
     mass: float = 0.05
     drivable: bool = True
+    rolling_friction: float | None = None
 
 
 KINDS = {
     "cube": Thing(CUBE, drivable=False),
     "ball": Thing(BALL, ROUND),
+    "pearl": Thing(BALL, ROUND, rolling_friction=0.002),
     "marble": Thing((0.04, 0.04, 0.04), (ROUND[0]._replace(size=(0.04, 0.04, 0.04)),)),
     "box": Thing(BOX, container(BOX), 0.2),
     "other": Thing(BOX, container(BOX), 0.2),
@@ -72,8 +74,8 @@ class Occlusion:
         self.belief.set_fixture("table", TABLE, Pose((0.35, 0.0, -0.02)))
         self.now, self.ticks = 1000.0, 0
         for name in truths:
-            size, shape, mass, drivable = KINDS[name.split("_")[0]]
-            self.belief.add_object(name, size, mass=mass, shape=shape, drivable=drivable)
+            kind = KINDS[name.split("_")[0]]
+            self.belief.add_object(name, **kind._asdict())
 
     def run(self, seconds: float) -> None:
         """Let time pass."""

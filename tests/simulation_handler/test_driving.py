@@ -51,6 +51,21 @@ def test_a_box_that_seems_to_go_through_the_edge_of_another_one_kicks_neither(se
         assert off < 0.01 and turned < 0.1
 
 
+@pytest.mark.parametrize("seed", [0, 2, 5])
+def test_what_rolls_easily_does_not_roll_on_when_its_box_is_seen_to_stop(seed: int) -> None:
+    truths = {"box": standing(0.3, 0.0, BOX), "pearl": Pose((0.31, 0.01, IN_BOX))}
+    world = Occlusion(truths, seed, noise=0.005)
+    world.run(2.0)
+    world.seen = {"box"}
+    world.run(1.0)
+    before = world.pose("box").inverse() @ world.pose("pearl")
+    for y in (0.1, 0.2, 0.3):
+        world.move("box", standing(0.3, y, BOX), speed=0.1)
+        world.run(1.5)
+        after = world.pose("box").inverse() @ world.pose("pearl")
+        assert math.dist(before.t, after.t) < 0.022
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_a_ball_goes_along_in_a_box_that_is_pushed_lifted_and_put_down(seed: int) -> None:
     world = ball_in_a_box(seed)
