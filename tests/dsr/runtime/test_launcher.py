@@ -114,14 +114,16 @@ def test_an_agent_killed_with_9_is_started_again_and_the_others_do_not_notice(tm
         launcher.wait_ready()
         first, second = launcher.rows()
         assert first.pid and second.pid
-        wait_for(lambda: launcher.memory.node("cube_1")["mass"] > 0)
+        wait_for(lambda: "cube_1" in launcher.memory and launcher.memory.node("cube_1")["mass"] > 0)
+        counted = launcher.memory.node("cube_1")["mass"]
         os.kill(first.pid, signal.SIGKILL)
         wait_for(lambda: (launcher.poll(), launcher.rows()[0].restarts)[1] == 1)
         launcher.wait_ready()
         again, other = launcher.rows()
         assert again.pid != first.pid
         assert (other.pid, other.restarts) == (second.pid, 0)
-        assert launcher.memory.node("cube_1")["mass"] > 0  # it found its node as it had left it
+        assert launcher.memory.node("cube_1")["mass"] >= counted  # it found its node as it had left it
+        wait_for(lambda: launcher.memory.node("cube_1")["mass"] > counted)
 
 
 def test_a_second_system_of_the_same_name_gets_a_name_of_its_own(tmp_path: Path) -> None:

@@ -25,7 +25,8 @@ class Counter(Agent):
     Config = CounterConfig
 
     def setup(self) -> None:
-        self.memory.add_node(self.config.node, "cube", mass=0.0)
+        if self.config.node not in self.memory:
+            self.memory.add_node(self.config.node, "cube", mass=0.0)
 
     def tick(self, now: float) -> None:
         self.memory.update_node(self.config.node, mass=self.memory.node(self.config.node)["mass"] + self.config.step)
