@@ -33,6 +33,7 @@ _AT_REST = (0.4, 0.015, math.pi)  # s, m and rad: a palm that moved less than th
 _DRAWN_BACK = 0.12  # m that an opening hand may draw back before its fingertips are seen
 _DRIFT = 0.1  # share by which a palm that does not move as its fingertips do is taken to have moved by itself
 _ALONG = 0.15  # m from there, as a palm of poor rotation may be: what is in the air is in that hand, or falls
+_JUMPED = 0.05  # m that a palm seems to have gone from what it holds
 _BLEND = 0.2  # weight of the newest in how a hand holds an object
 
 
@@ -130,8 +131,11 @@ class Touching:
             grasp = self._grasps[item.hand, item.name]
             covered = grasp.covered
             there = self._covering.place(item.hand, item.name) if covered else pose @ grasp.hand_from_object
-            item.turned_by_hand, item.place_by_hand = without_yaw(levelled(item.solid(there.t, there.q))), there.t
-            if now - item.track.last_stamp > UNSEEN:
+            is_seen = now - item.track.last_stamp <= UNSEEN
+            if not is_seen or math.dist(there.t, item.path.last.t) < _JUMPED:  # else the palm is not where it seems
+                item.turned_by_hand = without_yaw(levelled(item.solid(there.t, there.q)))
+                item.place_by_hand = there.t
+            if not is_seen:
                 turned = there.q if item.shows_rotation else item.turned_by_hand
                 if not self._opens(item, touching, opposed):
                     item.path.add(self._in_fingers(item, Pose.unchecked(there.t, turned), pose))

@@ -61,6 +61,17 @@ def test_what_a_hand_lifts_a_little_is_seen_to_be_off_the_table(seed: int) -> No
     assert ("cup", "table") in world.belief.supports()
 
 
+def test_a_palm_that_jumps_says_nothing_of_how_what_it_holds_leans() -> None:
+    world = cup_in_a_hand()
+    cup = world.belief._bodies.objects["cup"]
+    world.tick()
+    assert cup.hand and cup.turned_by_hand is not None
+    world.palm = Pose.from_rotvec((0.0, 0.1, 0.0), (0.0, 0.0, 0.0)) @ world.palm
+    for _ in range(4):  # until it is believed
+        world.tick()
+    assert cup.hand and cup.turned_by_hand is None and cup.place_by_hand is None
+
+
 def test_a_hand_beside_an_object_does_not_touch_it() -> None:
     world = cup_in_a_hand()
     world.hand("cup", opened=0.025)
