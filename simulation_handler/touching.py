@@ -131,12 +131,12 @@ class Touching:
             grasp = self._grasps[item.hand, item.name]
             covered = grasp.covered
             there = self._covering.place(item.hand, item.name) if covered else pose @ grasp.hand_from_object
+            leaning = without_yaw(levelled(item.solid(there.t, there.q)))
             is_seen = now - item.track.last_stamp <= UNSEEN
             if not is_seen or math.dist(there.t, item.path.last.t) < _JUMPED:  # else the palm is not where it seems
-                item.turned_by_hand = without_yaw(levelled(item.solid(there.t, there.q)))
-                item.place_by_hand = there.t
+                item.turned_by_hand, item.place_by_hand = leaning, there.t
             if not is_seen:
-                turned = there.q if item.shows_rotation else item.turned_by_hand
+                turned = there.q if item.shows_rotation else leaning
                 if not self._opens(item, touching, opposed):
                     item.path.add(self._in_fingers(item, Pose.unchecked(there.t, turned), pose))
                 elif (left := self._left(item)) is not None:
