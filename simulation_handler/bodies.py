@@ -124,11 +124,14 @@ class Bodies:
             )
             for solid in self.fixtures.values()
         ]
-        for name, item in self.objects.items():
-            if name in self.sim:
-                pose, rolling = self.sim.pose(name), item.rolling_friction
-                bodies.append(Body(name, item.size, *pose, item.mass, item.friction, item.pinned, item.shape, rolling))
-        return Scene(tuple(bodies))
+        return Scene((*bodies, *(self.body(name) for name in self.objects if name in self.sim)))
+
+    def body(self, name: str) -> Body:
+        """The body of an object as it is now, at rest."""
+        item, pose = self.objects[name], self.sim.pose(name)
+        return Body(
+            name, item.size, *pose, item.mass, item.friction, item.pinned, item.shape, item.rolling_friction
+        )  # fmt: skip
 
     def put(self, item: BelievedObject, position: Vector3, rotation: Quaternion) -> None:
         """Put the body of an object somewhere, at rest; the first time makes it."""

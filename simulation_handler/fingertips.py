@@ -63,6 +63,11 @@ class Gaps:
         return found
 
 
+def within(gaps: Mapping[Relation, float], known: Collection[Relation]) -> set[Relation]:
+    """Likewise of what is not seen, so that nothing is known of its gaps before."""
+    return {relation for relation, gap in gaps.items() if gap <= (FAR if relation in known else NEAR)}
+
+
 def meet(solid: Solid, points: Mapping[str, Vector3]) -> dict[str, Met]:
     """Fingertips around an object, by name.
 

@@ -42,7 +42,7 @@ class _Fall(NamedTuple):
     end: Placing
     """Where it typically comes to lie."""
     around: Mapping[str, Vector3]
-    """Where other bodies were, m, that nobody moved then."""
+    """Where other bodies were, m, but for the container that it left."""
 
 
 class Spilling:
@@ -66,12 +66,12 @@ class Spilling:
 
     def update(self, inside: Iterable[Relation], left: Iterable[Relation], now: float) -> None:
         """Take in what is in a container at time `now` (s), and what has just left one: (object, container)."""
-        for name, _ in sorted(relation for relation in left if self._may_spill(relation, now)):
-            if name in self._before and (fall := self._fall(self._before[name], now)) is not None:
+        for name, container in sorted(relation for relation in left if self._may_spill(relation, now)):
+            if name in self._before and (fall := self._fall(self._before[name], container, now)) is not None:
                 self._falls[name] = fall
-        spilling = sorted(relation for relation in inside if self._may_spill(relation, now))
-        scene = self._bodies.frozen() if spilling else None
-        self._before = {} if scene is None else {name: self._moving(scene[name]) for name, _ in spilling}
+        self._before = {
+            name: self._moving(name) for name, container in inside if self._may_spill((name, container), now)
+        }
         for name, fall in list(self._falls.items()):
             if not self._is_unknown(name, now):
                 del self._falls[name]
@@ -102,15 +102,14 @@ class Spilling:
         near = [name for name, place in fall.around.items() if math.dist(place, fall.end[0]) < _AROUND]
         return all(name in sim and math.dist(sim.position(name), fall.around[name]) < _MOVED for name in near)
 
-    def _moving(self, body: Body) -> Body:
-        velocity, spin = self._bodies.sim.velocity(body.name)
-        return body._replace(velocity=velocity, spin=spin)
+    def _moving(self, name: str) -> Body:
+        velocity, spin = self._bodies.sim.velocity(name)
+        return self._bodies.body(name)._replace(velocity=velocity, spin=spin)
 
-    def _fall(self, body: Body, now: float) -> _Fall | None:
-        """How a body that moves so falls; None if it is stuck in others."""
+    def _fall(self, body: Body, container: str, now: float) -> _Fall | None:
+        """How a body that moves so falls out of a container; None if it is stuck in others."""
         objects, sim = self._bodies.objects, self._bodies.sim
-        driven = {item.name for item in objects.values() if item.driven and item.name in sim}
-        scene = self._bodies.frozen().held(driven)
+        scene = self._bodies.frozen().held([item.name for item in objects.values() if item.driven and item.name in sim])
         ways = self._ways(scene, body)
         if not ways:
             return None
@@ -119,7 +118,9 @@ class Spilling:
         places = np.array([position for position, _ in ends])
         distances = np.linalg.norm(places[:, None] - places, axis=2)
         typical = int(np.argmin(np.quantile(distances, _MOST, axis=1)))
-        around = {other: sim.position(other) for other in objects if other in sim and other not in driven | {body.name}}
+        around = {
+            other: sim.position(other) for other in objects if other in sim and other not in (body.name, container)
+        }
         return _Fall(now, ends[typical], around)
 
     def _ways(self, scene: Scene, body: Body) -> list[Body]:

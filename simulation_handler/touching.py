@@ -15,7 +15,7 @@ from simulation_handler.bodies import Bodies
 from simulation_handler.config import BeliefConfig
 from simulation_handler.covering import RESOLVED, Covering
 from simulation_handler.explaining.situation import Look
-from simulation_handler.fingertips import FAR, NEAR, Gaps, Met, is_opposed, meet
+from simulation_handler.fingertips import Gaps, Met, is_opposed, meet, within
 from simulation_handler.geometry import Solid
 from simulation_handler.hands import PINCH, TOUCH, UNSEEN, Hand, HandGrasp, HandPercept
 from simulation_handler.leaning import levelled, without_yaw
@@ -218,7 +218,7 @@ class Touching:
         for solid in solids:
             near = meet(solid, touching)
             gaps = {(tip, item.name): met.gap for tip, met in near.items()}
-            touch = self._gaps.touching(gaps, known, now) if is_seen else _touching(gaps, known)
+            touch = self._gaps.touching(gaps, known, now) if is_seen else within(gaps, known)
             met: dict[str, Met | None] = {tip: near[tip] for tip, _ in sorted(touch)}
             if (is_opposed(met), len(met)) > (is_opposed(found), len(found)):
                 found = met
@@ -371,11 +371,6 @@ class Touching:
             if grasp.grip == PINCH or grasp.presumed or is_carried:
                 holders.setdefault(thing, hand)
         return holders
-
-
-def _touching(gaps: Mapping[Relation, float], known: Collection[Relation]) -> set[Relation]:
-    """Which (fingertip, object), at `gaps` (m), touch what is unseen."""
-    return {relation for relation, gap in gaps.items() if gap <= (FAR if relation in known else NEAR)}
 
 
 def _drops(hand: Hand, item: BelievedObject) -> bool:

@@ -84,11 +84,12 @@ def test_it_is_the_same_each_time(pouring: Pouring) -> None:
 
 
 @pytest.mark.parametrize("pouring", [STARTS[2]], indirect=True)
-@pytest.mark.parametrize("reason", ["seen", "held", "at rest", "box moved", "removed"])
+@pytest.mark.parametrize("reason", ["seen", "held", "at rest", "neighbour moved", "neighbour carried", "removed"])
 def test_what_is_known_otherwise_is_left_alone(pouring: Pouring, reason: str) -> None:
     bodies, spilling = pouring.bodies, pouring.spilling
     if reason == "at rest":
         bodies.objects["pourer"].driven = False
+    bodies.objects["cube"].driven = reason == "neighbour carried"
     spilling.update([RELATION], [], NOW)
     bodies.sim.step(STEP)
     spilling.update([], [RELATION], NOW + 0.05)
@@ -97,7 +98,7 @@ def test_what_is_known_otherwise_is_left_alone(pouring: Pouring, reason: str) ->
         bodies.objects["ball"].track.last_stamp = NOW + 2.0
     elif reason == "held":
         bodies.objects["ball"].hand = "human_hand_0"
-    elif reason == "box moved":
+    elif reason.startswith("neighbour"):
         bodies.sim.place("cube", (0.12, 0.02, 0.02), (0.0, 0.0, 0.0, 1.0))
     elif reason == "removed":
         bodies.remove("ball")
