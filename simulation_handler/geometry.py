@@ -105,7 +105,7 @@ class Solid:
 
     @cached_property
     def footprint(self) -> Polygon:
-        """Its outline seen from above; of several pieces, that of the bounding box."""
+        """Its outline seen from above, to 1e-7 of its size; of several pieces, that of the bounding box."""
         x, y, _ = self.position
         if self.is_round:
             half = 0.5 * self.size[0]

@@ -88,7 +88,7 @@ def test_a_footprint_holds_the_projection_of_all_corners(q: Quaternion, a: float
     corners = Pose(solid.position, q).apply(np.array(np.meshgrid([-a, a], [-b, b], [-c, c])).reshape(3, -1).T / 2)
     outline = solid.footprint
     assert area(outline) > 0.0
-    grown = [(0.3 + (x - 0.3) * (1 + 1e-6), -0.2 + (y + 0.2) * (1 + 1e-6)) for x, y in outline]
+    grown = [(0.3 + (x - 0.3) * (1 + 1e-5), -0.2 + (y + 0.2) * (1 + 1e-5)) for x, y in outline]  # 0.05 um at least
     assert all(contains(grown, (x, y)) for x, y, _ in corners)
     assert solid.top == pytest.approx(corners[:, 2].max())
     assert solid.bottom == pytest.approx(corners[:, 2].min())
