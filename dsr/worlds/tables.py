@@ -133,20 +133,24 @@ class Group(MutableMapping[K, V], Generic[K, V]):
         self._taken = taken
         self._parent = parent
         self._elements = elements
-        self._left: int | None = None
-        """How many of the parent's are not taken, if it was counted."""
+        self._takes = 0
+        """Goes up before and after each take, so that what was counted in between does not count."""
+        self._left: tuple[int, int] | None = None
+        """At which `_takes` it was counted how many of the parent's are neither taken nor in `own`."""
         self._version = 0
         self._listed: tuple[int, list[V]] | None = None
 
-    def take(self) -> None:
-        """One of the parent's members is about to be taken."""
-        if self._left is not None:
-            self._left -= 1
-        self._version += 1
+    def take(self, key: K, value: V) -> None:
+        """One of the parent's members is about to be taken, as `value`."""
+        takes, left = self._takes, self._left
+        self._takes = takes + 1
+        self[key] = value
+        self._left = (takes + 2, left[1] - 1) if left is not None and left[0] == takes else None
+        self._takes = takes + 2
 
     def outdate(self) -> None:
         """The parent's members are others now."""
-        self._left = None
+        self._takes += 2
         self._version += 1
 
     def forget_handles(self) -> None:
@@ -173,21 +177,24 @@ class Group(MutableMapping[K, V], Generic[K, V]):
         return iter(dict.fromkeys([*theirs, *self.own]))
 
     def __len__(self) -> int:
-        if self._left is None:
-            self._left = sum(1 for key in list(self._parent()) if key not in self._taken)
-        return self._left + len(self.own)
+        takes, left, taken, own = self._takes, self._left, self._taken, self.own
+        if left is None or left[0] != takes:
+            left = self._left = takes, sum(key not in taken and key not in own for key in list(self._parent()))
+        count = left[1] + len(own)
+        return count if takes == self._takes else sum(1 for _ in self)
 
     def values(self) -> list[V]:  # type: ignore[override]
         """See `MutableMapping`."""
         listed, version = self._listed, self._version
         if listed is not None and listed[0] == version:
             return listed[1].copy()
-        found, theirs, taken, elements = [], self._parent(), self._taken, self._elements
+        theirs, taken, elements = self._parent(), self._taken, self._elements
         if isinstance(theirs, dict) and elements is not None:
             handle = elements.handle
-            found = [handle(key, element) for key, element in list(theirs.items()) if key not in taken]
-            found += list(self.own.values())
+            members = {key: handle(key, element) for key, element in list(theirs.items()) if key not in taken}
+            found = list((members | self.own).values())  # some of them may have been taken meanwhile
         else:
+            found = []
             for key in self:
                 with contextlib.suppress(KeyError):  # gone meanwhile
                     found.append(self[key])
@@ -211,10 +218,7 @@ class Groups(MutableMapping[str, MutableMapping[K, V]], Generic[K, V]):
 
     def take(self, name: str, key: K, value: V) -> None:
         """A member of this group of the parent is about to be taken, as `value`."""
-        group = self._groups.get(name)
-        if group is not None:
-            group.take()
-        self.setdefault(name)[key] = value
+        self._made(name).take(key, value)
 
     def known(self, name: str) -> Group[K, V] | None:
         """The group of this name, if more is known of it than what the parent knows."""
@@ -222,18 +226,23 @@ class Groups(MutableMapping[str, MutableMapping[K, V]], Generic[K, V]):
 
     def forget_handles(self) -> None:
         """Give back what only makes reading again faster."""
-        self._groups = {name: group for name, group in self._groups.items() if group.own}
-        for group in self._groups.values():
+        self._groups = {name: group for name, group in list(self._groups.items()) if group.own}
+        for group in list(self._groups.values()):
             group.forget_handles()
 
-    def _group(self, name: str) -> Group[K, V]:
-        return Group(self._taken, lambda: self._parent().get(name, _EMPTY), self._elements)
+    def _made(self, name: str) -> Group[K, V]:
+        """The group of this name, the same one for all threads."""
+        group = self._groups.get(name)
+        if group is None:
+            made = Group(self._taken, lambda: self._parent().get(name, _EMPTY), self._elements)
+            group = self._groups.setdefault(name, made)
+        return group
 
     def get(self, name: str, default: Any = None) -> Any:
         """See `MutableMapping`."""
         group = self._groups.get(name)
         if group is None and name in self._parent():
-            group = self._groups[name] = self._group(name)
+            group = self._made(name)
         return default if group is None else group
 
     def __getitem__(self, name: str) -> MutableMapping[K, V]:
@@ -244,10 +253,7 @@ class Groups(MutableMapping[str, MutableMapping[K, V]], Generic[K, V]):
 
     def setdefault(self, name: str, default: object = None) -> MutableMapping[K, V]:
         """See `MutableMapping`."""
-        group = self._groups.get(name)
-        if group is None:
-            group = self._groups[name] = self._group(name)
-        return group
+        return self._made(name)
 
     def __setitem__(self, name: str, value: MutableMapping[K, V]) -> None:
         raise NotImplementedError

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import gc
+import sys
 import threading
 import weakref
+from collections.abc import Iterator
 
 import pytest
 
@@ -223,6 +225,16 @@ def test_a_fork_of_a_deleted_fork_keeps_what_it_reads(net: Net) -> None:
     assert second.node("cube_3")["mass"] == 1.0 and "table" in second
 
 
+@pytest.fixture
+def hurried_threads() -> Iterator[None]:
+    """Threads that take turns a thousand times as often as usual."""
+    usual = sys.getswitchinterval()
+    sys.setswitchinterval(usual / 1000)
+    yield
+    sys.setswitchinterval(usual)
+
+
+@pytest.mark.usefixtures("hurried_threads")
 def test_what_is_read_without_a_lock_never_shows_what_the_parent_writes(net: Net) -> None:
     a = net.join("a")
     a.add_node("world", "world")
@@ -247,6 +259,7 @@ def test_what_is_read_without_a_lock_never_shows_what_the_parent_writes(net: Net
         last = stop.is_set()
         nodes = fork.nodes("cube")
         assert len(nodes) == 200 and all(node["mass"] == 0.0 for node in nodes)
+        assert len(fork.replica.graph.nodes_by_type["cube"]) == 200
         assert all(fork.transform("world", f"n{index}").t[0] == 0.0 for index in range(200))
         fork.poll()
         if last:
