@@ -50,7 +50,7 @@ class Belief:
         self._relations = Relations(self.config.relation_delay)
         self._containment = Containment(self.config.relation_delay)
         self._driving = Driving(self._bodies, self._relations, self._containment, self.config)
-        self._touching = Touching(self._bodies, self.config)
+        self._touching = Touching(self._bodies, self._containment)
         self._fingers = Fingers(self._bodies, self._touching, self._containment)
         self._holding = Holding(self._bodies)
         self._spilling = Spilling(self._bodies)
@@ -205,7 +205,7 @@ class Belief:
             self._fingers.note_pushes()
         self._now = now
         self._explainer.settle_relations(now)
-        self._relations.update(resting(self._bodies.sim.contacts()), now)
+        self._relations.update(resting(self._bodies.sim.contacts()) | self._driving.supports, now)
         self._containment.update(self.solids(), now)
         self._spilling.update(self._containment.current(), self._containment.left, now)
 
@@ -246,7 +246,7 @@ class Belief:
         return self._bodies.object(name).estimate_at(now) is not None
 
     def plausible(self, name: str) -> bool:
-        """Whether the newest percepts fit a pose that physics allows, up to their noise."""
+        """Whether what is seen of it now, if anything is, fits a pose that physics allows, up to its noise."""
         item = self._bodies.object(name)
         if item.holder:
             return True
@@ -254,7 +254,8 @@ class Belief:
             return self._driving.rests(name)
         if item.pinned:
             return False
-        if item.track.estimate is None or name not in self._bodies.sim:
+        estimate = item.estimate_at(self._now) if self._now is not None else item.track.estimate
+        if estimate is None or name not in self._bodies.sim:
             return True
-        apart = math.dist(item.track.estimate.position, self._bodies.sim.position(name))
+        apart = math.dist(estimate.position, self._bodies.sim.position(name))
         return apart <= self.config.hover_tolerance

@@ -10,9 +10,9 @@ The way is played a little late, smoothed, so that noise shakes nothing and no b
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Set
+from collections.abc import Set
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import msgspec
 import numpy as np
@@ -21,16 +21,18 @@ from dsr.quaternions import Vector3
 from dsr.transforms import Pose
 from simulation_handler.bodies import Bodies
 from simulation_handler.config import BeliefConfig
-from simulation_handler.containment import Containment, carried_by
+from simulation_handler.containment import Containment
 from simulation_handler.explaining.scoring import is_displaced
 from simulation_handler.explaining.situation import seen_now
 from simulation_handler.hands import UNSEEN
+from simulation_handler.loads import HALTED, Loads, Twist, only_base
 from simulation_handler.objects import BelievedObject
-from simulation_handler.paths import between, turn_between
+from simulation_handler.paths import Path, between, turn_between
 from simulation_handler.percepts import Array
 from simulation_handler.placement import place
-from simulation_handler.relations import Relations
+from simulation_handler.relations import Relation, Relations
 from simulation_handler.simulator import GRAVITY, TIME_STEP
+from simulation_handler.supports import UNKNOWN
 
 _LAG = 0.05  # s by which a body is behind what is seen
 _HURRY = 2.0  # how much faster than it was seen to a body may move to catch up
@@ -54,14 +56,10 @@ _STUCK = 1.0  # s after which a body that cannot get where it is seen is driven 
 _VAGUE: Array = np.diag((1e-5, 1e-5, 1e-4))  # m^2, of what is unseen in a hand
 _ALIKE = 0.5  # of the way that a load was seen to take, by which that of what it stands on is another one
 _SURELY_APART = 0.03  # m of its way, from which a load is seen to leave what it stands on
-_UPRIGHT = 0.35  # rad of tilt, up to which what stands on a driven body does not slide
 _BESIDE = 0.02  # m of height that both bodies share, from which neither stands on the other
+_LATELY = 0.3  # s in which the speed of what is seen is measured
+_JUST = 0.15  # s for which a percept tells where what moves is
 _LOST = 0.06  # m from where it is seen, beyond which what is in or on a driven object does not ride with it
-
-
-_Twist = tuple[Vector3, Vector3]
-"""m/s and rad/s, in the world"""
-_HALTED: _Twist = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 @dataclass
@@ -76,14 +74,21 @@ class _Drive:
     """World_from_object where this step of the belief begins"""
     end: Pose
     """Likewise where it ends"""
-    rests: bool = True
-    """Something carries it there"""
+    supports: tuple[str, ...] | None = None
+    """What carries it there; None while that is not known"""
     by_hand: bool = False
     """A hand has held it since it rested"""
     still_since: float | None = None
     """s"""
-    velocity: _Twist = _HALTED
+    velocity: Twist = HALTED
     """m/s and rad/s, in the last step of physics"""
+    speed: float = 0.0
+    """m/s, as it was seen to move lately; what it pushes is not faster"""
+
+    @property
+    def rests(self) -> bool:
+        """Whether something carries it there, as far as that is known."""
+        return self.supports is None or bool(self.supports)
 
 
 class Driving:
@@ -91,8 +96,7 @@ class Driving:
 
     def __init__(self, bodies: Bodies, relations: Relations, containment: Containment, config: BeliefConfig) -> None:
         self._bodies = bodies
-        self._relations = relations
-        self._containment = containment
+        self._loads = Loads(bodies, relations, containment)
         self._config = config
         self._lifted = msgspec.structs.replace(config, hover_tolerance=min(_ASTRAY_BOTH, config.hover_tolerance))
         self._drives: dict[str, _Drive] = {}
@@ -111,7 +115,7 @@ class Driving:
                 self._begin(item, start)
         self._lead_from_below(self._drives.keys() - before, now)
         self._let_pass(now)
-        riders = self._riders(self._drives)
+        riders = self._loads.riders(self._drives)
         for item in self._bodies.objects.values():
             item.driven = item.name in self._drives
             item.rides = item.name in riders and not self._is_lost(item, now)
@@ -121,7 +125,7 @@ class Driving:
 
         If it sets out first, that comes along, or it waits until it is sure that they part.
         """
-        beneath = self._beneath()
+        beneath = self._loads.beneath()
         for name in sorted(new & beneath.keys()):
             load, start = self._bodies.objects[name], self._drives[name].played
             for base in sorted(beneath[name] & self._bodies.objects.keys() - self._drives.keys()):
@@ -136,19 +140,12 @@ class Driving:
         for name in sorted(self._drives.keys() & beneath.keys()):
             item = self._bodies.objects[name]
             others = self._drives.keys() - {name}
-            if not item.hand and _only_base(name, beneath, others) and not self._is_lost(item, now):
+            if not item.hand and only_base(name, beneath, others) and not self._is_lost(item, now):
                 self._drives.pop(name)
 
     def _way(self, item: BelievedObject) -> Array:
         """(3,) m from where an object is believed to be to where it was seen last."""
         return np.subtract(item.path.at(item.path.newest).t, self._bodies.sim.position(item.name))
-
-    def _beneath(self) -> dict[str, set[str]]:
-        """What each object stands on."""
-        beneath: dict[str, set[str]] = {}
-        for upper, lower in self._relations.current():
-            beneath.setdefault(upper, set()).add(lower)
-        return beneath
 
     def _let_pass(self, now: float) -> None:
         """Bodies beside each other, of which one is driven, do not push each other while both are seen: that tells all.
@@ -158,7 +155,7 @@ class Driving:
         sim, objects = self._bodies.sim, self._bodies.objects.values()
         seen = [item.name for item in objects if item.drivable and now - item.track.last_stamp <= UNSEEN]
         names = sorted(self._drives.keys() | {name for name in seen if name in sim})
-        riders = {name: self._riders([name]) for name in names}
+        riders = {name: self._loads.riders([name]) for name in names}
         pairs = [pair for pair in combinations(names, 2) if not self._drives.keys().isdisjoint(pair)]
         sim.let_pass({(a, b) for a, b in pairs if b not in riders[a] and a not in riders[b] and self._beside(a, b)})
 
@@ -176,7 +173,8 @@ class Driving:
         if not self._drives:
             sim.step(count)
             return
-        loads = self._loads()
+        loads = self._loads.standing(self._drives.keys())
+        pushed = self._loads.pushed({name: drive.speed for name, drive in self._drives.items()}, loads)
         for k in range(1, count + 1):
             for name, drive in self._drives.items():
                 here = Pose.unchecked(*sim.pose(name))
@@ -184,33 +182,16 @@ class Driving:
                 (x, y, z), spin = drive.velocity
                 sim.set_velocity(name, (x, y, z + GRAVITY * TIME_STEP), spin)
                 for load in loads.get(name, ()):
-                    self._take_along(load, here, before, drive.velocity)
+                    self._loads.take_along(load, here, before, drive.velocity)
             sim.step(gently=True)
+            for name, speed in pushed.items():
+                self._loads.slow_down(name, speed)
 
-    def _loads(self) -> dict[str, list[str]]:
-        """What stands on each driven object that is about upright and on nothing else, directly and indirectly.
-
-        What a hand does gently shifts none of that; but the way of a body is as unsteady as percepts are.
-        """
-        beneath, found = self._beneath(), dict[str, list[str]]()
-        for name in sorted(beneath.keys() - self._drives.keys()):
-            item = self._bodies.objects.get(name)
-            base = _only_base(name, beneath, self._drives.keys())
-            if base is None or item is None or item.pinned or item.holder or name not in self._bodies.sim:
-                continue
-            if self._bodies.solid(base).face_down()[1] < _UPRIGHT:
-                found.setdefault(base, []).append(name)
-        return found
-
-    def _take_along(self, load: str, base: Pose, before: _Twist, after: _Twist) -> None:
-        """Let what stands on a driven body, at `base`, change its velocity as that does."""
-        position, (linear, spin) = self._bodies.sim.position(load), self._bodies.sim.velocity(load)
-        arm = np.subtract(position, base.t)
-        turn = np.subtract(after[1], before[1])
-        push = np.subtract(after[0], before[0]) + np.cross(turn, arm)
-        x, y, z = (linear + push).tolist()
-        a, b, c = (spin + turn).tolist()
-        self._bodies.sim.set_velocity(load, (x, y, z), (a, b, c))
+    @property
+    def supports(self) -> set[Relation]:
+        """(object, what carries it) of the driven objects that slide or stand on something, which they hardly touch."""
+        drives = self._drives.items()
+        return {(name, base) for name, drive in drives for base in drive.supports or () if base != UNKNOWN}
 
     def rests(self, name: str) -> bool:
         """Whether something carries a driven object where it is seen, and it does not move any more."""
@@ -251,6 +232,7 @@ class Driving:
         drive.begin = drive.end
         drive.by_hand = bool(item.hand) or (drive.by_hand and not drive.rests)
         self._aim(item, drive)
+        drive.speed = _speed(item.path, drive.played)
         passed = math.dist(before.t, item.path.at(drive.played).t)
         behind = math.dist(drive.begin.t, drive.end.t)
         drive.end = _towards(drive.begin, drive.end, passed + seconds * max(_CATCHING_UP, behind / _CAUGHT_UP))
@@ -275,33 +257,29 @@ class Driving:
         """Where the body should be at the end of this step: where it was seen, as far as other bodies allow."""
         pose = item.path.at(drive.played)
         above = self._bodies.above(item, pose.t)
-        scene = self._bodies.scene(leaving_out={item.name, *above, *self._riders([item.name])})
+        scene = self._bodies.scene(leaving_out={item.name, *above, *self._loads.riders([item.name])})
         covariance = _VAGUE if item.track.estimate is None else item.percept_covariance(self._config)
         config = self._lifted if _is_lifted(item, drive) else self._config
         placement = place(item.solid(pose.t, pose.q), covariance, list(scene.values()), config)
-        drive.end, drive.rests = placement.solid.pose, placement.rests
+        drive.end, drive.supports = placement.solid.pose, placement.supports
         item.hovering_since = None if drive.rests else (item.hovering_since or self._now)
 
     def _end(self, item: BelievedObject, drive: _Drive) -> None:
         """Leave the body to perception again; or, if that has lost it, to physics, or to what holds it unseen."""
-        for load in self._loads().get(item.name, ()):
-            self._take_along(load, self._bodies.pose(item.name), drive.velocity, _HALTED)
+        for load in self._loads.standing(self._drives.keys()).get(item.name, ()):
+            self._loads.take_along(load, self._bodies.pose(item.name), drive.velocity, HALTED)
         del self._drives[item.name]
         item.put, item.placement, item.strikes = self._bodies.pose(item.name), None, 0
         item.track.begin_anew(item.path.newest - _AT_REST)
         self._bodies.sim.set_velocity(item.name, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         is_unseen = item.vanished_when_let_go or not item.track.is_fresh(self._now)
         is_let_go = drive.by_hand and not item.hand and is_unseen
-        if not drive.rests and not is_let_go:
+        if not drive.rests and not is_let_go and item.name not in self._loads.riders(self._drives):
             self._bodies.set_pinned(item, True)
-
-    def _riders(self, leaders: Collection[str]) -> set[str]:
-        """What is in or on some objects, directly and indirectly."""
-        return carried_by(leaders, [*self._relations.current(), *self._containment.current()]) if leaders else set()
 
     def _is_lost(self, item: BelievedObject, now: float) -> bool:
         """Whether an object is seen far from where its container should have taken it."""
-        if item.estimate_at(now) is None or item.name not in self._bodies.sim:
+        if now - item.track.last_stamp > _JUST or item.estimate_at(now) is None or item.name not in self._bodies.sim:
             return False
         return math.dist(item.percept().position, self._bodies.sim.position(item.name)) > _LOST
 
@@ -323,27 +301,19 @@ def _is_lifted(item: BelievedObject, drive: _Drive) -> bool:
     return not drive.rests or height > _ASTRAY_BOTH
 
 
+def _speed(path: Path, time: float) -> float:
+    """m/s at which something was seen to move up to that time (s), or a moment before."""
+    places = [path.at(time - k * _LATELY).t for k in range(3)]
+    return max(math.dist(a, b) for a, b in pairwise(places)) / _LATELY
+
+
 def _towards(a: Pose, b: Pose, metres: float) -> Pose:
     """On the way from a to b, as far as that."""
     distance = math.dist(a.t, b.t)
     return b if distance <= metres else between(a, b, metres / distance)
 
 
-def _only_base(name: str, beneath: Mapping[str, set[str]], drives: Set[str]) -> str | None:
-    """The one driven object on which something stands, also indirectly; None if it stands on anything else, too."""
-    found: set[str] = set()
-    level, known = {name}, {name}
-    while level:
-        lower = {base for upper in level for base in beneath.get(upper, {""})}
-        if "" in lower:
-            return None
-        found |= lower & drives
-        level = lower - found - known
-        known |= level
-    return found.pop() if len(found) == 1 else None
-
-
-def _velocity(here: Pose, drive: _Drive, share: float, seconds: float) -> _Twist:
+def _velocity(here: Pose, drive: _Drive, share: float, seconds: float) -> Twist:
     """m/s and rad/s at which a body gets to where it should be after a share of a step of the belief."""
     there = between(drive.begin, drive.end, share)
     steady = [(b - a) / seconds for a, b in zip(drive.begin.t, drive.end.t, strict=True)]

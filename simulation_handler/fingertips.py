@@ -36,6 +36,8 @@ class Met(NamedTuple):
     """m between the surfaces"""
     way: Vector3
     """The way out of the object there."""
+    point: Vector3
+    """Where its centre is, m."""
 
 
 class Gaps:
@@ -83,13 +85,18 @@ def _near(solid: Solid, point: Vector3) -> Met | None:
     if math.dist(point, solid.position) > solid.radius + TIP_RADIUS + _REACH:
         return None
     distance, way = outwards(solid, point)
-    return Met(distance - TIP_RADIUS, way) if _DEEPEST <= distance - TIP_RADIUS <= _REACH else None
+    return Met(distance - TIP_RADIUS, way, point) if _DEEPEST <= distance - TIP_RADIUS <= _REACH else None
 
 
 def is_opposed(fingertips: Mapping[str, Met | None]) -> bool:
-    """Whether two fingertips, of those of which that is known, are on opposite sides."""
-    known = [met.way for met in fingertips.values() if met is not None]
-    return any(_dot(a, b) < _OPPOSED for a, b in combinations(known, 2))
+    """Whether two fingertips, of those of which that is known, are on opposite sides with something between them.
+
+    Two that are spread in a container press on its walls the opposite ways, too, but from within.
+    """
+    known = [met for met in fingertips.values() if met is not None]
+    return any(
+        _dot(a.way, b.way) < _OPPOSED and _dot(a.way, a.point) > _dot(a.way, b.point) for a, b in combinations(known, 2)
+    )
 
 
 def _dot(a: Vector3, b: Vector3) -> float:

@@ -60,6 +60,8 @@ class HandGrasp:
     """It is held, very likely: the hand hides it, and so where the finger is that would oppose."""
     opened: bool = False
     """It was a pinch until its fingertips were seen apart, and the object was not seen since: it is held no more."""
+    put_down: bool = False
+    """It was a pinch until the hand was seen to open about what rested."""
     places: dict[str, Vector3] = field(default_factory=dict)
     """Of the fingertips that touched it while that could be seen, in its frame, m."""
     covered: bool = False

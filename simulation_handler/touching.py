@@ -1,29 +1,27 @@
 """Hands: which object they touch, how, and what goes with them where nobody sees it.
 
-Contact is looked for where hand and object were seen at the same time, for the bodies of the simulation are a little
-late. What is seen of an object counts more than what is seen of the hand that holds it; while it is unseen, it is where
+What is seen of an object counts more than what is seen of the hand that holds it; while it is unseen, it is where
 the hand has it; while neither is seen, nothing changes.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 
 from dsr.transforms import Pose
 from simulation_handler.bodies import Bodies
-from simulation_handler.config import BeliefConfig
+from simulation_handler.contacts import TOUCH_DELAY, Contacts, drops
+from simulation_handler.containment import Containment, with_contents
 from simulation_handler.covering import RESOLVED, Covering
 from simulation_handler.explaining.situation import Look
-from simulation_handler.fingertips import Gaps, Met, is_opposed, meet, within
-from simulation_handler.geometry import Solid
 from simulation_handler.hands import PINCH, TOUCH, UNSEEN, Hand, HandGrasp, HandPercept
 from simulation_handler.leaning import levelled, without_yaw
+from simulation_handler.left_behind import ABSENT, LeftBehind
 from simulation_handler.objects import BelievedObject
 from simulation_handler.paths import Path, between
-from simulation_handler.relations import Relation, Relations
+from simulation_handler.relations import Relation
 
-_TOUCH_DELAY = 0.2  # s that a touch must last, or be gone
 _HIDDEN = 0.6  # s for which a fingertip that touched what is seen may be hidden while its palm is in sight
 _ELSEWHERE = 0.05  # m from where its hand would have it, from which an object at rest is not held
 _PRESUMED = 0.3  # s that a hand must touch what it hides, to be presumed to hold it
@@ -40,17 +38,16 @@ _BLEND = 0.2  # weight of the newest in how a hand holds an object
 class Touching:
     """Keeps track of hands and of what they hold."""
 
-    def __init__(self, bodies: Bodies, config: BeliefConfig) -> None:
+    def __init__(self, bodies: Bodies, containment: Containment) -> None:
         self.look: Look | None = None
         """What cameras should see; None without one."""
         self._bodies = bodies
-        self._config = config
+        self._containment = containment
         self._hands: dict[str, Hand] = {}
-        self._touches = Relations(_TOUCH_DELAY)  # (fingertip, object)
-        self._pinches = Relations(_TOUCH_DELAY)  # (hand, object)
-        self._gaps = Gaps()
         self._grasps: dict[Relation, HandGrasp] = {}
+        self._contacts = Contacts(bodies, self._hands, self._grasps)
         self._covering = Covering(bodies)
+        self._left_behind = LeftBehind(bodies)
         self._recalled: dict[Relation, float] = {}  # s up to which a recalled grasp may wait for its touch
 
     @property
@@ -87,7 +84,7 @@ class Touching:
     def _may_touch_hidden(self, tip: str, hand: Hand) -> bool:
         """Whether a fingertip that is hidden goes on touching: what is hidden with it, or anything for a short time."""
         now = hand.path.newest
-        touched = [self._bodies.objects[thing] for name, thing in self._touches.current() if name == tip]
+        touched = [self._bodies.objects[thing] for name, thing in self._contacts.touches if name == tip]
         is_short = now - hand.tips[tip].newest <= _HIDDEN
         return any(is_short or now - item.track.last_stamp > UNSEEN for item in touched)
 
@@ -99,13 +96,13 @@ class Touching:
         self._grasps[relation] = grasp
         self._recalled[relation] = math.inf
         if grasp.grip == PINCH:
-            self._pinches.recall(relation, grasp.since, now)
+            self._contacts.recall_pinch(relation, grasp.since, now)
 
     def forget(self, name: str) -> None:
         """Of an object that is no more."""
-        self._grasps = {relation: grasp for relation, grasp in self._grasps.items() if name not in relation}
-        self._touches.forget(name)
-        self._pinches.forget(name)
+        for relation in [relation for relation in self._grasps if name in relation]:
+            del self._grasps[relation]
+        self._contacts.forget(name)
         self._covering.forget(name)
 
     def take(self, name: str, now: float) -> str:
@@ -114,41 +111,57 @@ class Touching:
 
     def update(self, now: float) -> None:
         """Decide at time `now` (s) what is touched and held, and let what is unseen and held go with its hand."""
-        touching, opposed = self._contacts(now)
-        self._touches.update(touching, now)
-        self._pinches.update(opposed, now)
+        self._contacts.update(now)
         self._update_grasps(now)
         self._update_covered(now)
-        holders = self._holders(now)
+        holders = self._holders()
         for item in self._bodies.objects.values():
             before, item.hand = item.hand, holders.get(item.name, "")
             item.turned_by_hand = item.place_by_hand = None
             if before and not item.hand:
                 item.let_go_at = now
-            if not item.hand or not self._hands[item.hand].perceived:
-                continue
-            pose = self._hands[item.hand].path.last
-            grasp = self._grasps[item.hand, item.name]
-            covered = grasp.covered
-            there = self._covering.place(item.hand, item.name) if covered else pose @ grasp.hand_from_object
-            leaning = without_yaw(levelled(item.solid(there.t, there.q)))
-            is_seen = now - item.track.last_stamp <= UNSEEN
-            if not is_seen or math.dist(there.t, item.path.last.t) < _JUMPED:  # else the palm is not where it seems
-                item.turned_by_hand, item.place_by_hand = leaning, there.t
-            if not is_seen:
-                turned = there.q if item.shows_rotation else leaning
-                if not self._opens(item, touching, opposed):
-                    item.path.add(self._in_fingers(item, Pose.unchecked(there.t, turned), pose))
-                elif (left := self._left(item)) is not None:
-                    item.path.add(left.with_stamp(pose.stamp))
+        held = [item for item in self._bodies.objects.values() if item.hand]
+        self._left_behind.keep({(item.hand, item.name) for item in held if now - item.track.last_stamp > UNSEEN})
+        for item in held:
+            if self._hands[item.hand].perceived:
+                self._follow_hand(item, now)
+            elif now - item.track.last_stamp > UNSEEN:
+                self._left_behind.hide((item.hand, item.name))
 
-    def _opens(self, item: BelievedObject, touching: set[Relation], opposed: set[Relation]) -> bool:
-        """Whether the hand that holds an object may be letting go of it just now: it then takes it nowhere."""
-        relation = (item.hand, item.name)
-        if self._grasps[relation].covered:
-            return False
-        was_pinched = relation in self._pinches.current() and relation not in opposed
-        return was_pinched or not any((tip, item.name) in touching for tip in self._hands[item.hand].tips)
+    def _follow_hand(self, item: BelievedObject, now: float) -> None:
+        """An object is held by a hand in sight: it leans as that says, and goes with it while it is not seen."""
+        pose, relation = self._hands[item.hand].path.last, (item.hand, item.name)
+        grasp = self._grasps[relation]
+        there = self._covering.place(*relation) if grasp.covered else pose @ grasp.hand_from_object
+        leaning = without_yaw(levelled(item.solid(there.t, there.q)))
+        is_seen = now - item.track.last_stamp <= UNSEEN
+        if not is_seen and not grasp.covered:
+            seconds = self._left_behind.absent_for(relation, there, self.look, now)
+            if seconds is not None:
+                if seconds >= ABSENT:
+                    self._leave_behind(item, now)
+                return
+        if not is_seen or math.dist(there.t, item.path.last.t) < _JUMPED:  # else the palm is not where it seems
+            item.turned_by_hand, item.place_by_hand = leaning, there.t
+        if not is_seen:
+            turned = there.q if item.shows_rotation else leaning
+            if grasp.covered or not self._contacts.opens(relation):
+                item.path.add(self._in_fingers(item, Pose.unchecked(there.t, turned), pose))
+            elif (left := self._left(item)) is not None:
+                item.path.add(left.with_stamp(pose.stamp))
+
+    def _leave_behind(self, item: BelievedObject, now: float) -> None:
+        """A hand has come back without an object: that falls, with what is in it, where the hand must have left it."""
+        relation, bodies = (item.hand, item.name), self._bodies
+        grasp = self._grasps.pop(relation)
+        there = self._left_behind.place(relation) or grasp.sure or item.path.at(item.track.last_stamp)
+        self._contacts.end(relation)
+        scene = bodies.scene(leaving_out=())
+        moved = {item.name: item.solid(there.t, there.q)}
+        for solid in (moved | with_contents(moved, scene)).values():
+            bodies.put(bodies.objects[solid.name], solid.position, solid.rotation)
+        item.path.add(there.with_stamp(now))
+        item.hand, item.let_go_at = "", now
 
     def _in_fingers(self, item: BelievedObject, there: Pose, palm: Pose) -> Pose:
         """Where an unseen object is that by the palm of its hand is `there`: it moves only if its fingertips do, too.
@@ -159,7 +172,7 @@ class Touching:
         offsets = [
             tuple(a - b for a, b in zip(hand.tips[tip].last.t, (there @ Pose.unchecked(place, there.q)).t, strict=True))
             for tip, place in grasp.places.items()
-            if tip in hand.tips and (tip, item.name) in self._touches.current() and hand.measures(hand.tips[tip])
+            if tip in hand.tips and (tip, item.name) in self._contacts.touches and hand.measures(hand.tips[tip])
         ]
         if not offsets:
             if hand.path.is_still(*_AT_REST):
@@ -179,80 +192,20 @@ class Touching:
         is_near = left is not None and math.dist(left.t, item.path.last.t) <= _DRAWN_BACK
         return left if is_near else None
 
-    def _contacts(self, now: float) -> tuple[set[Relation], set[Relation]]:
-        """(fingertip, object) and (hand, object) that touch, and pinch, as far as can be told."""
-        touching: set[Relation] = set()
-        opposed: set[Relation] = set()
-        known = self._touches.current().keys()
-        for name, hand in self._hands.items():
-            for item in self._bodies.objects.values():
-                if item.name not in self._bodies.sim or item.holder or _drops(hand, item):
-                    continue
-                if not hand.perceived:
-                    touching |= {relation for relation in known if relation in self._of(hand, item)}
-                    opposed |= {(name, item.name)} & self._pinches.current().keys()
-                    continue
-                touched = self._touched(hand, item, known, now)
-                touching |= {(tip, item.name) for tip in touched}
-                if is_opposed(touched):
-                    opposed.add((name, item.name))
-                elif sum(met is not None for met in touched.values()) < 2 <= len(touched):
-                    opposed |= {(name, item.name)} & self._pinches.current().keys()
-        return touching, opposed
-
-    def _of(self, hand: Hand, item: BelievedObject) -> set[Relation]:
-        return {(tip, item.name) for tip in hand.tips}
-
-    def _touched(
-        self, hand: Hand, item: BelievedObject, known: Collection[Relation], now: float
-    ) -> dict[str, Met | None]:
-        """Fingertips that touch an object; None for one that is not measured now."""
-        is_seen = now - item.track.last_stamp <= UNSEEN
-        stamp, solid = self._seen_at(hand, item, now)
-        solids = [solid]
-        if item.hand and hand is self._hands.get(item.hand) and not is_seen:
-            there = hand.path.last @ self._grasps[item.hand, item.name].hand_from_object  # its body comes later
-            solids.append(item.solid(there.t, there.q))
-        touching = {tip: path.at(stamp).t for tip, path in hand.tips.items() if hand.measures(path)}
-        found: dict[str, Met | None] = {}
-        for solid in solids:
-            near = meet(solid, touching)
-            gaps = {(tip, item.name): met.gap for tip, met in near.items()}
-            touch = self._gaps.touching(gaps, known, now) if is_seen else within(gaps, known)
-            met: dict[str, Met | None] = {tip: near[tip] for tip, _ in sorted(touch)}
-            if (is_opposed(met), len(met)) > (is_opposed(found), len(found)):
-                found = met
-        touched = {tip for tip in hand.tips if (tip, item.name) in known}
-        if not found and touched & touching.keys():  # seen away: so are those, very likely, that are hidden
-            return {}
-        return found | dict.fromkeys(touched - touching.keys())
-
-    def _seen_at(self, hand: Hand, item: BelievedObject, now: float) -> tuple[float, Solid]:
-        """A time (s) for which both are known, and where the object was then."""
-        if now - item.track.last_stamp > UNSEEN:
-            return hand.path.newest, self._bodies.solid(item.name)
-        stamp = min(hand.path.newest, item.path.newest)
-        pose = item.path.at(stamp)
-        return stamp, item.solid(pose.t, pose.q)
-
     def _update_grasps(self, now: float) -> None:
         """Begin, go on and end."""
-        owners = {tip: name for name, hand in self._hands.items() for tip in hand.tips}
         for relation, until in list(self._recalled.items()):
             if relation not in self._grasps or now > until:
                 del self._recalled[relation]
             elif (seen := self._hands.get(relation[0])) is not None and seen.perceived:
-                self._recalled[relation] = min(until, now + 2.0 * _TOUCH_DELAY)
-        touched: dict[Relation, float] = {}
-        for (tip, item), since in self._touches.current().items():
-            relation = (owners.get(tip, ""), item)
-            touched[relation] = min(since, touched.get(relation, since))
-        pinched = self._pinches.current()
+                self._recalled[relation] = min(until, now + 2.0 * TOUCH_DELAY)
+        touched, pinched = self._contacts.since(), self._contacts.pinches
         for relation in [relation for relation, grasp in self._grasps.items() if not grasp.covered]:
             is_touched = relation in touched or self._is_aloft(relation, now)
             if self._is_over(relation, is_touched) or self._is_elsewhere(relation, now):
+                self._contacts.end(relation)
                 del self._grasps[relation]
-        for relation, since in touched.items():
+        for relation, since in self._contacts.since().items():
             name, thing = relation
             is_covered = relation in self._grasps and self._grasps[relation].covered and relation not in pinched
             if name in self._hands and thing in self._bodies.sim and self._hands[name].perceived and not is_covered:
@@ -284,6 +237,10 @@ class Touching:
         grasp.covered = False
         is_seen = now - item.track.last_stamp <= UNSEEN
         grasp.opened = not (is_seen or is_pinched) and (grasp.opened or grasp.grip == PINCH)
+        if is_pinched:
+            grasp.put_down = False
+        elif is_seen and grasp.grip == PINCH:
+            grasp.put_down = item.hovering_since is None
         grasp.grip = PINCH if is_pinched else TOUCH
         if is_seen:
             grasp.presumed, grasp.sure = False, None
@@ -310,14 +267,14 @@ class Touching:
         hand = self._hands.get(relation[0])
         if hand is None:
             return True
-        is_known = hand.perceived or _drops(hand, self._bodies.objects[relation[1]])
+        is_known = hand.perceived or drops(hand, self._bodies.objects[relation[1]])
         return is_known and not is_touched and relation not in self._recalled
 
     def _is_aloft(self, relation: Relation, now: float) -> bool:
         """Whether a hand carries an object in the air, or did until that was hidden a moment before the hand."""
         grasp, hand = self._grasps[relation], self._hands.get(relation[0])
         is_seen = now - self._bodies.objects[relation[1]].track.last_stamp <= UNSEEN
-        goes_on = now - grasp.aloft <= (_TOUCH_DELAY if is_seen else _HIDDEN)
+        goes_on = now - grasp.aloft <= (TOUCH_DELAY if is_seen else _HIDDEN)
         if (goes_on and hand is not None and not hand.perceived) or self._carries(relation, now):
             grasp.aloft = now
         return goes_on or grasp.aloft == now
@@ -330,20 +287,20 @@ class Touching:
         is_alone = sum(held == thing for _, held in self._grasps) == 1
         if hand is None or item.hand != name or not hovers or not is_alone or item.path.is_falling:
             return False
-        stamp, solid = self._seen_at(hand, item, now)
+        stamp, solid = self._contacts.seen_at(hand, item, now)
         there = hand.path.at(stamp) @ self._grasps[relation].hand_from_object
         return now - item.track.last_stamp <= UNSEEN and math.dist(there.t, solid.position) < _ALONG
 
     def _hand_from_object(self, hand: Hand, item: BelievedObject, now: float) -> Pose:
-        stamp, solid = self._seen_at(hand, item, now)
+        stamp, solid = self._contacts.seen_at(hand, item, now)
         return hand.path.at(stamp).inverse() @ solid.pose
 
     def _note_places(self, grasp: HandGrasp, hand: Hand, item: BelievedObject, now: float) -> None:
         """Keep in mind where fingertips touch an object."""
-        stamp, solid = self._seen_at(hand, item, now)
+        stamp, solid = self._contacts.seen_at(hand, item, now)
         object_from_world = solid.pose.inverse()
         for tip, path in hand.tips.items():
-            if (tip, item.name) in self._touches.current() and hand.measures(path):
+            if (tip, item.name) in self._contacts.touches and hand.measures(path):
                 place = object_from_world @ path.at(stamp)
                 before = grasp.places.get(tip, place.t)
                 x, y, z = (a + _BLEND * (b - a) for a, b in zip(before, place.t, strict=True))
@@ -361,18 +318,17 @@ class Touching:
         there = hand.path.last @ self._grasps[relation].hand_from_object if hand.path.newest > -math.inf else None
         return rests and (there is None or math.dist(there.t, self._bodies.sim.position(thing)) > _ELSEWHERE)
 
-    def _holders(self, now: float) -> dict[str, str]:
-        """The hand that holds each object: pinches it, or touches what nothing else carries."""
+    def _holders(self) -> dict[str, str]:
+        """The hand that holds each object: pinches it, or touches what nothing else carries, as what it is in may."""
         holders: dict[str, str] = {}
+        carried: dict[str, str] = {}
         for (hand, thing), grasp in sorted(self._grasps.items(), key=lambda entry: (entry[1].since, entry[0])):
             item = self._bodies.objects[thing]
             hovers = item.pinned or item.hovering_since is not None
-            is_carried = (hovers or item.hand == hand) and not grasp.opened
-            if grasp.grip == PINCH or grasp.presumed or is_carried:
+            if grasp.grip == PINCH or grasp.presumed:
                 holders.setdefault(thing, hand)
-        return holders
-
-
-def _drops(hand: Hand, item: BelievedObject) -> bool:
-    """Whether an object was falling when it was last seen, and the hand was not."""
-    return item.path.is_falling and not hand.path.is_falling
+            elif (hovers or (item.hand == hand and not grasp.put_down)) and not grasp.opened:
+                carried.setdefault(thing, hand)
+        within = self._containment.current()
+        inside = {thing for thing, container in within if container in holders | carried}
+        return {thing: hand for thing, hand in carried.items() if thing not in inside} | holders

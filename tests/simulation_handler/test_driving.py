@@ -265,3 +265,41 @@ def test_a_tray_does_not_rest_on_the_cup_that_is_put_on_it(seed: int) -> None:
         assert ("tray", "cup") not in world.belief.supports()
         assert world.error("tray") < 0.015
     assert ("cup", "tray") in world.belief.supports()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_a_box_hides_while_it_is_lifted_stays_in_it(seed: int) -> None:
+    world = Occlusion({"box": standing(0.3, 0.0, BOX), "cup": standing(0.3, 0.0, SMALL, on=WALL)}, seed, noise=0.004)
+    world.run(2.0)
+    for step in range(1, 31):
+        if step == 12:
+            world.seen.discard("cup")
+        world.truths = {name: Pose((0.0, 0.0, 0.01)) @ pose for name, pose in world.truths.items()}
+        world.run(0.1)
+    assert world.error("cup") < 0.02
+    assert ("cup", "box") in world.belief.contents()
+
+
+def test_a_box_that_slides_stays_on_the_table() -> None:
+    world = Occlusion({"box": standing(0.3, 0.0, BOX)}, noise=0.004)
+    world.run(2.0)
+    for step in range(1, 41):
+        world.truths["box"] = standing(0.3 - 0.01 * step, 0.0, BOX)
+        world.run(0.1)
+        assert ("box", "table") in world.belief.supports()
+
+
+def test_what_a_hand_lays_down_out_of_sight_is_plausible_there() -> None:
+    world = Occlusion({"box": standing(0.3, 0.0, BOX), "ball": standing(0.3, 0.3, BALL)})
+    world.run(2.0)
+    world.hand("ball")
+    world.run(0.8)
+    for place in ((0.3, 0.3, 0.3), (0.3, 0.0, 0.3), (0.3, 0.0, IN_BOX + 0.06)):
+        world.move("ball", Pose(place))
+    world.seen.discard("ball")
+    world.look = lambda solids: {("camera", solid.name): Glance(0.0, "box") for solid in solids}
+    world.move("ball", Pose((0.3, 0.0, IN_BOX)))
+    world.hand("ball", opened=0.03)
+    world.run(2.0)
+    assert world.pose("ball").t[2] == pytest.approx(IN_BOX, abs=0.002)
+    assert world.belief.plausible("ball")

@@ -6,6 +6,7 @@ import pytest
 
 from simulation_handler.fingertips import TIP_RADIUS, Gaps, is_opposed, meet
 from simulation_handler.geometry import Solid
+from tests.simulation_handler.worlds import container
 
 CUBE = Solid("cube", (0.04, 0.04, 0.04), (0.0, 0.0, 0.02))
 
@@ -51,3 +52,18 @@ def test_what_was_far_away_is_forgotten() -> None:
     assert gaps.touching({TIP: 0.0}, (), 0.0) == {TIP}
     assert gaps.touching({TIP: 0.014}, (), 0.3) == set()
     assert gaps.touching({TIP: 0.009}, (), 1.3) == {TIP}
+
+
+@pytest.mark.parametrize(("half", "is_pinch"), [(0.045 + TIP_RADIUS, True), (0.042 - TIP_RADIUS, False)])
+def test_fingertips_that_are_spread_in_a_container_do_not_pinch_it(half: float, is_pinch: bool) -> None:
+    size = (0.09, 0.09, 0.08)
+    cup = Solid("cup", size, (0.0, 0.0, 0.04), shape=container(size))
+    met = meet(cup, {"thumb": (0.0, -half, 0.05), "index": (0.0, half, 0.05)})
+    assert met.keys() == {"thumb", "index"}
+    assert is_opposed(met) == is_pinch
+
+
+def test_one_wall_of_a_container_is_pinched_from_both_sides() -> None:
+    size = (0.09, 0.09, 0.08)
+    cup = Solid("cup", size, (0.0, 0.0, 0.04), shape=container(size))
+    assert is_opposed(meet(cup, {"thumb": (0.0, 0.042 - TIP_RADIUS, 0.06), "index": (0.0, 0.045 + TIP_RADIUS, 0.06)}))

@@ -1,0 +1,68 @@
+"""What a hand should show and does not: it was left where it and the hand were out of sight together."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+from dsr.transforms import Pose
+from simulation_handler.bodies import Bodies
+from simulation_handler.explaining.situation import Look
+from simulation_handler.objects import BelievedObject
+from simulation_handler.relations import Relation
+
+ABSENT = 0.4
+"""s for which it should have been seen and was not, after which the hand does not have it."""
+_HALF = 0.5  # of what there is to see of an object
+
+
+@dataclass
+class _Unseen:
+    """What is known of an object in a hand that is not seen."""
+
+    place: Pose | None = None
+    """World_from_object when the hand, too, was seen no more"""
+    absent_since: float | None = None
+    """s, since when the hand is in sight and the object should be"""
+
+
+class LeftBehind:
+    """Keeps count of how long hands have come back without what they held."""
+
+    def __init__(self, bodies: Bodies) -> None:
+        self._bodies = bodies
+        self._unseen: dict[Relation, _Unseen] = {}
+
+    def keep(self, relations: Collection[Relation]) -> None:
+        """Forget all but these (hand, object), which are held and not seen."""
+        self._unseen = {relation: self._unseen.get(relation, _Unseen()) for relation in relations}
+
+    def hide(self, relation: Relation) -> None:
+        """Neither the hand nor the object is seen."""
+        unseen = self._unseen[relation]
+        unseen.absent_since = None
+        if unseen.place is None:
+            unseen.place = self._bodies.objects[relation[1]].path.last
+
+    def absent_for(self, relation: Relation, there: Pose, look: Look | None, now: float) -> float | None:
+        """For how long (s) the object, which the hand in sight would have `there`, should have been seen, too.
+
+        None while that is not so: it goes with the hand then.
+        """
+        unseen = self._unseen[relation]
+        if look is None or not self._shows(self._bodies.objects[relation[1]], there, look):
+            unseen.absent_since = None
+        elif unseen.absent_since is None:
+            unseen.absent_since = now
+        return None if unseen.absent_since is None else now - unseen.absent_since
+
+    def place(self, relation: Relation) -> Pose | None:
+        """Where it was when both were seen no more; None if the hand was always in sight."""
+        return self._unseen[relation].place
+
+    def _shows(self, item: BelievedObject, there: Pose, look: Look) -> bool:
+        """Whether a camera should see an object that is there."""
+        bodies = self._bodies
+        others = [bodies.solid(name) for name in bodies.objects if name in bodies.sim and name != item.name]
+        glances = look([*others, item.solid(there.t, there.q)])
+        return any(name == item.name and glance.share >= _HALF for (_, name), glance in glances.items())

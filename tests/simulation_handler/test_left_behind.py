@@ -1,0 +1,157 @@
+"""What a hand comes back without: it was left where both were out of sight, with what is in it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+
+import pytest
+
+from dsr.transforms import Pose
+from simulation_handler.explaining import Look
+from simulation_handler.geometry import Solid
+from simulation_handler.hands import PINCH
+from simulation_handler.sight import Glance
+from tests.simulation_handler.occluded import BOX, SMALL, Occlusion, standing
+from tests.simulation_handler.worlds import CUBE, WALL
+
+HELD = ("hand", "cup")
+SHOWN, HIDDEN = standing(0.3, 0.0, SMALL, on=0.2), standing(0.3, -0.3, SMALL, on=0.2)
+
+
+def behind(y: float) -> Look:
+    """A wall hides what is further to the right than that, and the cup what is in it."""
+
+    def look(solids: Collection[Solid]) -> dict[tuple[str, str], Glance]:
+        hiding = {s.name: "cup" if s.name == "cube" else "wall" if s.position[1] < y else "" for s in solids}
+        return {("camera", name): Glance(0.0 if what else 1.0, what) for name, what in hiding.items()}
+
+    return look
+
+
+def carried_behind_a_wall(seed: int = 0, *, with_cube: bool = False) -> Occlusion:
+    """A cup in a hand, both hidden by a wall, 0.2 m above the table."""
+    truths = {"cup": standing(0.3, 0.0, SMALL)}
+    if with_cube:
+        truths["cube"] = standing(0.3, 0.0, CUBE, on=WALL)
+    world = Occlusion(truths, seed)
+    world.run(2.0)
+    if with_cube:
+        world.seen.discard("cube")
+    world.look = behind(-0.15)
+    world.hand("cup")
+    world.run(0.8)
+    world.move("cup", SHOWN)
+    world.move("cup", HIDDEN)
+    world.seen.discard("cup")
+    world.hand_seen = False
+    world.run(1.5)
+    assert world.belief.grasps()[HELD].grip == PINCH
+    return world
+
+
+def come_back(world: Occlusion, way: tuple[float, ...] = (-0.2, -0.1, 0.0, 0.0, 0.0, 0.0)) -> None:
+    """The hand shows up without the cup; its fingers are as far apart as if they had it."""
+    world.hand_seen = True
+    for y in way:
+        world.palm = standing(0.3, y, SMALL, on=0.2) @ world.hand_from_object.inverse()
+        world.run(0.2)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_a_hand_leaves_out_of_sight_is_not_in_it_when_it_comes_back(seed: int) -> None:
+    world = carried_behind_a_wall(seed)
+    come_back(world)
+    world.run(0.5)
+    assert world.belief.grasps() == {}
+    x, y, z = world.pose("cup").t
+    assert (x, y) == pytest.approx((0.3, -0.3), abs=0.02)
+    assert z == pytest.approx(0.5 * SMALL[2], abs=0.005)
+    assert ("cup", "table") in world.belief.supports()
+
+
+def test_what_is_in_it_stays_in_it() -> None:
+    world = carried_behind_a_wall(with_cube=True)
+    come_back(world)
+    world.run(0.5)
+    assert ("cube", "cup") in world.belief.contents()
+    assert world.pose("cube").t[:2] == pytest.approx((0.3, -0.3), abs=0.03)
+
+
+def test_what_it_still_has_is_seen_in_it() -> None:
+    world = carried_behind_a_wall()
+    world.seen.add("cup")
+    world.hand_seen = True
+    world.move("cup", SHOWN)
+    world.run(0.5)
+    assert world.belief.grasps().keys() == {HELD}
+    assert world.error("cup") < 0.01
+
+
+def test_what_the_hand_itself_hides_may_be_in_it() -> None:
+    world = carried_behind_a_wall()
+    world.look = lambda solids: {("camera", solid.name): Glance(0.0, "hand") for solid in solids}
+    come_back(world)
+    assert world.belief.grasps().keys() == {HELD}
+    assert world.pose("cup").t == pytest.approx(SHOWN.t, abs=0.03)
+
+
+def put_down_and_hidden() -> Occlusion:
+    """A cup that a hand was seen to put down and to open about, and that something hides since."""
+    world = Occlusion({"cup": standing(0.3, 0.0, SMALL)})
+    world.run(2.0)
+    world.hand("cup")
+    world.run(0.8)
+    world.move("cup", SHOWN)
+    world.move("cup", standing(0.3, 0.0, SMALL))
+    world.run(0.4)
+    places = world.tips_from_object
+    world.hand("cup", opened=0.04)
+    world.tips_from_object["hand_finger_1"] = places["hand_finger_1"]
+    world.run(0.6)
+    world.seen.discard("cup")
+    world.look = behind(10.0)
+    world.tips_from_object = places
+    world.run(0.6)
+    return world
+
+
+def test_a_hand_that_was_seen_to_put_something_down_does_not_hold_it_again_unseen() -> None:
+    world = put_down_and_hidden()
+    assert PINCH not in {grasp.grip for grasp in world.belief.grasps().values()}
+    world.move("cup", SHOWN)
+    assert world.pose("cup").t == pytest.approx((0.3, 0.0, 0.5 * SMALL[2]), abs=0.02)
+
+
+def test_touches_end_with_their_grasp() -> None:
+    world = carried_behind_a_wall()
+    world.truths["cup"] = standing(0.1, 0.3, SMALL)
+    world.seen.add("cup")
+    world.run(2.5)
+    assert world.belief.grasps() == {}
+    began = world.now
+    world.hand_seen = True
+    world.palm = Pose((0.3, -0.3, 0.6))
+    for _ in range(20):
+        world.tick()
+        assert all(grasp.since >= began for grasp in world.belief.grasps().values())
+
+
+def test_what_a_carried_box_takes_along_is_not_held_by_the_hand_that_touches_both() -> None:
+    world = Occlusion({"box": standing(0.3, 0.0, BOX), "cup": standing(0.3, 0.0, SMALL, on=WALL)}, 2, noise=0.004)
+    world.run(2.0)
+    world.hand("box")
+    world.tips_from_object["hand_finger_2"] = (0.0, 0.5 * SMALL[1] + 0.008, -0.03)
+    world.run(0.8)
+    assert ("hand", "cup") in world.belief.grasps()
+    for step in range(1, 26):
+        world.truths |= {"cup": standing(0.3, 0.0, SMALL, on=WALL + 0.01 * step)}
+        world.move("box", standing(0.3, 0.0, BOX, on=0.01 * step), speed=0.1)
+    world.seen.discard("cup")
+    world.look = behind(10.0)
+    world.run(0.5)
+    before = world.pose("cup")
+    for step in range(1, 11):
+        world.palm = Pose((0.0, 0.0, 0.004 * step)) @ world.truths["box"] @ world.hand_from_object.inverse()
+        world.run(0.1)
+    assert ("cup", "box") in world.belief.contents()
+    assert world.pose("cup").distance(before)[0] < 0.01
