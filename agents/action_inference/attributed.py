@@ -2,11 +2,13 @@
 
 A thing is picked when it rises above where it lay, by its percepts or, while something holds it, by its belief; not
 when what it is in or on rises with it. It is held until whoever holds it lets go: it is placed then if it rests where
-it was let go, released if it has come down. A thing that is merely not seen has not been released.
+it was let go, released if it has come down. A thing that is merely not seen has not been released. What is first seen
+in a hand is held too, though nobody knows where it was picked.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from agents.action_inference.attribution import Attribution
@@ -22,6 +24,8 @@ _FRESH = 0.3  # s up to which a percept is of a thing as it is now
 _GONE = 0.7  # s without a percept after which a thing may be anywhere when it is seen again
 _FALLING = -0.7  # m/s, faster than anybody puts things down
 _REMEMBERED = 1.0  # s for which what was beneath a thing may still carry it
+_FOUND = 0.3  # s for which a thing must hover in a hand that has it when it is first seen
+_MOVED = 0.03  # m that a hand must have moved that thing, to have put it down
 _UNPLAUSIBLE_DROP = 0.03  # m that the belief must be below where a thing was last seen, for it to have fallen
 
 
@@ -48,6 +52,10 @@ class _Track:
     returned_at: float = 0.0
     """s, of the first percept then."""
     recalled: bool = False
+    hovers_since: float | None = None
+    """s, since when something grasps it in the air, while it is not known where it lay."""
+    found: Height | None = None
+    """Where it was when it was found to be held; None if it was seen to be picked."""
 
 
 class AttributedPolicy:
@@ -121,6 +129,7 @@ class AttributedPolicy:
     def _begin_of_hold(self, thing: Thing, track: _Track, snapshot: Snapshot) -> Inference | None:
         """`Pick`, if it has been lifted."""
         if self._is_carried(thing, snapshot):
+            track.hovers_since = None
             if self._is_carried(thing, snapshot, surely=True):
                 track.seen.forget()
                 track.believed.forget()
@@ -132,7 +141,19 @@ class AttributedPolicy:
                 return self._pick(thing, track, track.seen, snapshot)
             track.seen.forget()
         self._lie(thing, track)
+        self._find(thing, track, snapshot)
         return None
+
+    def _find(self, thing: Thing, track: _Track, snapshot: Snapshot) -> None:
+        """It is held from now on if it hovers in a hand, and nobody knows where that took it."""
+        hovers = thing.grasps and not (thing.plausible or thing.on or thing.inside or track.seen.lies)
+        if not hovers or track.believed.lies or not self._is_seen_now(thing, snapshot.now):
+            track.hovers_since = None
+        elif track.hovers_since is None:
+            track.hovers_since = snapshot.now
+        elif snapshot.now - track.hovers_since >= _FOUND - 1e-6:
+            track.held, track.by, track.found, track.hovers_since = True, thing.grasps[-1].holder, track.seen.last, None
+            track.resting_since, track.returned = None, False
 
     def _lie(self, thing: Thing, track: _Track) -> None:
         """It is not held: note where it lies."""
@@ -261,10 +282,14 @@ class AttributedPolicy:
     def _is_seen_now(self, thing: Thing, now: float) -> bool:
         return thing.perceived and thing.seen is not None and now - thing.seen.stamp <= _FRESH
 
-    def _let_go(self, thing: Thing, track: _Track, kind: str, time: float, confidence: float, why: str) -> Inference:
+    def _let_go(
+        self, thing: Thing, track: _Track, kind: str, time: float, confidence: float, why: str
+    ) -> Inference | None:
         action = Action(time, kind, thing.name, track.by)
+        found, last = track.found, track.believed.last or track.seen.last
+        stayed = found is not None and last is not None and math.dist(found.position, last.position) < _MOVED
         track.held, track.by, track.last_grasp, track.let_go, track.resting_since = False, UNKNOWN, None, None, None
-        track.returned = False
+        track.returned, track.found = False, None
         track.seen.forget()
         track.believed.forget()
-        return Inference(action, confidence, why)
+        return None if stayed else Inference(action, confidence, why)

@@ -318,3 +318,50 @@ def test_an_earlier_run_is_continued(stage: Stage):
     later.add("plate", (0.3, 0.0, 0.02))
     later.run(1.0)
     assert later.told == [f"Place(cup, {HAND})"] and later.actions[0][1].kind == PLACE
+
+
+def found_in_hand(plausible: bool = False) -> Stage:
+    """A cup that was never seen before comes into view in the air, in a hand that is in view."""
+    stage = Stage(AttributedPolicy(), noise=0.003)
+    stage.holders = {HAND: Holder(HAND, ((0.0, 0.0, 0.25),))}
+    stage.add("cup", (0.0, 0.0, 0.22), on=frozenset(), plausible=plausible, believed=None)
+    stage.visible["cup"] = False
+    stage.run(1.0)
+    stage.visible["cup"] = True
+    stage.change("cup", believed=Pose((0.0, 0.0, 0.22)))
+    stage.run(0.3)
+    stage.grasp("cup", HAND)
+    return stage
+
+
+def test_what_is_first_seen_in_a_hand_is_placed_though_nobody_saw_it_picked():
+    stage = found_in_hand()
+    stage.run(1.0, cup=ASIDE)
+    placed = put_down(stage)
+    stage.run(1.0)
+    assert stage.told == []
+    stage.grasp("cup")
+    stage.run(1.0)
+    assert stage.told == [f"Place(cup, {HAND})"]
+    assert stage.actions[0][1].time == pytest.approx(placed, abs=0.1)
+
+
+def test_what_is_first_seen_in_a_hand_that_opens_is_released():
+    stage = found_in_hand()
+    stage.run(1.0, cup=ASIDE)
+    stage.grasp("cup")
+    stage.run(0.1, cup=(0.0, 0.0, -2.0))
+    stage.change("cup", plausible=True, on=frozenset({"table"}))
+    stage.run(1.0)
+    assert stage.told == [f"Release(cup, {HAND})"]
+
+
+def test_what_a_hand_touches_where_it_is_first_seen_is_not_placed():
+    for settles_after in (0.2, 1.0):
+        stage = found_in_hand()
+        stage.run(settles_after)
+        stage.change("cup", plausible=True, on=frozenset({"shelf"}))  # it has stood on something unknown all the time
+        stage.run(1.0)
+        stage.grasp("cup")
+        stage.run(2.0)
+        assert stage.told == []
