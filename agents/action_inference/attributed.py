@@ -2,8 +2,8 @@
 
 A thing is picked when it rises above where it lay, by its percepts or, while something holds it, by its belief; not
 when what it is in or on rises with it. It is held until whoever holds it lets go: it is placed then if it rests where
-it was let go, released if it has come down. A thing that is merely not seen has not been released. What is first seen
-in a hand is held too, though nobody knows where it was picked.
+it was let go, released if it has come down, unless it may have been put down where nobody saw it. A thing that is
+merely not seen has not been released. What is first seen in a hand is held too, wherever it was picked.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from agents.action_inference.config import ActionInferenceConfig
 from agents.action_inference.heights import Height, Heights
 from agents.action_inference.observation import Snapshot, Thing
 from agents.action_inference.policy import Inference
+from dsr import quaternions
 from dsr.observed_actions import PICK, PLACE, RELEASE, UNKNOWN, Action
 
 _SURE, _LIKELY, _GUESSED = 0.95, 0.85, 0.7
@@ -27,6 +28,9 @@ _REMEMBERED = 1.0  # s for which what was beneath a thing may still carry it
 _FOUND = 0.3  # s for which a thing must hover in a hand that has it when it is first seen
 _MOVED = 0.03  # m that a hand must have moved that thing, to have put it down
 _UNPLAUSIBLE_DROP = 0.03  # m that the belief must be below where a thing was last seen, for it to have fallen
+_PUT_DOWN = 0.3  # m that a thing may have come down unseen and yet have been put down: more often than dropped
+_ABOUT = 0.15  # m on the ground from where it was out of sight, within which it is there still
+_UPRIGHT = 0.95  # cosine of how far it may lean then
 
 
 @dataclass
@@ -43,6 +47,8 @@ class _Track:
     """Where it was believed to be then."""
     palm_height: float | None = None
     """World z of the palm of the hand that held it then, m; None if that was not perceived."""
+    hidden: Height | None = None
+    """Where it was believed when both it and who holds it were last out of sight, since it was last seen."""
     beneath: tuple[float, frozenset[str]] = (0.0, frozenset())
     """When (s) what was last beneath or around it."""
     resting_since: float | None = None
@@ -116,6 +122,16 @@ class AttributedPolicy:
         if thing.grasps:
             track.last_grasp, track.let_go = now, track.believed.last
             track.palm_height = snapshot.palm_height(thing.grasps[-1].holder)
+        if thing.grasps or (track.held and track.last_grasp is None):
+            self._note_hidden(thing, track, snapshot)
+
+    def _note_hidden(self, thing: Thing, track: _Track, snapshot: Snapshot) -> None:
+        """Whether nobody sees what whoever holds it does with it."""
+        holder = thing.grasps[-1].holder if thing.grasps else track.by
+        if self._is_seen_now(thing, snapshot.now):
+            track.hidden = None
+        elif holder != UNKNOWN and snapshot.palm_height(holder) is None:
+            track.hidden = track.believed.last
 
     def _from_below(self, snapshot: Snapshot) -> list[str]:
         """All names, what carries others first."""
@@ -199,7 +215,7 @@ class AttributedPolicy:
                 confidence, why = _LIKELY, f"it is lifted, and {by} is near"
         elif not thing.plausible:
             confidence = _LIKELY
-        track.held, track.by, track.resting_since, track.returned = True, by, None, False
+        track.held, track.by, track.resting_since, track.returned, track.hidden = True, by, None, False, None
         track.last_grasp = snapshot.now if thing.grasps else None
         return Inference(Action(time, PICK, thing.name, by), confidence, why)
 
@@ -223,15 +239,29 @@ class AttributedPolicy:
         if current is None:
             return None
         lowered = let_go.bottom - current.bottom
-        if lowered - self._palm_lowered(track, snapshot) > config.fallen:
+        if seen is not None and seen.time > let_go_at and track.seen.speed() < _FALLING:
+            track.hidden = None
+        came_down = lowered - self._palm_lowered(track, snapshot) > config.fallen
+        unseen = self._put_down_unseen(thing, track, current) if came_down else None
+        if came_down and unseen is None:
             return self._let_go(thing, track, RELEASE, let_go_at, _SURE, f"{track.by} let go of it, and it came down")
         if self._rests(thing, track, snapshot) and thing.plausible:
+            if unseen is not None:
+                return self._let_go(thing, track, PLACE, unseen, _GUESSED, "it was put down out of sight")
             settled = track.believed.settled() if track.believed.last is not None else let_go_at
             time = settled if lowered > config.fallen else min(settled, let_go_at)  # the hand may have held on unseen
             return self._let_go(thing, track, PLACE, time, _SURE, f"{track.by} let go of it where it rests")
         if now - let_go_at > _GONE and seen is not None and seen.time > let_go_at + _GONE:
             track.last_grasp = None  # the grasp was lost sight of, not ended: motion tells from here
         return None
+
+    def _put_down_unseen(self, thing: Thing, track: _Track, current: Height) -> float | None:
+        """When (s) it may have been put down where nobody saw it, if it stands about there now; else None."""
+        hidden = track.hidden
+        if hidden is None or thing.believed is None or hidden.bottom - current.bottom > _PUT_DOWN:
+            return None
+        stands = abs(quaternions.to_matrix(thing.believed.q)[2][2]) > _UPRIGHT
+        return hidden.time if stands and math.dist(hidden.position[:2], current.position[:2]) < _ABOUT else None
 
     def _palm_lowered(self, track: _Track, snapshot: Snapshot) -> float:
         """How far the hand that held it has come down since, m, if it has: it may still hold it, unseen."""
@@ -251,8 +281,18 @@ class AttributedPolicy:
                 return self._let_go(thing, track, PLACE, track.seen.settled(), _LIKELY, "it rests again")
             return None
         dropped = believed is not None and thing.plausible and last.bottom - believed.bottom > _UNPLAUSIBLE_DROP
-        if dropped and not self._is_hidden_with_holder(track, snapshot):
+        if believed is None or not dropped or self._is_hidden_with_holder(track, snapshot):
+            return None
+        return self._out_of_sight(thing, track, snapshot, believed)
+
+    def _out_of_sight(self, thing: Thing, track: _Track, snapshot: Snapshot, believed: Height) -> Inference | None:
+        """It is believed to have come down unseen, to `believed`."""
+        unseen = self._put_down_unseen(thing, track, believed)
+        if unseen is None:
+            near = _GUESSED if track.by == UNKNOWN else _LIKELY
             return self._let_go(thing, track, RELEASE, self._last_high(track), near, "it is gone from where it was")
+        if self._rests(thing, track, snapshot):
+            return self._let_go(thing, track, PLACE, unseen, _GUESSED, "it was put down out of sight")
         return None
 
     def _last_high(self, track: _Track) -> float:

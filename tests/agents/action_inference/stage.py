@@ -30,6 +30,8 @@ class Stage:
         self.true: dict[str, Vector3] = {}
         self.actions: list[tuple[float, Action]] = []
         """When noticed, and what."""
+        self.confidences: list[float] = []
+        """Of these."""
         self._noise = noise
         self._bias = bias
         self._rng = np.random.default_rng(3)
@@ -65,6 +67,7 @@ class Stage:
                 perceived = thing.seen is not None and self.now - thing.seen.stamp <= MAX_AGE
                 self.change(name, perceived=perceived)
             inferences = self.policy.update(Snapshot(self.now, dict(self.things), dict(self.holders)))
+            self.confidences += [inference.confidence for inference in inferences]
             self.actions += [(self.now, inference.action) for inference in inferences]
 
     @property

@@ -365,3 +365,63 @@ def test_what_a_hand_touches_where_it_is_first_seen_is_not_placed():
         stage.grasp("cup")
         stage.run(2.0)
         assert stage.told == []
+
+
+def out_of_sight(stage: Stage, seconds: float = 2.0, *, hand_too: bool = True) -> None:
+    """Hide the cup that a hand has lifted, and then that hand for some time."""
+    stage.holders = {HAND: Holder(HAND, ((0.0, 0.0, 0.25),))}
+    stage.visible["cup"] = False
+    stage.run(0.5)
+    stage.holders = {HAND: Holder(HAND, ((0.0, 0.0, 0.25),), perceived=not hand_too)}
+    stage.run(seconds)
+    stage.holders = {HAND: Holder(HAND, ((0.0, 0.0, 0.25),))}
+    stage.run(0.2)
+
+
+def comes_down(stage: Stage, to: tuple[float, float, float] = (0.05, 0.0, 0.12), lean: float = 0.0) -> None:
+    """Believe that the cup, which nobody sees, is now there, on a shelf, and leans (rad)."""
+    stage.change("cup", believed=Pose.from_rotvec(to, (lean, 0.0, 0.0)), plausible=True, on=frozenset({"shelf"}))
+    stage.run(0.5)
+
+
+@pytest.mark.parametrize("grasps", [True, False])
+def test_what_was_left_where_nobody_saw_it_was_probably_put_down(stage: Stage, grasps: bool):
+    stage.holders = {HAND: Holder(HAND, ((0.0, 0.0, 0.05),))}
+    if grasps:
+        stage.grasp("cup", HAND)
+    lift(stage)
+    out_of_sight(stage)
+    reappeared = stage.now - 0.2
+    stage.grasp("cup")
+    comes_down(stage)
+    assert stage.told == [f"Pick(cup, {HAND})", f"Place(cup, {HAND})"]
+    assert stage.actions[1][1].time == pytest.approx(reappeared, abs=0.1) and stage.confidences[1] == 0.7
+
+
+@pytest.mark.parametrize(
+    ("hand_too", "to", "lean"),
+    [(False, (0.05, 0.0, 0.12), 0.0), (True, (0.05, 0.0, -0.2), 0.0), (True, (0.3, 0.0, 0.12), 0.0),
+     (True, (0.05, 0.0, 0.12), 1.57)],
+)  # fmt: skip
+def test_what_fell_further_or_over_or_from_a_hand_in_sight_was_released(
+    stage: Stage, hand_too: bool, to: tuple[float, float, float], lean: float
+):
+    stage.grasp("cup", HAND)
+    lift(stage)
+    out_of_sight(stage, hand_too=hand_too)
+    stage.grasp("cup")
+    comes_down(stage, to, lean)
+    assert stage.told == [f"Pick(cup, {HAND})", f"Release(cup, {HAND})"]
+
+
+def test_what_is_seen_to_fall_after_it_was_out_of_sight_was_released(stage: Stage):
+    stage.grasp("cup", HAND)
+    lift(stage)
+    out_of_sight(stage)
+    stage.grasp("cup")
+    stage.visible["cup"] = True
+    stage.run(0.1)
+    stage.run(0.1, cup=(0.0, 0.0, -0.9))
+    stage.change("cup", plausible=True, on=frozenset({"shelf"}))
+    stage.run(1.0)
+    assert stage.told == [f"Pick(cup, {HAND})", f"Release(cup, {HAND})"]
