@@ -30,6 +30,8 @@ _MOVED = 0.03  # m that a hand must have moved that thing, to have put it down
 _UNPLAUSIBLE_DROP = 0.03  # m that the belief must be below where a thing was last seen, for it to have fallen
 _PUT_DOWN = 0.3  # m that a thing may have come down unseen and yet have been put down: more often than dropped
 _ABOUT = 0.15  # m on the ground from where it was out of sight, within which it is there still
+_LOWERED = 0.05  # m/s from which it is being lowered
+_EVEN = 0.001  # m by which the edges of a cube or ball differ at most
 _UPRIGHT = 0.95  # cosine of how far it may lean then
 
 
@@ -258,10 +260,22 @@ class AttributedPolicy:
     def _put_down_unseen(self, thing: Thing, track: _Track, current: Height) -> float | None:
         """When (s) it may have been put down where nobody saw it, if it stands about there now; else None."""
         hidden = track.hidden
-        if hidden is None or thing.believed is None or hidden.bottom - current.bottom > _PUT_DOWN:
+        if hidden is None or hidden.bottom - current.bottom > _PUT_DOWN or not self._stands(thing):
             return None
-        stands = abs(quaternions.to_matrix(thing.believed.q)[2][2]) > _UPRIGHT
-        return hidden.time if stands and math.dist(hidden.position[:2], current.position[:2]) < _ABOUT else None
+        return hidden.time if math.dist(hidden.position[:2], current.position[:2]) < _ABOUT else None
+
+    def _lowered_out_of_sight(self, thing: Thing, track: _Track, current: Height) -> float | None:
+        """When (s) it came down to where it stands now, if it was being lowered when it was last seen; else None."""
+        last, speed = track.seen.last, track.seen.lowering()
+        if last is None or not _LOWERED < speed < -_FALLING or last.bottom - current.bottom > _PUT_DOWN:
+            return None
+        return min(last.time + (last.bottom - current.bottom) / speed, current.time) if self._stands(thing) else None
+
+    def _stands(self, thing: Thing) -> bool:
+        """Whether it is believed to be upright, or has the same height on every side."""
+        if thing.believed is None or max(thing.size) - min(thing.size) < _EVEN:
+            return thing.believed is not None
+        return abs(quaternions.to_matrix(thing.believed.q)[2][2]) > _UPRIGHT
 
     def _palm_lowered(self, track: _Track, snapshot: Snapshot) -> float:
         """How far the hand that held it has come down since, m, if it has: it may still hold it, unseen."""
@@ -270,24 +284,26 @@ class AttributedPolicy:
 
     def _by_motion(self, thing: Thing, track: _Track, snapshot: Snapshot) -> Inference | None:
         """Nothing is known to hold it but that it was lifted."""
-        now, last, believed = snapshot.now, track.seen.last, track.believed.last
+        last, near = track.seen.last, _GUESSED if track.by == UNKNOWN else _LIKELY
         if last is None:
             return None
-        near = _GUESSED if track.by == UNKNOWN else _LIKELY
-        if self._is_seen_now(thing, now):
+        if self._is_seen_now(thing, snapshot.now):
             if track.seen.speed() < _FALLING:
                 return self._let_go(thing, track, RELEASE, self._last_high(track), near, "it falls")
             if track.seen.is_steady() and thing.plausible and self._rests(thing, track, snapshot):
                 return self._let_go(thing, track, PLACE, track.seen.settled(), _LIKELY, "it rests again")
             return None
-        dropped = believed is not None and thing.plausible and last.bottom - believed.bottom > _UNPLAUSIBLE_DROP
-        if believed is None or not dropped or self._is_hidden_with_holder(track, snapshot):
-            return None
-        return self._out_of_sight(thing, track, snapshot, believed)
+        return self._out_of_sight(thing, track, snapshot, last)
 
-    def _out_of_sight(self, thing: Thing, track: _Track, snapshot: Snapshot, believed: Height) -> Inference | None:
-        """It is believed to have come down unseen, to `believed`."""
-        unseen = self._put_down_unseen(thing, track, believed)
+    def _out_of_sight(self, thing: Thing, track: _Track, snapshot: Snapshot, last: Height) -> Inference | None:
+        """Nobody sees it since `last`: it has been let go of if it is believed to lie below that."""
+        believed = track.believed.last
+        lies = thing.plausible or (bool(thing.on) and track.believed.is_steady())
+        if believed is None or not lies or last.bottom - believed.bottom <= _UNPLAUSIBLE_DROP:
+            return None
+        if self._is_hidden_with_holder(track, snapshot):
+            return None
+        unseen = self._put_down_unseen(thing, track, believed) or self._lowered_out_of_sight(thing, track, believed)
         if unseen is None:
             near = _GUESSED if track.by == UNKNOWN else _LIKELY
             return self._let_go(thing, track, RELEASE, self._last_high(track), near, "it is gone from where it was")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from itertools import pairwise
 from typing import NamedTuple
 
 from dsr.quaternions import Vector3
@@ -149,6 +150,13 @@ class Heights:
             return 0.0
         before, last = self._samples[-2], self._samples[-1]
         return (last.bottom - before.bottom) / (last.time - before.time)
+
+    def lowering(self, count: int = 3) -> float:
+        """How fast (m/s) it came down in so many steps before the last sample; 0 if it did not in one of them."""
+        newest = list(self._samples)[-count - 1 :]
+        if len(newest) <= count or any(later.bottom >= sample.bottom for sample, later in pairwise(newest)):
+            return 0.0
+        return (newest[0].bottom - newest[-1].bottom) / (newest[-1].time - newest[0].time)
 
     def before(self, time: float) -> Height | None:
         """The last sample until `time` (s)."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from agents.action_inference.attributed import AttributedPolicy
@@ -406,6 +408,7 @@ def test_what_was_left_where_nobody_saw_it_was_probably_put_down(stage: Stage, g
 def test_what_fell_further_or_over_or_from_a_hand_in_sight_was_released(
     stage: Stage, hand_too: bool, to: tuple[float, float, float], lean: float
 ):
+    stage.change("cup", size=(0.03, 0.03, 0.04))
     stage.grasp("cup", HAND)
     lift(stage)
     out_of_sight(stage, hand_too=hand_too)
@@ -425,3 +428,22 @@ def test_what_is_seen_to_fall_after_it_was_out_of_sight_was_released(stage: Stag
     stage.change("cup", plausible=True, on=frozenset({"shelf"}))
     stage.run(1.0)
     assert stage.told == [f"Pick(cup, {HAND})", f"Release(cup, {HAND})"]
+
+
+@pytest.mark.parametrize(("stays", "kind"), [(0.0, PLACE), (0.5, RELEASE)])
+@pytest.mark.parametrize(
+    "rests", [{"plausible": True, "inside": frozenset({"box"})}, {"plausible": False, "on": frozenset({"box"})}]
+)
+def test_what_was_being_lowered_when_it_was_last_seen_was_put_down(
+    stage: Stage, rests: dict[str, Any], stays: float, kind: str
+):
+    lift(stage)
+    stage.run(0.5, cup=DOWN)
+    stage.run(stays)
+    vanished = stage.now
+    stage.visible["cup"] = False
+    stage.run(1.0)
+    stage.change("cup", believed=Pose((0.0, 0.0, 0.04)), **rests)
+    stage.run(1.0)
+    assert stage.told == ["Pick(cup)", f"{kind}(cup)"]
+    assert stage.actions[1][1].time == pytest.approx(vanished + (0.4 if kind == PLACE else 0.0), abs=0.15)
