@@ -7,8 +7,10 @@ import math
 import re
 from collections.abc import Collection, Iterable
 from itertools import count
+from numbers import Real
 from typing import Any
 
+from dsr.errors import SchemaError
 from dsr.intentions import MIND
 from dsr.keys import agent_of
 from dsr.memory import Memory
@@ -77,7 +79,7 @@ class Chronicle:
             details: further attributes.
 
         Raises:
-            SchemaError: for attributes that the schema does not know or allow.
+            SchemaError: for attributes that the schema does not know or allow, or a confidence beyond 0 to 1.
         """
         values = {"time": time, "text": text, "confidence": confidence, "source": source or self._agent, **details}
         return self._write(EVENT, kind, participants, key, values)
@@ -180,6 +182,7 @@ class Chronicle:
         return len(old)
 
     def _write(self, type: str, kind: str, participants: str | Iterable[str], key: str, values: dict[str, Any]) -> str:
+        _check_confidence(values["confidence"])
         memory, names = self._memory, joined_names(participants)
         began = "time" if type == EVENT else "begin"
         time = memory.clock.now() if values[began] is None else float(values[began])
@@ -226,6 +229,12 @@ def kept_by(memory: Memory) -> str | None:
 def is_keyed(name: str) -> bool:
     """Whether the name of an entry follows from a key."""
     return _KEYED.fullmatch(name) is not None
+
+
+def _check_confidence(value: object) -> None:
+    """Refuse numbers beyond 0 to 1; what is no number at all the schema refuses."""
+    if isinstance(value, Real) and not 0.0 <= float(value) <= 1.0:
+        raise SchemaError(f"attribute 'confidence': expected 0 to 1, got {value!r}")
 
 
 def _keyed_name(type: str, kind: str, participants: str, key: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import pytest
@@ -283,6 +284,17 @@ def test_declarations_go_with_each_other_and_what_is_not_declared_is_refused(com
         chronicle.happened("x", goal="y")
     with pytest.raises(SchemaError, match="confidence"):
         chronicle.happened("x", confidence="much")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("confidence", [2.0, -0.1, 2, math.nan, math.inf])
+def test_a_confidence_is_0_to_1(company: Company, confidence: float) -> None:
+    chronicle = Chronicle(company.join("waiter"))
+    for write in (chronicle.happened, chronicle.begin):
+        with pytest.raises(SchemaError, match="'confidence': expected 0 to 1, got"):
+            write("x", key="once", confidence=confidence)
+    assert chronicle.query() == []
+    chronicle.happened("x", confidence=0.0)
+    chronicle.happened("x", confidence=1)
 
 
 @pytest.mark.parametrize("values", [{}, {"begin": 3.0}])
