@@ -34,6 +34,7 @@ from agents.scenario.expectations import (
     Worlds,
 )
 from agents.scenario.geometry import has_face, penetration, upright_box
+from agents.scenario.handling import check_doer, check_hands
 from agents.scenario.inconsistency import RESERVED, InconsistencyError, check_given_name, require
 from agents.scenario.layout import TOUCH, object_box, overlapping, table_box
 from agents.scenario.minds import check_persons, check_plans
@@ -65,6 +66,7 @@ def check_scenario(scenario: Scenario, etc: FilePath | None, folder: FilePath) -
     _check_places(scenario)
     for index, event in enumerate(scenario.events):
         _check_event(event, ("event", index), scenario)
+    check_hands(scenario)
     for index, check in enumerate(scenario.expectations):
         _check_expectation(check, ("expect", index), scenario)
 
@@ -222,9 +224,10 @@ def _check_event(event: Event, path: Path, scenario: Scenario) -> None:
 
 
 def _check_direction(event: Event, path: Path) -> None:
-    """A side is a direction."""
-    side = getattr(event, "side", None)
-    require(side is None or any(side), (*path, "side"), "expected a direction along x and y that is not zero")
+    """A side, a direction and an axis have a direction."""
+    for field, along in (("side", "x and y"), ("direction", "x and y"), ("axis", "x, y and z")):
+        given = getattr(event, field, None)
+        require(given is None or any(given), (*path, field), f"expected a direction along {along} that is not zero")
 
 
 def _check_condition(event: Event, path: Path, scenario: Scenario) -> None:
@@ -309,6 +312,8 @@ def _check_actions(check: Actions, path: Path, scenario: Scenario) -> None:
             _check_objects([pattern.thing], (*path, field, index), scenario)
             looked_at = check.objects is None or pattern.thing in check.objects
             require(looked_at, (*path, field, index), f"{pattern.thing!r} is not one of the `objects` of this check")
+        if pattern.by is not None:
+            check_doer(pattern.by, (*path, field, index), scenario)
 
 
 def _check_relation_names(check: TrueRelations, path: Path, scenario: Scenario) -> None:

@@ -17,6 +17,8 @@ INFERRED = [
     Inferred(Action(4.0, PICK, "b"), 5.3, 0.9),
 ]
 
+HAND = "[[event]]\nat = 1.0\ndo = 'hand_enter'\nposition = [0.0, 0.0, 0.3]\n"
+
 
 def history_of(expectation: str) -> History:
     def sample(time: float) -> Sample:
@@ -46,7 +48,7 @@ def history_of(expectation: str) -> History:
     ],
 )
 def test_inferred_actions_are_compared_in_the_order_in_which_they_happened(expectation: str, holds: bool):
-    history = history_of(f"check = 'actions'\n{expectation}")
+    history = history_of(f"check = 'actions'\n{expectation}\n{HAND}")
     assert judge_check(history.scenario.expectations[0], history).passed is holds
 
 
