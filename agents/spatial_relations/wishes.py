@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 from dsr.elements import Node
 from dsr.errors import ConfigError
-from dsr.spatial import EGOCENTRIC, WRITTEN, checked_relations
+from dsr.spatial import WRITTEN, checked_relations
+from dsr.spatial.scene import check_no_view
 from dsr.timeline.entries import split_names
 
 
@@ -28,8 +29,8 @@ def make_wish(relations: str, things: str, others: str, viewpoint: str) -> Wish:
     names = checked_relations(split_names(relations), WRITTEN)
     if not names:
         raise ConfigError(f"no relation is named; some of {', '.join(WRITTEN)} are expected")
-    if not viewpoint and (seen := [name for name in names if name in EGOCENTRIC]):
-        raise ConfigError(f"{', '.join(seen)} depends on who looks: name a viewpoint")
+    if not viewpoint:
+        check_no_view(names, "name a viewpoint")
     return Wish(names, _names(things), _names(others), viewpoint)
 
 

@@ -22,6 +22,7 @@ from dsr.cli.common import (
 )
 from dsr.errors import ConfigError, suggest
 from dsr.spatial import SPATIAL, checked_relations, read_scene, read_view
+from dsr.spatial.scene import check_no_view
 
 app = typer.Typer()
 
@@ -45,7 +46,9 @@ def relations(
 
     The margin says by how far a relation holds. Relations from contact are edges: dsr show NAME.
     """
-    wanted = checked_relations(kinds or SPATIAL)
+    wanted = checked_relations(kinds) if kinds else None
+    if wanted and viewpoint is None:
+        check_no_view(wanted, "name a camera or frame with --from")
     with reading(graph, router, security) as memory:
         with naming():
             view = None if viewpoint is None else read_view(memory, viewpoint)

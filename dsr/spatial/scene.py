@@ -13,7 +13,7 @@ from dsr.memory import Memory
 from dsr.quaternions import Vector3
 from dsr.relations import MODELLED, SURFACES, THINGS
 from dsr.spatial.boxes import Box
-from dsr.spatial.definitions import EGOCENTRIC, SPATIAL, View, margin
+from dsr.spatial.definitions import ALLOCENTRIC, EGOCENTRIC, SPATIAL, View, margin
 from dsr.transforms import Pose
 
 WORLD = "world"
@@ -41,16 +41,28 @@ class Scene:
 
     def margins(
         self,
-        relations: Iterable[str] = SPATIAL,
+        relations: Iterable[str] | None = None,
         sources: Collection[str] | None = None,
         destinations: Collection[str] | None = None,
         view: View | None = None,
     ) -> dict[Fact, float]:
         """How far (m) each of these relations holds between any two of these things, or of all.
 
-        Relations that depend on who looks are left out without a `view`.
+        Args:
+            relations: some of `SPATIAL`; all if None, but without a `view` none that depends on who looks.
+            sources: names of what is above, left, ...; all if None. Names that are not in the scene do not count.
+            destinations: likewise, of what that is above, left of, ...
+            view: from where `in_front_of`, `behind`, `left_of` and `right_of` are seen.
+
+        Raises:
+            ConfigError: for relations that are unknown, or named and in need of a view that is not given.
         """
-        wanted = [name for name in relations if view is not None or name not in EGOCENTRIC]
+        if relations is None:
+            wanted = SPATIAL if view is not None else tuple(ALLOCENTRIC)
+        else:
+            wanted = checked_relations(relations)
+            if view is None:
+                check_no_view(wanted, "give a view")
         return {
             (fact := Fact(relation, source, destination)): self.margin(fact, view)
             for source in self._among(sources)
@@ -100,6 +112,12 @@ def checked_relations(names: Iterable[str], known: Collection[str] = SPATIAL) ->
         if name not in known:
             raise ConfigError(f"no spatial relation {name!r}; {suggest(name, known)}")
     return chosen
+
+
+def check_no_view(names: Iterable[str], expected: str) -> None:
+    """Raise `ConfigError`, with what is expected, for relations that depend on who looks."""
+    if seen := [name for name in names if name in EGOCENTRIC]:
+        raise ConfigError(f"{', '.join(seen)} depends on who looks: {expected}")
 
 
 def _box(memory: Memory, node: Node) -> Box | None:

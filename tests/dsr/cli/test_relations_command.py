@@ -35,6 +35,7 @@ def test_relations_of_all_for_people(cli: Callable[..., str]) -> None:
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [(("nobody",), "nobody"), (("world",), "not known to be somewhere"), (("-r", "left"), "did you mean 'left_of'"),
+     (("-r", "left_of"), "left_of depends on who looks: name a camera or frame with --from"),
      (("--from", "nobody"), "nobody"), (("--from", "cube_free"), "cube_free")],
 )  # fmt: skip
 def test_wrong_names_are_told(

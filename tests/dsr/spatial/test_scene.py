@@ -8,7 +8,7 @@ import pytest
 import dsr
 from dsr import ConfigError, ManualClock, Memory, NodeNotFoundError, Pose
 from dsr.local_transport import LocalNetwork
-from dsr.spatial import Fact, Hysteresis, Scene, read_scene, read_view, request_relations
+from dsr.spatial import ALLOCENTRIC, SPATIAL, Fact, Hysteresis, Scene, read_scene, read_view, request_relations
 
 CUBE = (0.04, 0.04, 0.04)
 
@@ -63,11 +63,21 @@ def test_relations_among_some_or_all(memory: Memory) -> None:
     assert holding(scene, "on_top") == {Fact("on_top", "cube_1", "table"), Fact("on_top", "cube_2", "table")}
     assert holding(scene, "next_to", sources=["cube_1"]) == {Fact("next_to", "cube_1", "cube_2")}
     assert set(scene.margins(["above"], ["cube_1"], ["table"])) == {Fact("above", "cube_1", "table")}
-    assert scene.margins(["left_of"]) == {}
+    assert {fact.relation for fact in scene.margins()} == set(ALLOCENTRIC)
     view = read_view(memory, "camera")
+    assert {fact.relation for fact in scene.margins(view=view)} == set(SPATIAL)
     assert holding(scene, "left_of", view=view) == {Fact("left_of", "cube_1", "cube_2")}
     from_world = read_view(memory, "world")
     assert holding(scene, "in_front_of", view=from_world) == {Fact("in_front_of", "cube_1", "cube_2")}
+
+
+@pytest.mark.parametrize("things", [[], ["cube_1"]])
+def test_margins_of_wrong_relations_are_told(memory: Memory, things: list[str]) -> None:
+    scene, view = read_scene(memory), read_view(memory, "camera")
+    with pytest.raises(ConfigError, match="no spatial relation 'leftof'; did you mean 'left_of'"):
+        scene.margins(("leftof",), things, view=view)
+    with pytest.raises(ConfigError, match="left_of, behind depends on who looks: give a view"):
+        scene.margins(("above", "left_of", "behind"), things)
 
 
 def test_viewpoints_must_be_somewhere(memory: Memory) -> None:
