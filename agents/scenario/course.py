@@ -19,7 +19,7 @@ from agents.scenario.expectations import (
 )
 from agents.scenario.findings import Finding, begin_of, each, mm, names_of, pairs
 from agents.scenario.history import History, Sample
-from agents.scenario.perturbations import perturbations, recovery
+from agents.scenario.perturbations import perturbations, recovery, unjudged
 from agents.scenario.relations import true_relations
 
 
@@ -68,10 +68,8 @@ def _belief_recovered(check: BeliefRecovered, history: History, sample: Sample) 
         holds = found.seconds <= check.within
         passed = passed and holds
         which = f"event {', '.join(map(str, one.events))}: "
-        if one.end == math.inf:
-            texts.append(f"{which}things never lay still again")
-        elif found.seconds == math.inf and not found.last:
-            texts.append(f"{which}the next perturbation or the end came before anything lay still")
+        if why := unjudged(one, found):
+            texts.append(which + why)
         else:
             took = "not recovered" if found.seconds == math.inf else f"{found.seconds:.2f} s"
             off = "no belief" if found.error == math.inf else f"{mm(found.error)} off"

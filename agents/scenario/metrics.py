@@ -14,7 +14,7 @@ from agents.scenario.cameras import camera_metrics
 from agents.scenario.course import missing_events, rises
 from agents.scenario.history import History, Sample, Source
 from agents.scenario.measures import OverlapMeter, belief_gap, drift, height_error, mean_error
-from agents.scenario.perturbations import perturbations, recovery, recovery_in_view, wrong_explanations
+from agents.scenario.perturbations import perturbations, recovery, recovery_in_view, unjudged, wrong_explanations
 from agents.scenario.true_actions import compare
 from dsr.intentions import FULFILLED
 
@@ -82,8 +82,8 @@ def _about_actions(history: History) -> list[str]:
 
 def _unrecovered(history: History) -> list[str]:
     return [
-        f"perturbation {number} (event {', '.join(map(str, one.events))}): {found.last or 'nothing'} "
-        "was never believed where it is: it has no recovery time"
+        f"perturbation {number} (event {', '.join(map(str, one.events))}) has no recovery time: "
+        + (unjudged(one, found) or f"{found.last} was never believed where it is")
         for number, one in enumerate(perturbations(history), start=1)
         if (found := recovery(history, one, RECOVERED)).seconds == math.inf
     ]

@@ -124,6 +124,12 @@ def recovery(history: History, after: Perturbation, tolerance: float, names: Seq
     return worst
 
 
+def unjudged(after: Perturbation, found: Recovery) -> str:
+    """Why no belief could be judged after a perturbation; empty if one was."""
+    judged = after.end < math.inf and (found.last or found.seconds < math.inf)
+    return "" if judged else "things did not lie still before the next one or the end"
+
+
 def recovery_in_view(history: History, after: Perturbation, tolerance: float) -> float:
     """How long it took (s) from when what is wrongly believed could be seen until that stayed within `tolerance` m.
 

@@ -145,7 +145,16 @@ def test_a_belief_that_is_lost_again_or_never_found_has_not_recovered():
     assert found.seconds == math.inf and found.last == "b" and found.error == math.inf
     metrics, notes = measure(history)
     assert "recovery_time_max_s" not in metrics
-    assert any("b was never believed where it is" in note for note in notes)
+    assert "perturbation 1 (event 1) has no recovery time: b was never believed where it is" in notes
+
+
+def test_why_a_perturbation_has_no_recovery_time_where_nothing_lay_still():
+    history = course()
+    for spans in ({1: (4.0, None)}, {1: (4.0, 4.9), 2: (5.0, 5.5)}):
+        history.spans = spans
+        _, notes = measure(history)
+        why = "things did not lie still before the next one or the end"
+        assert f"perturbation 1 (event 1) has no recovery time: {why}" in notes
 
 
 def test_what_was_removed_must_not_be_believed():
