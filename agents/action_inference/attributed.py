@@ -29,6 +29,7 @@ _FOUND = 0.3  # s for which a thing must hover in a hand that has it when it is 
 _MOVED = 0.03  # m that a hand must have moved that thing, to have put it down
 _UNPLAUSIBLE_DROP = 0.03  # m that the belief must be below where a thing was last seen, for it to have fallen
 _PUT_DOWN = 0.3  # m that a thing may have come down unseen and yet have been put down: more often than dropped
+_UNDISPUTED = 1.5  # s for which it must be believed to stand there: longer than it takes to see that it does not
 _ABOUT = 0.15  # m on the ground from where it was out of sight, within which it is there still
 _LOWERED = 0.05  # m/s from which it is being lowered
 _EVEN = 0.001  # m by which the edges of a cube or ball differ at most
@@ -247,7 +248,7 @@ class AttributedPolicy:
         unseen = self._put_down_unseen(thing, track, current) if came_down else None
         if came_down and unseen is None:
             return self._let_go(thing, track, RELEASE, let_go_at, _SURE, f"{track.by} let go of it, and it came down")
-        if self._rests(thing, track, snapshot) and thing.plausible:
+        if self._rests(thing, track, snapshot, _UNDISPUTED if unseen is not None else 0.0) and thing.plausible:
             if unseen is not None:
                 return self._let_go(thing, track, PLACE, unseen, _GUESSED, "it was put down out of sight")
             settled = track.believed.settled() if track.believed.last is not None else let_go_at
@@ -303,11 +304,12 @@ class AttributedPolicy:
             return None
         if self._is_hidden_with_holder(track, snapshot):
             return None
-        unseen = self._put_down_unseen(thing, track, believed) or self._lowered_out_of_sight(thing, track, believed)
-        if unseen is None:
+        unseen = self._put_down_unseen(thing, track, believed)
+        least = 0.0 if unseen is None else _UNDISPUTED
+        if unseen is None and (unseen := self._lowered_out_of_sight(thing, track, believed)) is None:
             near = _GUESSED if track.by == UNKNOWN else _LIKELY
             return self._let_go(thing, track, RELEASE, self._last_high(track), near, "it is gone from where it was")
-        if self._rests(thing, track, snapshot):
+        if self._rests(thing, track, snapshot, least):
             return self._let_go(thing, track, PLACE, unseen, _GUESSED, "it was put down out of sight")
         return None
 
@@ -325,15 +327,15 @@ class AttributedPolicy:
         holder = snapshot.holders.get(track.by)
         return track.by != UNKNOWN and (holder is None or not holder.perceived)
 
-    def _rests(self, thing: Thing, track: _Track, snapshot: Snapshot) -> bool:
-        """Whether it has been on or in something, or on the floor, for long enough."""
+    def _rests(self, thing: Thing, track: _Track, snapshot: Snapshot, least: float = 0.0) -> bool:
+        """Whether it has been on or in something, or on the floor, for long enough, and for `least` s."""
         on_floor = thing.believed is not None and thing.bottom(thing.believed) < snapshot.floor_below
         if not (thing.on or thing.inside or (on_floor and track.believed.is_steady())):
             track.resting_since = None
             return False
         if track.resting_since is None:
             track.resting_since = snapshot.now
-        return snapshot.now - track.resting_since >= self._config.settle - 1e-6
+        return snapshot.now - track.resting_since >= max(self._config.settle, least) - 1e-6
 
     def _is_seen_now(self, thing: Thing, now: float) -> bool:
         return thing.perceived and thing.seen is not None and now - thing.seen.stamp <= _FRESH

@@ -383,7 +383,7 @@ def out_of_sight(stage: Stage, seconds: float = 2.0, *, hand_too: bool = True) -
 def comes_down(stage: Stage, to: tuple[float, float, float] = (0.05, 0.0, 0.12), lean: float = 0.0) -> None:
     """Believe that the cup, which nobody sees, is now there, on a shelf, and leans (rad)."""
     stage.change("cup", believed=Pose.from_rotvec(to, (lean, 0.0, 0.0)), plausible=True, on=frozenset({"shelf"}))
-    stage.run(0.5)
+    stage.run(1.7)
 
 
 @pytest.mark.parametrize("grasps", [True, False])
@@ -414,6 +414,18 @@ def test_what_fell_further_or_over_or_from_a_hand_in_sight_was_released(
     out_of_sight(stage, hand_too=hand_too)
     stage.grasp("cup")
     comes_down(stage, to, lean)
+    assert stage.told == [f"Pick(cup, {HAND})", f"Release(cup, {HAND})"]
+
+
+def test_what_is_not_seen_where_it_would_have_been_put_down_was_released(stage: Stage):
+    stage.grasp("cup", HAND)
+    lift(stage)
+    out_of_sight(stage)
+    stage.grasp("cup")
+    stage.change("cup", believed=Pose((0.05, 0.0, 0.12)), plausible=True, on=frozenset({"shelf"}))
+    stage.run(1.2)
+    assert stage.told == [f"Pick(cup, {HAND})"]
+    comes_down(stage, (0.1, 0.3, -0.7))
     assert stage.told == [f"Pick(cup, {HAND})", f"Release(cup, {HAND})"]
 
 
