@@ -21,7 +21,7 @@ class _Unseen:
     """What is known of an object in a hand that is not seen."""
 
     place: Pose | None = None
-    """World_from_object when the hand, too, was seen no more"""
+    """World_from_object when the hand, too, was seen no more; or where it surely was then"""
     absent_since: float | None = None
     """s, since when the hand is in sight and the object should be"""
 
@@ -44,21 +44,25 @@ class LeftBehind:
         if unseen.place is None:
             unseen.place = self._bodies.objects[relation[1]].path.last
 
-    def absent_for(self, relation: Relation, there: Pose, look: Look | None, now: float) -> float | None:
+    def absent_for(
+        self, relation: Relation, there: Pose, sure: Pose, look: Look | None, now: float
+    ) -> float | None:
         """For how long (s) the object, which the hand in sight would have `there`, should have been seen, too.
 
-        None while that is not so: it goes with the hand then.
+        None while that is not so: it goes with the hand then. If the hand was always in sight, the object surely was
+        at `sure` before.
         """
         unseen = self._unseen[relation]
         if look is None or not self._shows(self._bodies.objects[relation[1]], there, look):
             unseen.absent_since = None
         elif unseen.absent_since is None:
-            unseen.absent_since = now
+            unseen.absent_since, unseen.place = now, unseen.place or sure
         return None if unseen.absent_since is None else now - unseen.absent_since
 
     def place(self, relation: Relation) -> Pose | None:
-        """Where it was when both were seen no more; None if the hand was always in sight."""
-        return self._unseen[relation].place
+        """Where an object was left that should be seen, and is not; None if there is none."""
+        unseen = self._unseen.get(relation)
+        return None if unseen is None or unseen.absent_since is None else unseen.place
 
     def _shows(self, item: BelievedObject, there: Pose, look: Look) -> bool:
         """Whether a camera should see an object that is there."""

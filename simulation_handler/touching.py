@@ -120,6 +120,7 @@ class Touching:
             item.turned_by_hand = item.place_by_hand = None
             if before and not item.hand:
                 item.let_go_at = now
+                self._leave_behind(item, before, now)
         held = [item for item in self._bodies.objects.values() if item.hand]
         self._left_behind.keep({(item.hand, item.name) for item in held if now - item.track.last_stamp > UNSEEN})
         for item in held:
@@ -136,10 +137,14 @@ class Touching:
         leaning = without_yaw(levelled(item.solid(there.t, there.q)))
         is_seen = now - item.track.last_stamp <= UNSEEN
         if not is_seen and not grasp.covered:
-            seconds = self._left_behind.absent_for(relation, there, self.look, now)
+            sure = grasp.sure or item.path.at(item.track.last_stamp)
+            seconds = self._left_behind.absent_for(relation, there, sure, self.look, now)
             if seconds is not None:
                 if seconds >= ABSENT:
-                    self._leave_behind(item, now)
+                    self._contacts.end(relation)
+                    del self._grasps[relation]
+                    item.hand, item.let_go_at = "", now
+                    self._leave_behind(item, relation[0], now)
                 return
         if not is_seen or math.dist(there.t, item.path.last.t) < _JUMPED:  # else the palm is not where it seems
             item.turned_by_hand, item.place_by_hand = leaning, there.t
@@ -150,18 +155,15 @@ class Touching:
             elif (left := self._left(item)) is not None:
                 item.path.add(left.with_stamp(pose.stamp))
 
-    def _leave_behind(self, item: BelievedObject, now: float) -> None:
-        """A hand has come back without an object: that falls, with what is in it, where the hand must have left it."""
-        relation, bodies = (item.hand, item.name), self._bodies
-        grasp = self._grasps.pop(relation)
-        there = self._left_behind.place(relation) or grasp.sure or item.path.at(item.track.last_stamp)
-        self._contacts.end(relation)
-        scene = bodies.scene(leaving_out=())
-        moved = {item.name: item.solid(there.t, there.q)}
-        for solid in (moved | with_contents(moved, scene)).values():
+    def _leave_behind(self, item: BelievedObject, hand: str, now: float) -> None:
+        """If that hand has come back without an object, that falls, with what is in it, from where it must be."""
+        there, bodies = self._left_behind.place((hand, item.name)), self._bodies
+        if there is None:
+            return
+        moved = {item.name: item.solid(there.t, there.q).face_down()[0]}
+        for solid in (moved | with_contents(moved, bodies.scene(leaving_out=()))).values():
             bodies.put(bodies.objects[solid.name], solid.position, solid.rotation)
         item.path.add(there.with_stamp(now))
-        item.hand, item.let_go_at = "", now
 
     def _in_fingers(self, item: BelievedObject, there: Pose, palm: Pose) -> Pose:
         """Where an unseen object is that by the palm of its hand is `there`: it moves only if its fingertips do, too.
@@ -175,8 +177,10 @@ class Touching:
             if tip in hand.tips and (tip, item.name) in self._contacts.touches and hand.measures(hand.tips[tip])
         ]
         if not offsets:
-            if hand.path.is_still(*_AT_REST):
-                grasp.sure = item.path.at(palm.stamp - 0.5 * _AT_REST[0])
+            known = grasp.sure or item.path.at(item.track.last_stamp)
+            rest = item.path.at(palm.stamp - 0.5 * _AT_REST[0])
+            has_gone_on = math.dist(known.t, rest.t) > _DRAWN_BACK
+            grasp.sure = rest if has_gone_on and hand.path.is_still(*_AT_REST) else known
             return Pose.unchecked(there.t, there.q, palm.stamp)
         x, y, z = (a + sum(values) / len(offsets) for a, *values in zip(there.t, *offsets, strict=True))
         before = item.path.last.t

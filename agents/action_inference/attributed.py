@@ -133,7 +133,7 @@ class AttributedPolicy:
         holder = thing.grasps[-1].holder if thing.grasps else track.by
         if self._is_seen_now(thing, snapshot.now):
             track.hidden = None
-        elif holder != UNKNOWN and snapshot.palm_height(holder) is None:
+        elif holder != UNKNOWN and not snapshot.shows_fingers(holder):
             track.hidden = track.believed.last
 
     def _from_below(self, snapshot: Snapshot) -> list[str]:
@@ -246,7 +246,7 @@ class AttributedPolicy:
             track.hidden = None
         came_down = lowered - self._palm_lowered(track, snapshot) > config.fallen
         unseen = self._put_down_unseen(thing, track, current) if came_down else None
-        if came_down and unseen is None:
+        if came_down and unseen is None and (track.hidden is None or self._rests(thing, track, snapshot)):
             return self._let_go(thing, track, RELEASE, let_go_at, _SURE, f"{track.by} let go of it, and it came down")
         if self._rests(thing, track, snapshot, _UNDISPUTED if unseen is not None else 0.0) and thing.plausible:
             if unseen is not None:

@@ -62,6 +62,8 @@ class Holder(NamedTuple):
     """Where it can hold something, m, world: the palm first, then fingertips."""
     perceived: bool = True
     """It is known where it is now."""
+    shows_fingers: bool = True
+    """It is known what its fingers do: one is seen now, or it is a gripper."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,11 @@ class Snapshot:
     holders: Mapping[str, Holder] = field(default_factory=dict)
     floor_below: float = -math.inf
     """m, world z below which a thing that lies still lies on the floor: well below all tables"""
+
+    def shows_fingers(self, holder: str) -> bool:
+        """Whether it is known now what the fingers of a holder do."""
+        known = self.holders.get(holder)
+        return known is not None and known.perceived and known.shows_fingers
 
     def palm_height(self, holder: str) -> float | None:
         """World z of a holder's palm, m; None if it is not known now."""

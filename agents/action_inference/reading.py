@@ -87,8 +87,11 @@ class Reading:
         """A hand with its fingertips, or a gripper; None if it is nowhere."""
         parts = [node.name, *sorted(edge.dst for edge in self._memory.edges("has", src=node.name))]
         points = tuple(self._points(parts))
-        perceived = node.type == "gripper" or is_perceived(node, now)
-        return Holder(node.name, points, perceived) if points else None
+        is_gripper = node.type == "gripper"
+        fingers = [finger for name in parts[1:] if (finger := self._memory.get_node(name)) is not None]
+        shows_fingers = is_gripper or any(is_perceived(finger, now) for finger in fingers)
+        perceived = is_gripper or is_perceived(node, now)
+        return Holder(node.name, points, perceived, shows_fingers) if points else None
 
     def _points(self, names: Iterable[str]) -> Iterable[Vector3]:
         for name in names:

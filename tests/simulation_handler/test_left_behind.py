@@ -77,6 +77,23 @@ def test_what_is_in_it_stays_in_it() -> None:
     assert world.pose("cube").t[:2] == pytest.approx((0.3, -0.3), abs=0.03)
 
 
+def test_what_hidden_fingers_let_go_of_does_not_go_with_a_palm_in_sight() -> None:
+    world = carried_behind_a_wall()
+    places, world.tips_from_object = world.tips_from_object, {}
+    for step in range(1, 6):
+        world.hand_seen = True
+        world.palm = Pose((0.3 + 0.01 * step, -0.3, 0.24)) @ world.hand_from_object.inverse()
+        world.run(0.1)
+    world.run(2.0)  # it has drawn back a little
+    world.tips_from_object = {name: (x, 1.8 * y, z) for name, (x, y, z) in places.items()}
+    for step in range(1, 9):
+        world.palm = Pose((0.35 + 0.06 * step, -0.3 + 0.04 * step, 0.24)) @ world.hand_from_object.inverse()
+        world.run(0.1)
+    world.run(1.5)
+    assert world.belief.grasps() == {}
+    assert world.pose("cup").t == pytest.approx((0.3, -0.3, 0.04), abs=0.03)
+
+
 def test_what_it_still_has_is_seen_in_it() -> None:
     world = carried_behind_a_wall()
     world.seen.add("cup")

@@ -369,12 +369,13 @@ def test_what_a_hand_touches_where_it_is_first_seen_is_not_placed():
         assert stage.told == []
 
 
-def out_of_sight(stage: Stage, seconds: float = 2.0, *, hand_too: bool = True) -> None:
-    """Hide the cup that a hand has lifted, and then that hand for some time."""
+def out_of_sight(stage: Stage, seconds: float = 2.0, *, hand_too: bool = True, palm_too: bool = True) -> None:
+    """Hide the cup that a hand has lifted, and then that hand, or its fingers, for some time."""
     stage.holders = {HAND: Holder(HAND, ((0.0, 0.0, 0.25),))}
     stage.visible["cup"] = False
     stage.run(0.5)
-    stage.holders = {HAND: Holder(HAND, ((0.0, 0.0, 0.25),), perceived=not hand_too)}
+    hidden = Holder(HAND, ((0.0, 0.0, 0.25),), perceived=not (hand_too and palm_too), shows_fingers=not hand_too)
+    stage.holders = {HAND: hidden}
     stage.run(seconds)
     stage.holders = {HAND: Holder(HAND, ((0.0, 0.0, 0.25),))}
     stage.run(0.2)
@@ -386,13 +387,13 @@ def comes_down(stage: Stage, to: tuple[float, float, float] = (0.05, 0.0, 0.12),
     stage.run(1.7)
 
 
-@pytest.mark.parametrize("grasps", [True, False])
-def test_what_was_left_where_nobody_saw_it_was_probably_put_down(stage: Stage, grasps: bool):
+@pytest.mark.parametrize(("grasps", "palm_too"), [(True, True), (False, True), (True, False)])
+def test_what_was_left_where_nobody_saw_it_was_probably_put_down(stage: Stage, grasps: bool, palm_too: bool):
     stage.holders = {HAND: Holder(HAND, ((0.0, 0.0, 0.05),))}
     if grasps:
         stage.grasp("cup", HAND)
     lift(stage)
-    out_of_sight(stage)
+    out_of_sight(stage, palm_too=palm_too)
     reappeared = stage.now - 0.2
     stage.grasp("cup")
     comes_down(stage)
@@ -415,6 +416,18 @@ def test_what_fell_further_or_over_or_from_a_hand_in_sight_was_released(
     stage.grasp("cup")
     comes_down(stage, to, lean)
     assert stage.told == [f"Pick(cup, {HAND})", f"Release(cup, {HAND})"]
+
+
+def test_what_is_still_coming_down_may_yet_stand_there(stage: Stage):
+    stage.change("cup", size=(0.03, 0.03, 0.04))
+    stage.grasp("cup", HAND)
+    lift(stage)
+    out_of_sight(stage)
+    stage.grasp("cup")
+    stage.change("cup", believed=Pose.from_rotvec((0.05, 0.0, 0.14), (0.5, 0.0, 0.0)))
+    stage.run(0.2)
+    comes_down(stage)
+    assert stage.told == [f"Pick(cup, {HAND})", f"Place(cup, {HAND})"]
 
 
 def test_what_is_not_seen_where_it_would_have_been_put_down_was_released(stage: Stage):
