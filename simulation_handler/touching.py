@@ -114,7 +114,7 @@ class Touching:
         self._contacts.update(now)
         self._update_grasps(now)
         self._update_covered(now)
-        holders = self._holders()
+        holders = self._holders(now)
         for item in self._bodies.objects.values():
             before, item.hand = item.hand, holders.get(item.name, "")
             item.turned_by_hand = item.place_by_hand = None
@@ -322,16 +322,17 @@ class Touching:
         there = hand.path.last @ self._grasps[relation].hand_from_object if hand.path.newest > -math.inf else None
         return rests and (there is None or math.dist(there.t, self._bodies.sim.position(thing)) > _ELSEWHERE)
 
-    def _holders(self) -> dict[str, str]:
+    def _holders(self, now: float) -> dict[str, str]:
         """The hand that holds each object: pinches it, or touches what nothing else carries, as what it is in may."""
         holders: dict[str, str] = {}
         carried: dict[str, str] = {}
         for (hand, thing), grasp in sorted(self._grasps.items(), key=lambda entry: (entry[1].since, entry[0])):
             item = self._bodies.objects[thing]
             hovers = item.pinned or item.hovering_since is not None
+            was_left = grasp.put_down and now - item.track.last_stamp > UNSEEN
             if grasp.grip == PINCH or grasp.presumed:
                 holders.setdefault(thing, hand)
-            elif (hovers or (item.hand == hand and not grasp.put_down)) and not grasp.opened:
+            elif (hovers or (item.hand == hand and not was_left)) and not grasp.opened:
                 carried.setdefault(thing, hand)
         within = self._containment.current()
         inside = {thing for thing, container in within if container in holders | carried}
