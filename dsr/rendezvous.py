@@ -78,7 +78,7 @@ class Registration:
         Path(self._lock.name).unlink(missing_ok=True)
         self._lock.close()
         endpoints(self._graph)
-        _read_live(claim_file(self._graph))
+        remove_leftover_claim(self._graph)
 
 
 @contextlib.contextmanager
@@ -162,6 +162,13 @@ def _read_live(path: Path) -> tuple[int, Member] | None:
 def claim_file(graph: str) -> Path:
     """The file that the launcher of `graph` keeps locked; a leftover is removed by who leaves the graph."""
     return runtime_dir() / f"{graph}.launcher"
+
+
+def remove_leftover_claim(graph: str) -> bool:
+    """Remove the file of a launcher that is gone; whether there still is one, because somebody keeps it locked."""
+    path = claim_file(graph)
+    _read_live(path)
+    return path.exists()
 
 
 def _is_locked(descriptor: int) -> bool:

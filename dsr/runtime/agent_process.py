@@ -23,7 +23,7 @@ from dsr.memory import Memory, new_rid
 from dsr.rendezvous import running_graph
 from dsr.runtime.access import WriteGuard
 from dsr.runtime.config import TomlFile
-from dsr.runtime.lifeline import LAUNCHED, follow_launcher
+from dsr.runtime.lifeline import LAUNCHED, clear_up_after_launcher, follow_launcher
 from dsr.runtime.logs import BusLogHandler, log_to_terminal
 from dsr.runtime.runner import Runner, Schedule
 from dsr.runtime.signals import set_on_signals
@@ -54,18 +54,21 @@ def run_command_line(kind: type[Agent], arguments: Sequence[str] | None = None) 
     options = _parser(kind).parse_args(arguments)
     log_to_terminal(options.name, options.log_level)
     stop = Stop()
-    follow_launcher(os.environ, stop)
+    launcher_is_gone = follow_launcher(os.environ, stop)
     try:
+        graph = running_graph(options.graph)
         with set_on_signals(stop):
             run_process(
                 kind,
-                graph=running_graph(options.graph),
+                graph=graph,
                 name=options.name,
                 config=read_config(options.config),
                 router=options.connect,
                 seed=options.seed,
                 stop=stop,
             )
+        if launcher_is_gone.is_set():
+            clear_up_after_launcher(graph)
     except ConfigError as error:
         _log.error("%s", error)
         return EXIT_USAGE

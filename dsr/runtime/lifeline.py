@@ -15,22 +15,39 @@ import threading
 from collections.abc import Mapping
 
 from dsr.clock import WALL_CLOCK
+from dsr.rendezvous import remove_leftover_claim
 
 LAUNCHED = "DSR_LAUNCHED"
 """Environment variable of a launched process: its standard input is its lifeline; how often it was started before."""
 _GRACE = 6.0  # s to end in an orderly way
+_CLOSING, _PERIOD = 60, 0.05  # so many times so many s for the files of a process that was killed to be closed
 
 
-def follow_launcher(environment: Mapping[str, str], stop: threading.Event) -> None:
-    """If this process was launched, set `stop` when the launcher is gone; end the hard way if that is not enough."""
+def follow_launcher(environment: Mapping[str, str], stop: threading.Event) -> threading.Event:
+    """If this process was launched, set `stop` when the launcher is gone; end the hard way if that is not enough.
+
+    Returns:
+        What is set before `stop` if that is why.
+    """
+    gone = threading.Event()
     if environment.get(LAUNCHED):
-        threading.Thread(target=_wait_for_end, args=(stop,), name="lifeline", daemon=True).start()
+        threading.Thread(target=_wait_for_end, args=(gone, stop), name="lifeline", daemon=True).start()
+    return gone
 
 
-def _wait_for_end(stop: threading.Event) -> None:
+def clear_up_after_launcher(graph: str) -> None:
+    """Remove what a launcher left that is gone; the kernel may still be closing its files, one after the other."""
+    for _ in range(_CLOSING):
+        if not remove_leftover_claim(graph):
+            return
+        WALL_CLOCK.wait(threading.Event(), _PERIOD)
+
+
+def _wait_for_end(gone: threading.Event, stop: threading.Event) -> None:
     with contextlib.suppress(OSError):
         while os.read(sys.stdin.fileno(), 1):
             pass
+    gone.set()
     stop.set()
     WALL_CLOCK.wait(threading.Event(), _GRACE)
     if os.getpgrp() == os.getpid():
