@@ -44,9 +44,7 @@ class LeftBehind:
         if unseen.place is None:
             unseen.place = self._bodies.objects[relation[1]].path.last
 
-    def absent_for(
-        self, relation: Relation, there: Pose, sure: Pose, look: Look | None, now: float
-    ) -> float | None:
+    def absent_for(self, relation: Relation, there: Pose, sure: Pose, look: Look | None, now: float) -> float | None:
         """For how long (s) the object, which the hand in sight would have `there`, should have been seen, too.
 
         None while that is not so: it goes with the hand then. If the hand was always in sight, the object surely was

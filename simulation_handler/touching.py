@@ -158,7 +158,7 @@ class Touching:
     def _leave_behind(self, item: BelievedObject, hand: str, now: float) -> None:
         """If that hand has come back without an object, that falls, with what is in it, from where it must be."""
         there, bodies = self._left_behind.place((hand, item.name)), self._bodies
-        if there is None:
+        if there is None or now - item.track.last_stamp <= UNSEEN:
             return
         moved = {item.name: item.solid(there.t, there.q).face_down()[0]}
         for solid in (moved | with_contents(moved, bodies.scene(leaving_out=()))).values():
@@ -323,7 +323,7 @@ class Touching:
         return rests and (there is None or math.dist(there.t, self._bodies.sim.position(thing)) > _ELSEWHERE)
 
     def _holders(self, now: float) -> dict[str, str]:
-        """The hand that holds each object: pinches it, or touches what nothing else carries, as what it is in may."""
+        """The hand that holds each object: pinches it, or touches what nothing else carries, nor what it is in."""
         holders: dict[str, str] = {}
         carried: dict[str, str] = {}
         for (hand, thing), grasp in sorted(self._grasps.items(), key=lambda entry: (entry[1].since, entry[0])):
@@ -334,6 +334,8 @@ class Touching:
                 holders.setdefault(thing, hand)
             elif (hovers or (item.hand == hand and not was_left)) and not grasp.opened:
                 carried.setdefault(thing, hand)
-        within = self._containment.current()
-        inside = {thing for thing, container in within if container in holders | carried}
+        held = carried | holders
+        inside = {
+            thing for thing, container in self._containment.current() if held.get(container) == carried.get(thing)
+        }
         return {thing: hand for thing, hand in carried.items() if thing not in inside} | holders
