@@ -303,3 +303,17 @@ def test_what_a_hand_lays_down_out_of_sight_is_plausible_there() -> None:
     world.run(2.0)
     assert world.pose("ball").t[2] == pytest.approx(IN_BOX, abs=0.002)
     assert world.belief.plausible("ball")
+
+
+@pytest.mark.parametrize("seed", [2, 4, 5])
+def test_what_rolls_easily_is_not_thrown_by_the_noise_of_what_pushes_it(seed: int) -> None:
+    truths = {"cover": standing(0.3, -0.25, BOX), "pearl": Pose((0.3, -0.25, 0.5 * BALL[2]))}
+    world = Occlusion(truths, seed, noise=0.005)
+    world.run(1.0)
+    world.seen = {"cover"}
+    world.run(1.0)
+    world.move("cover", standing(0.3, 0.1, BOX), speed=0.1)
+    begin = world.pose("pearl").t
+    for _ in range(50):
+        world.tick()
+        assert math.dist(world.pose("pearl").t, begin) < 0.035
