@@ -3,7 +3,8 @@
 A thing is picked when it rises above where it lay, by its percepts or, while something holds it, by its belief; not
 when what it is in or on rises with it. It is held until whoever holds it lets go: it is placed then if it rests where
 it was let go, released if it has come down, unless it may have been put down where nobody saw it. A thing that is
-merely not seen has not been released. What is first seen in a hand is held too, wherever it was picked.
+merely not seen has not been released. What is first seen in a hand is held too, wherever it was picked. What a camera
+sees that may have been bumped lifts nothing.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import math
 from dataclasses import dataclass
 
 from agents.action_inference.attribution import Attribution
+from agents.action_inference.bumps import Bumps
 from agents.action_inference.config import ActionInferenceConfig
 from agents.action_inference.heights import Height, Heights
 from agents.action_inference.observation import Snapshot, Thing
@@ -23,6 +25,7 @@ _SURE, _LIKELY, _GUESSED = 0.95, 0.85, 0.7
 """Confidences: something holds it; a hand is near, or it is seen to rest; nothing but its motion tells."""
 _FRESH = 0.3  # s up to which a percept is of a thing as it is now
 _GONE = 0.7  # s without a percept after which a thing may be anywhere when it is seen again
+_DOUBTED = 3.0  # s after which it is given up to know whether a thing was lifted or the camera bumped
 _FALLING = -0.7  # m/s, faster than anybody puts things down
 _REMEMBERED = 1.0  # s for which what was beneath a thing may still carry it
 _FOUND = 0.3  # s for which a thing must hover in a hand that has it when it is first seen
@@ -79,11 +82,13 @@ class AttributedPolicy:
     def __init__(self, config: ActionInferenceConfig | None = None) -> None:
         self._config = config or ActionInferenceConfig()
         self._attribution = Attribution(self._config.reach)
+        self._bumps = Bumps()
         self._tracks: dict[str, _Track] = {}
 
     def update(self, snapshot: Snapshot) -> list[Inference]:
         """What has become known."""
         self._attribution.update(snapshot)
+        self._bumps.update(snapshot)
         self._tracks = {name: track for name, track in self._tracks.items() if name in snapshot.things}
         for thing in snapshot.things.values():
             self._note(thing, snapshot)
@@ -156,6 +161,10 @@ class AttributedPolicy:
         if thing.grasps and track.believed.lies and track.believed.is_lifted:
             return self._pick(thing, track, track.believed, snapshot)
         if self._is_seen_now(thing, snapshot.now) and track.seen.lies and track.seen.is_lifted:
+            if thing.in_doubt or self._bumps.may_be(snapshot.now):
+                if snapshot.now - track.seen.departed() > _DOUBTED:
+                    track.seen.forget()
+                return None
             if not track.returned or not thing.plausible:
                 return self._pick(thing, track, track.seen, snapshot)
             track.seen.forget()

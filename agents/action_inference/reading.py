@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Iterable
 
 from agents.action_inference.observation import Grasp, Holder, Snapshot, Thing
+from dsr.calibration import IN_DOUBT
 from dsr.elements import Node
 from dsr.errors import DsrError
 from dsr.memory import Memory
@@ -30,6 +31,7 @@ class Reading:
         self._memory = memory
         self._seen: dict[str, Pose] = {}
         self._used: dict[tuple[str, str], Pose] = {}
+        self._seen_in_doubt: dict[str, bool] = {}
         self.skipped: Counter[str] = Counter()
         """What could not be used, by reason."""
 
@@ -46,6 +48,7 @@ class Reading:
         """Take in what cameras have seen since the last look."""
         self._seen = {name: pose for name, pose in self._seen.items() if name in names}
         self._used = {key: pose for key, pose in self._used.items() if key[1] in names}
+        self._seen_in_doubt = {name: doubt for name, doubt in self._seen_in_doubt.items() if name in names}
         for camera in self._memory.nodes("camera"):
             for edge in self._memory.edges("RT", src=camera.name):
                 pose = edge.get("pose")
@@ -60,12 +63,13 @@ class Reading:
                     self.skipped["no chain to the world"] += 1
                     continue
                 self._used[edge.src, edge.dst] = pose
-                self._take(edge.dst, (world_from_camera @ pose).with_stamp(pose.stamp or now))
+                seen = (world_from_camera @ pose).with_stamp(pose.stamp or now)
+                self._take(edge.dst, seen, camera.get("mount") == IN_DOUBT)
 
-    def _take(self, name: str, seen: Pose) -> None:
+    def _take(self, name: str, seen: Pose, in_doubt: bool) -> None:
         known = self._seen.get(name)
         if known is None or seen.stamp > known.stamp:
-            self._seen[name] = seen
+            self._seen[name], self._seen_in_doubt[name] = seen, in_doubt
 
     def _thing(self, node: Node) -> Thing:
         name, memory = node.name, self._memory
@@ -77,6 +81,7 @@ class Reading:
             perceived=node.get("perceived") is True,
             plausible=node.get("plausible") is not False,
             seen=self._seen.get(name),
+            in_doubt=self._seen_in_doubt.get(name, False),
             believed=None if belief is None else belief.get("pose"),
             on=frozenset(edge.dst for edge in memory.edges("on", src=name)),
             inside=frozenset(edge.dst for edge in memory.edges("in", src=name)),

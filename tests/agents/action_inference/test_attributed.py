@@ -297,6 +297,70 @@ def test_a_hand_that_goes_up_from_what_it_put_down_has_not_released_it(stage: St
     assert stage.told == [f"Pick(cup, {HAND})", f"Place(cup, {HAND})"]
 
 
+def see_more(stage: Stage) -> None:
+    """Two more cups beside it, seen for 2 s."""
+    for number in (1, 2):
+        stage.add(f"cup_{number}", (0.2 * number, 0.0, 0.02))
+    stage.run(2.0)
+
+
+def shake(stage: Stage, shift: tuple[float, float, float]) -> None:
+    """All percepts are displaced from now on; beliefs are not."""
+    stage.true = {name: (x + shift[0], y + shift[1], z + shift[2]) for name, (x, y, z) in stage.true.items()}
+
+
+def test_what_a_bumped_camera_sees_higher_up_is_not_picked(stage: Stage):
+    see_more(stage)
+    shake(stage, (0.01, 0.0, 0.03))
+    stage.run(1.0)
+    for name in stage.things:
+        stage.change(name, in_doubt=True)
+    stage.run(2.0)
+    shake(stage, (-0.01, 0.0, -0.03))
+    stage.run(0.1)
+    for name in stage.things:
+        stage.change(name, in_doubt=False)
+    stage.run(2.0)
+    assert stage.told == []
+
+
+def test_a_camera_that_stays_in_doubt_tells_nothing_of_what_it_saw_long_before(stage: Stage):
+    stage.change("cup", in_doubt=True)
+    shake(stage, (0.01, 0.0, 0.03))
+    stage.run(10.0)
+    stage.change("cup", in_doubt=False)
+    stage.run(1.0)
+    assert stage.told == []
+
+
+def test_what_is_lifted_while_the_camera_is_in_doubt_is_told_when_it_is_not(stage: Stage):
+    stage.change("cup", in_doubt=True)
+    picked = lift(stage)
+    assert stage.told == []
+    stage.change("cup", in_doubt=False)
+    stage.run(0.5)
+    assert stage.told == ["Pick(cup)"]
+    assert stage.actions[0][1].time == pytest.approx(picked, abs=0.1)
+
+
+def test_one_of_several_that_is_lifted_by_itself_is_picked_at_once(stage: Stage):
+    see_more(stage)
+    began = lift(stage)
+    assert stage.told == ["Pick(cup)"]
+    assert stage.actions[0][0] - began < 0.5
+
+
+def test_what_is_lifted_all_at_once_is_picked_after_a_while(stage: Stage):
+    see_more(stage)
+    picked = stage.now
+    for name in stage.things:
+        stage.change(name, on=frozenset(), plausible=False)
+    stage.run(1.0, **dict.fromkeys(stage.things, UP))
+    stage.run(1.5)
+    assert sorted(stage.told) == ["Pick(cup)", "Pick(cup_1)", "Pick(cup_2)"]
+    assert all(action.time == pytest.approx(picked, abs=0.1) for _, action in stage.actions)
+
+
 def test_what_falls_from_a_hand_that_goes_down_is_released(stage: Stage):
     stage.holders = {HAND: Holder(HAND, ((0.0, 0.0, 0.25),))}
     stage.grasp("cup", HAND)

@@ -1,0 +1,71 @@
+"""Whether many things seem to move in one moment: then it may be the camera that was bumped, not they."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Iterator
+
+from agents.action_inference.observation import Snapshot, Thing
+from dsr.quaternions import Vector3
+from dsr.transforms import Pose
+
+_BEFORE = 1.2  # s in which a thing must have lain still before it seemed to move
+_STILL = 0.01  # m within which it did
+_JUMP = 0.012  # m from there, from which it seems to have moved
+_FEW, _NEWEST = 3, 2  # percepts in a row that must show each
+_FRESH = 0.3  # s up to which a percept is of a thing as it is now
+_FEWEST = 3  # things that must seem to move
+_DOUBTED = 1.5  # s for which it stays open: longer than the camera takes to be in doubt
+
+
+class Bumps:
+    """Compares where things are seen with where they were seen just before."""
+
+    def __init__(self) -> None:
+        self._seen: dict[str, deque[Pose]] = {}
+        self._last = -math.inf  # s, when many last seemed to move
+        self._since = -math.inf  # s, since when
+
+    def update(self, snapshot: Snapshot) -> None:
+        """Take in what is seen now."""
+        self._seen = {name: seen for name, seen in self._seen.items() if name in snapshot.things}
+        for thing in snapshot.things.values():
+            if thing.seen is not None:
+                self._add(thing.name, thing.seen)
+        free = [thing for thing in snapshot.things.values() if self._stands_by_itself(thing, snapshot)]
+        moved = sum(self._has_jumped(thing.name) for thing in free)
+        if moved >= _FEWEST and 2 * moved >= len(free):
+            if snapshot.now - self._last > _DOUBTED:
+                self._since = snapshot.now
+            self._last = snapshot.now
+
+    def may_be(self, now: float) -> bool:
+        """Whether a camera may have been bumped in the last moments before `now` (s)."""
+        return now - self._since <= _DOUBTED
+
+    def _add(self, name: str, pose: Pose) -> None:
+        seen = self._seen.setdefault(name, deque())
+        if not seen or pose.stamp > seen[-1].stamp:
+            seen.append(pose)
+        while seen[0].stamp < pose.stamp - _BEFORE:
+            seen.popleft()
+
+    @staticmethod
+    def _stands_by_itself(thing: Thing, snapshot: Snapshot) -> bool:
+        is_seen = thing.perceived and thing.seen is not None and snapshot.now - thing.seen.stamp <= _FRESH
+        return is_seen and not thing.grasps and snapshot.things.keys().isdisjoint(thing.on | thing.inside)
+
+    def _has_jumped(self, name: str) -> bool:
+        places = [pose.t for pose in self._seen[name]]
+        newest, before = places[-_NEWEST:], places[:-_NEWEST]
+        return any(min(math.dist(place, centre) for place in newest) > _JUMP for centre in _still(before))
+
+
+def _still(places: list[Vector3]) -> Iterator[Vector3]:
+    """Where it lay still, in the middle of each few places in a row that are together."""
+    for end in range(_FEW, len(places) + 1):
+        few = places[end - _FEW : end]
+        if max(math.dist(one, few[0]) for one in few) < _STILL:
+            x, y, z = (sum(values) / _FEW for values in zip(*few, strict=True))
+            yield (x, y, z)
