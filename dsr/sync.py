@@ -100,6 +100,8 @@ class _Peer:
     """What is known of another replica; times on the monotonic clock."""
 
     digest: Digest | None = None
+    covered: Digest | None = None
+    """The last digest that told nothing that is not known here."""
     heard_at: float = 0.0
     ahead: bool = False
     """Its physical clock was more than MAX_DRIFT in our future."""
@@ -286,9 +288,10 @@ class Synchroniser:
             rid
             for rid, peer in self._peers.items()
             if peer.digest
+            and peer.digest is not peer.covered
             and peer.asked_at < peer.heard_at
             and GRACE <= now - peer.heard_at < SILENCE
-            and self._is_behind(rid, peer.digest)
+            and self._is_behind(rid, peer, peer.digest)
         ])
 
     def _peer_to_join(self, now: float) -> str | None:
@@ -307,7 +310,7 @@ class Synchroniser:
         """The peers in turn, so that one that does not answer is not asked for ever."""
         return min(rids, key=lambda rid: self._peers[rid].asked, default=None)
 
-    def _is_behind(self, rid: str, digest: Digest) -> bool:
+    def _is_behind(self, rid: str, peer: _Peer, digest: Digest) -> bool:
         store = self.graph.store
         if not store.context.covers(digest.context):
             return True
@@ -315,6 +318,7 @@ class Synchroniser:
             self._complain(rid, "same history as %s but another state: asking for everything", level=logging.ERROR)
             self._wants_everything = True
             return True
+        peer.covered = digest
         return False
 
     def _trusts(self, rid: str) -> bool:
