@@ -49,6 +49,7 @@ _STILL_METRES = 0.012
 _STILL_RADIANS = 0.2
 _ASTRAY = 0.012  # m from where it was, and
 _SURELY = 2.5  # times the noise, from which two percepts tell that an object is on its way
+_LIKELY = 1.5  # times the noise, from which three tell that, each of which is farther away
 _ASTRAY_BOTH = 0.008  # m, likewise, from which an object and the hand that holds it tell that
 _THE_SAME_WAY = 0.7  # cosine
 _ARRIVED = 0.004  # m
@@ -183,7 +184,7 @@ class Driving:
                 sim.set_velocity(name, (x, y, z + GRAVITY * TIME_STEP), spin)
                 for load in loads.get(name, ()):
                     self._loads.take_along(load, here, before, drive.velocity)
-            sim.step(gently=True)
+            sim.step()
             for name, speed in pushed.items():
                 self._loads.slow_down(name, speed)
 
@@ -208,7 +209,7 @@ class Driving:
         if item.estimate_at(now) is None:
             return item.path.newest if item.hand else None
         solid = self._bodies.solid(item.name)
-        strays = item.path.strays_from(solid.pose, self._astray(item))
+        strays = self._strays(item, solid.pose)
         if item.hand and (strays or _goes_with_hand(item, solid.position)):
             return item.path.newest
         if not strays and not is_displaced(seen_now(item, self._config, now), solid, self._config):
@@ -216,10 +217,11 @@ class Driving:
         start = item.path.start(solid.pose, _LEFT)
         return item.path.newest if start is None and item.hand else start
 
-    def _astray(self, item: BelievedObject) -> float:
-        """How far (m) from where it is believed to be two percepts say that an object is on its way."""
-        systematic = self._config.depth_bias if item.bias is None else 0.0
-        return max(_ASTRAY, _SURELY * (item.noise + systematic))
+    def _strays(self, item: BelievedObject, pose: Pose) -> bool:
+        """Whether percepts say that an object is on its way from where it is believed to be."""
+        noise = item.noise + (self._config.depth_bias if item.bias is None else 0.0)
+        two, three = max(_ASTRAY, _SURELY * noise), max(_ASTRAY, _LIKELY * noise)
+        return item.path.strays_from(pose, two) or item.path.goes_away(pose, three)
 
     def _begin(self, item: BelievedObject, start: float) -> None:
         self._bodies.set_pinned(item, False)

@@ -62,6 +62,8 @@ class HandGrasp:
     """It was a pinch until its fingertips were seen apart, and the object was not seen since: it is held no more."""
     put_down: bool = False
     """It was a pinch until the hand was seen to open about what rested."""
+    stopped: bool = False
+    """While it is unseen, its palm would have taken it through a wall: it stays where it is, for all that is known."""
     places: dict[str, Vector3] = field(default_factory=dict)
     """Of the fingertips that touched it while that could be seen, in its frame, m."""
     covered: bool = False

@@ -99,6 +99,11 @@ class Path:
             return False
         return min(math.dist(self._smooth(k).t, pose.t) for k in (len(self._poses) - 2, len(self._poses) - 1)) > metres
 
+    def goes_away(self, pose: Pose, metres: float) -> bool:
+        """Whether the last three percepts are farther than `metres` from `pose`, each farther than the one before."""
+        apart = [math.dist(one.t, pose.t) for one in list(self._poses)[-3:]]
+        return len(apart) == 3 and metres < apart[0] < apart[1] < apart[2]
+
     def _ahead(self, seconds: float) -> Pose:
         """Where it is some time after the last percept, if it goes on as it did."""
         last, before = self._poses[-1], self._poses[max(len(self._poses) - 1 - _PERIODS, 0)]

@@ -193,8 +193,22 @@ def _is_askew(solid: Solid) -> bool:
 
 
 def _side_by_side_parts(a: Solid, b: Solid) -> list[tuple[int, int]]:
-    """By their numbers."""
-    return [(i, j) for i, p in enumerate(a.parts) for j, q in enumerate(b.parts) if _are_side_by_side(p, q)]
+    """By their numbers; the floor of a container is not beside what is in it."""
+    return [
+        (i, j)
+        for i, p in enumerate(a.parts)
+        for j, q in enumerate(b.parts)
+        if _are_side_by_side(p, q) and not (_is_floor(a, p, b) or _is_floor(b, q, a))
+    ]
+
+
+def _is_floor(container: Solid, part: Solid, solid: Solid) -> bool:
+    """Whether a part of a container is beneath the centre of what is in it, which may reach into it a little."""
+    return (
+        _is_content(solid, container)
+        and part.top < solid.position[2]
+        and contains(part.footprint, solid.position[:2])
+    )  # fmt: skip
 
 
 def _are_side_by_side(a: Solid, b: Solid) -> bool:

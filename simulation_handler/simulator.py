@@ -33,7 +33,7 @@ FINGER_RADIUS = 0.005
 _WAKE_REACH = 0.003  # m, bodies this close to a moved one are woken
 _STRIDE = 0.0004  # m that a body may move in one step: it gets that far into what it hits
 _MOST_PARTS = 16  # of a step, enough for a fall of 0.12 m
-_RECOVERY = 0.08  # share of an interpenetration that is undone in a step, as pybullet has it
+_RECOVERY = 0.08  # share of an interpenetration that is undone in 1/240 s, as pybullet has it
 _ENABLE_SLEEPING: int = pybullet.ACTIVATION_STATE_ENABLE_SLEEPING
 _DISABLE_SLEEPING: int = pybullet.ACTIVATION_STATE_DISABLE_SLEEPING
 _ROLLING_FRICTION = 0.01  # m, of what is round, if nobody says: a ball comes to rest as on a soft cloth
@@ -78,7 +78,7 @@ class Simulator:
         self._shapes: dict[Vector3 | Shape, int] = {}
         self._radii: dict[int, float] = {}
         self._passing: set[tuple[str, str]] = set()
-        self._parts, self._recovery = 1, _RECOVERY
+        self._parts = 1
         self.fingers = FingerBodies(self._client, self._ids, FINGER_RADIUS)
         """Fingertips that push; they are none of the bodies."""
         pybullet.setGravity(0.0, 0.0, -GRAVITY, physicsClientId=self._client)
@@ -237,20 +237,18 @@ class Simulator:
         self._wake_around(one)  # sleepers have just lost all their contacts
         self._wake_around(other)
 
-    def step(self, count: int = 1, *, gently: bool = False) -> None:
+    def step(self, count: int = 1) -> None:
         """Let `count` times 1/240 s pass, in smaller steps while something moves fast.
 
-        `gently`: bodies that interpenetrate come apart as slowly in smaller steps: nothing is shot away by a body that
-        is driven against it.
+        Bodies that interpenetrate come apart as slowly in smaller steps: what flies apart must not do so ever faster.
         """
         for _ in range(count):
             self.fingers.advance()
             parts = self._parts_of_a_step()
-            recovery = _RECOVERY / parts if gently else _RECOVERY
-            if (parts, recovery) != (self._parts, self._recovery):
-                self._parts, self._recovery = parts, recovery
+            if parts != self._parts:
+                self._parts = parts
                 pybullet.setPhysicsEngineParameter(
-                    fixedTimeStep=TIME_STEP / parts, contactERP=recovery, physicsClientId=self._client
+                    fixedTimeStep=TIME_STEP / parts, contactERP=_RECOVERY / parts, physicsClientId=self._client
                 )
             for _ in range(parts):
                 pybullet.stepSimulation(physicsClientId=self._client)

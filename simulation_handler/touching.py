@@ -20,6 +20,7 @@ from simulation_handler.leaning import levelled, without_yaw
 from simulation_handler.left_behind import ABSENT, LeftBehind
 from simulation_handler.objects import BelievedObject
 from simulation_handler.paths import Path, between
+from simulation_handler.placement import separate
 from simulation_handler.relations import Relation
 
 _HIDDEN = 0.6  # s for which a fingertip that touched what is seen may be hidden while its palm is in sight
@@ -32,6 +33,8 @@ _DRAWN_BACK = 0.12  # m that an opening hand may draw back before its fingertips
 _DRIFT = 0.1  # share by which a palm that does not move as its fingertips do is taken to have moved by itself
 _ALONG = 0.15  # m from there, as a palm of poor rotation may be: what is in the air is in that hand, or falls
 _JUMPED = 0.05  # m that a palm seems to have gone from what it holds
+_WALL = 0.012  # m into the wall of a container that what its hand moves may seem to be
+_THERE = 0.02  # m from where a hand left it, within which an object is there
 _BLEND = 0.2  # weight of the newest in how a hand holds an object
 
 
@@ -150,7 +153,8 @@ class Touching:
             item.turned_by_hand, item.place_by_hand = leaning, there.t
         if not is_seen:
             turned = there.q if item.shows_rotation else leaning
-            if grasp.covered or not self._contacts.opens(relation):
+            grasp.stopped = grasp.stopped or self._is_through_wall(item, there)
+            if grasp.covered or not (grasp.stopped or self._contacts.opens(relation)):
                 item.path.add(self._in_fingers(item, Pose.unchecked(there.t, turned), pose))
             elif (left := self._left(item)) is not None:
                 item.path.add(left.with_stamp(pose.stamp))
@@ -159,6 +163,8 @@ class Touching:
         """If that hand has come back without an object, that falls, with what is in it, from where it must be."""
         there, bodies = self._left_behind.place((hand, item.name)), self._bodies
         if there is None or now - item.track.last_stamp <= UNSEEN:
+            return
+        if math.dist(there.t, bodies.sim.position(item.name)) < _THERE:
             return
         moved = {item.name: item.solid(there.t, there.q).face_down()[0]}
         for solid in (moved | with_contents(moved, bodies.scene(leaving_out=()))).values():
@@ -189,6 +195,14 @@ class Touching:
         grasp.hand_from_object = between(grasp.hand_from_object, palm.inverse() @ held, _DRIFT)
         grasp.sure = held
         return held
+
+    def _is_through_wall(self, item: BelievedObject, there: Pose) -> bool:
+        """Whether an object that is `there` would be through a wall of what it is in: its hand has left it behind."""
+        hollows = [hollow for inner, hollow in self._containment.current() if inner == item.name]
+        solids = [self._bodies.solid(hollow).face_down()[0] for hollow in hollows if hollow in self._bodies.sim]
+        solid = item.solid(there.t, there.q).face_down()[0]
+        moved = separate([*solids, solid], {item.name: 1.0}).get(item.name, there.t)
+        return math.dist(moved, there.t) > _WALL
 
     def _left(self, item: BelievedObject) -> Pose | None:
         """Where a hand that is seen to have opened let go of an unseen object, before it drew back; None if unknown."""
@@ -247,7 +261,8 @@ class Touching:
             grasp.put_down = item.hovering_since is None
         grasp.grip = PINCH if is_pinched else TOUCH
         if is_seen:
-            grasp.presumed, grasp.sure = False, None
+            grasp.presumed = grasp.stopped = False
+            grasp.sure = None
         elif not is_pinched and not grasp.presumed and not grasp.opened:
             grasp.presumed = since < now - _PRESUMED and self._hides(name, thing)
         if is_seen or not item.hand:

@@ -35,6 +35,8 @@ _PUT_DOWN = 0.3  # m that a thing may have come down unseen and yet have been pu
 _UNDISPUTED = 1.5  # s for which it must be believed to stand there: longer than it takes to see that it does not
 _ABOUT = 0.15  # m on the ground from where it was out of sight, within which it is there still
 _LOWERED = 0.05  # m/s from which it is being lowered
+_DRAGGED = 1.5  # s for which a hand that has put a thing down may seem to take it along, until its fingers are seen
+_THERE = 0.03  # m from where it rested in the hand, within which it was left there
 _EVEN = 0.001  # m by which the edges of a cube or ball differ at most
 _UPRIGHT = 0.95  # cosine of how far it may lean then
 
@@ -51,6 +53,8 @@ class _Track:
     """s, when something was last known to hold it since it was picked."""
     let_go: Height | None = None
     """Where it was believed to be then."""
+    rested: Height | None = None
+    """Where it last rested on something while it was held."""
     palm_height: float | None = None
     """World z of the palm of the hand that held it then, m; None if that was not perceived."""
     hidden: Height | None = None
@@ -129,9 +133,17 @@ class AttributedPolicy:
             track.beneath = (now, beneath)
         if thing.grasps:
             track.last_grasp, track.let_go = now, track.believed.last
+            if track.held and thing.on and track.believed.is_steady():
+                self._note_rest(track, now)
             track.palm_height = snapshot.palm_height(thing.grasps[-1].holder)
         if thing.grasps or (track.held and track.last_grasp is None):
             self._note_hidden(thing, track, snapshot)
+
+    def _note_rest(self, track: _Track, now: float) -> None:
+        """It stays on something in the hand. The lowest place counts: it may be on that still when it seems to rise."""
+        last, rested = track.believed.last, track.rested
+        if last is not None and (rested is None or last.bottom < rested.bottom + _EVEN or now - rested.time > _DRAGGED):
+            track.rested = last
 
     def _note_hidden(self, thing: Thing, track: _Track, snapshot: Snapshot) -> None:
         """Whether nobody sees what whoever holds it does with it."""
@@ -253,19 +265,42 @@ class AttributedPolicy:
         lowered = let_go.bottom - current.bottom
         if seen is not None and seen.time > let_go_at and track.seen.speed() < _FALLING:
             track.hidden = None
-        came_down = lowered - self._palm_lowered(track, snapshot) > config.fallen
-        unseen = self._put_down_unseen(thing, track, current) if came_down else None
-        if came_down and unseen is None and (track.hidden is None or self._rests(thing, track, snapshot)):
-            return self._let_go(thing, track, RELEASE, let_go_at, _SURE, f"{track.by} let go of it, and it came down")
-        if self._rests(thing, track, snapshot, _UNDISPUTED if unseen is not None else 0.0) and thing.plausible:
-            if unseen is not None:
-                return self._let_go(thing, track, PLACE, unseen, _GUESSED, "it was put down out of sight")
+        if lowered - self._palm_lowered(track, snapshot) > config.fallen:
+            inference = self._came_down(thing, track, snapshot, let_go_at, current)
+        elif self._rests(thing, track, snapshot) and thing.plausible:
             settled = track.believed.settled() if track.believed.last is not None else let_go_at
             time = settled if lowered > config.fallen else min(settled, let_go_at)  # the hand may have held on unseen
-            return self._let_go(thing, track, PLACE, time, _SURE, f"{track.by} let go of it where it rests")
-        if now - let_go_at > _GONE and seen is not None and seen.time > let_go_at + _GONE:
+            inference = self._let_go(thing, track, PLACE, time, _SURE, f"{track.by} let go of it where it rests")
+        else:
+            inference = None
+        if inference is None and now - let_go_at > _GONE and seen is not None and seen.time > let_go_at + _GONE:
             track.last_grasp = None  # the grasp was lost sight of, not ended: motion tells from here
+        return inference
+
+    def _came_down(
+        self, thing: Thing, track: _Track, snapshot: Snapshot, let_go_at: float, current: Height
+    ) -> Inference | None:
+        """It is lower than where it was let go of: dropped, or put down where nobody saw it."""
+        rests, rested = self._rests(thing, track, snapshot), self._rested_in_hand(track, let_go_at)
+        if rested is not None and not rests:
+            return None
+        if rested is not None and math.dist(rested.position, current.position) < _THERE:
+            why = f"{track.by} left it where it had come to rest"
+            return self._let_go(thing, track, PLACE, rested.time, _LIKELY, why)
+        unseen = self._put_down_unseen(thing, track, current)
+        if unseen is None and (rests or track.hidden is None):
+            return self._let_go(thing, track, RELEASE, let_go_at, _SURE, f"{track.by} let go of it, and it came down")
+        if unseen is not None and self._rests(thing, track, snapshot, _UNDISPUTED) and thing.plausible:
+            return self._let_go(thing, track, PLACE, unseen, _GUESSED, "it was put down out of sight")
         return None
+
+    def _rested_in_hand(self, track: _Track, let_go_at: float) -> Height | None:
+        """Where it rested shortly before it was let go of, unless it was seen to be lifted again."""
+        rested, last = track.rested, track.seen.last
+        if rested is None or let_go_at - rested.time > _DRAGGED:
+            return None
+        is_seen_lifted = last is not None and last.time > rested.time and last.bottom > rested.bottom + _THERE
+        return None if is_seen_lifted else rested
 
     def _put_down_unseen(self, thing: Thing, track: _Track, current: Height) -> float | None:
         """When (s) it may have been put down where nobody saw it, if it stands about there now; else None."""
@@ -356,7 +391,7 @@ class AttributedPolicy:
         found, last = track.found, track.believed.last or track.seen.last
         stayed = found is not None and last is not None and math.dist(found.position, last.position) < _MOVED
         track.held, track.by, track.last_grasp, track.let_go, track.resting_since = False, UNKNOWN, None, None, None
-        track.returned, track.found = False, None
+        track.returned, track.found, track.rested = False, None, None
         track.seen.forget()
         track.believed.forget()
         return None if stayed else Inference(action, confidence, why)

@@ -94,6 +94,30 @@ def test_what_hidden_fingers_let_go_of_does_not_go_with_a_palm_in_sight() -> Non
     assert world.pose("cup").t == pytest.approx((0.3, -0.3, 0.04), abs=0.03)
 
 
+def test_what_a_palm_would_take_through_a_wall_is_left_in_the_box() -> None:
+    inside = standing(0.3, 0.0, SMALL, on=WALL)
+    world = Occlusion({"box": standing(0.3, 0.0, BOX), "cup": standing(0.3, 0.3, SMALL)})
+    world.run(2.0)
+    world.hand("cup")
+    world.run(0.8)
+    for there in (standing(0.3, 0.3, SMALL, on=0.2), standing(0.3, 0.0, SMALL, on=0.2), inside):
+        world.move("cup", there)
+    world.run(1.0)
+    assert ("cup", "box") in world.belief.contents()
+    world.seen.discard("cup")
+    world.tips_from_object = {}
+    for step in range(1, 9):
+        world.palm = (
+            Pose((0.3 + 0.01 * step, 0.01 * step, inside.t[2] + 0.004 * step)) @ world.hand_from_object.inverse()
+        )
+        world.run(0.1)
+        x, y, _ = world.pose("cup").t
+        assert max(abs(x - 0.3), abs(y)) < 0.5 * (BOX[0] - SMALL[0]) + 0.015
+    world.run(1.0)
+    assert ("cup", "box") in world.belief.contents()
+    assert world.pose("box").t == pytest.approx((0.3, 0.0, 0.5 * BOX[2]), abs=0.01)
+
+
 def test_what_it_still_has_is_seen_in_it() -> None:
     world = carried_behind_a_wall()
     world.seen.add("cup")

@@ -15,7 +15,7 @@ from dsr.transforms import Pose
 from simulation_handler.config import BeliefConfig
 from simulation_handler.geometry import Solid
 from simulation_handler.placement import find_support, place, separate
-from tests.simulation_handler.worlds import CAMERA, CUBE
+from tests.simulation_handler.worlds import BALL, CAMERA, CUBE, ROUND, WALL, container
 
 CONFIG = BeliefConfig()
 TABLE = Solid("table", (1.2, 1.2, 0.04), (0.35, 0.0, -0.02), fixed=True)
@@ -133,3 +133,13 @@ def test_who_is_less_certain_gives_way() -> None:
 
 def test_a_stack_is_not_pushed_apart() -> None:
     assert separate([cube("a", 0.0, 0.0), cube("b", 0.001, 0.0, 0.0599)], {"a": 1.0, "b": 1.0}) == {}
+
+
+@pytest.mark.parametrize("sunk", [0.0, 0.5, 0.95])
+def test_what_lies_a_little_in_the_floor_of_a_box_is_not_pushed_out_beneath_its_walls(sunk: float) -> None:
+    size = (0.15, 0.15, 0.12)
+    box = Solid("box", size, (0.0, 0.0, 0.5 * size[2]), shape=container(size))
+    ball = Solid("ball", BALL, (0.02, -0.01, WALL * (1.0 - sunk) + 0.5 * BALL[2]), shape=ROUND)
+    assert separate([box, ball], {"box": 1.0, "ball": 1.0}) == {}
+    through = ball.moved((0.07, 0.0, ball.position[2]))
+    assert separate([box, through], {"ball": 1.0})["ball"][0] < 0.5 * size[0] - WALL - 0.5 * BALL[0] + 0.001

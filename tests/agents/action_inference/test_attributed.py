@@ -297,6 +297,24 @@ def test_a_hand_that_goes_up_from_what_it_put_down_has_not_released_it(stage: St
     assert stage.told == [f"Pick(cup, {HAND})", f"Place(cup, {HAND})"]
 
 
+@pytest.mark.parametrize(("seen", "kind"), [(False, "Place"), (True, "Release")])
+def test_what_a_hand_only_seems_to_take_along_after_it_put_it_down_was_placed(stage: Stage, seen: bool, kind: str):
+    stage.grasp("cup", HAND)
+    lift(stage)
+    put_down(stage)
+    stage.visible["cup"] = seen
+    stage.run(0.5)
+    rested = stage.now
+    stage.change("cup", on=frozenset())
+    stage.run(0.4, cup=(0.0, 0.0, 0.2))
+    stage.grasp("cup")
+    stage.run(0.2, cup=(0.0, 0.0, -0.4))
+    stage.change("cup", plausible=True, on=frozenset({"table"}))
+    stage.run(0.5)
+    assert stage.told == [f"Pick(cup, {HAND})", f"{kind}(cup, {HAND})"]
+    assert stage.actions[1][1].time == pytest.approx(rested if kind == "Place" else rested + 0.4, abs=0.1)
+
+
 def see_more(stage: Stage) -> None:
     """Two more cups beside it, seen for 2 s."""
     for number in (1, 2):
