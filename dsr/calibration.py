@@ -30,7 +30,8 @@ STEADY, IN_DOUBT, PROVISIONAL, CONFIRMED = "steady", "in doubt", "provisional", 
 being looked into: do not rely on what it sees; it got a new pose, but objects that all moved alike would look the same,
 and a view from elsewhere will tell; it was looked into, and has not moved: what is seen elsewhere has."""
 CALIBRATED = "calibrated"
-"""Kind of the event that tells of an adopted pose; its participants are the camera and the objects."""
+"""Kind of the event that tells of an adopted pose; its participants are the camera and the objects, and `read_report`
+of its node tells the pose before and after."""
 SURPRISE = "surprise"
 """`source` of requests that nobody made: the calibrator began by itself."""
 
@@ -55,6 +56,7 @@ class Report(msgspec.Struct, frozen=True):
     """The frame that carries it."""
     method: str
     adopted: bool
+    """Whether its pose is known now."""
     text: str
     """In a line, for people: what changed, or why nothing did."""
     before: tuple[float, ...]
@@ -75,6 +77,8 @@ class Report(msgspec.Struct, frozen=True):
     agreeing: int
     """Sightings that agree with the pose that was found."""
     objects: tuple[ObjectReport, ...]
+    unchanged: bool = False
+    """Whether that is the pose as it was, which was not written anew: what was found differs by less than its error."""
 
 
 def request_calibration(
@@ -116,9 +120,12 @@ def request_calibration(
     return name
 
 
-def read_report(memory: Memory, request: str) -> Report | None:
-    """What came of a request; None before it is answered, and if it was refused before anything could be computed."""
-    node: Node | None = memory.get_node(request)
+def read_report(memory: Memory, name: str) -> Report | None:
+    """What came of a request, or what an event `calibrated` tells, by the name of its node.
+
+    None before a request is answered, and if it was refused before anything could be computed.
+    """
+    node: Node | None = memory.get_node(name)
     text = None if node is None else node.get("report")
     try:
         return None if not text else msgspec.json.decode(text, type=Report)

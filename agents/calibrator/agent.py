@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-import msgspec
-
 from agents.calibrator.calibrate import calibrate
 from agents.calibrator.config import CalibratorConfig
 from agents.calibrator.doubt import believed_now
 from agents.calibrator.looking import Looking, can_look
-from agents.calibrator.reporting import make_report, refusal
-from agents.calibrator.views import Views, only_camera
+from agents.calibrator.reporting import encoded, make_report, refusal
+from agents.calibrator.views import WORLD, Views, only_camera
 from agents.calibrator.watch import Watch
 from dsr.agent import Access, Agent
 from dsr.calibration import (
@@ -110,7 +108,11 @@ class Calibrator(Agent):
             camera = node.get("target") or only_camera(self.memory)
             moves = node.get("moves_arm") is True
             believed = believed_now(self.memory) if moves else None  # later they follow what is seen from elsewhere
-            self._views[name] = Views(self.memory, camera, now, self.config, believed, keeps_brief=not moves)
+            depths = {} if self._watch is None else self._watch.depths_of(camera)
+            views = Views(self.memory, camera, now, self.config, believed, depths, keeps_brief=wanted == 1)
+            if wanted > 1 and not moves and views.parent == WORLD:
+                raise ConfigError(f"{camera} stands still: {wanted} views of it are the same")
+            self._views[name] = views
             self._began[name] = now
         views = self._views[name]
         views.update()
@@ -119,7 +121,7 @@ class Calibrator(Agent):
             self._look_around(name, views, wanted - 1)
         is_over = waited > self.config.views_patience or (name in self._looking and self._looking[name].is_over)
         if views.complete >= wanted or (views.complete and is_over):
-            self._answer(node, views)
+            self._answer(node, views, wanted)
         elif not views.complete and now - max(views.latest, self._began[name]) > self.config.patience:
             raise ConfigError(refusal(views.skipped, now - self._began[name]))
         else:
@@ -147,24 +149,27 @@ class Calibrator(Agent):
             if looking.is_over and not is_open:
                 del self._looking[name]
 
-    def _answer(self, node: Node, views: Views) -> None:
+    def _answer(self, node: Node, views: Views, wanted: int) -> None:
         """Solve, and adopt or refuse. Raises `ConfigError` if there is nothing to solve."""
         camera = views.camera
         edge = self.memory.get_edge(views.parent, camera, "RT")
         before = None if edge is None else edge.get("pose")
-        sightings = views.sightings()
+        sightings = views.sightings(complete=wanted > 1)
         if before is None:
             raise ConfigError(f"{camera} was taken off {views.parent} meanwhile")
         if not sightings:
             raise ConfigError("nothing that is seen is believed to stand still")
         solution = calibrate(sightings, before, node.get("method", DEFAULT_METHOD))
+        if views.complete < wanted and node.get("forced") is not True:
+            raise ConfigError(f"only {views.complete} of {wanted} views came in time; --force makes do with them")
         adopted = solution.is_adoptable or node.get("forced") is True
         report = make_report(camera, views.parent, solution, adopted=adopted)
         with self.memory.batch():
-            if adopted:
+            if adopted and not report.unchanged:
                 self.memory.add_edge(views.parent, camera, "RT", pose=solution.pose)
                 objects = [thing.name for thing in report.objects]
-                self._chronicle.happened(CALIBRATED, (camera, *objects), text=report.text)
+                told = encoded(report)
+                self._chronicle.happened(CALIBRATED, (camera, *objects), text=report.text, report=told)
             self._close(node.name, ADOPTED if adopted else REFUSED, report.text, report)
         self.log.info("%s", report.text)
 
@@ -173,6 +178,6 @@ class Calibrator(Agent):
         self._close(name, REFUSED, why, None)
 
     def _close(self, name: str, status: str, why: str, report: Report | None) -> None:
-        text = {} if report is None else {"report": msgspec.json.encode(report).decode()}
+        text = {} if report is None else {"report": encoded(report)}
         self.memory.update_node(name, status=status, explanation=why, **text)
         self._views.pop(name, None)

@@ -68,6 +68,8 @@ def calibrate(
     with --recording deserves to be.
     """
     checked_method(method)
+    if until is not None and until <= begin:
+        raise ConfigError(f"--until {until:g} is not after --from {begin:g}")
     if move and (views < 2 or recording is not None):
         raise ConfigError("--move takes --views of 2 or more, and no --recording")
     if recording is not None:
@@ -91,7 +93,9 @@ def _ask(memory: Memory, camera: str, method: str, views: int, *, force: bool, m
     try:
         return _wait(memory, name)
     finally:
-        memory.remove_node(name)
+        node = memory.get_node(name)
+        if node is not None and node.get("status") not in ANSWERED:  # those are shown to others, and removed later
+            memory.remove_node(name)
 
 
 def _wait(memory: Memory, name: str) -> Report:

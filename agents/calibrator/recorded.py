@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from agents.calibrator.calibrate import calibrate
 from agents.calibrator.config import CalibratorConfig
 from agents.calibrator.reporting import make_report, refusal
@@ -10,8 +12,10 @@ from agents.replay.source import ReplayedGraph
 from dsr.calibration import Report
 from dsr.errors import ConfigError
 from dsr.memory import Memory
+from dsr.transforms import Pose
 
 _STEP = 0.05  # s between two looks at the recording
+_SAME = 1e-6  # m, rad
 
 
 def calibrate_recorded(
@@ -36,12 +40,17 @@ def calibrate_recorded(
     Raises:
         ConfigError: for a camera that is not there, or has seen nothing of use.
     """
+    if begin >= source.duration:
+        raise ConfigError(f"the recording ends at {source.duration:.1f} s, before {begin:g} s")
     end = source.duration if end is None else min(end, source.duration)
     memory = source.at(begin)
     views: Views | None = None
+    before = Pose()
     while True:
-        views = views or _views(memory, camera, source.index.begin + begin)
+        if views is None and (views := _views(memory, camera, source.index.begin + begin)) is not None:
+            before = memory.edge(views.parent, views.camera, "RT")["pose"]
         if views is not None:
+            _check_mount(memory, views, before, source.time)
             views.update()
         if source.ended or source.time >= end:
             break
@@ -51,9 +60,18 @@ def calibrate_recorded(
     sightings = views.sightings()
     if not sightings:
         raise ConfigError(refusal(views.skipped, end - begin))
-    before = memory.edge(views.parent, views.camera, "RT")["pose"]
     solution = calibrate(sightings, before, method)
     return make_report(views.camera, views.parent, solution, adopted=solution.is_adoptable or force)
+
+
+def _check_mount(memory: Memory, views: Views, before: Pose, time: float) -> None:
+    """Raises `ConfigError` if the camera was given another pose until then."""
+    edge = memory.get_edge(views.parent, views.camera, "RT")
+    if edge is not None and max(before.distance(edge["pose"])) > _SAME:
+        raise ConfigError(
+            f"{views.camera} was given another pose after {time:.1f} s: what was seen before and after that cannot be "
+            f"used together; use --from {math.ceil(10.0 * time) / 10.0:.1f} or --until an earlier time"
+        )
 
 
 def _views(memory: Memory, camera: str, since: float) -> Views | None:

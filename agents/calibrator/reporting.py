@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
+import msgspec
 import numpy as np
 
 from agents.calibrator.solution import Solution
@@ -22,6 +23,7 @@ def make_report(camera: str, parent: str, solution: Solution, *, adopted: bool) 
         parent=parent,
         method=solution.method,
         adopted=adopted,
+        unchanged=adopted and not solution.is_shifted,
         text=_text(camera, solution, adopted=adopted),
         before=(*solution.before.t, *solution.before.q),
         after=(*solution.pose.t, *solution.pose.q),
@@ -37,6 +39,11 @@ def make_report(camera: str, parent: str, solution: Solution, *, adopted: bool) 
             ObjectReport(one.name, *one.before, *one.after, is_outlier=one.is_outlier) for one in solution.residuals
         ),
     )
+
+
+def encoded(report: Report) -> str:
+    """For the attribute `report` of a request, or of the event that tells of a new pose."""
+    return msgspec.json.encode(report).decode()
 
 
 def pose_of(numbers: Sequence[float]) -> Pose:
@@ -55,6 +62,9 @@ def refusal(skipped: Mapping[str, int], waited: float) -> str:
 def _text(camera: str, solution: Solution, *, adopted: bool) -> str:
     metres, radians = solution.shift
     before, after = (_average(solution, which) for which in ("before", "after"))
+    if adopted and not solution.is_shifted:
+        within = f"{1e3 * metres:.1f} mm, {math.degrees(radians):.2f} deg"
+        return f"{camera} is where it was believed to be: {within} from there is within the error of this calibration"
     off = f"; not explained: {', '.join(solution.outliers)}" if adopted and solution.outliers else ""
     found = (
         f"{1e3 * metres:.1f} mm, {math.degrees(radians):.2f} deg from where it was believed; "

@@ -11,6 +11,7 @@ from agents.calibrator.estimate import Estimate
 from agents.calibrator.geometry import Geometry, geometry_of
 from agents.calibrator.problem import Problem, solved
 from agents.calibrator.robust import OUTLIER
+from agents.calibrator.se3 import inverses, logs
 from dsr.transforms import Array, Pose
 
 _UNFINISHED = 4.7  # standard deviations: the 99.9 % quantile of six numbers
@@ -40,7 +41,7 @@ class Solution(NamedTuple):
     """parent_from_camera that was found, static, with covariance.
 
     The covariance is that of sightings that agree, whose errors are taken as independent; greater by as much as these
-    sightings scatter more than their own covariances say.
+    sightings scatter more than their own covariances say, and as the method stopped short of the best pose.
     """
     residuals: tuple[Residual, ...]
     """By object, in the order of names."""
@@ -87,6 +88,16 @@ class Solution(NamedTuple):
         return not self.problem
 
     @property
+    def is_shifted(self) -> bool:
+        """Whether the pose is elsewhere than was believed by more than its error, and what is seen agrees better."""
+        assert self.pose.covariance is not None
+        twist = logs(inverses(self.before.matrix[None]) @ self.pose.matrix)[0]
+        squared = float(twist @ np.linalg.solve(self.pose.covariance, twist))
+        trusted = [one for one in self.residuals if not one.is_outlier]
+        gain = sum(one.before[0] ** 2 - one.after[0] ** 2 for one in trusted)
+        return squared > OUTLIER and gain > 0.0
+
+    @property
     def shift(self) -> tuple[float, float]:
         """By how much the camera is elsewhere than was believed: m, rad."""
         return self.before.distance(self.pose)
@@ -118,7 +129,7 @@ def _covariance(problem: Problem, pose: Array) -> tuple[Array, float]:
     step = solved(information, gradient)
     freedom = 6 * len(problem) - 6
     scatter = float(problem.squared(pose).sum()) / freedom if freedom > 0 else 1.0
-    covariance: Array = max(1.0, scatter) * np.linalg.inv(information).astype(np.float64)
+    covariance: Array = max(1.0, scatter) * np.linalg.inv(information).astype(np.float64) + np.outer(step, step)
     return 0.5 * (covariance + covariance.T), math.sqrt(float(step @ information @ step))
 
 

@@ -32,8 +32,21 @@ class _Seen:
     believed: Pose
     """world_from_object, at first"""
     percepts: list[Pose] = field(default_factory=list)
+    """Evenly spread over the time."""
+    stride: int = 1
+    """Of so many percepts one is kept."""
+    count: int = 0
+    """Percepts up to now."""
     steady: bool = True
     """Whether the belief has not changed since."""
+
+    def add(self, percept: Pose) -> None:
+        """Keep it, or one of several, so that not too many are kept."""
+        if self.count % self.stride == 0:
+            if len(self.percepts) == _MOST_PERCEPTS:
+                self.percepts, self.stride = self.percepts[::2], 2 * self.stride
+            self.percepts.append(percept)
+        self.count += 1
 
 
 @dataclass
@@ -195,9 +208,8 @@ class Views:
         view = self._view(world_from_parent, percept.stamp)
         seen = view.objects.setdefault(name, _Seen(believed))
         seen.steady = seen.steady and _within(seen.believed, believed, self._config.belief_drift)
-        if len(seen.percepts) < _MOST_PERCEPTS:
-            known = self._depths.get(name)
-            seen.percepts.append(percept if known is None else without_error(percept, known.mean))
+        known = self._depths.get(name)
+        seen.add(percept if known is None else without_error(percept, known.mean))
 
     def _view(self, world_from_parent: Pose, stamp: float) -> _View:
         """The present view, or a new one if the camera's parent is elsewhere now."""

@@ -13,7 +13,8 @@ from agents.calibrator.decision import Decision
 from agents.calibrator.depths import DepthError, Depths
 from agents.calibrator.doubt import Doubt, Memories, believed_now
 from agents.calibrator.looking import SOURCE, Looking, can_look
-from agents.calibrator.reporting import make_report, pose_of
+from agents.calibrator.reporting import encoded, make_report, pose_of
+from agents.calibrator.solution import Solution
 from agents.calibrator.steps import REACH, Steps
 from agents.calibrator.touch import Touch
 from dsr.calibration import (
@@ -29,6 +30,7 @@ from dsr.calibration import (
     REFUSED,
     STEADY,
     SURPRISE,
+    Report,
     read_report,
     request_calibration,
 )
@@ -147,6 +149,10 @@ class Watch:
         """Whether what came out of a request of our own may still change."""
         return request in self._requests.values()
 
+    def depths_of(self, camera: str) -> Mapping[str, DepthError]:
+        """What is known of the errors of depth with which a camera sees objects, by object."""
+        return self._depths.of(camera)
+
     @property
     def doubts(self) -> Sequence[Doubt]:
         """What is in doubt, or was adopted provisionally."""
@@ -166,10 +172,11 @@ class Watch:
 
     def _begin(self, entry: Entry, now: float) -> None:
         """Doubt the cameras that see what is displaced."""
-        believed = self._memories.at(entry.begin - self._config.lookback)
+        time = entry.begin - self._config.lookback
+        believed = self._memories.at(time)
         for node in list(self._memory.nodes("camera")):
             if node.name not in self._stands and self._sees(node.name, entry.participants, now):
-                self._doubt(node.name, entry.participants, now, believed, self._depths.of(node.name))
+                self._doubt(node.name, entry.participants, now, believed, self._depths.at(node.name, time))
 
     def _look_for_step(self, camera: str, now: float) -> None:
         """Doubt a camera that sees all displaced alike by so little that beliefs just follow."""
@@ -218,6 +225,7 @@ class Watch:
     def _go_on(self, doubt: Doubt, now: float, *, is_calm: bool) -> None:
         camera, mount = doubt.camera, self._mount(doubt.camera)
         if self._is_overtaken(doubt):
+            self._depths.forget(camera)
             self._end(doubt, STEADY, "its pose was written by somebody else")
             return
         late = mount == IN_DOUBT and now - doubt.began > self._config.elsewhere_patience
@@ -275,7 +283,8 @@ class Watch:
             if doubt.camera in self._looking:
                 self._looking[doubt.camera].go_home()
         else:
-            self._end(doubt, STEADY, doubt.decision.why, REFUSED)
+            self._stands[doubt.camera] = _Stand(self._memory.clock.now() + self._config.confirmed_for)
+            self._end(doubt, CONFIRMED, f"is taken to stand where it was: {doubt.decision.why}", REFUSED)
 
     def _adopt_provisionally(self, doubt: Doubt, why: str) -> None:
         self._adopt(doubt)
@@ -304,9 +313,8 @@ class Watch:
             return
         report = make_report(doubt.camera, doubt.parent, doubt.solution, adopted=True)
         self._write(doubt, doubt.solution.pose)
-        self._chronicle.happened(
-            CALIBRATED, (doubt.camera, *(one.name for one in report.objects)), text=report.text
-        )  # fmt: skip
+        objects = [one.name for one in report.objects]
+        self._chronicle.happened(CALIBRATED, (doubt.camera, *objects), text=report.text, report=encoded(report))
         self._log.info("%s", report.text)
 
     def _restore(self, doubt: Doubt, decision: Decision) -> None:
@@ -315,13 +323,17 @@ class Watch:
         if edge is not None and edge.get("pose") != doubt.before:
             self._write(doubt, doubt.before)
             text = f"{doubt.camera} is where it was before after all: {decision.why}"
-            self._chronicle.happened(CALIBRATED, (doubt.camera,), text=text)
+            told = None if doubt.solution is None else encoded(self._taken_back(doubt, doubt.solution, text))
+            self._chronicle.happened(CALIBRATED, (doubt.camera,), text=text, report=told)
             self._log.info("%s", text)
+
+    def _taken_back(self, doubt: Doubt, solution: Solution, text: str) -> Report:
+        report = make_report(doubt.camera, doubt.parent, solution, adopted=True)
+        return msgspec.structs.replace(report, before=report.after, after=report.before, text=text, objects=())
 
     def _write(self, doubt: Doubt, pose: Pose) -> None:
         self._memory.add_edge(doubt.parent, doubt.camera, "RT", pose=pose.with_stamp(0.0))
         doubt.written = pose
-        self._depths.forget(doubt.camera)
 
     def _end(self, doubt: Doubt, mount: str, why: str, status: str = REFUSED) -> None:
         self._answer(doubt, status, why)
@@ -340,8 +352,7 @@ class Watch:
         text = why if status != ADOPTED else report.text
         if status != ADOPTED:
             report = msgspec.structs.replace(report, text=f"{doubt.camera} {why}")
-        told = msgspec.json.encode(report).decode()
-        self._memory.update_node(request, status=status, explanation=text, report=told)
+        self._memory.update_node(request, status=status, explanation=text, report=encoded(report))
 
     def _forget(self, camera: str) -> None:
         self._steps.forget(camera)

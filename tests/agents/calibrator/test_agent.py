@@ -73,6 +73,34 @@ def test_the_report_and_the_event_say_what_changed(set_up: SetUp) -> None:
     (event,) = Chronicle(stage.memory).query(kind=CALIBRATED)
     assert event.participants == ("camera", "cube_1", "cube_2", "cube_3", "cube_4")
     assert event.text == found.text and "not explained: cube_3" in event.text
+    assert read_report(stage.memory, event.name) == found
+
+
+def test_a_camera_that_is_right_is_left_alone(set_up: SetUp) -> None:
+    stage = set_up()
+    request_calibration(stage.memory)
+    stage.look()
+    written = stage.memory.edge("world", "camera", "RT")["pose"]
+    request = request_calibration(stage.memory)
+    stage.look()
+    assert status(stage, request)[0] == ADOPTED and report(stage, request).unchanged
+    assert "is where it was believed to be" in report(stage, request).text
+    assert stage.memory.edge("world", "camera", "RT")["pose"] is written
+    assert len(Chronicle(stage.memory).query(kind=CALIBRATED)) == 1
+
+
+def test_what_is_seen_on_the_way_between_two_views_does_not_count(set_up: SetUp) -> None:
+    stage = set_up("gripper", cubes(WIDE))
+    request = request_calibration(stage.memory, views=2)
+    stage.look(1.4)
+    for step in range(70):
+        turn = 0.02 * step
+        stage.world_from_parent = Pose.from_rotvec((0.1 * turn, 0.0, 0.0), (0.0, 0.0, turn))
+        stage.look(0.1)
+    assert status(stage, request) == (LOOKING, "1 of 2 views")
+    stage.look(1.4)
+    assert status(stage, request)[0] == ADOPTED
+    assert report(stage, request).views == 2 and report(stage, request).sightings == 8
 
 
 def test_the_hand_eye_transform_from_several_arm_poses(set_up: SetUp) -> None:
@@ -86,13 +114,24 @@ def test_the_hand_eye_transform_from_several_arm_poses(set_up: SetUp) -> None:
     assert stage.error[0] < 0.003 and stage.error[1] < math.radians(0.3)
 
 
-def test_with_fewer_views_than_wanted_those_must_do(set_up: SetUp) -> None:
+@pytest.mark.parametrize("force", [False, True])
+def test_fewer_views_than_wanted_do_only_by_force(set_up: SetUp, force: bool) -> None:
     stage = set_up("gripper", views_patience=3.0)
-    request = request_calibration(stage.memory, views=3)
+    request = request_calibration(stage.memory, views=3, force=force)
     stage.look(2.5)
     assert status(stage, request) == (LOOKING, "1 of 3 views")
     stage.look(1.0)
-    assert status(stage, request)[0] == ADOPTED and report(stage, request).views == 1
+    if force:
+        assert status(stage, request)[0] == ADOPTED and report(stage, request).views == 1
+    else:
+        assert status(stage, request)[0] == REFUSED and "only 1 of 3 views" in status(stage, request)[1]
+
+
+def test_a_camera_on_a_stand_has_only_one_view(set_up: SetUp) -> None:
+    stage = set_up()
+    request = request_calibration(stage.memory, views=2)
+    stage.look(0.5)
+    assert status(stage, request)[0] == REFUSED and "camera stands still" in status(stage, request)[1]
 
 
 @pytest.mark.parametrize("places", [CLUSTER, WIDE[:1]])

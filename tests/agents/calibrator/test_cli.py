@@ -58,6 +58,31 @@ def test_the_part_of_a_recording_and_weak_geometry(tmp_path: Path) -> None:
         run("--recording", folder, "--until", "0.8")
 
 
+@pytest.mark.parametrize(
+    ("times", "why"),
+    [
+        (["--from", "2", "--until", "1"], "--until 1 is not after --from 2"),
+        (["--from", "40"], "the recording ends at"),
+    ],
+)
+def test_a_part_that_is_none_is_told(tmp_path: Path, times: list[str], why: str) -> None:
+    folder = record(tmp_path / "run")
+    with pytest.raises(dsr.DsrError, match=why):
+        run("--recording", folder, *times)
+
+
+def test_a_recording_in_which_the_camera_was_given_another_pose_is_used_only_in_part(tmp_path: Path) -> None:
+    stage = Stage(recording=tmp_path / "run")
+    with stage.lockstep:
+        stage.look(2.0)
+        stage.memory.add_edge("world", "camera", "RT", pose=DOWN)
+        stage.look(2.0)
+    with pytest.raises(dsr.DsrError, match=r"another pose after 2\.\d s.*use --from"):
+        run("--recording", str(tmp_path / "run"))
+    assert json.loads(run("--recording", str(tmp_path / "run"), "--until", "1.9", "--json").stdout)["shift_m"] > 0.03
+    assert json.loads(run("--recording", str(tmp_path / "run"), "--from", "2.2", "--json").stdout)["unchanged"]
+
+
 def test_nothing_is_written_into_a_recording(tmp_path: Path) -> None:
     folder = record(tmp_path / "run")
     before = {file: file.stat().st_mtime_ns for file in Path(folder).iterdir()}
@@ -115,7 +140,9 @@ def test_a_running_system_is_asked() -> None:
             "forced": False,
             "views": 2,
         }
-        assert memory.nodes(CALIBRATION) == []
+        (answered,) = memory.nodes(CALIBRATION)
+        assert answered["status"] == ADOPTED, "it stays, so that others see the report"
+        memory.remove_node(answered.name)
         answerer = Answerer(memory, status=REFUSED, explanation="there is no camera")
         answerer.start()
         with pytest.raises(dsr.DsrError, match="there is no camera"):
