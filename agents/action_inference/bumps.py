@@ -15,7 +15,7 @@ _STILL = 0.01  # m within which it did
 _JUMP = 0.012  # m from there, from which it seems to have moved
 _FEW, _NEWEST = 3, 2  # percepts in a row that must show each
 _FRESH = 0.3  # s up to which a percept is of a thing as it is now
-_FEWEST = 3  # things that must seem to move
+_FEWEST = 3  # things that must seem to move, unless there are only two
 _DOUBTED = 1.5  # s for which it stays open: longer than the camera takes to be in doubt
 
 
@@ -35,7 +35,7 @@ class Bumps:
                 self._add(thing.name, thing.seen)
         free = [thing for thing in snapshot.things.values() if self._stands_by_itself(thing, snapshot)]
         moved = sum(self._has_jumped(thing.name) for thing in free)
-        if moved >= _FEWEST and 2 * moved >= len(free):
+        if moved >= 2 and 2 * moved >= len(free) and moved >= min(_FEWEST, len(free)):
             if snapshot.now - self._last > _DOUBTED:
                 self._since = snapshot.now
             self._last = snapshot.now

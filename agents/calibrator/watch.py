@@ -78,6 +78,8 @@ class Watch:
         self._stands: dict[str, _Stand] = {}
         self._looking: dict[str, Looking] = {}
         self._touches: dict[str, Touch] = {}
+        self._untold: dict[str, set[str]] = {}
+        """What a camera saw that did not tell whether it had moved."""
         self._heard = memory.clock.now()
         self._calm_since: float | None = None
         self._begin_afresh()
@@ -283,8 +285,17 @@ class Watch:
             if doubt.camera in self._looking:
                 self._looking[doubt.camera].go_home()
         else:
+            self._give_up(doubt, doubt.decision.why)
+
+    def _give_up(self, doubt: Doubt, why: str) -> None:
+        """It stays where it was; if the same objects did not tell before, for sure."""
+        names, before = {one.name for one in doubt.sightings}, self._untold.get(doubt.camera, set())
+        self._untold[doubt.camera] = names
+        if names <= before:
             self._stands[doubt.camera] = _Stand(self._memory.clock.now() + self._config.confirmed_for)
-            self._end(doubt, CONFIRMED, f"is taken to stand where it was: {doubt.decision.why}", REFUSED)
+            self._end(doubt, CONFIRMED, f"is taken to stand where it was: {why}", REFUSED)
+        else:
+            self._end(doubt, STEADY, why, REFUSED)
 
     def _adopt_provisionally(self, doubt: Doubt, why: str) -> None:
         self._adopt(doubt)
@@ -334,6 +345,7 @@ class Watch:
     def _write(self, doubt: Doubt, pose: Pose) -> None:
         self._memory.add_edge(doubt.parent, doubt.camera, "RT", pose=pose.with_stamp(0.0))
         doubt.written = pose
+        self._untold.pop(doubt.camera, None)
 
     def _end(self, doubt: Doubt, mount: str, why: str, status: str = REFUSED) -> None:
         self._answer(doubt, status, why)
