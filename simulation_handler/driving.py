@@ -24,12 +24,13 @@ from simulation_handler.config import BeliefConfig
 from simulation_handler.containment import Containment
 from simulation_handler.explaining.scoring import is_displaced
 from simulation_handler.explaining.situation import seen_now
+from simulation_handler.geometry import Solid
 from simulation_handler.hands import UNSEEN
 from simulation_handler.loads import HALTED, Loads, Twist, only_base
 from simulation_handler.objects import BelievedObject
 from simulation_handler.paths import Path, between, turn_between
 from simulation_handler.percepts import Array
-from simulation_handler.placement import place
+from simulation_handler.placement import Placement, place
 from simulation_handler.relations import Relation, Relations
 from simulation_handler.simulator import GRAVITY, TIME_STEP
 from simulation_handler.supports import UNKNOWN
@@ -55,6 +56,7 @@ _THE_SAME_WAY = 0.7  # cosine
 _ARRIVED = 0.004  # m
 _STUCK = 1.0  # s after which a body that cannot get where it is seen is driven no more
 _VAGUE: Array = np.diag((1e-5, 1e-5, 1e-4))  # m^2, of what is unseen in a hand
+_NEARER = 0.015  # m that an upright stand must be nearer to what is seen than a lean that a hand tells, to be believed
 _ALIKE = 0.5  # of the way that a load was seen to take, by which that of what it stands on is another one
 _SURELY_APART = 0.03  # m of its way, from which a load is seen to leave what it stands on
 _BESIDE = 0.02  # m of height that both bodies share, from which neither stands on the other
@@ -262,7 +264,12 @@ class Driving:
         scene = self._bodies.scene(leaving_out={item.name, *above, *self._loads.riders([item.name])})
         covariance = _VAGUE if item.track.estimate is None else item.percept_covariance(self._config)
         config = self._lifted if _is_lifted(item, drive) else self._config
-        placement = place(item.solid(pose.t, pose.q), covariance, list(scene.values()), config)
+        seen, others = item.solid(pose.t, pose.q), list(scene.values())
+        placement = place(seen, covariance, others, config)
+        if not (placement.rests or item.shows_tilt):  # its hand says how it leans
+            upright = place(seen.face_down()[0], covariance, others, config)
+            if upright.rests and _shift(seen, upright) + _NEARER < _shift(seen, placement):
+                placement = upright
         drive.end, drive.supports = placement.solid.pose, placement.supports
         item.hovering_since = None if drive.rests else (item.hovering_since or self._now)
 
@@ -293,6 +300,11 @@ def _goes_with_hand(item: BelievedObject, position: Vector3) -> bool:
     by_hand, by_itself = np.subtract(item.place_by_hand, position), np.subtract(item.path.last.t, position)
     ways = float(np.linalg.norm(by_hand)), float(np.linalg.norm(by_itself))
     return min(ways) > _ASTRAY_BOTH and float(by_hand @ by_itself) > _THE_SAME_WAY * math.prod(ways)
+
+
+def _shift(seen: Solid, placement: Placement) -> float:
+    """Metres between where something is seen and where it can be."""
+    return math.dist(seen.position, placement.solid.position)
 
 
 def _is_lifted(item: BelievedObject, drive: _Drive) -> bool:

@@ -190,6 +190,27 @@ def test_a_hand_does_not_tilt_what_is_seen_to_be_upright(seen: bool) -> None:
     assert tilt < 0.1 if seen else tilt > 0.4
 
 
+@pytest.mark.parametrize("lifted", [False, True])
+def test_a_hand_does_not_tilt_what_is_seen_to_stand(lifted: bool) -> None:
+    world = cup_in_a_hand()
+    covariance = np.diag([4e-6] * 3 + [math.pi**2] * 3)
+
+    def percept(name: str) -> Pose:
+        return Pose(world.truths[name].t, world.truths[name].q, world.now, covariance)
+
+    world.percept = percept  # type: ignore[method-assign]
+    height = 0.2 if lifted else 0.0
+    world.move("cup", standing(0.3, -0.05, SMALL, on=height))
+    world.hand_from_object = Pose.from_rotvec(world.hand_from_object.t, (0.0, 0.45, 0.0))
+    world.place_hand()
+    tilts = []
+    for step in range(1, 9):
+        world.move("cup", standing(0.3, -0.05 - 0.02 * step, SMALL, on=height))
+        tilts.append(_tilt(world.pose("cup").q))
+        assert world.error("cup") < 0.03
+    assert max(tilts) > 0.3 if lifted else max(tilts) < 0.1
+
+
 def test_the_tilt_alone_of_a_rotation() -> None:
     tilt, yaw = quaternions.from_rotvec((0.5, -1.1, 0.0)), quaternions.from_rotvec((0.0, 0.0, 0.4))
     assert without_yaw(quaternions.product(tilt, yaw)) == pytest.approx(tilt)
