@@ -226,8 +226,12 @@ class Overlay(Graph):
     def below_has_others(self, element: Node | Edge) -> None:
         """Other incarnations of an element of the parent are seen there now."""
         key = _key(element)
-        if key not in self._taken and not self._concerns(element):
-            return
+        if key in self._taken or self._concerns(element):
+            self._show_others(key)
+        if isinstance(key, str):
+            self._refresh_edges_at(key)  # the layer may have had edges of these before
+
+    def _show_others(self, key: Key) -> None:
         old = self._visible(key)
         said = old.said() if isinstance(old, LayeredNode | LayeredEdge) else frozenset()
         self._refresh(key)

@@ -17,6 +17,7 @@ ACTIONS = st.tuples(st.integers(0, 11), st.integers(0, 3), st.integers(0, 5), st
 @example([(0, 3, 1, 0, 0), (0, 1, 1, 0, 0), (2, 0, 1, 0, 0), (8, 0, 0, 0, 0)], True)  # said of what is still to come
 @example([(0, 0, 0, 0, 0)] * 13 + [(0, 1, 0, 0, 0), (1, 0, 0, 0, 0)], True)  # hidden by a reply, where it is taken
 @example([(0, 0, 0, 0, 0), (0, 0, 0, 0, 0), (4, 0, 1, 0, 0), (11, 0, 0, 0, 0)], False)  # a cycle after a transform
+@example([(0, 3, 0, 0, 0), (4, 0, 0, 0, 0), (8, 1, 0, 0, 0)], True)  # an edge of an incarnation that comes later
 def test_an_overlay_shows_what_its_definition_says(actions: list[tuple[int, ...]], late: bool) -> None:
     history(actions, late)
 
