@@ -38,6 +38,7 @@ _LOWERED = 0.05  # m/s from which it is being lowered
 _DRAGGED = 1.5  # s for which a hand that has put a thing down may seem to take it along, until its fingers are seen
 _THERE = 0.03  # m from where it rested in the hand, within which it was left there
 _EVEN = 0.001  # m by which the edges of a cube or ball differ at most
+_AS_LOW = 0.001  # m by which it may be higher and yet rest as low as before
 _UPRIGHT = 0.95  # cosine of how far it may lean then
 
 
@@ -142,7 +143,9 @@ class AttributedPolicy:
     def _note_rest(self, track: _Track, now: float) -> None:
         """It stays on something in the hand. The lowest place counts: it may be on that still when it seems to rise."""
         last, rested = track.believed.last, track.rested
-        if last is not None and (rested is None or last.bottom < rested.bottom + _EVEN or now - rested.time > _DRAGGED):
+        if last is None:
+            return
+        if rested is None or last.bottom < rested.bottom + _AS_LOW or now - rested.time > _DRAGGED:
             track.rested = last
 
     def _note_hidden(self, thing: Thing, track: _Track, snapshot: Snapshot) -> None:

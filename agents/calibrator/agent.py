@@ -162,10 +162,11 @@ class Calibrator(Agent):
         solution = calibrate(sightings, before, node.get("method", DEFAULT_METHOD))
         if views.complete < wanted and node.get("forced") is not True:
             raise ConfigError(f"only {views.complete} of {wanted} views came in time; --force makes do with them")
-        adopted = solution.is_adoptable or node.get("forced") is True
-        report = make_report(camera, views.parent, solution, adopted=adopted)
+        forced = node.get("forced") is True
+        adopted, unchanged = solution.is_adoptable or forced, solution.confirms and not forced
+        report = make_report(camera, views.parent, solution, adopted=adopted, unchanged=unchanged)
         with self.memory.batch():
-            if adopted and not report.unchanged:
+            if adopted and not unchanged:
                 self.memory.add_edge(views.parent, camera, "RT", pose=solution.pose)
                 objects = [thing.name for thing in report.objects]
                 told = encoded(report)

@@ -61,7 +61,8 @@ def calibrate_recorded(
     if not sightings:
         raise ConfigError(refusal(views.skipped, end - begin))
     solution = calibrate(sightings, before, method)
-    return make_report(views.camera, views.parent, solution, adopted=solution.is_adoptable or force)
+    adopted, unchanged = solution.is_adoptable or force, solution.confirms and not force
+    return make_report(views.camera, views.parent, solution, adopted=adopted, unchanged=unchanged)
 
 
 def _check_mount(memory: Memory, views: Views, before: Pose, time: float) -> None:

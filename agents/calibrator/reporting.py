@@ -13,8 +13,8 @@ from dsr.calibration import ObjectReport, Report
 from dsr.transforms import Pose
 
 
-def make_report(camera: str, parent: str, solution: Solution, *, adopted: bool) -> Report:
-    """What came out, of the camera in the frame `parent`."""
+def make_report(camera: str, parent: str, solution: Solution, *, adopted: bool, unchanged: bool = False) -> Report:
+    """What came out, of the camera in the frame `parent`; `unchanged`: nothing was to be written."""
     covariance = solution.pose.covariance
     metres, radians = solution.shift
     condition = solution.geometry.condition
@@ -23,8 +23,8 @@ def make_report(camera: str, parent: str, solution: Solution, *, adopted: bool) 
         parent=parent,
         method=solution.method,
         adopted=adopted,
-        unchanged=adopted and not solution.is_shifted,
-        text=_text(camera, solution, adopted=adopted),
+        unchanged=unchanged,
+        text=_text(camera, solution, adopted=adopted, unchanged=unchanged),
         before=(*solution.before.t, *solution.before.q),
         after=(*solution.pose.t, *solution.pose.q),
         covariance=() if covariance is None else tuple(covariance.ravel().tolist()),
@@ -59,10 +59,10 @@ def refusal(skipped: Mapping[str, int], waited: float) -> str:
     return f"the camera has seen nothing of use for {waited:.0f} s{left_out}"
 
 
-def _text(camera: str, solution: Solution, *, adopted: bool) -> str:
+def _text(camera: str, solution: Solution, *, adopted: bool, unchanged: bool) -> str:
     metres, radians = solution.shift
     before, after = (_average(solution, which) for which in ("before", "after"))
-    if adopted and not solution.is_shifted:
+    if unchanged:
         within = f"{1e3 * metres:.1f} mm, {math.degrees(radians):.2f} deg"
         return f"{camera} is where it was believed to be: {within} from there is within the error of this calibration"
     off = f"; not explained: {', '.join(solution.outliers)}" if adopted and solution.outliers else ""

@@ -98,6 +98,11 @@ class Solution(NamedTuple):
         return squared > OUTLIER and gain > 0.0
 
     @property
+    def confirms(self) -> bool:
+        """Whether the pose deserves to be adopted, but is the one that was believed."""
+        return self.is_adoptable and not self.is_shifted
+
+    @property
     def shift(self) -> tuple[float, float]:
         """By how much the camera is elsewhere than was believed: m, rad."""
         return self.before.distance(self.pose)

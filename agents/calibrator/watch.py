@@ -340,7 +340,9 @@ class Watch:
 
     def _taken_back(self, doubt: Doubt, solution: Solution, text: str) -> Report:
         report = make_report(doubt.camera, doubt.parent, solution, adopted=True)
-        return msgspec.structs.replace(report, before=report.after, after=report.before, text=text, objects=())
+        return msgspec.structs.replace(
+            report, before=report.after, after=report.before, covariance=(), text=text, objects=()
+        )
 
     def _write(self, doubt: Doubt, pose: Pose) -> None:
         self._memory.add_edge(doubt.parent, doubt.camera, "RT", pose=pose.with_stamp(0.0))

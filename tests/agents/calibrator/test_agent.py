@@ -87,6 +87,10 @@ def test_a_camera_that_is_right_is_left_alone(set_up: SetUp) -> None:
     assert "is where it was believed to be" in report(stage, request).text
     assert stage.memory.edge("world", "camera", "RT")["pose"] is written
     assert len(Chronicle(stage.memory).query(kind=CALIBRATED)) == 1
+    request = request_calibration(stage.memory, force=True)
+    stage.look()
+    assert not report(stage, request).unchanged, "what is forced is written"
+    assert stage.memory.edge("world", "camera", "RT")["pose"] is not written
 
 
 def test_what_is_seen_on_the_way_between_two_views_does_not_count(set_up: SetUp) -> None:
