@@ -183,9 +183,7 @@ class Correction:
         """Put bodies where they are believed to be, and out of each other's way."""
         items = {item.name: item for item in moving}
         before, in_motion = self._bodies.scene(leaving_out=()), self._bodies.in_motion()
-        scene |= with_contents(
-            {name: scene[name] for name in items if name in before}, before, stay={*items, *in_motion}
-        )
+        scene |= with_contents({name: scene[name] for name in items if name in before}, before, stay=items)
         softness = {name: self._softness(item, now) for name, item in self._bodies.objects.items() if not item.is_led}
         pushed = separate([solid for name, solid in scene.items() if name in items or name not in in_motion], softness)
         for name in sorted(items.keys() | pushed.keys()):

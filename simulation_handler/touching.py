@@ -338,7 +338,10 @@ class Touching:
         return rests and (there is None or math.dist(there.t, self._bodies.sim.position(thing)) > _ELSEWHERE)
 
     def _holders(self, now: float) -> dict[str, str]:
-        """The hand that holds each object: pinches it, or touches what nothing else carries, nor what it is in."""
+        """The hand that holds each object: pinches it, or touches what nothing else carries.
+
+        What is in something that it holds goes along, unless it pinched that before.
+        """
         holders: dict[str, str] = {}
         carried: dict[str, str] = {}
         for (hand, thing), grasp in sorted(self._grasps.items(), key=lambda entry: (entry[1].since, entry[0])):
@@ -350,7 +353,12 @@ class Touching:
             elif (hovers or (item.hand == hand and not was_left)) and not grasp.opened:
                 carried.setdefault(thing, hand)
         held = carried | holders
-        inside = {
-            thing for thing, container in self._containment.current() if held.get(container) == carried.get(thing)
-        }
-        return {thing: hand for thing, hand in carried.items() if thing not in inside} | holders
+        inside = [pair for pair in self._containment.current() if held.get(pair[0]) == held.get(pair[1])]
+        goes_along = {thing for thing, hollow in inside if thing in carried or self._held_longer(hollow, thing, held)}
+        return {thing: hand for thing, hand in held.items() if thing not in goes_along}
+
+    def _held_longer(self, hollow: str, thing: str, held: Mapping[str, str]) -> bool:
+        """Whether a hand that seems to hold a container and what is unseen in it held the container first."""
+        hand = held.get(hollow, "")
+        older, newer = (self._grasps.get((hand, name)) for name in (hollow, thing))
+        return older is not None and newer is not None and older.since < newer.since

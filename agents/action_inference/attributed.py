@@ -36,7 +36,8 @@ _UNDISPUTED = 1.5  # s for which it must be believed to stand there: longer than
 _ABOUT = 0.15  # m on the ground from where it was out of sight, within which it is there still
 _LOWERED = 0.05  # m/s from which it is being lowered
 _DRAGGED = 1.5  # s for which a hand that has put a thing down may seem to take it along, until its fingers are seen
-_THERE = 0.03  # m from where it rested in the hand, within which it was left there
+_THERE = 0.05  # m from where it rested in the hand, within which it was left there
+_AGAIN = 0.03  # m by which it must be seen higher to have been lifted again
 _EVEN = 0.001  # m by which the edges of a cube or ball differ at most
 _AS_LOW = 0.001  # m by which it may be higher and yet rest as low as before
 _UPRIGHT = 0.95  # cosine of how far it may lean then
@@ -126,7 +127,7 @@ class AttributedPolicy:
             last = track.seen.last
             if last is not None and thing.seen.stamp > last.time + _GONE:
                 track.returned, track.returned_at = True, thing.seen.stamp
-            track.seen.add(Height(thing.seen.stamp, thing.bottom(thing.seen), thing.seen.t))
+            track.seen.add(Height.seen(thing.bottom(thing.seen), thing.seen))
         if thing.believed is not None:
             track.believed.add(Height(now, thing.bottom(thing.believed), thing.believed.t))
         beneath = thing.on | thing.inside
@@ -302,7 +303,7 @@ class AttributedPolicy:
         rested, last = track.rested, track.seen.last
         if rested is None or let_go_at - rested.time > _DRAGGED:
             return None
-        is_seen_lifted = last is not None and last.time > rested.time and last.bottom > rested.bottom + _THERE
+        is_seen_lifted = last is not None and last.time > rested.time and last.bottom > rested.bottom + _AGAIN
         return None if is_seen_lifted else rested
 
     def _put_down_unseen(self, thing: Thing, track: _Track, current: Height) -> float | None:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from itertools import pairwise
 from typing import NamedTuple
 
 from dsr.quaternions import Vector3
+from dsr.transforms import Pose
 
 _KEPT = 40  # samples
 _ADAPT = 0.1  # share by which where it lies follows a sample
 _ANEW = 5  # samples
+_SIGMAS = 3.0  # by which it must be higher to be lifted
 _LOW = 0.4  # of the threshold, up to which it may still lie
 
 
@@ -23,13 +26,21 @@ class Height(NamedTuple):
     """World z of its lowest point, m."""
     position: Vector3
     """Of its centre, m."""
+    sigma: float = 0.0
+    """m, standard deviation of its height"""
+
+    @staticmethod
+    def seen(bottom: float, pose: Pose) -> Height:
+        """That of a percept, as sure as its covariance says."""
+        sigma = 0.0 if pose.covariance is None else math.sqrt(max(pose.parent_covariances()[0][2, 2], 0.0))
+        return Height(pose.stamp, bottom, pose.t, sigma)
 
 
 class Heights:
     """Samples of one thing from one source: its percepts, or its belief.
 
     Args:
-        lifted: m above where it lay, from which it is lifted.
+        lifted: m above where it lay, from which it is lifted, unless that is less than three standard deviations.
         frames: samples in a row that must say so.
         steady: m within which it lies still.
     """
@@ -110,7 +121,7 @@ class Heights:
     def is_lifted(self) -> bool:
         """Whether enough samples in a row show that it is above where it lay."""
         newest = list(self._samples)[-self._frames :]
-        return len(newest) == self._frames and all(self.rise(sample) > self._lifted for sample in newest)
+        return len(newest) == self._frames and all(map(self._is_high, newest))
 
     def is_steady(self, count: int = 3) -> bool:
         """Whether the last samples are at one place."""
@@ -124,7 +135,7 @@ class Heights:
         """
         samples = list(self._samples)
         low = next((k for k in reversed(range(len(samples))) if self.rise(samples[k]) <= _LOW * self._lifted), -1)
-        above = [sample for sample in samples[low + 1 :] if self.rise(sample) > self._lifted]
+        above = [sample for sample in samples[low + 1 :] if self._is_high(sample)]
         if not above:
             return samples[-1].time
         first, rise = above[0], self.rise(above[0])
@@ -161,6 +172,9 @@ class Heights:
     def before(self, time: float) -> Height | None:
         """The last sample until `time` (s)."""
         return next((sample for sample in reversed(self._samples) if sample.time <= time), None)
+
+    def _is_high(self, sample: Height) -> bool:
+        return self.rise(sample) > max(self._lifted, _SIGMAS * sample.sigma)
 
     def _are_together(self, samples: list[Height]) -> bool:
         spans = (

@@ -48,6 +48,8 @@ class SeenHand(NamedTuple):
     """(3, 3) rad^2, of the palm's rotation, about the same axes as its pose; None if unknown"""
     palm_sigma: float = 0.0
     """m, standard deviation of each coordinate of the palm's centre, where that is more than landmarks would give it"""
+    is_whole: bool = True
+    """It is a hand for sure, not perhaps a part of one that something cuts in two."""
 
 
 class Finder(Protocol):

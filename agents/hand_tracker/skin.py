@@ -106,7 +106,8 @@ class SkinFinder:
         palm = palm + _TO_THE_FINGERS * along
         sigma = _VAGUE if elbow is None else _BY_WRIST
         turn = None if len(tips) > (elbow is not None) else sigma**2 * np.eye(3)
-        return SeenHand(Pose(palm, _rotation(palm, along)), tips, False, "unknown", SIGMA, turn, PALM_SIGMA)
+        pose = Pose(palm, _rotation(palm, along))
+        return SeenHand(pose, tips, False, "unknown", SIGMA, turn, PALM_SIGMA, elbow is not None)
 
     def _centre(self, tip: Tip, distance: float, mask: Mask, depth: Depth, lens: Intrinsics) -> Array | None:
         """(3,) m, of a fingertip; None if its depth is not known."""

@@ -3,7 +3,8 @@
 Hands seen are given to tracks at the least total distance (the Hungarian method). A hand out of sight keeps its track:
 what appears within what it can have moved since, and is not known to be of the other side, is that hand again. A hand
 that no track can be takes a free number, 0 if it is a right one and 1 a left one where that is free, or that of the
-hand that was out of sight for longest.
+hand that was out of sight for longest; what appears closer to one that is seen than two hands can be is a part of that,
+which something cuts in two.
 """
 
 from __future__ import annotations
@@ -25,6 +26,8 @@ _GATE = 0.15
 """m, that a hand may be off at least; what it can have moved is added"""
 _TIP_GATE = 0.05
 """m, that a fingertip may move in the palm's frame from frame to frame"""
+_CLOSEST, _LENGTH = 0.08, 0.18
+"""m, between palms: nearer than the first no second hand appears, nor what may be a part nearer than the second"""
 _GUESSED = 0.9  # rad, standard deviation of a rotation of which an axis, or all, was guessed
 _NEVER = 1e6
 
@@ -154,7 +157,7 @@ class Tracks:
         self._config = config
         self.by_number: dict[int, Track] = {}
         self.ignored = 0
-        """Hands seen that were one too many."""
+        """Hands seen that were one too many, or parts of others."""
 
     def adopt(self, track: Track) -> None:
         """Go on with a hand that an earlier run knew."""
@@ -185,7 +188,7 @@ class Tracks:
         return distance + (_GATE if other_side else 0.0)
 
     def _begin(self, hand: SeenHand, source: Source) -> int | None:
-        number = self._free_number(hand)
+        number = None if self._is_part(hand) else self._free_number(hand)
         if number is None:
             self.ignored += 1
             return None
@@ -193,6 +196,12 @@ class Tracks:
         track.update(hand, source)
         self.by_number[number] = track
         return number
+
+    def _is_part(self, hand: SeenHand) -> bool:
+        seen = [track for track in self.by_number.values() if track.last_seen == hand.palm.stamp]
+        alike = [track.palm for track in seen if {track.side, hand.side} != {"left", "right"}]
+        apart = [float(np.linalg.norm(palm.translation - hand.palm.translation)) for palm in alike]
+        return min(apart, default=np.inf) < (_CLOSEST if hand.is_whole else _LENGTH)
 
     def _free_number(self, hand: SeenHand) -> int | None:
         free = [number for number in range(HANDS) if number not in self.by_number]

@@ -3,7 +3,8 @@
 The middle of what is seen is compared with the middle of what should be seen of the shape at a supposed place, which is
 then moved by the difference, and so on: an iterated closest point method (Besl and McKay, PAMI 1992) with all points
 matched at once. What something nearer hides, or lies outside the image, should not be seen, so that it does not pull
-the place to one side.
+the place to one side. Where most is hidden that may end at a wrong place; each point's distance from the surface then
+leads on.
 """
 
 from __future__ import annotations
@@ -28,10 +29,19 @@ ROUGH = 4
 ROUGH_POINTS = 200
 """points of a shape, enough to tell rotations apart"""
 
+BEHIND, BEFORE = 0.3, -0.3
+"""Of the shortest edge: how far the centre is behind what is seen of the outside; of the inside of something hollow"""
+
 _MOST_PIXELS = 1500
 _MODEL_POINTS = 600  # all around the shape
 _ITERATIONS = 12
 _SETTLED = 1e-4  # m
+_STEPS = 8
+_POINTS_OF_A_STEP = 400
+_DIFFERENCE = 1e-4  # m, for derivatives
+_FAR_OFF = 0.004  # m from the surface, beyond which a point counts less and less
+_HELD = 0.02  # of the points' weight: what keeps the place where they do not tell it
+_LONGEST_STEP = 0.02  # m
 _IN_FRONT = 0.015  # m, by which something must be nearer to hide a point
 
 
@@ -101,12 +111,21 @@ def cloud(view: View, mask: Mask) -> tuple[Array, Array]:
 
 
 def fit(
-    scene: Scene, shape: Shape, size: Vector3, turn: Array, iterations: int = _ITERATIONS, count: int = _MODEL_POINTS
+    scene: Scene,
+    shape: Shape,
+    size: Vector3,
+    turn: Array,
+    iterations: int = _ITERATIONS,
+    count: int = _MODEL_POINTS,
+    start: float = BEHIND,
 ) -> Fit | None:
-    """The place at which a shape with a rotation (3, 3) lies on the points; None if none of it could be seen there."""
+    """The place at which a shape with a rotation (3, 3) lies on the points; None if none of it could be seen there.
+
+    It is looked for from where its centre is as far behind what is seen as `start` times its shortest edge.
+    """
     centre = _middle(scene.points, scene.weights)
     ahead = (centre - scene.eye) / np.linalg.norm(centre - scene.eye)
-    position = centre + 0.3 * min(size) * ahead
+    position = centre + start * min(size) * ahead
     for iteration in range(iterations):
         if iteration in (0, 2, 5):
             surface, weights = seen_alone(shape, size, turn.T @ (scene.eye - position), count)
@@ -120,6 +139,31 @@ def fit(
         if np.linalg.norm(difference) < _SETTLED:
             break
     return judged(scene, shape, size, turn, position, count)
+
+
+def settled(scene: Scene, shape: Shape, size: Vector3, found: Fit) -> Fit:
+    """A fit moved, not turned, to where the points near it lie on the surface: Gauss-Newton steps, Cauchy's weights."""
+    position = found.position
+    for _ in range(_STEPS):
+        points = scene.points[scene.around(position, size)]
+        points = points[:: max(1, len(points) // _POINTS_OF_A_STEP)]
+        if not len(points):
+            break
+        step = _step(points, shape, size, found.turn, position)
+        position = position + step
+        if np.linalg.norm(step) < _SETTLED:
+            break
+    return judged(scene, shape, size, found.turn, position)
+
+
+def _step(points: Array, shape: Shape, size: Vector3, turn: Array, position: Array) -> Array:
+    places = (position, *(position + _DIFFERENCE * np.eye(3)))
+    off, *shifted = (distances(shape, size, (points - place) @ turn) for place in places)
+    slope = (np.column_stack(shifted) - off[:, None]) / _DIFFERENCE
+    weights = 1.0 / (1.0 + (off / _FAR_OFF) ** 2)
+    normal = slope.T @ (weights[:, None] * slope) + _HELD * weights.sum() * np.eye(3)
+    step = -np.linalg.solve(normal, slope.T @ (weights * off))
+    return np.asarray(step * min(1.0, _LONGEST_STEP / max(float(np.linalg.norm(step)), _SETTLED)))
 
 
 def judged(scene: Scene, shape: Shape, size: Vector3, turn: Array, position: Array, count: int = _MODEL_POINTS) -> Fit:

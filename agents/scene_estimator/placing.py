@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agents.scene_estimator.colored import LEANS, UPRIGHT
-from agents.scene_estimator.fitting import ROUGH, ROUGH_POINTS, Fit, Scene, View, cloud, fit
+from agents.scene_estimator.fitting import BEFORE, ROUGH, ROUGH_POINTS, Fit, Scene, View, cloud, fit, settled
 from agents.scene_estimator.geometry import Array
 from agents.scene_estimator.leaning import is_unlike_fallen, lean, leaning, tilt, turned
 from agents.scene_estimator.segmentation import Mask
@@ -37,6 +37,8 @@ _USUALLY = 1.4  # times the usual mean distance: the same
 _NEWS = 0.1  # weight of the newest in that
 _SURELY = 2.0  # times that: the same, for one that leans
 _CLEARLY = 0.8  # of the mean distance with which it leans: one with which it surely stands upright
+_WELL_SEEN = 0.6  # share of its image, below which another yaw may fit, too, and it leans only if it fits not upright
+_ELSEWHERE, _AS_WELL = 0.03, 1.3  # m apart, and times its mean distance: another place at which it fits as well
 _STANDS = 0.1  # rad, up to which it is upright again
 _TELLS = 0.06  # rad, standard deviation of its tilt up to which it is known to stand upright
 _TELLS_LEAN = 0.15  # rad, likewise, to lean: of a ball, whose tilt nothing tells, it is more
@@ -105,7 +107,8 @@ def place(
     position, covariance = _in_camera(found, view, size)
     known = turned(scene, shape, size, found, max(found.misfit, _FLOOR))
     sure = _sure_lean(scene, shape, size, found, guess, good, known.tilt_sigma) if is_familiar else None
-    shows_yaw = sure is not None and order(shape, size) != ROUND and known.yaw_sigma < _TELLS_YAW
+    has_yaw = order(shape, size) != ROUND and found.share >= _WELL_SEEN
+    shows_yaw = sure is not None and has_yaw and known.yaw_sigma < _TELLS_YAW
     if shows_yaw and guess.lean == UPRIGHT:
         guess = guess._replace(yaw=guess.yaw + known.yaw_off)
     yaw_sigma = math.hypot(_SURE_OF_YAW, known.yaw_sigma, _TO_COME * known.yaw_off) if shows_yaw else math.inf
@@ -126,23 +129,44 @@ def _fitting(
     scene: Scene, shape: Shape, size: Vector3, guess: Guess, good: float, *, search: bool
 ) -> tuple[Fit | None, Guess]:
     """The best fit near the guess, or with any yaw; and how it is turned."""
-    upright, good = _about_z(guess.yaw), min(good, _USUALLY * max(guess.misfit, _FLOOR))
-    standing = fit(scene, shape, size, upright)
+    noisy, good = good, min(good, _USUALLY * max(guess.misfit, _FLOOR))
+    upright = _about_z(guess.yaw)
+    standing = _stand(scene, shape, size, upright, good)
     if search and guess.misfit == math.inf and standing is not None and order(shape, size) != ROUND:
         guess = guess._replace(yaw=_best_yaw(scene, shape, size, guess.yaw))
         upright, search = _about_z(guess.yaw), False
-        standing = fit(scene, shape, size, upright)
-    if guess.lean == UPRIGHT and standing is not None and standing.misfit <= good:
-        usual = standing.misfit if guess.misfit == math.inf else guess.misfit + _NEWS * (standing.misfit - guess.misfit)
-        return standing, guess._replace(misfit=usual)
+        standing = _stand(scene, shape, size, upright, good)
+    if guess.lean == UPRIGHT and standing is not None:
+        if standing.misfit <= good:
+            known = guess.misfit < math.inf
+            usual = guess.misfit + _NEWS * (standing.misfit - guess.misfit) if known else standing.misfit
+            return standing, guess._replace(misfit=usual)
+        if standing.share < _WELL_SEEN and standing.misfit <= noisy:
+            return standing, guess
     before = np.array(quaternions.to_matrix(guess.lean))
     leant = leaning(scene, shape, size, before @ upright, good) if guess.misfit < math.inf else None
     if leant is not None and leant.misfit <= _SURELY * good and not _better(standing, leant):
         return leant, guess._replace(lean=UPRIGHT if tilt(leant.turn) < _STANDS else lean(leant.turn, upright))
     if search:
         guess = guess._replace(yaw=_best_yaw(scene, shape, size, guess.yaw))
-        standing = fit(scene, shape, size, _about_z(guess.yaw))
+        standing = _stand(scene, shape, size, _about_z(guess.yaw), good)
     return standing, guess._replace(lean=UPRIGHT)
+
+
+def _stand(scene: Scene, shape: Shape, size: Vector3, upright: Array, good: float) -> Fit | None:
+    """How it fits with that rotation (3, 3); the inside of something hollow may be what little is seen of it.
+
+    None also if that tells two places.
+    """
+    found = fit(scene, shape, size, upright)
+    if len(shape) < 2 or (found is not None and (found.misfit <= good or found.share >= _WELL_SEEN)):
+        return found
+    rough = [one for one in (found, fit(scene, shape, size, upright, start=BEFORE)) if one is not None]
+    fits = sorted((settled(scene, shape, size, one) for one in rough), key=lambda one: one.misfit)
+    if len(fits) == 2 and fits[1].misfit < _AS_WELL * fits[0].misfit:
+        apart = float(np.linalg.norm(fits[1].position - fits[0].position))
+        return fits[0] if apart < _ELSEWHERE else None
+    return fits[0] if fits else None
 
 
 def _better(fitted: Fit | None, other: Fit) -> bool:

@@ -8,7 +8,7 @@ import pytest
 from agents.hand_tracker import HandTrackerConfig
 from agents.hand_tracker.fingertips import Patch, Tip
 from agents.hand_tracker.sighting import SeenHand
-from agents.hand_tracker.tracks import Track
+from agents.hand_tracker.tracks import Track, Tracks
 from agents.hand_tracker.wrist import away_from, find_wrist
 from dsr.transforms import Pose
 
@@ -95,3 +95,16 @@ def test_a_guessed_rotation_is_not_smoothed_into_one_that_is_seen() -> None:
         track.update(seen, "skin colour")
     assert track.palm.distance(told)[1] < 0.05
     assert track.turn_sigma == pytest.approx(0.15)
+
+
+@pytest.mark.parametrize(
+    ("apart", "is_whole", "hands"), [(0.06, True, 1), (0.1, True, 2), (0.1, False, 1), (0.2, False, 2)]
+)
+def test_a_part_of_a_hand_that_something_cuts_in_two_is_no_other_hand(apart: float, is_whole: bool, hands: int) -> None:
+    tracks = Tracks(HandTrackerConfig())
+    for k in range(3):
+        stamp = 1.0 + 0.1 * k
+        hand = SeenHand(Pose((0.0, 0.0, 1.0), stamp=stamp), {}, False, "unknown", 0.004)
+        other = SeenHand(Pose((apart, 0.0, 1.0), stamp=stamp), {}, False, "unknown", 0.004, is_whole=is_whole)
+        tracks.update([hand, other] if k else [hand], "skin colour", stamp)
+    assert len(tracks.by_number) == hands

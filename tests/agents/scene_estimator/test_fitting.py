@@ -1,0 +1,65 @@
+"""How a shape of known rotation is laid on the points that show it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from agents.scene_estimator.fitting import BEFORE, Scene, View, cloud, fit, judged, settled
+from agents.scene_estimator.segmentation import ColorImage
+from agents.scene_estimator.sighting import images
+from benchmarks.color_scene import ColorScene, looking_at
+from dsr import Pose
+
+PLACE = (0.35, 0.02)
+
+
+def seen(scene: ColorScene, camera: Pose, model: str, hidden: float = 0.0) -> Scene:
+    """What is seen of a model, but for the share `hidden` of its image's rows, the lowest ones."""
+    color, depth, intrinsics = images(scene.frame(camera))
+    assert depth is not None
+    (known,) = (one for one in scene.known if one.name == model)
+    mask = ColorImage(color).mask(known.color)
+    rows = np.flatnonzero(mask.any(axis=1))
+    first = rows[int((1.0 - hidden) * (len(rows) - 1))] + 1
+    mask[first:] = False
+    depth[first:] = 0.3  # something near
+    view = View(depth, intrinsics, camera)
+    return Scene(view, mask, *cloud(view, mask))
+
+
+@pytest.mark.parametrize("hidden", [0.0, 0.55])
+@pytest.mark.parametrize("model", ["container_green", "cup"])
+def test_what_lies_nearly_right_is_moved_onto_the_points(model: str, hidden: float) -> None:
+    rng = np.random.default_rng(0)
+    scene = ColorScene([model], rng, [])
+    try:
+        truth = Pose((*PLACE, scene.height(model)))
+        scene.put(model, truth)
+        points = seen(scene, looking_at((*PLACE, 0.05), 1.0, rng), model, hidden)
+        (known,) = scene.known
+        for off in rng.uniform(-0.012, 0.012, (6, 3)):
+            begin = judged(points, known.shape, known.size, truth.rotation_matrix, truth.translation + off)
+            found = settled(points, known.shape, known.size, begin)
+            error = found.position - truth.translation
+            assert found.misfit <= begin.misfit
+            assert np.linalg.norm(error[:2]) < 0.007, "one side of a thin wall is like the other"
+            assert abs(error[2]) < abs(off[2]) + 0.001, "walls tell little of their height"
+    finally:
+        scene.close()
+
+
+def test_where_it_is_looked_for_first_does_not_matter_for_what_is_seen_well() -> None:
+    rng = np.random.default_rng(1)
+    scene = ColorScene(["container_green"], rng, [])
+    try:
+        truth = Pose((*PLACE, scene.height("container_green")))
+        scene.put("container_green", truth)
+        points = seen(scene, looking_at((*PLACE, 0.05), 1.0, rng), "container_green")
+        (known,) = scene.known
+        one = fit(points, known.shape, known.size, truth.rotation_matrix)
+        other = fit(points, known.shape, known.size, truth.rotation_matrix, start=BEFORE)
+        assert one is not None and other is not None
+        assert np.linalg.norm(one.position - other.position) < 0.001
+    finally:
+        scene.close()
