@@ -33,6 +33,7 @@ class Doubt:
         config: times, and the method.
         believed: world_from_object of what was believed before anything seemed displaced.
         depths: the camera's systematic errors of depth, by object.
+        views: what was seen already that gave rise to it; to be gone on with.
 
     Raises:
         ConfigError: for a camera that nothing carries.
@@ -46,9 +47,10 @@ class Doubt:
         config: CalibratorConfig,
         believed: Mapping[str, Pose],
         depths: Mapping[str, DepthError],
+        views: Views | None = None,
     ) -> None:
         self._config = config
-        self._views = Views(memory, camera, now, config, believed, depths, keeps_brief=False)
+        self._views = views or Views(memory, camera, now, config, believed, depths, keeps_brief=False)
         self._carried = carried_things(memory)
         edge = memory.edge(self._views.parent, camera, "RT")
         self.camera = camera
@@ -86,7 +88,8 @@ class Doubt:
     def believed(self) -> dict[str, Pose]:
         """world_from_object, where the objects are if it was the camera that moved."""
         parents = self._views.parents()
-        return {one.name: parents[one.view] @ one.believed for one in self.sightings}
+        stayed = (one for one in self.sightings if one.name not in self._views.stopped)
+        return {one.name: parents[one.view] @ one.believed for one in stayed}
 
     @property
     def is_open(self) -> bool:

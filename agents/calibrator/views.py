@@ -128,6 +128,8 @@ class Views:
         """Name of the frame that carries it."""
         self.skipped: Counter[str] = Counter()
         """What could not be used, by reason."""
+        self.stopped: set[str] = set()
+        """Objects that have been moved on purpose since they were seen."""
 
     def __len__(self) -> int:
         """Views, those included that have not lasted long enough."""
@@ -143,13 +145,23 @@ class Views:
         """Views that have lasted for the configured span."""
         return sum(map(self._is_complete, self._views))
 
+    def expect(self, name: str, believed: Pose) -> None:
+        """Compare what is seen of an object from now on with that (world_from_object), whatever will be believed."""
+        self._believed[name] = believed
+        for view in self._views:
+            view.objects.pop(name, None)
+
+    def stop(self, name: str) -> None:
+        """Keep what was seen of an object, which is moved now; what will be seen of it does not count."""
+        self.stopped.add(name)
+
     def update(self) -> None:
         """Take in what was seen since the last call."""
         things = {node.name for kind in THINGS for node in self._memory.nodes(kind) if node.get("present") is not False}
         held = {edge.dst for edge in self._memory.edges("grasping")}
         for edge in self._memory.edges("RT", src=self.camera):
             pose = edge.get("pose")
-            if edge.dst not in things or pose is None or pose.stamp < self._since:
+            if edge.dst not in things - self.stopped or pose is None or pose.stamp < self._since:
                 continue
             if self._used.get(edge.dst) == pose.stamp:
                 continue

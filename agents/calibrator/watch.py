@@ -11,28 +11,28 @@ import msgspec
 from agents.calibrator.config import CalibratorConfig
 from agents.calibrator.decision import Decision
 from agents.calibrator.depths import DepthError, Depths
+from agents.calibrator.displaced import LOOKBACK, Displaced
 from agents.calibrator.doubt import Doubt, Memories, believed_now
 from agents.calibrator.looking import SOURCE, Looking, can_look
+from agents.calibrator.own_requests import OwnRequests
 from agents.calibrator.reporting import encoded, make_report, pose_of
 from agents.calibrator.solution import Solution
 from agents.calibrator.steps import REACH, Steps
 from agents.calibrator.touch import Touch
+from agents.calibrator.views import Views
 from dsr.calibration import (
     ADOPTED,
-    ANSWERED,
     CALIBRATED,
     CALIBRATION,
     CAMERA_MOVED,
     CONFIRMED,
     IN_DOUBT,
-    LOOKING,
     PROVISIONAL,
     REFUSED,
     STEADY,
     SURPRISE,
     Report,
     read_report,
-    request_calibration,
 )
 from dsr.errors import ConfigError, DsrError
 from dsr.memory import Memory
@@ -74,7 +74,8 @@ class Watch:
         self._depths = Depths(memory)
         self._steps = Steps(memory)
         self._doubts: dict[str, Doubt] = {}
-        self._requests: dict[str, str] = {}
+        self._requests = OwnRequests(memory, config.method)
+        self._displaced = Displaced(memory, config)
         self._stands: dict[str, _Stand] = {}
         self._looking: dict[str, Looking] = {}
         self._touches: dict[str, Touch] = {}
@@ -88,12 +89,14 @@ class Watch:
         """Go on at time `now` (s)."""
         self._memories.note(self._memory, now)
         for entry in self._news():
-            self._begin(entry, now)
+            (self._begin if CAMERA_MOVED in entry.text else self._note_displaced)(entry, now)
+        self._displaced.update(now)
         for node in list(self._memory.nodes("camera")):
             if node.name not in self._doubts:
                 self._depths.learn(node.name)
                 self._depths.note(node.name, now, REACH + _FRESH)
             self._look_for_step(node.name, now)
+            self._look_at_displaced(node.name, now)
         is_calm = self._is_calm(now)
         for camera, doubt in list(self._doubts.items()):
             if camera not in self._memory:
@@ -120,9 +123,7 @@ class Watch:
                 continue
             if node.get("mount", STEADY) != STEADY:
                 self._tell(node.name, STEADY, "the calibrator was restarted")
-        for node in list(self._memory.nodes(CALIBRATION)):
-            if node.get("source") == SURPRISE and node.get("status") not in ANSWERED:
-                self._memory.update_node(node.name, status=REFUSED, explanation="the calibrator was restarted")
+        self._requests.refuse_left_over()
         for node in list(self._memory.nodes("action")):
             if node.get("source") == SOURCE:
                 self._memory.remove_node(node.name)
@@ -141,7 +142,8 @@ class Watch:
                 continue
             if max(pose_of(report.after).distance(doubt.written or doubt.before)) > _SAME:
                 continue
-            self._doubts[camera], self._requests[camera] = doubt, node.name
+            self._doubts[camera] = doubt
+            self._requests.resume(camera, node.name)
             if doubt.moved_alike is not None:
                 self._touches[camera] = Touch(self._memory, believed, doubt.moved_alike)
             return True
@@ -149,7 +151,7 @@ class Watch:
 
     def needs(self, request: str) -> bool:
         """Whether what came out of a request of our own may still change."""
-        return request in self._requests.values()
+        return request in self._requests
 
     def depths_of(self, camera: str) -> Mapping[str, DepthError]:
         """What is known of the errors of depth with which a camera sees objects, by object."""
@@ -163,12 +165,9 @@ class Watch:
     # ---- into doubt
 
     def _news(self) -> list[Entry]:
-        """Explanations since the last call that say that a camera moved."""
-        found = [
-            entry
-            for entry in self._chronicle.query(type="event", kind=EXPLAINED, since=self._heard)
-            if entry.begin > self._heard and CAMERA_MOVED in entry.text
-        ]
+        """Explanations since the last call."""
+        entries = self._chronicle.query(type="event", kind=EXPLAINED, since=self._heard)
+        found = [entry for entry in entries if entry.begin > self._heard]
         self._heard = max((entry.begin for entry in found), default=self._heard)
         return found
 
@@ -179,6 +178,22 @@ class Watch:
         for node in list(self._memory.nodes("camera")):
             if node.name not in self._stands and self._sees(node.name, entry.participants, now):
                 self._doubt(node.name, entry.participants, now, believed, self._depths.at(node.name, time))
+
+    def _note_displaced(self, entry: Entry, now: float) -> None:
+        """What is said to have moved: more and more of that may be the camera."""
+        before = self._memories.at(entry.begin - LOOKBACK)
+        for node in list(self._memory.nodes("camera")):
+            if node.name in self._doubts or node.name in self._stands:
+                continue
+            for name in entry.participants:
+                if self._sees(node.name, (name,), now):
+                    self._displaced.add(node.name, name, before.get(name), self._depths.of(node.name), now)
+
+    def _look_at_displaced(self, camera: str, now: float) -> None:
+        views = None if camera in self._doubts else self._displaced.doubts(camera)
+        if views is not None:
+            names = sorted({one.name for one in views.sightings()})
+            self._doubt(camera, names, now, {}, {}, views)
 
     def _look_for_step(self, camera: str, now: float) -> None:
         """Doubt a camera that sees all displaced alike by so little that beliefs just follow."""
@@ -196,26 +211,21 @@ class Watch:
         now: float,
         believed: Mapping[str, Pose],
         depths: Mapping[str, DepthError],
+        views: Views | None = None,
     ) -> None:
         """Look into it, unless that is being done."""
         doubt = self._doubts.get(camera)
         if doubt is not None and (self._mount(camera) == IN_DOUBT or doubt.looks_anew):
             return
         try:
-            doubt = Doubt(self._memory, camera, now, self._config, believed, depths)
+            doubt = Doubt(self._memory, camera, now, self._config, believed, depths, views)
         except ConfigError as error:
             self._log.warning("%s", error)
             return
         self._forget(camera)
         self._doubts[camera] = doubt
-        self._requests[camera] = self._make_request(camera)
+        self._requests.make(camera)
         self._tell(camera, IN_DOUBT, f"may have moved: {', '.join(names)} seem displaced alike")
-
-    def _make_request(self, camera: str) -> str:
-        """A request of our own, so that whoever follows calibrations sees this one."""
-        name = request_calibration(self._memory, camera, method=self._config.method)
-        self._memory.update_node(name, source=SURPRISE, status=LOOKING)
-        return name
 
     def _sees(self, camera: str, names: tuple[str, ...], now: float) -> bool:
         edges = (self._memory.get_edge(camera, name, "RT") for name in names)
@@ -299,7 +309,7 @@ class Watch:
 
     def _adopt_provisionally(self, doubt: Doubt, why: str) -> None:
         self._adopt(doubt)
-        self._answer(doubt, ADOPTED)
+        self._requests.answer(doubt, ADOPTED)
         self._tell(doubt.camera, PROVISIONAL, why)
         self._lead_back(doubt)
         if doubt.moved_alike is not None:
@@ -350,23 +360,9 @@ class Watch:
         self._untold.pop(doubt.camera, None)
 
     def _end(self, doubt: Doubt, mount: str, why: str, status: str = REFUSED) -> None:
-        self._answer(doubt, status, why)
+        self._requests.answer(doubt, status, why)
         self._tell(doubt.camera, mount, why)
         self._forget(doubt.camera)
-
-    def _answer(self, doubt: Doubt, status: str, why: str = "") -> None:
-        """Let the request in the graph say what came out; later answers replace earlier ones."""
-        request = self._requests.get(doubt.camera, "")
-        if request not in self._memory:
-            return
-        if doubt.solution is None:
-            self._memory.update_node(request, status=status, explanation=why)
-            return
-        report = make_report(doubt.camera, doubt.parent, doubt.solution, adopted=status == ADOPTED)
-        text = why if status != ADOPTED else report.text
-        if status != ADOPTED:
-            report = msgspec.structs.replace(report, text=f"{doubt.camera} {why}")
-        self._memory.update_node(request, status=status, explanation=text, report=encoded(report))
 
     def _forget(self, camera: str) -> None:
         self._steps.forget(camera)
@@ -374,7 +370,8 @@ class Watch:
         self._touches.pop(camera, None)
         if camera in self._looking:
             self._looking[camera].go_home()
-        self._requests.pop(camera, None)
+        self._requests.close(camera)
+        self._displaced.forget(camera)
 
     # ---- small things
 

@@ -1,0 +1,62 @@
+"""The requests of calibrations that begin by themselves: whoever follows calibrations sees these, too."""
+
+from __future__ import annotations
+
+import msgspec
+
+from agents.calibrator.doubt import Doubt
+from agents.calibrator.reporting import encoded, make_report
+from dsr.calibration import ADOPTED, ANSWERED, CALIBRATION, LOOKING, REFUSED, SURPRISE, request_calibration
+from dsr.memory import Memory
+
+
+class OwnRequests:
+    """One for each camera that is doubted.
+
+    Args:
+        memory: where they are.
+        method: of calibration.
+    """
+
+    def __init__(self, memory: Memory, method: str) -> None:
+        self._memory = memory
+        self._method = method
+        self._names: dict[str, str] = {}
+
+    def __contains__(self, request: object) -> bool:
+        """Whether a node is one whose answer may still change."""
+        return request in self._names.values()
+
+    def make(self, camera: str) -> None:
+        """Begin."""
+        name = request_calibration(self._memory, camera, method=self._method)
+        self._memory.update_node(name, source=SURPRISE, status=LOOKING)
+        self._names[camera] = name
+
+    def resume(self, camera: str, request: str) -> None:
+        """Go on with that of an earlier run."""
+        self._names[camera] = request
+
+    def refuse_left_over(self) -> None:
+        """Those that an earlier run did not answer."""
+        for node in list(self._memory.nodes(CALIBRATION)):
+            if node.get("source") == SURPRISE and node.get("status") not in ANSWERED:
+                self._memory.update_node(node.name, status=REFUSED, explanation="the calibrator was restarted")
+
+    def answer(self, doubt: Doubt, status: str, why: str = "") -> None:
+        """Say what came out; later answers replace earlier ones."""
+        request = self._names.get(doubt.camera, "")
+        if request not in self._memory:
+            return
+        if doubt.solution is None:
+            self._memory.update_node(request, status=status, explanation=why)
+            return
+        report = make_report(doubt.camera, doubt.parent, doubt.solution, adopted=status == ADOPTED)
+        text = why if status != ADOPTED else report.text
+        if status != ADOPTED:
+            report = msgspec.structs.replace(report, text=f"{doubt.camera} {why}")
+        self._memory.update_node(request, status=status, explanation=text, report=encoded(report))
+
+    def close(self, camera: str) -> None:
+        """Its answer stays as it is."""
+        self._names.pop(camera, None)
