@@ -120,6 +120,14 @@ def request_calibration(
     return name
 
 
+def request_undo(memory: Memory, camera: str = "") -> str:
+    """Ask that a camera be believed again where it was before its last calibration; else like `request_calibration`."""
+    with memory.batch():
+        name = request_calibration(memory, camera)
+        memory.update_node(name, undo=True)
+    return name
+
+
 def read_report(memory: Memory, name: str) -> Report | None:
     """What came of a request, or what an event `calibrated` tells, by the name of its node.
 

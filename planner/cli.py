@@ -39,7 +39,12 @@ _TIDY_WITHIN = 20.0  # s that the planner may take to bring the arm to rest
 _INTERRUPTED = 130
 _MARKS = {DONE: "[green]✓[/]", RUNNING: "[yellow]▶[/]", FAILED: "[red]✗[/]", HALTED: "[red]■[/]"}
 
-app = typer.Typer(name="mission", invoke_without_command=True, context_settings={"allow_interspersed_args": True})
+app = typer.Typer(
+    name="mission",
+    invoke_without_command=True,
+    subcommand_metavar="",
+    context_settings={"allow_interspersed_args": True},
+)
 
 
 @app.callback()

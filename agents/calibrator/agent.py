@@ -8,7 +8,8 @@ from agents.calibrator.calibrate import calibrate
 from agents.calibrator.config import CalibratorConfig
 from agents.calibrator.doubt import believed_now
 from agents.calibrator.looking import Looking, can_look
-from agents.calibrator.reporting import encoded, make_report, refusal
+from agents.calibrator.reporting import encoded, make_report, pose_of, refusal
+from agents.calibrator.undoing import taken_back
 from agents.calibrator.views import WORLD, Views, only_camera
 from agents.calibrator.watch import Watch
 from dsr.agent import Access, Agent
@@ -48,7 +49,19 @@ class Calibrator(Agent):
         nodes=(CALIBRATION, "camera", "gripper", "action", *THINGS, *WRITTEN_NODES),
         edges=("RT", "Virtual_RT", "grasping", "on", "in", *WRITTEN_EDGES),
         attributes=(
-            *("target", "method", "forced", "views", "moves_arm", "status", "present", "mount", "surprising", "source"),
+            *(
+                "target",
+                "method",
+                "forced",
+                "views",
+                "moves_arm",
+                "undo",
+                "status",
+                "present",
+                "mount",
+                "surprising",
+                "source",
+            ),
             "request",
             *WRITTEN_ATTRIBUTES,
         ),
@@ -101,6 +114,9 @@ class Calibrator(Agent):
     def _pursue(self, node: Node, now: float) -> None:
         """Look on; once there is enough, answer. Raises `ConfigError` for what can never be answered."""
         name, wanted = node.name, int(node.get("views", 1))
+        if node.get("undo") is True:
+            self._undo(node)
+            return
         if name not in self._views:
             checked_method(node.get("method", DEFAULT_METHOD))
             if not 1 <= wanted <= _MOST_VIEWS:
@@ -172,6 +188,15 @@ class Calibrator(Agent):
                 told = encoded(report)
                 self._chronicle.happened(CALIBRATED, (camera, *objects), text=report.text, report=told)
             self._close(node.name, ADOPTED if adopted else REFUSED, report.text, report)
+        self.log.info("%s", report.text)
+
+    def _undo(self, node: Node) -> None:
+        """Write the pose from before the last calibration. Raises `ConfigError` if there is none to take back."""
+        report = taken_back(self.memory, self._chronicle, node.get("target") or only_camera(self.memory))
+        with self.memory.batch():
+            self.memory.add_edge(report.parent, report.camera, "RT", pose=pose_of(report.after))
+            self._chronicle.happened(CALIBRATED, (report.camera,), text=report.text, report=encoded(report))
+            self._close(node.name, ADOPTED, report.text, report)
         self.log.info("%s", report.text)
 
     def _refuse(self, name: str, why: str) -> None:

@@ -14,7 +14,16 @@ from rich.table import Table
 
 from agents.calibrator.recorded import calibrate_recorded
 from agents.replay.source import ReplayedGraph
-from dsr.calibration import ANSWERED, DEFAULT_METHOD, METHODS, Report, checked_method, read_report, request_calibration
+from dsr.calibration import (
+    ANSWERED,
+    DEFAULT_METHOD,
+    METHODS,
+    Report,
+    checked_method,
+    read_report,
+    request_calibration,
+    request_undo,
+)
 from dsr.cli.common import (
     GraphOption,
     JsonOption,
@@ -32,9 +41,15 @@ from dsr.memory import Memory
 
 _PERIOD = 0.1  # s between two looks
 _UNANSWERED = 5.0  # s after which nobody seems to calibrate
+_SILENT = 180.0  # s without news after which it has ended; it waits for views for 120 s by default
 _WITHOUT_REPORT = "the request was removed by somebody"
 
-app = typer.Typer(name="calibrate", invoke_without_command=True, context_settings={"allow_interspersed_args": True})
+app = typer.Typer(
+    name="calibrate",
+    invoke_without_command=True,
+    subcommand_metavar="",
+    context_settings={"allow_interspersed_args": True},
+)
 
 
 @app.callback()
@@ -49,6 +64,9 @@ def calibrate(
     ] = 1,
     move: Annotated[
         bool, typer.Option("--move", help="Have the arm that carries the camera move to the further views, and back.")
+    ] = False,
+    undo: Annotated[
+        bool, typer.Option("--undo", help="Take back what the last calibration changed, instead of calibrating.")
     ] = False,
     recording: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Use what this recording, or folder of a run, shows.")
@@ -72,11 +90,18 @@ def calibrate(
         raise ConfigError(f"--until {until:g} is not after --from {begin:g}")
     if move and (views < 2 or recording is not None):
         raise ConfigError("--move takes --views of 2 or more, and no --recording")
+    if undo and (force or views > 1 or recording is not None):
+        raise ConfigError("--undo goes with --camera only")
     if recording is not None:
         report = calibrate_recorded(ReplayedGraph(recording), camera, method, begin=begin, end=until, force=force)
     else:
         with writing(graph, router, security, agent) as memory:
-            report = _ask(memory, camera, method, views, force=force, move=move)
+            _check_camera(memory, camera)
+            if undo:
+                report = _answer(memory, request_undo(memory, camera))
+            else:
+                request = request_calibration(memory, camera, method=method, force=force, views=views, move=move)
+                report = _answer(memory, request)
     if as_json:
         print_json(msgspec.to_builtins(report))
     else:
@@ -84,12 +109,14 @@ def calibrate(
     raise typer.Exit(0 if report.adopted else 1)
 
 
-def _ask(memory: Memory, camera: str, method: str, views: int, *, force: bool, move: bool) -> Report:
-    """Request a calibration and wait for what comes out. Raises `ConfigError` or `DsrError` if nothing does."""
+def _check_camera(memory: Memory, camera: str) -> None:
     cameras = [node.name for node in memory.nodes("camera")]
     if camera and camera not in cameras:
         raise ConfigError(f"no camera {camera!r}; {suggest(camera, cameras)}")
-    name = request_calibration(memory, camera, method=method, force=force, views=views, move=move)
+
+
+def _answer(memory: Memory, name: str) -> Report:
+    """Wait for what comes of a request. Raises `DsrError` if nothing does."""
     try:
         return _wait(memory, name)
     finally:
@@ -99,7 +126,7 @@ def _ask(memory: Memory, camera: str, method: str, views: int, *, force: bool, m
 
 
 def _wait(memory: Memory, name: str) -> Report:
-    began, told = WALL_CLOCK.monotonic(), ""
+    heard, told = WALL_CLOCK.monotonic(), ("", "")
     while (node := memory.get_node(name)) is not None:
         status, why = node.get("status", ""), node.get("explanation", "")
         if status in ANSWERED:
@@ -107,11 +134,15 @@ def _wait(memory: Memory, name: str) -> Report:
             if report is None:
                 raise DsrError(why)
             return report
-        if not status and WALL_CLOCK.monotonic() - began > _UNANSWERED:
+        if (status, why) != told:
+            if why != told[1]:
+                errors.print(f"[dim]{shown(why)}[/]")
+            heard, told = WALL_CLOCK.monotonic(), (status, why)
+        silent = WALL_CLOCK.monotonic() - heard
+        if not status and silent > _UNANSWERED:
             raise DsrError("nobody answers: no agent of class agents.calibrator:Calibrator seems to run")
-        if why != told:
-            errors.print(f"[dim]{shown(why)}[/]")
-            told = why
+        if silent > _SILENT:
+            raise DsrError(f"nothing was heard of the calibrator for {silent:.0f} s; it does not seem to run any more")
         WALL_CLOCK.wait(threading.Event(), _PERIOD)
     raise DsrError(_WITHOUT_REPORT)
 

@@ -64,6 +64,10 @@ def decide(
     by_objects = _moving(names - here, carried) + _leaning(problem, world_from_parent @ before, explained)
     by_camera = _CAMERA_MOVED + _OBJECT_MOVED * len(names - agreeing) + _COINCIDENCE * len(here - agreeing)
     if 2 * len(agreeing) <= len(names) or by_camera >= by_objects:
+        if not here:
+            return Decision(
+                False, False, f"no motion of the camera explains better what is seen of {len(names)} object(s)"
+            )
         return Decision(False, False, f"{len(here)} of {len(names)} objects are seen where they are believed to be")
     if len(agreeing) < FEWEST:
         return Decision(None, False, f"only {len(agreeing)} object(s) tell of the camera; expected {FEWEST}")

@@ -50,7 +50,7 @@ app = typer.Typer(
     "A scenario is a TOML file; docs/scenarios.md describes the format.",
 )
 app.command()(sweep)
-demo = typer.Typer(name="demo", invoke_without_command=True)
+demo = typer.Typer(name="demo", invoke_without_command=True, subcommand_metavar="")
 
 
 @app.command("list")

@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from dsr import LocalNetwork, ManualClock, Memory
-from dsr.calibration import Report, read_report, request_calibration
+from dsr.calibration import Report, read_report, request_calibration, request_undo
 from dsr.errors import ConfigError
 from dsr.intentions import MIND
 
@@ -22,6 +22,7 @@ def test_a_request_hangs_below_the_mind_and_two_are_two(memory: Memory) -> None:
     assert len(set(names)) == 2 and {edge.dst for edge in memory.edges("has", src=MIND)} == set(names)
     assert memory.node(names[0]).attributes == {"target": "camera", "method": "robust", "forced": True, "views": 3}
     assert memory.node(request_calibration(memory, views=2, move=True))["moves_arm"] is True
+    assert memory.node(request_undo(memory, "camera"))["undo"] is True
 
 
 def test_wrong_requests(memory: Memory) -> None:

@@ -9,7 +9,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dsr.calibration import ADOPTED, CALIBRATED, LOOKING, REFUSED, Report, read_report, request_calibration
+from dsr.calibration import (
+    ADOPTED,
+    CALIBRATED,
+    LOOKING,
+    REFUSED,
+    Report,
+    read_report,
+    request_calibration,
+    request_undo,
+)
 from dsr.timeline import Chronicle
 from dsr.transforms import Pose
 from tests.agents.calibrator.scenes import BUMP, CLUSTER, DOWN, FLIP, WIDE, Stage, cubes
@@ -238,3 +247,26 @@ def test_no_arm_moves_a_camera_on_a_stand(set_up: SetUp) -> None:
     request = request_calibration(stage.memory, views=2, move=True)
     stage.look()
     assert status(stage, request)[0] == REFUSED and "no arm is there that moves camera" in status(stage, request)[1]
+
+
+def test_the_last_calibration_is_taken_back_on_request(set_up: SetUp) -> None:
+    stage = set_up()
+    refused = request_undo(stage.memory)
+    stage.wait(0.3)
+    assert "tells of no calibration" in stage.memory.node(refused)["explanation"]
+    before = stage.memory.edge("world", "camera", "RT")["pose"]
+    request_calibration(stage.memory)
+    stage.look()
+    after = stage.memory.edge("world", "camera", "RT")["pose"]
+    undone = request_undo(stage.memory, "camera")
+    stage.wait(0.3)
+    assert stage.memory.edge("world", "camera", "RT")["pose"].distance(before) == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert report(stage, undone).text == "camera is believed where it was before its last calibration"
+    assert [event.text for event in Chronicle(stage.memory).query(kind=CALIBRATED)][-1] == report(stage, undone).text
+    request_undo(stage.memory)
+    stage.wait(0.3)
+    assert stage.memory.edge("world", "camera", "RT")["pose"].distance(after) == pytest.approx((0.0, 0.0), abs=1e-9)
+    stage.memory.add_edge("world", "camera", "RT", pose=Pose((1.0, 0.0, 0.0)) @ after)
+    refused = request_undo(stage.memory)
+    stage.wait(0.3)
+    assert "was given another pose since" in stage.memory.node(refused)["explanation"]

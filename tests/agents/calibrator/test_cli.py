@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 import dsr
 from agents.calibrator.cli import app
-from dsr.calibration import ADOPTED, CALIBRATION, REFUSED, Report
+from dsr.calibration import ADOPTED, CALIBRATION, LOOKING, REFUSED, Report
 from dsr.cli.common import console
 from dsr.transforms import Pose
 from tests.agents.calibrator.scenes import CLUSTER, DOWN, Stage, cubes
@@ -158,3 +158,18 @@ def test_without_a_calibrator_that_is_said(monkeypatch: pytest.MonkeyPatch) -> N
         with pytest.raises(dsr.DsrError, match="no agent of class"):
             run()
         assert memory.nodes(CALIBRATION) == []
+
+
+def test_one_that_ends_while_it_looks_is_not_waited_for_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("agents.calibrator.cli._SILENT", 0.5)
+    with dsr.connect("calibrated", agent="somebody") as memory:
+        memory.add_node("camera", "camera")
+        Answerer(memory, status=LOOKING, explanation="0 of 1 views").start()
+        with pytest.raises(dsr.DsrError, match="does not seem to run any more"):
+            run()
+
+
+def test_undo_goes_with_nothing_else() -> None:
+    for option in (("--force",), ("--views", "2"), ("--recording", "run")):
+        with pytest.raises(dsr.ConfigError, match="--undo goes with --camera only"):
+            run("--undo", *option)

@@ -1,0 +1,35 @@
+"""What the last calibration of a camera has changed, turned round."""
+
+from __future__ import annotations
+
+import msgspec
+
+from agents.calibrator.reporting import pose_of
+from agents.calibrator.views import parent_of
+from dsr.calibration import CALIBRATED, Report, read_report
+from dsr.errors import ConfigError
+from dsr.memory import Memory
+from dsr.timeline import Chronicle
+
+_SAME = 1e-6  # m, rad
+
+
+def taken_back(memory: Memory, chronicle: Chronicle, camera: str) -> Report:
+    """The report of the last change of a camera's pose, from after to before. Taken back twice, it is as it was.
+
+    Raises:
+        ConfigError: if the timeline tells of none, or the camera was given another pose since.
+    """
+    parent = parent_of(memory, camera)
+    events = chronicle.query(type="event", kind=CALIBRATED, participants=camera)
+    reports = (read_report(memory, event.name) for event in reversed(events))
+    report = next((one for one in reports if one is not None and one.camera == camera), None)
+    if report is None:
+        raise ConfigError(f"the timeline tells of no calibration of {camera}")
+    edge = memory.get_edge(parent, camera, "RT")
+    if edge is None or report.parent != parent or max(edge["pose"].distance(pose_of(report.after))) > _SAME:
+        raise ConfigError(f"{camera} was given another pose since its last calibration")
+    text = f"{camera} is believed where it was before its last calibration"
+    return msgspec.structs.replace(
+        report, before=report.after, after=report.before, covariance=(), objects=(), unchanged=False, text=text
+    )
