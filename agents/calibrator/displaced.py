@@ -13,6 +13,7 @@ from agents.calibrator.calibrate import calibrate
 from agents.calibrator.config import CalibratorConfig
 from agents.calibrator.decision import FEWEST, decide
 from agents.calibrator.depths import DepthError
+from agents.calibrator.doubt import ENOUGH
 from agents.calibrator.steps import carried_things
 from agents.calibrator.views import WORLD, Views
 from dsr.memory import Memory
@@ -20,7 +21,6 @@ from dsr.transforms import Pose
 
 LOOKBACK = 0.3
 """s before an explanation, from when beliefs are taken: it has changed them since"""
-_ENOUGH = 8  # percepts of an object
 _LASTS = 60.0  # s within which what was displaced may belong together
 _SETTLES = 1.0  # s after which what was put down is believed where it is
 
@@ -82,7 +82,7 @@ class Displaced:
         series = self._series.get(camera)
         if series is None:
             return None
-        sightings = series.views.sightings(least=_ENOUGH)
+        sightings = series.views.sightings(least=ENOUGH)
         told = frozenset(one.name for one in sightings if one.name in series.names)
         if len(told) < FEWEST or told <= series.told:
             return None

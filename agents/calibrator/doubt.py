@@ -20,7 +20,8 @@ from dsr.quaternions import Vector3
 from dsr.transforms import Pose
 
 WORLD = "world"
-_ENOUGH = 8  # percepts of an object that has come into view late
+ENOUGH = 8
+"""Percepts of an object that has come into view late."""
 
 
 class Doubt:
@@ -77,6 +78,11 @@ class Doubt:
     def parent(self) -> str:
         """Name of the frame that carries the camera."""
         return self._views.parent
+
+    @property
+    def seen(self) -> Views:
+        """What was seen since, and before if that gave rise to the doubt."""
+        return self._views
 
     @property
     def middle(self) -> Vector3:
@@ -163,7 +169,7 @@ class Doubt:
         if self.decision is None or self.decision.moved is not None:
             return False
         known = {(sighting.name, sighting.view) for sighting in self.sightings}
-        return any((one.name, one.view) not in known for one in self._views.sightings(complete=True, least=_ENOUGH))
+        return any((one.name, one.view) not in known for one in self._views.sightings(complete=True, least=ENOUGH))
 
 
 def believed_now(memory: Memory) -> dict[str, Pose]:

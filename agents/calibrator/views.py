@@ -116,7 +116,8 @@ class Views:
     ) -> None:
         self._keeps_brief = keeps_brief
         self._memory = memory
-        self._depths = dict(depths or {})
+        self.depths = dict(depths or {})
+        """Systematic errors of depth that are known, by object."""
         self._believed = dict(believed or {})
         self._since = since
         self._config = config
@@ -202,7 +203,7 @@ class Views:
             parent_from_world = view.world_from_parent.inverse()
             for name, seen in sorted(view.objects.items()):
                 if seen.steady and len(seen.percepts) >= least:
-                    known = self._depths.get(name)
+                    known = self.depths.get(name)
                     scatter = config.depth_scatter if known is None else known.std
                     percept = fuse(seen.percepts, config.depth_bias, scatter)
                     found.append(Sighting(name, number, percept, parent_from_world @ seen.believed))
@@ -220,7 +221,7 @@ class Views:
         view = self._view(world_from_parent, percept.stamp)
         seen = view.objects.setdefault(name, _Seen(believed))
         seen.steady = seen.steady and _within(seen.believed, believed, self._config.belief_drift)
-        known = self._depths.get(name)
+        known = self.depths.get(name)
         seen.add(percept if known is None else without_error(percept, known.mean))
 
     def _view(self, world_from_parent: Pose, stamp: float) -> _View:

@@ -15,6 +15,7 @@ from agents.calibrator.displaced import LOOKBACK, Displaced
 from agents.calibrator.doubt import Doubt, Memories, believed_now
 from agents.calibrator.looking import SOURCE, Looking, can_look
 from agents.calibrator.own_requests import OwnRequests
+from agents.calibrator.refining import Refining
 from agents.calibrator.reporting import encoded, make_report, pose_of
 from agents.calibrator.solution import Solution
 from agents.calibrator.steps import REACH, Steps
@@ -76,6 +77,7 @@ class Watch:
         self._doubts: dict[str, Doubt] = {}
         self._requests = OwnRequests(memory, config.method)
         self._displaced = Displaced(memory, config)
+        self._refining = Refining(memory, chronicle, config, log)
         self._stands: dict[str, _Stand] = {}
         self._looking: dict[str, Looking] = {}
         self._touches: dict[str, Touch] = {}
@@ -91,6 +93,7 @@ class Watch:
         for entry in self._news():
             (self._begin if CAMERA_MOVED in entry.text else self._note_displaced)(entry, now)
         self._displaced.update(now)
+        self._refining.update(now)
         for node in list(self._memory.nodes("camera")):
             if node.name not in self._doubts:
                 self._depths.learn(node.name)
@@ -282,6 +285,7 @@ class Watch:
             self._adopt(doubt)
             self._end(doubt, STEADY, "", ADOPTED)
             self._lead_back(doubt)
+            self._refining.add(doubt, now)
         elif decision.moved and not doubt.can_look_elsewhere:
             self._adopt_provisionally(doubt, decision.why)
         else:
@@ -371,6 +375,7 @@ class Watch:
         if camera in self._looking:
             self._looking[camera].go_home()
         self._requests.close(camera)
+        self._refining.forget(camera)
         self._displaced.forget(camera)
 
     # ---- small things
