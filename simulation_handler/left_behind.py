@@ -11,8 +11,9 @@ from simulation_handler.explaining.situation import Look
 from simulation_handler.objects import BelievedObject
 from simulation_handler.relations import Relation
 
-ABSENT = 0.4
-"""s for which it should have been seen and was not, after which the hand does not have it."""
+_ABSENT, _ABSENT_IN_SIGHT = 0.4, 1.5
+"""s for which it should have been seen and was not, after which the hand does not have it; likewise of a hand that was
+always in sight, which may hide it although it does not seem to."""
 _HALF = 0.5  # of what there is to see of an object
 
 
@@ -24,6 +25,8 @@ class _Unseen:
     """World_from_object when the hand, too, was seen no more; or where it surely was then"""
     absent_since: float | None = None
     """s, since when the hand is in sight and the object should be"""
+    was_hidden: bool = False
+    """The hand, too, was out of sight meanwhile."""
 
 
 class LeftBehind:
@@ -40,7 +43,7 @@ class LeftBehind:
     def hide(self, relation: Relation) -> None:
         """Neither the hand nor the object is seen."""
         unseen = self._unseen[relation]
-        unseen.absent_since = None
+        unseen.absent_since, unseen.was_hidden = None, True
         if unseen.place is None:
             unseen.place = self._bodies.objects[relation[1]].path.last
 
@@ -48,14 +51,19 @@ class LeftBehind:
         """For how long (s) the object, which the hand in sight would have `there`, should have been seen, too.
 
         None while that is not so: it goes with the hand then. If the hand was always in sight, the object surely was
-        at `sure` before.
+        at `sure` before; what is not seen there either is in the hand, held in another way than it seems.
         """
-        unseen = self._unseen[relation]
-        if look is None or not self._shows(self._bodies.objects[relation[1]], there, look):
+        unseen, item = self._unseen[relation], self._bodies.objects[relation[1]]
+        shows = look is not None and self._shows(item, there, look)
+        if look is None or not shows or (not unseen.was_hidden and self._shows(item, sure, look)):
             unseen.absent_since = None
         elif unseen.absent_since is None:
             unseen.absent_since, unseen.place = now, unseen.place or sure
         return None if unseen.absent_since is None else now - unseen.absent_since
+
+    def is_absent(self, relation: Relation, seconds: float) -> bool:
+        """Whether a hand that should have shown an object for that long does not have it."""
+        return seconds >= (_ABSENT if self._unseen[relation].was_hidden else _ABSENT_IN_SIGHT)
 
     def place(self, relation: Relation) -> Pose | None:
         """Where an object was left that should be seen, and is not; None if there is none."""

@@ -17,7 +17,7 @@ from simulation_handler.covering import RESOLVED, Covering
 from simulation_handler.explaining.situation import Look
 from simulation_handler.hands import PINCH, TOUCH, UNSEEN, Hand, HandGrasp, HandPercept
 from simulation_handler.leaning import levelled, without_yaw
-from simulation_handler.left_behind import ABSENT, LeftBehind
+from simulation_handler.left_behind import LeftBehind
 from simulation_handler.objects import BelievedObject
 from simulation_handler.paths import Path, between
 from simulation_handler.placement import separate
@@ -143,7 +143,7 @@ class Touching:
             sure = grasp.sure or item.path.at(item.track.last_stamp)
             seconds = self._left_behind.absent_for(relation, there, sure, self.look, now)
             if seconds is not None:
-                if seconds >= ABSENT:
+                if self._left_behind.is_absent(relation, seconds):
                     self._contacts.end(relation)
                     del self._grasps[relation]
                     item.hand, item.let_go_at = "", now
@@ -154,10 +154,19 @@ class Touching:
         if not is_seen:
             turned = there.q if item.shows_rotation else leaning
             grasp.stopped = grasp.stopped or self._is_through_wall(item, there)
-            if grasp.covered or not (grasp.stopped or self._contacts.opens(relation)):
+            if grasp.covered or not (grasp.stopped or self._may_open(relation, now)):
                 item.path.add(self._in_fingers(item, Pose.unchecked(there.t, turned), pose))
             elif (left := self._left(item)) is not None:
                 item.path.add(left.with_stamp(pose.stamp))
+
+    def _may_open(self, relation: Relation, now: float) -> bool:
+        """Whether a hand may be letting go just now."""
+        return self._contacts.opens(relation) and not self._goes_on_hiding(relation, now)
+
+    def _goes_on_hiding(self, relation: Relation, now: float) -> bool:
+        """Whether a hand is presumed to hold what is unseen, and fingertips that would tell otherwise are hidden."""
+        hand, is_seen = self._hands.get(relation[0]), now - self._bodies.objects[relation[1]].track.last_stamp <= UNSEEN
+        return self._grasps[relation].presumed and not is_seen and hand is not None and hand.measured < _FINGERS
 
     def _leave_behind(self, item: BelievedObject, hand: str, now: float) -> None:
         """If that hand has come back without an object, that falls, with what is in it, from where it must be."""
@@ -219,7 +228,7 @@ class Touching:
                 self._recalled[relation] = min(until, now + 2.0 * TOUCH_DELAY)
         touched, pinched = self._contacts.since(), self._contacts.pinches
         for relation in [relation for relation, grasp in self._grasps.items() if not grasp.covered]:
-            is_touched = relation in touched or self._is_aloft(relation, now)
+            is_touched = relation in touched or self._is_aloft(relation, now) or self._goes_on_hiding(relation, now)
             if self._is_over(relation, is_touched) or self._is_elsewhere(relation, now):
                 self._contacts.end(relation)
                 del self._grasps[relation]
