@@ -11,10 +11,10 @@ from simulation_handler.explaining.situation import Look
 from simulation_handler.objects import BelievedObject
 from simulation_handler.relations import Relation
 
-_ABSENT, _ABSENT_IN_SIGHT = 0.4, 1.5
-"""s for which it should have been seen and was not, after which the hand does not have it; likewise of a hand that was
-always in sight, which may hide it although it does not seem to."""
-_HALF = 0.5  # of what there is to see of an object
+_ABSENT, _ABSENT_IN_PART = 0.4, 1.5
+"""s for which it should have been seen and was not, after which the hand does not have it; likewise of what a hand that
+was always in sight hides in part: it may hide all of it, and not seem to."""
+_HALF, _CLEAR = 0.5, 0.95  # of what there is to see of an object
 
 
 @dataclass
@@ -27,6 +27,8 @@ class _Unseen:
     """s, since when the hand is in sight and the object should be"""
     was_hidden: bool = False
     """The hand, too, was out of sight meanwhile."""
+    is_clear: bool = False
+    """Nothing should hide any of it now."""
 
 
 class LeftBehind:
@@ -54,8 +56,10 @@ class LeftBehind:
         at `sure` before; what is not seen there either is in the hand, held in another way than it seems.
         """
         unseen, item = self._unseen[relation], self._bodies.objects[relation[1]]
-        shows = look is not None and self._shows(item, there, look)
-        if look is None or not shows or (not unseen.was_hidden and self._shows(item, sure, look)):
+        share = 0.0 if look is None else self._share(item, there, look)
+        unseen.is_clear = share > _CLEAR
+        may_hide = not (unseen.was_hidden or unseen.is_clear)
+        if look is None or share < _HALF or (may_hide and self._share(item, sure, look) >= _HALF):
             unseen.absent_since = None
         elif unseen.absent_since is None:
             unseen.absent_since, unseen.place = now, unseen.place or sure
@@ -63,16 +67,17 @@ class LeftBehind:
 
     def is_absent(self, relation: Relation, seconds: float) -> bool:
         """Whether a hand that should have shown an object for that long does not have it."""
-        return seconds >= (_ABSENT if self._unseen[relation].was_hidden else _ABSENT_IN_SIGHT)
+        unseen = self._unseen[relation]
+        return seconds >= (_ABSENT if unseen.was_hidden or unseen.is_clear else _ABSENT_IN_PART)
 
     def place(self, relation: Relation) -> Pose | None:
         """Where an object was left that should be seen, and is not; None if there is none."""
         unseen = self._unseen.get(relation)
         return None if unseen is None or unseen.absent_since is None else unseen.place
 
-    def _shows(self, item: BelievedObject, there: Pose, look: Look) -> bool:
-        """Whether a camera should see an object that is there."""
+    def _share(self, item: BelievedObject, there: Pose, look: Look) -> float:
+        """Of its image, that a camera should see of an object that is there; of the camera that sees most."""
         bodies = self._bodies
         others = [bodies.solid(name) for name in bodies.objects if name in bodies.sim and name != item.name]
         glances = look([*others, item.solid(there.t, there.q)])
-        return any(name == item.name and glance.share >= _HALF for (_, name), glance in glances.items())
+        return max((glance.share for (_, name), glance in glances.items() if name == item.name), default=0.0)

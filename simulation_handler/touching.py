@@ -22,6 +22,7 @@ from simulation_handler.objects import BelievedObject
 from simulation_handler.paths import Path, between
 from simulation_handler.placement import separate
 from simulation_handler.relations import Relation
+from simulation_handler.sight import Glance
 
 _HIDDEN = 0.6  # s for which a fingertip that touched what is seen may be hidden while its palm is in sight
 _ELSEWHERE = 0.05  # m from where its hand would have it, from which an object at rest is not held
@@ -164,9 +165,12 @@ class Touching:
         return self._contacts.opens(relation) and not self._goes_on_hiding(relation, now)
 
     def _goes_on_hiding(self, relation: Relation, now: float) -> bool:
-        """Whether a hand is presumed to hold what is unseen, and fingertips that would tell otherwise are hidden."""
-        hand, is_seen = self._hands.get(relation[0]), now - self._bodies.objects[relation[1]].track.last_stamp <= UNSEEN
-        return self._grasps[relation].presumed and not is_seen and hand is not None and hand.measured < _FINGERS
+        """Whether a hand is presumed to hold what it hides, if only in part, with the fingertips that would tell."""
+        (name, thing), hand = relation, self._hands.get(relation[0])
+        is_seen = now - self._bodies.objects[thing].track.last_stamp <= UNSEEN
+        if is_seen or not self._grasps[relation].presumed or hand is None or hand.measured >= _FINGERS:
+            return False
+        return any(glance.hidden_by == name for glance in self._glances(thing))
 
     def _leave_behind(self, item: BelievedObject, hand: str, now: float) -> None:
         """If that hand has come back without an object, that falls, with what is in it, from where it must be."""
@@ -286,9 +290,15 @@ class Touching:
         hand = self._hands[name]
         if self.look is None or hand.measured >= _FINGERS:
             return False
-        solids = [self._bodies.solid(other) for other in self._bodies.objects if other in self._bodies.sim]
-        glances = [glance for (_, seen), glance in self.look(solids).items() if seen == thing]
+        glances = self._glances(thing)
         return all(glance.share < _HALF for glance in glances) and any(glance.hidden_by == name for glance in glances)
+
+    def _glances(self, thing: str) -> list[Glance]:
+        """What each camera should see of an object."""
+        if self.look is None or thing not in self._bodies.sim:
+            return []
+        solids = [self._bodies.solid(other) for other in self._bodies.objects if other in self._bodies.sim]
+        return [glance for (_, seen), glance in self.look(solids).items() if seen == thing]
 
     def _is_over(self, relation: Relation, is_touched: bool) -> bool:
         """Whether an object is touched no more, as far as that can be known."""
