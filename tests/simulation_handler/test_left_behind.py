@@ -136,6 +136,34 @@ def test_what_the_hand_itself_hides_may_be_in_it() -> None:
     assert world.pose("cup").t == pytest.approx(SHOWN.t, abs=0.03)
 
 
+def covered_by(share: float, hidden_by: str) -> Look:
+    """All that can be seen, but of the cup only that share."""
+
+    def look(solids: Collection[Solid]) -> dict[tuple[str, str], Glance]:
+        of_cup = Glance(share, hidden_by)
+        return {("camera", s.name): of_cup if s.name == "cup" else Glance(1.0, "") for s in solids}
+
+    return look
+
+
+@pytest.mark.parametrize(("share", "hidden_by", "holds"), [(0.7, "hand", True), (1.0, "", False)])
+def test_a_hand_in_sight_may_have_what_it_hides_in_part_but_not_what_it_cannot_hide(
+    share: float, hidden_by: str, holds: bool
+) -> None:
+    """Nor is it where it was before: that would be seen."""
+    world = Occlusion({"cup": standing(0.3, 0.0, SMALL)})
+    world.run(2.0)
+    world.look = covered_by(0.0, "hand")
+    world.hand("cup")
+    world.run(0.8)
+    world.seen.discard("cup")
+    world.run(0.5)
+    world.look = covered_by(share, hidden_by)
+    world.move("cup", SHOWN)
+    world.run(2.0)
+    assert (world.belief.grasps().keys() == {HELD}) is holds
+
+
 def put_down_and_hidden() -> Occlusion:
     """A cup that a hand was seen to put down and to open about, and that something hides since."""
     world = Occlusion({"cup": standing(0.3, 0.0, SMALL)})
