@@ -2,7 +2,7 @@
 
 A hand that rests with its fingers at an object which it hides is presumed to touch it. If it goes away and the object
 is not seen where it was, it is in that hand, until it is seen elsewhere than there. What is seen to be missing where a
-hand has covered it, even in passing, or touched it out of sight, was taken by that.
+hand has covered it, even in passing, was taken by that.
 """
 
 from __future__ import annotations
@@ -110,8 +110,6 @@ class Covering:
             is_known = name in hands and thing in self._bodies.sim and (name, thing) not in busy
             if not is_known or not self._goes_on(name, hands[name], self._bodies.object(thing), cover, now):
                 del self._covers[name, thing]
-        for relation in busy:
-            self._note_touched(*relation, hands, now)
         taken = {thing for _, thing in (*busy, *self._covers)}
         occupied = {name for name, _ in (*busy, *self._covers)}
         for name, hand in hands.items():
@@ -124,17 +122,6 @@ class Covering:
                 if hand.path.is_still(_RESTS, _STILL, math.inf):
                     self._covers[name, thing] = Cover(now, there, _mean(hand.path), self._bodies.pose(thing).t)
                     taken.add(thing)
-
-    def _note_touched(self, name: str, thing: str, hands: Mapping[str, Hand], now: float) -> None:
-        """What a hand touches out of sight may be in it, as it was first, even if nobody saw the fingers close."""
-        if name not in self._palms or thing not in self._bodies.sim or not hands[name].perceived:
-            return
-        unseen_since = self._bodies.object(thing).track.last_stamp
-        if now - unseen_since > UNSEEN:
-            time, hand, there = self._passed.get(thing, (-math.inf, "", None))
-            if there is None or hand != name or time < unseen_since:
-                there = self._palms[name].inverse() @ self._bodies.pose(thing)
-            self._passed[thing] = (now, name, there)
 
     def _follow(self, hands: Mapping[str, Hand], now: float) -> None:
         """Turn with the hands in sight, slowly: of one whose fingers are not seen, little tells how it is turned."""

@@ -27,8 +27,6 @@ class _Unseen:
     """s, since when the hand is in sight and the object should be"""
     was_hidden: bool = False
     """The hand, too, was out of sight meanwhile."""
-    is_clear: bool = False
-    """Nothing should hide any of it now."""
 
 
 class LeftBehind:
@@ -49,26 +47,21 @@ class LeftBehind:
         if unseen.place is None:
             unseen.place = self._bodies.objects[relation[1]].path.last
 
-    def absent_for(self, relation: Relation, there: Pose, sure: Pose, look: Look | None, now: float) -> float | None:
-        """For how long (s) the object, which the hand in sight would have `there`, should have been seen, too.
+    def is_absent(self, relation: Relation, there: Pose, sure: Pose, look: Look | None, now: float) -> bool | None:
+        """Whether the object, which the hand in sight would have `there`, should have been seen, too, for too long.
 
-        None while that is not so: it goes with the hand then. If the hand was always in sight, the object surely was
-        at `sure` before; what is not seen there either is in the hand, held in another way than it seems.
+        None while it need not be seen: it goes with the hand then. If the hand was always in sight, the object surely
+        was at `sure` before; what is not seen there either is in the hand, held in another way than it seems.
         """
         unseen, item = self._unseen[relation], self._bodies.objects[relation[1]]
         share = 0.0 if look is None else self._share(item, there, look)
-        unseen.is_clear = share > _CLEAR
-        may_hide = not (unseen.was_hidden or unseen.is_clear)
+        may_hide = not (unseen.was_hidden or share > _CLEAR)
         if look is None or share < _HALF or (may_hide and self._share(item, sure, look) >= _HALF):
             unseen.absent_since = None
-        elif unseen.absent_since is None:
+            return None
+        if unseen.absent_since is None:
             unseen.absent_since, unseen.place = now, unseen.place or sure
-        return None if unseen.absent_since is None else now - unseen.absent_since
-
-    def is_absent(self, relation: Relation, seconds: float) -> bool:
-        """Whether a hand that should have shown an object for that long does not have it."""
-        unseen = self._unseen[relation]
-        return seconds >= (_ABSENT if unseen.was_hidden or unseen.is_clear else _ABSENT_IN_PART)
+        return now - unseen.absent_since >= (_ABSENT_IN_PART if may_hide else _ABSENT)
 
     def place(self, relation: Relation) -> Pose | None:
         """Where an object was left that should be seen, and is not; None if there is none."""

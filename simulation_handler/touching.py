@@ -142,9 +142,9 @@ class Touching:
         is_seen = now - item.track.last_stamp <= UNSEEN
         if not is_seen and not grasp.covered:
             sure = grasp.sure or item.path.at(item.track.last_stamp)
-            seconds = self._left_behind.absent_for(relation, there, sure, self.look, now)
-            if seconds is not None:
-                if self._left_behind.is_absent(relation, seconds):
+            is_absent = self._left_behind.is_absent(relation, there, sure, self.look, now)
+            if is_absent is not None:
+                if is_absent:
                     self._contacts.end(relation)
                     del self._grasps[relation]
                     item.hand, item.let_go_at = "", now
@@ -155,14 +155,10 @@ class Touching:
         if not is_seen:
             turned = there.q if item.shows_rotation else leaning
             grasp.stopped = grasp.stopped or self._is_through_wall(item, there)
-            if grasp.covered or not (grasp.stopped or self._may_open(relation, now)):
+            if grasp.covered or not (grasp.stopped or self._contacts.opens(relation)):
                 item.path.add(self._in_fingers(item, Pose.unchecked(there.t, turned), pose))
             elif (left := self._left(item)) is not None:
                 item.path.add(left.with_stamp(pose.stamp))
-
-    def _may_open(self, relation: Relation, now: float) -> bool:
-        """Whether a hand may be letting go just now."""
-        return self._contacts.opens(relation) and not self._goes_on_hiding(relation, now)
 
     def _goes_on_hiding(self, relation: Relation, now: float) -> bool:
         """Whether a hand is presumed to hold what it hides, if only in part, with the fingertips that would tell."""
@@ -373,11 +369,13 @@ class Touching:
                 carried.setdefault(thing, hand)
         held = carried | holders
         inside = [pair for pair in self._containment.current() if held.get(pair[0]) == held.get(pair[1])]
-        goes_along = {thing for thing, hollow in inside if thing in carried or self._held_longer(hollow, thing, held)}
+        goes_along = {
+            thing for thing, hollow in inside if thing not in holders or self._held_longer(hollow, thing, held)
+        }
         return {thing: hand for thing, hand in held.items() if thing not in goes_along}
 
     def _held_longer(self, hollow: str, thing: str, held: Mapping[str, str]) -> bool:
-        """Whether a hand that seems to hold a container and what is unseen in it held the container first."""
+        """Whether a hand that seems to hold a container and what is in it held the container first."""
         hand = held.get(hollow, "")
         older, newer = (self._grasps.get((hand, name)) for name in (hollow, thing))
         return older is not None and newer is not None and older.since < newer.since
