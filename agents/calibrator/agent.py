@@ -8,7 +8,7 @@ from agents.calibrator.calibrate import calibrate
 from agents.calibrator.config import CalibratorConfig
 from agents.calibrator.doubt import believed_now
 from agents.calibrator.looking import Looking, can_look
-from agents.calibrator.reporting import encoded, make_report, pose_of, refusal
+from agents.calibrator.reporting import encoded, make_report, pose_of, refusal, tell
 from agents.calibrator.undoing import taken_back
 from agents.calibrator.views import WORLD, Views, only_camera
 from agents.calibrator.watch import Watch
@@ -16,7 +16,6 @@ from dsr.agent import Access, Agent
 from dsr.calibration import (
     ADOPTED,
     ANSWERED,
-    CALIBRATED,
     CALIBRATION,
     DEFAULT_METHOD,
     LOOKING,
@@ -49,20 +48,8 @@ class Calibrator(Agent):
         nodes=(CALIBRATION, "camera", "gripper", "action", *THINGS, *WRITTEN_NODES),
         edges=("RT", "Virtual_RT", "grasping", "on", "in", *WRITTEN_EDGES),
         attributes=(
-            *(
-                "target",
-                "method",
-                "forced",
-                "views",
-                "moves_arm",
-                "undo",
-                "status",
-                "present",
-                "mount",
-                "surprising",
-                "source",
-            ),
-            "request",
+            *("target", "method", "forced", "views", "moves_arm", "undo", "status", "present", "mount"),
+            *("surprising", "source", "request"),
             *WRITTEN_ATTRIBUTES,
         ),
     )
@@ -184,9 +171,7 @@ class Calibrator(Agent):
         with self.memory.batch():
             if adopted and not unchanged:
                 self.memory.add_edge(views.parent, camera, "RT", pose=solution.pose)
-                objects = [thing.name for thing in report.objects]
-                told = encoded(report)
-                self._chronicle.happened(CALIBRATED, (camera, *objects), text=report.text, report=told)
+                tell(self._chronicle, report)
             self._close(node.name, ADOPTED if adopted else REFUSED, report.text, report)
         self.log.info("%s", report.text)
 
@@ -195,7 +180,7 @@ class Calibrator(Agent):
         report = taken_back(self.memory, self._chronicle, node.get("target") or only_camera(self.memory))
         with self.memory.batch():
             self.memory.add_edge(report.parent, report.camera, "RT", pose=pose_of(report.after))
-            self._chronicle.happened(CALIBRATED, (report.camera,), text=report.text, report=encoded(report))
+            tell(self._chronicle, report)
             self._close(node.name, ADOPTED, report.text, report)
         self.log.info("%s", report.text)
 

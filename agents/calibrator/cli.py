@@ -90,7 +90,7 @@ def calibrate(
         raise ConfigError(f"--until {until:g} is not after --from {begin:g}")
     if move and (views < 2 or recording is not None):
         raise ConfigError("--move takes --views of 2 or more, and no --recording")
-    if undo and (force or views > 1 or recording is not None):
+    if undo and (force or views > 1 or recording is not None or method != DEFAULT_METHOD):
         raise ConfigError("--undo goes with --camera only")
     if recording is not None:
         report = calibrate_recorded(ReplayedGraph(recording), camera, method, begin=begin, end=until, force=force)
@@ -157,7 +157,8 @@ def _show(report: Report) -> None:
         before, after = (one.before_m, one.before_rad), (one.after_m, one.after_rad)
         numbers = [text for m, rad in (before, after) for text in (f"{1e3 * m:.1f}", f"{math.degrees(rad):.2f}")]
         table.add_row(shown(one.name), *numbers, "disagrees" if one.is_outlier else "")
-    console.print(table)
+    if report.objects:
+        console.print(table)
     if report.adopted:
         translation, rotation = (", ".join(f"{x:.6f}" for x in part) for part in (report.after[:3], report.after[3:]))
         console.print(f"{report.parent} -> {report.camera}:", highlight=False)

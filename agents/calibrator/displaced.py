@@ -59,8 +59,7 @@ class Displaced:
             if now - series.began > _LASTS or camera not in self._memory:
                 del self._series[camera]
                 continue
-            for name in held & series.names:
-                series.views.stop(name)
+            series.views.stop(held & series.names)
             series.views.update()
 
     def add(self, camera: str, name: str, before: Pose | None, depths: Mapping[str, DepthError], now: float) -> None:
@@ -69,9 +68,9 @@ class Displaced:
             return
         series = self._series.get(camera)
         if series is None:
-            views = Views(self._memory, camera, now, self._config, depths=depths)
-            if views.parent != WORLD:
+            if self._memory.get_edge(WORLD, camera, "RT") is None:
                 return
+            views = Views(self._memory, camera, now, self._config, depths=depths)
             series = self._series[camera] = _Series(views, now)
         if name not in series.names:
             series.names.add(name)
@@ -86,8 +85,10 @@ class Displaced:
         told = frozenset(one.name for one in sightings if one.name in series.names)
         if len(told) < FEWEST or told <= series.told:
             return None
-        series.told = told
-        before: Pose = self._memory.edge(WORLD, camera, "RT")["pose"]
+        series.told, edge = told, self._memory.get_edge(WORLD, camera, "RT")
+        if edge is None:
+            return None
+        before: Pose = edge["pose"]
         solution = calibrate(sightings, before, self._config.method)
         parent = series.views.parents()[sightings[0].view]
         if not decide(sightings, before, solution, parent, carried_things(self._memory)).moved:

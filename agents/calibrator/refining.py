@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from agents.calibrator.calibrate import calibrate
 from agents.calibrator.config import CalibratorConfig
 from agents.calibrator.doubt import ENOUGH, Doubt
-from agents.calibrator.reporting import encoded, make_report
+from agents.calibrator.reporting import make_report, tell
 from agents.calibrator.views import WORLD, Views
-from dsr.calibration import CALIBRATED
 from dsr.memory import Memory
 from dsr.timeline import Chronicle
 from dsr.transforms import Pose
@@ -67,7 +66,7 @@ class Refining:
             if now > adopted.until or edge is None or max(edge["pose"].distance(adopted.pose)) > _SAME:
                 del self._adopted[camera]
                 continue
-            adopted.views.stopped |= held & adopted.told
+            adopted.views.stop(held & adopted.told)
             adopted.views.update()
             self._refine(camera, adopted)
 
@@ -85,6 +84,5 @@ class Refining:
         report = make_report(camera, WORLD, solution, adopted=True)
         self._memory.add_edge(WORLD, camera, "RT", pose=solution.pose.with_stamp(0.0))
         adopted.pose = solution.pose
-        objects = [one.name for one in report.objects]
-        self._chronicle.happened(CALIBRATED, (camera, *objects), text=report.text, report=encoded(report))
+        tell(self._chronicle, report)
         self._log.info("%s, as %s show too", report.text, ", ".join(sorted(new)))

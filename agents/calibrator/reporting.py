@@ -9,7 +9,8 @@ import msgspec
 import numpy as np
 
 from agents.calibrator.solution import Solution
-from dsr.calibration import ObjectReport, Report
+from dsr.calibration import CALIBRATED, ObjectReport, Report
+from dsr.timeline import Chronicle
 from dsr.transforms import Pose
 
 
@@ -44,6 +45,12 @@ def make_report(camera: str, parent: str, solution: Solution, *, adopted: bool, 
 def encoded(report: Report) -> str:
     """For the attribute `report` of a request, or of the event that tells of a new pose."""
     return msgspec.json.encode(report).decode()
+
+
+def tell(chronicle: Chronicle, report: Report) -> None:
+    """Put the event of a new pose onto the timeline."""
+    objects = (one.name for one in report.objects)
+    chronicle.happened(CALIBRATED, (report.camera, *objects), text=report.text, report=encoded(report))
 
 
 def pose_of(numbers: Sequence[float]) -> Pose:

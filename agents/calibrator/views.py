@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter, deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -152,17 +152,18 @@ class Views:
         for view in self._views:
             view.objects.pop(name, None)
 
-    def stop(self, name: str) -> None:
-        """Keep what was seen of an object, which is moved now; what will be seen of it does not count."""
-        self.stopped.add(name)
+    def stop(self, names: Set[str]) -> None:
+        """Keep what was seen of objects that are moved now; what will be seen of them does not count."""
+        self.stopped |= names
 
     def update(self) -> None:
         """Take in what was seen since the last call."""
         things = {node.name for kind in THINGS for node in self._memory.nodes(kind) if node.get("present") is not False}
+        things -= self.stopped
         held = {edge.dst for edge in self._memory.edges("grasping")}
         for edge in self._memory.edges("RT", src=self.camera):
             pose = edge.get("pose")
-            if edge.dst not in things - self.stopped or pose is None or pose.stamp < self._since:
+            if edge.dst not in things or pose is None or pose.stamp < self._since:
                 continue
             if self._used.get(edge.dst) == pose.stamp:
                 continue

@@ -16,7 +16,7 @@ from agents.calibrator.doubt import Doubt, Memories, believed_now
 from agents.calibrator.looking import SOURCE, Looking, can_look
 from agents.calibrator.own_requests import OwnRequests
 from agents.calibrator.refining import Refining
-from agents.calibrator.reporting import encoded, make_report, pose_of
+from agents.calibrator.reporting import encoded, make_report, pose_of, tell
 from agents.calibrator.solution import Solution
 from agents.calibrator.steps import REACH, Steps
 from agents.calibrator.touch import Touch
@@ -338,8 +338,7 @@ class Watch:
             return
         report = make_report(doubt.camera, doubt.parent, doubt.solution, adopted=True)
         self._write(doubt, doubt.solution.pose)
-        objects = [one.name for one in report.objects]
-        self._chronicle.happened(CALIBRATED, (doubt.camera, *objects), text=report.text, report=encoded(report))
+        tell(self._chronicle, report)
         self._log.info("%s", report.text)
 
     def _restore(self, doubt: Doubt, decision: Decision) -> None:
