@@ -50,10 +50,12 @@ def intersection(a: Polygon, b: Polygon) -> Polygon:
 
 def _clipped(polygon: list[Point], start: Point, end: Point) -> list[Point]:
     """The part of a polygon on the left of the line from `start` to `end`."""
+    sides = [_cross(start, end, point) for point in polygon]
+    if not sides or min(sides) >= 0.0:
+        return polygon
     kept = []
-    for i, point in enumerate(polygon):
-        previous = polygon[i - 1]
-        side, side_before = _cross(start, end, point), _cross(start, end, previous)
+    for i, (point, side) in enumerate(zip(polygon, sides, strict=True)):
+        previous, side_before = polygon[i - 1], sides[i - 1]
         if (side >= 0.0) != (side_before >= 0.0):
             s = side_before / (side_before - side)
             kept.append((previous[0] + s * (point[0] - previous[0]), previous[1] + s * (point[1] - previous[1])))

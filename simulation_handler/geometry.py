@@ -82,18 +82,20 @@ class Solid:
         """How far it reaches from its centre, m: up (sign 1), or down (-1)."""
         if self.kind == "sphere":
             return 0.5 * self.size[2]
+        if not self.shape or self.kind == "box":
+            return half_height(self.size, self.rotation)
         x, y, z = quaternions.to_matrix(self.rotation)[2]
         is_flat = max(abs(x), abs(y), abs(z)) > 1.0 - _LEVEL**2
-        if is_flat or not self.shape or self.kind == "box" or not faces(self.shape):
+        if is_flat or not faces(self.shape):
             return half_height(self.size, self.rotation)
         return depth(self.shape, (sign * x, sign * y, sign * z))
 
-    @property
+    @cached_property
     def bottom(self) -> float:
         """Height of its lowest point, m."""
         return self.position[2] - self.half_height
 
-    @property
+    @cached_property
     def top(self) -> float:
         """Height of its highest point, m."""
         return self.position[2] + self._reach(1.0)
@@ -169,8 +171,8 @@ def _combined(signs: Vector3, edges: Sequence[Point]) -> Point:
 
 def half_height(size: Vector3, rotation: Quaternion) -> float:
     """Distance in height from the centre of a box to its highest corner, m."""
-    down = quaternions.to_matrix(rotation)[2]
-    return 0.5 * sum(abs(component) * edge for component, edge in zip(down, size, strict=True))
+    x, y, z = quaternions.to_matrix(rotation)[2]
+    return 0.5 * (abs(x) * size[0] + abs(y) * size[1] + abs(z) * size[2])
 
 
 def face_down(rotation: Quaternion, sides: Sequence[Vector3] = ()) -> tuple[Quaternion, float]:

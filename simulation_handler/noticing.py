@@ -7,8 +7,8 @@ from collections.abc import Collection
 
 from simulation_handler.bodies import Bodies
 from simulation_handler.config import BeliefConfig
-from simulation_handler.explaining.scoring import SURE, is_displaced
-from simulation_handler.explaining.situation import Look, seen_now
+from simulation_handler.explaining.scoring import SURE, is_displaced, is_far
+from simulation_handler.explaining.situation import Look, seen_now, shown_now
 from simulation_handler.objects import BelievedObject
 
 _GATHERING = 0.1  # s in which others that were moved at the same time may show
@@ -83,7 +83,9 @@ class Noticing:
     def _is_displaced(self, item: BelievedObject, now: float) -> bool:
         if item.is_led or item.name not in self._bodies.sim or item.estimate_at(now) is None:
             return False
-        return is_displaced(seen_now(item, self._config, now), self._bodies.solid(item.name), self._config)
+        believed, config = self._bodies.solid(item.name), self._config
+        is_apart = is_far(shown_now(item, config)[0], believed, config)  # of most nothing more must be worked out
+        return is_apart and is_displaced(seen_now(item, config, now), believed, config)
 
     def _expected(self, look: Look) -> set[str]:
         """Objects that some camera should see: at rest, for what falls is not there any more when a frame comes."""

@@ -82,8 +82,7 @@ def find_support(
     """
     touching = [
         (lower.top - above, lower.name, shared)
-        for other in others
-        if _near(solid, other)
+        for other in _near(solid, others)
         for part, lower in itertools.product(solid.parts, other.parts)
         if lower.position[2] <= part.position[2] or not _is_content(other, solid)
         for above in [part.bottom - solid.bottom]
@@ -104,7 +103,7 @@ def _common(solid: Solid, bottom: float, other: Solid, reach: float) -> Sequence
     """The area in which `solid` would touch the top of `other`; empty if that is out of reach."""
     gap = bottom - other.top
     inside_fixed = other.fixed and gap < 0.0 and bottom + solid.half_height > other.bottom
-    if not (abs(gap) <= reach or inside_fixed) or not _near(solid, other):
+    if not (abs(gap) <= reach or inside_fixed) or not _near(solid, (other,)):
         return ()
     common = intersection(solid.footprint, other.footprint)
     return common if area(common) >= _SLIVER * min(area(solid.footprint), area(other.footprint)) else ()
@@ -118,8 +117,7 @@ def _above(solid: Solid, covariance: Array, others: Iterable[Solid]) -> Solid:
     """An unsupported solid, moved along the viewing ray until it does not reach into what it partly is above."""
     levels = [
         lower.top - (part.bottom - solid.bottom)
-        for other in others
-        if _near(solid, other)
+        for other in _near(solid, others)
         for part, lower in itertools.product(solid.parts, other.parts)
         if _reaches_into(part, lower)
     ]
@@ -132,15 +130,19 @@ def _above(solid: Solid, covariance: Array, others: Iterable[Solid]) -> Solid:
 def _reaches_into(solid: Solid, lower: Solid) -> bool:
     """Whether the bottom of `solid` is inside the upper part of `lower`."""
     is_lower = lower.top > solid.bottom and lower.position[2] < solid.position[2]
-    if not is_lower or not _near(solid, lower) or _are_side_by_side(solid, lower):
+    if not is_lower or not _near(solid, (lower,)) or _are_side_by_side(solid, lower):
         return False
     return area(intersection(solid.footprint, lower.footprint)) > 0.0
 
 
-def _near(a: Solid, b: Solid) -> bool:
-    """Whether the footprints can overlap at all."""
-    reach = a.radius + b.radius
-    return abs(a.position[0] - b.position[0]) <= reach and abs(a.position[1] - b.position[1]) <= reach
+def _near(solid: Solid, others: Iterable[Solid]) -> list[Solid]:
+    """Those whose footprints can overlap with that of `solid` at all."""
+    (x, y, _), radius = solid.position, solid.radius
+    return [
+        other
+        for other in others
+        if abs(other.position[0] - x) <= radius + other.radius and abs(other.position[1] - y) <= radius + other.radius
+    ]
 
 
 def given_height(position: Vector3, covariance: Array, height: float) -> Vector3:
@@ -179,8 +181,8 @@ def _neighbours(solids: Sequence[Solid], weights: Mapping[str, float]) -> list[_
     near = (
         (a, b)
         for i, a in enumerate(solids)
-        for b in solids[i + 1 :]
-        if weights.get(a.name, 0.0) + weights.get(b.name, 0.0) > 0.0 and _near(a, b)
+        for b in _near(a, solids[i + 1 :])
+        if weights.get(a.name, 0.0) + weights.get(b.name, 0.0) > 0.0
         if not (_is_askew(a) or _is_askew(b))
     )
     pairs = ((a.name, b.name, _side_by_side_parts(a, b)) for a, b in near)

@@ -144,10 +144,15 @@ def _visibility(situation: Situation, hypothesis: Hypothesis, settled: Mapping[s
     return costs
 
 
+def is_far(percept: Solid, solid: Solid, config: BeliefConfig) -> bool:
+    """Whether a percept is off a pose by enough to need an explanation, noise or not."""
+    metres, radians = as_pose(solid).distance(as_pose(percept))
+    return metres > config.surprise_distance or radians > config.surprise_angle
+
+
 def is_displaced(seen: Seen, solid: Solid, config: BeliefConfig) -> bool:
     """Whether a percept is off a pose by more than noise, and by enough to need an explanation."""
-    metres, radians = as_pose(solid).distance(as_pose(seen.percept))
-    if metres <= config.surprise_distance and radians <= config.surprise_angle:
+    if not is_far(seen.percept, solid, config):
         return False
     hovers = abs(solid.position[2] - seen.percept.position[2]) > config.hover_tolerance
     return hovers or seen.misfit(solid) > _RESIDUAL

@@ -61,14 +61,20 @@ class Seen:
         return 0.5 * (_squared(shift, self.covariance) + _squared(turn, self.turning))
 
 
+def shown_now(item: BelievedObject, config: BeliefConfig) -> tuple[Solid, Solid]:
+    """An object as perception shows it: with what is noise of its tilt taken out, and as it is."""
+    percept = item.percept()
+    flat, tilt = percept.face_down()
+    return (flat if tilt <= config.tilt_tolerance else percept), percept
+
+
 def seen_now(item: BelievedObject, config: BeliefConfig, now: float) -> Seen:
     """What perception says at `now` (s) of an object that it shows."""
     estimate = item.track.estimate
     assert estimate is not None
-    percept = item.percept()
-    flat, tilt = percept.face_down()
+    flat, percept = shown_now(item, config)
     return Seen(
-        percept=flat if tilt <= config.tilt_tolerance else percept,
+        percept=flat,
         covariance=item.percept_covariance(config) + _PLACE_FLOOR**2 * np.eye(3),
         turning=estimate.rotation_covariance + _TURN_FLOOR**2 * np.eye(3),
         count=estimate.count,
