@@ -126,10 +126,14 @@ class Contacts:
         is_seen = now - item.track.last_stamp <= UNSEEN
         stamp, solid = self.seen_at(hand, item, now)
         solids = [solid]
-        if item.hand and hand is self._hands.get(item.hand) and not is_seen:
-            there = hand.path.last @ self._grasps[item.hand, item.name].hand_from_object  # its body comes later
-            solids.append(item.solid(there.t, there.q))
         touching = {tip: path.at(stamp).t for tip, path in hand.tips.items() if hand.measures(path)}
+        if item.hand and hand is self._hands.get(item.hand) and not is_seen:
+            grasp = self._grasps[item.hand, item.name]  # its body comes later
+            there = hand.path.last @ grasp.hand_from_object
+            solids.append(item.solid(there.t, there.q))
+            holding = {tip: point for tip, point in touching.items() if (tip, item.name) in known}
+            place = grasp.at_fingertips(holding, solid.rotation) if len(holding) > 1 else None
+            solids += [] if place is None else [item.solid(place, solid.rotation)]
         found: dict[str, Met | None] = {}
         for solid in solids:
             near = meet(solid, touching)

@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from dsr.quaternions import Vector3
+from dsr import quaternions
+from dsr.quaternions import Quaternion, Vector3
 from dsr.transforms import Pose
 from simulation_handler.paths import Path
 
@@ -72,3 +73,18 @@ class HandGrasp:
     """s, when it was last seen in the air with its hand, or nothing spoke against that."""
     sure: Pose | None = None
     """World_from_object while it is unseen, when fingertips that touch it, or a palm at rest, told that last."""
+
+    def at_fingertips(self, fingertips: Mapping[str, Vector3], rotation: Quaternion) -> Vector3 | None:
+        """Where (m) fingertips, which touched the object while that could be seen, have it if it is turned like that.
+
+        None if none of them did. No rotation of the palm is needed, which is poor of a hand that is hidden in part.
+        """
+        shifts = [
+            tuple(a - b for a, b in zip(point, quaternions.rotate(rotation, self.places[tip]), strict=True))
+            for tip, point in fingertips.items()
+            if tip in self.places
+        ]
+        if not shifts:
+            return None
+        x, y, z = (sum(values) / len(shifts) for values in zip(*shifts, strict=True))
+        return x, y, z

@@ -186,20 +186,20 @@ class Touching:
         A palm of which little is in sight seems to move, and so does a fingertip that opens.
         """
         grasp, hand = self._grasps[item.hand, item.name], self._hands[item.hand]
-        offsets = [
-            tuple(a - b for a, b in zip(hand.tips[tip].last.t, (there @ Pose.unchecked(place, there.q)).t, strict=True))
-            for tip, place in grasp.places.items()
-            if tip in hand.tips and (tip, item.name) in self._contacts.touches and hand.measures(hand.tips[tip])
-        ]
-        if not offsets:
+        touching = {
+            tip: path.last.t
+            for tip, path in hand.tips.items()
+            if (tip, item.name) in self._contacts.touches and hand.measures(path)
+        }
+        by_fingertips = grasp.at_fingertips(touching, there.q)
+        if by_fingertips is None:
             known = grasp.sure or item.path.at(item.track.last_stamp)
             rest = item.path.at(palm.stamp - 0.5 * _AT_REST[0])
             has_gone_on = math.dist(known.t, rest.t) > _DRAWN_BACK
             grasp.sure = rest if has_gone_on and hand.path.is_still(*_AT_REST) else known
             return Pose.unchecked(there.t, there.q, palm.stamp)
-        x, y, z = (a + sum(values) / len(offsets) for a, *values in zip(there.t, *offsets, strict=True))
         before = item.path.last.t
-        position = min(there.t, (x, y, z), key=lambda place: math.dist(place, before))
+        position = min(there.t, by_fingertips, key=lambda place: math.dist(place, before))
         held = Pose.unchecked(position, there.q, palm.stamp)
         grasp.hand_from_object = between(grasp.hand_from_object, palm.inverse() @ held, _DRIFT)
         grasp.sure = held

@@ -292,6 +292,8 @@ class AttributedPolicy:
             why = f"{track.by} left it where it had come to rest"
             return self._let_go(thing, track, PLACE, rested.time, _LIKELY, why)
         unseen = self._put_down_unseen(thing, track, current)
+        if unseen is None and not self._is_seen_now(thing, snapshot.now):
+            unseen = self._lowered_out_of_sight(thing, track, current)
         if unseen is None and (rests or track.hidden is None):
             return self._let_go(thing, track, RELEASE, let_go_at, _SURE, f"{track.by} let go of it, and it came down")
         if unseen is not None and self._rests(thing, track, snapshot, _UNDISPUTED) and thing.plausible:

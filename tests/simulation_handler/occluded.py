@@ -55,6 +55,8 @@ class Occlusion:
     Args:
         truths: world_from_object by name, such as `box_1`; all are seen at first.
         noise: m, standard deviation of each coordinate of a percept.
+
+    The palm is seen turned by `palm_askew`, as one that is hidden in part may be.
     """
 
     def __init__(self, truths: dict[str, Pose], seed: int = 0, noise: float = NOISE) -> None:
@@ -65,6 +67,7 @@ class Occlusion:
         self.look: Look | None = None
         self.held = ""
         self.palm: Pose | None = None
+        self.palm_askew = Pose.identity()
         self.hand_seen = True
         self.hand_noise = 0.003
         self.last_hand: HandPercept | None = None
@@ -115,7 +118,7 @@ class Occlusion:
         if self.palm is None:
             return
         if self.hand_seen:
-            stamped = self.noisy(self.palm)
+            stamped = self.noisy(self.palm @ self.palm_askew)
             object_from_hand = self.hand_from_object.inverse()
             tips = {}
             for name, place in self.tips_from_object.items():

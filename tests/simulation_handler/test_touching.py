@@ -72,6 +72,18 @@ def test_a_palm_that_jumps_says_nothing_of_how_what_it_holds_leans() -> None:
     assert cup.hand and cup.turned_by_hand is None and cup.place_by_hand is None
 
 
+@pytest.mark.parametrize("yaw", [-0.5, 0.5])
+def test_a_palm_that_seems_to_turn_does_not_open_the_fingertips(yaw: float) -> None:
+    world = cup_in_a_hand()
+    world.move("cup", standing(0.3, 0.0, SMALL, on=0.25))
+    world.seen.discard("cup")
+    world.palm_askew = Pose.from_rotvec((0.0, 0.0, 0.0), (0.0, 0.0, yaw))
+    world.move("cup", standing(0.3, 0.1, SMALL, on=0.15))
+    world.run(1.0)
+    assert {relation: grasp.grip for relation, grasp in world.belief.grasps().items()} == {HELD: PINCH}
+    assert world.error("cup") < 0.06
+
+
 def test_a_hand_beside_an_object_does_not_touch_it() -> None:
     world = cup_in_a_hand()
     world.hand("cup", opened=0.025)

@@ -538,6 +538,21 @@ def test_what_is_seen_to_fall_after_it_was_out_of_sight_was_released(stage: Stag
 
 
 @pytest.mark.parametrize(("stays", "kind"), [(0.0, PLACE), (0.5, RELEASE)])
+def test_what_a_hand_was_lowering_when_it_was_last_seen_was_put_down(stage: Stage, stays: float, kind: str):
+    stage.change("cup", size=(0.03, 0.03, 0.04))
+    stage.holders = {HAND: Holder(HAND, ((0.0, 0.0, 0.25),))}
+    stage.grasp("cup", HAND)
+    lift(stage, seconds=2.0)
+    stage.run(0.5, cup=DOWN)
+    stage.run(stays)
+    stage.visible["cup"] = False
+    stage.run(0.4)
+    stage.grasp("cup")
+    comes_down(stage, (0.0, 0.0, 0.1))
+    assert stage.told == [f"Pick(cup, {HAND})", f"{kind}(cup, {HAND})"]
+
+
+@pytest.mark.parametrize(("stays", "kind"), [(0.0, PLACE), (0.5, RELEASE)])
 @pytest.mark.parametrize(
     "rests", [{"plausible": True, "inside": frozenset({"box"})}, {"plausible": False, "on": frozenset({"box"})}]
 )
