@@ -78,7 +78,7 @@ def _numbers(with_truth: bool) -> rrb.Container:
     )
     distances = rrb.TimeSeriesView(origin=series.DISTANCES, name="Percept to belief [mm]")
     rates = rrb.TimeSeriesView(origin=series.RATES, name="Agents [Hz]")
-    residuals = rrb.BarChartView(origin=calibrations.RESIDUALS, name="Calibration [mm]: each object before, after")
+    residuals = rrb.BarChartView(origin=calibrations.RESIDUALS, name="Calibration [mm]: objects before, after")
     return rrb.Tabs(*([errors] if with_truth else []), distances, rates, residuals, active_tab=0)
 
 

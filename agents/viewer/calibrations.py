@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import rerun as rr
 
 from agents.viewer import palette
@@ -17,6 +18,7 @@ PAGE = "mind/calibrations"
 RESIDUALS = "series/residual_mm"
 _LINGER = 60.0  # s for which the old frustum stays
 _NEWEST = 4  # on the page
+_HALF_BAR = 0.2  # of the distance between two objects
 
 
 class CalibrationView:
@@ -47,8 +49,15 @@ class CalibrationView:
             self._draw_before(memory, camera, now)
 
     def _log_residuals(self, report: Report) -> None:
-        values = [1e3 * value for one in report.objects for value in (one.before_m, one.after_m)]
-        self._recording.log(f"{RESIDUALS}/{report.camera}", rr.BarChart(values, color=palette.CAMERA))
+        """Bars of each object beside each other, at the number that it has on the page."""
+        numbers = np.arange(1.0, len(report.objects) + 1.0)
+        for name, values, shift, color in (
+            ("before", [one.before_m for one in report.objects], -_HALF_BAR, palette.GREY),
+            ("after", [one.after_m for one in report.objects], _HALF_BAR, palette.CAMERA),
+        ):
+            heights, widths = [1e3 * value for value in values], [2.0 * _HALF_BAR] * len(values)
+            bars = rr.BarChart(heights, color=color, abscissa=numbers + shift, widths=widths)
+            self._recording.log(f"{RESIDUALS}/{report.camera}/{name}", bars)
 
     def _draw_before(self, memory: Memory, camera: Camera, now: float) -> None:
         """The frustum where the camera was thought to be, in grey, as its parent moves."""
@@ -80,11 +89,11 @@ def calibrations_page(memory: Memory, reports: list[Report]) -> str:
 
 def _told(report: Report) -> str:
     rows = [
-        f"| {markdown(one.name)}{' (does not agree)' if one.is_outlier else ''} | {1e3 * one.before_m:.1f} mm, "
+        f"| {number} | {markdown(one.name)}{' (does not agree)' if one.is_outlier else ''} | {1e3 * one.before_m:.1f} mm, "
         f"{math.degrees(one.before_rad):.2f}° | {1e3 * one.after_m:.1f} mm, {math.degrees(one.after_rad):.2f}° |"
-        for one in report.objects
+        for number, one in enumerate(report.objects, 1)
     ]
-    return "\n".join([markdown(report.text), "", "| object | before | after |", "|---|---|---|", *rows])
+    return "\n".join([markdown(report.text), "", "| | object | before | after |", "|---|---|---|---|", *rows])
 
 
 def _place(memory: Memory, report: Report) -> Place | None:

@@ -43,7 +43,9 @@ def test_residuals_and_the_frustum_before_are_drawn(stage: Any) -> None:
         shown.values("/world/cameras/camera_before", "Transform3D:translation")[-1][0], BEFORE[:3]
     )
     np.testing.assert_allclose(shown.values("/world/cameras/camera", "Transform3D:translation")[-1][0], AFTER[:3])
-    assert shown.values("/series/residual_mm/camera", "BarChart:values")
+    for name, first in (("before", 0.8), ("after", 1.2)):
+        places = shown.values(f"/series/residual_mm/camera/{name}", "BarChart:abscissa")[-1]
+        np.testing.assert_allclose(places[0]["buffer"], (first, first + 1.0))
     assert "20.0 mm from where it was believed" in str(shown.values("/mind/calibrations", "TextDocument:text")[-1])
 
 
@@ -59,4 +61,5 @@ def test_the_page_tells_of_doubts_and_residuals(stage: Any) -> None:
     stage.memory.add_node("camera", "camera", mount="in doubt", explanation="may have moved")
     page = calibrations_page(stage.memory, [report()])
     assert "**camera: in doubt** may have moved" in page
-    assert r"| cube\_3 | 20.0 mm, 0.57° | 1.0 mm, 0.00° |" in page and r"| cube\_4 (does not agree) |" in page
+    assert r"| 1 | cube\_3 | 20.0 mm, 0.57° | 1.0 mm, 0.00° |" in page
+    assert r"| 2 | cube\_4 (does not agree) |" in page
