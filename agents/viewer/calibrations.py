@@ -89,8 +89,9 @@ def calibrations_page(memory: Memory, reports: list[Report]) -> str:
 
 def _told(report: Report) -> str:
     rows = [
-        f"| {number} | {markdown(one.name)}{' (does not agree)' if one.is_outlier else ''} | {1e3 * one.before_m:.1f} mm, "
-        f"{math.degrees(one.before_rad):.2f}° | {1e3 * one.after_m:.1f} mm, {math.degrees(one.after_rad):.2f}° |"
+        f"| {number} | {markdown(one.name)}{' (does not agree)' if one.is_outlier else ''} | "
+        f"{1e3 * one.before_m:.1f} mm, {math.degrees(one.before_rad):.2f}° | "
+        f"{1e3 * one.after_m:.1f} mm, {math.degrees(one.after_rad):.2f}° |"
         for number, one in enumerate(report.objects, 1)
     ]
     return "\n".join([markdown(report.text), "", "| | object | before | after |", "|---|---|---|---|", *rows])
