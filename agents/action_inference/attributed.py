@@ -34,6 +34,7 @@ _UNPLAUSIBLE_DROP = 0.03  # m that the belief must be below where a thing was la
 _PUT_DOWN = 0.3  # m that a thing may have come down unseen and yet have been put down: more often than dropped
 _UNDISPUTED = 1.5  # s for which it must be believed to stand there: longer than it takes to see that it does not
 _ABOUT = 0.15  # m on the ground from where it was out of sight, within which it is there still
+_GOES_ON = 0.02  # m that a palm comes down after it seems to have let go, from which it was still putting it down
 _LOWERED = 0.05  # m/s from which it is being lowered
 _DRAGGED = 1.5  # s for which a hand that has put a thing down may seem to take it along, until its fingers are seen
 _THERE = 0.05  # m from where it rested in the hand, within which it was left there
@@ -292,7 +293,8 @@ class AttributedPolicy:
             why = f"{track.by} left it where it had come to rest"
             return self._let_go(thing, track, PLACE, rested.time, _LIKELY, why)
         unseen = self._put_down_unseen(thing, track, current)
-        if unseen is None and not self._is_seen_now(thing, snapshot.now):
+        goes_on_down = self._palm_lowered(track, snapshot) > _GOES_ON and not self._is_seen_now(thing, snapshot.now)
+        if unseen is None and goes_on_down:  # it may hold on, although its fingertips seem apart
             unseen = self._lowered_out_of_sight(thing, track, current)
         if unseen is None and (rests or track.hidden is None):
             return self._let_go(thing, track, RELEASE, let_go_at, _SURE, f"{track.by} let go of it, and it came down")

@@ -537,8 +537,8 @@ def test_what_is_seen_to_fall_after_it_was_out_of_sight_was_released(stage: Stag
     assert stage.told == [f"Pick(cup, {HAND})", f"Release(cup, {HAND})"]
 
 
-@pytest.mark.parametrize(("stays", "kind"), [(0.0, PLACE), (0.5, RELEASE)])
-def test_what_a_hand_was_lowering_when_it_was_last_seen_was_put_down(stage: Stage, stays: float, kind: str):
+@pytest.mark.parametrize(("stays", "palm", "kind"), [(0.0, 0.2, PLACE), (0.5, 0.2, RELEASE), (0.0, 0.24, RELEASE)])
+def test_what_was_lowered_by_a_hand_that_goes_on_down_was_put_down(stage: Stage, stays: float, palm: float, kind: str):
     stage.change("cup", size=(0.03, 0.03, 0.04))
     stage.holders = {HAND: Holder(HAND, ((0.0, 0.0, 0.25),))}
     stage.grasp("cup", HAND)
@@ -548,6 +548,7 @@ def test_what_a_hand_was_lowering_when_it_was_last_seen_was_put_down(stage: Stag
     stage.visible["cup"] = False
     stage.run(0.4)
     stage.grasp("cup")
+    stage.holders = {HAND: Holder(HAND, ((0.0, 0.0, palm),))}
     comes_down(stage, (0.0, 0.0, 0.1))
     assert stage.told == [f"Pick(cup, {HAND})", f"{kind}(cup, {HAND})"]
 
