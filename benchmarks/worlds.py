@@ -12,7 +12,7 @@ from benchmarks.rows import Spec, number
 from benchmarks.timing import duration, percentile
 from dsr import Memory
 
-_GRAPH = 10_000
+_GRAPH, _WRITTEN = 10_000, 1000
 _FORK = "memory.fork of 10 000 nodes and as many edges; the least of several"
 FORK = Spec("fork of a world of 10 000 nodes", "ms", 2.0, about=_FORK)
 OVERLAY = Spec("overlay of a world of 10 000 nodes", "ms", 2.0, about=_FORK)
@@ -25,7 +25,8 @@ NODE = Spec("overlay reads by plain reads, attribute of a node", "x", 2.0, about
 EDGE = Spec("overlay reads by plain reads, pose of an edge", "x", 2.0, about=_READS)
 LOOP = Spec("overlay reads by plain reads, nodes by type with an attribute", "x", 2.0, about=_READS)
 FRAME = Spec("overlay reads by plain reads, transform", "x", 2.0, about=_READS)
-SPECS = (FORK, OVERLAY, MEMORY, CHANGE, NODE, EDGE, LOOP, FRAME)
+OWN = Spec("overlay reads by plain reads, attribute that the overlay wrote", "x", 2.0, about="1000 of 10 000 written")
+SPECS = (FORK, OVERLAY, MEMORY, CHANGE, NODE, EDGE, LOOP, FRAME, OWN)
 
 
 def measure(run: Run) -> None:
@@ -53,7 +54,21 @@ def measure(run: Run) -> None:
         rounds = run.pick(9, 3)
         first = _ratio(memory, overlay, read, rounds, _forget)
         run.row(spec, _ratio(memory, overlay, read, rounds), note=f"{number(first)} the first time, by plain's first")
+    run.step("worlds: what the overlay wrote")
+    run.row(OWN, _ratio(memory, _written(memory), _read_written, run.pick(9, 3)))
     memory.close()
+
+
+def _written(memory: Memory) -> Memory:
+    """An overlay that says something of 1000 nodes."""
+    overlay = memory.fork("written", follow=True)
+    for index in range(_WRITTEN):
+        overlay.update_node(workload.name(index), order=index)
+    return overlay
+
+
+def _read_written(memory: Memory) -> list[object]:
+    return [memory.node(workload.name(index)).get("order") for index in range(_WRITTEN)]
 
 
 def _reads() -> dict[str, tuple[Spec, Callable[[Memory], object]]]:

@@ -25,9 +25,16 @@ def winner(entries: tuple[Entry, ...], attribute: str) -> Write | None:
     return max(writes, key=lambda write: (write.stamp, write.writer)) if writes else None
 
 
+def write_in(entries: tuple[Entry, ...], attribute: str) -> Write | None:
+    """The winning write among the incarnations of one element, quickly of a single one."""
+    if len(entries) == 1:
+        return entries[0].registers.get(attribute)
+    return winner(entries, attribute) if entries else None
+
+
 def stored(entries: tuple[Entry, ...], attribute: str) -> Any:
     """The winning value among the incarnations of one element; `TOMBSTONE` if none is set."""
-    write = entries[0].registers.get(attribute) if len(entries) == 1 else winner(entries, attribute)
+    write = write_in(entries, attribute)
     return TOMBSTONE if write is None else write.value
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 from dsr.crdt.delta import TOMBSTONE, EdgeKey, Write
 from dsr.crdt.store import Entry
-from dsr.elements import Edge, Node, stored, type_of, winner
+from dsr.elements import Edge, Node, stored, type_of, write_in
 from dsr.schema import POSE_FIELDS
 from dsr.transforms import Pose
 
@@ -124,11 +124,24 @@ class LiveEdge(Edge):
 class Splitting(Protocol):
     """Tells what an overlay shows of an element."""
 
-    def split(self, element: Node | Edge) -> tuple[Entries, Entries]:
-        """The overlay's own incarnations, and those of the parent that it shows."""
+    def split(self, element: Node | Edge, below: Entries) -> tuple[Entries, Entries]:
+        """The overlay's own incarnations, and those of the parent, which are `below`, that it shows."""
 
     def patches_of(self, entries: Entries) -> Entries:
         """What the overlay says of these incarnations of the parent."""
+
+
+class Parts(NamedTuple):
+    """What an element with a layer of its own is made of."""
+
+    own: Entries
+    """The layer's own incarnations."""
+    shown: Entries
+    """Those of the parent that it shows."""
+    said: Entries
+    """What the layer says: its own incarnations, and its patches of the parent's."""
+    all: Entries
+    """All incarnations."""
 
 
 class Layered:
@@ -140,15 +153,15 @@ class Layered:
     _seen: Any
     _parts: Any
 
-    def refresh(self) -> tuple[Entries, Entries, Entries]:
-        """What it is made of: own incarnations, what is said of the parent's, and those."""
+    def refresh(self) -> Parts:
+        """What it is made of now; the same object until something of that changes."""
         below = () if self._below is None else self._below._entries
         if below is not self._seen:
-            own, shown = self._graph.split(self)  # type: ignore[arg-type]
+            own, shown = self._graph.split(self, below)  # type: ignore[arg-type]
             if own or shown or self._parts is None:  # what is gone stays as it was
-                self._parts = own, self._graph.patches_of(shown), shown
+                self._parts = Parts(own, shown, (*own, *self._graph.patches_of(shown)), (*shown, *own))
             self._seen = below
-        parts: tuple[Entries, Entries, Entries] = self._parts
+        parts: Parts = self._parts
         return parts
 
     def outdate(self, below: Node | Edge | None) -> None:
@@ -157,28 +170,27 @@ class Layered:
 
     def layer_write(self, attribute: str) -> Write | None:
         """What the layer itself says of an attribute."""
-        own, patches, _ = self.refresh()
-        return winner((*own, *patches), attribute) if own or patches else None
+        return write_in(self.refresh().said, attribute)
 
     def said(self) -> frozenset[str]:
         """Attributes of which the layer itself says something, by what was read last."""
-        own, patches, _ = self._parts or ((), (), ())
-        return frozenset(name for entry in (*own, *patches) for name in list(entry.registers))
+        entries = () if self._parts is None else self._parts.said
+        return frozenset(name for entry in entries for name in list(entry.registers))
 
     def all_entries(self) -> Entries:
         """All incarnations."""
-        own, _, shown = self.refresh()
-        return (*shown, *own)
+        return self.refresh().all
 
     def value(self, attribute: str) -> Any:
         """The value of an attribute; `TOMBSTONE` if it is not set."""
-        write = self.layer_write(attribute)
+        parts = self.refresh()
+        write = write_in(parts.said, attribute)
         if write is not None:
             return write.value
         below = self._below
         if below is None:
             return TOMBSTONE
-        return below._value(attribute) if len(self._parts[2]) == len(self._seen) else stored(self._parts[2], attribute)
+        return below._value(attribute) if len(parts.shown) == len(self._seen) else stored(parts.shown, attribute)
 
     def write_of(self, attribute: str) -> Write | None:
         """The write that the value comes from."""
@@ -196,8 +208,8 @@ class Layered:
 
     def layered_type(self) -> str:
         """Type: its own incarnations decide, if there are any."""
-        own, _, shown = self.refresh()
-        return type_of(own or shown)
+        parts = self.refresh()
+        return type_of(parts.own or parts.shown)
 
 
 class LayeredNode(Layered, Node):

@@ -107,13 +107,12 @@ class Overlay(Graph):
         known, element = self.store.is_known, self.store.element
         return any(all(known(dot) and not element(dot) for dot in ends) for ends in (entry.sources, entry.destinations))
 
-    def split(self, element: Node | Edge) -> tuple[tuple[Entry, ...], tuple[Entry, ...]]:
+    def split(self, element: Node | Edge, below: tuple[Entry, ...]) -> tuple[tuple[Entry, ...], tuple[Entry, ...]]:
         """See `Splitting.split`."""
         assert isinstance(element, LayeredNode | LayeredEdge)
         key: Key = element.name if isinstance(element, LayeredNode) else element.key
         own = tuple(super().live(key))
-        entries = () if element._below is None else element._below._entries
-        shown = tuple(entry for entry in entries if entry.dot not in self.store.context)
+        shown = tuple(entry for entry in below if entry.dot not in self.store.context)
         if isinstance(element, LayeredNode):
             return own, shown
         return tuple(filter(self._has_ends, own)), tuple(filter(self._has_ends, shown))

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from dsr import NodeNotFoundError, Pose, WorldError
+from dsr.worlds.overlay import Overlay
 from tests.dsr.conftest import Net, tabletop
 
 
@@ -131,3 +134,21 @@ def test_overlays_of_overlays_and_forks_of_overlays(net: Net) -> None:
     assert fork.transform("world", "cube_3").t == two.transform("world", "cube_3").t == (0.3, 0.1, 0.02)
     a.remove_node("cube_3")
     assert "cube_3" not in two and "cube_3" in fork
+
+
+def test_a_write_costs_each_overlay_below_as_much(net: Net, monkeypatch: pytest.MonkeyPatch) -> None:
+    top = net.join("a")
+    tabletop(top)
+    for depth in range(12):
+        top = top.fork(f"view_{depth}", follow=True)
+        top.update_node("cube_3", mass=float(depth))
+    looked, split = 0, Overlay.split
+
+    def counted(*args: Any) -> Any:
+        nonlocal looked
+        looked += 1
+        return split(*args)
+
+    monkeypatch.setattr(Overlay, "split", counted)
+    top.update_node("cube_3", mass=20.0)
+    assert top.node("cube_3")["mass"] == 20.0 and looked < 100
