@@ -19,7 +19,19 @@ from dsr.worlds.fork import ForkedGraph
 from dsr.worlds.fork_frames import ForkedFrames
 from dsr.worlds.overlay import Overlay
 from dsr.worlds.overlay_frames import OverlayFrames
-from dsr.worlds.registry import BASE_INFO, ROOT, Record, WorldInfo, find_record, node_name, records, to_attribute
+from dsr.worlds.registry import (
+    BASE_INFO,
+    ROOT,
+    Record,
+    WorldInfo,
+    circle_of,
+    find_record,
+    followers_of,
+    is_orphan,
+    node_name,
+    records,
+    to_attribute,
+)
 
 if TYPE_CHECKING:
     from dsr.memory import Memory
@@ -136,7 +148,11 @@ class Worlds:
     def _join(self, name: str, timeout: float) -> Memory:
         """Take part in a world that is listed; its parent, too, if it looks through to that."""
         record = self._record(name)
-        info = record.info
+        info, graph = record.info, self.base.replica.graph
+        if is_orphan(graph, record):
+            raise WorldNotFoundError(f"world {name!r} shows {info.parent!r}, which was deleted; delete {name!r}, too")
+        if circle := circle_of(graph, record):
+            raise WorldNotFoundError(f"world {name!r} is empty: {', '.join(circle)} show one another; delete one")
         below = self.hold(info.parent, timeout) if info.follows and info.parent is not None else None
         return self._take_seat(record, below)
 
@@ -175,7 +191,8 @@ class Worlds:
         info = WorldInfo(info.name, info.parent, info.follows, base.agent, base.clock.now())
         rid = self._new_rid()
         with self.lock:
-            value = to_attribute(info, rid)
+            seat = None if source is None or not info.follows else source.seat
+            value = to_attribute(info, rid, () if seat is None else seat.record.dots)
             base.add_node(node_name(info.name), "world_record", record=value)
             return self._take_seat(self._record(info.name), source, rid)
 
@@ -221,9 +238,9 @@ class Worlds:
         """See `Memory.delete_world`."""
         if name == BASE:
             raise WorldError(f"world {BASE!r} is the system's own: it cannot be deleted")
-        self._record(name)
-        followers = [info.name for info in self.list() if info.follows and info.parent == name]
-        if followers:
+        record, graph = self._record(name), self.base.replica.graph
+        followers = [other.info.name for other in followers_of(graph, record)]
+        if followers and name not in circle_of(graph, record):
             raise WorldError(f"world {name!r} is followed by {', '.join(followers)}: delete those first")
         self.base.remove_node(node_name(name))
         self.sweep()
@@ -248,6 +265,10 @@ class Worlds:
             return
         if record.info.looks_through_to != seat.record.info.looks_through_to:
             _log.warning("world %r was made elsewhere at the same time, and what was made here is dropped", name)
+            memory.drop()
+            return
+        if is_orphan(self.base.replica.graph, record):
+            _log.warning("world %r is dropped: %r, which it shows, was deleted", name, record.info.parent)
             memory.drop()
             return
         moved, seat.record = record.channel != seat.record.channel, record

@@ -8,7 +8,7 @@ one: the winning record tells the channel on which both go on.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import msgspec
 
@@ -52,6 +52,8 @@ class Record(msgspec.Struct, frozen=True):
     channel: str
     dots: frozenset[Dot]
     """Creation dots of the entry: it is another world when none of them is left."""
+    below: frozenset[Dot] = frozenset()
+    """Of an overlay, those of its parent's entry when it was made; none if that is the base, or not known."""
 
 
 class _Stored(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -62,6 +64,7 @@ class _Stored(msgspec.Struct, frozen=True, omit_defaults=True):
     follows: bool = False
     creator: str = ""
     created: float = 0.0
+    below: tuple[Dot, ...] = ()
 
 
 BASE_INFO = WorldInfo(BASE)
@@ -74,9 +77,9 @@ def node_name(world: str) -> str:
     return f"{_PREFIX}{world}"
 
 
-def to_attribute(info: WorldInfo, channel: str) -> str:
-    """The value of the attribute `record`."""
-    stored = _Stored(channel, info.parent, info.follows, info.creator, info.created)
+def to_attribute(info: WorldInfo, channel: str, below: Iterable[Dot] = ()) -> str:
+    """The value of the attribute `record`; `below` is `Record.below`."""
+    stored = _Stored(channel, info.parent, info.follows, info.creator, info.created, tuple(sorted(below)))
     return _encoder.encode(stored).decode()
 
 
@@ -107,4 +110,34 @@ def read_record(node: Node) -> Record | None:
     if node.type != WORLD_RECORD or name in (BASE, node.name):
         return None
     info = WorldInfo(name, stored.parent, stored.follows, stored.creator, stored.created)
-    return Record(info, stored.channel, frozenset(node.created))
+    return Record(info, stored.channel, frozenset(node.created), frozenset(stored.below))
+
+
+def is_orphan(graph: Graph, record: Record) -> bool:
+    """Whether the world that an overlay shows was deleted, or deleted and made anew."""
+    parent = record.info.looks_through_to
+    if parent is None or parent == BASE:
+        return False
+    found = find_record(graph, parent)
+    return found is None or not _shows(record, found)
+
+
+def followers_of(graph: Graph, record: Record) -> list[Record]:
+    """The overlays of a world."""
+    name = record.info.name
+    return [other for other in records(graph) if other.info.looks_through_to == name and _shows(other, record)]
+
+
+def _shows(overlay: Record, parent: Record) -> bool:
+    return not overlay.below or bool(overlay.below & parent.dots)
+
+
+def circle_of(graph: Graph, record: Record) -> list[str]:
+    """Names of the overlays that show one another, this one among or above them; none as it should be."""
+    names: list[str] = []
+    at: Record | None = record
+    while at is not None and at.info.name not in names:
+        names.append(at.info.name)
+        parent = at.info.looks_through_to
+        at = None if parent is None else find_record(graph, parent)
+    return [] if at is None else names[names.index(at.info.name) :]

@@ -122,12 +122,12 @@ class Reparenting:
             edges = [edge for edge in memory.edges(kind, dst=node) if "pose" in edge and self._accepts_edge(edge)]
             if node not in self._target or here is None or not edges or not self._accepts(here):
                 continue
-            if any(edge.src in self._target for edge in edges):
-                return None
             edge = _newest(edges)
+            if edge.src in self._target:
+                return None
             via = (*filter(None, str(edge.get(VIA, "")).split(",")), world)
             place = None if self._target.world_name in via else self._composed(memory, edge, ",".join(via))
-            if place is not None:
+            if place is not None and all(other.src != place.parent for other in edges):
                 found.append((edge.written_at("pose") or 0.0, place))
         if not found:
             return None

@@ -409,6 +409,26 @@ def test_what_hangs_on_a_frame_that_is_left_out_is_where_it_was() -> None:
         assert not copied.edges()
 
 
+def test_what_a_frame_that_is_left_out_shows_last_counts() -> None:
+    with run(AgentSpec("copy", Cubes)) as lockstep:
+        base = lockstep.memory
+        base.add_node("world", "world")
+        base.add_node("shelf", "cube")
+        base.add_node("camera", "camera")
+        base.add_node("cup", "cube")
+        base.add_edge("world", "shelf", "RT", pose=Pose((0.0, 1.0, 0.0)))
+        base.add_edge("world", "camera", "RT", pose=Pose((10.0, 0.0, 0.0)))
+        base.add_edge("shelf", "cup", "RT", pose=Pose((1.0, 0.0, 0.0), stamp=0.1))
+        lockstep.run_for(0.5)
+        base.add_edge("camera", "cup", "RT", pose=Pose((1.0, 0.0, 0.0), stamp=0.2))
+        lockstep.run_for(0.5)
+        copied = base.world("copied")
+        assert copied.transform("world", "cup").t == base.transform("world", "cup").t == (11.0, 0.0, 0.0)
+        base.remove_edge("camera", "cup", "RT")
+        lockstep.run_for(0.5)
+        assert copied.transform("world", "cup").t == base.transform("world", "cup").t == (1.0, 1.0, 0.0)
+
+
 def test_what_was_reparented_stays_over_a_restart_and_ends_with_the_filter_that_wants_the_parent() -> None:
     class Wider(Cubes):
         wide = False

@@ -6,8 +6,9 @@ from typing import Any
 
 import pytest
 
-from dsr import NodeNotFoundError, Pose, WorldError
+from dsr import NodeNotFoundError, Pose, WorldError, WorldInfo, WorldNotFoundError
 from dsr.worlds.overlay import Overlay
+from dsr.worlds.registry import node_name, to_attribute
 from tests.dsr.conftest import Net, tabletop
 
 
@@ -134,6 +135,38 @@ def test_overlays_of_overlays_and_forks_of_overlays(net: Net) -> None:
     assert fork.transform("world", "cube_3").t == two.transform("world", "cube_3").t == (0.3, 0.1, 0.02)
     a.remove_node("cube_3")
     assert "cube_3" not in two and "cube_3" in fork
+
+
+def test_an_overlay_made_while_its_parent_was_deleted_goes_and_no_later_world_is_its_parent(net: Net) -> None:
+    a, b = net.join("a"), net.join("b")
+    tabletop(a)
+    a.fork("plan")
+    net.pump(0.5)
+    b.world("plan")
+    overlay = b.fork("view", of="plan", follow=True)
+    a.delete_world("plan")
+    net.pump(0.5)
+    assert overlay.closed
+    a.create_world("plan")
+    net.pump(0.5)
+    for memory in (a, b):
+        with pytest.raises(WorldNotFoundError, match="'plan', which was deleted; delete 'view', too"):
+            memory.world("view")
+    a.delete_world("plan")
+    b.delete_world("view")
+    net.pump(0.5)
+    assert [world.name for world in b.worlds()] == ["base"]
+
+
+def test_overlays_of_each_other_are_found_out_and_can_be_deleted(net: Net) -> None:
+    memory = net.join("a")
+    for name, parent in (("one", "other"), ("other", "one")):
+        record = to_attribute(WorldInfo(name, parent, follows=True), f"channel_{name}")
+        memory.add_node(node_name(name), "world_record", record=record)
+    with pytest.raises(WorldNotFoundError, match="one, other show one another"):
+        memory.world("one")
+    memory.delete_world("one")
+    memory.delete_world("other")
 
 
 def test_a_write_costs_each_overlay_below_as_much(net: Net, monkeypatch: pytest.MonkeyPatch) -> None:
