@@ -6,7 +6,7 @@ import contextlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
-from dsr.crdt.delta import EdgeKey, Key
+from dsr.crdt.delta import EdgeKey, Key, Write
 from dsr.elements import Edge, Node
 from dsr.errors import NodeNotFoundError
 from dsr.schema import WORLD_RECORD
@@ -61,6 +61,8 @@ class Mirror:
         self._watch = target.watch(existing=False)
         self._nodes: dict[str, None] = {}
         self._edges: dict[EdgeKey, None] = {}
+        self._overruled: dict[Key, dict[str, int]] = {}
+        """Stamps of the values with which we have overruled others in the target, by attribute."""
         self._gone: set[Key] = set()
         """What was removed from a source, though another one of that name may be there now."""
 
@@ -149,6 +151,8 @@ class Mirror:
         if here is not None and key != ROOT and target.created(here) and self._is_another(here, makers):
             target.withdraw(here)
             here = _of(target, key)
+        if here is None:
+            self._overruled.pop(key, None)
         if here is None and not makers:
             return
         mine = here is None or target.created(here)
@@ -168,16 +172,30 @@ class Mirror:
     def _make_equal(self, element: Node | Edge, values: Mapping[str, Any], ours: bool) -> None:
         """Overrule what is newer here; and if the element is ours, take away what the input does not have."""
         target = self._target
-        here = _of(target, element.name if isinstance(element, Node) else element.key)
+        key: Key = element.name if isinstance(element, Node) else element.key
+        here = _of(target, key)
         if here is None:
             return
-        other = {name: value for name, value in values.items() if here.get(name) != value}
+        other = {
+            name: value
+            for name, value in values.items()
+            if here.get(name) != value and not self._came_round(key, element.newest_write(name))
+        }
         if other and isinstance(here, Node):
             target.update_node(here.name, **other)
         elif other and isinstance(here, Edge):
             target.update_edge(*here.key, **other)
+        if other:
+            writes = {name: here.newest_write(name) for name in other}
+            stamps = {name: write.stamp for name, write in writes.items() if write is not None}
+            self._overruled.setdefault(key, {}).update(stamps)
         for name in set(here.attributes) - values.keys() - {VIA} if ours else ():
             target.remove_attribute(here, name)
+
+
+    def _came_round(self, key: Key, write: Write | None) -> bool:
+        """Whether a value is one of ours, through other worlds: changed once more, it would go round for ever."""
+        return write is not None and self._overruled.get(key, {}).get(write.attribute) == write.stamp
 
 
 def _of(memory: Memory, key: Key) -> Node | Edge | None:

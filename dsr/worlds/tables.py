@@ -8,7 +8,7 @@ sure that the key was not taken meanwhile. That needs no lock.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator, Mapping, MutableMapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, MutableMapping
 from typing import Any, Generic, TypeVar
 
 from dsr.crdt.context import Dot
@@ -20,6 +20,11 @@ V = TypeVar("V")
 Taken = dict[Key, None]
 """The keys that a fork has taken over."""
 _EMPTY: Mapping[Any, Any] = {}
+
+
+def _items(table: MutableMapping[K, V]) -> Iterable[tuple[K, V]]:
+    """All members at one moment: `list(d.items())` makes tuples, so that garbage may be collected and others run."""
+    return table.copy().items() if isinstance(table, dict) else table.items()
 
 
 class Elements(MutableMapping[K, V], Generic[K, V]):
@@ -103,7 +108,7 @@ class Elements(MutableMapping[K, V], Generic[K, V]):
         taken, handles, wrap, own = self._taken, self._handles, self._wrap, self.own
         found = {
             key: handles.get(key) or wrap(key, theirs, own)
-            for key, theirs in list(self._parent().items())
+            for key, theirs in _items(self._parent())
             if key not in taken
         }
         found |= own
@@ -191,7 +196,7 @@ class Group(MutableMapping[K, V], Generic[K, V]):
         theirs, taken, elements = self._parent(), self._taken, self._elements
         if isinstance(theirs, dict) and elements is not None:
             handle = elements.handle
-            members = {key: handle(key, element) for key, element in list(theirs.items()) if key not in taken}
+            members = {key: handle(key, element) for key, element in _items(theirs) if key not in taken}
             found = list((members | self.own).values())  # some of them may have been taken meanwhile
         else:
             found = []
@@ -226,7 +231,7 @@ class Groups(MutableMapping[str, MutableMapping[K, V]], Generic[K, V]):
 
     def forget_handles(self) -> None:
         """Give back what only makes reading again faster."""
-        self._groups = {name: group for name, group in list(self._groups.items()) if group.own}
+        self._groups = {name: group for name, group in _items(self._groups) if group.own}
         for group in list(self._groups.values()):
             group.forget_handles()
 

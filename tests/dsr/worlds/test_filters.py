@@ -130,6 +130,32 @@ def test_in_a_circle_every_change_passes_each_filter_once(length: int, sent: Cou
         assert sum(sent.values()) == length
 
 
+class Heavier(Copy):
+    def edit(self, element: Node | Edge, values: Mapping[str, Any]) -> Mapping[str, Any]:
+        return {**values, "mass": values["mass"] + 1.0} if "mass" in values else values
+
+
+@pytest.mark.parametrize("back", [Copy, Heavier])
+@pytest.mark.parametrize("name", ["cube_1", "world"])
+def test_in_a_circle_what_is_edited_comes_to_rest(back: type[Filter], name: str, sent: Counter[str]) -> None:
+    there = AgentSpec("there", Heavier, {"reads": ["low"], "writes": "high"})
+    with run(there, AgentSpec("back", back, {"reads": ["high"], "writes": "low"})) as lockstep:
+        lockstep.run_for(2.0)
+        low, high = (lockstep.memory.world(world) for world in ("low", "high"))
+        lockstep.run_for(1.0)
+        cube(low, mass=1.0)
+        lockstep.run_for(1.0)
+        assert high.node("cube_1")["mass"] >= 2.0
+        high.update_node(name, mass=100.0)
+        lockstep.run_for(1.0)
+        low.update_node(name, mass=200.0)
+        lockstep.run_for(1.0)
+        assert 201.0 <= high.node(name)["mass"] < 204.0
+        sent.clear()
+        lockstep.run_for(3.0)
+        assert sum(sent.values()) == 0
+
+
 def test_in_a_circle_changes_that_chase_each_other_come_to_rest(sent: Counter[str]) -> None:
     worlds = [f"w{index}" for index in range(5)]
     with run(*chain(*worlds, worlds[0])) as lockstep:
