@@ -138,6 +138,44 @@ def test_glb_keeps_hierarchy_and_names_and_its_y_is_up(tmp_path: Path) -> None:
     assert low.tolist() == [1.0, 0.0, 0.0] and high.tolist() == [2.0, 1.0, 1.0]  # z of the file is -y here
 
 
+def of_two_materials(header: Any) -> None:
+    """Each mesh has one half of its triangles in each of two materials, and a line."""
+    (primitive,) = header["meshes"][0]["primitives"]
+    indices = header["accessors"][primitive["indices"]]
+    half = indices["count"] // 2
+    size = {5121: 1, 5123: 2, 5125: 4}[indices["componentType"]]
+    first = len(header["accessors"])
+    header["accessors"] += [dict(indices, count=half, byteOffset=half * size * part) for part in (0, 1)]
+    halves = [dict(primitive, indices=first + part, material=part) for part in (0, 1)]
+    header["meshes"][0]["primitives"] = [dict(primitive, mode=1), *halves]
+    header["materials"] = [{"name": "red"}, {"name": "green"}]
+
+
+def test_a_glb_of_several_materials_has_all_pieces_at_the_node(tmp_path: Path) -> None:
+    model = load_model(write(tmp_path, "car.glb", glb(of_two_materials)))
+    plain = load_model(write(tmp_path, "plain.glb", glb()))
+    assert {(node.name, node.parent) for node in model.nodes} == {
+        ("body", None), ("left", "body"), ("right", "body")
+    }  # fmt: skip
+    assert [[len(mesh.triangles) for mesh in node.meshes] for node in model.nodes] == [[6, 6]] * 3
+    for name in ("body", "left", "right"):
+        assert np.unique(points_of(model, name), axis=0).tolist() == points_of(plain, name)
+
+
+def test_a_glb_keeps_what_is_below_lines_and_cameras(tmp_path: Path) -> None:
+    def change(header: Any) -> None:
+        solid = header["meshes"][0]["primitives"][0]
+        header["meshes"].append({"primitives": [dict(solid, mode=1)]})
+        header["cameras"] = [{"type": "perspective", "perspective": {"yfov": 1.0, "znear": 0.1, "aspectRatio": 1.0}}]
+        (body,) = (node for node in header["nodes"] if node["name"] == "body")
+        body.update(mesh=1, camera=0)
+
+    model = load_model(write(tmp_path, "car.glb", glb(change)))
+    assert {(node.name, node.parent, len(node.meshes)) for node in model.nodes} == {
+        ("body", None, 0), ("left", "body", 1), ("right", "body", 1)
+    }  # fmt: skip
+
+
 def test_obj_has_its_objects_below_one_node_of_the_files_name(tmp_path: Path) -> None:
     model = load_model(write(tmp_path, "chair.OBJ", OBJ))
     assert {(node.name, node.parent) for node in model.nodes} == {
@@ -184,6 +222,8 @@ def test_the_same_file_gives_the_same_meshes_everywhere(tmp_path: Path) -> None:
         ("a.glb", glb(lambda h: h["buffers"][0].update(uri="/etc/passwd")), "refers to other files"),
         ("a.glb", glb(lambda h: h.update(buffers="x")), "no valid GLB"),
         ("a.glb", glb(lambda h: h.update(meshes=[])), "."),
+        ("a.glb", glb(lambda h: h["meshes"][0]["primitives"][0].update(mode=1)), "no triangles"),
+        ("a.glb", glb(lambda h: h["bufferViews"][0].update(byteOffset=-8)), "no valid GLB: .*byteOffset"),
         ("a.dae", b"<COLLADA>", "no valid DAE"),
         ("a.dae", b"<!DOCTYPE x [<!ENTITY a 'b'>]>" + dae().encode(), "without DOCTYPE"),
         ("a.dae", dae().encode("utf-16"), "plain XML"),
