@@ -6,6 +6,8 @@ not read), and what its reader raises names the file.
 
 from __future__ import annotations
 
+import codecs
+import stat
 import struct
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -71,10 +73,14 @@ def load_model(file: Path, *, scale: float = 1.0, up: Up | None = None) -> Model
 
 def _read(file: Path) -> bytes:
     try:
-        size = file.stat().st_size
-        data = file.read_bytes() if size <= MOST_FILE_BYTES else b""
+        about = file.stat()
+        if not (stat.S_ISREG(about.st_mode) or stat.S_ISDIR(about.st_mode)):
+            raise ConfigError("cannot be read: it is a device or a pipe", file=str(file))
+        with file.open("rb") as opened:
+            data = opened.read(MOST_FILE_BYTES + 1) if about.st_size <= MOST_FILE_BYTES else b""
     except OSError as error:
         raise ConfigError(f"cannot be read: {error.strerror}", file=str(file)) from error
+    size = max(about.st_size, len(data))
     if size > MOST_FILE_BYTES:
         raise ConfigError(f"{size >> 20} MiB; at most {MOST_FILE_BYTES >> 20}", file=str(file))
     if not data:
@@ -82,29 +88,39 @@ def _read(file: Path) -> bytes:
     return data
 
 
+def _text(data: bytes) -> str:
+    """Raises `MeshError` for what is no text in UTF-8 or Latin-1."""
+    if b"\0" in data:
+        raise MeshError("is no text: expected UTF-8 or Latin-1")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
 def _obj(data: bytes) -> _Content:
     from trimesh.exchange.obj import load_obj
     from trimesh.util import wrap_as_stream
 
-    return _Content(_flat(load_obj(wrap_as_stream(data), skip_materials=True, split_objects=True)))
+    return _Content(_flat(load_obj(wrap_as_stream(_text(data)), skip_materials=True, split_objects=True)))
 
 
 def _stl(data: bytes) -> _Content:
-    from trimesh.exchange.stl import load_stl
+    from trimesh.exchange.stl import load_stl_ascii, load_stl_binary
     from trimesh.util import wrap_as_stream
 
-    _check_stl(data)
-    return _Content(_flat(load_stl(wrap_as_stream(data))))
+    if data.removeprefix(codecs.BOM_UTF8).lstrip()[:5].lower() == b"solid" and b"\0" not in data[: _STL_HEADER.size]:
+        return _Content(_flat(load_stl_ascii(wrap_as_stream(_text(data)))))
+    return _Content(_flat(load_stl_binary(wrap_as_stream(data[: _stl_size(data)]))))
 
 
-def _check_stl(data: bytes) -> None:
-    """Raise `MeshError` for what is neither a whole binary STL nor text."""
-    if data.lstrip()[:5].lower() == b"solid" and b"\0" not in data[:_STL_HEADER.size]:
-        return
+def _stl_size(data: bytes) -> int:
+    """Bytes of a binary STL, without what some programs write behind it. Raises `MeshError` if it is not whole."""
     triangles = _STL_HEADER.unpack_from(data)[0] if len(data) >= _STL_HEADER.size else 0
-    expected = _STL_HEADER.size + _STL_TRIANGLE * triangles
-    if len(data) < expected or len(data) < _STL_HEADER.size:
+    expected = _STL_HEADER.size + _STL_TRIANGLE * int(triangles)
+    if len(data) < expected:
         raise MeshError(f"no valid STL: {len(data)} bytes, neither text nor {triangles} triangles in {expected} bytes")
+    return expected
 
 
 def _flat(loaded: Mapping[str, Any]) -> list[RawNode]:

@@ -7,7 +7,7 @@ several below it, under names of chance; here they are that node's.
 from __future__ import annotations
 
 import struct
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -19,6 +19,7 @@ _HEADER = struct.Struct("<4sIIII")
 _MAGIC, _VERSION, _JSON = b"glTF", 2, 0x4E4F534A
 _MOST_NUMBERS = 1 << 26  # in all accessors: one without data stands for as many zeros
 _LIST, _STRIP = 4, 5  # modes of primitives that are triangles
+_COMPRESSED = {"KHR_draco_mesh_compression": "Draco", "EXT_meshopt_compression": "meshopt"}
 _BASE = "world"  # the frame that trimesh puts above all others
 
 _Number = Annotated[int, msgspec.Meta(ge=0)]
@@ -45,6 +46,8 @@ class _Accessor(_Part):
     type: str
     buffer_view: _Number | None = None
     byte_offset: _Number = 0
+    normalized: bool = False
+    sparse: dict[str, Any] | None = None
 
 
 class _Attributes(_Part, rename={"position": "POSITION"}):
@@ -85,6 +88,8 @@ class _Content(_Part):
     nodes: list[_Node] = []
     scenes: list[_Scene] = []
     scene: _Number = 0
+    extensions_required: list[str] = []
+    extensions_used: list[str] = []
 
 
 class _Edge(NamedTuple):
@@ -103,7 +108,8 @@ def read_glb(data: bytes) -> list[RawNode]:
     Raises `MeshError`, and whatever msgspec and trimesh raise for a wrong file.
     """
     content, rest = _split(data)
-    _check(content)
+    _check_cost(content)
+    _check_readable(content)
     names = [node.name or str(index) for index, node in enumerate(content.nodes)]
     edges = _load(_joined(_plain(content), rest))
     raw = {str(index): RawNode(name if name != _BASE else f"{_BASE}_1") for index, name in enumerate(names)}
@@ -140,13 +146,31 @@ def _joined(content: _Content, rest: bytes) -> bytes:
     return _HEADER.pack(_MAGIC, _VERSION, _HEADER.size + len(text) + len(rest), len(text), _JSON) + text + rest
 
 
-def _check(content: _Content) -> None:
+def _check_cost(content: _Content) -> None:
     """Raise `MeshError` for what would cost far more than the file is large, or lies in another file."""
     if any(not buffer.uri.startswith("data:") for buffer in content.buffers):
         raise MeshError("refers to other files; write it as one file")
     numbers = sum(accessor.count for accessor in content.accessors)
     if numbers > _MOST_NUMBERS:
         raise MeshError(f"{numbers} elements; at most {_MOST_NUMBERS}")
+
+
+def _check_readable(content: _Content) -> None:
+    """Raise `MeshError` for triangles in a form of which trimesh would make others."""
+    primitives = [one for mesh in content.meshes for one in mesh.primitives]
+    positions = {one.attributes.position for one in primitives}
+    used = positions | {one.indices for one in primitives if one.indices is not None}
+    accessors = [content.accessors[index] for index in used]
+    missing = any(accessor.buffer_view is None and accessor.sparse is None for accessor in accessors)
+    for extension, name in _COMPRESSED.items():
+        if extension in content.extensions_required or (missing and extension in content.extensions_used):
+            raise MeshError(f"is compressed by {name}, which is not read; write it without compression")
+    if missing:
+        raise MeshError("no valid GLB: vertices or indices without data")
+    if any(accessor.sparse is not None for accessor in accessors):
+        raise MeshError("has vertices or indices as sparse accessors, which are not read; write them in full")
+    if any(content.accessors[index].normalized for index in positions):
+        raise MeshError("has quantised vertices (normalized), which are not read; write them as floats")
 
 
 def _plain(content: _Content) -> _Content:

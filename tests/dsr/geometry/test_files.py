@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import struct
 from pathlib import Path
 from typing import Any
@@ -209,6 +210,8 @@ def test_the_same_file_gives_the_same_meshes_everywhere(tmp_path: Path) -> None:
         ("a.obj", b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "not finite"),
         ("a.obj", b"v 0 0 1e99\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "finite"),
         ("a.obj", b"\x89PNG\r\n\x1a\n" + bytes(range(256)), "."),
+        ("a.obj", b"v 0 0 0\0", "is no text"),
+        ("a.stl", b"solid x\n" + b" " * 90 + b"\0", "is no text"),
         ("a.obj", b"v 0 0 1e30\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "is the scale right"),
         ("a.stl", b"nonsense", "no valid STL: 8 bytes, neither text nor"),
         ("a.stl", bytes(range(256)) * 20, "no valid STL: 5120 bytes, neither text nor"),
@@ -239,6 +242,74 @@ def test_wrong_files_are_told(tmp_path: Path, name: str, content: bytes, message
     with pytest.raises(ConfigError, match=message) as error:
         load_model(write(tmp_path, name, content))
     assert str(tmp_path / name) in str(error.value) and len(str(error.value)) < 500
+
+
+TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+FACET = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("latin.obj", ("# créé\n" + TRIANGLE).encode("latin-1")),
+        ("latin.stl", ("solid pièce\n" + FACET).encode("latin-1")),
+        ("bom.obj", b"\xef\xbb\xbf" + TRIANGLE.encode()),
+        ("bom.stl", b"\xef\xbb\xbfsolid x\n" + FACET.encode()),
+        ("behind.stl", bytes(80) + struct.pack("<I12f", 1, *[0.0] * 6, 1.0, *[0.0] * 3, 1.0, 0.0) + bytes(2) + b"more"),
+    ],
+)
+def test_any_usual_text_is_read_and_what_is_behind_a_binary_stl_is_not(
+    tmp_path: Path, name: str, content: bytes
+) -> None:
+    (node,) = load_model(write(tmp_path, name, content)).nodes
+    assert sorted(node.meshes[0].vertices.tolist()) == [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]
+
+
+def draco(header: Any, required: bool) -> None:
+    name = "KHR_draco_mesh_compression"
+    header["extensionsUsed"] = [name]
+    if required:
+        header["extensionsRequired"] = [name]
+    for primitive in header["meshes"][0]["primitives"]:
+        primitive["extensions"] = {name: {"bufferView": 0, "attributes": {"POSITION": 0}}}
+
+
+def without_data(header: Any) -> None:
+    for accessor in header["accessors"]:
+        del accessor["bufferView"]
+
+
+def test_a_glb_that_is_compressed_or_sparse_is_refused(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def position(header: Any) -> Any:
+        return header["accessors"][header["meshes"][0]["primitives"][0]["attributes"]["POSITION"]]
+
+    cases = {
+        "compressed by Draco": lambda header: draco(header, required=True),
+        "by Draco": lambda header: (draco(header, required=False), without_data(header)),
+        "without data": without_data,
+        "sparse": lambda header: position(header).update(sparse={"count": 1}),
+        "quantised": lambda header: position(header).update(normalized=True),
+    }
+    for message, change in cases.items():
+        with pytest.raises(ConfigError, match=message):
+            load_model(write(tmp_path, "a.glb", glb(change)))
+    assert not caplog.records and not capfd.readouterr().err
+
+
+def test_a_glb_that_is_compressed_beside_plain_data_is_read(tmp_path: Path) -> None:
+    plain, both = glb(), glb(lambda header: draco(header, required=False))
+    assert load_model(write(tmp_path, "a.glb", both)) == load_model(write(tmp_path, "a.glb", plain))
+
+
+@pytest.mark.timeout(20)
+def test_devices_and_pipes_are_told(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.obj")
+    (tmp_path / "zero.stl").symlink_to("/dev/zero")
+    for name in ("pipe.obj", "zero.stl"):
+        with pytest.raises(ConfigError, match="cannot be read: it is a device or a pipe"):
+            load_model(tmp_path / name)
 
 
 def test_missing_and_huge_files_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
