@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pytest
 
-from dsr import ConfigError, ManualClock, Memory, Pose
+from dsr import ConfigError, ManualClock, Memory, Mesh, Pose
 from dsr.visibility import LEAST_SHARE, VisibilityMonitor, is_seen, lens_of, read_perspectives, visibility
 from dsr.visibility.bodies import bodies_of, read_posed
 
@@ -51,6 +52,37 @@ def test_parts_of_a_robot_hide_things(memory: Memory) -> None:
     memory.add_node("arm", "arm", bounds=(-0.3, -0.3, 0.0, 0.3, 0.3, 0.05))
     memory.add_edge("world", "arm", "RT", pose=Pose((0.0, 0.0, 0.4)))
     assert visibility(memory)["camera", "cube"].hidden_by == "arm"
+
+
+PANEL = Mesh([(0, -1, -1), (0, 1, -1), (0, 1, 1), (0, -1, 1)], [(0, 1, 2), (0, 2, 3)])
+
+
+@pytest.mark.parametrize("attributes", [{}, {"bounds": (0.0, -1.0, -1.0, 0.0, 1.0, 1.0)}], ids=["mesh", "bounds"])
+def test_a_flat_mesh_hides_what_is_behind_it(memory: Memory, attributes: dict[str, Any]) -> None:
+    memory.add_node("panel", "object", mesh=memory.put_mesh(PANEL), **attributes)
+    memory.add_edge("world", "panel", "RT", pose=Pose((0.3, 0.0, 0.2)))
+    assert visibility(memory)["human_1", "cube"].hidden_by == "panel"
+    assert ("human_1", "panel") in seen(memory)
+
+
+def test_a_flat_mesh_that_is_elsewhere_is_the_box_around_it(memory: Memory) -> None:
+    memory.add_node("panel", "object", mesh="0" * 64, bounds=(0.0, -1.0, -1.0, 0.0, 1.0, 1.0))
+    memory.add_edge("world", "panel", "RT", pose=Pose((0.3, 0.0, 0.2)))
+    assert visibility(memory)["human_1", "cube"].hidden_by == "panel"
+
+
+def test_a_thing_of_a_mesh_without_size_is_seen_and_hides(memory: Memory) -> None:
+    memory.add_node("slab", "cube", mesh=memory.put_mesh(PANEL))
+    memory.add_edge("world", "slab", "RT", pose=Pose((0.3, 0.0, 0.2)))
+    assert ("human_1", "slab") in seen(memory)
+    assert visibility(memory)["human_1", "cube"].hidden_by == "slab"
+
+
+@pytest.mark.parametrize("bounds", [(0.0, -1.0, -1.0, 0.0, 1.0, 1.0), (1.0, -1.0, -1.0, 0.0, 1.0, 1.0)])
+def test_bounds_without_a_mesh_need_an_inside(memory: Memory, bounds: tuple[float, ...]) -> None:
+    memory.add_node("arm", "arm", bounds=bounds)
+    memory.add_edge("world", "arm", "RT", pose=Pose((0.3, 0.0, 0.2)))
+    assert ("human_1", "cube") in seen(memory)
 
 
 def test_a_nodes_field_of_view_is_that_of_its_pictures(memory: Memory) -> None:
