@@ -94,6 +94,27 @@ def test_a_nodes_field_of_view_is_that_of_its_pictures(memory: Memory) -> None:
     assert (half.width, half.height, half.fx, half.cx) == (160, 120, 150.0, 79.5)
 
 
+@pytest.mark.parametrize("width", [-5, 0, 1_000_000])
+def test_a_width_that_no_picture_has_is_refused(memory: Memory, width: int) -> None:
+    with pytest.raises(ConfigError, match=f"width {width}: expected 1 to 4096 px"):
+        visibility(memory, width=width)
+
+
+@pytest.mark.parametrize(
+    ("name", "fov", "message"),
+    [("none", (0.0, 1.0), "positive"), ("below", (-1.0, 1.0), "positive"), ("wide", (6.0, 6.0), "at most 2.97 rad")],
+)
+def test_a_field_of_view_that_cannot_be_drawn_is_told_once(
+    memory: Memory, caplog: pytest.LogCaptureFixture, name: str, fov: tuple[float, float], message: str
+) -> None:
+    memory.add_node(name, "person", fov=fov)
+    memory.add_edge("world", name, "RT", pose=Pose((1.0, 0.0, 0.2)))
+    for _ in range(2):
+        visibility(memory, [name])
+    (record,) = (record for record in caplog.records if record.name == "dsr.visibility")
+    assert name in record.getMessage() and message in record.getMessage()
+
+
 def test_a_narrow_view_misses_what_is_beside(memory: Memory) -> None:
     memory.update_node("human_1", fov=(0.2, 0.2))
     memory.add_edge("world", "human_1", "RT", pose=Pose.from_rotvec((1.0, 0.0, 0.2), (0.0, 0.0, math.pi - 0.4)))
