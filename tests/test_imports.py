@@ -16,7 +16,7 @@ MEASURED = sorted(path.relative_to(ROOT) for path in (ROOT / "benchmarks").rglob
 
 ONE_PLACE = {
     "zenoh": ("dsr/zenoh_transport.py", "benchmarks/peers/"),
-    "trimesh": ("dsr/geometry/files.py",),
+    "trimesh": ("dsr/geometry/files.py", "dsr/geometry/glb_file.py"),
     "collada": ("dsr/geometry/collada_file.py",),
     "cryptography": ("dsr/security/authority.py",),
     "rerun": ("agents/viewer/",),

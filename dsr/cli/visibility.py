@@ -20,6 +20,7 @@ from dsr.cli.common import (
 )
 from dsr.keys import BASE
 from dsr.visibility import LEAST_SHARE, WIDTH, is_seen, visibility
+from dsr.visibility.perspectives import MOST_WIDTH
 
 app = typer.Typer()
 
@@ -34,7 +35,7 @@ def show(
     least: Annotated[
         float, typer.Option("--least", min=0.0, max=1.0, help="Share of a thing from which it is seen.")
     ] = LEAST_SHARE,
-    width: Annotated[int, typer.Option(min=16, max=4096, help="Of the pictures that are drawn (px).")] = WIDTH,
+    width: Annotated[int, typer.Option(min=16, max=MOST_WIDTH, help="Of the pictures that are drawn (px).")] = WIDTH,
     graph: GraphOption = None,
     as_json: JsonOption = False,
     router: RouterOption = None,

@@ -6,12 +6,13 @@ not read), and what its reader raises names the file.
 
 from __future__ import annotations
 
+import codecs
+import stat
 import struct
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-import msgspec
 import numpy as np
 
 from dsr.errors import ConfigError, DsrError, MeshError
@@ -21,11 +22,8 @@ MOST_FILE_BYTES = 1 << 28
 Up = Literal["x", "y", "z"]
 """The axis of a file that points upwards."""
 
-_GLB_HEADER = struct.Struct("<4sIIII")
 _STL_HEADER = struct.Struct("<80xI")
 _STL_TRIANGLE = 50  # bytes
-_GLB_MAGIC, _GLB_JSON = b"glTF", 0x4E4F534A
-_MOST_NUMBERS = 1 << 26  # in all accessors of a GLB: one without data stands for as many zeros
 _UP: dict[str, Array] = {  # z-up from file, as COLLADA 1.4.1 defines X_UP, Y_UP and Z_UP
     "x": np.array([(0, -1, 0), (0, 0, -1), (1, 0, 0)], dtype=float),
     "y": np.array([(1, 0, 0), (0, 0, -1), (0, 1, 0)], dtype=float),
@@ -75,10 +73,14 @@ def load_model(file: Path, *, scale: float = 1.0, up: Up | None = None) -> Model
 
 def _read(file: Path) -> bytes:
     try:
-        size = file.stat().st_size
-        data = file.read_bytes() if size <= MOST_FILE_BYTES else b""
+        about = file.stat()
+        if not (stat.S_ISREG(about.st_mode) or stat.S_ISDIR(about.st_mode)):
+            raise ConfigError("cannot be read: it is a device or a pipe", file=str(file))
+        with file.open("rb") as opened:
+            data = opened.read(MOST_FILE_BYTES + 1) if about.st_size <= MOST_FILE_BYTES else b""
     except OSError as error:
         raise ConfigError(f"cannot be read: {error.strerror}", file=str(file)) from error
+    size = max(about.st_size, len(data))
     if size > MOST_FILE_BYTES:
         raise ConfigError(f"{size >> 20} MiB; at most {MOST_FILE_BYTES >> 20}", file=str(file))
     if not data:
@@ -86,29 +88,39 @@ def _read(file: Path) -> bytes:
     return data
 
 
+def _text(data: bytes) -> str:
+    """Raises `MeshError` for what is no text in UTF-8 or Latin-1."""
+    if b"\0" in data:
+        raise MeshError("is no text: expected UTF-8 or Latin-1")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("latin-1")
+
+
 def _obj(data: bytes) -> _Content:
     from trimesh.exchange.obj import load_obj
     from trimesh.util import wrap_as_stream
 
-    return _Content(_flat(load_obj(wrap_as_stream(data), skip_materials=True, split_objects=True)))
+    return _Content(_flat(load_obj(wrap_as_stream(_text(data)), skip_materials=True, split_objects=True)))
 
 
 def _stl(data: bytes) -> _Content:
-    from trimesh.exchange.stl import load_stl
+    from trimesh.exchange.stl import load_stl_ascii, load_stl_binary
     from trimesh.util import wrap_as_stream
 
-    _check_stl(data)
-    return _Content(_flat(load_stl(wrap_as_stream(data))))
+    if data.removeprefix(codecs.BOM_UTF8).lstrip()[:5].lower() == b"solid" and b"\0" not in data[: _STL_HEADER.size]:
+        return _Content(_flat(load_stl_ascii(wrap_as_stream(_text(data)))))
+    return _Content(_flat(load_stl_binary(wrap_as_stream(data[: _stl_size(data)]))))
 
 
-def _check_stl(data: bytes) -> None:
-    """Raise `MeshError` for what is neither a whole binary STL nor text."""
-    if data.lstrip()[:5].lower() == b"solid" and b"\0" not in data[:_STL_HEADER.size]:
-        return
+def _stl_size(data: bytes) -> int:
+    """Bytes of a binary STL, without what some programs write behind it. Raises `MeshError` if it is not whole."""
     triangles = _STL_HEADER.unpack_from(data)[0] if len(data) >= _STL_HEADER.size else 0
-    expected = _STL_HEADER.size + _STL_TRIANGLE * triangles
-    if len(data) < expected or len(data) < _STL_HEADER.size:
+    expected = _STL_HEADER.size + _STL_TRIANGLE * int(triangles)
+    if len(data) < expected:
         raise MeshError(f"no valid STL: {len(data)} bytes, neither text nor {triangles} triangles in {expected} bytes")
+    return expected
 
 
 def _flat(loaded: Mapping[str, Any]) -> list[RawNode]:
@@ -129,55 +141,9 @@ def _geometry(piece: Mapping[str, Any]) -> Geometry:
 
 
 def _glb(data: bytes) -> _Content:
-    from trimesh.exchange.gltf import load_glb
-    from trimesh.util import wrap_as_stream
+    from dsr.geometry.glb_file import read_glb
 
-    _check_glb(data)
-    loaded = load_glb(wrap_as_stream(data), skip_materials=True, merge_primitives=True)
-    nodes: dict[str, RawNode] = {}
-    below: set[str] = set()
-    for edge in loaded["graph"]:
-        name, parent = edge["frame_to"], edge.get("frame_from", loaded["base_frame"])
-        node = nodes.setdefault(name, RawNode(name))
-        node.matrix = np.asarray(edge.get("matrix", node.matrix), dtype=np.float64)
-        piece = loaded["geometry"].get(edge.get("geometry"))
-        if piece is not None and piece.get("faces") is not None:
-            node.geometry.append(_geometry(piece))
-        if name not in below and name != parent:
-            below.add(name)
-            nodes.setdefault(parent, RawNode(parent)).children.append(node)
-    base = nodes.get(loaded["base_frame"])
-    return _Content(base.children if base else [], up="y")  # glTF 2.0, section 3.4
-
-
-class _Accessor(msgspec.Struct):
-    count: int
-
-
-class _Buffer(msgspec.Struct):
-    uri: str = "data:"
-
-
-class _GlbHeader(msgspec.Struct):
-    accessors: list[_Accessor] = []
-    buffers: list[_Buffer] = []
-
-
-def _check_glb(data: bytes) -> None:
-    """Raise `MeshError` for what would cost far more than the file is large, or lies in another file."""
-    if len(data) < _GLB_HEADER.size:
-        raise MeshError(f"no valid GLB: {len(data)} bytes")
-    magic, version, length, json_length, kind = _GLB_HEADER.unpack_from(data)
-    if magic != _GLB_MAGIC or version != 2 or kind != _GLB_JSON:
-        raise MeshError(f"no valid GLB: begins with {data[:4]!r}, version {version}; expected glTF 2.0")
-    if length > len(data):
-        raise MeshError(f"no valid GLB: cut off, {len(data)} of {length} bytes")
-    header = msgspec.json.decode(data[_GLB_HEADER.size : _GLB_HEADER.size + json_length], type=_GlbHeader)
-    if any(not buffer.uri.startswith("data:") for buffer in header.buffers):
-        raise MeshError("refers to other files; write it as one file")
-    numbers = sum(max(accessor.count, 0) for accessor in header.accessors)
-    if numbers > _MOST_NUMBERS:
-        raise MeshError(f"{numbers} elements; at most {_MOST_NUMBERS}")
+    return _Content(read_glb(data), up="y")  # glTF 2.0, section 3.4
 
 
 def _dae(data: bytes) -> _Content:

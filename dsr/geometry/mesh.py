@@ -50,11 +50,12 @@ class Mesh:
         triangles: (m, 3) indices of vertices; counter-clockwise, seen from outside.
 
     Raises:
-        MeshError: for no triangles, numbers that are not finite as float32, indices of no vertex, or too many of them.
+        MeshError: for no triangles, rows that are not of three numbers, numbers that are not finite as float32, indices
+            of no vertex, or too many of them.
     """
 
     def __init__(self, vertices: ArrayLike, triangles: ArrayLike) -> None:
-        given, corners = np.asarray(vertices), np.asarray(triangles)
+        given, corners = _array(vertices, "vertices"), _array(triangles, "triangles")
         _check_size(len(np.atleast_1d(given)), len(np.atleast_1d(corners)))
         points = _points(given)
         indices = _indices(corners, len(points))
@@ -145,6 +146,13 @@ def joined_bounds(boxes: Iterable[Bounds]) -> Bounds | None:
     low = np.min([box.low for box in listed], axis=0).tolist()
     high = np.max([box.high for box in listed], axis=0).tolist()
     return Bounds((low[0], low[1], low[2]), (high[0], high[1], high[2]))
+
+
+def _array(given: ArrayLike, name: str) -> NDArray[Any]:
+    try:
+        return np.asarray(given)
+    except ValueError as error:
+        raise MeshError(f"{name} in rows of different lengths; expected three numbers each") from error
 
 
 def _points(given: NDArray[Any]) -> NDArray[np.float32]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from dsr.errors import ConfigError
-from dsr.geometry.mesh import Bounds
+from dsr.geometry.mesh import MOST_AT_NODE, Bounds
 from dsr.geometry.model import Model, ModelNode
 from dsr.transforms import Pose
 
@@ -42,7 +42,8 @@ def put_model(
     Raises:
         NodeNotFoundError: if there is no node `under`; the root `world` is made if there is none.
         SchemaError: for an unknown type.
-        ConfigError: if a name is taken by a node of another type or elsewhere; nothing is written then.
+        ConfigError: if a name is taken by a node of another type or elsewhere, or a node has too many meshes;
+            nothing is written then.
     """
     if under != ROOT:
         memory.node(under)
@@ -70,6 +71,8 @@ def _renamed(node: ModelNode, prefix: str) -> ModelNode:
 
 def _check_free(memory: Memory, node: ModelNode, parent: str, type: str) -> None:
     memory.schema.check_node(node.name, type)
+    if len(set(node.meshes)) > MOST_AT_NODE:
+        raise ConfigError(f"{node.name!r}: {len(set(node.meshes))} meshes; at most {MOST_AT_NODE} at one node")
     there = memory.get_node(node.name)
     if there is None:
         return

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import itertools
 import math
+import operator
 from collections.abc import Sequence
-from typing import NamedTuple, TypeGuard
+from typing import NamedTuple
 
 import numpy as np
 
 from dsr.elements import Node
 from dsr.errors import DsrError, SchemaError
+from dsr.geometry import own_bounds
 from dsr.memory import Memory
 from dsr.perceived import is_perceived
+from dsr.quaternions import Vector3
 from dsr.relations import MODELLED, SURFACES, THINGS
 from dsr.schema import WORLD_RECORD
 from dsr.shapes import Part, Shape, box, from_numbers
@@ -24,6 +27,7 @@ from dsr.visibility.picture import Body
 
 _WORLD = "world"
 _FARTHEST = 1e4  # m from the world's origin, or across: what is said to be beyond is nowhere
+_FLAT = 2  # axes along which a mesh has an extent, at least
 _PALM = Part("box", (0.19, 0.095, 0.04), (0.03, 0.0, 0.0))
 """What a hand hides: x towards the fingers, z out of the back."""
 
@@ -55,7 +59,7 @@ def read_posed(memory: Memory) -> list[Posed]:
     formed = []
     now = memory.clock.now()
     for node in memory.nodes():
-        if node.type != WORLD_RECORD and (shape := _shape_of(node, now)) is not None:
+        if node.type != WORLD_RECORD and (shape := _shape_of(memory, node, now)) is not None:
             formed.append((node, shape))
     formed.sort(key=lambda pair: pair[0].name)
     if not formed:
@@ -100,29 +104,38 @@ def _joined(bodies: list[Body]) -> Body:
     return bodies[0]._replace(solids=Solids(*map(np.concatenate, columns)))
 
 
-def _shape_of(node: Node, now: float) -> Shape | None:
+def _shape_of(memory: Memory, node: Node, now: float) -> Shape | None:
     if node.get("present") is False or (node.type == PERSON and not is_perceived(node, now)):
         return None
     if node.type in THINGS:
-        return shape_of_thing(node)
-    size, bounds = node.get("size"), node.get("bounds")
+        return shape_of_thing(node) or _around_mesh(memory, node)
+    size = node.get("size")
     if node.type in SURFACES and _is_size(size):
         return (Part("box", size, (0.0, 0.0, -0.5 * size[2])),)
     if node.type == "hand" and node.get("perceived") is not False:
         return (_PALM,)
-    if _are_bounds(bounds):
-        x, y, z = (b - a for a, b in zip(bounds[:3], bounds[3:], strict=True))
-        u, v, w = (0.5 * (a + b) for a, b in zip(bounds[:3], bounds[3:], strict=True))
-        return (Part("box", (x, y, z), (u, v, w)),)
-    return HEAD if node.type == PERSON else None
+    stands_for = _around_mesh(memory, node) if "mesh" in node else _within_bounds(node.get("bounds"))
+    return stands_for or (HEAD if node.type == PERSON else None)
 
 
-def _are_bounds(bounds: object) -> TypeGuard[tuple[float, ...]]:
-    return (
-        isinstance(bounds, tuple)
-        and len(bounds) == 6
-        and all(low < high for low, high in zip(bounds[:3], bounds[3:], strict=True))
-    )
+def _within_bounds(bounds: object) -> Shape | None:
+    if not isinstance(bounds, tuple) or len(bounds) != 6 or not all(map(operator.lt, bounds[:3], bounds[3:])):
+        return None
+    return _box(bounds[:3], bounds[3:])
+
+
+def _around_mesh(memory: Memory, node: Node) -> Shape | None:
+    """A box in place of the meshes of a node, which may be flat; None without any, or while nothing tells how large."""
+    around = own_bounds(memory, node) if "mesh" in node else None
+    if around is None or sum(map(operator.lt, around.low, around.high)) < _FLAT:
+        return None
+    return _box(around.low, around.high)
+
+
+def _box(low: Vector3, high: Vector3) -> Shape:
+    x, y, z = (b - a for a, b in zip(low, high, strict=True))
+    u, v, w = (0.5 * (a + b) for a, b in zip(low, high, strict=True))
+    return (Part("box", (x, y, z), (u, v, w)),)
 
 
 def _is_size(size: object) -> bool:

@@ -51,12 +51,13 @@ def visibility(memory: Memory, names: Iterable[str] | None = None, width: int = 
         width: px, of the pictures that are drawn for it.
 
     Raises:
-        ConfigError: for a name of no perspective.
+        ConfigError: for a name of no perspective, or a width that no picture has.
     """
+    perspectives = read_perspectives(memory, names, width)
     scene = Scene.of(memory)
     return {
         (perspective.name, thing): picture.glance(thing)
-        for perspective in read_perspectives(memory, names, width)
+        for perspective in perspectives
         for picture in [scene.seen_from(perspective)]
         for thing in sorted(scene.things)
     }

@@ -6,6 +6,7 @@ the left, z up; it is posed by `RT` edges like any other. Both may tell their fi
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -17,6 +18,8 @@ from dsr.memory import Memory
 from dsr.perceived import is_perceived
 from dsr.transforms import Pose
 
+_log = logging.getLogger("dsr.visibility")
+
 CAMERA, PERSON = "camera", "person"
 PERSPECTIVES = (CAMERA, PERSON)
 """Node types."""
@@ -26,9 +29,13 @@ CAMERA_FOV = (math.radians(60.0), math.radians(46.8))
 """rad, of a camera that tells neither intrinsics nor a field of view"""
 WIDTH = 320
 """px, of the pictures that are drawn"""
+MOST_WIDTH = 4096
+"""px, of a picture"""
 BELIEVED = ("Virtual_RT", "RT")
 _WIDEST = math.radians(170.0)
 _MOST_ROWS = 4  # times the columns
+_MOST_TOLD = 256
+_told: set[str] = set()  # nodes whose field of view was warned of
 _WORLD = "world"
 GAZE = Pose((0.0, 0.0, 0.0), (-0.5, 0.5, -0.5, 0.5))
 """person_from_optical: z of the optical frame is x of the person's, and its x is minus the person's y."""
@@ -51,11 +58,13 @@ def read_perspectives(memory: Memory, names: Iterable[str] | None = None, width:
     Args:
         memory: the world.
         names: of those that are wanted; all by default.
-        width: px, of the pictures that are drawn.
+        width: px, of the pictures that are drawn, 1 to `MOST_WIDTH`.
 
     Raises:
-        ConfigError: for a name of no perspective.
+        ConfigError: for a name of no perspective, or a width that no picture has.
     """
+    if not 1 <= width <= MOST_WIDTH:
+        raise ConfigError(f"width {width}: expected 1 to {MOST_WIDTH} px")
     nodes = {node.name: node for kind in PERSPECTIVES for node in memory.nodes(kind)}
     wanted = sorted(nodes) if names is None else list(names)
     for name in wanted:
@@ -92,7 +101,20 @@ def lens_of(node: Node, width: int = WIDTH) -> Intrinsics:
 
 def _field(node: Node) -> tuple[float, float]:
     """rad, horizontal and vertical field of view."""
+    usual = PERSON_FOV if node.type == PERSON else CAMERA_FOV
     given = node.get("fov")
-    if isinstance(given, tuple) and len(given) == 2 and min(given) > 0.0:
-        return given[0], given[1]
-    return PERSON_FOV if node.type == PERSON else CAMERA_FOV
+    if given is None:
+        return usual
+    if not isinstance(given, tuple) or len(given) != 2 or not min(given) > 0.0:
+        _warn(node, f"fov {given}: expected two positive angles; drawn with {usual[0]:.2f} by {usual[1]:.2f} rad")
+        return usual
+    if max(given) > _WIDEST:
+        _warn(node, f"fov {given}: drawn with at most {_WIDEST:.2f} rad, in which what is far away takes few pixels")
+    return given[0], given[1]
+
+
+def _warn(node: Node, text: str) -> None:
+    """Log, once for each node."""
+    if node.name not in _told and len(_told) < _MOST_TOLD:
+        _told.add(node.name)
+        _log.warning("%s %s", node.name, text)

@@ -18,7 +18,7 @@ def draw_triangles(corners: Array, lens: Intrinsics, limit: Edges, nearest: floa
     """The window (left, top, right, bottom) that triangles take in a picture, and 1 / depth in it; 0 where none is.
 
     Args:
-        corners: (n, 3, 3) m, in the frame of the view; those that reach nearer than `nearest` are left out.
+        corners: (n, 3, 3) m, in the frame of the view; what of them is nearer than `nearest` is left out.
         lens: of the picture.
         limit: columns and rows (left, top, right, bottom) beyond which nothing is drawn.
         nearest: m along the axis.
@@ -26,10 +26,10 @@ def draw_triangles(corners: Array, lens: Intrinsics, limit: Edges, nearest: floa
     Returns:
         None if nothing of them is within the limit.
     """
-    corners = corners[(corners[..., 2] > nearest).all(axis=1)]
-    pixels = corners[..., :2] / corners[..., 2:] * (lens.fx, lens.fy) + (lens.cx, lens.cy)
-    low = np.maximum(np.ceil(pixels.min(axis=1)), limit[:2]).astype(np.int64)
-    high = np.minimum(np.floor(pixels.max(axis=1)) + 1, limit[2:]).astype(np.int64)
+    corners = corners[(corners[..., 2] > nearest).any(axis=1)]
+    first, last = _around(corners, lens, nearest)
+    low = np.clip(np.ceil(first), limit[:2], limit[2:]).astype(np.int64)
+    high = np.clip(np.floor(last) + 1, limit[:2], limit[2:]).astype(np.int64)
     shown = (low < high).all(axis=1)
     if not shown.any():
         return None
@@ -43,9 +43,42 @@ def draw_triangles(corners: Array, lens: Intrinsics, limit: Edges, nearest: floa
         before = ends[begin - 1] if begin else 0
         end = max(begin + 1, int(np.searchsorted(ends, before + _AT_ONCE, side="right")))
         part = slice(begin, end)
-        _draw(corners[part], low[part], high[part], counts[part], lens, (left, top, right), nearness)
+        _draw(corners[part], low[part], high[part], counts[part], lens, nearest, (left, top, right), nearness)
         begin = end
     return (left, top, right, bottom), nearness.reshape(bottom - top, right - left)
+
+
+def _around(corners: Array, lens: Intrinsics, nearest: float) -> tuple[Array, Array]:
+    """Least and greatest pixel (n, 2) of what of triangles is beyond `nearest`; each has a corner there."""
+    ahead = corners[..., 2] > nearest
+    if ahead.all():
+        pixels = _pixels(corners, lens)
+        return pixels.min(axis=1), pixels.max(axis=1)
+    pixels = _pixels(np.where(ahead[..., None], corners, 1.0), lens)
+    first = np.where(ahead[..., None], pixels, np.inf).min(axis=1)
+    last = np.where(ahead[..., None], pixels, -np.inf).max(axis=1)
+    crossing = np.flatnonzero(~ahead.all(axis=1))
+    cuts = _pixels(_cuts(corners[crossing], ahead[crossing], nearest), lens)
+    first[crossing] = np.minimum(first[crossing], cuts.min(axis=1))
+    last[crossing] = np.maximum(last[crossing], cuts.max(axis=1))
+    return first, last
+
+
+def _cuts(corners: Array, ahead: NDArray[np.bool_], nearest: float) -> Array:
+    """(n, 2, 3) m, where the edges of triangles meet the plane at `nearest`, which all of them cross."""
+    alone = np.argmax(ahead == (ahead.sum(axis=1) == 1)[:, None], axis=1)  # the corner that has a side for itself
+    rows = np.arange(len(corners))[:, None]
+    tip, others = corners[rows, alone[:, None]], corners[rows, (alone[:, None] + (1, 2)) % 3]
+    share = (nearest - tip[..., 2:]) / (others[..., 2:] - tip[..., 2:])
+    cuts: Array = tip + share * (others - tip)
+    cuts[..., 2] = nearest
+    return cuts
+
+
+def _pixels(points: Array, lens: Intrinsics) -> Array:
+    """(..., 2) of points (..., 3)"""
+    pixels: Array = points[..., :2] / points[..., 2:] * (lens.fx, lens.fy) + (lens.cx, lens.cy)
+    return pixels
 
 
 def _draw(
@@ -54,10 +87,14 @@ def _draw(
     high: NDArray[np.int64],
     counts: NDArray[np.int64],
     lens: Intrinsics,
+    nearest: float,
     origin: tuple[int, int, int],
     nearness: Array,
 ) -> None:
-    """Draw some triangles into the flat array `nearness`, whose window has the edges (left, top, right)."""
+    """Draw some triangles into the flat array `nearness`, whose window has the edges (left, top, right).
+
+    A ray meets a triangle if it is a sum of multiples, none of them negative, of the three corners: wherever they are.
+    """
     triangle = np.repeat(np.arange(len(counts)), counts)
     number = np.arange(len(triangle)) - np.repeat(np.cumsum(counts) - counts, counts)
     width = (high - low)[triangle, 0]
@@ -71,6 +108,9 @@ def _draw(
     signs = np.sign(volume)[triangle]
     for side in range(3):
         inside &= np.einsum("nj,nj->n", sides[triangle, side], rays) * signs >= 0.0
-    near = np.einsum("nj,nj->n", normal[triangle[inside]], rays[inside])
+    hit = np.flatnonzero(inside)
+    near = np.einsum("nj,nj->n", normal[triangle[hit]], rays[hit])
+    beyond = near < 1.0 / nearest
+    hit, near = hit[beyond], near[beyond]
     left, top, right = origin
-    np.maximum.at(nearness, (v[inside] - top) * (right - left) + u[inside] - left, near)
+    np.maximum.at(nearness, (v[hit] - top) * (right - left) + u[hit] - left, near)

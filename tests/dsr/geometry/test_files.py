@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import struct
 from pathlib import Path
 from typing import Any
@@ -138,6 +139,44 @@ def test_glb_keeps_hierarchy_and_names_and_its_y_is_up(tmp_path: Path) -> None:
     assert low.tolist() == [1.0, 0.0, 0.0] and high.tolist() == [2.0, 1.0, 1.0]  # z of the file is -y here
 
 
+def of_two_materials(header: Any) -> None:
+    """Each mesh has one half of its triangles in each of two materials, and a line."""
+    (primitive,) = header["meshes"][0]["primitives"]
+    indices = header["accessors"][primitive["indices"]]
+    half = indices["count"] // 2
+    size = {5121: 1, 5123: 2, 5125: 4}[indices["componentType"]]
+    first = len(header["accessors"])
+    header["accessors"] += [dict(indices, count=half, byteOffset=half * size * part) for part in (0, 1)]
+    halves = [dict(primitive, indices=first + part, material=part) for part in (0, 1)]
+    header["meshes"][0]["primitives"] = [dict(primitive, mode=1), *halves]
+    header["materials"] = [{"name": "red"}, {"name": "green"}]
+
+
+def test_a_glb_of_several_materials_has_all_pieces_at_the_node(tmp_path: Path) -> None:
+    model = load_model(write(tmp_path, "car.glb", glb(of_two_materials)))
+    plain = load_model(write(tmp_path, "plain.glb", glb()))
+    assert {(node.name, node.parent) for node in model.nodes} == {
+        ("body", None), ("left", "body"), ("right", "body")
+    }  # fmt: skip
+    assert [[len(mesh.triangles) for mesh in node.meshes] for node in model.nodes] == [[6, 6]] * 3
+    for name in ("body", "left", "right"):
+        assert np.unique(points_of(model, name), axis=0).tolist() == points_of(plain, name)
+
+
+def test_a_glb_keeps_what_is_below_lines_and_cameras(tmp_path: Path) -> None:
+    def change(header: Any) -> None:
+        solid = header["meshes"][0]["primitives"][0]
+        header["meshes"].append({"primitives": [dict(solid, mode=1)]})
+        header["cameras"] = [{"type": "perspective", "perspective": {"yfov": 1.0, "znear": 0.1, "aspectRatio": 1.0}}]
+        (body,) = (node for node in header["nodes"] if node["name"] == "body")
+        body.update(mesh=1, camera=0)
+
+    model = load_model(write(tmp_path, "car.glb", glb(change)))
+    assert {(node.name, node.parent, len(node.meshes)) for node in model.nodes} == {
+        ("body", None, 0), ("left", "body", 1), ("right", "body", 1)
+    }  # fmt: skip
+
+
 def test_obj_has_its_objects_below_one_node_of_the_files_name(tmp_path: Path) -> None:
     model = load_model(write(tmp_path, "chair.OBJ", OBJ))
     assert {(node.name, node.parent) for node in model.nodes} == {
@@ -171,6 +210,8 @@ def test_the_same_file_gives_the_same_meshes_everywhere(tmp_path: Path) -> None:
         ("a.obj", b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "not finite"),
         ("a.obj", b"v 0 0 1e99\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "finite"),
         ("a.obj", b"\x89PNG\r\n\x1a\n" + bytes(range(256)), "."),
+        ("a.obj", b"v 0 0 0\0", "is no text"),
+        ("a.stl", b"solid x\n" + b" " * 90 + b"\0", "is no text"),
         ("a.obj", b"v 0 0 1e30\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "is the scale right"),
         ("a.stl", b"nonsense", "no valid STL: 8 bytes, neither text nor"),
         ("a.stl", bytes(range(256)) * 20, "no valid STL: 5120 bytes, neither text nor"),
@@ -184,6 +225,8 @@ def test_the_same_file_gives_the_same_meshes_everywhere(tmp_path: Path) -> None:
         ("a.glb", glb(lambda h: h["buffers"][0].update(uri="/etc/passwd")), "refers to other files"),
         ("a.glb", glb(lambda h: h.update(buffers="x")), "no valid GLB"),
         ("a.glb", glb(lambda h: h.update(meshes=[])), "."),
+        ("a.glb", glb(lambda h: h["meshes"][0]["primitives"][0].update(mode=1)), "no triangles"),
+        ("a.glb", glb(lambda h: h["bufferViews"][0].update(byteOffset=-8)), "no valid GLB: .*byteOffset"),
         ("a.dae", b"<COLLADA>", "no valid DAE"),
         ("a.dae", b"<!DOCTYPE x [<!ENTITY a 'b'>]>" + dae().encode(), "without DOCTYPE"),
         ("a.dae", dae().encode("utf-16"), "plain XML"),
@@ -199,6 +242,74 @@ def test_wrong_files_are_told(tmp_path: Path, name: str, content: bytes, message
     with pytest.raises(ConfigError, match=message) as error:
         load_model(write(tmp_path, name, content))
     assert str(tmp_path / name) in str(error.value) and len(str(error.value)) < 500
+
+
+TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+FACET = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("latin.obj", ("# créé\n" + TRIANGLE).encode("latin-1")),
+        ("latin.stl", ("solid pièce\n" + FACET).encode("latin-1")),
+        ("bom.obj", b"\xef\xbb\xbf" + TRIANGLE.encode()),
+        ("bom.stl", b"\xef\xbb\xbfsolid x\n" + FACET.encode()),
+        ("behind.stl", bytes(80) + struct.pack("<I12f", 1, *[0.0] * 6, 1.0, *[0.0] * 3, 1.0, 0.0) + bytes(2) + b"more"),
+    ],
+)
+def test_any_usual_text_is_read_and_what_is_behind_a_binary_stl_is_not(
+    tmp_path: Path, name: str, content: bytes
+) -> None:
+    (node,) = load_model(write(tmp_path, name, content)).nodes
+    assert sorted(node.meshes[0].vertices.tolist()) == [[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]]
+
+
+def draco(header: Any, required: bool) -> None:
+    name = "KHR_draco_mesh_compression"
+    header["extensionsUsed"] = [name]
+    if required:
+        header["extensionsRequired"] = [name]
+    for primitive in header["meshes"][0]["primitives"]:
+        primitive["extensions"] = {name: {"bufferView": 0, "attributes": {"POSITION": 0}}}
+
+
+def without_data(header: Any) -> None:
+    for accessor in header["accessors"]:
+        del accessor["bufferView"]
+
+
+def test_a_glb_that_is_compressed_or_sparse_is_refused(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def position(header: Any) -> Any:
+        return header["accessors"][header["meshes"][0]["primitives"][0]["attributes"]["POSITION"]]
+
+    cases = {
+        "compressed by Draco": lambda header: draco(header, required=True),
+        "by Draco": lambda header: (draco(header, required=False), without_data(header)),
+        "without data": without_data,
+        "sparse": lambda header: position(header).update(sparse={"count": 1}),
+        "quantised": lambda header: position(header).update(normalized=True),
+    }
+    for message, change in cases.items():
+        with pytest.raises(ConfigError, match=message):
+            load_model(write(tmp_path, "a.glb", glb(change)))
+    assert not caplog.records and not capfd.readouterr().err
+
+
+def test_a_glb_that_is_compressed_beside_plain_data_is_read(tmp_path: Path) -> None:
+    plain, both = glb(), glb(lambda header: draco(header, required=False))
+    assert load_model(write(tmp_path, "a.glb", both)) == load_model(write(tmp_path, "a.glb", plain))
+
+
+@pytest.mark.timeout(20)
+def test_devices_and_pipes_are_told(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.obj")
+    (tmp_path / "zero.stl").symlink_to("/dev/zero")
+    for name in ("pipe.obj", "zero.stl"):
+        with pytest.raises(ConfigError, match="cannot be read: it is a device or a pipe"):
+            load_model(tmp_path / name)
 
 
 def test_missing_and_huge_files_are_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -138,3 +138,12 @@ def test_an_attribute_that_names_no_meshes_is_refused(text: str) -> None:
 def test_an_attribute_names_meshes() -> None:
     assert mesh_hashes({}) == ()
     assert mesh_hashes({"mesh": "0" * 64 + "," + "a" * 64}) == ("0" * 64, "a" * 64)
+
+
+@pytest.mark.parametrize(
+    ("vertices", "triangles", "name"),
+    [([(0, 0, 0), (1, 0)], [(0, 1, 2)], "vertices"), ([(0, 0, 0)] * 3, [(0, 1, 2), (1,)], "triangles")],
+)
+def test_rows_of_different_lengths_are_refused(vertices: object, triangles: object, name: str) -> None:
+    with pytest.raises(MeshError, match=f"{name} in rows of different lengths"):
+        Mesh(vertices, triangles)  # type: ignore[arg-type]

@@ -94,3 +94,10 @@ def test_an_empty_world_gets_its_root() -> None:
     with Memory("g", "a", transport=LocalNetwork(clock).connect("a"), clock=clock) as memory:
         assert put_model(memory, chair(), at=Pose((1.0, 0.0, 0.0)))[0] == "chair"
         assert memory.node("world").type == "world" and memory.transform("world", "chair").t == (1.0, 0.0, 0.0)
+
+
+def test_more_meshes_than_a_node_can_have_are_refused(memory: Memory) -> None:
+    pieces = [Geometry(np.array(CORNERS) * (1.0, 1.0, k), np.array(FACES)) for k in range(1, 258)]
+    with pytest.raises(ConfigError, match="257 meshes; at most 256"):
+        put_model(memory, to_model([RawNode("crowd", np.eye(4), pieces)], "crowd", np.eye(4)))
+    assert "crowd" not in memory

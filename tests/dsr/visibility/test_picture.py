@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import trimesh
 
 from benchmarks.visibility_scene import LENS, TABLE, cast, looking, random_things
 from dsr.shapes import Part, box
-from dsr.transforms import Pose
+from dsr.surfaces import Solids
+from dsr.transforms import Array, Pose
 from dsr.visibility import Body, Picture, placed
+from dsr.visibility.picture import NEAREST
 
 CUBE = box((0.04, 0.04, 0.04))
 VIEW = looking((-1.0, 0.0, 0.3), (0.0, 0.0, 0.02))
@@ -80,6 +83,44 @@ def test_a_mesh_of_a_box_looks_like_the_box() -> None:
     one, other = (Picture(VIEW, LENS, [TABLE, body], [body.name]) for body in (cube, mesh))
     assert other.glance("mesh")[:3] == one.glance("cube")[:3]
     assert np.allclose(one.nearness, other.nearness)
+
+
+def hits(triangles: Array) -> Array:
+    """(h, w) 1 / depth of the nearest triangle along each ray, by the crossing of each ray with each plane."""
+    u, v = np.meshgrid(np.arange(LENS.width), np.arange(LENS.height))
+    rays = np.stack([(u - LENS.cx) / LENS.fx, (v - LENS.cy) / LENS.fy, np.ones(u.shape)], axis=-1)
+    found = np.zeros(u.shape)
+    for a, b, c in triangles:
+        first, second = b - a, c - a
+        normal = np.cross(first, second)
+        depth = (a @ normal) / (rays @ normal)
+        points = rays * depth[..., None] - a
+        along, across = np.cross(points, second) @ normal, np.cross(first, points) @ normal
+        inside = (along >= 0.0) & (across >= 0.0) & (along + across <= normal @ normal) & (depth > NEAREST)
+        found = np.maximum(found, np.where(inside, 1.0 / depth, 0.0))
+    return found
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_triangles_that_pass_the_eye_are_those_of_casting_every_ray(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    triangles = rng.normal(size=(5, 3, 3)) * rng.choice([0.002, 0.3, 10.0])
+    picture = Picture(Pose(), LENS, [Body("mesh", Solids.of(()), triangles)], [])
+    assert np.allclose(picture.nearness, hits(triangles), rtol=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_walls_around_the_eye_hide_what_is_behind_them_however_they_are_divided(seed: int) -> None:
+    room = trimesh.creation.box((8.0, 3.0, 3.0))
+    view = looking((0.0, 0.0, 0.0), tuple(np.random.default_rng(seed).uniform((2.0, 1.0, -0.5), (3.0, 2.0, 0.5))))
+    cube = placed("cube", box((0.4, 0.4, 0.4)), Pose((3.0, 2.5, 0.0)))
+    seen = []
+    for walls in (room, room.subdivide_to_size(0.5)):
+        body = Body("room", Solids.of(()), np.asarray(walls.triangles))
+        picture = Picture(view, LENS, [body, cube], ["cube"])
+        assert picture.glance("cube").share == 0.0 and picture.glance("cube").hidden_by == "room"
+        seen.append(picture.nearness)
+    assert (seen[0] > 0.0).all() and np.allclose(*seen)
 
 
 def test_what_would_be_seen_of_something_that_is_not_there() -> None:

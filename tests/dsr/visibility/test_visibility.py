@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pytest
 
-from dsr import ConfigError, ManualClock, Memory, Pose
+from dsr import ConfigError, ManualClock, Memory, Mesh, Pose
 from dsr.visibility import LEAST_SHARE, VisibilityMonitor, is_seen, lens_of, read_perspectives, visibility
 from dsr.visibility.bodies import bodies_of, read_posed
 
@@ -53,6 +54,37 @@ def test_parts_of_a_robot_hide_things(memory: Memory) -> None:
     assert visibility(memory)["camera", "cube"].hidden_by == "arm"
 
 
+PANEL = Mesh([(0, -1, -1), (0, 1, -1), (0, 1, 1), (0, -1, 1)], [(0, 1, 2), (0, 2, 3)])
+
+
+@pytest.mark.parametrize("attributes", [{}, {"bounds": (0.0, -1.0, -1.0, 0.0, 1.0, 1.0)}], ids=["mesh", "bounds"])
+def test_a_flat_mesh_hides_what_is_behind_it(memory: Memory, attributes: dict[str, Any]) -> None:
+    memory.add_node("panel", "object", mesh=memory.put_mesh(PANEL), **attributes)
+    memory.add_edge("world", "panel", "RT", pose=Pose((0.3, 0.0, 0.2)))
+    assert visibility(memory)["human_1", "cube"].hidden_by == "panel"
+    assert ("human_1", "panel") in seen(memory)
+
+
+def test_a_flat_mesh_that_is_elsewhere_is_the_box_around_it(memory: Memory) -> None:
+    memory.add_node("panel", "object", mesh="0" * 64, bounds=(0.0, -1.0, -1.0, 0.0, 1.0, 1.0))
+    memory.add_edge("world", "panel", "RT", pose=Pose((0.3, 0.0, 0.2)))
+    assert visibility(memory)["human_1", "cube"].hidden_by == "panel"
+
+
+def test_a_thing_of_a_mesh_without_size_is_seen_and_hides(memory: Memory) -> None:
+    memory.add_node("slab", "cube", mesh=memory.put_mesh(PANEL))
+    memory.add_edge("world", "slab", "RT", pose=Pose((0.3, 0.0, 0.2)))
+    assert ("human_1", "slab") in seen(memory)
+    assert visibility(memory)["human_1", "cube"].hidden_by == "slab"
+
+
+@pytest.mark.parametrize("bounds", [(0.0, -1.0, -1.0, 0.0, 1.0, 1.0), (1.0, -1.0, -1.0, 0.0, 1.0, 1.0)])
+def test_bounds_without_a_mesh_need_an_inside(memory: Memory, bounds: tuple[float, ...]) -> None:
+    memory.add_node("arm", "arm", bounds=bounds)
+    memory.add_edge("world", "arm", "RT", pose=Pose((0.3, 0.0, 0.2)))
+    assert ("human_1", "cube") in seen(memory)
+
+
 def test_a_nodes_field_of_view_is_that_of_its_pictures(memory: Memory) -> None:
     memory.update_node("human_1", fov=(math.radians(90.0), math.radians(60.0)))
     lens = lens_of(memory.node("human_1"), 200)
@@ -60,6 +92,27 @@ def test_a_nodes_field_of_view_is_that_of_its_pictures(memory: Memory) -> None:
     assert lens.height == round(200.0 * math.tan(math.radians(30.0)))
     half = lens_of(memory.node("camera"), 160)
     assert (half.width, half.height, half.fx, half.cx) == (160, 120, 150.0, 79.5)
+
+
+@pytest.mark.parametrize("width", [-5, 0, 1_000_000])
+def test_a_width_that_no_picture_has_is_refused(memory: Memory, width: int) -> None:
+    with pytest.raises(ConfigError, match=f"width {width}: expected 1 to 4096 px"):
+        visibility(memory, width=width)
+
+
+@pytest.mark.parametrize(
+    ("name", "fov", "message"),
+    [("none", (0.0, 1.0), "positive"), ("below", (-1.0, 1.0), "positive"), ("wide", (6.0, 6.0), "at most 2.97 rad")],
+)
+def test_a_field_of_view_that_cannot_be_drawn_is_told_once(
+    memory: Memory, caplog: pytest.LogCaptureFixture, name: str, fov: tuple[float, float], message: str
+) -> None:
+    memory.add_node(name, "person", fov=fov)
+    memory.add_edge("world", name, "RT", pose=Pose((1.0, 0.0, 0.2)))
+    for _ in range(2):
+        visibility(memory, [name])
+    (record,) = (record for record in caplog.records if record.name == "dsr.visibility")
+    assert name in record.getMessage() and message in record.getMessage()
 
 
 def test_a_narrow_view_misses_what_is_beside(memory: Memory) -> None:
