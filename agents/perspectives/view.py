@@ -222,9 +222,11 @@ class PersonalView:
             self._miss(self.name)
             return
         self._place(own, now, {key: own[key] for key in ("perceived", "fov") if key in own})
-        here = self.world.get_node(self.name)
-        if here is not None and now - here.get("last_seen", -now) >= _TELL_EVERY and "last_seen" in own:
-            self.world.update_node(self.name, last_seen=own["last_seen"])
+        here, last_seen = self.world.get_node(self.name), own.get("last_seen")
+        if here is None or last_seen is None or here.get("last_seen") == last_seen:
+            return
+        if now - here.get("last_seen", -now) >= _TELL_EVERY:
+            self.world.update_node(self.name, last_seen=last_seen)
 
     def _see_others(self, picture: Picture | None, now: float) -> None:
         """Other persons and cameras are where they were last seen."""

@@ -208,6 +208,18 @@ def test_a_place_that_is_seen_to_be_empty_is_on_the_timeline(table: Table) -> No
     assert gone.end is not None and gone.outcome == "not there any more"
 
 
+def test_nothing_is_written_about_a_person_who_is_gone(table: Table) -> None:
+    table.memory.update_node("human_1", last_seen=table.lockstep.clock.now())
+    table.run()
+    table.leave("human_1")
+    table.run(2.0)
+    view = table.lockstep.runner("perspectives").agent.memory.world("view_of_human_1")
+    written = view.replica.written
+    table.run(2.0)
+    assert view.replica.written == written
+    assert view.node("human_1")["last_seen"] == table.memory.node("human_1")["last_seen"]
+
+
 def test_persons_hide_what_is_behind_them_and_are_seen(table: Table) -> None:
     table.run(1.0)
     assert table.memory.get_edge("human_1", "cube", "sees") is not None
