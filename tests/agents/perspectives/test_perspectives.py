@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from agents.perspectives.view import carried
+from agents.perspectives.containment import carried, covers
 from dsr import LocalNetwork, ManualClock, Memory, Pose
 from dsr.timeline import kept_by, query
 from tests.agents.perspectives.conftest import COVER, TURNED, Table
@@ -87,7 +87,9 @@ def test_a_place_that_is_hidden_is_not_known_to_be_empty(table: Table) -> None:
     table.come("human_1", Pose((0.8, 0.0, 0.4), TURNED))
     table.run(1.0)
     assert table.place("human_1", "ball") == (200, -200, 20), "a false belief"
-    table.put("cover", Pose((0.2, -0.45, 0.04)))
+    table.put("cover", Pose((0.2, -0.2, 0.12)))
+    table.run(0.2)
+    table.put("cover", Pose((0.2, -0.45, 0.12)))
     table.run(1.0)
     assert table.place("human_1", "ball") is None
 
@@ -103,6 +105,55 @@ def test_what_is_in_something_goes_along_with_it(table: Table) -> None:
     table.run(1.0)
     assert table.view("human_1").node("ball")["perceived"] is False
     assert table.place("human_1", "ball") == (300, -200, 20)
+
+
+@pytest.mark.parametrize("taken", [False, True])
+def test_what_is_known_to_be_in_a_cover_follows_from_what_is_seen_alone(table: Table, taken: bool) -> None:
+    table.add("ball", "cube", Pose((0.2, -0.2, 0.02)), size=(0.04, 0.04, 0.04))
+    table.add("cover", "container", Pose((0.2, -0.45, 0.04)), size=(0.1, 0.1, 0.08), shape=COVER)
+    table.add("other", "container", Pose((0.2, 0.25, 0.04)), size=(0.1, 0.1, 0.08), shape=COVER)
+    table.run()
+    table.leave("human_1")
+    table.run()
+    table.put("cover", Pose((0.2, -0.2, 0.04)))
+    if taken:
+        table.put("ball", Pose((0.2, 0.25, 0.02)))
+    table.memory.add_edge("ball", "other" if taken else "cover", "in")
+    table.come("human_1", Pose((0.8, 0.0, 0.4), TURNED))
+    table.run()
+    view = table.view("human_1")
+    assert [edge.dst for edge in view.edges("in", src="ball")] == ["cover"]
+    table.put("cover", Pose((0.3, -0.2, 0.04)))
+    if not taken:
+        table.put("ball", Pose((0.3, -0.2, 0.02)))
+    table.run(1.0)
+    assert table.place("human_1", "ball") == (300, -200, 20) and view.node("ball")["present"] is True
+    assert [edge.dst for edge in view.edges("in", src="ball")] == ["cover"]
+
+
+def test_only_hollow_things_that_are_larger_cover_what_is_within_them() -> None:
+    with Memory("g", "tester", transport=LocalNetwork(ManualClock()).connect("a"), clock=ManualClock()) as memory:
+        cover = memory.add_node("cover", "container", size=(0.1, 0.1, 0.08), shape=COVER)
+        cup = memory.add_node("cup", "cup", size=(0.1, 0.1, 0.08))
+        block = memory.add_node("block", "box", size=(0.1, 0.1, 0.08))
+        cube = memory.add_node("cube", "cube", size=(0.04, 0.04, 0.04))
+        crate = memory.add_node("crate", "cube", size=(0.2, 0.2, 0.2))
+        there, within, beside = Pose((0.2, 0.0, 0.04)), Pose((0.2, 0.0, 0.02)), Pose((0.26, 0.0, 0.02))
+        assert covers(cover, there, cube, within) and covers(cup, there, cube, within)
+        assert not covers(cover, there, cube, beside) and not covers(cover, there, crate, within)
+        assert not covers(block, there, cube, within)
+
+
+def test_a_place_that_is_seen_through_an_open_side_is_not_in_a_cover(table: Table) -> None:
+    table.add("ball", "cube", Pose((0.2, -0.2, 0.02)), size=(0.04, 0.04, 0.04))
+    table.run()
+    table.memory.remove_node("ball")
+    on_its_side = Pose.from_rotvec((0.2, -0.2, 0.05), (0.0, -math.pi / 2, 0.0))
+    table.add("cover", "container", on_its_side, size=(0.1, 0.1, 0.08), shape=COVER)
+    table.run(0.2)
+    assert not table.view("human_1").edges("in")
+    table.run(1.0)
+    assert table.place("human_1", "ball") is None
 
 
 def test_what_a_lifted_cover_covered_stays_behind(table: Table) -> None:
