@@ -270,6 +270,9 @@ class PersonalView:
         changed = {key: value for key, value in wanted.items() if here.get(key) != value}
         if changed:
             self.world.update_node(node.name, **changed)
+        for key in LOOKS:
+            if key in here and key not in wanted:
+                self.world.remove_attribute(node.name, key)
 
 
 def _is_shown(node: Node, pose: Pose, picture: Picture) -> bool:

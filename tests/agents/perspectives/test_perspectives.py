@@ -214,6 +214,43 @@ def test_a_camera_has_a_view_too() -> None:
     table.lockstep.close()
 
 
+def test_names_that_are_nobodys_who_sees_have_no_world_and_are_told_once(caplog: pytest.LogCaptureFixture) -> None:
+    table = Table(of=("humn_1", "cube", "human_1", "late"))
+    table.add("cube", "cube", Pose((0.1, 0.0, 0.02)), size=(0.04, 0.04, 0.04))
+    table.come("human_1", Pose((0.8, 0.0, 0.4), TURNED))
+    table.run(1.0)
+    table.come("late", Pose((0.8, 0.1, 0.4), TURNED))
+    table.run(1.0)
+    table.memory.remove_node("human_1")
+    table.run(1.0)
+    assert [info.name for info in table.memory.worlds()] == ["base", "view_of_human_1", "view_of_late"]
+    warned = [record.getMessage() for record in caplog.records if "no camera or person" in record.getMessage()]
+    assert len(warned) == 3 and "did you mean 'human_1'" in warned[0] and "of type cube" in warned[1]
+    assert table.place("late", "cube") == HERE
+    table.lockstep.close()
+
+
+def test_a_view_that_cannot_be_kept_is_told_until_its_person_is_gone(table: Table) -> None:
+    name = "h" * 60
+    table.come(name, Pose((0.8, 0.1, 0.4), TURNED))
+    table.run()
+    agent = table.lockstep.runner("perspectives").agent
+    assert name in agent.degraded
+    table.memory.remove_node(name)
+    table.run()
+    assert agent.degraded == "" and table.place("human_1", "cube") == HERE
+
+
+def test_what_a_thing_does_not_look_like_any_more_is_forgotten(table: Table) -> None:
+    table.memory.update_node("cube", color=(1.0, 0.0, 0.0))
+    table.run()
+    assert table.view("human_1").node("cube")["color"] == (1.0, 0.0, 0.0)
+    table.memory.remove_attribute("cube", "color")
+    table.run()
+    assert "color" not in table.view("human_1").node("cube")
+    assert table.view("human_1").node("cube")["size"] == (0.04, 0.04, 0.04)
+
+
 def test_the_same_scene_gives_the_same_worlds() -> None:
     snapshots = []
     for _ in range(2):
