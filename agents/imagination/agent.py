@@ -7,7 +7,7 @@ from typing import Annotated
 import msgspec
 
 from dsr.agent import Access, Agent
-from dsr.errors import DsrError
+from dsr.errors import DsrError, WorldError, WorldNotFoundError
 from dsr.goals import parse_goal
 from dsr.imagining import Outcome, Thinking, best, carried_out, parse_step
 from dsr.keys import check_name
@@ -118,10 +118,7 @@ class Imagination(Agent):
 
     def _decide(self) -> None:
         """Keep the best plan's world and delete the others."""
-        self._decided = True
-        outcomes = {
-            name: thought.result or Outcome(0, thought.failed, (), {}) for name, thought in self._thoughts.items()
-        }
+        outcomes = {name: self._outcome(name) for name in self._thoughts}
         for name, outcome in outcomes.items():
             self.log.info("plan %s: %s", name, outcome)
         try:
@@ -130,10 +127,27 @@ class Imagination(Agent):
             chosen, self.degraded = "", str(error)
         for name in outcomes:
             if name != chosen:
-                self._worlds.pop(name).close()
-                self.memory.delete_world(f"{PREFIX}{name}")
+                self._worlds[name].close()
+                self._delete(f"{PREFIX}{name}")
         if chosen:
             self._adopt(chosen, outcomes)
+        self._decided = True
+
+    def _outcome(self, plan: str) -> Outcome:
+        """What came of a plan; nothing can come of it if its world is gone."""
+        thought, world = self._thoughts[plan], f"{PREFIX}{plan}"
+        if self._worlds[plan].closed:
+            return Outcome(0, f"world {world!r} was deleted", (), {})
+        return thought.result or Outcome(0, thought.failed, (), {})
+
+    def _delete(self, world: str) -> None:
+        """Delete a world that may be gone already, unless others follow it."""
+        try:
+            self.memory.delete_world(world)
+        except WorldNotFoundError:
+            pass
+        except WorldError as error:
+            self.log.warning("%s", error)
 
     def _adopt(self, chosen: str, outcomes: dict[str, Outcome]) -> None:
         world = self._worlds[chosen]

@@ -8,7 +8,7 @@ import msgspec
 
 from agents.perspectives.view import KINDS, LOOKS, RELATIONS, PersonalView
 from dsr.agent import Access, Agent
-from dsr.errors import DsrError
+from dsr.errors import DsrError, suggest
 from dsr.keys import BASE, check_name
 from dsr.memory import Memory
 from dsr.relations import SURFACES
@@ -27,7 +27,7 @@ class PerspectivesConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True
     """Whose worlds are kept, and what counts as seen."""
 
     of: tuple[str, ...] = ()
-    """Names of persons and cameras; all persons that come if empty."""
+    """Names of persons and cameras, which may come later; all persons that come if empty."""
     world: str = BASE
     """The world that they see."""
     least_share: Share = LEAST_SHARE
@@ -73,6 +73,7 @@ class Perspectives(Agent):
         self._views: dict[str, PersonalView] = {}
         self._monitor: VisibilityMonitor | None = None
         self._source: Memory | None = None
+        self._warned: set[str] = set()
 
     def tick(self, now: float) -> None:
         """Look with everybody's eyes."""
@@ -80,7 +81,8 @@ class Perspectives(Agent):
         if source is None or self._monitor is None:
             return
         self._monitor.update()
-        names = self.config.of or tuple(sorted(node.name for node in source.nodes(PERSON)))
+        self.degraded = ""
+        names = self._names(source)
         views = [view for name in names if (view := self._view(name, source)) is not None]
         removed = [view for name, view in sorted(self._views.items()) if name not in names and not view.world.closed]
         for view in (*views, *removed):
@@ -100,8 +102,26 @@ class Perspectives(Agent):
                 kinds=PERSPECTIVES if config.of else (PERSON,),
             )  # fmt: skip
             self._views.clear()
-            self.degraded = ""
         return self._source
+
+    def _names(self, source: Memory) -> list[str]:
+        """Whose worlds are kept now."""
+        if not self.config.of:
+            return sorted(node.name for node in source.nodes(PERSON))
+        known = sorted(node.name for kind in PERSPECTIVES for node in source.nodes(kind))
+        for name in self.config.of:
+            if name not in known and name not in self._views:
+                self._warn(name, source, known)
+        return [name for name in self.config.of if name in known]
+
+    def _warn(self, name: str, source: Memory, known: list[str]) -> None:
+        """Say once of each name that it is nobody's who sees; they may come later."""
+        if name in self._warned:
+            return
+        self._warned.add(name)
+        node = source.get_node(name)
+        kind = "is not there" if node is None else f"is of type {node.type}"
+        self.log.warning("%r %s: no camera or person; %s", name, kind, suggest(name, known))
 
     def _view(self, name: str, source: Memory) -> PersonalView | None:
         view = self._views.get(name)
@@ -110,7 +130,7 @@ class Perspectives(Agent):
             try:
                 world = self.memory.create_world(f"{PREFIX}{name}", exist_ok=True)
             except DsrError as error:
-                self.degraded = str(error)
+                self.degraded = "; ".join(filter(None, (self.degraded, str(error))))
                 return None
             self._views[name] = view = PersonalView(
                 name, source, world, empty_share=config.empty_share, patience=config.patience

@@ -6,12 +6,11 @@ from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
 from agents.perspectives.chronicle import PersonalTimeline
+from agents.perspectives.containment import carried, covers
 from dsr.elements import Node
 from dsr.errors import TransformError
 from dsr.memory import Memory
 from dsr.relations import MODELLED, SURFACES, THINGS
-from dsr.spatial import Box
-from dsr.surfaces import Solids
 from dsr.transforms import Pose
 from dsr.visibility import (
     LEAST_PIXELS,
@@ -33,7 +32,6 @@ _WORLD = "world"
 _BELIEVED = ("Virtual_RT", "RT")
 _MOVED = 1e-3, 1e-2  # m, rad, from which a pose is another one
 _SWAYED = 5e-3, 2e-2  # likewise, of who looks: heads are never still
-_SAME_PLACE = 0.03  # m, by which a belief may be off that counts as right
 _TELL_EVERY = 0.5  # s, between two writings of when something was last seen that is seen all the time
 
 
@@ -81,7 +79,7 @@ class PersonalView:
         self._lose(node.name for node in self._known() if node.name not in seen)
         self._carry_along(self._take_in(seen, now), seen, now)
         self._relate(seen)
-        self._know_contents(seen)
+        self._know_contents(picture, seen)
         self._notice_empty_places(picture, seen, now)
         self._see_others(picture, now)
         for thing in seen:
@@ -130,16 +128,23 @@ class PersonalView:
                     if name in self.world and self.world.get_edge(name, other, kind) is None:
                         self.world.add_edge(name, other, kind, source=self.name)
 
-    def _know_contents(self, seen: Collection[str]) -> None:
-        """What is covered while it is believed where it is, is in what covers it."""
+    def _know_contents(self, picture: Picture, seen: Collection[str]) -> None:
+        """What is not seen, and is believed where a hollow thing is seen to cover it, is in that."""
+        containers = [(node, pose) for name in seen if (node := self.world.get_node(name)) and (pose := self._at(name))]
         for node in self._known():
-            where = self.world.get_edge(_WORLD, node.name, "RT")
-            truly = None if where is None or node.name in seen else _pose_in(self._source, node.name)
-            if where is None or truly is None or where.pose.distance(truly)[0] > _SAME_PLACE:
+            where = None if node.name in seen else self._at(node.name)
+            if where is None:
                 continue
-            for edge in self._source.edges("in", src=node.name):
-                if edge.dst in seen and self.world.get_edge(*edge.key) is None:
-                    self.world.add_edge(*edge.key, source=self.name)
+            around = [cover.name for cover, there in containers if covers(cover, there, node, where)]
+            new = [name for name in around if self.world.get_edge(node.name, name, "in") is None]
+            if new and not self._is_empty(picture, node, where):
+                for name in new:
+                    self.world.add_edge(node.name, name, "in", source=self.name)
+
+    def _at(self, name: str) -> Pose | None:
+        """Where the person believes something to be."""
+        edge = self.world.get_edge(_WORLD, name, "RT")
+        return None if edge is None else edge.pose
 
     def _connect(self, name: str, thing: str, share: float) -> None:
         edge = self.world.get_edge(name, thing, "sees")
@@ -222,9 +227,11 @@ class PersonalView:
             self._miss(self.name)
             return
         self._place(own, now, {key: own[key] for key in ("perceived", "fov") if key in own})
-        here = self.world.get_node(self.name)
-        if here is not None and now - here.get("last_seen", -now) >= _TELL_EVERY and "last_seen" in own:
-            self.world.update_node(self.name, last_seen=own["last_seen"])
+        here, last_seen = self.world.get_node(self.name), own.get("last_seen")
+        if here is None or last_seen is None or here.get("last_seen") == last_seen:
+            return
+        if now - here.get("last_seen", -now) >= _TELL_EVERY:
+            self.world.update_node(self.name, last_seen=last_seen)
 
     def _see_others(self, picture: Picture | None, now: float) -> None:
         """Other persons and cameras are where they were last seen."""
@@ -263,6 +270,9 @@ class PersonalView:
         changed = {key: value for key, value in wanted.items() if here.get(key) != value}
         if changed:
             self.world.update_node(node.name, **changed)
+        for key in LOOKS:
+            if key in here and key not in wanted:
+                self.world.remove_attribute(node.name, key)
 
 
 def _is_shown(node: Node, pose: Pose, picture: Picture) -> bool:
@@ -278,22 +288,3 @@ def _pose_in(memory: Memory, name: str) -> Pose | None:
         return memory.transform(_WORLD, name, types=_BELIEVED)
     except TransformError:
         return None
-
-
-def carried(container: Node, before: Pose, after: Pose, content: Pose) -> Pose | None:
-    """Where something comes to be that is in a container which moves from one pose (in the world) to another.
-
-    On the bottom of the container it goes along as it is. What is only covered is pushed over its support, and None
-    once the cover is above its middle: then it has stayed behind.
-    """
-    shape, size = shape_of_thing(container), container.get("size")
-    goal = after @ before.inverse() @ content
-    if not shape or size is None:
-        return goal
-    below = content.translation - (0.0, 0.0, Box(before, size).diagonal)
-    inside = before.inverse()
-    if Solids.of(shape).cut_off(inside.apply(content.translation), inside.apply(below)[None]).any():
-        return goal
-    if Box(after, size).bottom > content.t[2]:
-        return None
-    return Pose((goal.t[0], goal.t[1], content.t[2]), goal.q)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import threading
 from datetime import datetime
 from typing import Any
 
@@ -10,14 +12,20 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from dsr.cli.common import GraphOption, JsonOption, RouterOption, SecurityOption, console, print_json, reading, shown
+from dsr.clock import WALL_CLOCK
 from dsr.errors import TransportError, WorldNotFoundError
+from dsr.keys import BASE
 from dsr.memory import Memory
+from dsr.worlds.opened import HOLDER_PATIENCE
+from dsr.worlds.presence import WorldPresence
 from dsr.worlds.registry import WorldInfo
 
 app = typer.Typer()
 
 _PATIENCE = 2.0
 """s that those who hold a world get to hand it on, to be counted."""
+_LOOK_AGAIN = 0.02
+"""s"""
 
 
 @app.command()
@@ -29,7 +37,8 @@ def worlds(
 ) -> None:
     """List the worlds of the running graph: what each was forked from or follows, who made it, when, and its size."""
     with reading(graph, router, security) as memory:
-        rows = [_summary(memory, info) for info in memory.worlds()]
+        held = _held(memory)
+        rows = [_summary(memory, info, info.name in held) for info in memory.worlds()]
     if as_json:
         print_json(rows)
         return
@@ -46,7 +55,19 @@ def worlds(
     console.print(table)
 
 
-def _summary(memory: Memory, info: WorldInfo) -> dict[str, Any]:
+def _held(memory: Memory) -> set[str]:
+    """Names of the worlds that somebody holds, as soon as all are known to be held, or after `HOLDER_PATIENCE`."""
+    with contextlib.closing(WorldPresence(memory)) as presence:
+        until = WALL_CLOCK.monotonic() + HOLDER_PATIENCE
+        while True:
+            agents = presence.agents()
+            held = {BASE, *(name for name, present in agents.items() if present)}
+            if held >= agents.keys() or WALL_CLOCK.monotonic() >= until:
+                return held
+            WALL_CLOCK.wait(threading.Event(), _LOOK_AGAIN)
+
+
+def _summary(memory: Memory, info: WorldInfo, is_held: bool) -> dict[str, Any]:
     row: dict[str, Any] = {
         "name": info.name,
         "parent": info.parent,
@@ -54,8 +75,11 @@ def _summary(memory: Memory, info: WorldInfo) -> dict[str, Any]:
         "creator": info.creator,
         "created": info.created,
     }
+    nobodys = {**row, "nodes": None, "edges": None, "held_by": 0}
+    if not is_held:
+        return nobodys
     try:
         world = memory.world(info.name, timeout=_PATIENCE)
     except (WorldNotFoundError, TransportError):  # nobody holds it any more, or it was deleted just now
-        return {**row, "nodes": None, "edges": None, "held_by": 0}
+        return nobodys
     return {**row, "nodes": len(world.nodes()), "edges": len(world.edges()), "held_by": len(world.peers)}

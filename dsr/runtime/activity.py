@@ -10,7 +10,7 @@ from dsr.keys import BASE
 
 if TYPE_CHECKING:
     from dsr.agent import Agent
-    from dsr.memory import Memory
+    from dsr.replica import Replica
 
 _WINDOW = 0.9
 """s over which rates are taken at least."""
@@ -46,7 +46,7 @@ class _Count:
         """Note that it is `count` at time `now` (s)."""
         if self._since is None:
             self._since = now
-            self.last = now if count else None
+            self.last = now if count else self.last
         elif now - self._since >= _WINDOW:
             self.hz = (count - self._count) / (now - self._since)
             self.last = now if count > self._count else self.last
@@ -55,13 +55,35 @@ class _Count:
             return
         self._count = count
 
+    def rest(self) -> None:
+        """Note that there is nothing to count any more; what is counted next begins at 0."""
+        self.hz, self._count, self._since = 0.0, 0, None
+
+
+class _Counts:
+    """What a replica of a world took in and wrote."""
+
+    def __init__(self) -> None:
+        self.read, self.written = _Count(), _Count()
+        self._replica: Replica | None = None
+
+    def sample(self, replica: Replica | None, now: float) -> None:
+        """Note how far that of now has come; None if the world is not open."""
+        if replica is not self._replica:
+            self.read.rest()
+            self.written.rest()
+            self._replica = replica
+        if replica is not None:
+            self.read.sample(replica.received, now)
+            self.written.sample(replica.written, now)
+
 
 class Activity:
     """Follows what one agent does in its worlds; to be asked about once a second."""
 
     def __init__(self, agent: Agent) -> None:
         self._agent = agent
-        self._counts: dict[str, tuple[_Count, _Count]] = {}
+        self._counts: dict[str, _Counts] = {}
 
     def uses(self, now: float) -> list[WorldUse]:
         """What it does in each world at time `now` (s), by name of the world."""
@@ -69,22 +91,21 @@ class Activity:
         if not agent.uses_memory:
             return []
         reads, writes = agent.world_names()
-        opened = {memory.world_name: memory for memory in agent.memory.opened_worlds()}
+        opened = {memory.world_name: memory.replica for memory in agent.memory.opened_worlds()}
         names = {*reads, *writes, *(name for name in opened if name != BASE)}
+        self._counts = {name: self._counts.get(name) or _Counts() for name in names}
         return [self._use(name, opened.get(name), name in reads, name in writes, now) for name in sorted(names)]
 
-    def _use(self, name: str, memory: Memory | None, reads: bool, writes: bool, now: float) -> WorldUse:
-        read, written = self._counts.setdefault(name, (_Count(), _Count()))
-        if memory is not None:
-            read.sample(memory.replica.received, now)
-            written.sample(memory.replica.written, now)
-        wrote = memory is not None and memory.replica.written > 0
+    def _use(self, name: str, replica: Replica | None, reads: bool, writes: bool, now: float) -> WorldUse:
+        counts = self._counts[name]
+        counts.sample(replica, now)
+        wrote = replica is not None and replica.written > 0
         return WorldUse(
             world=name,
-            reads=reads or (memory is not None and not writes),
+            reads=reads or (replica is not None and not writes),
             writes=writes or (wrote and not reads),
-            read_hz=read.hz,
-            write_hz=written.hz,
-            last_read=read.last,
-            last_write=written.last,
+            read_hz=counts.read.hz,
+            write_hz=counts.written.hz,
+            last_read=counts.read.last,
+            last_write=counts.written.last,
         )

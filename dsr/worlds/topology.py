@@ -7,11 +7,10 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from dsr.keys import Keys
 from dsr.runtime.activity import WorldUse
 from dsr.runtime.status import Status, StatusBoard
-from dsr.transport import Subscription
-from dsr.worlds.registry import Record, WorldInfo, records
+from dsr.worlds.presence import WorldPresence
+from dsr.worlds.registry import WorldInfo
 
 if TYPE_CHECKING:
     from dsr.memory import Memory
@@ -36,7 +35,7 @@ class WorldEntry(msgspec.Struct, frozen=True):
     there: bool
     """False for one that agents only wait for."""
     providers: list[str]
-    """Agents that write it."""
+    """Agents that write it, and another process that made it and has it open."""
     readers: list[str]
     """Agents that read it, and other processes that have it open."""
     last_write: float | None
@@ -67,23 +66,31 @@ def topology(
         silent: agents that say nothing any more.
         present: by world the agents that have it open, whether they tell a status or not.
     """
-    quiet = set(silent)
-    clients = {
-        status.agent: ClientInfo(
-            status.agent, "silent" if status.agent in quiet else str(status.state), list(status.worlds)
-        )
-        for status in statuses
-    }
+    quiet, there = set(silent), {info.name: info for info in worlds}
+    clients = {status.agent: _client(status, status.agent in quiet) for status in statuses}
     for world, agents in (present or {}).items():
         for agent in set(agents) - {name for name, client in clients.items() if client.state}:
             known = clients.get(agent, ClientInfo(agent, "", []))
-            clients[agent] = ClientInfo(agent, "", [*known.uses, WorldUse(world=world, reads=True)])
+            use = _use_of(agent, there.get(world, WorldInfo(world)))
+            clients[agent] = ClientInfo(agent, "", [*known.uses, use])
     ordered = [clients[name] for name in sorted(clients)]
-    there = {info.name: info for info in worlds}
     named = {use.world for client in ordered for use in client.uses}
     missing = {name: WorldInfo(name) for name in sorted(named - there.keys())}
     entries = [_entry(info, info.name in there, ordered) for info in (*there.values(), *missing.values())]
     return Topology(entries, ordered)
+
+
+def _client(status: Status, is_silent: bool) -> ClientInfo:
+    """An agent by its status; one that says nothing any more does nothing any more."""
+    if not is_silent:
+        return ClientInfo(status.agent, str(status.state), list(status.worlds))
+    uses = [msgspec.structs.replace(use, read_hz=0.0, write_hz=0.0) for use in status.worlds]
+    return ClientInfo(status.agent, "silent", uses)
+
+
+def _use_of(agent: str, world: WorldInfo) -> WorldUse:
+    """What can be said of a process that has a world open and tells no status: it writes what it made."""
+    return WorldUse(world=world.name, reads=True, writes=agent == world.creator)
 
 
 def _entry(info: WorldInfo, there: bool, clients: list[ClientInfo]) -> WorldEntry:
@@ -110,49 +117,20 @@ class TopologyObserver:
         self._memory = memory
         self._but = frozenset(but)
         self._board = StatusBoard(memory.transport, memory.keys, memory.clock)
-        self._present: dict[str, set[str]] = {}
-        self._watches: dict[str, Subscription] = {}
-        self._follow()
+        self._presence = WorldPresence(memory)
 
     def look(self) -> Topology:
         """What is known now; statuses come once a second."""
-        self._follow()
+        self._presence.follow()
         heard = [found for name in self._board.agents() if name not in self._but and (found := self._board.get(name))]
         return topology(
             self._memory.worlds(),
             [one.status for one in heard],
             silent=[one.status.agent for one in heard if self._board.is_silent(one.status.agent)],
-            present=self._agents_present(),
+            present=self._presence.agents(but=self._but),
         )
 
     def close(self) -> None:
         """Listen no longer."""
         self._board.close()
-        for watch in self._watches.values():
-            watch.close()
-        self._watches = {}
-
-    def _follow(self) -> None:
-        """Look who is present in each world that there is."""
-        found = {record.channel: record for record in records(self._memory.replica.graph)}
-        for channel in self._watches.keys() - found.keys():
-            self._watches.pop(channel).close()
-        for channel in found.keys() - self._watches.keys():
-            self._watches[channel] = self._watch(found[channel])
-
-    def _watch(self, record: Record) -> Subscription:
-        keys = Keys(self._memory.graph_name, record.info.name, record.channel)
-        present = self._present[record.info.name] = set()
-
-        def note(key: str, alive: bool) -> None:
-            (present.add if alive else present.discard)(key)
-
-        return self._memory.transport.watch_presence(keys.presence(), note)
-
-    def _agents_present(self) -> dict[str, list[str]]:
-        """By world; a token's key ends with agent and replica id."""
-        names = [info.name for info in self._memory.worlds()]
-        return {
-            name: sorted({key.split("/")[-2] for key in list(self._present.get(name, ()))} - self._but)
-            for name in names
-        }  # fmt: skip
+        self._presence.close()

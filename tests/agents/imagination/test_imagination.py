@@ -87,6 +87,39 @@ def test_without_a_plan_that_works_none_stays(start: Start) -> None:
     assert "would fall to the floor" in lockstep.runner("imagination").agent.degraded
 
 
+@pytest.mark.parametrize("when", [1.5, 3.0])
+@pytest.mark.parametrize("plan", ["tower", "edge"])
+def test_a_plan_whose_world_somebody_deletes_is_not_chosen(start: Start, plan: str, when: float) -> None:
+    lockstep = start({**TOWER, "name": "later", "steps": ["pick cube_3", *TOWER["steps"]]}, TOWER, EDGE, hold=3.0)
+    run(lockstep, when)
+    lockstep.memory.delete_world(f"plan_{plan}")
+    run(lockstep, 7.0 - when)
+    chosen = "later" if plan == "tower" else "tower"
+    assert worlds(lockstep.memory) == ["base", f"plan_{chosen}"]
+    [told] = query(lockstep.memory.world(f"plan_{chosen}"), kind="adopted")
+    assert f"{plan}: world 'plan_{plan}' was deleted" in told.text
+    assert len(lockstep.memory.nodes("intention")) == 1
+
+
+def test_if_all_worlds_are_deleted_nothing_is_chosen(start: Start) -> None:
+    lockstep = start(TOWER, EDGE, hold=1.5)
+    run(lockstep, 2.0)
+    for plan in ("tower", "edge"):
+        lockstep.memory.delete_world(f"plan_{plan}")
+    run(lockstep, 3.0)
+    assert worlds(lockstep.memory) == ["base"] and not lockstep.memory.nodes("intention")
+    assert "world 'plan_edge' was deleted" in lockstep.runner("imagination").agent.degraded
+
+
+def test_a_world_that_is_followed_stays_when_its_plan_is_not_chosen(start: Start) -> None:
+    lockstep = start(TOWER, EDGE, hold=1.0)
+    run(lockstep, 1.5)
+    lockstep.memory.world("plan_edge").fork("watched", follow=True)
+    run(lockstep, 3.0)
+    assert worlds(lockstep.memory) == ["base", "plan_edge", "plan_tower", "watched"]
+    assert len(lockstep.memory.nodes("intention")) == 1
+
+
 def test_nothing_happens_before_the_scene_is_known(start: Start) -> None:
     lockstep = start({**TOWER, "steps": ["place cube_1 on cube_9"]})
     run(lockstep, 3.0)

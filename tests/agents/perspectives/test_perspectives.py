@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from agents.perspectives.view import carried
+from agents.perspectives.containment import carried, covers
 from dsr import LocalNetwork, ManualClock, Memory, Pose
 from dsr.timeline import kept_by, query
 from tests.agents.perspectives.conftest import COVER, TURNED, Table
@@ -87,7 +87,9 @@ def test_a_place_that_is_hidden_is_not_known_to_be_empty(table: Table) -> None:
     table.come("human_1", Pose((0.8, 0.0, 0.4), TURNED))
     table.run(1.0)
     assert table.place("human_1", "ball") == (200, -200, 20), "a false belief"
-    table.put("cover", Pose((0.2, -0.45, 0.04)))
+    table.put("cover", Pose((0.2, -0.2, 0.12)))
+    table.run(0.2)
+    table.put("cover", Pose((0.2, -0.45, 0.12)))
     table.run(1.0)
     assert table.place("human_1", "ball") is None
 
@@ -103,6 +105,55 @@ def test_what_is_in_something_goes_along_with_it(table: Table) -> None:
     table.run(1.0)
     assert table.view("human_1").node("ball")["perceived"] is False
     assert table.place("human_1", "ball") == (300, -200, 20)
+
+
+@pytest.mark.parametrize("taken", [False, True])
+def test_what_is_known_to_be_in_a_cover_follows_from_what_is_seen_alone(table: Table, taken: bool) -> None:
+    table.add("ball", "cube", Pose((0.2, -0.2, 0.02)), size=(0.04, 0.04, 0.04))
+    table.add("cover", "container", Pose((0.2, -0.45, 0.04)), size=(0.1, 0.1, 0.08), shape=COVER)
+    table.add("other", "container", Pose((0.2, 0.25, 0.04)), size=(0.1, 0.1, 0.08), shape=COVER)
+    table.run()
+    table.leave("human_1")
+    table.run()
+    table.put("cover", Pose((0.2, -0.2, 0.04)))
+    if taken:
+        table.put("ball", Pose((0.2, 0.25, 0.02)))
+    table.memory.add_edge("ball", "other" if taken else "cover", "in")
+    table.come("human_1", Pose((0.8, 0.0, 0.4), TURNED))
+    table.run()
+    view = table.view("human_1")
+    assert [edge.dst for edge in view.edges("in", src="ball")] == ["cover"]
+    table.put("cover", Pose((0.3, -0.2, 0.04)))
+    if not taken:
+        table.put("ball", Pose((0.3, -0.2, 0.02)))
+    table.run(1.0)
+    assert table.place("human_1", "ball") == (300, -200, 20) and view.node("ball")["present"] is True
+    assert [edge.dst for edge in view.edges("in", src="ball")] == ["cover"]
+
+
+def test_only_hollow_things_that_are_larger_cover_what_is_within_them() -> None:
+    with Memory("g", "tester", transport=LocalNetwork(ManualClock()).connect("a"), clock=ManualClock()) as memory:
+        cover = memory.add_node("cover", "container", size=(0.1, 0.1, 0.08), shape=COVER)
+        cup = memory.add_node("cup", "cup", size=(0.1, 0.1, 0.08))
+        block = memory.add_node("block", "box", size=(0.1, 0.1, 0.08))
+        cube = memory.add_node("cube", "cube", size=(0.04, 0.04, 0.04))
+        crate = memory.add_node("crate", "cube", size=(0.2, 0.2, 0.2))
+        there, within, beside = Pose((0.2, 0.0, 0.04)), Pose((0.2, 0.0, 0.02)), Pose((0.26, 0.0, 0.02))
+        assert covers(cover, there, cube, within) and covers(cup, there, cube, within)
+        assert not covers(cover, there, cube, beside) and not covers(cover, there, crate, within)
+        assert not covers(block, there, cube, within)
+
+
+def test_a_place_that_is_seen_through_an_open_side_is_not_in_a_cover(table: Table) -> None:
+    table.add("ball", "cube", Pose((0.2, -0.2, 0.02)), size=(0.04, 0.04, 0.04))
+    table.run()
+    table.memory.remove_node("ball")
+    on_its_side = Pose.from_rotvec((0.2, -0.2, 0.05), (0.0, -math.pi / 2, 0.0))
+    table.add("cover", "container", on_its_side, size=(0.1, 0.1, 0.08), shape=COVER)
+    table.run(0.2)
+    assert not table.view("human_1").edges("in")
+    table.run(1.0)
+    assert table.place("human_1", "ball") is None
 
 
 def test_what_a_lifted_cover_covered_stays_behind(table: Table) -> None:
@@ -163,6 +214,43 @@ def test_a_camera_has_a_view_too() -> None:
     table.lockstep.close()
 
 
+def test_names_that_are_nobodys_who_sees_have_no_world_and_are_told_once(caplog: pytest.LogCaptureFixture) -> None:
+    table = Table(of=("humn_1", "cube", "human_1", "late"))
+    table.add("cube", "cube", Pose((0.1, 0.0, 0.02)), size=(0.04, 0.04, 0.04))
+    table.come("human_1", Pose((0.8, 0.0, 0.4), TURNED))
+    table.run(1.0)
+    table.come("late", Pose((0.8, 0.1, 0.4), TURNED))
+    table.run(1.0)
+    table.memory.remove_node("human_1")
+    table.run(1.0)
+    assert [info.name for info in table.memory.worlds()] == ["base", "view_of_human_1", "view_of_late"]
+    warned = [record.getMessage() for record in caplog.records if "no camera or person" in record.getMessage()]
+    assert len(warned) == 3 and "did you mean 'human_1'" in warned[0] and "of type cube" in warned[1]
+    assert table.place("late", "cube") == HERE
+    table.lockstep.close()
+
+
+def test_a_view_that_cannot_be_kept_is_told_until_its_person_is_gone(table: Table) -> None:
+    name = "h" * 60
+    table.come(name, Pose((0.8, 0.1, 0.4), TURNED))
+    table.run()
+    agent = table.lockstep.runner("perspectives").agent
+    assert name in agent.degraded
+    table.memory.remove_node(name)
+    table.run()
+    assert agent.degraded == "" and table.place("human_1", "cube") == HERE
+
+
+def test_what_a_thing_does_not_look_like_any_more_is_forgotten(table: Table) -> None:
+    table.memory.update_node("cube", color=(1.0, 0.0, 0.0))
+    table.run()
+    assert table.view("human_1").node("cube")["color"] == (1.0, 0.0, 0.0)
+    table.memory.remove_attribute("cube", "color")
+    table.run()
+    assert "color" not in table.view("human_1").node("cube")
+    assert table.view("human_1").node("cube")["size"] == (0.04, 0.04, 0.04)
+
+
 def test_the_same_scene_gives_the_same_worlds() -> None:
     snapshots = []
     for _ in range(2):
@@ -206,6 +294,18 @@ def test_a_place_that_is_seen_to_be_empty_is_on_the_timeline(table: Table) -> No
     table.run(2.0)
     (gone,) = query(table.view("human_1"), kind="present", participants="cube")
     assert gone.end is not None and gone.outcome == "not there any more"
+
+
+def test_nothing_is_written_about_a_person_who_is_gone(table: Table) -> None:
+    table.memory.update_node("human_1", last_seen=table.lockstep.clock.now())
+    table.run()
+    table.leave("human_1")
+    table.run(2.0)
+    view = table.lockstep.runner("perspectives").agent.memory.world("view_of_human_1")
+    written = view.replica.written
+    table.run(2.0)
+    assert view.replica.written == written
+    assert view.node("human_1")["last_seen"] == table.memory.node("human_1")["last_seen"]
 
 
 def test_persons_hide_what_is_behind_them_and_are_seen(table: Table) -> None:

@@ -11,6 +11,7 @@ import pytest
 
 import dsr
 from dsr import ConfigError, Memory
+from dsr.clock import WALL_CLOCK
 
 
 def test_worlds_are_listed_with_where_they_come_from_and_how_large_they_are(
@@ -65,3 +66,15 @@ def test_worlds_that_nobody_holds_are_listed_as_such(memory: Memory, cli_json: C
     assert [(row["name"], row["held_by"]) for row in cli_json("worlds")] == [("base", 1), ("left", 0)]
     with pytest.raises(ConfigError, match="nobody holds it"):
         cli_json("diff", "base", "left")
+
+
+def test_many_worlds_that_nobody_holds_take_no_longer_than_one(memory: Memory, cli_json: Callable[..., Any]) -> None:
+    with dsr.connect("scene", agent="other") as other:
+        for number in range(6):
+            other.fork(f"left_{number}")
+        other.fork("above", of="left_0", follow=True)
+    memory.fork("idea")
+    begin = WALL_CLOCK.monotonic()
+    rows = cli_json("worlds")
+    assert WALL_CLOCK.monotonic() - begin < 4.0
+    assert {row["name"] for row in rows if row["held_by"]} == {"base", "idea"} and len(rows) == 9

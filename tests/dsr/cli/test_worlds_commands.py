@@ -66,7 +66,7 @@ def test_topology_shows_agents_and_other_processes(
         found = cli_json("topology")
         worlds = {world["info"]["name"]: world for world in found["worlds"]}
         assert worlds["copied"]["providers"] == ["copy"] and worlds["copied"]["readers"] == ["owner"]
-        assert worlds["base"]["readers"] == ["copy"]
+        assert worlds["base"]["readers"] == ["copy", "owner"]
         assert worlds["copied"]["last_write"] is not None
         text = cli("topology")
         assert "copied" in text and "copy" in text and "ready" in text

@@ -10,7 +10,7 @@ from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.status import State, Status
 from dsr.runtime.system import AgentSpec
 from dsr.worlds import Filter
-from dsr.worlds.topology import TopologyObserver, topology
+from dsr.worlds.topology import TopologyObserver, WorldEntry, topology
 
 
 class Talker(Agent):
@@ -55,4 +55,46 @@ def test_a_silent_agent_is_said_to_be_so() -> None:
     found = topology([WorldInfo("base"), WorldInfo("stable")], [status], silent=["physics"], present={"stable": ["x"]})
     assert [client.state for client in found.clients] == ["silent", ""]
     assert found.worlds[1].providers == ["physics"] and found.worlds[1].readers == ["x"]
-    assert found.worlds[1].last_write == 3.0
+    assert found.worlds[1].last_write == 3.0 and found.worlds[1].write_hz == 0.0
+
+
+class Scribe(Agent):
+    """Writes to the world `notes` while there is one."""
+
+    name = "scribe"
+    writes = Access(nodes=("cube",), attributes=("order",), worlds=("notes",))
+
+    def tick(self, now: float) -> None:
+        if any(info.name == "notes" for info in self.memory.worlds()):
+            self.memory.world("notes").add_node("cube_1", "cube", order=int(10 * now) % 1000)
+
+    @staticmethod
+    def world_names() -> tuple[tuple[str, ...], tuple[str, ...]]:
+        return (), ("notes",)
+
+
+def test_what_is_written_no_more_has_no_rate() -> None:
+    with Lockstep([AgentSpec("scribe", Scribe)], strict=True) as lockstep:
+        memory = lockstep.memory
+        with closing(TopologyObserver(memory)) as observer:
+
+            def notes() -> WorldEntry:
+                [entry] = [entry for entry in observer.look().worlds if entry.info.name == "notes"]
+                return entry
+
+            memory.create_world("notes")
+            lockstep.run_for(4.0)
+            assert notes().there and abs(notes().write_hz - 10.0) < 0.5
+            memory.delete_world("notes")
+            lockstep.run_for(3.0)
+            assert not notes().there and notes().write_hz == 0.0
+            memory.create_world("notes")
+            lockstep.run_for(4.0)
+            assert notes().there and abs(notes().write_hz - 10.0) < 0.5
+
+
+def test_processes_that_tell_no_status_read_what_they_have_open_and_write_what_they_made() -> None:
+    worlds = [WorldInfo("base"), WorldInfo("idea", creator="script"), WorldInfo("other", creator="physics")]
+    found = topology(worlds, [], present={"base": ["script"], "idea": ["script"], "other": ["script"]})
+    assert [entry.readers for entry in found.worlds] == [["script"]] * 3
+    assert [entry.providers for entry in found.worlds] == [[], ["script"], []]
