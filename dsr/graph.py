@@ -16,7 +16,7 @@ from dsr.crdt.store import Entry, Store
 from dsr.elements import Edge, Node, type_of
 from dsr.errors import EdgeNotFoundError, NodeNotFoundError, suggest
 from dsr.listener import Listener, NoListener
-from dsr.schema import Schema
+from dsr.schema import WORLD_RECORD, Schema
 from dsr.sharing import Groups, Sharing
 
 
@@ -37,6 +37,8 @@ class Graph(Sharing):
         self.edges_in: Groups[EdgeKey, Edge] = {}
         self.incident: Groups[EdgeKey, None] = {}  # not sets: runs of one seed are identical
         """Keys of edges by the names of their ends, visible or not."""
+        self.why_empty = ""
+        """For people, why it holds nothing."""
         self._unattached: dict[Dot, Entry] = {}
         self._listener: Listener = listener or NoListener()
         self._counter = 0
@@ -48,7 +50,8 @@ class Graph(Sharing):
         try:
             return self.nodes[name]
         except KeyError:
-            raise NodeNotFoundError(f"no node {name!r}; {suggest(name, self.nodes)}") from None
+            names = self.nodes.keys() - self.nodes_by_type.get(WORLD_RECORD, {}).keys()
+            raise NodeNotFoundError(f"no node {name!r}; {self.why_empty or suggest(name, names)}") from None
 
     def edge(self, src: str, dst: str, type: str) -> Edge:
         """The edge of this type from `src` to `dst`. Raises `EdgeNotFoundError`."""

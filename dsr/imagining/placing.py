@@ -50,9 +50,11 @@ def placed(base: Memory, world: Memory, name: str, relation: str, reference: str
         world_from_thing.
 
     Raises:
-        ConfigError: for names and relations that cannot be used.
+        ConfigError: for names and relations that cannot be used, and if both worlds are the same.
         ImaginationError: if there is no such place, with the last reason.
     """
+    if world.world_name == base.world_name:
+        raise ConfigError(f"what is imagined in {base.world_name!r} would be believed there: give a fork of it")
     box, around = _box(world, name), _around(world, reference)
     view = _view(world, relation, reference, viewpoint)
     boxes = read_scene(world).boxes

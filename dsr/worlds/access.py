@@ -208,6 +208,7 @@ class WorldAccess:
         self.close()
         with self._replica.lock:
             self._graph.clear()
+            self._graph.why_empty = f"world {self.world_name!r} was deleted"
             self._followers.frames = self._frames = FrameTree()
 
     def move(self, keys: Keys) -> None:

@@ -162,6 +162,11 @@ def test_a_balloon_that_nobody_has_seen_lies_behind_a_person(room: Room) -> None
     assert "balloon" not in room.memory
 
 
+def test_nothing_is_imagined_in_what_is_believed(room: Room) -> None:
+    with pytest.raises(ConfigError, match="'base' would be believed there: give a fork"):
+        room.think(placed(room.memory, room.memory, "cube_3", "behind", "cube_1", "human_1"))
+
+
 def test_what_would_fall_down_is_not_put_there(room: Room) -> None:
     with pytest.raises(ImaginationError, match="nowhere to put 'cube_3' on_top 'ball'"):
         room.think(placed(room.memory, room.fork(), "cube_3", "on_top", "ball"))

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from dsr import AgentError, ConfigError, Memory, Pose, WorldError, WorldInfo, WorldNotFoundError
+from dsr import AgentError, ConfigError, Memory, NodeNotFoundError, Pose, WorldError, WorldInfo, WorldNotFoundError
 from dsr.runtime.access import Access, WriteGuard
 from tests.dsr.conftest import Net, tabletop
 
@@ -265,3 +265,14 @@ def test_what_is_read_without_a_lock_never_shows_what_the_parent_writes(net: Net
         if last:
             break
     writer.join()
+
+
+def test_what_was_deleted_says_so_and_hints_name_no_records(net: Net) -> None:
+    a = net.join("a")
+    tabletop(a)
+    fork = a.fork("idea")
+    with pytest.raises(NodeNotFoundError, match="valid: cube_3, table, world"):
+        a.node("nothing")
+    a.delete_world("idea")
+    with pytest.raises(NodeNotFoundError, match="no node 'table'; world 'idea' was deleted"):
+        fork.node("table")
