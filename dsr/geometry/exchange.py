@@ -83,6 +83,8 @@ class MeshExchange:
         self._transport, self._keys, self._rid, self._clock = transport, keys, rid, clock
         self.threaded = threaded
         """Whether transfers go on by themselves."""
+        self.arrivals = 0
+        """How many meshes have come here: what depends on meshes is to be looked at again when that goes up."""
         self._counts: Counter[str] = Counter()
         self._transfers: OrderedDict[str, Transfer] = OrderedDict()
         self._begun: set[str] = set()
@@ -111,7 +113,9 @@ class MeshExchange:
 
     def put(self, mesh: Mesh) -> str:
         """Have a mesh for whoever asks; returns its hash."""
-        return self.store.put(mesh).hash
+        hash = self.store.put(mesh).hash
+        self.arrivals += 1
+        return hash
 
     def get(self, hash: str) -> Mesh | None:
         """The mesh if it is here; else None, and it is asked for. Raises `MeshError` for what is no hash."""
@@ -119,6 +123,11 @@ class MeshExchange:
         if mesh is None:
             self._transfer(hash)
         return mesh
+
+    def ask_again(self) -> None:
+        """Ask once more for the meshes that nobody gave when they were asked for, ever more seldom."""
+        for hash in list(self._failures):
+            self._transfer(hash)
 
     def wait(self, hash: str, timeout: float) -> Mesh:
         """The mesh, if necessary from elsewhere.
@@ -219,6 +228,7 @@ class MeshExchange:
         for transfer in done:
             if transfer.mesh is not None:
                 self.store.put(transfer.mesh)
+                self.arrivals += 1
             with self._lock:
                 self._begun.discard(transfer.hash)
                 del self._transfers[transfer.hash]

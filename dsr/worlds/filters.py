@@ -34,7 +34,10 @@ class Filter(Client):
     config: FilterConfig
 
     def accepts(self, node: Node) -> bool:
-        """Whether a node is passed on; asked whenever it changes. If it depends on more, see `refresh`."""
+        """Whether a node is passed on; asked whenever it changes, or a mesh has come here.
+
+        If it depends on more, see `refresh`.
+        """
         return True
 
     def accepts_edge(self, edge: Edge) -> bool:
@@ -56,7 +59,13 @@ class Filter(Client):
         conflict: Conflict = getattr(self.config, "conflict", "newest")
         self._mirror = Mirror(self.sources, self.target, self.accepts, self.accepts_edge, edit, conflict)
         self._mirror.look_at_all()
+        self._meshes = self.memory.meshes.arrivals
 
     def update(self, now: float) -> None:
         """Pass on what has changed; who overrides this calls it too."""
+        meshes = self.memory.meshes
+        meshes.ask_again()
+        if self._meshes != meshes.arrivals:
+            self._meshes = meshes.arrivals
+            self._mirror.look_at_all()
         self._mirror.update(self.changes())

@@ -10,7 +10,7 @@ from agents.filters.by_name import ByName
 from agents.filters.by_type import ByType
 from agents.filters.by_volume import ByVolume
 from agents.filters.pass_through import PassThrough
-from dsr import Agent, ConfigError, Memory, Pose, SchemaError
+from dsr import Agent, ConfigError, Memory, Mesh, Pose, SchemaError
 from dsr.runtime.config import convert
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec
@@ -55,6 +55,20 @@ def test_a_thing_that_grows_is_passed_on_then() -> None:
         lockstep.memory.update_node("cube_2", size=(0.1, 0.1, 0.1))
         lockstep.run_for(1.0)
         assert out.get_edge("world", "cube_2", "RT") is not None
+
+
+def test_a_thing_whose_mesh_comes_later_is_looked_at_again() -> None:
+    with Lockstep([AgentSpec("filter", ByVolume, {**WORLDS, "most": 1e-5})], strict=True) as lockstep:
+        scene(lockstep.memory)
+        corners = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)]
+        mesh = Mesh(corners, [(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)])
+        lockstep.memory.add_node("chair", "object", mesh=mesh.hash)
+        lockstep.run_for(1.0)
+        out = lockstep.memory.world("out")
+        assert "chair" in out
+        lockstep.memory.put_mesh(mesh)
+        lockstep.run_for(10.0)
+        assert "chair" not in out
 
 
 def test_wrong_configurations_are_refused() -> None:
