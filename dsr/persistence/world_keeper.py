@@ -12,11 +12,13 @@ import contextlib
 import logging
 import shutil
 import threading
+from collections.abc import Collection
 from pathlib import Path
 
 from dsr.errors import DsrError
 from dsr.keys import BASE
 from dsr.memory import Memory
+from dsr.persistence.generations import Generations
 from dsr.persistence.keeper import StateKeeper
 
 PERIOD = 0.25
@@ -79,7 +81,7 @@ class WorldKeeper:
         """Keep what is new in the list, and drop what is not in it any more."""
         with self._looking:
             channels = self._memory.world_channels()
-            wanted = {self._folder / name / channel: name for name, channel in channels.items() if name != BASE}
+            wanted = {self._folder / name / channels[name]: name for name in self._parents_first(channels)}
             for folder in [folder for folder in self._keepers if folder not in wanted]:
                 self._keepers.pop(folder).close()
             self._remove_others(set(wanted))
@@ -87,9 +89,22 @@ class WorldKeeper:
                 if folder not in self._keepers and folder not in self._refused:
                     self._keep(name, folder)
 
+    def _parents_first(self, names: Collection[str]) -> list[str]:
+        """Overlays after what they show, which is opened with them."""
+        parents = {info.name: info.looks_through_to for info in self._memory.worlds()}
+        ordered: dict[str, None] = {}
+        for name in sorted(set(names) - {BASE}):
+            chain: list[str] = []
+            at: str | None = name
+            while at is not None and at in names and at not in chain:
+                chain.append(at)
+                at = parents.get(at)
+            ordered |= dict.fromkeys(reversed(chain))
+        return list(ordered)
+
     def _keep(self, name: str, folder: Path) -> None:
         try:
-            world = self._memory.hold_world(name)
+            world = self._memory.hold_world(name, content=Generations(folder).restored())
             self._keepers[folder] = StateKeeper(world, folder, threaded=self._threaded)
         except DsrError as error:  # try again, unless the folder is what is wrong
             _log.warning("world %r is not kept: %s", name, error)

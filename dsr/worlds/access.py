@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from dsr.clock import Clock
 from dsr.crdt.context import Dot
-from dsr.crdt.delta import TOMBSTONE, Write
+from dsr.crdt.delta import TOMBSTONE, Delta, Write
 from dsr.elements import Edge, Node
 from dsr.followers import Followers
 from dsr.frames import FrameTree
@@ -105,14 +105,16 @@ class WorldAccess:
         """
         return self._worlds.fork(name, of or self.world_name, follow=follow, timeout=timeout)
 
-    def hold_world(self, name: str, *, timeout: float = TIMEOUT) -> Memory:
+    def hold_world(self, name: str, *, content: Iterable[Delta] = (), timeout: float = TIMEOUT) -> Memory:
         """The world `name`, with nothing in it if nobody holds it any more: for whoever has kept its state.
+
+        With `content`, what was kept of it, the world has that from the first moment, and nobody is waited for.
 
         Raises:
             WorldNotFoundError: if it is not in the list.
             TransportError: if those who hold it do not answer within `timeout` s.
         """
-        return self._worlds.hold(name, timeout)
+        return self._worlds.hold(name, timeout, tuple(content))
 
     def world_channels(self) -> dict[str, str]:
         """Names of the worlds beside the base, each with what tells it from others that ever had its name."""

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from dsr.crdt.delta import Delta
 from dsr.errors import TransportError, WorldError, WorldNotFoundError, suggest
 from dsr.followers import Followers
 from dsr.frames import FrameTree
@@ -53,6 +54,8 @@ class Seat:
     worlds: Worlds
     source: Memory | None
     """The world that it begins as; None for an empty one."""
+    content: tuple[Delta, ...] = ()
+    """What was kept of it, with which it begins, too."""
 
     def keys(self, graph: str) -> Keys:
         """The keys of the world."""
@@ -72,6 +75,13 @@ class Seat:
 
     def graph(self, followers: Followers) -> Graph:
         """What the world holds at first."""
+        graph = self._begun(followers)
+        for delta in self.content:
+            graph.join(delta)
+        self.content = ()
+        return graph
+
+    def _begun(self, followers: Followers) -> Graph:
         if self.source is None:
             return Graph(self.rid, self.worlds.base.schema, followers)
         parent = self.source.replica.graph
@@ -120,12 +130,13 @@ class Worlds:
         """Names of all worlds but the base, with the channels on which their replicas meet."""
         return {record.info.name: record.channel for record in records(self.base.replica.graph)}
 
-    def hold(self, name: str, timeout: float) -> Memory:
+    def hold(self, name: str, timeout: float, content: tuple[Delta, ...] = ()) -> Memory:
         """See `Memory.hold_world`."""
         with self._opening:
-            with contextlib.suppress(WorldNotFoundError):
-                return self.open(name, timeout)
-            memory = self._join(name, timeout)
+            if not content or name in self._open:
+                with contextlib.suppress(WorldNotFoundError):
+                    return self.open(name, timeout)
+            memory = self._join(name, timeout, content)
             memory.replica.synchroniser.nobody_there()
             return memory
 
@@ -145,7 +156,7 @@ class Worlds:
                 raise
             return memory
 
-    def _join(self, name: str, timeout: float) -> Memory:
+    def _join(self, name: str, timeout: float, content: tuple[Delta, ...] = ()) -> Memory:
         """Take part in a world that is listed; its parent, too, if it looks through to that."""
         record = self._record(name)
         info, graph = record.info, self.base.replica.graph
@@ -154,7 +165,7 @@ class Worlds:
         if circle := circle_of(graph, record):
             raise WorldNotFoundError(f"world {name!r} is empty: {', '.join(circle)} show one another; delete one")
         below = self.hold(info.parent, timeout) if info.follows and info.parent is not None else None
-        return self._take_seat(record, below)
+        return self._take_seat(record, below, content=content)
 
     def create(self, name: str, *, exist_ok: bool, timeout: float) -> Memory:
         """See `Memory.create_world`."""
@@ -201,10 +212,12 @@ class Worlds:
         self._count += 1
         return f"{self.base.rid}w{self._count}"
 
-    def _take_seat(self, record: Record, source: Memory | None, rid: str = "") -> Memory:
+    def _take_seat(
+        self, record: Record, source: Memory | None, rid: str = "", content: tuple[Delta, ...] = ()
+    ) -> Memory:
         from dsr.memory import Memory
 
-        seat = Seat(record, rid or self._new_rid(), self, source)
+        seat = Seat(record, rid or self._new_rid(), self, source, content)
         base = self.base
         with self.lock:
             memory = Memory(

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
+
+import pytest
 
 from dsr import Memory
 from dsr.persistence.world_keeper import WorldKeeper
@@ -61,3 +64,25 @@ def test_a_deleted_world_leaves_no_files_and_does_not_come_back(net: Net, tmp_pa
     keeper.flush()
     again, _ = kept(after_a_crash(net, keeper), tmp_path)
     assert "old" not in again.world("w") and "world" in again.world("w")
+
+
+def test_nobody_sees_a_world_before_it_is_restored(net: Net, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    memory, keeper = kept(net, tmp_path)
+    tabletop(memory)
+    plan = memory.fork("plan")
+    plan.fork("above", follow=True).add_node("ghost", "ball")
+    plan.add_node("cup", "cube")
+    net.pump(1.0)
+    keeper.flush()
+    seen: dict[str, set[str]] = {}
+    hold = Memory.hold_world
+
+    def looked_at(self: Memory, name: str, **options: Any) -> Memory:
+        held = hold(self, name, **options)
+        seen[name] = {node.name for node in held.nodes()}
+        return held
+
+    monkeypatch.setattr(Memory, "hold_world", looked_at)
+    kept(after_a_crash(net, keeper), tmp_path)
+    assert seen["plan"] == {"world", "table", "cube_3", "cup"}
+    assert seen["above"] == {*seen["plan"], "ghost"}
