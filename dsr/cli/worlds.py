@@ -5,13 +5,24 @@ from __future__ import annotations
 import contextlib
 import threading
 from datetime import datetime
-from typing import Any
+from typing import Annotated, Any
 
 import typer
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from dsr.cli.common import GraphOption, JsonOption, RouterOption, SecurityOption, console, print_json, reading, shown
+from dsr.cli.common import (
+    GraphOption,
+    JsonOption,
+    RouterOption,
+    SecurityOption,
+    console,
+    naming,
+    print_json,
+    reading,
+    shown,
+    writing,
+)
 from dsr.clock import WALL_CLOCK
 from dsr.errors import TransportError, WorldNotFoundError
 from dsr.keys import BASE
@@ -31,11 +42,22 @@ _LOOK_AGAIN = 0.02
 @app.command()
 def worlds(
     graph: GraphOption = None,
+    delete: Annotated[
+        list[str] | None, typer.Option("--delete", metavar="WORLD", help="Delete this world; may be repeated.")
+    ] = None,
     as_json: JsonOption = False,
     router: RouterOption = None,
     security: SecurityOption = None,
 ) -> None:
-    """List the worlds of the running graph: what each was forked from or follows, who made it, when, and its size."""
+    """List the worlds of the running graph: what each was forked from or follows, who made it, when, and its size.
+
+    With --delete, delete worlds instead, also those that nobody holds any more: every process drops them.
+    """
+    if delete:
+        with writing(graph, router, security, "dsr") as memory, naming():
+            for name in delete:
+                memory.delete_world(name)
+        return
     with reading(graph, router, security) as memory:
         held = _held(memory)
         rows = [_summary(memory, info, info.name in held) for info in memory.worlds()]

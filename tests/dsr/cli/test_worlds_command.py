@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 import dsr
-from dsr import ConfigError, Memory
+from dsr import ConfigError, DsrError, Memory
 from dsr.clock import WALL_CLOCK
 
 
@@ -26,6 +26,19 @@ def test_worlds_are_listed_with_where_they_come_from_and_how_large_they_are(
     assert (view["nodes"], view["follows"]) == (4, True)
     text = cli("worlds")
     assert "fork of base" in text and "follows base" in text
+
+
+def test_worlds_are_deleted(memory: Memory, cli: Callable[..., str]) -> None:
+    idea = memory.fork("idea")
+    idea.fork("view", follow=True)
+    with dsr.connect("scene", agent="other") as other:
+        other.fork("left")
+    for name, error in (("idaa", "did you mean 'idea'"), ("idea", "followed by view"), ("base", "cannot be deleted")):
+        with pytest.raises(DsrError, match=error):
+            cli("worlds", "--delete", name)
+    cli("worlds", "--delete", "view", "--delete", "idea", "--delete", "left")
+    assert memory.replica.wait_until(lambda: [world.name for world in memory.worlds()] == ["base"], 5.0)
+    assert idea.closed
 
 
 def test_other_worlds_are_looked_into_with_an_option(
