@@ -12,7 +12,8 @@ from benchmarks.rows import Spec, number
 from benchmarks.timing import duration, percentile
 from dsr import Memory
 
-_GRAPH, _WRITTEN = 10_000, 1000
+_GRAPH = 10_000
+_WRITTEN_NAMES = [workload.name(index) for index in range(1000)]
 _FORK = "memory.fork of 10 000 nodes and as many edges; the least of several"
 FORK = Spec("fork of a world of 10 000 nodes", "ms", 2.0, about=_FORK)
 OVERLAY = Spec("overlay of a world of 10 000 nodes", "ms", 2.0, about=_FORK)
@@ -62,13 +63,13 @@ def measure(run: Run) -> None:
 def _written(memory: Memory) -> Memory:
     """An overlay that says something of 1000 nodes."""
     overlay = memory.fork("written", follow=True)
-    for index in range(_WRITTEN):
-        overlay.update_node(workload.name(index), order=index)
+    for index, name in enumerate(_WRITTEN_NAMES):
+        overlay.update_node(name, order=index)
     return overlay
 
 
 def _read_written(memory: Memory) -> list[object]:
-    return [memory.node(workload.name(index)).get("order") for index in range(_WRITTEN)]
+    return [memory.node(name).get("order") for name in _WRITTEN_NAMES]
 
 
 def _reads() -> dict[str, tuple[Spec, Callable[[Memory], object]]]:
