@@ -114,12 +114,15 @@ def read_record(node: Node) -> Record | None:
 
 
 def is_orphan(graph: Graph, record: Record) -> bool:
-    """Whether the world that an overlay shows was deleted, or deleted and made anew."""
-    parent = record.info.looks_through_to
-    if parent is None or parent == BASE:
-        return False
-    found = find_record(graph, parent)
-    return found is None or not _shows(record, found)
+    """Whether the world that an overlay shows, or one that this shows, was deleted, or deleted and made anew."""
+    passed: set[str] = set()
+    while (parent := record.info.looks_through_to) is not None and parent != BASE and parent not in passed:
+        passed.add(parent)
+        found = find_record(graph, parent)
+        if found is None or not _shows(record, found):
+            return True
+        record = found
+    return False
 
 
 def followers_of(graph: Graph, record: Record) -> list[Record]:

@@ -144,15 +144,17 @@ def test_an_overlay_made_while_its_parent_was_deleted_goes_and_no_later_world_is
     net.pump(0.5)
     b.world("plan")
     overlay = b.fork("view", of="plan", follow=True)
+    above = overlay.fork("above", follow=True)
     a.delete_world("plan")
     net.pump(0.5)
-    assert overlay.closed
+    assert overlay.closed and above.closed
     a.create_world("plan")
     net.pump(0.5)
     for memory in (a, b):
         with pytest.raises(WorldNotFoundError, match="'plan', which was deleted; delete 'view', too"):
             memory.world("view")
     a.delete_world("plan")
+    b.delete_world("above")
     b.delete_world("view")
     net.pump(0.5)
     assert [world.name for world in b.worlds()] == ["base"]
