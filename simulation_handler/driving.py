@@ -10,7 +10,7 @@ The way is played a little late, smoothed, so that noise shakes nothing and no b
 from __future__ import annotations
 
 import math
-from collections.abc import Set
+from collections.abc import Sequence, Set
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 
@@ -56,7 +56,7 @@ _THE_SAME_WAY = 0.7  # cosine
 _ARRIVED = 0.004  # m
 _STUCK = 1.0  # s after which a body that cannot get where it is seen is driven no more
 _VAGUE: Array = np.diag((1e-5, 1e-5, 1e-4))  # m^2, of what is unseen in a hand
-_NEARER = 0.015  # m that an upright stand must be nearer to what is seen than a lean that a hand tells, to be believed
+_NEARER = 0.015  # m that a stand must be nearer to what is seen than a lean that a hand tells, to be believed
 _ALIKE = 0.5  # of the way that a load was seen to take, by which that of what it stands on is another one
 _SURELY_APART = 0.03  # m of its way, from which a load is seen to leave what it stands on
 _BESIDE = 0.02  # m of height that both bodies share, from which neither stands on the other
@@ -267,9 +267,11 @@ class Driving:
         seen, others = item.solid(pose.t, pose.q), list(scene.values())
         placement = place(seen, covariance, others, config)
         if not (placement.rests or item.shows_tilt):  # its hand says how it leans
-            upright = place(seen.face_down()[0], covariance, others, config)
-            if upright.rests and _shift(seen, upright) + _NEARER < _shift(seen, placement):
-                placement = upright
+            as_before = place(item.solid(pose.t, drive.begin.q), covariance, others, config)
+            fallen = place(seen.face_down()[0], covariance, others, config)
+            is_upright = as_before.solid.face_down()[1] < self._config.tilt_tolerance
+            stands = [as_before] * is_upright + [fallen] * fallen.rests
+            placement = _stands_or_leans(seen, placement, stands)
         drive.end, drive.supports = placement.solid.pose, placement.supports
         item.hovering_since = None if drive.rests else (item.hovering_since or self._now)
 
@@ -300,6 +302,13 @@ def _goes_with_hand(item: BelievedObject, position: Vector3) -> bool:
     by_hand, by_itself = np.subtract(item.place_by_hand, position), np.subtract(item.path.last.t, position)
     ways = float(np.linalg.norm(by_hand)), float(np.linalg.norm(by_itself))
     return min(ways) > _ASTRAY_BOTH and float(by_hand @ by_itself) > _THE_SAME_WAY * math.prod(ways)
+
+
+def _stands_or_leans(seen: Solid, leaning: Placement, stands: Sequence[Placement]) -> Placement:
+    """The stand nearest to what is seen, unless the lean that a hand tells is as near and does not reach below it."""
+    upright = min(stands, key=lambda stand: _shift(seen, stand), default=leaning)
+    sunk = max(upright.solid.bottom - leaning.solid.bottom, 0.0)
+    return upright if _shift(seen, upright) + _NEARER < _shift(seen, leaning) + sunk else leaning
 
 
 def _shift(seen: Solid, placement: Placement) -> float:

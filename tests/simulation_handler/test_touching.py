@@ -202,15 +202,33 @@ def test_a_hand_does_not_tilt_what_is_seen_to_be_upright(seen: bool) -> None:
     assert tilt < 0.1 if seen else tilt > 0.4
 
 
-@pytest.mark.parametrize("lifted", [False, True])
-def test_a_hand_does_not_tilt_what_is_seen_to_stand(lifted: bool) -> None:
-    world = cup_in_a_hand()
+def recognized_by_colour(world: Occlusion) -> None:
+    """Percepts are exact, and tell no rotation."""
     covariance = np.diag([4e-6] * 3 + [math.pi**2] * 3)
 
     def percept(name: str) -> Pose:
         return Pose(world.truths[name].t, world.truths[name].q, world.now, covariance)
 
     world.percept = percept  # type: ignore[method-assign]
+
+
+@pytest.mark.parametrize("lean", [0.45, 0.7, 1.0])
+def test_a_hand_does_not_tilt_what_is_seen_to_be_pulled_over_the_edge(lean: float) -> None:
+    world = cup_in_a_hand()
+    recognized_by_colour(world)
+    world.move("cup", standing(0.3, -0.5, SMALL))
+    world.hand_from_object = Pose.from_rotvec(world.hand_from_object.t, (0.0, lean, 0.0))
+    world.place_hand()
+    for step in range(8):
+        world.move("cup", standing(0.3, -0.52 - 0.013 * step, SMALL))
+        assert _tilt(world.pose("cup").q) < 0.1
+        assert world.error("cup") < 0.03
+
+
+@pytest.mark.parametrize("lifted", [False, True])
+def test_a_hand_does_not_tilt_what_is_seen_to_stand(lifted: bool) -> None:
+    world = cup_in_a_hand()
+    recognized_by_colour(world)
     height = 0.2 if lifted else 0.0
     world.move("cup", standing(0.3, -0.05, SMALL, on=height))
     world.hand_from_object = Pose.from_rotvec(world.hand_from_object.t, (0.0, 0.45, 0.0))
