@@ -13,6 +13,7 @@ from dsr.cli.common import (
     JsonOption,
     RouterOption,
     SecurityOption,
+    WorldOption,
     console,
     errors,
     naming,
@@ -21,6 +22,7 @@ from dsr.cli.common import (
     shown,
 )
 from dsr.errors import ConfigError, suggest
+from dsr.keys import BASE
 from dsr.spatial import SPATIAL, checked_relations, read_scene, read_view
 from dsr.spatial.scene import check_no_view
 
@@ -37,6 +39,7 @@ def relations(
     kinds: Annotated[
         list[str] | None, typer.Option("--relation", "-r", help=f"Only these: {', '.join(SPATIAL)}. May be repeated.")
     ] = None,
+    world: WorldOption = BASE,
     graph: GraphOption = None,
     as_json: JsonOption = False,
     router: RouterOption = None,
@@ -49,7 +52,7 @@ def relations(
     wanted = checked_relations(kinds) if kinds else None
     if wanted and viewpoint is None:
         check_no_view(wanted, "name a camera or frame with --from")
-    with reading(graph, router, security) as memory:
+    with reading(graph, router, security, world) as memory:
         with naming():
             view = None if viewpoint is None else read_view(memory, viewpoint)
             for name in names or ():

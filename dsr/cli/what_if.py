@@ -15,6 +15,7 @@ from dsr.cli.common import (
     JsonOption,
     RouterOption,
     SecurityOption,
+    WorldOption,
     console,
     naming,
     print_json,
@@ -22,6 +23,8 @@ from dsr.cli.common import (
     shown,
 )
 from dsr.errors import ConfigError
+from dsr.imagining import differences
+from dsr.keys import BASE
 from dsr.transforms import Pose
 from dsr.what_if import MAX_SECONDS, TIMEOUT, Answer, Change, Question, WhatIf
 
@@ -41,19 +44,25 @@ def what_if(
     remove: Annotated[list[str] | None, typer.Option(metavar="NAME", help="Take an object away.")] = None,
     seconds: Annotated[float, typer.Option(min=0.0, max=MAX_SECONDS, help="How long to simulate (s).")] = 1.0,
     timeout: Annotated[float, typer.Option(min=0.1, help="How long to wait for the answer (s).")] = TIMEOUT,
+    world: WorldOption = BASE,
     graph: GraphOption = None,
     as_json: JsonOption = False,
     router: RouterOption = None,
     security: SecurityOption = None,
 ) -> None:
-    """Simulate the belief some seconds on, from now, with changes; neither belief nor world is disturbed."""
+    """Simulate the belief some seconds on, from now, with changes; neither belief nor world is disturbed.
+
+    With --world, the scene of another world is simulated, which nothing is written into either.
+    """
     changes = [parsed_placing(text) for text in place or ()]
     changes += [Change.hold(name) for name in hold or ()]
     changes += [Change.remove(name) for name in remove or ()]
-    with reading(graph, router, security) as memory:
+    with reading(graph, router, security, world) as memory:
         with naming():
             for change in changes:
                 memory.node(change.object)
+        if world != BASE:
+            changes = [*differences(memory.world(BASE), memory), *changes]
         asker = WhatIf(memory.transport, memory.keys, memory.clock, timeout)
         answer = asker.ask_and_wait(Question(seconds, tuple(changes)))
     if as_json:

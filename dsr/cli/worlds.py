@@ -57,6 +57,8 @@ def worlds(
         with writing(graph, router, security, "dsr") as memory, naming():
             for name in delete:
                 memory.delete_world(name)
+        if as_json:
+            print_json([{"deleted": name} for name in delete])
         return
     with reading(graph, router, security) as memory:
         held = _held(memory)

@@ -44,3 +44,9 @@ def test_wrong_names_are_told(
     memory.add_node("cube_free", "cube")
     with pytest.raises(ConfigError, match=expected):
         cli("relations", *arguments)
+
+
+def test_relations_in_another_world(memory: Memory, cli_json: Callable[..., Any]) -> None:
+    memory.fork("idea").add_edge("world", "cube_4", "Virtual_RT", pose=Pose((0.4, 0.5, 0.02)))
+    assert cli_json("relations", "cube_4", "-r", "next_to", "--world", "idea") == []
+    assert len(cli_json("relations", "cube_4", "-r", "next_to")) == 1

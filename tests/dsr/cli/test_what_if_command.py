@@ -1,11 +1,16 @@
-"""`dsr what-if`: how a place is written."""
+"""`dsr what-if`: how a place is written, and the scenes of other worlds."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import pytest
 
+from dsr import Memory, Pose
 from dsr.cli.what_if import parsed_placing
 from dsr.errors import ConfigError
+from dsr.what_if import SERVICE, Answer, Change, decode_question, encode_answer
 
 
 @pytest.mark.parametrize("text", ["cube_3", "=1,2,3", "cube_3=0.3,0.1", "cube_3=0.3,x,0.1", "cube_3=1,2,3,4,5"])
@@ -22,3 +27,28 @@ def test_numbers_that_are_no_pose_are_told(text: str, why: str) -> None:
 
 def test_a_yaw_and_a_quaternion_are_read() -> None:
     assert parsed_placing("a=1,2,3,0").pose == parsed_placing("a=1,2,3,0,0,0,1").pose
+
+
+def test_the_scene_of_another_world_is_simulated(memory: Memory, cli_json: Callable[..., Any]) -> None:
+    asked: list[tuple[Change, ...]] = []
+    answer = Answer(seconds=1.0, at_rest=True, poses={"cube_3": (0.4, 0.0, 0.02, 0.0, 0.0, 0.0, 1.0)})
+
+    def reply(_key: str, payload: bytes) -> bytes:
+        asked.append(decode_question(payload).changes)
+        return encode_answer(answer)
+
+    memory.transport.serve(memory.keys.service(SERVICE), reply)
+    idea = memory.fork("idea")
+    idea.add_edge("world", "cube_3", "Virtual_RT", pose=Pose((0.2, 0.0, 0.02)))
+    idea.add_node("cube_9", "cube", size=(0.04, 0.04, 0.04))
+    idea.add_edge("world", "cube_9", "Virtual_RT", pose=Pose((0.5, 0.0, 0.02)))
+    assert cli_json("what-if", "--hold", "cube_3")["poses"].keys() == {"cube_3"}
+    cli_json("what-if", "--world", "idea", "--hold", "cube_9")
+    plain, imagined = asked
+    assert plain == (Change.hold("cube_3"),)
+    assert [(change.action, change.object) for change in imagined] == [
+        ("place", "cube_3"), ("add", "cube_9"), ("hold", "cube_9")
+    ]  # fmt: skip
+    assert imagined[0].pose == (0.2, 0.0, 0.02, 0.0, 0.0, 0.0, 1.0)
+    with pytest.raises(ConfigError, match="cube_9"):
+        cli_json("what-if", "--hold", "cube_9")

@@ -36,7 +36,8 @@ def test_worlds_are_deleted(memory: Memory, cli: Callable[..., str]) -> None:
     for name, error in (("idaa", "did you mean 'idea'"), ("idea", "followed by view"), ("base", "cannot be deleted")):
         with pytest.raises(DsrError, match=error):
             cli("worlds", "--delete", name)
-    cli("worlds", "--delete", "view", "--delete", "idea", "--delete", "left")
+    cli("worlds", "--delete", "view", "--delete", "idea")
+    assert json.loads(cli("worlds", "--delete", "left", "--json")) == [{"deleted": "left"}]
     assert memory.replica.wait_until(lambda: [world.name for world in memory.worlds()] == ["base"], 5.0)
     assert idea.closed
 
@@ -58,8 +59,10 @@ def test_other_worlds_are_looked_into_with_an_option(
 
 
 @pytest.mark.parametrize(
-    "command", [("ls",), ("show", "cube_3"), ("tree",), ("watch",), ("save", "none.json"), ("visibility",)]
-)
+    "command",
+    [("ls",), ("show", "cube_3"), ("tree",), ("watch",), ("save", "none.json"), ("visibility",), ("relations",),
+     ("what-if",)],
+)  # fmt: skip
 def test_worlds_that_are_not_there_any_more_are_clear_errors(
     memory: Memory, cli: Callable[..., str], command: tuple[str, ...]
 ) -> None:
