@@ -18,7 +18,7 @@ from dsr.geometry.model import Geometry, RawNode
 _HEADER = struct.Struct("<4sIIII")
 _MAGIC, _VERSION, _JSON = b"glTF", 2, 0x4E4F534A
 _MOST_NUMBERS = 1 << 26  # in all accessors: one without data stands for as many zeros
-_LIST, _STRIP = 4, 5  # modes of primitives that are triangles
+_LIST, _STRIP, _FAN = 4, 5, 6  # modes of primitives that are triangles
 _COMPRESSED = {"KHR_draco_mesh_compression": "Draco", "EXT_meshopt_compression": "meshopt"}
 _BASE = "world"  # the frame that trimesh puts above all others
 
@@ -169,6 +169,8 @@ def _check_readable(content: _Content) -> None:
         raise MeshError("no valid GLB: vertices or indices without data")
     if any(accessor.sparse is not None for accessor in accessors):
         raise MeshError("has vertices or indices as sparse accessors, which are not read; write them in full")
+    if any(one.mode == _FAN for one in primitives):
+        raise MeshError("has triangles as fans, which are not read; write them one by one")
     if any(content.accessors[index].normalized for index in positions):
         raise MeshError("has quantised vertices (normalized), which are not read; write them as floats")
 

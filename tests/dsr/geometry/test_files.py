@@ -291,6 +291,7 @@ def test_a_glb_that_is_compressed_or_sparse_is_refused(
         "without data": without_data,
         "sparse": lambda header: position(header).update(sparse={"count": 1}),
         "quantised": lambda header: position(header).update(normalized=True),
+        "fans": lambda header: header["meshes"][0]["primitives"][0].update(mode=6),
     }
     for message, change in cases.items():
         with pytest.raises(ConfigError, match=message):
