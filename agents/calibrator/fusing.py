@@ -16,6 +16,8 @@ MOST_INDEPENDENT = 4
 
 Rotations do not average out at all: depth images tilt all tags alike, and always so.
 """
+CORNERS = 0.006
+"""rad, by which all percepts of a tag from one place are turned: its corners are found beside where they are."""
 _ENOUGH = 8  # percepts whose scatter tells how large the noise of depth is
 _DOUBT = 2.0  # that variance may be so much larger, for there are few of them
 _LONG = 2.0  # ratio of standard deviations from which the longest axis may be taken for the viewing ray
@@ -41,6 +43,7 @@ def fuse(percepts: Sequence[Pose], depth_bias: float, depth_scatter: float) -> P
     each = np.repeat([1.0 / math.sqrt(counted), 1.0], 3)
     covariance = _without(percepts[middle].covariance, ray, excess) * np.outer(each, each)
     covariance[:3, :3] += depth_scatter**2 * np.outer(ray, ray)
+    covariance[3:, 3:] += CORNERS**2 * np.eye(3)
     return pose.with_covariance(covariance)
 
 

@@ -24,6 +24,7 @@ _NEARLY = 0.03  # m, likewise for a motion that was guessed from a single object
 _TURNED = 0.3  # rad, likewise
 _SURE_OF_ROTATION = 0.75  # rad^2, trace of a rotation's covariance up to which a percept tells it
 _ROUNDS = 4
+_SAME_FRAME = 0.15  # s between percepts of one moment
 
 
 def explained_by_camera(situation: Situation) -> frozenset[str]:
@@ -31,7 +32,7 @@ def explained_by_camera(situation: Situation) -> frozenset[str]:
 
     Empty if those are fewer than `FEWEST` or not most of all that are seen.
     """
-    names = _comparable(situation)
+    names = comparable(situation)
     best: frozenset[str] = frozenset()
     for name in names if len(names) >= FEWEST else ():
         found = _consensus(situation, names, _motion(situation, [name]))
@@ -48,23 +49,29 @@ def corrected(situation: Situation, hypothesis: Hypothesis) -> Situation:
     """
     if not hypothesis.camera_moved:
         return situation
-    names = [n for n in _comparable(situation) if n not in hypothesis.moved and n not in hypothesis.kept]
+    fresh = _fresh(situation)
+    names = [n for n in comparable(situation) if n not in hypothesis.moved and n not in hypothesis.kept]
     if not names:
         return situation
     rotation, shift = _motion(situation, names)
-    seen = {name: _carried(seen, situation, rotation, shift) for name, seen in situation.seen.items()}
-    return replace(situation, seen=seen)
+    carried = {name: _carried(situation.seen[name], situation, rotation, shift) for name in fresh}
+    return replace(situation, seen={**situation.seen, **carried})
 
 
-def _comparable(situation: Situation) -> list[str]:
-    """Objects that are seen, and believed somewhere."""
-    return sorted(situation.seen.keys() & situation.believed.keys())
+def comparable(situation: Situation) -> list[str]:
+    """Objects that are believed somewhere, and seen just now: older percepts may be from before the camera moved."""
+    return sorted(_fresh(situation) & situation.believed.keys())
+
+
+def _fresh(situation: Situation) -> set[str]:
+    latest = min((seen.age for seen in situation.seen.values()), default=0.0)
+    return {name for name, seen in situation.seen.items() if seen.age - latest <= _SAME_FRAME}
 
 
 def _consensus(situation: Situation, names: Sequence[str], motion: tuple[Array, Array]) -> frozenset[str]:
     """The objects that agree with a motion like this one: looked for roughly first, then closely."""
     rotation, shift = motion
-    agreeing = {name for name in names if _is_near(situation, name, rotation, shift)}
+    agreeing = {name for name in names if _may_agree(situation, name, rotation, shift)}
     for _ in range(_ROUNDS):
         if len(agreeing) < FEWEST:
             return frozenset()
@@ -97,7 +104,10 @@ def _tells_rotation(situation: Situation, name: str) -> bool:
     return float(np.trace(situation.seen[name].turning)) < _SURE_OF_ROTATION
 
 
-def _is_near(situation: Situation, name: str, rotation: Array, shift: Array) -> bool:
+def _may_agree(situation: Situation, name: str, rotation: Array, shift: Array) -> bool:
+    """Whether an object is about where a motion that was guessed from a single object would have it."""
+    if _misfit(situation, name, rotation, shift) < _AGREES:
+        return True
     shown, believed = situation.seen[name].shown, situation.believed[name]
     position, turned = _moved(shown, rotation, shift)
     if math.dist(position, believed.position) > _NEARLY:

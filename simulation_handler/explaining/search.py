@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from simulation_handler.explaining.camera import corrected, explained_by_camera
+from simulation_handler.explaining.camera import comparable, corrected, explained_by_camera
 from simulation_handler.explaining.drafting import Draft, draft
 from simulation_handler.explaining.glimpses import WAYS
 from simulation_handler.explaining.hypotheses import FALLS, FROM_GLIMPSE, Hypothesis, Move
@@ -103,7 +103,8 @@ def _beginnings(situation: Situation) -> list[Hypothesis]:
     by_camera = frozenset() if situation.cameras_stand else explained_by_camera(situation)
     if len(by_camera.intersection(moved)) > 1:
         bumped = Hypothesis(camera_moved=True)
-        for name in sorted(situation.seen.keys() - by_camera):
+        unknown = situation.seen.keys() - situation.believed.keys()
+        for name in sorted({*comparable(situation), *unknown} - by_camera):
             bumped = bumped.with_move(Move(name))
         beginnings.append(bumped)
     return beginnings

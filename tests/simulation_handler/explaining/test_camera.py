@@ -10,6 +10,7 @@ from tests.simulation_handler.worlds import World, cube_at
 
 PLACES = {"cube_3": (0.42, 0.08), "cube_4": (0.30, 0.08), "cube_5": (0.30, -0.08), "cube_6": (0.42, -0.08)}
 BUMP = Pose.from_rotvec((0.02, 0.015, 0.0), (0.01, -0.02, 0.05))
+AWAY = Pose.from_rotvec((0.02, 0.015, 0.06), (0.03, -0.02, 0.05))
 
 
 def four_cubes(seed: int = 0) -> World:
@@ -18,12 +19,12 @@ def four_cubes(seed: int = 0) -> World:
     return world
 
 
-def bump(world: World) -> None:
+def bump(world: World, motion: Pose = BUMP) -> None:
     perceive = world.camera.percept
 
     def bumped(name: str, truth: Pose, stamp: float) -> Pose:
         percept = perceive(name, truth, stamp)
-        moved = BUMP @ percept
+        moved = motion @ percept
         return Pose(moved.t, moved.q, stamp, percept.cov)
 
     world.camera.percept = bumped  # type: ignore[method-assign]
@@ -36,6 +37,19 @@ def test_a_camera_and_a_cube_that_moved_are_both_told(seed: int) -> None:
     result = after(world, bump)
     assert set(result.explanations) == {"camera_moved() & moved_alone(cube_3)"}
     assert all(error < 0.005 for name, error in errors(world).items() if name != "cube_3")
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_what_is_not_seen_any_more_since_the_camera_moved_does_not_speak_against_that(seed: int) -> None:
+    world = four_cubes(seed)
+    shift(world, ["cube_3"], -0.05, 0.03)
+
+    def bump_away(world: World) -> None:
+        bump(world, AWAY)
+        world.seen.discard("cube_4")
+
+    result = after(world, bump_away)
+    assert set(result.explanations) == {"camera_moved() & moved_alone(cube_3)"}
 
 
 @pytest.mark.parametrize("moved", [["cube_3"], ["cube_3", "cube_6"], ["cube_3", "cube_4", "cube_6"]])
