@@ -97,6 +97,22 @@ def test_what_is_wrong_is_named(old: str, new: str, message: str) -> None:
     assert message in found
 
 
+@pytest.mark.parametrize("encoding", ["utf8x", "rot13", "hex", "shift_jis", "idna"])
+def test_encodings_that_cannot_be_read_are_refused(encoding: str) -> None:
+    found = refusal(BALL.replace('version="1.0"', f'version="1.0" encoding="{encoding}"'))
+    assert found.startswith("x.urdf: cannot be decoded") and "expected the encoding UTF-8" in found
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be"])
+def test_nothing_is_expanded_in_any_encoding(encoding: str) -> None:
+    declared = BALL.replace('version="1.0"', 'version="1.0" encoding="utf-16"')
+    mark = "" if encoding == "utf-16" else "\ufeff"
+    assert parse_model((mark + declared).encode(encoding)).type == "ball"
+    with_entity = declared.replace("<robot", '<!DOCTYPE r [<!ENTITY a "b">]><robot')
+    with pytest.raises(ConfigError, match="without DOCTYPE"):
+        parse_model((mark + with_entity).encode(encoding))
+
+
 def test_files_that_are_not_there(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="unknown model 'cpu'; did you mean 'cup'"):
         find_model("cpu", tmp_path)
