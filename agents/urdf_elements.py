@@ -91,5 +91,6 @@ def _finite(element: ET.Element, name: str, words: list[str], default: tuple[flo
     except ValueError:
         numbers = ()
     if len(numbers) != len(default) or not all(map(math.isfinite, numbers)):
-        raise ValueError(f"<{element.tag} {name}={element.get(name)!r}>: expected {len(default)} finite numbers")
+        wanted = "a finite number" if len(default) == 1 else f"{len(default)} finite numbers"
+        raise ValueError(f"<{element.tag} {name}={element.get(name)!r}>: expected {wanted}")
     return numbers

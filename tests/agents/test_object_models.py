@@ -84,6 +84,8 @@ def test_a_single_upright_box_is_solid() -> None:
         ('radius="0.03"', 'radius="30"', "60 x 60 x 60 m; expected at most"),
         ('<mass value="0.05"/>', "", "expected <inertial> with <mass"),
         ('"0.05"', '"0"', "expected <inertial> with <mass"),
+        ('"0.05"', '"1e-300"', "<mass value=...> of 0.0001 to 100 kg"),
+        ('"0.05"', '"nan"', "<mass value='nan'>: expected a finite number"),
         ("1 0 0 1", "1 0 0", "expected 4 numbers"),
         ("1 0 0 1", "255 0 0 1", "expected numbers from 0 to 1"),
         ('<color rgba="1 0 0 1"/>', "", "<material name='red'>: no <color"),

@@ -183,6 +183,7 @@ duration = 2.0
             with_line("size = [40, 40, 40]", "marker_id = 1"),
             "x.toml:8: object.1.size.1: expected `float` <= 5.0 (m)",
         ),
+        (with_line("mass = 1e-300", "marker_id = 1"), "x.toml:8: object.1.mass: expected `float` >= 0.0001 (kg)"),
         (
             with_line("yaw = 90", "marker_id = 1"),
             "x.toml:8: object.1.yaw: expected `float` <= 6.2832 (rad), got 90",
