@@ -380,6 +380,7 @@ def test_objects_without_room_for_their_variation_are_refused():
 
 
 CUP = '\n[[object]]\nname = "cup"\nmodel = "cup"\nknown = true\nposition = [0.3, 0.2, 0.045]\n'
+BALL = CUP.replace('model = "cup"', 'model = "ball"')
 UNDER_A_COVER = """
 [[object]]
 name = "cover"
@@ -467,7 +468,8 @@ def test_what_stands_under_a_cover_does_not_overlap_it_and_moves_with_it():
         (CUP.replace('model = "cup"', "model = 3"), "object.3.model: expected `str | null`, got 3"),
         (CUP.replace("known = true\n", ""), "object.3: 'cup' is recognised by its colour: expected `known = true`"),
         (CUP + "marker_id = 9\n", "object.3.marker_id: 'cup' has no closed upper face for a tag"),
-        (CUP + "size = [0.1, 0.1, 0.1]\n", "object.3.size: the size of an object of several parts"),
+        (CUP + "size = [0.1, 0.1, 0.1]\n", "object.3.size: only a model of one upright box can have another size"),
+        (BALL + "size = [0.1, 0.1, 0.1]\n", "object.3.size: only a model of one upright box can have another size"),
         (CUP + "shape = [1.0]\n", "object.3.shape"),
         (
             CUP + CUP.replace('"cup"', '"mug"', 1).replace("0.2,", "0.3,"),
