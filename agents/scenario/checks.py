@@ -35,10 +35,11 @@ from agents.scenario.expectations import (
 )
 from agents.scenario.geometry import has_face, penetration, upright_box
 from agents.scenario.handling import check_doer, check_hands
-from agents.scenario.inconsistency import RESERVED, InconsistencyError, check_given_name, require
+from agents.scenario.inconsistency import InconsistencyError, check_given_name, require
 from agents.scenario.layout import TOUCH, object_box, overlapping, table_box
 from agents.scenario.minds import check_persons, check_plans
 from agents.scenario.model import NO_ROBOT, CameraSpec, ObjectSpec, RobotSpec, Scenario
+from agents.scenario.naming import taken_names
 from agents.scenario.relations import GROUND
 from dsr.errors import ConfigError, GoalError, suggest
 from dsr.goals import parse_goal
@@ -58,8 +59,8 @@ def check_scenario(scenario: Scenario, etc: FilePath | None, folder: FilePath) -
     _check_system(scenario, folder)
     _check_settings(scenario)
     _check_equipment(scenario)
-    _check_names(scenario)
-    check_persons(scenario)
+    _check_names(scenario, folder)
+    check_persons(scenario, folder)
     _check_colors(scenario, etc)
     _check_mission(scenario)
     check_plans(scenario, folder)
@@ -123,8 +124,8 @@ def _check_settings(scenario: Scenario) -> None:
     require(fits, ("robot", "start"), f"expected {len(default)} joint positions (rad), got {len(start)}")
 
 
-def _check_names(scenario: Scenario) -> None:
-    names = set(RESERVED)
+def _check_names(scenario: Scenario, folder: FilePath) -> None:
+    names = taken_names(scenario, folder)
     markers: dict[int, str] = {}
     for index, spec in enumerate(scenario.objects):
         _check_recognised(spec, ("object", index))

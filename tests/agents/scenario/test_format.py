@@ -307,6 +307,20 @@ def test_wrong_expectations_are_refused(check: str, message: str):
     assert message in refusal(f"{BASE}\n[[expect]]\n{check}\n")
 
 
+@pytest.mark.parametrize(
+    "name", ["human_hand_1", "human_hand_0_finger_4", "arm_link_7", "timeline", "unknown", "plant", "scene_estimator"]
+)
+def test_what_agents_call_their_nodes_and_themselves_is_no_name_of_another_thing(name: str):
+    taken = f"name: the name '{name}' is taken; expected a name used once"
+    assert f"x.toml:11: object.2.{taken}" in refusal(BASE.replace('"b"', f'"{name}"'))
+    person = f'[[person]]\nname = "{name}"\nposition = [1, 0, 1]\nlook_at = [0, 0, 0]\n'
+    assert f"person.1.{taken}" in refusal(BASE + person)
+
+
+def test_a_thing_may_be_called_like_an_agent_of_another_system():
+    assert parse_scenario(BASE.replace('"b"', '"fixed_camera"')).object("fixed_camera").marker_id == 2
+
+
 def test_a_name_that_is_no_scenario_lists_the_valid_ones():
     with pytest.raises(ConfigError, match="unknown scenario 'howering'; did you mean 'hovering'"):
         load_scenario("howering")
