@@ -37,6 +37,7 @@ from agents.scenario.geometry import has_face, penetration, upright_box
 from agents.scenario.handling import check_doer, check_hands
 from agents.scenario.inconsistency import InconsistencyError, check_given_name, require
 from agents.scenario.layout import TOUCH, object_box, overlapping, table_box
+from agents.scenario.mentions import check_mentions
 from agents.scenario.minds import check_persons, check_plans
 from agents.scenario.model import NO_ROBOT, CameraSpec, ObjectSpec, RobotSpec, Scenario
 from agents.scenario.naming import taken_names
@@ -265,6 +266,7 @@ def _check_expectation(check: Check, path: Path, scenario: Scenario) -> None:
         message = f"the window begins at {after} s; expected before {at} s, when it is judged"
         given = getattr(check, "after", None) is not None
         require(after < at, (*path, "after" if given else "at"), message)
+    check_mentions(check, path)
     if isinstance(check, Worlds):
         require(bool(check.present or check.absent), path, "worlds: expected `present` or `absent`: lists of names")
     if isinstance(check, Edges | TrueRelations | Inside):

@@ -300,6 +300,10 @@ def test_wrong_events_are_refused(event: str, message: str):
             "x.toml:21: expect.1.at: the window begins at 4.0 s; expected before 3.0 s",
         ),
         ("check = 'edges'", "x.toml:19: expect.1: edges: expected `present` or `absent`"),
+        (
+            "check = 'edges'\nabsent = [['gripper', 'a']]\ntype = 'graspin'",
+            "x.toml:22: expect.1.type: unknown edge type 'graspin'; did you mean 'grasping'?",
+        ),
         ("check = 'recovered'\nagent = 'x'", "x.toml:21: expect.1.agent: no event kills 'x'; none is known"),
     ],
 )
