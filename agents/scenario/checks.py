@@ -266,7 +266,6 @@ def _check_expectation(check: Check, path: Path, scenario: Scenario) -> None:
         message = f"the window begins at {after} s; expected before {at} s, when it is judged"
         given = getattr(check, "after", None) is not None
         require(after < at, (*path, "after" if given else "at"), message)
-    check_mentions(check, path)
     if isinstance(check, Worlds):
         require(bool(check.present or check.absent), path, "worlds: expected `present` or `absent`: lists of names")
     if isinstance(check, Edges | TrueRelations | Inside):
@@ -275,6 +274,7 @@ def _check_expectation(check: Check, path: Path, scenario: Scenario) -> None:
         require(some, path, f"{name}: expected `present` or `absent`: lists of [source, destination]")
     if isinstance(check, TrueRelations):
         _check_relation_names(check, path, scenario)
+    check_mentions(check, path, scenario)
     if isinstance(check, Actions):
         _check_actions(check, path, scenario)
     if isinstance(check, Surprises | Replans | Calibrations):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from agents.scenario.events import Event, HandEvent, HandLeave, HandMove, HandRelease
 from agents.scenario.inconsistency import require
 from agents.scenario.model import Scenario
+from agents.scenario.naming import of_own_system
 from dsr.errors import suggest
 from dsr.observed_actions import UNKNOWN
 from dsr.runtime.toml_lines import Path
@@ -37,8 +38,7 @@ def check_doer(name: str, path: Path, scenario: Scenario) -> None:
     """Who shall have done something is a hand of some event, or the gripper; systems of one's own may have others."""
     known = {f"human_hand_{hand}" for hand in _hands(scenario)} | {UNKNOWN}
     known |= {"gripper"} if scenario.robot.exists else set()
-    is_own = scenario.system.endswith(".toml")
-    require(is_own or name in known, path, f"nobody is called {name!r} here; {suggest(name, known)}")
+    require(of_own_system(scenario) or name in known, path, f"nobody is called {name!r} here; {suggest(name, known)}")
 
 
 def _hands(scenario: Scenario) -> list[int]:
