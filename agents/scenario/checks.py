@@ -11,6 +11,7 @@ from agents.scenario.events import (
     Carry,
     Event,
     FalsePercept,
+    HandGrasp,
     HandMove,
     Kill,
     PersonEvent,
@@ -34,7 +35,7 @@ from agents.scenario.expectations import (
     Worlds,
 )
 from agents.scenario.geometry import has_face, penetration, upright_box
-from agents.scenario.handling import check_doer, check_hands
+from agents.scenario.handling import check_doer, check_hands, check_reach
 from agents.scenario.inconsistency import InconsistencyError, check_given_name, require
 from agents.scenario.layout import TOUCH, object_box, overlapping, table_box
 from agents.scenario.mentions import check_mentions
@@ -218,6 +219,8 @@ def _check_event(event: Event, path: Path, scenario: Scenario) -> None:
         require(event.to is None or event.by is None, path, "hand_move: expected `to` or `by` (m), not both")
         some = event.to is not None or event.by is not None or event.turn
         require(bool(some), path, "hand_move: expected `to`, `by` (m) or `turn` (rad)")
+    if isinstance(event, HandGrasp):
+        check_reach(event, path, scenario)
     _check_direction(event, path)
     if isinstance(event, Carry):
         _check_above_table(event, event.to, (*path, "to"), scenario)

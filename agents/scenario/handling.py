@@ -1,8 +1,8 @@
-"""What must be consistent about the hands of a scenario: they are there when they move, and when they are named."""
+"""What must be consistent about the hands of a scenario: there when they move or are named, and at what they take."""
 
 from __future__ import annotations
 
-from agents.scenario.events import Event, HandEvent, HandLeave, HandMove, HandRelease
+from agents.scenario.events import Event, HandEvent, HandGrasp, HandLeave, HandMove, HandRelease
 from agents.scenario.inconsistency import require
 from agents.scenario.model import Scenario
 from agents.scenario.naming import of_own_system
@@ -32,6 +32,13 @@ def check_hands(scenario: Scenario) -> None:
                 require(known, ("event", index), message)
             if event.at is not None:
                 is_there = not isinstance(event, HandLeave)
+
+
+def check_reach(event: HandGrasp, path: Path, scenario: Scenario) -> None:
+    """The fingertips are at the object, however it lies; whether a hand could span it is not asked."""
+    above, most = event.above or 0.0, 0.5 * max(scenario.object(event.object).size)
+    message = f"{above} m from the centre of {event.object!r} there is nothing of it; expected at most {most:g} m"
+    require(abs(above) <= most, (*path, "above"), message)
 
 
 def check_doer(name: str, path: Path, scenario: Scenario) -> None:
