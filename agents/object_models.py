@@ -25,7 +25,8 @@ DEFAULT_FRICTION = 0.6
 _NONE: Vector3 = (0.0, 0.0, 0.0)
 _LARGEST = 5.0  # m, edge of a bounding box
 _THINNEST = 0.001  # m, edge of a part: through what is thinner, others fall
-_HEAVIEST = 100.0  # kg
+LIGHTEST, HEAVIEST = 0.0001, 100.0
+"""kg, bounds of what an object weighs"""
 _DIGITS = 9  # of lengths in m, beyond which sums are rounded
 _ETC = Path(__file__).resolve().parents[1] / "etc"
 
@@ -149,9 +150,9 @@ def _mass(link: ET.Element) -> float:
     inertial = link.find("inertial")
     element = None if inertial is None else inertial.find("mass")
     mass = 0.0 if element is None else number(element, "value", 0.0)
-    if not 0.0 < mass <= _HEAVIEST:
-        name = attribute(link, "name")
-        raise ValueError(f"<link name={name!r}>: expected <inertial> with <mass value=...> up to {_HEAVIEST:g} kg")
+    if not LIGHTEST <= mass <= HEAVIEST:
+        name, bounds_kg = attribute(link, "name"), f"{LIGHTEST:g} to {HEAVIEST:g} kg"
+        raise ValueError(f"<link name={name!r}>: expected <inertial> with <mass value=...> of {bounds_kg}")
     return mass
 
 

@@ -30,12 +30,14 @@ def parse_urdf(data: bytes, file: str, understand: Callable[[ET.Element], T]) ->
     """What `understand` makes of the outer element <robot> of `data` that came from `file`.
 
     It may raise ValueError, which becomes a `ConfigError` like everything else that is wrong with the data. Without
-    DOCTYPE and ENTITY nothing can be expanded or fetched.
+    DOCTYPE and ENTITY nothing can be expanded or fetched. The parser reads only encodings that write them as ASCII
+    does, and UTF-16, which adds zeros.
     """
-    if len(data) > _MOST_BYTES or b"<!DOCTYPE" in data or b"<!ENTITY" in data:
+    letters = data.replace(b"\0", b"")
+    if len(data) > _MOST_BYTES or b"<!DOCTYPE" in letters or b"<!ENTITY" in letters:
         raise ConfigError(f"expected at most {_MOST_BYTES} bytes without DOCTYPE and ENTITY", file=file)
     try:
-        root = ET.fromstring(data)
+        root = _outer_element(data)
         if root.tag != "robot":
             raise ValueError(f"the outer element is <{root.tag}>, expected <robot>")
         return understand(root)
@@ -43,6 +45,13 @@ def parse_urdf(data: bytes, file: str, understand: Callable[[ET.Element], T]) ->
         raise ConfigError(f"not valid XML: {error}", file=file, line=error.position[0]) from error
     except ValueError as error:
         raise ConfigError(str(error), file=file) from error
+
+
+def _outer_element(data: bytes) -> ET.Element:
+    try:
+        return ET.fromstring(data)
+    except (LookupError, ValueError) as error:  # an encoding that is unknown, or no text's
+        raise ValueError(f"cannot be decoded: {error}; expected the encoding UTF-8") from error
 
 
 def origin(element: ET.Element | None) -> Pose:
@@ -82,5 +91,6 @@ def _finite(element: ET.Element, name: str, words: list[str], default: tuple[flo
     except ValueError:
         numbers = ()
     if len(numbers) != len(default) or not all(map(math.isfinite, numbers)):
-        raise ValueError(f"<{element.tag} {name}={element.get(name)!r}>: expected {len(default)} finite numbers")
+        wanted = "a finite number" if len(default) == 1 else f"{len(default)} finite numbers"
+        raise ValueError(f"<{element.tag} {name}={element.get(name)!r}>: expected {wanted}")
     return numbers

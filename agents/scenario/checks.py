@@ -11,6 +11,7 @@ from agents.scenario.events import (
     Carry,
     Event,
     FalsePercept,
+    HandGrasp,
     HandMove,
     Kill,
     PersonEvent,
@@ -34,11 +35,13 @@ from agents.scenario.expectations import (
     Worlds,
 )
 from agents.scenario.geometry import has_face, penetration, upright_box
-from agents.scenario.handling import check_doer, check_hands
-from agents.scenario.inconsistency import RESERVED, InconsistencyError, check_given_name, require
+from agents.scenario.handling import check_doer, check_hands, check_reach
+from agents.scenario.inconsistency import InconsistencyError, check_given_name, require
 from agents.scenario.layout import TOUCH, object_box, overlapping, table_box
+from agents.scenario.mentions import check_mentions
 from agents.scenario.minds import check_persons, check_plans
 from agents.scenario.model import NO_ROBOT, CameraSpec, ObjectSpec, RobotSpec, Scenario
+from agents.scenario.naming import taken_names
 from agents.scenario.relations import GROUND
 from dsr.errors import ConfigError, GoalError, suggest
 from dsr.goals import parse_goal
@@ -58,8 +61,8 @@ def check_scenario(scenario: Scenario, etc: FilePath | None, folder: FilePath) -
     _check_system(scenario, folder)
     _check_settings(scenario)
     _check_equipment(scenario)
-    _check_names(scenario)
-    check_persons(scenario)
+    _check_names(scenario, folder)
+    check_persons(scenario, folder)
     _check_colors(scenario, etc)
     _check_mission(scenario)
     check_plans(scenario, folder)
@@ -123,8 +126,8 @@ def _check_settings(scenario: Scenario) -> None:
     require(fits, ("robot", "start"), f"expected {len(default)} joint positions (rad), got {len(start)}")
 
 
-def _check_names(scenario: Scenario) -> None:
-    names = set(RESERVED)
+def _check_names(scenario: Scenario, folder: FilePath) -> None:
+    names = taken_names(scenario, folder)
     markers: dict[int, str] = {}
     for index, spec in enumerate(scenario.objects):
         _check_recognised(spec, ("object", index))
@@ -216,6 +219,8 @@ def _check_event(event: Event, path: Path, scenario: Scenario) -> None:
         require(event.to is None or event.by is None, path, "hand_move: expected `to` or `by` (m), not both")
         some = event.to is not None or event.by is not None or event.turn
         require(bool(some), path, "hand_move: expected `to`, `by` (m) or `turn` (rad)")
+    if isinstance(event, HandGrasp):
+        check_reach(event, path, scenario)
     _check_direction(event, path)
     if isinstance(event, Carry):
         _check_above_table(event, event.to, (*path, "to"), scenario)
@@ -272,6 +277,7 @@ def _check_expectation(check: Check, path: Path, scenario: Scenario) -> None:
         require(some, path, f"{name}: expected `present` or `absent`: lists of [source, destination]")
     if isinstance(check, TrueRelations):
         _check_relation_names(check, path, scenario)
+    check_mentions(check, path, scenario)
     if isinstance(check, Actions):
         _check_actions(check, path, scenario)
     if isinstance(check, Surprises | Replans | Calibrations):

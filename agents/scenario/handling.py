@@ -1,10 +1,11 @@
-"""What must be consistent about the hands of a scenario: they are there when they move, and when they are named."""
+"""What must be consistent about the hands of a scenario: there when they move or are named, and at what they take."""
 
 from __future__ import annotations
 
-from agents.scenario.events import Event, HandEvent, HandLeave, HandMove, HandRelease
+from agents.scenario.events import Event, HandEvent, HandGrasp, HandLeave, HandMove, HandRelease
 from agents.scenario.inconsistency import require
 from agents.scenario.model import Scenario
+from agents.scenario.naming import of_own_system
 from dsr.errors import suggest
 from dsr.observed_actions import UNKNOWN
 from dsr.runtime.toml_lines import Path
@@ -33,12 +34,18 @@ def check_hands(scenario: Scenario) -> None:
                 is_there = not isinstance(event, HandLeave)
 
 
+def check_reach(event: HandGrasp, path: Path, scenario: Scenario) -> None:
+    """The fingertips are at the object, however it lies; whether a hand could span it is not asked."""
+    above, most = event.above or 0.0, 0.5 * max(scenario.object(event.object).size)
+    message = f"{above} m from the centre of {event.object!r} there is nothing of it; expected at most {most:g} m"
+    require(abs(above) <= most, (*path, "above"), message)
+
+
 def check_doer(name: str, path: Path, scenario: Scenario) -> None:
     """Who shall have done something is a hand of some event, or the gripper; systems of one's own may have others."""
     known = {f"human_hand_{hand}" for hand in _hands(scenario)} | {UNKNOWN}
     known |= {"gripper"} if scenario.robot.exists else set()
-    is_own = scenario.system.endswith(".toml")
-    require(is_own or name in known, path, f"nobody is called {name!r} here; {suggest(name, known)}")
+    require(of_own_system(scenario) or name in known, path, f"nobody is called {name!r} here; {suggest(name, known)}")
 
 
 def _hands(scenario: Scenario) -> list[int]:

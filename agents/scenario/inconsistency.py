@@ -1,24 +1,10 @@
-"""What the checks of a scenario share: the error that names a place in the file, and names that are taken."""
+"""What the checks of a scenario share: the error that names a place in the file."""
 
 from __future__ import annotations
 
 from dsr.errors import ConfigError
 from dsr.keys import check_name
 from dsr.runtime.toml_lines import Path
-
-RESERVED = {
-    "world",
-    "robot",
-    "table",
-    "camera_overhead",
-    "camera_wrist",
-    "camera_fixed",
-    "arm",
-    "gripper",
-    "body",
-    "mind",
-}
-"""Nodes that are there in any case."""
 
 
 class InconsistencyError(ConfigError):

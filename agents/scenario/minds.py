@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path as FilePath
 
-from agents.scenario.inconsistency import RESERVED, InconsistencyError, check_given_name, require
+from agents.scenario.inconsistency import InconsistencyError, check_given_name, require
 from agents.scenario.model import Scenario
+from agents.scenario.naming import taken_names
 from agents.scenario.relations import GROUND
 from dsr.errors import ConfigError, GoalError, suggest
 from dsr.goals import parse_goal
@@ -14,9 +15,9 @@ from dsr.runtime.system import agent_names, find_system
 from dsr.runtime.toml_lines import Path
 
 
-def check_persons(scenario: Scenario) -> None:
+def check_persons(scenario: Scenario, folder: FilePath) -> None:
     """Persons have names of their own, and look somewhere."""
-    taken = RESERVED | {spec.name for spec in scenario.objects}
+    taken = taken_names(scenario, folder) | {spec.name for spec in scenario.objects}
     for index, person in enumerate(scenario.persons):
         path: Path = ("person", index, "name")
         check_given_name(path, person.name)

@@ -9,6 +9,7 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
+from agents.object_models import HEAVIEST, LIGHTEST
 from agents.scenario.events import Event
 from agents.scenario.expectations import Check
 from agents.scenario.units import Bias, Noise, Radians, Seconds, Size, Vector3
@@ -114,7 +115,7 @@ class ObjectSpec(Section, frozen=True, kw_only=True):
     """m, along its own x, y and z"""
     shape: Shape = ()
     """Its parts, from the model alone; without any it is a solid box"""
-    mass: Annotated[float, Meta(gt=0, le=100)] = 0.05
+    mass: Annotated[float, Meta(ge=LIGHTEST, le=HEAVIEST)] = 0.05
     """kg"""
     friction: Annotated[float, Meta(ge=0, le=5)] = 0.6
     """Coulomb coefficient"""

@@ -48,7 +48,7 @@ def _complete(spec: ObjectSpec, table: dict[str, Any], path: Path, folder: FileP
     except ConfigError as error:
         raise InconsistencyError((*path, "model"), str(error)) from error
     if "size" in table and model.shape:
-        message = "the size of an object of several parts is that of its model; expected no `size`"
+        message = "only a model of one upright box can have another size; expected no `size`, or a model of that size"
         raise InconsistencyError((*path, "size"), message)
     return msgspec.structs.replace(spec, **{field: value for field, value in _given(model) if field not in table})
 

@@ -84,6 +84,8 @@ def test_a_single_upright_box_is_solid() -> None:
         ('radius="0.03"', 'radius="30"', "60 x 60 x 60 m; expected at most"),
         ('<mass value="0.05"/>', "", "expected <inertial> with <mass"),
         ('"0.05"', '"0"', "expected <inertial> with <mass"),
+        ('"0.05"', '"1e-300"', "<mass value=...> of 0.0001 to 100 kg"),
+        ('"0.05"', '"nan"', "<mass value='nan'>: expected a finite number"),
         ("1 0 0 1", "1 0 0", "expected 4 numbers"),
         ("1 0 0 1", "255 0 0 1", "expected numbers from 0 to 1"),
         ('<color rgba="1 0 0 1"/>', "", "<material name='red'>: no <color"),
@@ -95,6 +97,22 @@ def test_what_is_wrong_is_named(old: str, new: str, message: str) -> None:
     found = refusal(BALL.replace(old, new))
     assert found.startswith("x.urdf")
     assert message in found
+
+
+@pytest.mark.parametrize("encoding", ["utf8x", "rot13", "hex", "shift_jis", "idna"])
+def test_encodings_that_cannot_be_read_are_refused(encoding: str) -> None:
+    found = refusal(BALL.replace('version="1.0"', f'version="1.0" encoding="{encoding}"'))
+    assert found.startswith("x.urdf: cannot be decoded") and "expected the encoding UTF-8" in found
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be"])
+def test_nothing_is_expanded_in_any_encoding(encoding: str) -> None:
+    declared = BALL.replace('version="1.0"', 'version="1.0" encoding="utf-16"')
+    mark = "" if encoding == "utf-16" else "\ufeff"
+    assert parse_model((mark + declared).encode(encoding)).type == "ball"
+    with_entity = declared.replace("<robot", '<!DOCTYPE r [<!ENTITY a "b">]><robot')
+    with pytest.raises(ConfigError, match="without DOCTYPE"):
+        parse_model((mark + with_entity).encode(encoding))
 
 
 def test_files_that_are_not_there(tmp_path: Path) -> None:

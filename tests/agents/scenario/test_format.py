@@ -183,6 +183,7 @@ duration = 2.0
             with_line("size = [40, 40, 40]", "marker_id = 1"),
             "x.toml:8: object.1.size.1: expected `float` <= 5.0 (m)",
         ),
+        (with_line("mass = 1e-300", "marker_id = 1"), "x.toml:8: object.1.mass: expected `float` >= 0.0001 (kg)"),
         (
             with_line("yaw = 90", "marker_id = 1"),
             "x.toml:8: object.1.yaw: expected `float` <= 6.2832 (rad), got 90",
@@ -299,11 +300,29 @@ def test_wrong_events_are_refused(event: str, message: str):
             "x.toml:21: expect.1.at: the window begins at 4.0 s; expected before 3.0 s",
         ),
         ("check = 'edges'", "x.toml:19: expect.1: edges: expected `present` or `absent`"),
+        (
+            "check = 'edges'\nabsent = [['gripper', 'a']]\ntype = 'graspin'",
+            "x.toml:22: expect.1.type: unknown edge type 'graspin'; did you mean 'grasping'?",
+        ),
         ("check = 'recovered'\nagent = 'x'", "x.toml:21: expect.1.agent: no event kills 'x'; none is known"),
     ],
 )
 def test_wrong_expectations_are_refused(check: str, message: str):
     assert message in refusal(f"{BASE}\n[[expect]]\n{check}\n")
+
+
+@pytest.mark.parametrize(
+    "name", ["human_hand_1", "human_hand_0_finger_4", "arm_link_7", "timeline", "unknown", "plant", "scene_estimator"]
+)
+def test_what_agents_call_their_nodes_and_themselves_is_no_name_of_another_thing(name: str):
+    taken = f"name: the name '{name}' is taken; expected a name used once"
+    assert f"x.toml:11: object.2.{taken}" in refusal(BASE.replace('"b"', f'"{name}"'))
+    person = f'[[person]]\nname = "{name}"\nposition = [1, 0, 1]\nlook_at = [0, 0, 0]\n'
+    assert f"person.1.{taken}" in refusal(BASE + person)
+
+
+def test_a_thing_may_be_called_like_an_agent_of_another_system():
+    assert parse_scenario(BASE.replace('"b"', '"fixed_camera"')).object("fixed_camera").marker_id == 2
 
 
 def test_a_name_that_is_no_scenario_lists_the_valid_ones():
@@ -379,6 +398,7 @@ def test_objects_without_room_for_their_variation_are_refused():
 
 
 CUP = '\n[[object]]\nname = "cup"\nmodel = "cup"\nknown = true\nposition = [0.3, 0.2, 0.045]\n'
+BALL = CUP.replace('model = "cup"', 'model = "ball"')
 UNDER_A_COVER = """
 [[object]]
 name = "cover"
@@ -466,7 +486,8 @@ def test_what_stands_under_a_cover_does_not_overlap_it_and_moves_with_it():
         (CUP.replace('model = "cup"', "model = 3"), "object.3.model: expected `str | null`, got 3"),
         (CUP.replace("known = true\n", ""), "object.3: 'cup' is recognised by its colour: expected `known = true`"),
         (CUP + "marker_id = 9\n", "object.3.marker_id: 'cup' has no closed upper face for a tag"),
-        (CUP + "size = [0.1, 0.1, 0.1]\n", "object.3.size: the size of an object of several parts"),
+        (CUP + "size = [0.1, 0.1, 0.1]\n", "object.3.size: only a model of one upright box can have another size"),
+        (BALL + "size = [0.1, 0.1, 0.1]\n", "object.3.size: only a model of one upright box can have another size"),
         (CUP + "shape = [1.0]\n", "object.3.shape"),
         (
             CUP + CUP.replace('"cup"', '"mug"', 1).replace("0.2,", "0.3,"),

@@ -83,3 +83,11 @@ def test_who_shall_have_done_something_is_in_the_file():
 )
 def test_directions_are_not_zero(event: str, message: str):
     assert message in refusal(with_events(f"{event}\nat = 1\n"))
+
+
+def test_fingertips_are_at_what_they_take():
+    grasp = "do = 'hand_grasp'\nobject = 'a'\nat = 1\nabove = {}\n"
+    message = "event.1.above: 5.0 m from the centre of 'a' there is nothing of it; expected at most 0.02 m"
+    assert message in refusal(with_events(grasp.format(5.0)))
+    assert "event.1.above: -0.021 m from" in refusal(with_events(grasp.format(-0.021)))
+    parse_scenario(with_events(grasp.format(0.02)))

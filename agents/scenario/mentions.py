@@ -1,0 +1,72 @@
+"""What must be consistent about the names that expectations mention, so that none holds for a typo."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+from agents.scenario.expectations import Attribute, Check, Edges, Inside, KnownIn, TrueRelations, Worlds
+from agents.scenario.inconsistency import require
+from agents.scenario.model import Scenario
+from agents.scenario.naming import node_names, of_own_system
+from dsr.errors import suggest
+from dsr.keys import BASE
+from dsr.runtime.toml_lines import Path
+from dsr.schema import Schema
+
+_SCHEMA = Schema()
+_INTENDED = re.compile(r"intention_\d+|action_\d+_\d+")
+"""Nodes of intentions and of the steps of their plans."""
+
+
+def check_mentions(check: Check, path: Path, scenario: Scenario) -> None:
+    """The working memory may hold what an expectation is about.
+
+    Agents of a system of one's own may have other nodes, attributes and worlds.
+    """
+    if isinstance(check, Edges):
+        _require_known("edge type", check.type, _SCHEMA.edge_types, (*path, "type"))
+    if isinstance(check, Edges | Inside | TrueRelations):
+        _check_pairs(check, path)
+    if of_own_system(scenario):
+        return
+    if isinstance(check, Edges):
+        _check_ends(check, path, scenario)
+    if isinstance(check, Attribute):
+        _check_node(check.node, (*path, "node"), scenario)
+        _require_known("attribute", check.name, _SCHEMA.attributes, (*path, "name"))
+    if isinstance(check, Edges | KnownIn):
+        _require_known("world", check.world, {BASE, *_worlds(scenario)}, (*path, "world"))
+    if isinstance(check, Worlds):
+        for field, names in (("present", check.present), ("absent", check.absent)):
+            for index, name in enumerate(names):
+                _require_known("world", name, _worlds(scenario), (*path, field, index))
+
+
+def _check_pairs(check: Edges | Inside | TrueRelations, path: Path) -> None:
+    for field, pairs in (("present", check.present), ("absent", check.absent)):
+        for index, (source, destination) in enumerate(pairs):
+            message = f"[{source!r}, {destination!r}]: expected two different things"
+            require(source != destination, (*path, field, index), message)
+
+
+def _check_ends(check: Edges, path: Path, scenario: Scenario) -> None:
+    for field, pairs in (("present", check.present), ("absent", check.absent)):
+        for index, pair in enumerate(pairs):
+            for name in pair:
+                _check_node(name, (*path, field, index), scenario)
+
+
+def _check_node(name: str, path: Path, scenario: Scenario) -> None:
+    if not _INTENDED.fullmatch(name):
+        _require_known("node", name, node_names(scenario), path)
+
+
+def _worlds(scenario: Scenario) -> set[str]:
+    """The worlds beside the base that agents make: of each plan, and of what each person knows."""
+    plans = {f"plan_{plan.name}" for plan in scenario.plans}
+    return plans | {f"view_of_{person.name}" for person in scenario.persons}
+
+
+def _require_known(what: str, name: str, known: Iterable[str], path: Path) -> None:
+    require(name in {*known}, path, f"unknown {what} {name!r}; {suggest(name, known)}")
