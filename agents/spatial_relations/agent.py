@@ -9,14 +9,14 @@ import msgspec
 
 from agents.spatial_relations.wishes import Wish, make_wish, read_wish
 from dsr.agent import Access, Agent
-from dsr.errors import ConfigError, DsrError
+from dsr.errors import ConfigError, DsrError, suggest
 from dsr.relations import MODELLED, SURFACES, THINGS
 from dsr.spatial import EGOCENTRIC, QUERY, SOURCE, WRITTEN, Box, Fact, Hysteresis, Scene, View, read_scene, read_view
 
 Seen = tuple[Fact, str]
 """A relation, and the viewpoint from which it is so; empty for none."""
 KEPT = "kept"
-"""Status of a request that is answered; else it says what is wrong."""
+"""Status of a request that is answered; else it says what is wrong, or who is waited for."""
 _STILL = 5e-4, 2e-3  # m, rad: what moved by less is where it was
 
 
@@ -87,6 +87,7 @@ class SpatialRelations(Agent):
         moved = self._look() if wishes else set()
         views = self._look_from(wishes, problems)
         wanted = self._wanted(wishes, views, problems)
+        self._look_for(wishes, problems)
         self._margins = self._measured(wanted, views, moved)
         self._views = views
         with self.memory.batch():
@@ -113,7 +114,7 @@ class SpatialRelations(Agent):
             try:
                 views[wish.viewpoint] = read_view(self.memory, wish.viewpoint)
             except DsrError as error:
-                problems[name] = str(error)
+                problems[name] = f"waits for its viewpoint: {error}"
         return views
 
     def _wanted(
@@ -132,6 +133,18 @@ class SpatialRelations(Agent):
                         if source != destination and wanted.setdefault(fact, viewpoint) != viewpoint:
                             problems[name] = f"{relation} is wanted as seen from {wanted[fact]} already"
         return wanted
+
+    def _look_for(self, wishes: Mapping[str, Wish], problems: dict[str, str]) -> None:
+        """Name who is wanted and not there, of wishes without another problem."""
+        for name, wish in wishes.items():
+            missing = {*(wish.things or ()), *(wish.others or ())} - self._boxes.keys()
+            if missing:
+                told = ", ".join(self._missing(thing) for thing in sorted(missing))
+                problems.setdefault(name, f"waits for {told}")
+
+    def _missing(self, name: str) -> str:
+        why = "no thing that is somewhere, with a size" if name in self.memory else suggest(name, self._boxes)
+        return f"{name!r} ({why})"
 
     def _measured(self, wanted: Mapping[Fact, str], views: Mapping[str, View], moved: set[str]) -> dict[Seen, float]:
         """Margins; those between things that did not move are taken over."""

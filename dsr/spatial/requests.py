@@ -8,7 +8,7 @@ from itertools import count
 from dsr.intentions import MIND
 from dsr.memory import Memory
 from dsr.spatial.definitions import SPATIAL
-from dsr.spatial.scene import checked_relations
+from dsr.spatial.scene import check_no_view, checked_relations
 from dsr.timeline.entries import joined_names
 
 QUERY = "query"
@@ -32,7 +32,7 @@ def request_relations(
     Args:
         memory: where to.
         relations: some of `WRITTEN`.
-        things: names of the sources; all things if none.
+        things: names of the sources; all things if none. Who is not there yet is waited for.
         others: names of the destinations; all things if none.
         viewpoint: camera or frame from which `in_front_of`, `behind`, `left_of` and `right_of` are seen.
 
@@ -40,9 +40,11 @@ def request_relations(
         The name of the request, a node below `mind`; its `status` says how it goes. `memory.remove_node` ends it.
 
     Raises:
-        ConfigError: for relations that are unknown, or none.
+        ConfigError: for relations that are unknown, none, or in need of a viewpoint that is not given.
     """
     names = checked_relations(joined_names(relations).split(","), WRITTEN)
+    if not viewpoint:
+        check_no_view(names, "name a viewpoint")
     name = next(name for number in count() if (name := f"{QUERY}_{memory.rid}_{number}") not in memory)
     with memory.batch():
         if MIND not in memory:

@@ -124,8 +124,11 @@ def test_a_request_is_a_node_below_the_mind(memory: Memory) -> None:
 
 
 @pytest.mark.parametrize(
-    ("wanted", "expected"), [("left", "did you mean 'left_of'"), ("on_top", "no spatial"), ("", "no spatial")]
-)
+    ("wanted", "expected"),
+    [("left", "did you mean 'left_of'"), ("on_top", "no spatial"), ("", "no spatial"),
+     ("above,left_of", "left_of depends on who looks: name a viewpoint")],
+)  # fmt: skip
 def test_wrong_requests_are_told(memory: Memory, wanted: str, expected: str) -> None:
     with pytest.raises(ConfigError, match=expected):
         request_relations(memory, wanted)
+    assert memory.nodes("query") == []
