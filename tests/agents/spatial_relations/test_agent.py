@@ -70,6 +70,36 @@ def test_edges_follow_a_request_and_end_with_it(stage: Stage) -> None:
     assert stage.edges() == set()
 
 
+def test_boxes_and_contact_tell_each_in_edges_of_their_own(stage: Stage) -> None:
+    stage.memory.add_node("tray", "box", size=(0.3, 0.3, 0.1))
+    stage.place("tray", 0.3, 0.0, 0.05)
+    for kind in ("on", "in"):
+        stage.memory.add_edge("b", "tray", kind, source="contact")
+    request = request_relations(stage.memory, ("on_top", "in"), ("a", "b"))
+    stage.run()
+    assert stage.memory.node(request)["status"] == "kept"
+    assert stage.edges() == {("a", "tray", "inside"), ("b", "tray", "inside")}
+    assert stage.memory.edge("a", "tray", "inside")["source"] == "geometry"
+    stage.place("a", 0.3, 0.0, 0.12)
+    stage.run()
+    since = stage.memory.edge("a", "tray", "on_top")["since"]
+    stage.place("a", 0.3, 0.0, 0.14)
+    stage.run()
+    assert stage.edges() == {("a", "tray", "on_top"), ("b", "tray", "inside")}
+    stage.lockstep.kill("spatial_relations")
+    stage.lockstep.restart("spatial_relations")
+    stage.run()
+    assert stage.memory.edge("a", "tray", "on_top")["since"] == since
+    assert stage.edges() == {("a", "tray", "on_top"), ("b", "tray", "inside")}
+    stage.place("a", 0.3, 0.0, 0.15)
+    stage.run()
+    assert stage.edges() == {("b", "tray", "inside")}
+    stage.memory.remove_node(request)
+    stage.run()
+    contact = {edge.key for kind in ("on", "in") for edge in stage.memory.edges(kind)}
+    assert stage.edges() == set() and contact == {("b", "tray", "on"), ("b", "tray", "in")}
+
+
 def test_only_the_things_that_were_named(stage: Stage) -> None:
     request_relations(stage.memory, "next_to", "a", "b")
     stage.run()

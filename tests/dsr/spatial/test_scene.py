@@ -125,7 +125,7 @@ def test_a_request_is_a_node_below_the_mind(memory: Memory) -> None:
 
 @pytest.mark.parametrize(
     ("wanted", "expected"),
-    [("left", "did you mean 'left_of'"), ("on_top", "no spatial"), ("", "no spatial"),
+    [("left", "did you mean 'left_of'"), ("on", "no spatial"), ("", "no spatial"),
      ("above,left_of", "left_of depends on who looks: name a viewpoint")],
 )  # fmt: skip
 def test_wrong_requests_are_told(memory: Memory, wanted: str, expected: str) -> None:
