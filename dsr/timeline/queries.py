@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable
 from numbers import Real
 
+from dsr.elements import Node
 from dsr.errors import ConfigError, suggest
 from dsr.memory import Memory
 from dsr.timeline.allen import ALLEN, WITHIN, AllenRelation, Interval, holds
@@ -49,40 +50,76 @@ def query(
     Raises:
         ConfigError: for an unknown type or relation, a relation without `of`, and what is no name or no time.
     """
-    if type is not None and type not in _TYPES:
-        raise ConfigError(f"no type {type!r} of entries; {suggest(str(type), _TYPES)}")
-    kinds = None if kind is None else _names("kind", kind)
-    listed = split_names(participants) if isinstance(participants, str) else participants
-    needed = _names("participants", () if listed is None else listed)
-    related = _related(relation, of)
-    stretch = None if during is None else _interval("during", during)
-    _check_bounds(since, until)
-    if not (source is None or isinstance(source, str)):
-        raise ConfigError(f"source: expected a name, got {source!r}")
-    if not (open is None or isinstance(open, bool)):
-        raise ConfigError(f"open: expected true, false or None, got {open!r}")
+    question = Question(
+        type=type, kind=kind, participants=participants, during=during, since=since, until=until, source=source,
+        open=open, relation=relation, of=of,
+    )  # fmt: skip
     now = memory.clock.now()
     nodes = [node for name in (_TYPES if type is None else (type,)) for node in memory.nodes(name)]
-    found = []
-    for node in nodes:
-        if (kinds is not None and kind_of(node) not in kinds) or (open and "end" in node):
-            continue
-        if needed and not needed.issubset(split_names(str(node.get("participants", "")))):
-            continue
-        entry = read_entry(node)
-        if entry is None or source not in (None, entry.source):
-            continue
-        if (since is not None and entry.last < since) or (until is not None and entry.begin > until):
-            continue
-        if open not in (None, entry.is_open) or (stretch is not None and not _within(entry, stretch, now)):
-            continue
-        if related is None or holds(related[0], entry.interval, related[1], now):
-            found.append(entry)
+    found = [
+        entry
+        for node in nodes
+        if question.may_fit(node) and (entry := read_entry(node)) is not None and question.fits(entry, now)
+    ]
     return sorted(found, key=lambda entry: (entry.begin, entry.name))
 
 
+class Question:
+    """What is wanted of a timeline; arguments as those of `query`, with the same errors."""
+
+    def __init__(
+        self,
+        *,
+        type: str | None = None,
+        kind: str | Iterable[str] | None = None,
+        participants: str | Iterable[str] | None = None,
+        during: Time | None = None,
+        since: float | None = None,
+        until: float | None = None,
+        source: str | None = None,
+        open: bool | None = None,
+        relation: str | Iterable[str] | None = None,
+        of: Time | None = None,
+    ) -> None:
+        if type is not None and type not in _TYPES:
+            raise ConfigError(f"no type {type!r} of entries; {suggest(str(type), _TYPES)}")
+        listed = split_names(participants) if isinstance(participants, str) else participants
+        _check_bounds(since, until)
+        if not (source is None or isinstance(source, str)):
+            raise ConfigError(f"source: expected a name, got {source!r}")
+        if not (open is None or isinstance(open, bool)):
+            raise ConfigError(f"open: expected true, false or None, got {open!r}")
+        self._type, self._source, self._open = type, source, open
+        self._kinds = None if kind is None else _names("kind", kind)
+        self._participants = _names("participants", () if listed is None else listed)
+        self._related = _related(relation, of)
+        self._during = None if during is None else _interval("during", during)
+        self._since = -math.inf if since is None else since
+        self._until = math.inf if until is None else until
+
+    def may_fit(self, node: Node) -> bool:
+        """Whether the entry of a node may be wanted, at a glance."""
+        if (self._kinds is not None and kind_of(node) not in self._kinds) or (self._open and "end" in node):
+            return False
+        needed = self._participants
+        return not needed or needed.issubset(split_names(str(node.get("participants", ""))))
+
+    def fits(self, entry: Entry, now: float) -> bool:
+        """Whether an entry is wanted, an open end being somewhere after `now` (s)."""
+        return (
+            self._type in (None, entry.type)
+            and (self._kinds is None or entry.kind in self._kinds)
+            and self._participants.issubset(entry.participants)
+            and self._source in (None, entry.source)
+            and (entry.last >= self._since and entry.begin <= self._until)
+            and self._open in (None, entry.is_open)
+            and (self._during is None or _within(entry, self._during, now))
+            and (self._related is None or holds(self._related[0], entry.interval, self._related[1], now))
+        )
+
+
 def _related(
-    relation: AllenRelation | Iterable[AllenRelation] | None, of: Time | None
+    relation: str | Iterable[str] | None, of: Time | None
 ) -> tuple[frozenset[AllenRelation], Interval] | None:
     if (relation is None) != (of is None):
         raise ConfigError("relation and of go together: relation='during', of=situation")
