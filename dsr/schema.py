@@ -235,6 +235,8 @@ _EDGE_TYPES = {
     "sees": "the source should see the destination",
     "above": "over the destination, touching or not (this and what follows: see dsr.spatial)",
     "below": "the destination is above the source",
+    "on_top": "at the top of the destination, by the boxes around them; `on` is by contact",
+    "inside": "the source is in the destination, by the boxes around them; `in` is by contact",
     "next_to": "beside the destination, with no room between them",
     "close_to": "within twice the size of the destination",
     "in_front_of": "nearer to the viewer than the destination",

@@ -12,6 +12,7 @@ import typer
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
+from agents.replay.asking import TIMES, Asking
 from agents.replay.cli import open_recording
 from agents.replay.control import replayed_time
 from agents.replay.history import history_of
@@ -34,7 +35,7 @@ from dsr.errors import ConfigError
 from dsr.keys import BASE, agent_of
 from dsr.memory import Memory
 from dsr.runtime.logs import printable
-from dsr.timeline import EVENT, SITUATION, Event
+from dsr.timeline import ALLEN, EVENT, SITUATION, Event, query, tell
 
 _LOOK = 0.1  # s between two looks at a running system
 _COLOURS = {"surprised": "yellow", "explained": "cyan", "intention": "bold", "gone": "red", "agent": "dim"}
@@ -63,6 +64,27 @@ def timeline(
         typer.Option(metavar="S", help="Only from then on, as in column s: -60 is a minute ago, live or in a replay."),
     ] = None,
     until: Annotated[float | None, typer.Option(metavar="S", help="Only until then, likewise.")] = None,
+    type: Annotated[
+        str | None,
+        typer.Option("--type", "-t", metavar="TYPE", help="Only event (instants) or situation (what lasts or lasted)."),
+    ] = None,
+    is_open: Annotated[bool, typer.Option("--open", help="Only situations that still last.")] = False,
+    relations: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--relation",
+            "-r",
+            metavar="RELATION",
+            help=f"Only what is surely in this relation to --of: {', '.join(ALLEN)}. Repeatable: any of them.",
+        ),
+    ] = None,
+    of: Annotated[
+        str | None,
+        typer.Option(
+            metavar=f"ENTRY|{TIMES}",
+            help="Name of an entry (column entry), or a time as in column s: -60:0, -60: (lasts), -60 (an instant).",
+        ),
+    ] = None,
     graph: GraphOption = None,
     world: WorldOption = BASE,
     as_json: JsonOption = False,
@@ -73,24 +95,36 @@ def timeline(
 
     Of a running system, what its timeline holds of the past; with --follow, what happens from now on too.
     With --json --follow, one JSON object a line.
+
+    With --type, --open or --relation, the begin and end of those entries of the timeline, and their names:
+    "--open" tells what lasts, "-r during --of -60:0" what happened, or began and was over, in the last minute,
+    "-r overlaps --of ENTRY" what had begun before that and ended meanwhile.
     """
     wanted = Selection(kinds or (), participants or (), since, until)
+    asking = Asking(type, is_open, relations or (), of)
+    if follow and asking.is_given:
+        raise ConfigError("--type, --open and --relation ask about the past; --follow tells what happens from now on")
     if recording is None:
-        _show_running(graph, world, router, security, wanted, follow=follow, as_json=as_json)
+        _show_running(graph, world, router, security, wanted, asking, follow=follow, as_json=as_json)
         return
     if follow:
         raise ConfigError("--follow is for a running system; a recording has an end")
     if graph is not None or world != BASE:
         raise ConfigError("--graph and --world are for a running system; a recording is one graph")
     source = open_recording(recording)
-    history = history_of(source)
-    wanted.check_found(*history)
-    _show(wanted.of(history.events, source.index.begin), source.index.begin, as_json=as_json)
+    history, begin = history_of(source), source.index.begin
+    events = history.events
+    wanted.check_found([*events, *tell(history.entries, fully=True)], history.names)
+    if asking.is_given:
+        if not history.entries:
+            errors.print("[dim]no timeline was recorded (agents.chronicler)[/]")
+        events = tell(asking.among(history.entries, begin, history.end), fully=True)
+    _show(wanted.of(events, begin), begin, as_json=as_json, named=asking.is_given)
     if source.malformed:
         errors.print(f"[yellow]{source.malformed} messages left out: {shown(source.first_malformed)}[/]")
 
 
-def _show(events: list[Event], begin: float, *, as_json: bool) -> None:
+def _show(events: list[Event], begin: float, *, as_json: bool, named: bool) -> None:
     if as_json:
         print_json([msgspec.to_builtins(event) for event in events])
         return
@@ -98,8 +132,12 @@ def _show(events: list[Event], begin: float, *, as_json: bool) -> None:
     table.add_column("s", justify="right", no_wrap=True)
     table.add_column("what", no_wrap=True)
     table.add_column("event")
+    if named:
+        table.add_column("entry", overflow="fold")
     for event in events:
-        table.add_row(f"{event.time - begin:.2f}", event.kind, shown(event.text), style=_COLOURS.get(event.kind, ""))
+        name = [shown(event.details["name"])] if named else []
+        row = f"{event.time - begin:.2f}", event.kind, shown(event.text), *name
+        table.add_row(*row, style=_COLOURS.get(event.kind, ""))
     console.print(table)
 
 
@@ -109,6 +147,7 @@ def _show_running(
     router: str | None,
     security: Path | None,
     wanted: Selection,
+    asking: Asking,
     *,
     follow: bool,
     as_json: bool,
@@ -117,12 +156,16 @@ def _show_running(
         listener, never = Listener(memory), threading.Event()
         if listener.keeper is None:
             WALL_CLOCK.wait(never, LISTEN)
-            errors.print("[dim]nobody writes the timeline (agents.chronicler): this is what the graph still tells[/]")
+            rest = "it has only what others told" if asking.is_given else "this is what the graph still tells"
+            errors.print(f"[dim]nobody writes the timeline (agents.chronicler): {rest}[/]")
         played = replayed_time(memory.transport, memory.keys)
         now, events = WALL_CLOCK.now() if played is None else played, listener.events()
         if not follow:
-            wanted.check_found(events, _names(memory))
-            _show(wanted.of(events, now), now, as_json=as_json)
+            entries = query(memory) if asking.is_given else []
+            wanted.check_found([*events, *tell(entries, fully=True)], _names(memory))
+            if asking.is_given:
+                events = tell(asking.among(entries, now, now), fully=True)
+            _show(wanted.of(events, now), now, as_json=as_json, named=asking.is_given)
             return
         try:
             wanted.check_participants(events, _names(memory))

@@ -9,14 +9,27 @@ import msgspec
 
 from agents.spatial_relations.wishes import Wish, make_wish, read_wish
 from dsr.agent import Access, Agent
-from dsr.errors import ConfigError, DsrError
+from dsr.errors import ConfigError, DsrError, suggest
 from dsr.relations import MODELLED, SURFACES, THINGS
-from dsr.spatial import EGOCENTRIC, QUERY, SOURCE, WRITTEN, Box, Fact, Hysteresis, Scene, View, read_scene, read_view
+from dsr.spatial import (
+    EDGE_TYPES,
+    EGOCENTRIC,
+    QUERY,
+    SOURCE,
+    WRITTEN,
+    Box,
+    Fact,
+    Hysteresis,
+    Scene,
+    View,
+    read_scene,
+    read_view,
+)
 
 Seen = tuple[Fact, str]
 """A relation, and the viewpoint from which it is so; empty for none."""
 KEPT = "kept"
-"""Status of a request that is answered; else it says what is wrong."""
+"""Status of a request that is answered; else it says what is wrong, or who is waited for."""
 _STILL = 5e-4, 2e-3  # m, rad: what moved by less is where it was
 
 
@@ -24,7 +37,7 @@ class SpatialRelationsConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=
     """Which edges are kept without being requested, and how steadily."""
 
     relations: list[str] = []
-    """Some of `dsr.spatial.WRITTEN`; none: requests only."""
+    """Some of `dsr.spatial.SPATIAL`; none: requests only."""
     things: list[str] = []
     """Sources; all things if empty."""
     others: list[str] = []
@@ -40,7 +53,7 @@ class SpatialRelationsConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=
 
 
 class SpatialRelations(Agent):
-    """Writes edges above, below, next_to, close_to, in_front_of, behind, left_of, right_of while they are wanted.
+    """Writes edges above, below, on_top, inside, next_to, close_to, in_front_of, ... while they are wanted.
 
     An edge has `since`, `source` "geometry" and, if it depends on who looks, `viewpoint`. There is one edge of a type
     between two things, so of requests for different viewpoints the first by name wins. After a restart it goes on from
@@ -87,6 +100,7 @@ class SpatialRelations(Agent):
         moved = self._look() if wishes else set()
         views = self._look_from(wishes, problems)
         wanted = self._wanted(wishes, views, problems)
+        self._look_for(wishes, problems)
         self._margins = self._measured(wanted, views, moved)
         self._views = views
         with self.memory.batch():
@@ -113,7 +127,7 @@ class SpatialRelations(Agent):
             try:
                 views[wish.viewpoint] = read_view(self.memory, wish.viewpoint)
             except DsrError as error:
-                problems[name] = str(error)
+                problems[name] = f"waits for its viewpoint: {error}"
         return views
 
     def _wanted(
@@ -133,6 +147,18 @@ class SpatialRelations(Agent):
                             problems[name] = f"{relation} is wanted as seen from {wanted[fact]} already"
         return wanted
 
+    def _look_for(self, wishes: Mapping[str, Wish], problems: dict[str, str]) -> None:
+        """Name who is wanted and not there, of wishes without another problem."""
+        for name, wish in wishes.items():
+            missing = {*(wish.things or ()), *(wish.others or ())} - self._boxes.keys()
+            if missing:
+                told = ", ".join(self._missing(thing) for thing in sorted(missing))
+                problems.setdefault(name, f"waits for {told}")
+
+    def _missing(self, name: str) -> str:
+        why = "no thing that is somewhere, with a size" if name in self.memory else suggest(name, self._boxes)
+        return f"{name!r} ({why})"
+
     def _measured(self, wanted: Mapping[Fact, str], views: Mapping[str, View], moved: set[str]) -> dict[Seen, float]:
         """Margins; those between things that did not move are taken over."""
         turned = {name for name, view in views.items() if self._views.get(name) != view}
@@ -147,18 +173,17 @@ class SpatialRelations(Agent):
     def _write(self, holding: frozenset[Seen], now: float) -> None:
         written = self._written()
         for fact, _ in sorted(written - holding):
-            self.memory.remove_edge(fact.source, fact.destination, fact.relation)
+            self.memory.remove_edge(fact.source, fact.destination, EDGE_TYPES[fact.relation])
         for fact, viewpoint in sorted(holding - written):
             seen = {"viewpoint": viewpoint} if viewpoint else {}
-            self.memory.add_edge(
-                fact.source, fact.destination, fact.relation, since=now, source=SOURCE, **seen
-            )  # fmt: skip
+            kind = EDGE_TYPES[fact.relation]
+            self.memory.add_edge(fact.source, fact.destination, kind, since=now, source=SOURCE, **seen)
 
     def _written(self) -> frozenset[Seen]:
         """The edges that are there."""
         return frozenset(
-            (Fact(kind, edge.src, edge.dst), str(edge.get("viewpoint", "")))
-            for kind in WRITTEN
+            (Fact(relation, edge.src, edge.dst), str(edge.get("viewpoint", "")))
+            for relation, kind in EDGE_TYPES.items()
             for edge in self.memory.edges(kind)
         )
 

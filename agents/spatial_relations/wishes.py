@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from dsr.elements import Node
 from dsr.errors import ConfigError
-from dsr.spatial import WRITTEN, checked_relations
+from dsr.spatial import SPATIAL, checked_relations
 from dsr.spatial.scene import check_no_view
 from dsr.timeline.entries import split_names
 
@@ -15,7 +15,7 @@ class Wish(NamedTuple):
     """Edges that somebody wants."""
 
     relations: tuple[str, ...]
-    """Some of `WRITTEN`."""
+    """Some of `SPATIAL`."""
     things: frozenset[str] | None
     """Names of the sources; None for all things."""
     others: frozenset[str] | None
@@ -26,9 +26,9 @@ class Wish(NamedTuple):
 
 def make_wish(relations: str, things: str, others: str, viewpoint: str) -> Wish:
     """The wish that these lists of names, comma-separated, amount to. Raises `ConfigError`."""
-    names = checked_relations(split_names(relations), WRITTEN)
+    names = checked_relations(split_names(relations))
     if not names:
-        raise ConfigError(f"no relation is named; some of {', '.join(WRITTEN)} are expected")
+        raise ConfigError(f"no relation is named; some of {', '.join(SPATIAL)} are expected")
     if not viewpoint:
         check_no_view(names, "name a viewpoint")
     return Wish(names, _names(things), _names(others), viewpoint)

@@ -26,11 +26,12 @@ from dsr.spatial.definitions import (
     right_of,
 )
 from dsr.spatial.hysteresis import Hysteresis
-from dsr.spatial.requests import QUERY, SOURCE, WRITTEN, request_relations
+from dsr.spatial.requests import EDGE_TYPES, QUERY, SOURCE, WRITTEN, request_relations
 from dsr.spatial.scene import Fact, Scene, checked_relations, read_scene, read_view
 
 __all__ = [
     "ALLOCENTRIC",
+    "EDGE_TYPES",
     "EGOCENTRIC",
     "EPSILON",
     "MIRRORED",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -41,16 +41,16 @@ class Scene:
 
     def margins(
         self,
-        relations: Iterable[str] | None = None,
-        sources: Collection[str] | None = None,
-        destinations: Collection[str] | None = None,
+        relations: str | Iterable[str] | None = None,
+        sources: str | Iterable[str] | None = None,
+        destinations: str | Iterable[str] | None = None,
         view: View | None = None,
     ) -> dict[Fact, float]:
         """How far (m) each of these relations holds between any two of these things, or of all.
 
         Args:
-            relations: some of `SPATIAL`; all if None, but without a `view` none that depends on who looks.
-            sources: names of what is above, left, ...; all if None. Names that are not in the scene do not count.
+            relations: one or some of `SPATIAL`; all if None, but without a `view` none that depends on who looks.
+            sources: name(s) of what is above, left, ...; all if None. Names that are not in the scene do not count.
             destinations: likewise, of what that is above, left of, ...
             view: from where `in_front_of`, `behind`, `left_of` and `right_of` are seen.
 
@@ -63,10 +63,11 @@ class Scene:
             wanted = checked_relations(relations)
             if view is None:
                 check_no_view(wanted, "give a view")
+        ends = self._among(destinations)
         return {
             (fact := Fact(relation, source, destination)): self.margin(fact, view)
             for source in self._among(sources)
-            for destination in self._among(destinations)
+            for destination in ends
             if source != destination
             for relation in wanted
         }
@@ -75,8 +76,9 @@ class Scene:
         """How far (m) it holds; negative if it does not. See `dsr.spatial.margin`."""
         return margin(fact.relation, self.boxes[fact.source], self.boxes[fact.destination], view)
 
-    def _among(self, names: Collection[str] | None) -> Iterator[str]:
-        return (name for name in self.boxes if names is None or name in names)
+    def _among(self, names: str | Iterable[str] | None) -> list[str]:
+        wanted = self.boxes if names is None else {names} if isinstance(names, str) else set(names)
+        return [name for name in self.boxes if name in wanted]
 
 
 def read_scene(memory: Memory) -> Scene:
@@ -105,9 +107,9 @@ def read_view(memory: Memory, name: str) -> View:
     return View.of(pose, optical=optical)
 
 
-def checked_relations(names: Iterable[str], known: Collection[str] = SPATIAL) -> tuple[str, ...]:
-    """The names, each once. Raises `ConfigError` for one that is not known."""
-    chosen = tuple(dict.fromkeys(names))
+def checked_relations(names: str | Iterable[str], known: Collection[str] = SPATIAL) -> tuple[str, ...]:
+    """The name, or names, each once. Raises `ConfigError` for one that is not known."""
+    chosen = (names,) if isinstance(names, str) else tuple(dict.fromkeys(names))
     for name in chosen:
         if name not in known:
             raise ConfigError(f"no spatial relation {name!r}; {suggest(name, known)}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Iterable
 from itertools import count
 from numbers import Real
 from typing import Any
@@ -119,7 +119,7 @@ class Chronicle:
                 self._memory.remove_attribute(name, attribute)
         return True
 
-    def left_open(self, kind: str | Collection[str] | None = None) -> list[Entry]:
+    def left_open(self, kind: str | Iterable[str] | None = None) -> list[Entry]:
         """Situations of this agent that last: after a restart those of its earlier runs, to go on with or to end."""
         return [entry for entry in self.query(type=SITUATION, kind=kind, open=True) if self._writer in entry.writers]
 
@@ -127,14 +127,14 @@ class Chronicle:
         self,
         *,
         type: str | None = None,
-        kind: str | Collection[str] | None = None,
-        participants: str | Collection[str] | None = None,
+        kind: str | Iterable[str] | None = None,
+        participants: str | Iterable[str] | None = None,
         during: Time | None = None,
         since: float | None = None,
         until: float | None = None,
         source: str | None = None,
         open: bool | None = None,
-        relation: AllenRelation | Collection[AllenRelation] | None = None,
+        relation: AllenRelation | Iterable[AllenRelation] | None = None,
         of: Time | None = None,
     ) -> list[Entry]:
         """What everybody told, see `dsr.timeline.query`."""

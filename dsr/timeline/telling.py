@@ -28,20 +28,25 @@ class Event(msgspec.Struct, frozen=True):
 _WORDS = {SURPRISING: ("surprised", "calmed"), PRESENT: ("appeared", "gone"), AGENT: ("agent", "agent")}
 """Kinds of the events at the begin and the end of a situation; of all others, `began` and `ended`."""
 _TOLD_BY_EVENTS = (ACTION, INTENTION)
-"""Kinds whose situations show as the events of their status only."""
+"""Kinds whose situations show as the events of their status only, unless they are told fully."""
 
 
-def tell(entries: Iterable[Entry]) -> list[Event]:
-    """The events that entries amount to, in the order of their times."""
-    return sorted((event for entry in entries for event in _told(entry)), key=lambda event: event.time)
+def tell(entries: Iterable[Entry], *, fully: bool = False) -> list[Event]:
+    """The events that entries amount to, in the order of their times.
+
+    Args:
+        entries: events and situations.
+        fully: also begin and end of the situations that show as the events of their status otherwise.
+    """
+    return sorted((event for entry in entries for event in _told(entry, fully)), key=lambda event: event.time)
 
 
-def _told(entry: Entry) -> Iterator[Event]:
+def _told(entry: Entry, fully: bool) -> Iterator[Event]:
     subject, details = _subject(entry), _details(entry)
     if entry.type == EVENT:
         text = entry.text or f"{entry.kind} {', '.join(entry.participants)}"
         yield Event(entry.begin, entry.kind, subject, text, details)
-    elif entry.kind not in _TOLD_BY_EVENTS:
+    elif fully or entry.kind not in _TOLD_BY_EVENTS:
         began, ended = _WORDS.get(entry.kind, ("began", "ended"))
         yield Event(entry.begin, began, subject, entry.text or subject, details)
         if entry.end is not None:
@@ -58,6 +63,9 @@ def _subject(entry: Entry) -> str:
 
 
 def _details(entry: Entry) -> dict[str, Any]:
-    known = {"kind": entry.kind, "name": entry.name, "participants": list(entry.participants), "source": entry.source}
+    known = {
+        "kind": entry.kind, "name": entry.name, "type": entry.type, "begin": entry.begin, "end": entry.end,
+        "participants": list(entry.participants), "source": entry.source,
+    }  # fmt: skip
     sure = {} if entry.confidence == 1.0 else {"confidence": entry.confidence}
     return {**known, **sure, **entry.details}

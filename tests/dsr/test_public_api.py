@@ -28,9 +28,10 @@ MODULES = {
     "dsr.intrinsics": {"INTRINSICS", "Intrinsics", "read_intrinsics"},
     "dsr.relations": {"ARITY", "MODELLED", "SURFACES", "THINGS", "Pair", "Relation", "Relations", "read_relations"},
     "dsr.spatial": {
-        "ALLOCENTRIC", "Box", "EGOCENTRIC", "EPSILON", "Fact", "Hysteresis", "MIRRORED", "QUERY", "SOURCE", "SPATIAL",
-        "Scene", "View", "WRITTEN", "above", "behind", "below", "checked_relations", "close_to", "in_", "in_front_of",
-        "left_of", "margin", "next_to", "on_top", "read_scene", "read_view", "request_relations", "right_of",
+        "ALLOCENTRIC", "Box", "EDGE_TYPES", "EGOCENTRIC", "EPSILON", "Fact", "Hysteresis", "MIRRORED", "QUERY",
+        "SOURCE", "SPATIAL", "Scene", "View", "WRITTEN", "above", "behind", "below", "checked_relations",
+        "close_to", "in_", "in_front_of", "left_of", "margin", "next_to", "on_top", "read_scene", "read_view",
+        "request_relations", "right_of",
     },
     "dsr.timeline": {
         "ALLEN", "AllenRelation", "Chronicle", "DERIVED", "EVENT", "EVENT_KINDS", "EXPLAINED", "Entry", "Event",

@@ -67,7 +67,13 @@ def test_a_participant_that_never_was_is_told_in_a_recording(counted: Path, name
      (["x.mcap", "-g", "tabletop"], "a recording is one graph"),
      (["x.mcap", "--since", "nan"], "the earlier time first"),
      (["x.mcap", "--since", "5", "--until", "4"], "the earlier time first"),
-     (["x.mcap"], "cannot be read"), ([], "no graph runs")],
+     (["x.mcap"], "cannot be read"), ([], "no graph runs"),
+     (["--type", "evnt"], "no type 'evnt' of entries; did you mean 'event'"),
+     (["--open", "-t", "event"], "events do not last"),
+     (["-r", "durin", "--of", "-60:0"], "did you mean 'during'"), (["-r", "during"], "go together: --relation during"),
+     (["--of", "-60:0"], "go together"), (["-r", "during", "--of", "3:1"], "--of 3:1: .*the earlier time first"),
+     (["-r", "during", "--of", "nan:1"], "--of nan:1: expected BEGIN:END"),
+     (["-f", "--open"], "--follow tells what happens from now on")],
 )  # fmt: skip
 def test_wrong_input_is_told(arguments: list[str], expected: str) -> None:
     with pytest.raises(dsr.DsrError, match=expected):
@@ -122,6 +128,48 @@ def test_a_running_graph_tells_its_timeline_with_true_times() -> None:
         with pytest.raises(dsr.ConfigError, match="--participant cube_8: no such node or agent; did you mean 'cube_9'"):
             run("-p", "cube_3", "-p", "cube_8")
         assert told("-p", "cube_9") == [] and told("-p", "teller") == [] and told("-p", "cube_4") != []
+
+
+def test_a_running_graph_is_asked_by_type_and_relations_between_times() -> None:
+    with dsr.connect("scene", agent="teller") as memory:
+        chronicle, _, now = write_a_past(memory)
+        chronicle.begin("action", ("move_1", "cube_3"), now - 50.0)
+
+        def told(*arguments: str) -> list[tuple[str, str, int]]:
+            rows = json.loads(run(*arguments, "--json").stdout)
+            return [(row["kind"], row["details"]["kind"], round(row["time"] - now)) for row in rows]
+
+        picked, juggled = ("Pick", "Pick", -400), ("Juggle", "Juggle", -100)
+        held, on, moving = ("began", "grasping", -400), ("began", "on", -200), ("began", "action", -50)
+        dropped = ("ended", "grasping", -300)
+        assert told("--type", "event") == [picked, juggled]
+        assert sorted(told("-t", "situation")) == sorted([held, dropped, on, moving])
+        assert told("--open") == [on, moving] and told("--open", "-p", "table") == [on]
+        assert told("--open", "-k", "action") == [moving]
+        assert told("-r", "during", "--of", "-150:-20") == [juggled]
+        assert told("-r", "before", "--of=-250:", "-t", "event") == [picked]
+        assert told("-r", "contains", "-r", "overlapped_by", "--of", "-210:-150") == [on]
+        row = json.loads(run("-t", "situation", "-k", "grasping", "--json").stdout)[0]
+        assert (row["details"]["type"], round(row["details"]["end"] - now)) == ("situation", -300)
+        name = row["details"]["name"]
+        assert told("--relation", "starts", "--of", name) == [picked]
+        assert re.search(rf"began +gripper grasping cube_3 +{name}", run("-r", "equals", "--of", name).stdout)
+        with pytest.raises(dsr.ConfigError, match=f"neither an entry nor a time BEGIN:END; did you mean '{name}'"):
+            run("-r", "during", "--of", f"x{name}")
+
+
+def test_a_recording_is_asked_by_type_and_relations_between_times(hovering: Path, counted: Path) -> None:
+    def told(*arguments: str) -> list[dict[str, Any]]:
+        return list(json.loads(run(str(hovering), *arguments, "--json").stdout))
+
+    rows = told("--open", "-k", "on")
+    assert rows and {(row["kind"], row["details"]["end"]) for row in rows} == {("began", None)}
+    assert told("-t", "event") == []
+    everything = {row["details"]["name"] for row in told("-t", "situation")}
+    begun = {row["details"]["name"] for row in told("-t", "situation", "-r", "after", "--of", "-2:-1")}
+    assert begun == everything
+    result = CliRunner().invoke(app, [str(counted), "--open", "--json"], catch_exceptions=False)
+    assert result.stdout.strip() == "[]" and "no timeline was recorded" in result.stderr
 
 
 def test_the_timeline_is_followed() -> None:

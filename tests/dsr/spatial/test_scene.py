@@ -71,6 +71,17 @@ def test_relations_among_some_or_all(memory: Memory) -> None:
     assert holding(scene, "in_front_of", view=from_world) == {Fact("in_front_of", "cube_1", "cube_2")}
 
 
+def test_one_name_is_a_name_and_no_collection_of_letters(memory: Memory) -> None:
+    memory.add_node("cube_11", "cube", size=CUBE)
+    memory.add_edge("world", "cube_11", "Virtual_RT", pose=Pose((0.0, 0.06, 0.02)))
+    scene = read_scene(memory)
+    assert set(scene.margins("above", "cube_11", "cube_1")) == {Fact("above", "cube_11", "cube_1")}
+    every = set(scene.margins(["above"], ["cube_1", "cube_11"], ["cube_2", "table"]))
+    assert set(scene.margins(iter(["above"]), iter(["cube_1", "cube_11"]), iter(["cube_2", "table"]))) == every
+    with pytest.raises(ConfigError, match="no spatial relation 'abov'; did you mean 'above'"):
+        scene.margins("abov")
+
+
 @pytest.mark.parametrize("things", [[], ["cube_1"]])
 def test_margins_of_wrong_relations_are_told(memory: Memory, things: list[str]) -> None:
     scene, view = read_scene(memory), read_view(memory, "camera")
@@ -113,8 +124,11 @@ def test_a_request_is_a_node_below_the_mind(memory: Memory) -> None:
 
 
 @pytest.mark.parametrize(
-    ("wanted", "expected"), [("left", "did you mean 'left_of'"), ("on_top", "no spatial"), ("", "no spatial")]
-)
+    ("wanted", "expected"),
+    [("left", "did you mean 'left_of'"), ("on", "no spatial"), ("", "no spatial"),
+     ("above,left_of", "left_of depends on who looks: name a viewpoint")],
+)  # fmt: skip
 def test_wrong_requests_are_told(memory: Memory, wanted: str, expected: str) -> None:
     with pytest.raises(ConfigError, match=expected):
         request_relations(memory, wanted)
+    assert memory.nodes("query") == []

@@ -131,7 +131,18 @@ def test_queries_by_kind_participant_source_type_and_time(company: Company) -> N
 @pytest.mark.parametrize(
     ("wanted", "expected"),
     [({"relation": "durin", "of": (0.0, 1.0)}, "did you mean 'during'"), ({"relation": "during"}, "go together"),
-     ({"of": (0.0, 1.0)}, "go together"), ({"during": (2.0, 1.0)}, "ends before")],
+     ({"of": (0.0, 1.0)}, "go together"), ({"during": (2.0, 1.0)}, "ends before"),
+     ({"relation": "before", "of": (math.nan, 3.0)}, "of: expected numbers .* got \\(nan, 3.0\\)"),
+     ({"relation": 3, "of": (0.0, 1.0)}, "relation: expected a name or several, got 3"),
+     ({"during": (math.nan, 3.0)}, "during: expected numbers"), ({"during": (None, 1.0)}, "during: expected numbers"),
+     ({"during": (0.0, "x")}, "during: expected numbers"), ({"during": (1.0,)}, "during: expected an entry"),
+     ({"during": "x"}, "during: expected an entry"), ({"during": "on"}, "during: expected an entry"),
+     ({"kind": 3}, "kind: expected a name or several, got 3"), ({"kind": ["on", None]}, "kind: .*got None"),
+     ({"participants": 3}, "participants: expected a name"), ({"participants": [3]}, "participants: expected a name"),
+     ({"since": math.nan}, "since: expected a number"), ({"until": "x"}, "until: expected a number"),
+     ({"since": 2.0, "until": 1.0}, "the earlier time first"),
+     ({"source": 3}, "source: expected a name"), ({"open": "yes"}, "open: expected true, false or None, got 'yes'"),
+     ({"type": "evnt"}, "did you mean 'event'"), ({"type": "cube"}, "valid: event, situation")],
 )  # fmt: skip
 def test_wrong_queries_are_told(company: Company, wanted: dict[str, Any], expected: str) -> None:
     memory = company.join("waiter")
