@@ -341,16 +341,28 @@ class Touching:
                 grasp.places[tip] = (x, y, z)
 
     def _is_elsewhere(self, relation: Relation, now: float) -> bool:
-        """Whether an object is seen to rest where the hand, whose touching fingertips are unseen, cannot have it."""
+        """Whether an object is seen where the hand, whose touching fingertips are unseen, cannot have it.
+
+        That is, at rest elsewhere; or far from where a hand out of sight was, in another hand.
+        """
         name, thing = relation
         item, hand = self._bodies.objects[thing], self._hands.get(name)
         if hand is None or thing not in self._bodies.sim or item.estimate_at(now) is None:
             return False
         if hand.perceived and hand.measured:
             return False
-        rests = not item.driven and item.placement is not None and item.placement.rests
         there = hand.path.last @ self._grasps[relation].hand_from_object if hand.path.newest > -math.inf else None
-        return rests and (there is None or math.dist(there.t, self._bodies.sim.position(thing)) > _ELSEWHERE)
+        away = math.inf if there is None else math.dist(there.t, self._bodies.sim.position(thing))
+        rests = not item.driven and item.placement is not None and item.placement.rests
+        return (rests and away > _ELSEWHERE) or (not hand.perceived and away > _ALONG and self._pinches(thing, name))
+
+    def _pinches(self, thing: str, besides: str) -> bool:
+        """Whether a hand in sight pinches an object, besides the one of that name."""
+        return any(
+            held == thing and name != besides and grasp.grip == PINCH and self._hands[name].perceived
+            for (name, held), grasp in self._grasps.items()
+            if name in self._hands
+        )
 
     def _holders(self, now: float) -> dict[str, str]:
         """The hand that holds each object: pinches it, or touches what nothing else carries.

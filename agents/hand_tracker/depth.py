@@ -19,7 +19,7 @@ _GROWTHS = 3  # how often the window grows where there is no depth
 
 
 def images(frame: Frame) -> tuple[Color, Depth, Intrinsics]:
-    """Colour, depth and lens of a frame. Raises `WireError` if something is missing or wrong."""
+    """Colour, depth (0 where it is not known) and lens of a frame. Raises `WireError` if something is wrong."""
     color, depth = frame.arrays.get("color"), frame.arrays.get("depth")
     if color is None or color.ndim != 3 or color.shape[2] != 3 or color.dtype != np.uint8 or min(color.shape) < 1:
         raise WireError(f"frame at {frame.stamp}: expected a colour image (h, w, 3) of uint8")
@@ -31,6 +31,8 @@ def images(frame: Frame) -> tuple[Color, Depth, Intrinsics]:
     fx, fy, cx, cy = (float(number) for number in numbers)  # type: ignore[arg-type]
     if min(fx, fy) < 1.0:
         raise WireError(f"frame at {frame.stamp}: focal lengths {fx}, {fy}; expected 1 px or more")
+    if not depth.min() >= 0.0 or not np.isfinite(depth.max()):
+        depth = np.where(np.isfinite(depth) & (depth > 0.0), depth, np.float32(0.0))
     return color, depth, Intrinsics(fx, fy, cx, cy, color.shape[1], color.shape[0])
 
 

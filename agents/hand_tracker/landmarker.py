@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import lzma
 import zipfile
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Protocol
@@ -113,15 +115,19 @@ class MediaPipeFinder:
 
 def check_model(file: Path) -> None:
     """Raise `ConfigError` unless `file` can be a hand landmarker model."""
-    if not file.is_file():
+    try:
+        size = file.stat().st_size if file.is_file() else None
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"model file {str(file)!r} cannot be read ({error}); {HOW_TO_GET}") from error
+    if size is None:
         raise ConfigError(f"no model file {str(file)!r}; {HOW_TO_GET}")
-    if file.stat().st_size == 0:
+    if size == 0:
         raise ConfigError(f"model file {str(file)!r} is empty; {HOW_TO_GET}")
     try:
         with zipfile.ZipFile(file) as archive:
             missing = [entry for entry in ENTRIES if entry not in archive.namelist()]
             broken = archive.testzip()
-    except (zipfile.BadZipFile, OSError) as error:
+    except (zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, *FAILURES) as error:
         raise ConfigError(f"model file {str(file)!r} is corrupt ({error}); {HOW_TO_GET}") from error
     if missing or broken:
         wrong = f"lacks {', '.join(missing)}" if missing else f"is corrupt at {broken}"

@@ -26,6 +26,7 @@ ANY_ROTATION = math.pi
 LEANING = 0.15
 """rad, likewise, of a tilt that was seen"""
 UPRIGHT: Quaternion = (0.0, 0.0, 0.0, 1.0)
+OVERTURNED: Quaternion = (1.0, 0.0, 0.0, 0.0)
 TURNED = 0.03
 """rad, likewise, of the yaw that a sensor without images tells of what stands upright"""
 LEANS = 0.25
@@ -117,12 +118,17 @@ def read_colors(
 
 
 def lean_of(up: Vector3) -> Quaternion:
-    """The shortest rotation in the world from the vertical to the unit vector `up`; none for less than `LEANS`."""
+    """The shortest rotation in the world from the vertical to the unit vector `up`; none for less than `LEANS`.
+
+    What is upside down by less than that is turned about the x axis: noise says about which one.
+    """
     x, y, z = up
     angle, sine = math.acos(min(max(z, -1.0), 1.0)), math.hypot(x, y)
     if angle < LEANS:
         return UPRIGHT
-    return quaternions.from_rotvec((-y / sine * angle, x / sine * angle, 0.0) if sine > 0.0 else (angle, 0.0, 0.0))
+    if angle > math.pi - LEANS:
+        return OVERTURNED
+    return quaternions.from_rotvec((-y / sine * angle, x / sine * angle, 0.0))
 
 
 def _sensed(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from dsr.quaternions import Quaternion
 from dsr.transforms import Pose
 from simulation_handler.explaining import Look
 from simulation_handler.geometry import Solid
-from simulation_handler.hands import PINCH, TOUCH
+from simulation_handler.hands import PINCH, TOUCH, HandPercept
 from simulation_handler.leaning import levelled, without_yaw
 from simulation_handler.sight import Glance
 from simulation_handler.surfaces import outwards
@@ -200,6 +201,28 @@ def test_a_hand_does_not_tilt_what_is_seen_to_be_upright(seen: bool) -> None:
     world.move("cup", standing(0.3, -0.2, SMALL, on=0.2))
     tilt = _tilt(world.pose("cup").q)
     assert tilt < 0.1 if seen else tilt > 0.4
+
+
+def test_a_hand_out_of_sight_holds_no_more_what_another_one_is_seen_to_carry() -> None:
+    world = cup_in_a_hand()
+    world.move("cup", standing(0.3, 0.0, SMALL, on=0.2))
+    world.hand_seen, world.seen = False, {"cube"}
+    world.run(1.0)
+    assert world.belief.grasps().keys() == {HELD}
+    assert world.last_hand is not None
+    hidden, touch = world.last_hand._replace(perceived=False), world.belief.touch
+
+    def touch_both(hands: Mapping[str, HandPercept]) -> None:
+        tips = {tip.replace("hand", "other"): pose for tip, pose in hands["hand"].tips.items()}
+        touch({"hand": hidden, "other": hands["hand"]._replace(tips=tips)})
+
+    world.belief.touch = touch_both  # type: ignore[method-assign]
+    world.hand_seen, world.seen = True, {"cube", "cup"}
+    world.truths["cup"] = standing(0.3, -0.3, SMALL, on=0.2)
+    world.place_hand()
+    world.move("cup", standing(0.3, -0.4, SMALL, on=0.2))
+    assert world.belief.grasps().keys() == {("other", "cup")}
+    assert world.error("cup") < 0.02
 
 
 def recognized_by_colour(world: Occlusion) -> None:

@@ -121,9 +121,24 @@ def archive(file: Path, *entries: str) -> Path:
         (lambda folder: _written(folder / "empty.task", b""), "is empty"),
         (lambda folder: _written(folder / "half.task", b"PK\x03\x04 half a download"), "is corrupt"),
         (lambda folder: _damaged(archive(folder / "bits.task", *ENTRIES)), "is corrupt"),
+        (lambda folder: _damaged(archive(folder / "odd.task", *ENTRIES), b"PK\x01\x02", 10, b"\x40"), "is corrupt"),
+        (lambda folder: _damaged(archive(folder / "key.task", *ENTRIES), b"PK\x01\x02", 8, b"\x01"), "is corrupt"),
+        (lambda folder: _damaged(deflated(folder / "z.task"), ENTRIES[0].encode(), 40, b"\xff" * 20), "is corrupt"),
+        (lambda folder: folder / f"{'long' * 80}.task", "cannot be read"),
         (lambda folder: archive(folder / "face.task", "face_detector.tflite"), "lacks hand_detector.tflite"),
     ],
-    ids=["missing", "folder", "empty", "truncated", "damaged", "another model"],
+    ids=[
+        "missing",
+        "folder",
+        "empty",
+        "truncated",
+        "damaged",
+        "method",
+        "encrypted",
+        "deflated",
+        "long",
+        "another model",
+    ],
 )
 def test_a_wrong_model_file_is_told_once_and_skin_colour_must_do(
     make: Callable[[Path], Path],
@@ -164,8 +179,16 @@ def _written(file: Path, content: bytes) -> Path:
     return file
 
 
-def _damaged(file: Path) -> Path:
+def deflated(file: Path) -> Path:
+    with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as model:
+        for entry in ENTRIES:
+            model.writestr(entry, bytes(range(256)) * 20)
+    return file
+
+
+def _damaged(file: Path, after: bytes = b"", offset: int = 80, wrong: bytes = b"\x00\xff\x00\xff") -> Path:
     content = bytearray(file.read_bytes())
-    content[80:84] = b"\x00\xff\x00\xff"
+    begin = content.index(after) + offset
+    content[begin : begin + len(wrong)] = wrong
     file.write_bytes(bytes(content))
     return file

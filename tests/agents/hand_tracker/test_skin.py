@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -54,6 +55,23 @@ def test_thumb_and_index_finger_are_seen_at_what_they_hold(make_reality: MakeRea
     (hand,), (truth,) = see(reality)
     for finger in (0, 1):
         assert min(np.linalg.norm(tip - tips_of(truth)[finger]) for tip in hand.tips.values()) < 0.010
+
+
+@pytest.mark.parametrize("unknown", [np.nan, np.inf, -np.inf, -1.0])
+def test_what_a_camera_says_for_a_depth_that_it_does_not_know_says_nothing(
+    make_reality: MakeReality, unknown: float
+) -> None:
+    reality = make_reality(1.6, events=[HandEnter(at=0.0, position=(0.38, 0.02, 0.14), side=(1.0, 0.3))])
+    frame, table = reality.frame(0.0), table_plane(reality.camera.pose)
+    holes = np.random.default_rng(0).random(frame.arrays["depth"].shape) < 0.2
+
+    def seen(value: float) -> SeenHand:
+        depth = np.where(holes, np.float32(value), frame.arrays["depth"])
+        holed = msgspec.structs.replace(frame, arrays={**frame.arrays, "depth": depth})
+        (hand,) = SkinFinder(HandTrackerConfig()).find(holed, table)
+        return hand
+
+    assert seen(unknown).palm.distance(seen(0.0).palm) == pytest.approx((0.0, 0.0), abs=1e-9)
 
 
 def test_cubes_and_the_table_are_no_hands(make_reality: MakeReality) -> None:

@@ -59,6 +59,22 @@ def test_a_sensor_may_tell_how_something_leans(
     assert sigmas == pytest.approx([LEANING, LEANING, yaw_sigma])
 
 
+def test_what_is_upside_down_has_no_heading_that_noise_makes(
+    make_bench: Callable[..., Bench], sensor: FakeSensor
+) -> None:
+    bench = make_bench(tag_sensors=SENSORS)
+    bench.memory.add_node("ball", "ball", size=SIZE, color=RED, shape=BALL)
+    bench.run(PERIOD)
+    seen = []
+    for angle in (0.0, 1.0, 2.5, 4.0):
+        up = Pose.from_rotvec((0.0, 0.0, 0.0), (0.02 * math.cos(angle), math.pi - 0.02, 0.02 * math.sin(angle)))
+        x, y, z = bench.memory.transform("camera_overhead", "world").rotation_matrix @ up.rotation_matrix[:, 2]
+        tell(bench, sensor, ColorReading(RED, (0.0, 0.1, 0.4), 0.002, (x, y, z)))
+        seen.append(bench.memory.transform("world", "ball"))
+    assert max(pose.distance(seen[0])[1] for pose in seen) < 1e-9
+    assert seen[0].rotation_matrix[2, 2] == pytest.approx(-1.0)
+
+
 @pytest.mark.parametrize(
     ("turned", "told"), [(0.3, 0.3), (0.3 + math.pi / 2, 0.3), (-0.7, -0.7), (0.9, 0.9 - math.pi / 2)]
 )
