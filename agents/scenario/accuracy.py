@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
 
@@ -144,24 +146,37 @@ def _delay(stretch: Sequence[Sample], pair: tuple[str, str], kind: str) -> float
     return next((sample.time - during[0].time for sample in during if pair in _told(sample, kind)), None)
 
 
+def unseen_curves(history: History, window: Sequence[Sample]) -> dict[str, list[tuple[float, float]]]:
+    """How far off the belief of each object was while it was not perceived: (s, m), means of whole seconds."""
+    curves = {}
+    for spec in history.scenario.objects:
+        seconds: dict[int, list[float]] = defaultdict(list)
+        for sample in _unseen(history, window, spec.name):
+            if error := pose_error(sample, "belief", spec.name):
+                seconds[math.floor(sample.time)].append(error.position)
+        if seconds:
+            curves[f"unseen_error_{spec.name}_m"] = [(float(s), float(np.mean(of))) for s, of in seconds.items()]
+    return curves
+
+
 def _of_unseen(history: History, window: Sequence[Sample]) -> dict[str, float]:
     """Distance of beliefs from the truth while an object was not perceived, after it once was."""
     metrics: dict[str, float] = {}
     everything: list[float] = []
     for spec in history.scenario.objects:
-        first = next((one.time for one in history.samples if one.perceived.get(spec.name)), None)
-        unseen = [
-            sample
-            for sample in window
-            if first is not None and sample.time > first and not sample.perceived.get(spec.name)
-            if spec.name in sample.truth
-        ]
+        unseen = _unseen(history, window, spec.name)
         errors = [error.position for sample in unseen if (error := pose_error(sample, "belief", spec.name))]
         if errors:
             metrics |= _spread(f"unseen_error_{spec.name}", errors)
             metrics[f"unseen_believed_{spec.name}"] = len(errors) / len(unseen)
         everything += errors
     return metrics | (_spread("unseen_error", everything) if everything else {})
+
+
+def _unseen(history: History, window: Sequence[Sample], name: str) -> list[Sample]:
+    """Where an object was not perceived, after it once was."""
+    first = next((one.time for one in history.samples if one.perceived.get(name)), math.inf)
+    return [one for one in window if one.time > first and not one.perceived.get(name) and name in one.truth]
 
 
 def _spread(name: str, errors: Iterable[float]) -> dict[str, float]:

@@ -10,7 +10,7 @@ from typing import Any, Literal
 from agents.scenario.course import missing_events
 from agents.scenario.expectations import Attribute, Edges
 from agents.scenario.history import Error, Explained, History, Inferred, MissionState, Sample
-from agents.scenario.metrics import measure
+from agents.scenario.metrics import curves, measure
 from agents.scenario.model import Scenario
 from agents.scenario.result import Result
 from agents.scenario.truth import Truth, decode_truth
@@ -119,6 +119,7 @@ class Judge:
             passed=all(verdict.passed for verdict in verdicts),
             expectations=verdicts,
             metrics=metrics,
+            curves=curves(self.history),
             notes=notes,
         )
 

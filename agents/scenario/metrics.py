@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from agents.scenario.accuracy import accuracy
+from agents.scenario.accuracy import accuracy, unseen_curves
 from agents.scenario.cameras import camera_metrics
 from agents.scenario.course import missing_events, rises
 from agents.scenario.history import History, Sample, Source
@@ -20,6 +20,11 @@ from dsr.intentions import FULFILLED
 
 RECOVERED = 0.005
 """m from the truth, within which a belief has recovered"""
+
+
+def curves(history: History) -> dict[str, list[tuple[float, float]]]:
+    """What is measured over time in a finished run: (s, value in the unit at the end of the name)."""
+    return unseen_curves(history, history.window(history.scenario.settle, history.end))
 
 
 def measure(history: History) -> tuple[dict[str, float], list[str]]:

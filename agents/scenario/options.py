@@ -15,10 +15,10 @@ class SensorChoice(enum.StrEnum):
     POSES = "poses"
 
 
-def check_writable(file: Path) -> None:
+def check_writable(file: Path, option: str = "--json") -> None:
     """Raise `ConfigError` before a run rather than lose its result after it."""
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         file.open("a").close()
     except OSError as error:
-        raise ConfigError(f"--json {file}: cannot be written ({error.strerror})") from error
+        raise ConfigError(f"{option} {file}: cannot be written ({error.strerror})") from error

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 import msgspec
+import numpy as np
 
 
 class Verdict(msgspec.Struct, frozen=True):
@@ -33,11 +34,14 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
     expectations: list[Verdict]
     metrics: dict[str, float]
     """SI units, the unit at the end of the name; only what could be measured, always finite."""
+    curves: dict[str, list[tuple[float, float]]] = {}
+    """What was measured over time: (s, value), in the unit at the end of the name."""
     notes: list[str]
     """What could not be measured, and why."""
 
     def __post_init__(self) -> None:
         wrong = [name for name, value in self.metrics.items() if not math.isfinite(value)]
+        wrong += [name for name, curve in self.curves.items() if not np.isfinite(curve).all()]
         if wrong:
             raise ValueError(f"metrics that are not finite: {', '.join(wrong)}")
 

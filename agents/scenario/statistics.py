@@ -31,6 +31,8 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
     runs: int
     passed: int
     metrics: dict[str, Spread]
+    curves: dict[str, list[tuple[float, Spread]]]
+    """What was measured over time, at each time (s) over the runs that have it then."""
     failures: dict[str, list[int]]
     """By expectation, or reason of a crash: the seeds that failed it."""
     wall_s: float
@@ -53,17 +55,25 @@ def summarise(outcomes: Iterable[Outcome]) -> list[Summary]:
 def _summary(group: list[Outcome]) -> Summary:
     failures: dict[str, list[int]] = defaultdict(list)
     values: dict[str, list[float]] = defaultdict(list)
+    over_time: dict[str, dict[float, list[float]]] = defaultdict(lambda: defaultdict(list))
     for outcome in group:
         for reason in dict.fromkeys([*outcome.failed, *([outcome.crash] if outcome.crash else [])]):
             failures[reason].append(outcome.seed)
         for name, value in outcome.metrics.items():
             values[name].append(value)
+        for name, curve in outcome.curves.items():
+            for time, value in curve:
+                over_time[name][time].append(value)
     return Summary(
         scenario=group[0].scenario,
         policy=group[0].policy,
         runs=len(group),
         passed=sum(outcome.passed for outcome in group),
         metrics={name: _spread(numbers) for name, numbers in values.items()},
+        curves={
+            name: [(time, _spread(numbers)) for time, numbers in sorted(times.items())]
+            for name, times in over_time.items()
+        },
         failures=dict(failures),
         wall_s=sum(outcome.wall_s for outcome in group) / len(group),
     )

@@ -42,6 +42,8 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True):
     crash: str = ""
     """Why there is no result."""
     metrics: dict[str, float] = {}
+    curves: dict[str, list[tuple[float, float]]] = {}
+    """See `Result`."""
     notes: list[str] = []
     wall_s: float
     """s of real time that it took"""
@@ -136,6 +138,7 @@ class _Worker:
             failed=[verdict.text for verdict in failed],
             found=[verdict.actual for verdict in failed],
             metrics=result.metrics,
+            curves=result.curves,
             notes=result.notes,
         )
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import csv
 import enum
 import os
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -14,7 +16,7 @@ import typer
 from agents.scenario.format import find_scenario, load_scenario
 from agents.scenario.options import SensorChoice, check_writable
 from agents.scenario.staging import Policy
-from agents.scenario.statistics import Summary, summarise
+from agents.scenario.statistics import Spread, Summary, summarise
 from agents.scenario.sweep import LIMIT, Outcome, Sweep
 from agents.scenario.sweep_report import SweepBar, show_sweep
 from agents.scenario.sweep_worker import Job
@@ -59,6 +61,9 @@ def sweep(
     limit: Annotated[float, typer.Option(min=1.0, help="s of real time that one run may take.")] = LIMIT,
     metrics: Annotated[bool, typer.Option("--metrics", help="Show every metric, also of several scenarios.")] = False,
     json: Annotated[Path | None, typer.Option("--json", help="Write all runs and the statistics to this file.")] = None,
+    curves: Annotated[
+        Path | None, typer.Option(help="Write how far off unseen objects were, second by second, to this CSV file.")
+    ] = None,
 ) -> None:
     """Run scenarios with many seeds, in lockstep on all cores, and show how often and how well they work.
 
@@ -67,8 +72,9 @@ def sweep(
     The exit code is 0 only if every run passed. Ctrl-C stops all, shows what was done, and still writes --json.
     """
     plan = make_jobs(scenarios, parse_seeds(seeds), sensor.value, _policies(policy or []))
-    if json:
-        check_writable(json)
+    for file, option in ((json, "--json"), (curves, "--curves")):
+        if file:
+            check_writable(file, option)
     outcomes: list[Outcome] = []
     try:
         with Sweep(plan, jobs or os.cpu_count() or 1, limit) as running, SweepBar(len(plan), console) as bar:
@@ -83,6 +89,9 @@ def sweep(
     if json:
         write_report(Report(complete, summaries, outcomes), json)
         console.print(f"results  {json}", soft_wrap=True)
+    if curves:
+        write_curves(summaries, curves)
+        console.print(f"curves  {curves}", soft_wrap=True)
     if not complete:
         raise typer.Exit(_INTERRUPTED)
     raise typer.Exit(0 if all(outcome.passed for outcome in outcomes) else 1)
@@ -120,6 +129,18 @@ def make_jobs(scenarios: list[str], seeds: list[int], sensor: str, policies: lis
 def write_report(report: Report, file: Path) -> None:
     """Write `report` as JSON."""
     file.write_bytes(msgspec.json.format(msgspec.json.encode(report), indent=2) + b"\n")
+
+
+def write_curves(summaries: Sequence[Summary], file: Path) -> None:
+    """Write what was measured over time as CSV: a line for each time at which some run has it."""
+    with file.open("w", newline="", encoding="utf-8") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(["scenario", "policy", "curve", "time_s", *Spread.__struct_fields__])
+        for summary in summaries:
+            for name, curve in summary.curves.items():
+                for time, spread in curve:
+                    about = [summary.scenario, summary.policy or "", name, f"{time:g}"]
+                    writer.writerow([*about, *(f"{value:.6g}" for value in msgspec.structs.astuple(spread))])
 
 
 def _policies(chosen: list[SweptPolicy]) -> list[Policy | None]:

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from agents.scenario.accuracy import accuracy
+from agents.scenario.accuracy import accuracy, unseen_curves
 from agents.scenario.format import parse_scenario
 from agents.scenario.history import History, Inferred, Sample
 from agents.scenario.metrics import measure
@@ -165,3 +165,6 @@ def test_errors_of_unseen_objects_are_told_apart():
     metrics = accuracy(history, history.samples)
     assert metrics["unseen_error_cube_max_m"] == pytest.approx(0.1) == metrics["unseen_error_max_m"]
     assert metrics["unseen_error_cube_median_m"] == 0.0 and metrics["unseen_believed_cube"] == 1.0
+    curve = dict(unseen_curves(history, history.samples)["unseen_error_cube_m"])
+    assert sorted(curve) == [4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0]
+    assert curve[5.0] == pytest.approx(0.1) and curve[4.0] == curve[6.0] == 0.0

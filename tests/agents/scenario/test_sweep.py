@@ -22,7 +22,7 @@ from agents.scenario.runner import run_lockstep
 from agents.scenario.staging import make_run
 from agents.scenario.statistics import summarise
 from agents.scenario.sweep import Outcome, Sweep
-from agents.scenario.sweep_cli import make_jobs, parse_seeds
+from agents.scenario.sweep_cli import make_jobs, parse_seeds, write_curves
 from agents.scenario.sweep_report import show_sweep
 from dsr.clock import WALL_CLOCK
 from dsr.errors import ConfigError
@@ -124,6 +124,20 @@ def test_statistics_of_runs():
     assert (summary.runs, summary.passed) == (22, 20)
     assert (spread.count, spread.median, spread.p95, spread.worst) == (20, 9.5, pytest.approx(18.05), 19.0)
     assert summary.failures == {"edges": [20], "mission": [20], "signal 11": [21]}
+
+
+def test_curves_of_runs(tmp_path: Path):
+    name = "unseen_error_cube_m"
+    runs = [outcome_of(seed, curves={name: [(3.0, 0.01 * seed), (4.0, 0.02)][: 1 + seed % 2]}) for seed in range(3)]
+    (summary,) = summarise(runs)
+    assert [(time, spread.count) for time, spread in summary.curves[name]] == [(3.0, 3), (4.0, 1)]
+    assert summary.curves[name][0][1].median == pytest.approx(0.01)
+    write_curves([summary], tmp_path / "curves.csv")
+    assert (tmp_path / "curves.csv").read_text().splitlines() == [
+        "scenario,policy,curve,time_s,count,median,p95,worst",
+        f"tiny,,{name},3,3,0.01,0.019,0.02",
+        f"tiny,,{name},4,1,0.02,0.02,0.02",
+    ]
 
 
 def test_policies_stand_side_by_side():
