@@ -10,7 +10,6 @@ sees that may have been bumped lifts nothing.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 from agents.action_inference.attribution import Attribution
 from agents.action_inference.bumps import Bumps
@@ -18,6 +17,7 @@ from agents.action_inference.config import ActionInferenceConfig
 from agents.action_inference.heights import Height, Heights
 from agents.action_inference.observation import Snapshot, Thing
 from agents.action_inference.policy import Inference
+from agents.action_inference.track import Track
 from dsr import quaternions
 from dsr.observed_actions import PICK, PLACE, RELEASE, UNKNOWN, Action
 
@@ -44,39 +44,6 @@ _AS_LOW = 0.001  # m by which it may be higher and yet rest as low as before
 _UPRIGHT = 0.95  # cosine of how far it may lean then
 
 
-@dataclass
-class _Track:
-    """What is known of one thing."""
-
-    seen: Heights
-    believed: Heights
-    held: bool = False
-    by: str = UNKNOWN
-    last_grasp: float | None = None
-    """s, when something was last known to hold it since it was picked."""
-    let_go: Height | None = None
-    """Where it was believed to be then."""
-    rested: Height | None = None
-    """Where it last rested on something while it was held."""
-    palm_height: float | None = None
-    """World z of the palm of the hand that held it then, m; None if that was not perceived."""
-    hidden: Height | None = None
-    """Where it was believed when both it and who holds it were last out of sight, since it was last seen."""
-    beneath: tuple[float, frozenset[str]] = (0.0, frozenset())
-    """When (s) what was last beneath or around it."""
-    resting_since: float | None = None
-    """s, since when it rests on something untouched."""
-    returned: bool = False
-    """It was seen again, after a while, and it is not sure yet where it lies."""
-    returned_at: float = 0.0
-    """s, of the first percept then."""
-    recalled: bool = False
-    hovers_since: float | None = None
-    """s, since when something grasps it in the air, while it is not known where it lay."""
-    found: Height | None = None
-    """Where it was when it was found to be held; None if it was seen to be picked."""
-
-
 class AttributedPolicy:
     """See the module.
 
@@ -90,7 +57,7 @@ class AttributedPolicy:
         self._config = config or ActionInferenceConfig()
         self._attribution = Attribution(self._config.reach)
         self._bumps = Bumps()
-        self._tracks: dict[str, _Track] = {}
+        self._tracks: dict[str, Track] = {}
 
     def update(self, snapshot: Snapshot) -> list[Inference]:
         """What has become known."""
@@ -114,11 +81,11 @@ class AttributedPolicy:
         track = self._track(action.thing)
         track.held, track.by, track.recalled = action.kind == PICK, action.by, True
 
-    def _track(self, name: str) -> _Track:
+    def _track(self, name: str) -> Track:
         if name not in self._tracks:
             config = self._config
             seen = Heights(config.lifted, config.lifted_frames, config.steady)
-            self._tracks[name] = _Track(seen, Heights(config.lifted, config.lifted_frames, config.steady))
+            self._tracks[name] = Track(seen, Heights(config.lifted, config.lifted_frames, config.steady))
         return self._tracks[name]
 
     def _note(self, thing: Thing, snapshot: Snapshot) -> None:
@@ -142,7 +109,7 @@ class AttributedPolicy:
         if thing.grasps or (track.held and track.last_grasp is None):
             self._note_hidden(thing, track, snapshot)
 
-    def _note_rest(self, track: _Track, now: float) -> None:
+    def _note_rest(self, track: Track, now: float) -> None:
         """It stays on something in the hand. The lowest place counts: it may be on that still when it seems to rise."""
         last, rested = track.believed.last, track.rested
         if last is None:
@@ -150,7 +117,7 @@ class AttributedPolicy:
         if rested is None or last.bottom < rested.bottom + _AS_LOW or now - rested.time > _DRAGGED:
             track.rested = last
 
-    def _note_hidden(self, thing: Thing, track: _Track, snapshot: Snapshot) -> None:
+    def _note_hidden(self, thing: Thing, track: Track, snapshot: Snapshot) -> None:
         """Whether nobody sees what whoever holds it does with it."""
         holder = thing.grasps[-1].holder if thing.grasps else track.by
         if self._is_seen_now(thing, snapshot.now):
@@ -167,7 +134,7 @@ class AttributedPolicy:
 
         return sorted(snapshot.things, key=height)
 
-    def _begin_of_hold(self, thing: Thing, track: _Track, snapshot: Snapshot) -> Inference | None:
+    def _begin_of_hold(self, thing: Thing, track: Track, snapshot: Snapshot) -> Inference | None:
         """`Pick`, if it has been lifted."""
         if self._is_carried(thing, snapshot):
             track.hovers_since = None
@@ -189,7 +156,7 @@ class AttributedPolicy:
         self._find(thing, track, snapshot)
         return None
 
-    def _find(self, thing: Thing, track: _Track, snapshot: Snapshot) -> None:
+    def _find(self, thing: Thing, track: Track, snapshot: Snapshot) -> None:
         """It is held from now on if it hovers in a hand, and nobody knows where that took it."""
         hovers = thing.grasps and not (thing.plausible or thing.on or thing.inside or track.seen.lies)
         if not hovers or track.believed.lies or not self._is_seen_now(thing, snapshot.now):
@@ -200,7 +167,7 @@ class AttributedPolicy:
             track.held, track.by, track.found, track.hovers_since = True, thing.grasps[-1].holder, track.seen.last, None
             track.resting_since, track.returned = None, False
 
-    def _lie(self, thing: Thing, track: _Track) -> None:
+    def _lie(self, thing: Thing, track: Track) -> None:
         """It is not held: note where it lies."""
         if track.seen.last is not None and (track.seen.lies or (thing.plausible and not thing.grasps)):
             track.seen.lie()
@@ -232,7 +199,7 @@ class AttributedPolicy:
                     waiting.append(name)
         return False
 
-    def _pick(self, thing: Thing, track: _Track, heights: Heights, snapshot: Snapshot) -> Inference:
+    def _pick(self, thing: Thing, track: Track, heights: Heights, snapshot: Snapshot) -> Inference:
         time = min(heights.departed(), snapshot.now)
         pose = thing.seen if heights is track.seen and thing.seen is not None else thing.believed
         by, confidence, why = UNKNOWN, _GUESSED, "it is lifted"
@@ -248,7 +215,7 @@ class AttributedPolicy:
         track.last_grasp = snapshot.now if thing.grasps else None
         return Inference(Action(time, PICK, thing.name, by), confidence, why)
 
-    def _end_of_hold(self, thing: Thing, track: _Track, snapshot: Snapshot) -> Inference | None:
+    def _end_of_hold(self, thing: Thing, track: Track, snapshot: Snapshot) -> Inference | None:
         """`Place` or `Release`, if it has been let go."""
         if thing.grasps:
             track.by, track.resting_since = thing.grasps[-1].holder, None
@@ -258,7 +225,7 @@ class AttributedPolicy:
         return self._by_motion(thing, track, snapshot)
 
     def _after_grasp(
-        self, thing: Thing, track: _Track, snapshot: Snapshot, let_go_at: float, let_go: Height
+        self, thing: Thing, track: Track, snapshot: Snapshot, let_go_at: float, let_go: Height
     ) -> Inference | None:
         """Something held it, and does no longer."""
         now, config = snapshot.now, self._config
@@ -283,7 +250,7 @@ class AttributedPolicy:
         return inference
 
     def _came_down(
-        self, thing: Thing, track: _Track, snapshot: Snapshot, let_go_at: float, current: Height
+        self, thing: Thing, track: Track, snapshot: Snapshot, let_go_at: float, current: Height
     ) -> Inference | None:
         """It is lower than where it was let go of: dropped, or put down where nobody saw it."""
         rests, rested = self._rests(thing, track, snapshot), self._rested_in_hand(track, let_go_at)
@@ -302,7 +269,7 @@ class AttributedPolicy:
             return self._let_go(thing, track, PLACE, unseen, _GUESSED, "it was put down out of sight")
         return None
 
-    def _rested_in_hand(self, track: _Track, let_go_at: float) -> Height | None:
+    def _rested_in_hand(self, track: Track, let_go_at: float) -> Height | None:
         """Where it rested shortly before it was let go of, unless it was seen to be lifted again."""
         rested, last = track.rested, track.seen.last
         if rested is None or let_go_at - rested.time > _DRAGGED:
@@ -310,14 +277,14 @@ class AttributedPolicy:
         is_seen_lifted = last is not None and last.time > rested.time and last.bottom > rested.bottom + _AGAIN
         return None if is_seen_lifted else rested
 
-    def _put_down_unseen(self, thing: Thing, track: _Track, current: Height) -> float | None:
+    def _put_down_unseen(self, thing: Thing, track: Track, current: Height) -> float | None:
         """When (s) it may have been put down where nobody saw it, if it stands about there now; else None."""
         hidden = track.hidden
         if hidden is None or hidden.bottom - current.bottom > _PUT_DOWN or not self._stands(thing):
             return None
         return hidden.time if math.dist(hidden.position[:2], current.position[:2]) < _ABOUT else None
 
-    def _lowered_out_of_sight(self, thing: Thing, track: _Track, current: Height) -> float | None:
+    def _lowered_out_of_sight(self, thing: Thing, track: Track, current: Height) -> float | None:
         """When (s) it came down to where it stands now, if it was being lowered when it was last seen; else None."""
         last, speed = track.seen.last, track.seen.lowering()
         if last is None or not _LOWERED < speed < -_FALLING or last.bottom - current.bottom > _PUT_DOWN:
@@ -330,12 +297,12 @@ class AttributedPolicy:
             return thing.believed is not None
         return abs(quaternions.to_matrix(thing.believed.q)[2][2]) > _UPRIGHT
 
-    def _palm_lowered(self, track: _Track, snapshot: Snapshot) -> float:
+    def _palm_lowered(self, track: Track, snapshot: Snapshot) -> float:
         """How far the hand that held it has come down since, m, if it has: it may still hold it, unseen."""
         palm_height = snapshot.palm_height(track.by)
         return 0.0 if palm_height is None or track.palm_height is None else max(0.0, track.palm_height - palm_height)
 
-    def _by_motion(self, thing: Thing, track: _Track, snapshot: Snapshot) -> Inference | None:
+    def _by_motion(self, thing: Thing, track: Track, snapshot: Snapshot) -> Inference | None:
         """Nothing is known to hold it but that it was lifted."""
         last, near = track.seen.last, _GUESSED if track.by == UNKNOWN else _LIKELY
         if last is None:
@@ -348,7 +315,7 @@ class AttributedPolicy:
             return None
         return self._out_of_sight(thing, track, snapshot, last)
 
-    def _out_of_sight(self, thing: Thing, track: _Track, snapshot: Snapshot, last: Height) -> Inference | None:
+    def _out_of_sight(self, thing: Thing, track: Track, snapshot: Snapshot, last: Height) -> Inference | None:
         """Nobody sees it since `last`: it has been let go of if it is believed to lie below that."""
         believed = track.believed.last
         lies = thing.plausible or (bool(thing.on) and track.believed.is_steady())
@@ -365,7 +332,7 @@ class AttributedPolicy:
             return self._let_go(thing, track, PLACE, unseen, _GUESSED, "it was put down out of sight")
         return None
 
-    def _last_high(self, track: _Track) -> float:
+    def _last_high(self, track: Track) -> float:
         """When it was last seen before it came down, s; half a frame later is as likely as any moment."""
         last = track.seen.last
         assert last is not None
@@ -374,12 +341,12 @@ class AttributedPolicy:
             return last.time if before is None else before.time
         return last.time
 
-    def _is_hidden_with_holder(self, track: _Track, snapshot: Snapshot) -> bool:
+    def _is_hidden_with_holder(self, track: Track, snapshot: Snapshot) -> bool:
         """Whether the hand that had it is out of sight too."""
         holder = snapshot.holders.get(track.by)
         return track.by != UNKNOWN and (holder is None or not holder.perceived)
 
-    def _rests(self, thing: Thing, track: _Track, snapshot: Snapshot, least: float = 0.0) -> bool:
+    def _rests(self, thing: Thing, track: Track, snapshot: Snapshot, least: float = 0.0) -> bool:
         """Whether it has been on or in something, or on the floor, for long enough, and for `least` s."""
         on_floor = thing.believed is not None and thing.bottom(thing.believed) < snapshot.floor_below
         if not (thing.on or thing.inside or (on_floor and track.believed.is_steady())):
@@ -393,7 +360,7 @@ class AttributedPolicy:
         return thing.perceived and thing.seen is not None and now - thing.seen.stamp <= _FRESH
 
     def _let_go(
-        self, thing: Thing, track: _Track, kind: str, time: float, confidence: float, why: str
+        self, thing: Thing, track: Track, kind: str, time: float, confidence: float, why: str
     ) -> Inference | None:
         action = Action(time, kind, thing.name, track.by)
         found, last = track.found, track.believed.last or track.seen.last

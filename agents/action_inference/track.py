@@ -1,0 +1,41 @@
+"""What is known of one thing that may be picked, held and let go of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from agents.action_inference.heights import Height, Heights
+from dsr.observed_actions import UNKNOWN
+
+
+@dataclass
+class Track:
+    """What is known of one thing."""
+
+    seen: Heights
+    believed: Heights
+    held: bool = False
+    by: str = UNKNOWN
+    last_grasp: float | None = None
+    """s, when something was last known to hold it since it was picked."""
+    let_go: Height | None = None
+    """Where it was believed to be then."""
+    rested: Height | None = None
+    """Where it last rested on something while it was held."""
+    palm_height: float | None = None
+    """World z of the palm of the hand that held it then, m; None if that was not perceived."""
+    hidden: Height | None = None
+    """Where it was believed when both it and who holds it were last out of sight, since it was last seen."""
+    beneath: tuple[float, frozenset[str]] = (0.0, frozenset())
+    """When (s) what was last beneath or around it."""
+    resting_since: float | None = None
+    """s, since when it rests on something untouched."""
+    returned: bool = False
+    """It was seen again, after a while, and it is not sure yet where it lies."""
+    returned_at: float = 0.0
+    """s, of the first percept then."""
+    recalled: bool = False
+    hovers_since: float | None = None
+    """s, since when something grasps it in the air, while it is not known where it lay."""
+    found: Height | None = None
+    """Where it was when it was found to be held; None if it was seen to be picked."""
