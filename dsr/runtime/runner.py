@@ -9,6 +9,7 @@ from collections import deque
 
 from dsr.agent import Agent
 from dsr.errors import AgentError, ConfigError, DsrError
+from dsr.keys import agent_of
 from dsr.runtime.activity import Activity
 from dsr.runtime.status import PERIOD, State, Status, encode_status
 from dsr.transport import Qos
@@ -65,6 +66,8 @@ class Runner:
         self._known_errors: set[str] = set()
         self._ticks: deque[tuple[float, float]] = deque(maxlen=_SAMPLES)  # (end, duration), s
         self._told = -math.inf
+        self._namesakes: set[str] = set()
+        self._namesake = ""
         self._activity = Activity(agent)
 
     def setup(self) -> None:
@@ -113,7 +116,7 @@ class Runner:
             failed = f"agent {self.agent.name!r}: {self._errors_in_a_row} ticks failed in a row"
             raise AgentError(f"{failed}; the last: {self._last_error}")
         if self._errors_in_a_row == 0:
-            self._enter(State.DEGRADED if self.agent.degraded else State.READY)
+            self._enter(State.DEGRADED if self.agent.degraded or self._namesake else State.READY)
         elif self.state is not State.STARTING:
             self._enter(State.DEGRADED)
         if ended >= self.status_due:
@@ -128,7 +131,23 @@ class Runner:
         """Publish the status."""
         agent = self.agent
         self._told = agent.clock.monotonic()
+        self._look_for_namesakes()
         agent.bus.publish(agent.keys.status(agent.name), encode_status(self.status()), Qos.STREAM)
+
+    def _look_for_namesakes(self) -> None:
+        """Say if another process goes by this agent's name: each takes for its own what the other one has made.
+
+        It must be there at two looks: one that was here before, and crashed, may take a moment to be gone.
+        """
+        agent = self.agent
+        if not agent.uses_memory or agent.memory.closed:
+            return
+        found = {rid for rid in agent.memory.peers if agent_of(rid) == agent.name}
+        rids, self._namesakes = sorted(found & self._namesakes), found
+        before = self._namesake
+        self._namesake = f"another process has the name {agent.name!r}, too ({', '.join(rids)})" if rids else ""
+        if self._namesake and not before:
+            agent.log.warning("%s; give one of them another with --name", self._namesake)
 
     def _enter(self, state: State) -> None:
         if state is not self.state:
@@ -161,7 +180,7 @@ class Runner:
             missed=self.missed,
             errors=self._errors,
             restarts=self._restarts,
-            last_error=self.agent.degraded or self._last_error,
+            last_error=self.agent.degraded or self._namesake or self._last_error,
             stamp=self.agent.clock.now(),
             worlds=self._activity.uses(self.agent.clock.now()),
         )

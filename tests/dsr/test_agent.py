@@ -214,6 +214,39 @@ def test_an_agent_can_say_that_it_is_degraded() -> None:
     assert heard.statuses[-1].last_error == "no hand model: looking for skin colour"
 
 
+class Twin(Agent):
+    """Does nothing, by a name that somebody else may have."""
+
+    name = "twin"
+
+
+def test_two_processes_of_one_name_say_so(caplog: pytest.LogCaptureFixture) -> None:
+    clock = ManualClock()
+    network = LocalNetwork(clock)
+    runners = []
+    for process in ("one", "other"):
+        memory = Memory("test", "twin", transport=network.connect(process), clock=clock)
+        agent = make_agent(Twin, name="twin", bus=memory.transport, keys=Keys("test"), clock=clock, memory=memory)
+        runners.append(Runner(agent, rid=memory.rid))
+
+    def live(*alive: Runner, seconds: int = 3) -> None:
+        for _ in range(10 * seconds):
+            clock.advance(0.1)
+            network.deliver()
+            for runner in alive:
+                runner.agent.memory.poll()
+                runner.tick(clock.now())
+
+    one, other = runners
+    live(one, other)
+    assert one.state is other.state is State.DEGRADED
+    assert f"another process has the name 'twin', too ({other.agent.memory.rid})" in one.status().last_error
+    assert len([record for record in caplog.records if "--name" in record.getMessage()]) == 2
+    other.agent.memory.close()
+    live(one)
+    assert one.state is State.READY and one.status().last_error == ""
+
+
 @pytest.mark.parametrize("rate", [0.1, 2.0, 60.0])
 def test_the_rate_is_measured_for_slow_and_fast_agents(rate: float) -> None:
     heard = Heard()
