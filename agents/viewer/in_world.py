@@ -1,0 +1,21 @@
+"""The viewer of a world other than the base: what a person knows, a filter makes, or a plan would bring about."""
+
+from __future__ import annotations
+
+from agents.viewer.agent import Viewer
+from dsr.agent import main
+from dsr.worlds.hosting import Hosted
+
+
+class WorldViewer(Hosted):
+    """Shows the world that its configuration names, as `Viewer` shows the base.
+
+    python -m agents.viewer.in_world --config '{"reads": ["view_of_human_1"], "agent": {"folder": "runs/human_1"}}'
+    """
+
+    name = "world_viewer"
+    hosts = Viewer
+
+
+if __name__ == "__main__":
+    main(WorldViewer)
