@@ -179,7 +179,10 @@ class Calibrator(Agent):
         """Write the pose from before the last calibration. Raises `ConfigError` if there is none to take back."""
         report = taken_back(self.memory, self._chronicle, node.get("target") or only_camera(self.memory))
         with self.memory.batch():
-            self.memory.add_edge(report.parent, report.camera, "RT", pose=pose_of(report.after))
+            pose = pose_of(report.after, report.covariance)
+            self.memory.add_edge(report.parent, report.camera, "RT", pose=pose)
+            if self._watch is not None:
+                self._watch.settle(report.camera)
             tell(self._chronicle, report)
             self._close(node.name, ADOPTED, report.text, report)
         self.log.info("%s", report.text)

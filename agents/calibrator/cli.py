@@ -90,6 +90,10 @@ def calibrate(
         raise ConfigError(f"--until {until:g} is not after --from {begin:g}")
     if move and (views < 2 or recording is not None):
         raise ConfigError("--move takes --views of 2 or more, and no --recording")
+    if recording is None and (begin > 0.0 or until is not None):
+        raise ConfigError("--from and --until go with --recording only")
+    if recording is not None and views > 1:
+        raise ConfigError("--views goes without --recording: all views of the arm that it shows are used")
     if undo and (force or views > 1 or recording is not None or method != DEFAULT_METHOD):
         raise ConfigError("--undo goes with --camera only")
     if recording is not None:
@@ -160,7 +164,8 @@ def _show(report: Report) -> None:
     if report.objects:
         console.print(table)
     if report.adopted:
-        translation, rotation = (", ".join(f"{x:.6f}" for x in part) for part in (report.after[:3], report.after[3:]))
+        mount = report.before if report.unchanged else report.after
+        translation, rotation = (", ".join(f"{x:.6f}" for x in part) for part in (mount[:3], mount[3:]))
         console.print(f"{report.parent} -> {report.camera}:", highlight=False)
         console.print(f"mount = {{ translation = \\[{translation}], rotation = \\[{rotation}] }}", soft_wrap=True)
     style = "" if report.adopted else "[bold red]"

@@ -20,7 +20,7 @@ FEWEST = 3
 _CAMERA_MOVED = 6.0  # nats, as in the simulation handler's explanations
 _OBJECT_MOVED = 3.0
 _RIDES = 1.0  # an object that is on or in another is moved with that
-_COINCIDENCE = 6.0  # that an object is seen where it was believed, through a camera that moved
+_COINCIDENCE = 6.0  # at least, that an object is seen where it was believed, through a camera that moved
 _MOST_LEANING = 8.0  # for one object that would lean, though it is not believed to
 _NOISE = 3.0  # nats that noise alone may make of that
 _CLEARLY = 6.0  # nats between two explanations that make one of them the answer
@@ -37,6 +37,8 @@ class Decision(NamedTuple):
     """Objects that were all moved alike would have looked the same."""
     why: str
     """For people."""
+    is_idle: bool = False
+    """Everything is seen where it was believed: there is nothing that has to be explained otherwise."""
 
 
 def decide(
@@ -62,13 +64,15 @@ def decide(
     agreeing = names - set(solution.outliers)
     explained = np.array([sighting.name in agreeing - here for sighting in sightings])
     by_objects = _moving(names - here, carried) + _leaning(problem, world_from_parent @ before, explained)
-    by_camera = _CAMERA_MOVED + _OBJECT_MOVED * len(names - agreeing) + _COINCIDENCE * len(here - agreeing)
+    by_camera = _CAMERA_MOVED + _OBJECT_MOVED * len(names - agreeing)
+    by_camera += max(_COINCIDENCE, _OBJECT_MOVED * len(agreeing)) * len(here - agreeing)
     if 2 * len(agreeing) <= len(names) or by_camera >= by_objects:
         if not here:
             return Decision(
                 False, False, f"no motion of the camera explains better what is seen of {len(names)} object(s)"
             )
-        return Decision(False, False, f"{len(here)} of {len(names)} objects are seen where they are believed to be")
+        why = f"{len(here)} of {len(names)} objects are seen where they are believed to be"
+        return Decision(False, False, why, is_idle=here == names)
     if len(agreeing) < FEWEST:
         return Decision(None, False, f"only {len(agreeing)} object(s) tell of the camera; expected {FEWEST}")
     if solution.problem:

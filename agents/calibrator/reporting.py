@@ -53,10 +53,11 @@ def tell(chronicle: Chronicle, report: Report) -> None:
     chronicle.happened(CALIBRATED, (report.camera, *objects), text=report.text, report=encoded(report))
 
 
-def pose_of(numbers: Sequence[float]) -> Pose:
-    """A pose of a report."""
+def pose_of(numbers: Sequence[float], covariance: Sequence[float] = ()) -> Pose:
+    """A pose of a report, with its covariance if that is told."""
     x, y, z, qx, qy, qz, qw = numbers
-    return Pose((x, y, z), (qx, qy, qz, qw))
+    pose = Pose((x, y, z), (qx, qy, qz, qw))
+    return pose.with_covariance(np.reshape(covariance, (6, 6))) if len(covariance) else pose
 
 
 def refusal(skipped: Mapping[str, int], waited: float) -> str:
@@ -75,13 +76,20 @@ def _text(camera: str, solution: Solution, *, adopted: bool, unchanged: bool) ->
     off = f"; not explained: {', '.join(solution.outliers)}" if adopted and solution.outliers else ""
     found = (
         f"{1e3 * metres:.1f} mm, {math.degrees(radians):.2f} deg from where it was believed; "
-        f"residual {1e3 * before:.1f} -> {1e3 * after:.1f} mm over {len(solution.residuals)} object(s) in "
+        f"residual {1e3 * before:.1f} -> {1e3 * after:.1f} mm over {_counted(solution)} in "
         f"{solution.views} view(s){off}"
     )
     if not adopted:
         return f"{camera} stays: {solution.problem}. It would be {found}"
     forced = f" (forced: {solution.problem})" if solution.problem else ""
     return f"{camera} is {found}{forced}"
+
+
+def _counted(solution: Solution) -> str:
+    """How many objects the residuals are of."""
+    every = len(solution.residuals)
+    trusted = sum(not one.is_outlier for one in solution.residuals)
+    return f"{every} object(s)" if trusted in (0, every) else f"{trusted} of {every} objects"
 
 
 def _average(solution: Solution, which: str) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import msgspec
 
 from agents.calibrator.reporting import pose_of
@@ -22,14 +24,23 @@ def taken_back(memory: Memory, chronicle: Chronicle, camera: str) -> Report:
     """
     parent = parent_of(memory, camera)
     events = chronicle.query(type="event", kind=CALIBRATED, participants=camera)
-    reports = (read_report(memory, event.name) for event in reversed(events))
-    report = next((one for one in reports if one is not None and one.camera == camera), None)
+    found = [read_report(memory, event.name) for event in reversed(events)]
+    reports = [one for one in found if one is not None and one.camera == camera]
+    report = next(iter(reports), None)
     if report is None:
         raise ConfigError(f"the timeline tells of no calibration of {camera}")
     edge = memory.get_edge(parent, camera, "RT")
     if edge is None or report.parent != parent or max(edge["pose"].distance(pose_of(report.after))) > _SAME:
         raise ConfigError(f"{camera} was given another pose since its last calibration")
     text = f"{camera} is believed where it was before its last calibration"
+    return turned_round(report, text, reports)
+
+
+def turned_round(report: Report, text: str, known: Iterable[Report] = ()) -> Report:
+    """A report from after to before; the covariance of that is told by the report of `known` that led there, if any."""
+    there = pose_of(report.before)
+    led = (one for one in known if one.parent == report.parent and max(pose_of(one.after).distance(there)) <= _SAME)
+    covariance = next((one.covariance for one in led if one.covariance), ())
     return msgspec.structs.replace(
-        report, before=report.after, after=report.before, covariance=(), objects=(), unchanged=False, text=text
+        report, before=report.after, after=report.before, covariance=covariance, objects=(), unchanged=False, text=text
     )

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import NamedTuple
-
-import msgspec
 
 from agents.calibrator.config import CalibratorConfig
 from agents.calibrator.decision import Decision
@@ -17,9 +16,9 @@ from agents.calibrator.looking import SOURCE, Looking, can_look
 from agents.calibrator.own_requests import OwnRequests
 from agents.calibrator.refining import Refining
 from agents.calibrator.reporting import encoded, make_report, pose_of, tell
-from agents.calibrator.solution import Solution
 from agents.calibrator.steps import REACH, Steps
 from agents.calibrator.touch import Touch
+from agents.calibrator.undoing import turned_round
 from agents.calibrator.views import Views
 from dsr.calibration import (
     ADOPTED,
@@ -32,7 +31,6 @@ from dsr.calibration import (
     REFUSED,
     STEADY,
     SURPRISE,
-    Report,
     read_report,
 )
 from dsr.errors import ConfigError, DsrError
@@ -54,6 +52,8 @@ class _Stand(NamedTuple):
     until: float
     mount: str = STEADY
     why: str = ""
+    believed: Mapping[str, Pose] = MappingProxyType({})
+    """world_from_object, to which beliefs are led back meanwhile"""
 
 
 class Watch:
@@ -160,6 +160,16 @@ class Watch:
         """What is known of the errors of depth with which a camera sees objects, by object."""
         return self._depths.of(camera)
 
+    def settle(self, camera: str) -> None:
+        """Somebody says where a camera is: for a while whatever it sees elsewhere has moved."""
+        why = "stands where somebody says that it does"
+        self._depths.forget(camera)
+        self._stands[camera] = _Stand(self._memory.clock.now() + self._config.confirmed_for)
+        if camera in self._doubts:
+            self._end(self._doubts[camera], CONFIRMED, why)
+        else:
+            self._tell(camera, CONFIRMED, why)
+
     @property
     def doubts(self) -> Sequence[Doubt]:
         """What is in doubt, or was adopted provisionally."""
@@ -183,12 +193,12 @@ class Watch:
                 self._doubt(node.name, entry.participants, now, believed, self._depths.at(node.name, time))
 
     def _note_displaced(self, entry: Entry, now: float) -> None:
-        """What is said to have moved: more and more of that may be the camera."""
-        before = self._memories.at(entry.begin - LOOKBACK)
+        """What is said to have moved: more and more of that may be the camera, also one that was found out just now."""
+        lately = self._memories.at(entry.begin - LOOKBACK)
         for node in list(self._memory.nodes("camera")):
-            if node.name in self._doubts or node.name in self._stands:
-                continue
-            for name in entry.participants:
+            stand = self._stands.get(node.name)
+            before = lately if stand is None else stand.believed
+            for name in () if node.name in self._doubts else entry.participants:
                 if self._sees(node.name, (name,), now):
                     self._displaced.add(node.name, name, before.get(name), self._depths.of(node.name), now)
 
@@ -276,7 +286,7 @@ class Watch:
         self._log.info("%s: %s", camera, decision.why)
         if decision.moved is False:
             self._restore(doubt, decision)
-            if doubt.is_slight and doubt.views == 1:  # nothing that has to be explained otherwise
+            if decision.is_idle or (doubt.is_slight and doubt.views == 1):
                 self._end(doubt, STEADY, f"has not moved: {decision.why}", REFUSED)
                 return
             self._stands[camera] = _Stand(now + self._config.confirmed_for)
@@ -326,7 +336,8 @@ class Watch:
             if edge is not None and edge["pose"].distance(before)[0] > _ASTRAY:
                 camera = doubt.camera
                 now, node = self._memory.clock.now(), self._memory.node(camera)
-                self._stands[camera] = _Stand(now + _BACK, self._mount(camera), str(node.get("explanation", "")))
+                why = str(node.get("explanation", ""))
+                self._stands[camera] = _Stand(now + _BACK, self._mount(camera), why, doubt.believed())
                 self._tell(camera, CONFIRMED, f"was found out; {name} and others were not seen rightly before")
                 return
 
@@ -347,15 +358,13 @@ class Watch:
         if edge is not None and edge.get("pose") != doubt.before:
             self._write(doubt, doubt.before)
             text = f"{doubt.camera} is where it was before after all: {decision.why}"
-            told = None if doubt.solution is None else encoded(self._taken_back(doubt, doubt.solution, text))
+            told = None
+            if doubt.solution is not None:
+                told = encoded(
+                    turned_round(make_report(doubt.camera, doubt.parent, doubt.solution, adopted=True), text)
+                )
             self._chronicle.happened(CALIBRATED, (doubt.camera,), text=text, report=told)
             self._log.info("%s", text)
-
-    def _taken_back(self, doubt: Doubt, solution: Solution, text: str) -> Report:
-        report = make_report(doubt.camera, doubt.parent, solution, adopted=True)
-        return msgspec.structs.replace(
-            report, before=report.after, after=report.before, covariance=(), text=text, objects=()
-        )
 
     def _write(self, doubt: Doubt, pose: Pose) -> None:
         self._memory.add_edge(doubt.parent, doubt.camera, "RT", pose=pose.with_stamp(0.0))

@@ -104,7 +104,8 @@ def prior(situation: Situation, hypothesis: Hypothesis) -> float:
         cost += FALSE_PERCEPT + FALSE_FRAME * frames
     if hypothesis.camera_moved:
         here = [name for name in hypothesis.moved if name in situation.believed and not _is_off(situation, name)]
-        cost += CAMERA_MOVED + COINCIDENCE * len(here)
+        explained = len(situation.seen.keys() - hypothesis.moved.keys() - hypothesis.kept)
+        cost += CAMERA_MOVED + max(COINCIDENCE, MOVED * explained) * len(here)
     return cost
 
 

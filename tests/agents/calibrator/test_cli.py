@@ -59,6 +59,19 @@ def test_the_part_of_a_recording_and_weak_geometry(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
+    ("arguments", "why"),
+    [
+        (["--until", "3"], "--from and --until go with --recording only"),
+        (["--from", "3"], "--from and --until go with --recording only"),
+        (["--recording", "run", "--views", "3"], "--views goes without --recording"),
+    ],
+)
+def test_options_that_would_change_nothing_are_refused(arguments: list[str], why: str) -> None:
+    with pytest.raises(dsr.ConfigError, match=why):
+        run(*arguments)
+
+
+@pytest.mark.parametrize(
     ("times", "why"),
     [
         (["--from", "2", "--until", "1"], "--until 1 is not after --from 2"),

@@ -44,6 +44,20 @@ def test_as_long_as_one_is_seen_where_it_is_believed_the_others_moved(names: lis
     assert decision.moved is False and f"{4 - len(names)} of 4 objects are seen where" in decision.why
 
 
+@pytest.mark.parametrize("count", [7, 9, 12])
+def test_one_in_its_place_counts_for_as_many_as_were_moved_alike(count: int) -> None:
+    objects = cubes([(0.08 * (k % 4) - 0.12, 0.1 * (k // 4) - 0.1) for k in range(count)])
+    moved = {name: pose.inverse() @ MOVED @ pose for name, pose in objects.items() if name != "cube_2"}
+    decision = found(sightings(objects, rng=np.random.default_rng(0), wrong=moved))
+    assert decision.moved is False and f"1 of {count} objects" in decision.why
+
+
+def test_there_is_nothing_to_explain_if_all_is_in_its_place() -> None:
+    decision = found(noisy())
+    assert decision.moved is False and decision.is_idle
+    assert not found(noisy(wrong=moved_alike(MOVED, ["cube_1"]))).is_idle
+
+
 def test_a_single_flipped_percept_moves_no_camera() -> None:
     assert found(noisy(wrong={"cube_2": FLIP})).moved is False
 

@@ -21,6 +21,7 @@ from dsr.calibration import (
     SURPRISE,
     read_report,
     request_calibration,
+    request_undo,
 )
 from dsr.intentions import DONE, FAILED, NOTHING_GRASPED
 from dsr.timeline import EXPLAINED, Chronicle
@@ -114,6 +115,37 @@ def test_a_camera_on_a_stand_that_all_moved_before_is_moved_provisionally(set_up
     stage.look()
     assert mount(stage) == PROVISIONAL and answer(stage)[0] == ADOPTED
     assert stage.error[0] == pytest.approx(0.058, abs=0.003)
+
+
+def test_a_pose_that_is_taken_back_on_request_stays(set_up: SetUp) -> None:
+    stage = set_up(confirmed_for=2.0)
+    move_alike(stage)
+    explain(stage)
+    stage.look()
+    assert mount(stage) == PROVISIONAL
+    request_undo(stage.memory)
+    stage.look(0.5)
+    assert mount(stage) == CONFIRMED and stage.error[0] == 0.0
+    explain(stage)
+    stage.look(2.0)
+    assert mount(stage) == STEADY and stage.error[0] == 0.0
+
+
+def test_a_second_bump_while_beliefs_are_led_back_is_found_out(set_up: SetUp) -> None:
+    stage = set_up()
+    stage.parent_from_camera = DOWN @ BUMP
+    stage.look(0.8)
+    believed = stage.memory.edge("world", "cube_1", "Virtual_RT")["pose"]
+    stage.memory.add_edge("world", "cube_1", "Virtual_RT", pose=Pose((0.04, 0.0, 0.0)) @ believed)
+    explain(stage)
+    stage.look(1.5)
+    assert mount(stage) == CONFIRMED and stage.error[0] < 0.003
+    stage.memory.add_edge("world", "cube_1", "Virtual_RT", pose=believed)
+    stage.parent_from_camera = DOWN @ BUMP @ BUMP
+    stage.look(0.5)
+    explain(stage, "moved_alone(cube_1) & moved_alone(cube_2) & moved_alone(cube_3) & moved_alone(cube_4)")
+    stage.look(4.0)
+    assert mount(stage) == STEADY and stage.error[0] < 0.003
 
 
 @pytest.mark.parametrize("is_camera", [True, False])
