@@ -58,8 +58,12 @@ _FRAMES = 60  # that show a cube falsely: six seconds
 
 def main() -> None:
     """Measure what is not measured yet, print, and write JSON and plots; exit 1 if a target is missed."""
-    options = _parser().parse_args()
-    rows: list[Row] = json.loads(options.json.read_text()) if options.json and options.json.exists() else []
+    parser = _parser()
+    options = parser.parse_args()
+    try:
+        rows = _read(options.json)
+    except (OSError, ValueError) as error:
+        parser.error(f"--json {options.json}: {error}")
     wanted = [
         (part, case, seed)
         for part in options.parts or PARTS
@@ -71,18 +75,47 @@ def main() -> None:
     for part, case, seed in track(todo, "sessions", console=Console(stderr=True), disable=not todo):
         rows.append(session(part, case, seed, options.sensor))
         if options.json:
-            options.json.write_text(json.dumps(rows), encoding="utf-8")
-    report(Console(), rows)
+            _write(rows, options.json)
+    measured = [row for row in rows if row["sensor"] == options.sensor]
+    report(Console(), measured)
     if options.plots:
-        draw(rows, options.plots)
-    raise SystemExit(0 if holds(rows) else 1)
+        draw(measured, options.plots)
+    raise SystemExit(0 if holds(measured) else 1)
+
+
+def _read(file: Path | None) -> list[Row]:
+    """The sessions that a file holds. Raises `OSError` or `ValueError`."""
+    if file is None or not file.exists():
+        return []
+    rows = json.loads(file.read_text(encoding="utf-8"))
+    if not isinstance(rows, list) or not all(isinstance(row, dict) and "sensor" in row for row in rows):
+        raise ValueError("expected the sessions that this command has written")
+    return rows
+
+
+def _write(rows: Sequence[Row], file: Path) -> None:
+    """Write all sessions; whoever interrupts that leaves the file as it was."""
+    part = file.with_name(f"{file.name}.part")
+    part.write_text(json.dumps(rows), encoding="utf-8")
+    part.replace(file)
+
+
+def _count(least: int) -> Callable[[str], int]:
+    """A whole number of an option, not less than `least`."""
+
+    def number(text: str) -> int:
+        if int(text) < least:
+            raise argparse.ArgumentTypeError(f"{text}: expected {least} or more")
+        return int(text)
+
+    return number
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser("python -m benchmarks.calibration", description=__doc__.partition("\n")[0])
     parser.add_argument("parts", nargs="*", choices=PARTS, help="default: all")
-    parser.add_argument("--trials", type=int, default=10, help="sessions of each case")
-    parser.add_argument("--seed", type=int, default=0, help="of the first one")
+    parser.add_argument("--trials", type=_count(1), default=10, help="sessions of each case")
+    parser.add_argument("--seed", type=_count(0), default=0, help="of the first one")
     parser.add_argument("--sensor", choices=("pixels", "poses"), default="pixels")
     parser.add_argument("--json", type=Path, help="keep the figures of all sessions in this file")
     parser.add_argument("--plots", type=Path, metavar="FOLDER", help="write CSV files and, with matplotlib, PNG")

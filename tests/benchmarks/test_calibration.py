@@ -71,6 +71,21 @@ def rows() -> list[dict[str, Any]]:
     ]
 
 
+def test_sessions_are_kept_and_what_is_none_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "figures.json"
+    system._write(rows(), file)
+    assert [row["part"] for row in system._read(file)] == [row["part"] for row in rows()]
+    assert list(tmp_path.iterdir()) == [file]
+    for text in ("{}", '[{"part": 1', "[3]"):
+        file.write_text(text)
+        with pytest.raises(ValueError):
+            system._read(file)
+    for option in (["--trials", "0"], ["--seed", "-1"]):
+        with pytest.raises(SystemExit):
+            system._parser().parse_args(option)
+    assert "expected 0 or more" in capsys.readouterr().err
+
+
 def test_tables_and_plots_are_made_of_the_rows(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
     system.draw(rows(), tmp_path)
