@@ -191,7 +191,7 @@ def test_a_large_graph_reaches_a_peer_complete(net: Net) -> None:
         ('"width": 640', '"width": 640.5', "attribute 'width': expected a finite int in px, got 640.5"),
         ('"dst": "cup_1"', '"dst": "cpu_1"',
          "edges[2].dst: no node 'cpu_1' in this file; did you mean 'cup_1'?"),
-        ('"type": "on"', '"type": "onto"', "edges[4].type: unknown edge type 'onto'; did you mean 'on'?"),
+        ('"type": "on"', '"type": "onn"', "edges[4].type: unknown edge type 'onn'; did you mean 'on'?"),
         ('"rotation": [1.0,', '"rotation": [2.0,',
          "edges[3].attributes.pose: rotation (2.0, 0.0, 0.0, 0.0): norm 2, expected 1 within 0.001"),
         ('"rotation": [1.0,', '"rotaton": [1.0,',
