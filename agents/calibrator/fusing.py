@@ -43,7 +43,7 @@ def fuse(percepts: Sequence[Pose], depth_bias: float, depth_scatter: float) -> P
     each = np.repeat([1.0 / math.sqrt(counted), 1.0], 3)
     covariance = _without(percepts[middle].covariance, ray, excess) * np.outer(each, each)
     covariance[:3, :3] += depth_scatter**2 * np.outer(ray, ray)
-    covariance[3:, 3:] += CORNERS**2 * np.eye(3)
+    covariance[3:, 3:] += CORNERS**2 * np.outer(ray, ray)
     return pose.with_covariance(covariance)
 
 

@@ -31,7 +31,7 @@ def test_the_mean_is_better_than_each_and_flips_do_not_count() -> None:
 
 def test_errors_average_out_only_so_far() -> None:
     one, many = (np.asarray(fuse(percepts(count), 0.0, 0.0).covariance) for count in (1, 30))
-    assert np.diagonal(one) == pytest.approx(SIGMAS**2 + CORNERS**2 * np.repeat([0.0, 1.0], 3), rel=0.01)
+    assert np.diagonal(one) == pytest.approx(SIGMAS**2 + CORNERS**2 * np.concatenate([np.zeros(3), RAY**2]), rel=0.01)
     assert many[:3, :3] == pytest.approx(one[:3, :3] / MOST_INDEPENDENT, rel=0.01, abs=1e-12)
     assert many[3:, 3:] == pytest.approx(one[3:, 3:], rel=0.01, abs=1e-12)
 
