@@ -16,6 +16,7 @@ from dsr.transport import Qos
 
 _SAMPLES = 200
 _RATE_WINDOW = 3.0  # s
+_LINGERS = 2.0  # s for which a process that crashed may still seem to be there
 
 
 class Schedule:
@@ -66,7 +67,7 @@ class Runner:
         self._known_errors: set[str] = set()
         self._ticks: deque[tuple[float, float]] = deque(maxlen=_SAMPLES)  # (end, duration), s
         self._told = -math.inf
-        self._namesakes: set[str] = set()
+        self._namesakes: dict[str, float] = {}  # s, since when others of the agent's name are there
         self._namesake = ""
         self._activity = Activity(agent)
 
@@ -137,13 +138,14 @@ class Runner:
     def _look_for_namesakes(self) -> None:
         """Say if another process goes by this agent's name: each takes for its own what the other one has made.
 
-        It must be there at two looks: one that was here before, and crashed, may take a moment to be gone.
+        One that was here before, and crashed, may take a moment to be gone.
         """
         agent = self.agent
         if not agent.uses_memory or agent.memory.closed:
             return
-        found = {rid for rid in agent.memory.peers if agent_of(rid) == agent.name}
-        rids, self._namesakes = sorted(found & self._namesakes), found
+        found = [rid for rid in agent.memory.peers if agent_of(rid) == agent.name]
+        self._namesakes = {rid: self._namesakes.get(rid, self._told) for rid in found}
+        rids = sorted(rid for rid, since in self._namesakes.items() if self._told - since >= _LINGERS)
         before = self._namesake
         self._namesake = f"another process has the name {agent.name!r}, too ({', '.join(rids)})" if rids else ""
         if self._namesake and not before:

@@ -238,6 +238,8 @@ def test_two_processes_of_one_name_say_so(caplog: pytest.LogCaptureFixture) -> N
                 runner.tick(clock.now())
 
     one, other = runners
+    live(one, other, seconds=1)
+    assert one.state is other.state is State.READY
     live(one, other)
     assert one.state is other.state is State.DEGRADED
     assert f"another process has the name 'twin', too ({other.agent.memory.rid})" in one.status().last_error
