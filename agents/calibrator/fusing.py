@@ -17,7 +17,7 @@ MOST_INDEPENDENT = 4
 Rotations do not average out at all: depth images tilt all tags alike, and always so.
 """
 CORNERS = 0.006
-"""rad about the viewing ray, by which all percepts of a tag from one place are turned: its corners are found beside it"""
+"""rad about the viewing ray, by which all percepts of a tag from one place are turned: its corners are seen askew"""
 _ENOUGH = 8  # percepts whose scatter tells how large the noise of depth is
 _DOUBT = 2.0  # that variance may be so much larger, for there are few of them
 _LONG = 2.0  # ratio of standard deviations from which the longest axis may be taken for the viewing ray
