@@ -7,14 +7,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import count
 
 import msgspec
+import numpy as np
 
 from dsr.elements import Node
 from dsr.errors import ConfigError, suggest
 from dsr.intentions import MIND
 from dsr.memory import Memory
+from dsr.transforms import Pose
 
 CALIBRATION = "calibration"
 """Node type of a request."""
@@ -35,6 +38,8 @@ of its node tells the pose before and after."""
 SURPRISE = "surprise"
 """`source` of requests that nobody made: the calibrator began by itself."""
 
+_SAME = 1e-6  # m, rad, up to which two poses are the same
+
 
 class ObjectReport(msgspec.Struct, frozen=True):
     """How far one object is seen from where it is believed, before and after: root mean squares over its views."""
@@ -49,7 +54,7 @@ class ObjectReport(msgspec.Struct, frozen=True):
 
 
 class Report(msgspec.Struct, frozen=True):
-    """What came out of a calibration."""
+    """What came out of a calibration. Raises `ValueError` for poses that are none."""
 
     camera: str
     parent: str
@@ -79,6 +84,10 @@ class Report(msgspec.Struct, frozen=True):
     objects: tuple[ObjectReport, ...]
     unchanged: bool = False
     """Whether that is the pose as it was, which was not written anew: what was found differs by less than its error."""
+
+    def __post_init__(self) -> None:
+        pose_of(self.before)
+        pose_of(self.after, self.covariance)
 
 
 def request_calibration(
@@ -139,6 +148,31 @@ def read_report(memory: Memory, name: str) -> Report | None:
         return None if not text else msgspec.json.decode(text, type=Report)
     except msgspec.MsgspecError:
         return None
+
+
+def provisional(memory: Memory, camera: str) -> tuple[str, Report] | None:
+    """How a camera came to a pose that is provisional: the request, which nobody made, and its report; else None."""
+    node = memory.get_node(camera)
+    if node is None or node.get("mount") not in (PROVISIONAL, CONFIRMED):
+        return None
+    for request in memory.nodes(CALIBRATION):
+        report = read_report(memory, request.name) if request.get("source") == SURPRISE else None
+        if report is not None and report.adopted and report.camera == camera and _holds(memory, report):
+            return request.name, report
+    return None
+
+
+def _holds(memory: Memory, report: Report) -> bool:
+    """Whether a camera still is where a report says that it is."""
+    edge = memory.get_edge(report.parent, report.camera, "RT")
+    return edge is not None and max(edge["pose"].distance(pose_of(report.after))) <= _SAME
+
+
+def pose_of(numbers: Sequence[float], covariance: Sequence[float] = ()) -> Pose:
+    """A pose of a report, with its covariance if that is told. Raises `ValueError` for numbers that are none."""
+    x, y, z, qx, qy, qz, qw = numbers
+    pose = Pose((x, y, z), (qx, qy, qz, qw))
+    return pose.with_covariance(np.reshape(covariance, (6, 6))) if len(covariance) else pose
 
 
 def checked_method(name: str) -> str:

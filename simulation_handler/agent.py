@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dsr.agent import Access, Agent
+from dsr.calibration import CALIBRATION
 from dsr.intrinsics import INTRINSICS
 from dsr.timeline import WRITTEN_ATTRIBUTES, WRITTEN_EDGES, WRITTEN_NODES
 from simulation_handler.belief import Belief
@@ -33,13 +34,13 @@ class SimulationHandler(Agent):
     name = "simulation_handler"
     rate_hz = 20.0
     reads = Access(
-        nodes=(*FIXTURES, *OBJECTS, *PARTS, "world", "camera", "gripper", "action", *WRITTEN_NODES),
+        nodes=(*FIXTURES, *OBJECTS, *PARTS, "world", "camera", "gripper", "action", CALIBRATION, *WRITTEN_NODES),
         edges=("RT", "Virtual_RT", "on", "in", "sees", "grasping", "has"),
         attributes=(
             *("size", "shape", "mass", "friction", "rolling_friction", "plausible", "source", "since", "bounds"),
             *(*INTRINSICS, *SEEN),
             *("surprising", "present", "skill", "target", "destination", "status", "held_at", "grip"),
-            *("perceived", "last_seen", "side", "mount", "mesh"),
+            *("perceived", "last_seen", "side", "mount", "mesh", "report"),
         ),
     )
     writes = Access(

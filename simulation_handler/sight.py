@@ -56,6 +56,8 @@ class View:
     world_from_camera: Pose
     """Of the optical frame: z forward, x right, y down."""
     intrinsics: Intrinsics
+    obstacles: tuple[Solid, ...] = ()
+    """What may hide something from this camera alone."""
 
 
 class Glance(NamedTuple):
@@ -154,6 +156,7 @@ class _Camera:
         self.view = view
         self.eye = _bounded([view.world_from_camera.t])[0]
         self.turn = np.array(quaternions.to_matrix(view.world_from_camera.q))
+        obstacles = (*obstacles, *view.obstacles)
         around = _Bodies.of(obstacles).contain(self.eye, _MARGIN)
         kept = [obstacle for obstacle, inside in zip(obstacles, around, strict=True) if not inside]
         self.obstacles = [obstacle.name for obstacle in kept]

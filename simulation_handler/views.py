@@ -6,10 +6,12 @@ import contextlib
 import math
 import re
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from dsr import quaternions
+from dsr.calibration import pose_of, provisional
 from dsr.elements import Node
 from dsr.errors import DsrError
 from dsr.intrinsics import read_intrinsics
@@ -32,7 +34,7 @@ def views(memory: Memory) -> list[View]:
     """All cameras whose place and intrinsics are known, by name; now, or when their chains were last known."""
     nodes = sorted(memory.nodes("camera"), key=lambda node: node.name)
     return [
-        View(node.name, pose, intrinsics)
+        View(node.name, pose, intrinsics, tuple(_displaced(memory, node.name, pose)))
         for node, pose in zip(nodes, _places(memory, nodes), strict=True)
         if pose is not None and (intrinsics := read_intrinsics(node)) is not None
     ]
@@ -40,9 +42,18 @@ def views(memory: Memory) -> list[View]:
 
 def obstacles(memory: Memory) -> list[Solid]:
     """Boxes around parts of bodies (`bounds`), and tables, where they are now. What cannot be used is left out."""
-    parts = [node for type in PARTS for node in memory.nodes(type) if "bounds" in node]
-    tables = [node for type in SURFACES for node in memory.nodes(type)]
-    nodes = sorted(parts, key=lambda node: node.name) + sorted(tables, key=lambda node: node.name)
+    tables = sorted((node for type in SURFACES for node in memory.nodes(type)), key=lambda node: node.name)
+    return _boxes(memory, [*_parts(memory), *tables])
+
+
+def _parts(memory: Memory) -> list[Node]:
+    """Parts of bodies that hide what is behind them, by name."""
+    found = (node for type in PARTS for node in memory.nodes(type) if "bounds" in node)
+    return sorted(found, key=lambda node: node.name)
+
+
+def _boxes(memory: Memory, nodes: list[Node]) -> list[Solid]:
+    """Those of parts, and of tables, whose place is known."""
     boxes = [_bounds(node) if "bounds" in node else _below_its_top(node) for node in nodes]
     found = []
     for node, box, pose in zip(nodes, boxes, _places(memory, nodes), strict=True):
@@ -51,6 +62,22 @@ def obstacles(memory: Memory) -> list[Solid]:
             centre = pose @ Pose.unchecked(_middle(least, size), (0.0, 0.0, 0.0, 1.0))
             found.append(Solid(node.name, (size[0], size[1], size[2]), centre.t, centre.q, fixed=True))
     return found
+
+
+def _displaced(memory: Memory, camera: str, world_from_camera: Pose) -> Iterator[Solid]:
+    """What the robot hides if not a camera moved, whose pose is provisional, but all that it sees, alike.
+
+    The objects are where they are seen then, too; but how the robot's parts are to them is known from its joints.
+    """
+    if (told := provisional(memory, camera)) is None:
+        return
+    _, report = told
+    with contextlib.suppress(DsrError):
+        before = memory.transform(WORLD, report.parent) @ pose_of(report.before)
+        shift = world_from_camera @ before.inverse()
+        for part in _boxes(memory, _parts(memory)):
+            pose = shift @ part.pose
+            yield replace(part, position=pose.t, rotation=pose.q)
 
 
 def modelled(memory: Memory, forms: Forms) -> list[Solid]:

@@ -8,7 +8,7 @@ from agents.calibrator.calibrate import calibrate
 from agents.calibrator.config import CalibratorConfig
 from agents.calibrator.doubt import believed_now
 from agents.calibrator.looking import Looking, can_look
-from agents.calibrator.reporting import encoded, make_report, pose_of, refusal, tell
+from agents.calibrator.reporting import encoded, make_report, refusal, tell
 from agents.calibrator.undoing import taken_back
 from agents.calibrator.views import WORLD, Views, only_camera
 from agents.calibrator.watch import Watch
@@ -23,6 +23,7 @@ from dsr.calibration import (
     SURPRISE,
     Report,
     checked_method,
+    pose_of,
 )
 from dsr.elements import Node
 from dsr.errors import ConfigError

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import msgspec
 import numpy as np
@@ -11,7 +11,6 @@ import numpy as np
 from agents.calibrator.solution import Solution
 from dsr.calibration import CALIBRATED, ObjectReport, Report
 from dsr.timeline import Chronicle
-from dsr.transforms import Pose
 
 
 def make_report(camera: str, parent: str, solution: Solution, *, adopted: bool, unchanged: bool = False) -> Report:
@@ -51,13 +50,6 @@ def tell(chronicle: Chronicle, report: Report) -> None:
     """Put the event of a new pose onto the timeline."""
     objects = (one.name for one in report.objects)
     chronicle.happened(CALIBRATED, (report.camera, *objects), text=report.text, report=encoded(report))
-
-
-def pose_of(numbers: Sequence[float], covariance: Sequence[float] = ()) -> Pose:
-    """A pose of a report, with its covariance if that is told."""
-    x, y, z, qx, qy, qz, qw = numbers
-    pose = Pose((x, y, z), (qx, qy, qz, qw))
-    return pose.with_covariance(np.reshape(covariance, (6, 6))) if len(covariance) else pose
 
 
 def refusal(skipped: Mapping[str, int], waited: float) -> str:

@@ -6,9 +6,8 @@ from collections.abc import Iterable
 
 import msgspec
 
-from agents.calibrator.reporting import pose_of
 from agents.calibrator.views import parent_of
-from dsr.calibration import CALIBRATED, Report, read_report
+from dsr.calibration import CALIBRATED, Report, pose_of, read_report
 from dsr.errors import ConfigError
 from dsr.memory import Memory
 from dsr.timeline import Chronicle

@@ -15,7 +15,7 @@ from agents.calibrator.doubt import Doubt, Memories, believed_now
 from agents.calibrator.looking import SOURCE, Looking, can_look
 from agents.calibrator.own_requests import OwnRequests
 from agents.calibrator.refining import Refining
-from agents.calibrator.reporting import encoded, make_report, pose_of, tell
+from agents.calibrator.reporting import encoded, make_report, tell
 from agents.calibrator.steps import REACH, Steps
 from agents.calibrator.touch import Touch
 from agents.calibrator.undoing import turned_round
@@ -23,15 +23,14 @@ from agents.calibrator.views import Views
 from dsr.calibration import (
     ADOPTED,
     CALIBRATED,
-    CALIBRATION,
     CAMERA_MOVED,
     CONFIRMED,
     IN_DOUBT,
     PROVISIONAL,
     REFUSED,
     STEADY,
-    SURPRISE,
-    read_report,
+    pose_of,
+    provisional,
 )
 from dsr.errors import ConfigError, DsrError
 from dsr.memory import Memory
@@ -133,24 +132,20 @@ class Watch:
 
     def _resume(self, camera: str) -> bool:
         """Go on with a pose that an earlier run adopted provisionally, by what it told; whether that was possible."""
-        for node in self._memory.nodes(CALIBRATION):
-            report = read_report(self._memory, node.name)
-            if node.get("source") != SURPRISE or report is None or not report.adopted or report.camera != camera:
-                continue
-            now, believed = self._memory.clock.now(), believed_now(self._memory)
-            try:
-                doubt = Doubt(self._memory, camera, now, self._config, believed, {})
-                doubt.resume(pose_of(report.before), self._memory.transform("world", doubt.parent))
-            except DsrError:
-                continue
-            if max(pose_of(report.after).distance(doubt.written or doubt.before)) > _SAME:
-                continue
-            self._doubts[camera] = doubt
-            self._requests.resume(camera, node.name)
-            if doubt.moved_alike is not None:
-                self._touches[camera] = Touch(self._memory, believed, doubt.moved_alike)
-            return True
-        return False
+        if (told := provisional(self._memory, camera)) is None:
+            return False
+        request, report = told
+        now, believed = self._memory.clock.now(), believed_now(self._memory)
+        try:
+            doubt = Doubt(self._memory, camera, now, self._config, believed, {})
+            doubt.resume(pose_of(report.before), self._memory.transform("world", doubt.parent))
+        except DsrError:
+            return False
+        self._doubts[camera] = doubt
+        self._requests.resume(camera, request)
+        if doubt.moved_alike is not None:
+            self._touches[camera] = Touch(self._memory, believed, doubt.moved_alike)
+        return True
 
     def needs(self, request: str) -> bool:
         """Whether what came out of a request of our own may still change."""

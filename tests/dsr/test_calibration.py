@@ -6,9 +6,22 @@ import msgspec
 import pytest
 
 from dsr import LocalNetwork, ManualClock, Memory
-from dsr.calibration import Report, read_report, request_calibration, request_undo
+from dsr.calibration import (
+    PROVISIONAL,
+    STEADY,
+    SURPRISE,
+    Report,
+    pose_of,
+    provisional,
+    read_report,
+    request_calibration,
+    request_undo,
+)
 from dsr.errors import ConfigError
 from dsr.intentions import MIND
+
+BEFORE, AFTER = (0.3, 0.0, 0.5, 0.0, 0.0, 0.0, 1.0), (0.3, 0.1, 0.5, 0.0, 0.0, 0.0, 1.0)
+REPORT = Report("camera", "world", "robust", True, "why", BEFORE, AFTER, (), 0.1, 0.0, 9.0, False, 1, 4, 4, ())
 
 
 @pytest.fixture
@@ -36,8 +49,28 @@ def test_wrong_requests(memory: Memory) -> None:
 def test_a_report_comes_back_as_it_was_and_nonsense_is_none(memory: Memory) -> None:
     name = request_calibration(memory)
     assert read_report(memory, name) is None and read_report(memory, "nobody") is None
-    report = Report("c", "world", "robust", False, "why", (1.0,) * 7, (2.0,) * 7, (), 0.1, 0.2, -1.0, True, 1, 2, 3, ())
-    memory.update_node(name, report=msgspec.json.encode(report).decode())
-    assert read_report(memory, name) == report
-    memory.update_node(name, report='{"camera": 3}')
-    assert read_report(memory, name) is None
+    memory.update_node(name, report=encoded(REPORT))
+    assert read_report(memory, name) == REPORT
+    broken = [encoded(REPORT).replace(old, new) for old, new in (("[0.3,", "["), ("1.0]", "2.0]"))]
+    for text in ('{"camera": 3}', *broken):
+        memory.update_node(name, report=text)
+        assert text != encoded(REPORT) and read_report(memory, name) is None
+
+
+def test_a_provisional_pose_is_told_until_it_is_sure_or_another_is_written(memory: Memory) -> None:
+    memory.add_node("world", "world")
+    memory.add_node("camera", "camera", mount=PROVISIONAL)
+    memory.add_edge("world", "camera", "RT", pose=pose_of(REPORT.after))
+    memory.update_node(asked := request_calibration(memory, "camera"), report=encoded(REPORT))
+    assert provisional(memory, "camera") is None and provisional(memory, "nobody") is None
+    memory.update_node(name := request_calibration(memory, "camera"), report=encoded(REPORT), source=SURPRISE)
+    assert name != asked and provisional(memory, "camera") == (name, REPORT)
+    memory.update_node("camera", mount=STEADY)
+    assert provisional(memory, "camera") is None
+    memory.update_node("camera", mount=PROVISIONAL)
+    memory.add_edge("world", "camera", "RT", pose=pose_of(REPORT.before))
+    assert provisional(memory, "camera") is None
+
+
+def encoded(report: Report) -> str:
+    return msgspec.json.encode(report).decode()

@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
+from msgspec.json import encode
 
+from dsr.calibration import PROVISIONAL, STEADY, SURPRISE, Report, request_calibration
 from dsr.transforms import Pose
 from simulation_handler.views import obstacles, views
-from tests.simulation_handler.test_agent import Table
+from tests.simulation_handler.test_agent import OVERHEAD, Table
 from tests.simulation_handler.worlds import cube_at
 
 LENS = {"fx": 600.0, "fy": 600.0, "cx": 319.5, "cy": 239.5, "width": 640, "height": 480}
@@ -43,6 +45,31 @@ def test_what_is_in_view_below_another_and_below_the_arm(table: Table) -> None:
     share, visible, hidden_by = seen(table)["cube_3"]
     assert (visible, hidden_by) == (share >= 0.5, "link")
     assert share < 1.0
+
+
+def test_what_the_arm_hides_if_a_camera_did_not_move_but_all_objects(table: Table) -> None:
+    memory, shift = table.memory, Pose((0.0, -0.12, 0.0))
+    table.add("cube_1", cube_at(0.4, 0.1))
+    table.add("cube_2", cube_at(0.3, -0.1))
+    add_arm(table, 0.32, 0.06)
+    table.run(1.0)
+    assert seen(table)["cube_2"] == (1.0, True, "")
+    after, before = OVERHEAD, shift.inverse() @ OVERHEAD
+    told = Report(
+        "camera", "world", "robust", True, "", pose7(before), pose7(after), (), 0.1, 0.0, 1, False, 1, 2, 2, ()
+    )
+    memory.update_node(request_calibration(memory, "camera"), source=SURPRISE, report=encode(told).decode())
+    memory.update_node("camera", mount=PROVISIONAL)
+    table.run(0.3)
+    share, _, hidden_by = seen(table)["cube_2"]
+    assert share < 1.0 and hidden_by == "link"
+    memory.update_node("camera", mount=STEADY)
+    table.run(0.3)
+    assert seen(table)["cube_2"] == (1.0, True, "")
+
+
+def pose7(pose: Pose) -> tuple[float, ...]:
+    return (*pose.t, *pose.q)
 
 
 def test_it_is_quiet_and_ends_with_the_object_and_the_camera(table: Table) -> None:

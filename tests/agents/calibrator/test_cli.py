@@ -17,6 +17,8 @@ from dsr.cli.common import console
 from dsr.transforms import Pose
 from tests.agents.calibrator.scenes import CLUSTER, DOWN, Stage, cubes
 
+NOWHERE = (0.0,) * 6 + (1.0,)
+
 
 @pytest.fixture(autouse=True)
 def runtime(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -136,7 +138,7 @@ class Answerer(threading.Thread):
 
 def test_a_running_system_is_asked() -> None:
     report = Report(
-        "camera", "world", "powell", True, "it is elsewhere", (0.0,) * 7, (0.0,) * 7, (), 0.1, 0.2, 9.0, False, 1, 1, 1,
+        "camera", "world", "powell", True, "it is elsewhere", NOWHERE, NOWHERE, (), 0.1, 0.2, 9.0, False, 1, 1, 1,
         (),
     )  # fmt: skip
     with dsr.connect("calibrated", agent="somebody") as memory:
