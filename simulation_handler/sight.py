@@ -35,7 +35,8 @@ SMALLEST = 12.0
 
 _GRID = 5  # rays along each side of a tag
 _REACH = 0.95  # of half a tag's side, up to which the rays go
-_MARGIN = 0.005  # m around an obstacle within which a camera counts as part of it
+_MARGIN = 0.005  # m around an obstacle within which a camera counts as in it
+_HOUSING = 0.03  # m from a camera up to which what it is in may be its own housing, and hides nothing
 _LEAST = 1e-12  # stands for what must not be divided by
 _FARTHEST = 1e6  # m; whatever is said to be further away, or larger, is there and so large
 _POINTS = 48  # on the surface of an object that is recognised by its colour, at most
@@ -111,16 +112,21 @@ class _Parts(NamedTuple):
     """(p,) index of the body that each is part of"""
     radius: Array
     """(p,) m, of a ball around it"""
+    spared: Array
+    """(p,) m from the camera up to which it hides nothing"""
 
     @staticmethod
-    def of(solids: Sequence[Solid]) -> _Parts:
+    def of(solids: Sequence[Solid], spared: Array | None = None) -> _Parts:
+        """The parts of some solids; of each (n,) is `spared` what that says, or nothing."""
         parts = [(index, part) for index, solid in enumerate(solids) for part in solid.parts]
         bodies = _Bodies.of([part for _, part in parts])
+        owner = np.array([index for index, _ in parts], dtype=np.int64)
         return _Parts(
             bodies,
             np.array([_KINDS.index(part.kind or "box") for _, part in parts], dtype=np.int64),
-            np.array([index for index, _ in parts], dtype=np.int64),
+            owner,
             np.sqrt((bodies.half * bodies.half).sum(axis=1)),
+            np.zeros(len(parts)) if spared is None else spared[owner],
         )
 
     def and_also(self, others: _Parts, before: int) -> _Parts:
@@ -132,6 +138,7 @@ class _Parts(NamedTuple):
             np.concatenate([self.kinds, others.kinds]),
             np.concatenate([self.owner, others.owner + before]),
             np.concatenate([self.radius, others.radius]),
+            np.concatenate([self.spared, others.spared]),
         )
 
 
@@ -155,9 +162,8 @@ class _Camera:
         self.eye = _bounded([view.world_from_camera.t])[0]
         self.turn = np.array(quaternions.to_matrix(view.world_from_camera.q))
         around = _Bodies.of(obstacles).contain(self.eye, _MARGIN)
-        kept = [obstacle for obstacle, inside in zip(obstacles, around, strict=True) if not inside]
-        self.obstacles = [obstacle.name for obstacle in kept]
-        self.parts = _Parts.of(kept)
+        self.obstacles = [obstacle.name for obstacle in obstacles]
+        self.parts = _Parts.of(obstacles, np.where(around, _HOUSING, 0.0))
 
 
 class Sight:
@@ -165,8 +171,9 @@ class Sight:
 
     Args:
         views: the cameras.
-        obstacles: bodies that hide and are not looked for, such as parts of the arm. One that a camera is in hides
-            nothing from that camera.
+        obstacles: bodies that hide and are not looked for, such as parts of the arm. One that a camera is in is its
+            housing where it ends just before the camera; where it does not, nobody knows what of it is in the way, and
+            it hides what is behind.
         by_color: names of the solids that are recognised by their colour; all others are by tags.
     """
 
@@ -298,7 +305,9 @@ def _cut_off(eye: Array, targets: Array, parts: _Parts, part: Indexes) -> Flags:
     way = targets - eye
     start = parts.bodies.into(eye)[part][:, None]
     enters, leaves = crossings(parts.kinds[part], parts.bodies.half[part], start, way @ parts.bodies.turn[part])
-    return meets(enters, leaves, 1.0 - GAP / np.maximum(np.sqrt((way * way).sum(axis=2)), GAP))
+    length = np.maximum(np.sqrt((way * way).sum(axis=2)), GAP)
+    hides: Flags = leaves > parts.spared[part][:, None] / length
+    return hides & meets(enters, leaves, 1.0 - GAP / length)
 
 
 def _bounded(positions: Sequence[Vector3]) -> Array:

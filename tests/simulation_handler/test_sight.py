@@ -75,12 +75,20 @@ def test_at_the_edge_of_the_image_a_part_is_seen() -> None:
     assert 0.0 < shares(solid("cube", Pose((0.35, 0.325, 0.02))))["cube"] < 1.0
 
 
-def test_obstacles_hide_but_one_that_the_camera_is_in_does_not() -> None:
+def test_obstacles_hide_but_the_housing_that_the_camera_is_in_does_not() -> None:
     cube = solid("cube", Pose((0.35, 0.0, 0.02)))
     arm = solid("arm", Pose((0.35, 0.0, 0.3)), (0.1, 0.1, 0.1))
     housing = solid("housing", OVERHEAD, (0.05, 0.05, 0.05))
     assert shares(cube, obstacles=(arm,)) == {"cube": 0.0}
     assert shares(cube, obstacles=(housing,)) == {"cube": 1.0}
+
+
+def test_what_is_behind_much_of_what_the_camera_is_in_cannot_be_judged() -> None:
+    below, aside = solid("below", Pose((0.35, 0.0, 0.02))), solid("aside", Pose((0.35, 0.25, 0.02)))
+    gripper = Solid("gripper", (0.125, 0.075, 0.135), (0.35, -0.035, 0.59))
+    glances = Sight([view()], [gripper]).glances([below, aside])
+    assert glances["overhead", "below"] == Glance(0.0, "gripper")
+    assert glances["overhead", "aside"] == Glance(1.0, "")
 
 
 def test_each_camera_looks_for_itself_and_a_copy_sees_the_same() -> None:
