@@ -37,6 +37,7 @@ _GRID = 5  # rays along each side of a tag
 _REACH = 0.95  # of half a tag's side, up to which the rays go
 _MARGIN = 0.005  # m around an obstacle within which a camera counts as in it
 _HOUSING = 0.03  # m from a camera up to which what it is in may be its own housing, and hides nothing
+_SIGMAS = 3.0  # standard deviations by which what should be in the image may be elsewhere in it
 _LEAST = 1e-12  # stands for what must not be divided by
 _FARTHEST = 1e6  # m; whatever is said to be further away, or larger, is there and so large
 _POINTS = 48  # on the surface of an object that is recognised by its colour, at most
@@ -55,7 +56,7 @@ class View:
     camera: str
     """Name of its node."""
     world_from_camera: Pose
-    """Of the optical frame: z forward, x right, y down."""
+    """Of the optical frame: z forward, x right, y down. With the covariance of its mount, if that is known."""
     intrinsics: Intrinsics
 
 
@@ -186,7 +187,8 @@ class Sight:
 
         It is that of the tag, a square of `TAG_RATIO` in the middle of the +z face; one that faces away by more than
         `STEEPEST` or would be smaller than `SMALLEST` counts as unseen. Of what is recognised by its colour, it is that
-        of its image, were nothing else there. What lies outside the image is unseen.
+        of its image, were nothing else there. What lies outside the image is unseen, and so is what may lie there as
+        far as the pose of the camera is uncertain.
         """
         return {key: glance.share for key, glance in self.glances(solids).items()}
 
@@ -265,9 +267,10 @@ def _found(camera: _Camera, bodies: _Bodies, targets: _Targets, colored: Flags) 
     ahead = depth > _LEAST
     safe = np.where(ahead, depth, 1.0)
     u, v = points[..., 0] / safe * lens.fx + lens.cx, points[..., 1] / safe * lens.fy + lens.cy
-    inside: Flags = ahead & (u >= 0) & (u <= lens.width - 1) & (v >= 0) & (v <= lens.height - 1)
-    inside &= targets.weights > 0.0
     ray = targets.middle - camera.eye
+    across, down = _margins(camera.view, ray @ camera.turn).T[..., None]
+    inside: Flags = ahead & (u >= across) & (u <= lens.width - 1 - across)
+    inside &= (v >= down) & (v <= lens.height - 1 - down) & (targets.weights > 0.0)
     cosine = -(ray * bodies.turn[:, :, 2]).sum(axis=1)
     side = 2 * TAG_RATIO * bodies.half[:, :2].min(axis=1, initial=np.inf) * lens.fx
     found: Flags = cosine >= math.cos(STEEPEST) * np.sqrt((ray * ray).sum(axis=1))
@@ -277,6 +280,20 @@ def _found(camera: _Camera, bodies: _Bodies, targets: _Targets, colored: Flags) 
         found = np.where(colored, width >= SMALLEST, found)
     inside &= found[:, None]
     return inside
+
+
+def _margins(view: View, points: Array) -> Array:
+    """(n, 2) px by which points (n, 3), in the camera's frame, may be elsewhere in the image, across and down."""
+    if view.world_from_camera.covariance is None:
+        return np.zeros((len(points), 2))
+    lens, depth = view.intrinsics, np.where(points[:, 2] > _LEAST, points[:, 2], 1.0)
+    shifts = np.zeros((len(points), 2, 3))  # of the pixel with the point
+    shifts[:, 0, 0], shifts[:, 1, 1] = lens.fx / depth, lens.fy / depth
+    shifts[:, :, 2] = -points[:, :2] / depth[:, None] * (lens.fx, lens.fy) / depth[:, None]
+    shifts = np.concatenate([shifts, np.cross(points[:, None], shifts)], axis=2)  # minus that with the camera
+    variances = np.einsum("nki,ij,nkj->nk", shifts, view.world_from_camera.covariance, shifts)
+    margins: Array = _SIGMAS * np.sqrt(np.maximum(variances, 0.0))
+    return margins
 
 
 def _span(values: Array, counted: Flags) -> Array:

@@ -32,10 +32,16 @@ def views(memory: Memory) -> list[View]:
     """All cameras whose place and intrinsics are known, by name; now, or when their chains were last known."""
     nodes = sorted(memory.nodes("camera"), key=lambda node: node.name)
     return [
-        View(node.name, pose, intrinsics)
+        View(node.name, pose.with_covariance(_mount_covariance(memory, node.name)), intrinsics)
         for node, pose in zip(nodes, _places(memory, nodes), strict=True)
         if pose is not None and (intrinsics := read_intrinsics(node)) is not None
     ]
+
+
+def _mount_covariance(memory: Memory, camera: str) -> Array | None:
+    """(6, 6) of where a camera is on what carries it, m and rad; None if that is not known."""
+    poses = (edge.get("pose") for edge in memory.edges("RT", dst=camera))
+    return next((pose.covariance for pose in poses if pose is not None), None)
 
 
 def obstacles(memory: Memory) -> list[Solid]:

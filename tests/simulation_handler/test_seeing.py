@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
 
 from dsr.transforms import Pose
 from simulation_handler.views import obstacles, views
-from tests.simulation_handler.test_agent import Table
+from tests.simulation_handler.test_agent import OVERHEAD, Table
 from tests.simulation_handler.worlds import cube_at
 
 LENS = {"fx": 600.0, "fy": 600.0, "cx": 319.5, "cy": 239.5, "width": 640, "height": 480}
@@ -43,6 +44,16 @@ def test_what_is_in_view_below_another_and_below_the_arm(table: Table) -> None:
     share, visible, hidden_by = seen(table)["cube_3"]
     assert (visible, hidden_by) == (share >= 0.5, "link")
     assert share < 1.0
+
+
+def test_what_may_be_outside_the_image_is_not_expected_of_a_camera_whose_pose_is_uncertain(table: Table) -> None:
+    table.add("cube_1", cube_at(0.35, 0.22))
+    table.run(2.0)
+    assert seen(table) == {"cube_1": (1.0, True, "")}
+    covariance = np.diag([0.005, 0.005, 0.005, 0.02, 0.02, 0.02]) ** 2
+    table.memory.update_edge("world", "camera", "RT", pose=OVERHEAD.with_covariance(covariance))
+    table.run(0.3)
+    assert seen(table) == {"cube_1": (0.0, False, "")}
 
 
 def test_it_is_quiet_and_ends_with_the_object_and_the_camera(table: Table) -> None:

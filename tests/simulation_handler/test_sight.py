@@ -75,6 +75,28 @@ def test_at_the_edge_of_the_image_a_part_is_seen() -> None:
     assert 0.0 < shares(solid("cube", Pose((0.35, 0.325, 0.02))))["cube"] < 1.0
 
 
+def uncertain(camera: Pose, twists: np.ndarray) -> Pose:
+    """With the covariance of some perturbations (n, 6)."""
+    return camera.with_covariance(twists.T @ twists / len(twists))
+
+
+def test_what_may_be_outside_the_image_as_the_camera_may_be_elsewhere_counts_as_unseen() -> None:
+    edge, middle = solid("edge", Pose((0.35, 0.3, 0.02))), solid("middle", Pose((0.35, 0.0, 0.02)))
+    assert shares(edge, middle) == {"edge": 1.0, "middle": 1.0}
+    camera = uncertain(OVERHEAD, np.diag([0.005, 0.005, 0.005, 0.02, 0.02, 0.02]) * math.sqrt(6.0))
+    assert Sight([view(camera)]).shares([edge, middle]) == {("overhead", "edge"): 0.0, ("overhead", "middle"): 1.0}
+
+
+def test_what_the_camera_is_surely_seen_to_show_is_so_however_uncertain_its_pose_is() -> None:
+    """Turned about the cube at the edge, the camera sees that where it was."""
+    edge = solid("edge", Pose((0.35, 0.3, 0.02)))
+    centre = OVERHEAD.inverse() @ Pose((0.35, 0.3, 0.04))
+    turns = np.random.default_rng(0).normal(0.0, 0.01, (200, 3))
+    shifts = np.cross(centre.t, turns)
+    assert Sight([view(uncertain(OVERHEAD, np.hstack([shifts, turns])))]).shares([edge]) == {("overhead", "edge"): 1.0}
+    assert Sight([view(uncertain(OVERHEAD, np.hstack([-shifts, turns])))]).shares([edge]) == {("overhead", "edge"): 0.0}
+
+
 def test_obstacles_hide_but_the_housing_that_the_camera_is_in_does_not() -> None:
     cube = solid("cube", Pose((0.35, 0.0, 0.02)))
     arm = solid("arm", Pose((0.35, 0.0, 0.3)), (0.1, 0.1, 0.1))
