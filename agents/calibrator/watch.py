@@ -358,11 +358,8 @@ class Watch:
         if edge is not None and edge.get("pose") != doubt.before:
             self._write(doubt, doubt.before)
             text = f"{doubt.camera} is where it was before after all: {decision.why}"
-            told = None
-            if doubt.solution is not None:
-                told = encoded(
-                    turned_round(make_report(doubt.camera, doubt.parent, doubt.solution, adopted=True), text)
-                )
+            adopted = self._requests.report(doubt.camera)
+            told = None if adopted is None else encoded(turned_round(adopted, text))
             self._chronicle.happened(CALIBRATED, (doubt.camera,), text=text, report=told)
             self._log.info("%s", text)
 
