@@ -144,7 +144,7 @@ def _trial(rng: np.random.Generator, case: str, seed: int, sensor: Sensor) -> Ro
         found = play(scene(cubes, [bump(moved)], duration=EVENT_AT + duration), seed=seed, sensor=sensor)
         if found.result.metrics.get("times_calibrated"):
             break
-    row = _outcome(found.result.metrics, [])
+    row = _outcome(found.result.metrics, []) | {"views": found.views}
     if found.before is None:  # it was not even doubted
         return row | {"methods": {}}
     truth, methods = found.before @ moved, {}
@@ -190,12 +190,12 @@ def _mixed(rng: np.random.Generator, case: str, seed: int, sensor: Sensor) -> Ro
         there = _moved(rng, cubes, count)
         moved = _displacement(rng, [*cubes[count:], *there], _BUMP) if is_bumped else None
         events = [put(number, pose) for number, pose in enumerate(there)] + ([bump(moved)] if moved else [])
-    result = play(scene(cubes, events, duration=duration), seed=seed, sensor=sensor).result
+    result, _, _, views = play(scene(cubes, events, duration=duration), seed=seed, sensor=sensor)
     row = _outcome(result.metrics, [verdict.actual for verdict in result.expectations if not verdict.passed])
     decided = row["times"] == 1 if is_bumped else row["times"] == 0
     beliefs = next(verdict.passed for verdict in result.expectations if verdict.text.startswith("belief_error"))
     near = row["metres"] < _NEAR[0] and row["radians"] < _NEAR[1]
-    return row | {"right": bool(decided and beliefs and near)}
+    return row | {"right": bool(decided and beliefs and near), "views": views}
 
 
 def _outcome(metrics: Mapping[str, float], wrong: Sequence[str]) -> Row:

@@ -7,13 +7,14 @@ import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from agents.arm_controller.kinematics import Chain
 from agents.arm_controller.urdf import load_robot
 from agents.calibrator import Calibrator
+from agents.calibrator.doubt import Doubt
 from agents.calibrator.problem import Sighting
 from agents.plant.config import PlantConfig
 from agents.plant.reality import Reality
@@ -44,20 +45,20 @@ class Session(NamedTuple):
     """What the calibrator had when it decided last; none if it never came to that."""
     before: Pose | None
     """parent_from_camera as it was believed then."""
+    views: list[int]
+    """From how many places, the first one included, it looked for the decision of each doubt."""
 
 
 class Observed(Calibrator):
     """The calibrator, looked over its shoulder."""
 
-    seen: tuple[list[Sighting], Pose] | None = None
+    decided: ClassVar[list[Doubt]] = []
 
     def tick(self, now: float) -> None:
-        """Keep what the decisions of this tick were made of."""
+        """Keep the doubts of this tick that came to a decision."""
         doubts = () if self._watch is None else self._watch.doubts
         super().tick(now)
-        for doubt in doubts:
-            if doubt.sightings:
-                Observed.seen = doubt.sightings, doubt.before
+        Observed.decided += [doubt for doubt in doubts if doubt.sightings and doubt not in Observed.decided]
 
 
 def play(text: str, *, seed: int, sensor: Sensor, more: Sequence[AgentSpec] = (), **calibrator: object) -> Session:
@@ -66,9 +67,11 @@ def play(text: str, *, seed: int, sensor: Sensor, more: Sequence[AgentSpec] = ()
         file = Path(folder) / "session.toml"
         file.write_text(text, encoding="utf-8")
         run = make_run(file, seed=seed, sensor=sensor)
-        Observed.seen = None
+        Observed.decided = []
         result = run_system(run, _observed(staged_system(run).with_config("calibrator", **calibrator), more))
-        return Session(result, *(Observed.seen or ([], None)))
+        decided = Observed.decided
+        sightings, before = (decided[-1].sightings, decided[-1].before) if decided else ([], None)
+        return Session(result, sightings, before, [doubt.views for doubt in decided])
 
 
 def _observed(system: System, more: Sequence[AgentSpec]) -> System:

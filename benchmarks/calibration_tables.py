@@ -26,7 +26,7 @@ SIX = ("x_mm", "y_mm", "z_mm", "roll_deg", "pitch_deg", "yaw_deg")
 
 _KEYS = (
     *("part", "case", "seed", "sensor", "metres", "radians", "times", "recovery", "elsewhere", "elsewhere_before"),
-    *("right", "seconds"),
+    *("right", "views", "seconds"),
 )
 
 Row = dict[str, Any]
@@ -96,7 +96,14 @@ def _trials_table(rows: Sequence[Row]) -> _Figures:
             wrong = str(int((adopted_ones & ~good).sum()))
             counts = [f"{good.sum()}/{len(trials)}", str(int(adopted_ones.sum())), wrong]
             lines.append([method, *counts, *_spread(errors), milliseconds])
-    return f"{len(trials)} bumps, four cubes", heading, lines
+    median, most = _views(trials)
+    return f"{len(trials)} bumps, four cubes; decided by {median} view(s), at most {most}", heading, lines
+
+
+def _views(rows: Sequence[Row]) -> list[str]:
+    """Median and greatest number of views that decisions took; of no decisions a dash."""
+    counts = [count for row in rows for count in row.get("views", ())]
+    return [f"{np.median(counts):g}", str(max(counts))] if counts else ["-", "-"]
 
 
 def _spread(errors: Any) -> list[str]:
@@ -124,13 +131,13 @@ def _survey_table(rows: Sequence[Row]) -> _Figures:
 
 
 def _mixed_table(rows: Sequence[Row]) -> _Figures:
-    heading = ("case", "right", "seeds that are not")
+    heading = ("case", "right", "views, median", "most", "seeds that are not")
     lines = []
     for case in CASES:
         runs = [row for row in rows if row["case"] == case]
         if runs:
             wrong = ", ".join(str(row["seed"]) for row in runs if not row["right"])
-            lines.append([case, f"{sum(row['right'] for row in runs)}/{len(runs)}", wrong])
+            lines.append([case, f"{sum(row['right'] for row in runs)}/{len(runs)}", *_views(runs), wrong])
     return "Decisions", heading, lines
 
 

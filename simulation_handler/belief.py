@@ -135,27 +135,33 @@ class Belief:
         self._relations.forget(name)
         self._containment.forget(name)
 
-    def observe(self, name: str, world_pose: Pose, stamp: float, seen_from: Vector3 | None = None) -> None:
-        """Take in a percept.
+    def observe(
+        self, name: str, world_pose: Pose, stamp: float, seen_from: Vector3 | None = None, camera: str = ""
+    ) -> None:
+        """Take in a percept. What a camera in doubt says of an object that another one sees does not count.
 
         Args:
             name: of a known object.
             world_pose: world_from_object, with covariance if there is one.
             stamp: s, when it was seen; one that is not newer than the last is ignored.
             seen_from: (3,) of the camera in the world, m.
+            camera: its name.
         """
-        self._bodies.object(name).observe(make_percept(world_pose, stamp, seen_from, self.config))
+        item, doubted = self._bodies.object(name), self._explainer.cameras_in_doubt
+        if camera in doubted and not item.cameras_at(stamp) <= doubted:
+            return
+        item.observe(make_percept(world_pose, stamp, seen_from, self.config), camera)
 
     def look(self, look: Look | None) -> None:
         """Know from now on what the cameras should see; None without a camera."""
         self._explainer.look = self._touching.look = look
 
-    def doubt_cameras(self, doubt: bool, *, stand: bool) -> None:
-        """Know whether somebody finds out if a camera has moved, or has found out that none has.
+    def doubt_cameras(self, in_doubt: Collection[str], *, standing: Collection[str]) -> None:
+        """Know of which cameras somebody finds out if they have moved, or has found out that they have not.
 
-        Meanwhile nothing is explained; and if none has, what is seen elsewhere has moved.
+        Meanwhile nothing is explained that only the former tell of; what the latter see elsewhere has moved.
         """
-        self._explainer.cameras_in_doubt, self._explainer.cameras_stand = doubt, stand
+        self._explainer.cameras_in_doubt, self._explainer.cameras_standing = frozenset(in_doubt), frozenset(standing)
 
     def flag(self, names: Collection[str]) -> None:
         """These objects are surprising from now on, and no others: what is off with them is explained soon."""

@@ -50,10 +50,10 @@ class Explainer:
         """What cameras should see; None without one."""
         self.take: Callable[[str, float], str] = lambda name, now: ""
         """Lets a hand have, at a time (s), what is missing where it covered it; names the hand, or nothing."""
-        self.cameras_in_doubt = False
-        """Somebody finds out whether a camera has moved."""
-        self.cameras_stand = False
-        """It is known that no camera has moved."""
+        self.cameras_in_doubt: frozenset[str] = frozenset()
+        """Somebody finds out whether these have moved."""
+        self.cameras_standing: frozenset[str] = frozenset()
+        """It is known that these have not moved."""
         self._bodies = bodies
         self._relations = relations
         self._policy = policy
@@ -66,6 +66,7 @@ class Explainer:
         self._former: dict[tuple[str, str], tuple[float, Pose]] = {}  # (upper, lower) -> until when, upper_from_lower
         self._news: list[tuple[float, Explanation]] = []
         self._moved: set[str] = set()
+        self._doubted_until: dict[str, float] = {}  # by camera
         self._look_again_at = -math.inf
         self._told = ("", -math.inf)  # the last explanation, and until when the same one is no news
 
@@ -109,12 +110,13 @@ class Explainer:
 
     def explain(self, now: float) -> None:
         """Explain what is due at time `now` (s), and adopt that."""
-        due = self._noticing.due(now, self.flagged)
-        if self.cameras_in_doubt:
-            self._look_again_at = now + _AFTER_DOUBT
+        self._doubted_until |= dict.fromkeys(self.cameras_in_doubt, now + _AFTER_DOUBT)
+        doubted = frozenset(camera for camera, until in self._doubted_until.items() if now < until)
+        withheld = self._noticing.told_only_by(doubted, now)
+        due = self._noticing.due(now, self.flagged, withheld)
         if not due or now < self._look_again_at:
             return
-        explanation = self._policy.explain(self._situation(now, due))
+        explanation = self._policy.explain(self._situation(now, due, doubted, withheld))
         if explanation is None:
             self._look_again_at = now + _PAUSE
             return
@@ -154,10 +156,14 @@ class Explainer:
         """Release what the policy uses."""
         self._policy.close()
 
-    def _situation(self, now: float, due: tuple[str, ...]) -> Situation:
+    def _situation(
+        self, now: float, due: tuple[str, ...], doubted: frozenset[str], withheld: frozenset[str]
+    ) -> Situation:
+        """As all cameras but those `doubted` tell it: of the objects `withheld` nothing is known now."""
         bodies, config = self._bodies, self._config
         placed = {name: bodies.solid(name) for name in bodies.objects if name in bodies.sim}
         objects = bodies.objects
+        told = {name: item for name, item in objects.items() if name not in withheld}
         return Situation(
             now=now,
             config=config,
@@ -172,7 +178,7 @@ class Explainer:
             },
             seen={
                 name: seen_now(item, config, now)
-                for name, item in objects.items()
+                for name, item in told.items()
                 if not item.is_led and item.estimate_at(now) is not None
             },
             surprising=due,
@@ -186,10 +192,19 @@ class Explainer:
             confirmed={name: solid for name in placed if (solid := objects[name].confirmed) is not None},
             glimpsed={name: seen for name in placed if (seen := self._glimpse(objects[name], now)) is not None},
             missing_for=self._noticing.missing_for(now),
-            evidence=self._noticing.evidence(now),
-            look=self.look,
-            cameras_stand=self.cameras_stand,
+            evidence=self._noticing.evidence(now, withheld),
+            look=self._look_without(doubted, withheld),
+            sure=frozenset(name for name, item in told.items() if item.cameras_at(now) & self.cameras_standing),
         )
+
+    def _look_without(self, cameras: frozenset[str], names: frozenset[str]) -> Look | None:
+        """What cameras should see, without some of them and without some objects."""
+        look = self.look
+        if look is None or not cameras:
+            return look
+        return lambda solids: {
+            key: glance for key, glance in look(solids).items() if key[0] not in cameras and key[1] not in names
+        }
 
     def _glimpse(self, item: BelievedObject, now: float) -> Glimpse | None:
         """How an unseen object was last seen, if that was not where it is believed to be."""

@@ -88,14 +88,21 @@ class BelievedObject:
     """Where perception last agreed that it is, unless it has moved since with something, or in a gripper."""
     gone: bool = False
     """It was taken out of the scene."""
+    seen_by: dict[str, float] = field(default_factory=dict)
+    """Stamp (s) of the newest percept from each camera."""
 
     def estimate_at(self, now: float) -> Estimate | None:
         """What perception says at `now` (s); None while it is not seen."""
         return self.track.estimate if self.track.is_fresh(now) else None
 
-    def observe(self, percept: Percept) -> None:
-        """Take in a percept."""
+    def cameras_at(self, now: float) -> frozenset[str]:
+        """The cameras that have seen it lately, at `now` (s)."""
+        return frozenset(camera for camera, stamp in self.seen_by.items() if self.track.is_recent(stamp, now))
+
+    def observe(self, percept: Percept, camera: str) -> None:
+        """Take in a percept from a camera."""
         self.track.add(percept)
+        self.seen_by[camera] = percept.stamp
         x, y, z = (percept.position - (self.bias or 0.0) * percept.ray).tolist()
         self.noise = math.sqrt(float(np.trace(percept.position_covariance)))
         self.shows_rotation = float(np.trace(percept.rotation_covariance)) < _SURE_OF_ROTATION

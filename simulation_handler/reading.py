@@ -81,8 +81,9 @@ class Reading:
                 with self._skipping(name):
                     self._note_percept(edge, now)
         self._belief.flag({name for name in self._known if present[name].get("surprising") is True})
-        mounts = {node.get("mount") for node in self._memory.nodes("camera")}
-        self._belief.doubt_cameras(IN_DOUBT in mounts, stand=CONFIRMED in mounts)
+        mounts = {node.name: node.get("mount") for node in self._memory.nodes("camera")}
+        in_doubt, standing = ({n for n, mount in mounts.items() if mount == word} for word in (IN_DOUBT, CONFIRMED))
+        self._belief.doubt_cameras(in_doubt, standing=standing)
         self._belief.plan(self._planned())
         self._belief.hold(self._grasps())
         self._belief.touch(self._hands(now))
@@ -209,7 +210,7 @@ class Reading:
             raise SchemaError(f"percept of {edge.dst!r} from {edge.src!r} is stamped {stamp - now:.1f} s ahead")
         world_from_camera = self._memory.transform(WORLD, edge.src, at=pose.stamp or None)
         self._used[key] = stamp
-        self._belief.observe(edge.dst, world_from_camera @ pose, stamp, world_from_camera.t)
+        self._belief.observe(edge.dst, world_from_camera @ pose, stamp, world_from_camera.t, edge.src)
 
     def _forget(self, name: str) -> None:
         self._belief.remove(name)

@@ -59,14 +59,16 @@ class Reasoner(Protocol):
     def remove(self, name: str) -> None:
         """Forget an object or a fixture."""
 
-    def observe(self, name: str, world_pose: Pose, stamp: float, seen_from: Vector3 | None = None) -> None:
+    def observe(
+        self, name: str, world_pose: Pose, stamp: float, seen_from: Vector3 | None = None, camera: str = ""
+    ) -> None:
         """Take in a percept."""
 
     def look(self, look: Look | None) -> None:
         """Know what the cameras should see."""
 
-    def doubt_cameras(self, doubt: bool, *, stand: bool) -> None:
-        """Know whether somebody finds out if a camera has moved, or has found out that none has."""
+    def doubt_cameras(self, in_doubt: Collection[str], *, standing: Collection[str]) -> None:
+        """Know of which cameras somebody finds out if they have moved, or has found out that they have not."""
 
     def flag(self, names: Collection[str]) -> None:
         """Know which objects are surprising."""

@@ -35,7 +35,9 @@ SMALLEST = 12.0
 
 _GRID = 5  # rays along each side of a tag
 _REACH = 0.95  # of half a tag's side, up to which the rays go
-_MARGIN = 0.005  # m around an obstacle within which a camera counts as part of it
+_MARGIN = 0.005  # m around an obstacle within which a camera counts as in it
+_HOUSING = 0.03  # m from a camera up to which what it is in may be its own housing, and hides nothing
+_SIGMAS = 3.0  # standard deviations by which what should be in the image may be elsewhere in it
 _LEAST = 1e-12  # stands for what must not be divided by
 _FARTHEST = 1e6  # m; whatever is said to be further away, or larger, is there and so large
 _POINTS = 48  # on the surface of an object that is recognised by its colour, at most
@@ -54,7 +56,7 @@ class View:
     camera: str
     """Name of its node."""
     world_from_camera: Pose
-    """Of the optical frame: z forward, x right, y down."""
+    """Of the optical frame: z forward, x right, y down. With the covariance of its mount, if that is known."""
     intrinsics: Intrinsics
     obstacles: tuple[Solid, ...] = ()
     """What may hide something from this camera alone."""
@@ -113,16 +115,21 @@ class _Parts(NamedTuple):
     """(p,) index of the body that each is part of"""
     radius: Array
     """(p,) m, of a ball around it"""
+    spared: Array
+    """(p,) m from the camera up to which it hides nothing"""
 
     @staticmethod
-    def of(solids: Sequence[Solid]) -> _Parts:
+    def of(solids: Sequence[Solid], spared: Array | None = None) -> _Parts:
+        """The parts of some solids; of each (n,) is `spared` what that says, or nothing."""
         parts = [(index, part) for index, solid in enumerate(solids) for part in solid.parts]
         bodies = _Bodies.of([part for _, part in parts])
+        owner = np.array([index for index, _ in parts], dtype=np.int64)
         return _Parts(
             bodies,
             np.array([_KINDS.index(part.kind or "box") for _, part in parts], dtype=np.int64),
-            np.array([index for index, _ in parts], dtype=np.int64),
+            owner,
             np.sqrt((bodies.half * bodies.half).sum(axis=1)),
+            np.zeros(len(parts)) if spared is None else spared[owner],
         )
 
     def and_also(self, others: _Parts, before: int) -> _Parts:
@@ -134,6 +141,7 @@ class _Parts(NamedTuple):
             np.concatenate([self.kinds, others.kinds]),
             np.concatenate([self.owner, others.owner + before]),
             np.concatenate([self.radius, others.radius]),
+            np.concatenate([self.spared, others.spared]),
         )
 
 
@@ -158,9 +166,8 @@ class _Camera:
         self.turn = np.array(quaternions.to_matrix(view.world_from_camera.q))
         obstacles = (*obstacles, *view.obstacles)
         around = _Bodies.of(obstacles).contain(self.eye, _MARGIN)
-        kept = [obstacle for obstacle, inside in zip(obstacles, around, strict=True) if not inside]
-        self.obstacles = [obstacle.name for obstacle in kept]
-        self.parts = _Parts.of(kept)
+        self.obstacles = [obstacle.name for obstacle in obstacles]
+        self.parts = _Parts.of(obstacles, np.where(around, _HOUSING, 0.0))
 
 
 class Sight:
@@ -168,8 +175,9 @@ class Sight:
 
     Args:
         views: the cameras.
-        obstacles: bodies that hide and are not looked for, such as parts of the arm. One that a camera is in hides
-            nothing from that camera.
+        obstacles: bodies that hide and are not looked for, such as parts of the arm. One that a camera is in is its
+            housing where it ends just before the camera; where it does not, nobody knows what of it is in the way, and
+            it hides what is behind.
         by_color: names of the solids that are recognised by their colour; all others are by tags.
     """
 
@@ -182,7 +190,8 @@ class Sight:
 
         It is that of the tag, a square of `TAG_RATIO` in the middle of the +z face; one that faces away by more than
         `STEEPEST` or would be smaller than `SMALLEST` counts as unseen. Of what is recognised by its colour, it is that
-        of its image, were nothing else there. What lies outside the image is unseen.
+        of its image, were nothing else there. What lies outside the image is unseen, and so is what may lie there as
+        far as the pose of the camera is uncertain.
         """
         return {key: glance.share for key, glance in self.glances(solids).items()}
 
@@ -261,9 +270,10 @@ def _found(camera: _Camera, bodies: _Bodies, targets: _Targets, colored: Flags) 
     ahead = depth > _LEAST
     safe = np.where(ahead, depth, 1.0)
     u, v = points[..., 0] / safe * lens.fx + lens.cx, points[..., 1] / safe * lens.fy + lens.cy
-    inside: Flags = ahead & (u >= 0) & (u <= lens.width - 1) & (v >= 0) & (v <= lens.height - 1)
-    inside &= targets.weights > 0.0
     ray = targets.middle - camera.eye
+    across, down = _margins(camera.view, ray @ camera.turn).T[..., None]
+    inside: Flags = ahead & (u >= across) & (u <= lens.width - 1 - across)
+    inside &= (v >= down) & (v <= lens.height - 1 - down) & (targets.weights > 0.0)
     cosine = -(ray * bodies.turn[:, :, 2]).sum(axis=1)
     side = 2 * TAG_RATIO * bodies.half[:, :2].min(axis=1, initial=np.inf) * lens.fx
     found: Flags = cosine >= math.cos(STEEPEST) * np.sqrt((ray * ray).sum(axis=1))
@@ -273,6 +283,20 @@ def _found(camera: _Camera, bodies: _Bodies, targets: _Targets, colored: Flags) 
         found = np.where(colored, width >= SMALLEST, found)
     inside &= found[:, None]
     return inside
+
+
+def _margins(view: View, points: Array) -> Array:
+    """(n, 2) px by which points (n, 3), in the camera's frame, may be elsewhere in the image, across and down."""
+    if view.world_from_camera.covariance is None:
+        return np.zeros((len(points), 2))
+    lens, depth = view.intrinsics, np.where(points[:, 2] > _LEAST, points[:, 2], 1.0)
+    shifts = np.zeros((len(points), 2, 3))  # of the pixel with the point
+    shifts[:, 0, 0], shifts[:, 1, 1] = lens.fx / depth, lens.fy / depth
+    shifts[:, :, 2] = -points[:, :2] / depth[:, None] * (lens.fx, lens.fy) / depth[:, None]
+    shifts = np.concatenate([shifts, np.cross(points[:, None], shifts)], axis=2)  # minus that with the camera
+    variances = np.einsum("nki,ij,nkj->nk", shifts, view.world_from_camera.covariance, shifts)
+    margins: Array = _SIGMAS * np.sqrt(np.maximum(variances, 0.0))
+    return margins
 
 
 def _span(values: Array, counted: Flags) -> Array:
@@ -301,7 +325,9 @@ def _cut_off(eye: Array, targets: Array, parts: _Parts, part: Indexes) -> Flags:
     way = targets - eye
     start = parts.bodies.into(eye)[part][:, None]
     enters, leaves = crossings(parts.kinds[part], parts.bodies.half[part], start, way @ parts.bodies.turn[part])
-    return meets(enters, leaves, 1.0 - GAP / np.maximum(np.sqrt((way * way).sum(axis=2)), GAP))
+    length = np.maximum(np.sqrt((way * way).sum(axis=2)), GAP)
+    hides: Flags = leaves > parts.spared[part][:, None] / length
+    return hides & meets(enters, leaves, 1.0 - GAP / length)
 
 
 def _bounded(positions: Sequence[Vector3]) -> Array:

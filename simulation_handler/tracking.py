@@ -80,7 +80,11 @@ class Track:
 
     def is_fresh(self, now: float) -> bool:
         """Whether it was seen lately."""
-        return now - self.last_stamp <= self._config.perceived_max_age
+        return self.is_recent(self.last_stamp, now)
+
+    def is_recent(self, stamp: float, now: float) -> bool:
+        """Whether a percept of that time (s) still counts."""
+        return now - stamp <= self._config.perceived_max_age
 
     def _needed(self) -> int:
         """How many percepts in a row must disagree: one for what was never seen or may be on its way."""

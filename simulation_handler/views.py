@@ -14,7 +14,7 @@ from dsr import quaternions
 from dsr.calibration import pose_of, provisional
 from dsr.elements import Node
 from dsr.errors import DsrError
-from dsr.intrinsics import read_intrinsics
+from dsr.intrinsics import Intrinsics, read_intrinsics
 from dsr.memory import Memory
 from dsr.perceived import MOST_SILENT, seconds_unseen
 from dsr.relations import SURFACES, THINGS
@@ -34,10 +34,21 @@ def views(memory: Memory) -> list[View]:
     """All cameras whose place and intrinsics are known, by name; now, or when their chains were last known."""
     nodes = sorted(memory.nodes("camera"), key=lambda node: node.name)
     return [
-        View(node.name, pose, intrinsics, tuple(_displaced(memory, node.name, pose)))
+        _view(memory, node.name, pose, intrinsics)
         for node, pose in zip(nodes, _places(memory, nodes), strict=True)
         if pose is not None and (intrinsics := read_intrinsics(node)) is not None
     ]
+
+
+def _view(memory: Memory, camera: str, pose: Pose, intrinsics: Intrinsics) -> View:
+    known = pose.with_covariance(_mount_covariance(memory, camera))
+    return View(camera, known, intrinsics, tuple(_displaced(memory, camera, pose)))
+
+
+def _mount_covariance(memory: Memory, camera: str) -> Array | None:
+    """(6, 6) of where a camera is on what carries it, m and rad; None if that is not known."""
+    poses = (edge.get("pose") for edge in memory.edges("RT", dst=camera))
+    return next((pose.covariance for pose in poses if pose is not None), None)
 
 
 def obstacles(memory: Memory) -> list[Solid]:

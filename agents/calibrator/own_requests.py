@@ -6,7 +6,17 @@ import msgspec
 
 from agents.calibrator.doubt import Doubt
 from agents.calibrator.reporting import encoded, make_report
-from dsr.calibration import ADOPTED, ANSWERED, CALIBRATION, LOOKING, REFUSED, SURPRISE, request_calibration
+from dsr.calibration import (
+    ADOPTED,
+    ANSWERED,
+    CALIBRATION,
+    LOOKING,
+    REFUSED,
+    SURPRISE,
+    Report,
+    read_report,
+    request_calibration,
+)
 from dsr.memory import Memory
 
 
@@ -56,6 +66,10 @@ class OwnRequests:
         if status != ADOPTED:
             report = msgspec.structs.replace(report, text=f"{doubt.camera} {why}")
         self._memory.update_node(request, status=status, explanation=text, report=encoded(report))
+
+    def report(self, camera: str) -> Report | None:
+        """What was answered last; None before that."""
+        return read_report(self._memory, self._names.get(camera, ""))
 
     def close(self, camera: str) -> None:
         """Its answer stays as it is."""

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import msgspec
 
 from agents.calibrator.views import parent_of
-from dsr.calibration import CALIBRATED, Report, pose_of, read_report
+from dsr.calibration import CALIBRATED, ObjectReport, Report, pose_of, read_report
 from dsr.errors import ConfigError
 from dsr.memory import Memory
 from dsr.timeline import Chronicle
@@ -40,6 +40,9 @@ def turned_round(report: Report, text: str, known: Iterable[Report] = ()) -> Rep
     there = pose_of(report.before)
     led = (one for one in known if one.parent == report.parent and max(pose_of(one.after).distance(there)) <= _SAME)
     covariance = next((one.covariance for one in led if one.covariance), ())
-    return msgspec.structs.replace(
-        report, before=report.after, after=report.before, covariance=covariance, objects=(), unchanged=False, text=text
+    objects = tuple(
+        ObjectReport(one.name, one.after_m, one.after_rad, one.before_m, one.before_rad, is_outlier=one.is_outlier)
+        for one in report.objects
     )
+    back = {"before": report.after, "after": report.before, "covariance": covariance, "objects": objects}
+    return msgspec.structs.replace(report, **back, unchanged=False, text=text)

@@ -17,6 +17,7 @@ from agents.calibrator.own_requests import OwnRequests
 from agents.calibrator.refining import Refining
 from agents.calibrator.reporting import encoded, make_report, tell
 from agents.calibrator.steps import REACH, Steps
+from agents.calibrator.surprises import CALM, Surprises
 from agents.calibrator.touch import Touch
 from agents.calibrator.undoing import turned_round
 from agents.calibrator.views import Views
@@ -34,12 +35,10 @@ from dsr.calibration import (
 )
 from dsr.errors import ConfigError, DsrError
 from dsr.memory import Memory
-from dsr.relations import THINGS
-from dsr.timeline import EXPLAINED, Chronicle, Entry
+from dsr.timeline import Chronicle, Entry
 from dsr.transforms import Pose
 
 _FRESH = 1.0  # s for which a camera sees what it saw
-_CALM = 2.0  # s without anything surprising after which nothing is in doubt any more
 _SAME = 1e-6  # m, rad
 _ASTRAY = 0.006  # m that a belief has moved, from which seeing it where it was will be surprising
 _BACK = 3.0  # s within which that is explained
@@ -82,14 +81,13 @@ class Watch:
         self._touches: dict[str, Touch] = {}
         self._untold: dict[str, set[str]] = {}
         """What a camera saw that did not tell whether it had moved."""
-        self._heard = memory.clock.now()
-        self._calm_since: float | None = None
+        self._surprises = Surprises(memory, chronicle)
         self._begin_afresh()
 
     def update(self, now: float) -> None:
         """Go on at time `now` (s)."""
         self._memories.note(self._memory, now)
-        for entry in self._news():
+        for entry in self._surprises.explanations():
             (self._begin if CAMERA_MOVED in entry.text else self._note_displaced)(entry, now)
         self._displaced.update(now)
         self._refining.update(now)
@@ -99,7 +97,7 @@ class Watch:
                 self._depths.note(node.name, now, REACH + _FRESH)
             self._look_for_step(node.name, now)
             self._look_at_displaced(node.name, now)
-        is_calm = self._is_calm(now)
+        is_calm = self._surprises.are_over(now)
         for camera, doubt in list(self._doubts.items()):
             if camera not in self._memory:
                 self._forget(camera)
@@ -171,13 +169,6 @@ class Watch:
         return tuple(self._doubts.values())
 
     # ---- into doubt
-
-    def _news(self) -> list[Entry]:
-        """Explanations since the last call."""
-        entries = self._chronicle.query(type="event", kind=EXPLAINED, since=self._heard)
-        found = [entry for entry in entries if entry.begin > self._heard]
-        self._heard = max((entry.begin for entry in found), default=self._heard)
-        return found
 
     def _begin(self, entry: Entry, now: float) -> None:
         """Doubt the cameras that see what is displaced."""
@@ -265,7 +256,7 @@ class Watch:
             )
         elif mount == PROVISIONAL and doubt.looks_anew:
             self._tell(camera, IN_DOUBT, "sees things from elsewhere, which tells whether it moved")
-        elif mount == IN_DOUBT and is_calm and now - doubt.began > _CALM and doubt.decision is None:
+        elif mount == IN_DOUBT and is_calm and now - doubt.began > CALM and doubt.decision is None:
             self._end(doubt, STEADY, "nothing seems displaced any more")
 
     def _is_overtaken(self, doubt: Doubt) -> bool:
@@ -353,11 +344,8 @@ class Watch:
         if edge is not None and edge.get("pose") != doubt.before:
             self._write(doubt, doubt.before)
             text = f"{doubt.camera} is where it was before after all: {decision.why}"
-            told = None
-            if doubt.solution is not None:
-                told = encoded(
-                    turned_round(make_report(doubt.camera, doubt.parent, doubt.solution, adopted=True), text)
-                )
+            adopted = self._requests.report(doubt.camera)
+            told = None if adopted is None else encoded(turned_round(adopted, text))
             self._chronicle.happened(CALIBRATED, (doubt.camera,), text=text, report=told)
             self._log.info("%s", text)
 
@@ -382,14 +370,6 @@ class Watch:
         self._displaced.forget(camera)
 
     # ---- small things
-
-    def _is_calm(self, now: float) -> bool:
-        """Whether nothing has been surprising for a while."""
-        if any(node.get("surprising") is True for kind in THINGS for node in self._memory.nodes(kind)):
-            self._calm_since = None
-        elif self._calm_since is None:
-            self._calm_since = now
-        return self._calm_since is not None and now - self._calm_since >= _CALM
 
     def _mount(self, camera: str) -> str:
         node = self._memory.get_node(camera)

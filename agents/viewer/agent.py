@@ -101,7 +101,7 @@ class Viewer(Agent):
         scene = read_scene(self.memory)
         self._scene.draw(scene, now, self._meshes.draw(changes))
         self._persons.draw(self.memory)
-        self._calibrations.draw(self.memory, scene.cameras, now)
+        self._calibrations.draw(changes, self.memory, scene.cameras, now)
         self._images.draw(scene.cameras, now)
         self._series.draw_distances(scene)
         self._check_window()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 
 import numpy as np
 import rerun as rr
@@ -11,8 +12,9 @@ from agents.viewer import palette
 from agents.viewer.model import WORLD, Camera, Place, place_of
 from agents.viewer.scene import ENTITY, pinhole, transform
 from agents.viewer.texts import markdown
-from dsr import Memory, Pose, TransformError
-from dsr.calibration import CALIBRATION, STEADY, Report, read_report
+from dsr import Change, Memory, Pose, TransformError
+from dsr.calibration import CALIBRATED, CALIBRATION, STEADY, Report, read_report
+from dsr.timeline import EVENT, read_entry
 
 PAGE = "mind/calibrations"
 RESIDUALS = "series/residual_mm"
@@ -22,31 +24,37 @@ _HALF_BAR = 0.2  # of the distance between two objects
 
 
 class CalibrationView:
-    """Logs what is new of calibrations."""
+    """Logs what is new of calibrations: poses that were written, as events tell, and what else came of requests."""
 
     def __init__(self, recording: rr.RecordingStream) -> None:
         self._recording = recording
-        self._known: dict[str, Report] = {}
+        self._known: dict[str, Report] = {}  # by the name of the request or event
         self._page = ""
         self._before: dict[str, tuple[Report, float]] = {}
         self._places: dict[str, Place] = {}
 
-    def draw(self, memory: Memory, cameras: list[Camera], now: float) -> None:
+    def draw(self, changes: Iterable[Change], memory: Memory, cameras: list[Camera], now: float) -> None:
         """Log what is not at time `now` (s) as it was before."""
         for node in sorted(memory.nodes(CALIBRATION), key=lambda node: node.name):
             report = read_report(memory, node.name)
-            if report is not None and self._known.get(node.name) != report:
-                self._known.pop(node.name, None)
-                self._known[node.name] = report
-                self._log_residuals(report)
-                if report.adopted:
-                    self._before[report.camera] = (report, now + _LINGER)
+            if report is not None and (report.unchanged or not report.adopted):
+                self._note(node.name, report)
+        for time, name, report in _written(changes, memory):
+            self._note(name, report)
+            self._before[report.camera] = (report, time + _LINGER)
         page = calibrations_page(memory, list(self._known.values()))
         if page != self._page:
             self._page = page
             self._recording.log(PAGE, rr.TextDocument(page, media_type=rr.MediaType.MARKDOWN))
         for camera in cameras:
             self._draw_before(memory, camera, now)
+
+    def _note(self, name: str, report: Report) -> None:
+        """Keep a report of a request or event for the page, and draw its bars, if it is news."""
+        if self._known.get(name) != report:
+            self._known.pop(name, None)
+            self._known[name] = report
+            self._log_residuals(report)
 
     def _log_residuals(self, report: Report) -> None:
         """Bars of each object beside each other, at the number that it has on the page."""
@@ -73,6 +81,18 @@ class CalibrationView:
                 self._recording.log(f"{entity}/image", pinhole(camera.lens, palette.GREY))
             self._places[camera.name] = place
             self._recording.log(entity, transform(place))
+
+
+def _written(changes: Iterable[Change], memory: Memory) -> list[tuple[float, str, Report]]:
+    """When (s) poses were written, the names of the events that tell so, and their reports, oldest first."""
+    names = {change.name for change in changes if change.element == "node" and change.type == EVENT}
+    entries = [read_entry(node) for name in names if (node := memory.get_node(name)) is not None]
+    return sorted(
+        (entry.begin, entry.name, report)
+        for entry in entries
+        if entry is not None and entry.kind == CALIBRATED
+        if (report := read_report(memory, entry.name)) is not None
+    )
 
 
 def calibrations_page(memory: Memory, reports: list[Report]) -> str:

@@ -59,13 +59,17 @@ def corrected(situation: Situation, hypothesis: Hypothesis) -> Situation:
 
 
 def comparable(situation: Situation) -> list[str]:
-    """Objects that are believed somewhere, and seen just now: older percepts may be from before the camera moved."""
+    """Objects that are believed somewhere, and seen just now by a camera that may have moved.
+
+    Older percepts may be from before it moved.
+    """
     return sorted(_fresh(situation) & situation.believed.keys())
 
 
 def _fresh(situation: Situation) -> set[str]:
     latest = min((seen.age for seen in situation.seen.values()), default=0.0)
-    return {name for name, seen in situation.seen.items() if seen.age - latest <= _SAME_FRAME}
+    fresh = {name for name, seen in situation.seen.items() if seen.age - latest <= _SAME_FRAME}
+    return fresh - situation.sure
 
 
 def _consensus(situation: Situation, names: Sequence[str], motion: tuple[Array, Array]) -> frozenset[str]:

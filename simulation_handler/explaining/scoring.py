@@ -104,7 +104,7 @@ def prior(situation: Situation, hypothesis: Hypothesis) -> float:
         cost += FALSE_PERCEPT + FALSE_FRAME * frames
     if hypothesis.camera_moved:
         here = [name for name in hypothesis.moved if name in situation.believed and not _is_off(situation, name)]
-        explained = len(situation.seen.keys() - hypothesis.moved.keys() - hypothesis.kept)
+        explained = len(situation.seen.keys() - hypothesis.moved.keys() - hypothesis.kept - situation.sure)
         cost += CAMERA_MOVED + max(COINCIDENCE, MOVED * explained) * len(here)
     return cost
 

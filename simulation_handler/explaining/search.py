@@ -100,11 +100,11 @@ def _beginnings(situation: Situation) -> list[Hypothesis]:
     for name in moved:
         false = false.without_percept(name)
     beginnings.append(false)
-    by_camera = frozenset() if situation.cameras_stand else explained_by_camera(situation)
+    by_camera = explained_by_camera(situation)
     if len(by_camera.intersection(moved)) > 1:
         bumped = Hypothesis(camera_moved=True)
         unknown = situation.seen.keys() - situation.believed.keys()
-        for name in sorted({*comparable(situation), *unknown} - by_camera):
+        for name in sorted({*comparable(situation), *unknown, *situation.sure.intersection(moved)} - by_camera):
             bumped = bumped.with_move(Move(name))
         beginnings.append(bumped)
     return beginnings

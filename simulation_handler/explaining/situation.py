@@ -138,8 +138,8 @@ class Situation:
     """s for which cameras have shown things as they are now."""
     look: Look | None = None
     """None without a camera whose place is known."""
-    cameras_stand: bool = False
-    """It is known that no camera has moved."""
+    sure: frozenset[str] = frozenset()
+    """Seen by a camera that is known not to have moved."""
 
     def chain_beneath(self, name: str) -> tuple[str, ...]:
         """What carries an object, directly and indirectly, and is not seen; the nearest first."""

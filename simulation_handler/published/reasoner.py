@@ -128,7 +128,9 @@ class PublishedReasoner:
         """Believe again that an object has been in another one since `since` (s)."""
         self._relations.recall_contents(relation, since)
 
-    def observe(self, name: str, world_pose: Pose, stamp: float, seen_from: Vector3 | None = None) -> None:
+    def observe(
+        self, name: str, world_pose: Pose, stamp: float, seen_from: Vector3 | None = None, camera: str = ""
+    ) -> None:
         """Take in a percept; one that is not newer than the last is ignored."""
         item = self._object(name)
         if stamp <= item.stamp:
@@ -229,7 +231,7 @@ class PublishedReasoner:
     def look(self, look: Look | None) -> None:
         """Not used: what cannot be seen is not told from what should be."""
 
-    def doubt_cameras(self, doubt: bool, *, stand: bool) -> None:
+    def doubt_cameras(self, in_doubt: Collection[str], *, standing: Collection[str]) -> None:
         """Not used: cameras do not move."""
 
     def flag(self, names: Collection[str]) -> None:

@@ -22,7 +22,7 @@ from dsr.transforms import Pose
 
 def test_a_session_in_which_one_cube_was_moved_is_decided_rightly() -> None:
     row = system.session("mixed", "one_moved", 0, "poses")
-    assert row["right"] and row["times"] == 0
+    assert row["right"] and row["times"] == 0 and row["views"] == []
     assert system.holds([row]) and not system.holds([row | {"right": False}])
 
 
@@ -64,7 +64,7 @@ def rows() -> list[dict[str, Any]]:
     base |= {"recovery": 1.9, "seconds": 1.0}
     survey = {"elsewhere": 0.001, "elsewhere_before": 0.01, "told": "the geometry is weak"}
     return [
-        base | {"part": "trials", "case": "four", "methods": dict.fromkeys(tables.METHODS, method)},
+        base | {"part": "trials", "case": "four", "views": [1], "methods": dict.fromkeys(tables.METHODS, method)},
         base | survey | {"part": "cubes", "case": "2"},
         base | survey | {"part": "layouts", "case": "60 mm"},
         base | {"part": "mixed", "case": "one_moved", "right": True},
@@ -98,8 +98,18 @@ def test_tables_and_plots_are_made_of_the_rows(tmp_path: Path) -> None:
     tables.draw(rows()[3:], tmp_path / "mixed")
     assert [path.name for path in (tmp_path / "mixed").iterdir()] == ["calibration_sessions.csv"]
     title, _, lines = tables._trials_table(rows())
-    assert title == "1 bumps, four cubes" and lines[0][:3] == ["the system", "1/1", "1"] and len(lines) == 4
+    assert title == "1 bumps, four cubes; decided by 1 view(s), at most 1"
+    assert lines[0][:3] == ["the system", "1/1", "1"] and len(lines) == 4
     assert [line[0] for line in tables._survey_table(rows())[2]] == ["2 cube(s)", "60 mm square"]
+
+
+def test_how_many_views_decisions_took_is_told_of_each_case() -> None:
+    mixed = rows()[3]
+    counts = [[], [2], [1, 3]]
+    runs = [mixed | {"seed": seed, "views": views} for seed, views in enumerate(counts)]
+    assert tables._mixed_table(runs)[2] == [["one_moved", "3/3", "2", "3", ""]]
+    assert tables._mixed_table([mixed])[2] == [["one_moved", "1/1", "-", "-", ""]], "measured before that was counted"
+    assert "decided by 1 view(s), at most 1" in tables._trials_table(rows())[0]
 
 
 def test_what_is_required() -> None:
@@ -131,8 +141,10 @@ def test_a_second_bump_while_the_first_is_looked_into_is_found_out_too(camera: s
     cubes = system._corners(np.random.default_rng(0))
     first = bump(Pose.from_rotvec((0.03, -0.02, 0.01), (0.05, -0.04, 0.1)))
     second = bump(Pose.from_rotvec((-0.04, 0.03, 0.0), (-0.05, -0.08, 0.1)), at=EVENT_AT + 1.5)
-    metrics = play(scene(cubes, [first, second], duration=14.0, camera=camera), seed=0, sensor="poses").result.metrics
+    session = play(scene(cubes, [first, second], duration=14.0, camera=camera), seed=0, sensor="poses")
+    metrics = session.result.metrics
     assert metrics["camera_error_m"] < 0.004 and metrics["times_calibrated"] >= 1
+    assert session.views and set(session.views) <= {1, 2, 3}
 
 
 def test_from_other_arm_poses_the_camera_not_the_gripper_points_at_the_cubes() -> None:

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from dsr.calibration import IN_DOUBT, STEADY
 from dsr.elements import Edge
 from dsr.memory import Memory
 from dsr.runtime.lockstep import Lockstep
@@ -268,6 +269,18 @@ def test_how_easily_something_rolls_is_taken_from_its_node(table: Table, monkeyp
     table.truths["ball"] = Pose((0.3, 0.1, 0.03))
     table.run(0.5)
     assert [body.rolling_friction for body in scenes[-1].bodies if body.name == "ball"] == [0.003]
+
+
+@pytest.mark.parametrize(("camera", "is_explained"), [("camera", False), ("other", True)])
+def test_a_camera_in_doubt_puts_only_its_own_percepts_in_doubt(table: Table, camera: str, is_explained: bool) -> None:
+    table.memory.add_node("other", "camera", mount=IN_DOUBT)
+    table.memory.add_edge("world", "other", "RT", pose=OVERHEAD)
+    table.memory.update_node("camera", mount=IN_DOUBT if camera == "camera" else STEADY)
+    table.add("cube_1", cube_at(0.4, 0.1))
+    table.run(2.0)
+    table.truths["cube_1"] = cube_at(0.3, 0.1)
+    table.run(3.0)
+    assert (table.error("cube_1") < 0.005) == is_explained
 
 
 def test_percepts_of_a_camera_that_hangs_nowhere_are_skipped(table: Table) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
 from msgspec.json import encode
 
@@ -70,6 +71,16 @@ def test_what_the_arm_hides_if_a_camera_did_not_move_but_all_objects(table: Tabl
 
 def pose7(pose: Pose) -> tuple[float, ...]:
     return (*pose.t, *pose.q)
+
+
+def test_what_may_be_outside_the_image_is_not_expected_of_a_camera_whose_pose_is_uncertain(table: Table) -> None:
+    table.add("cube_1", cube_at(0.35, 0.22))
+    table.run(2.0)
+    assert seen(table) == {"cube_1": (1.0, True, "")}
+    covariance = np.diag([0.005, 0.005, 0.005, 0.02, 0.02, 0.02]) ** 2
+    table.memory.update_edge("world", "camera", "RT", pose=OVERHEAD.with_covariance(covariance))
+    table.run(0.3)
+    assert seen(table) == {"cube_1": (0.0, False, "")}
 
 
 def test_it_is_quiet_and_ends_with_the_object_and_the_camera(table: Table) -> None:

@@ -75,12 +75,42 @@ def test_at_the_edge_of_the_image_a_part_is_seen() -> None:
     assert 0.0 < shares(solid("cube", Pose((0.35, 0.325, 0.02))))["cube"] < 1.0
 
 
-def test_obstacles_hide_but_one_that_the_camera_is_in_does_not() -> None:
+def uncertain(camera: Pose, twists: np.ndarray) -> Pose:
+    """With the covariance of some perturbations (n, 6)."""
+    return camera.with_covariance(twists.T @ twists / len(twists))
+
+
+def test_what_may_be_outside_the_image_as_the_camera_may_be_elsewhere_counts_as_unseen() -> None:
+    edge, middle = solid("edge", Pose((0.35, 0.3, 0.02))), solid("middle", Pose((0.35, 0.0, 0.02)))
+    assert shares(edge, middle) == {"edge": 1.0, "middle": 1.0}
+    camera = uncertain(OVERHEAD, np.diag([0.005, 0.005, 0.005, 0.02, 0.02, 0.02]) * math.sqrt(6.0))
+    assert Sight([view(camera)]).shares([edge, middle]) == {("overhead", "edge"): 0.0, ("overhead", "middle"): 1.0}
+
+
+def test_what_the_camera_is_surely_seen_to_show_is_so_however_uncertain_its_pose_is() -> None:
+    """Turned about the cube at the edge, the camera sees that where it was."""
+    edge = solid("edge", Pose((0.35, 0.3, 0.02)))
+    centre = OVERHEAD.inverse() @ Pose((0.35, 0.3, 0.04))
+    turns = np.random.default_rng(0).normal(0.0, 0.01, (200, 3))
+    shifts = np.cross(centre.t, turns)
+    assert Sight([view(uncertain(OVERHEAD, np.hstack([shifts, turns])))]).shares([edge]) == {("overhead", "edge"): 1.0}
+    assert Sight([view(uncertain(OVERHEAD, np.hstack([-shifts, turns])))]).shares([edge]) == {("overhead", "edge"): 0.0}
+
+
+def test_obstacles_hide_but_the_housing_that_the_camera_is_in_does_not() -> None:
     cube = solid("cube", Pose((0.35, 0.0, 0.02)))
     arm = solid("arm", Pose((0.35, 0.0, 0.3)), (0.1, 0.1, 0.1))
     housing = solid("housing", OVERHEAD, (0.05, 0.05, 0.05))
     assert shares(cube, obstacles=(arm,)) == {"cube": 0.0}
     assert shares(cube, obstacles=(housing,)) == {"cube": 1.0}
+
+
+def test_what_is_behind_much_of_what_the_camera_is_in_cannot_be_judged() -> None:
+    below, aside = solid("below", Pose((0.35, 0.0, 0.02))), solid("aside", Pose((0.35, 0.25, 0.02)))
+    gripper = Solid("gripper", (0.125, 0.075, 0.135), (0.35, -0.035, 0.59))
+    glances = Sight([view()], [gripper]).glances([below, aside])
+    assert glances["overhead", "below"] == Glance(0.0, "gripper")
+    assert glances["overhead", "aside"] == Glance(1.0, "")
 
 
 def test_each_camera_looks_for_itself_and_a_copy_sees_the_same() -> None:

@@ -100,6 +100,7 @@ class World:
     ) -> None:
         self.truths = dict(truths)
         self.seen = set(truths)
+        self.by: dict[str, str] = {}  # name of the camera by which an object is seen, if that is another one
         self.camera = SyntheticCamera(seed)
         self.belief = Belief(BeliefConfig(policy=policy))
         self.sight = Sight([VIEW]) if sight else None
@@ -134,7 +135,7 @@ class World:
     def see(self, name: str, percept: Pose) -> None:
         """Let the belief perceive an object."""
         self.percepts[name] = percept
-        self.belief.observe(name, percept, percept.stamp, CAMERA)
+        self.belief.observe(name, percept, percept.stamp, CAMERA, self.by.get(name, VIEW.camera))
 
     def pose(self, name: str) -> Pose:
         """Where an object is believed to be."""

@@ -255,13 +255,15 @@ def test_the_last_calibration_is_taken_back_on_request(set_up: SetUp) -> None:
     stage.wait(0.3)
     assert "tells of no calibration" in stage.memory.node(refused)["explanation"]
     before = stage.memory.edge("world", "camera", "RT")["pose"]
-    request_calibration(stage.memory)
+    request = request_calibration(stage.memory)
     stage.look()
+    found = [(one.name, one.after_m, one.before_m) for one in report(stage, request).objects]
     after = stage.memory.edge("world", "camera", "RT")["pose"]
     undone = request_undo(stage.memory, "camera")
     stage.wait(0.3)
     assert stage.memory.edge("world", "camera", "RT")["pose"].distance(before) == pytest.approx((0.0, 0.0), abs=1e-9)
     assert report(stage, undone).text == "camera is believed where it was before its last calibration"
+    assert [(one.name, one.before_m, one.after_m) for one in report(stage, undone).objects] == found and found
     assert [event.text for event in Chronicle(stage.memory).query(kind=CALIBRATED)][-1] == report(stage, undone).text
     request_undo(stage.memory)
     stage.wait(0.3)

@@ -170,12 +170,17 @@ def test_what_was_adopted_for_want_of_a_view_is_taken_back_when_one_tells(set_up
     explain(stage)
     stage.look(2.5)
     assert mount(stage) == PROVISIONAL and stage.error[0] > 0.05
+    written = stage.memory.edge("gripper", "camera", "RT")["pose"]
     stage.world_from_parent = ELSEWHERE
     stage.look(0.5)
     assert mount(stage) == IN_DOUBT
     stage.look()
     assert mount(stage) == CONFIRMED and stage.error[0] == 0.0
-    assert "after all" in Chronicle(stage.memory).query(kind=CALIBRATED)[-1].text
+    event = Chronicle(stage.memory).query(kind=CALIBRATED)[-1]
+    report = read_report(stage.memory, event.name)
+    assert report is not None and "after all" in event.text == report.text
+    assert report.before == pytest.approx((*written.t, *written.q)) and report.after[:3] == DOWN.t
+    assert all(one.before_m < 0.005 < one.after_m for one in report.objects) and len(report.objects) == 4
 
 
 def test_weak_geometry_waits_and_then_gives_up(set_up: SetUp) -> None:

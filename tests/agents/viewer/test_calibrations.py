@@ -7,9 +7,12 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from agents.calibrator.reporting import tell
+from agents.calibrator.undoing import turned_round
 from agents.viewer.calibrations import calibrations_page
 from dsr import Pose
 from dsr.calibration import ObjectReport, Report
+from dsr.timeline import Chronicle
 
 BEFORE, AFTER = (0.1, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0), (0.12, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0)
 OBJECTS = (
@@ -32,6 +35,8 @@ def answer(stage: Any, found: Report) -> None:
     memory.add_node("camera", "camera", **lens)
     memory.add_edge("world", "camera", "RT", pose=Pose(AFTER[:3], AFTER[3:]))
     memory.add_node("calibration_0", "calibration", report=msgspec.json.encode(found).decode())
+    if found.adopted:
+        tell(Chronicle(memory, "calibrator"), found)
 
 
 def test_residuals_and_the_frustum_before_are_drawn(stage: Any) -> None:
@@ -47,6 +52,25 @@ def test_residuals_and_the_frustum_before_are_drawn(stage: Any) -> None:
         places = shown.values(f"/series/residual_mm/camera/{name}", "BarChart:abscissa")[-1]
         np.testing.assert_allclose(places[0]["buffer"], (first, first + 1.0))
     assert "20.0 mm from where it was believed" in str(shown.values("/mind/calibrations", "TextDocument:text")[-1])
+
+
+def test_a_pose_that_is_taken_back_is_drawn_as_well(stage: Any) -> None:
+    stage.start_viewer()
+    answer(stage, report())
+    stage.run()
+    tell(Chronicle(stage.memory, "calibrator"), turned_round(report(), "camera is where it was before after all"))
+    stage.memory.add_edge("world", "camera", "RT", pose=Pose(BEFORE[:3], BEFORE[3:]))
+    stage.run()
+    shown = stage.finish()
+    np.testing.assert_allclose(
+        shown.values("/world/cameras/camera_before", "Transform3D:translation")[-1][0], AFTER[:3]
+    )
+    for name, heights in (("before", (1.0, 50.0)), ("after", (20.0, 20.0))):
+        np.testing.assert_allclose(
+            shown.values(f"/series/residual_mm/camera/{name}", "BarChart:values")[-1][0]["buffer"], heights
+        )
+    page = str(shown.values("/mind/calibrations", "TextDocument:text")[-1])
+    assert page.index("where it was before after all") < page.index("20.0 mm from where it was believed")
 
 
 def test_what_was_refused_moves_no_frustum(stage: Any) -> None:
