@@ -135,7 +135,11 @@ class Worlds:
         with self._opening:
             if not content or name in self._open:
                 with contextlib.suppress(WorldNotFoundError):
-                    return self.open(name, timeout)
+                    memory = self.open(name, timeout)
+                    for delta in content:
+                        with self.lock:
+                            memory.replica.graph.join(delta)
+                    return memory
             memory = self._join(name, timeout, content)
             memory.replica.synchroniser.nobody_there()
             return memory
