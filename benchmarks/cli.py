@@ -11,7 +11,7 @@ import msgspec
 import typer
 from rich.markup import escape
 
-from benchmarks import groups, session
+from benchmarks import curves, groups, session
 from benchmarks.report import rows_table, specs_table
 from benchmarks.session import Findings
 from benchmarks.workers import BenchmarkError
@@ -36,7 +36,7 @@ def bench(
     quick: Annotated[bool, typer.Option("--quick", help="Fewer samples: faster, and rough.")] = False,
     repeat: Annotated[int, typer.Option(min=1, metavar="N", help="Run everything N times and report medians.")] = 1,
     json: Annotated[Path | None, typer.Option("--json", metavar="FILE", help="Write the rows to this file.")] = None,
-    plots: Annotated[Path | None, typer.Option("--plots", metavar="FOLDER", help="Draw plots into it.")] = None,
+    plots: Annotated[Path | None, typer.Option("--plots", metavar="FOLDER", help="Write plots (PNG, CSV).")] = None,
     check: Annotated[bool, typer.Option("--check", help="Exit with 1 if a target is missed.")] = False,
 ) -> None:
     """Measure the memory beside raw TCP, raw Zenoh, ZeroMQ, pycrdt, Loro, Spark-DSG and pytransform3d.
@@ -97,10 +97,18 @@ def _finish(findings: Findings, json: Path | None, plots: Path | None) -> None:
     if json:
         json.write_bytes(msgspec.json.format(msgspec.json.encode(findings.rows), indent=1))
         console.print(f"rows   {json}", soft_wrap=True)
-    if plots and find_spec("matplotlib"):
-        from benchmarks.plots import draw
+    if plots:
+        _draw(findings, plots)
 
-        for file in draw(findings, plots):
-            console.print(f"plot   {file}", soft_wrap=True)
-    elif plots:
+
+def _draw(findings: Findings, folder: Path) -> None:
+    """Write the curves as CSV, and all plots if matplotlib is there."""
+    for file in curves.write(findings.curves, folder):
+        console.print(f"curve  {file}", soft_wrap=True)
+    if not find_spec("matplotlib"):
         errors.print("[yellow]matplotlib is not installed, so nothing was drawn: pip install 'dsr\\[bench]'[/]")
+        return
+    from benchmarks.plots import draw
+
+    for file in draw(findings, folder):
+        console.print(f"plot   {file}", soft_wrap=True)

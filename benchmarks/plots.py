@@ -15,6 +15,7 @@ from matplotlib import pyplot as plt
 from matplotlib.ticker import FuncFormatter
 
 from benchmarks import cascade, join, latency, throughput, world_cascade
+from benchmarks.curves import file_for
 from benchmarks.rows import Row, number
 from benchmarks.session import Findings
 
@@ -33,7 +34,7 @@ def draw(findings: Findings, folder: Path) -> list[Path]:
         for name, paint in _PLOTS.items():
             if name in findings.curves:
                 figure = paint(findings.curves[name])
-                files.append(_saved(figure, folder / f"{name.replace(' ', '_')}.png"))
+                files.append(_saved(figure, file_for(name, folder, "png")))
         judged = [row for row in findings.rows if row.target]
         if judged:
             files.append(_saved(_overview(judged), folder / "overview.png"))

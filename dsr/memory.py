@@ -110,7 +110,7 @@ class Memory(WorldAccess, BlobAccess):
         leave_to_parent(self)
         if threaded:
             sys.setswitchinterval(min(sys.getswitchinterval(), _SWITCH_INTERVAL))
-            self._replica.start()
+            self._replica.start(self._worlds.poller)
 
     def __enter__(self) -> Memory:
         return self

@@ -20,12 +20,11 @@ from dsr.crdt.delta import Delta
 from dsr.graph import Graph
 from dsr.keys import Keys
 from dsr.outbox import Outbox
+from dsr.polling import Poller
 from dsr.sync import REQUEST_TIMEOUT, Ask, Gate, Output, PublishDelta, PublishDigest, Renew, Synchroniser
 from dsr.transport import Qos, Subscription, Transport
 from dsr.wire import encode_delta
 
-TICK = 0.05
-"""s between two looks at what the synchroniser has due."""
 MAX_INBOX = 10_000
 """Messages that may wait for `poll`; the synchroniser's repair makes up for those beyond."""
 NEWEST_DELTAS = 1024
@@ -35,6 +34,8 @@ IDLE = 0.002
 """s since anything was sent, after which a write is sent by the thread that made it: nobody need be woken."""
 GATHER = 0.001
 """s for which the sending thread lets further writes gather."""
+LEFT_OVER = 1.0
+"""s after which the sending thread looks for what a writer that was interrupted has left behind."""
 
 _log = logging.getLogger("dsr.replica")
 
@@ -84,7 +85,6 @@ class Replica:
         """Changes of our own."""
         self._outbox = Outbox()
         self._inbox: deque[Callable[[], None]] = deque()
-        self._arrived = threading.Event()
         self._written = threading.Event()
         self._progress = threading.Condition()
         self._sending = threading.Lock()
@@ -92,7 +92,8 @@ class Replica:
         self._merging = threading.Lock()
         self._holds = 0
         self._stopped = threading.Event()
-        self._threads: list[threading.Thread] = []
+        self._poller: Poller | None = None
+        self._sender: threading.Thread | None = None
         self._agent = agent
         self._declarations = self._declare(agent)
 
@@ -133,7 +134,7 @@ class Replica:
         A stuck network has the sending thread wait in it, and writers pass by. Only a lone write that finds all buffers
         of a stalled link full, megabytes, waits itself, until the link is closed after a second.
         """
-        if self._holds or not self._threads:
+        if self._holds or self._sender is None:
             return
         if self._clock.monotonic() - self._sent_at > IDLE and self._sending.acquire(blocking=False):
             try:
@@ -202,7 +203,7 @@ class Replica:
 
     def _receive(self, action: Callable[[], None]) -> None:
         """Do what a message asks for: at once in the thread of its subscription, or without threads in `poll`."""
-        if self._threads:
+        if self._sender is not None:
             with self.lock:
                 self._guarded(action)
         elif len(self._inbox) < MAX_INBOX:
@@ -213,7 +214,8 @@ class Replica:
     def _enqueue(self, action: Callable[[], None]) -> None:
         """Leave an action to the next `poll`: a callback of the network must return at once."""
         self._inbox.append(action)
-        self._arrived.set()
+        if self._poller is not None:
+            self._poller.ask(self._poll_guarded)
 
     def _peer_changed(self, rid: str, alive: bool) -> None:
         if alive:
@@ -247,22 +249,19 @@ class Replica:
 
     # ---- life
 
-    def start(self) -> None:
-        """Run a thread that does what is due, and one that sends."""
-        for name, run in (("sync", self._run_polling), ("send", self._run_sending)):
-            thread = threading.Thread(target=run, name=f"dsr-{name}", daemon=True)
-            self._threads.append(thread)
-            thread.start()
+    def start(self, poller: Poller) -> None:
+        """Let `poller` do what is due, and run a thread that sends."""
+        self._sender = threading.Thread(target=self._run_sending, name="dsr-send", daemon=True)
+        self._sender.start()
+        self._poller = poller
+        poller.add(self._poll_guarded)
 
-    def _run_polling(self) -> None:
-        while not self._stopped.is_set():
-            self._clock.wait(self._arrived, TICK)
-            self._arrived.clear()
-            self._guarded(self.poll)
+    def _poll_guarded(self) -> None:
+        self._guarded(self.poll)
 
     def _run_sending(self) -> None:
         while not self._stopped.is_set():
-            if self._clock.wait(self._written, TICK):
+            if self._clock.wait(self._written, LEFT_OVER):
                 self._clock.wait(self._stopped, GATHER)
             self._written.clear()
             self._guarded(self.flush)
@@ -289,10 +288,11 @@ class Replica:
             return
         self._stopped.set()
         self._guarded(self._send_last)
-        self._arrived.set()
         self._written.set()
-        for thread in self._threads:
-            thread.join(timeout=2.0)
+        if self._sender is not None:
+            self._sender.join(timeout=2.0)
+        if self._poller is not None:
+            self._poller.remove(self._poll_guarded)
         for declaration in reversed(self._declarations):
             declaration.close()
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dsr.elements import Node
-from dsr.spatial import Box
+from dsr.memory import Memory
+from dsr.spatial import Box, box_at
 from dsr.surfaces import Solids
 from dsr.transforms import Pose
 from dsr.visibility import shape_of_thing
@@ -12,15 +13,15 @@ _HOLLOW = ("container", "cup")
 """Types of nodes that are hollow if they do not tell their parts."""
 
 
-def covers(container: Node, there: Pose, thing: Node, where: Pose) -> bool:
+def covers(memory: Memory, container: Node, there: Pose, thing: Node, where: Pose) -> bool:
     """Whether the middle of a thing that is `where` is within a larger, hollow one that is `there`, either way up."""
-    size, own = container.get("size"), thing.get("size")
-    if size is None or own is None or not _is_hollow(container):
+    if not _is_hollow(container):
         return False
-    if Box(where, own).diagonal >= Box(there, size).diagonal:
+    around, inner = box_at(memory, container, there), box_at(memory, thing, where)
+    if around is None or inner is None or inner.diagonal >= around.diagonal:
         return False
-    middle = there.inverse().apply(where.translation)
-    return all(abs(along) <= 0.5 * edge for along, edge in zip(middle, size, strict=True))
+    middle = around.pose.inverse().apply(inner.pose.translation)
+    return all(abs(along) <= 0.5 * edge for along, edge in zip(middle, around.size, strict=True))
 
 
 def carried(container: Node, before: Pose, after: Pose, content: Pose) -> Pose | None:

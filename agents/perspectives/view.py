@@ -18,8 +18,7 @@ from dsr.visibility import (
     PERSPECTIVES,
     Picture,
     VisibilityMonitor,
-    placed,
-    shape_of_thing,
+    body_at,
 )
 
 KINDS = (*THINGS, *MODELLED)
@@ -135,7 +134,7 @@ class PersonalView:
             where = None if node.name in seen else self._at(node.name)
             if where is None:
                 continue
-            around = [cover.name for cover, there in containers if covers(cover, there, node, where)]
+            around = [cover.name for cover, there in containers if covers(self.world, cover, there, node, where)]
             new = [name for name in around if self.world.get_edge(node.name, name, "in") is None]
             if new and not self._is_empty(picture, node, where):
                 for name in new:
@@ -203,10 +202,10 @@ class PersonalView:
                 self._forget_place(node.name)
 
     def _is_empty(self, picture: Picture, node: Node, pose: Pose) -> bool:
-        shape = shape_of_thing(node)
-        if shape is None:
+        body = body_at(self.world, node, pose)
+        if body is None:
             return False
-        glance = picture.would_show(placed(node.name, shape, pose))
+        glance = picture.would_show(body)
         return glance.share >= self._empty_share and glance.pixels >= LEAST_PIXELS
 
     def _forget_place(self, name: str) -> None:

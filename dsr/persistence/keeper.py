@@ -16,7 +16,7 @@ import errno
 import logging
 import os
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import IO
 
@@ -48,12 +48,15 @@ class StateKeeper:
         memory: the replica to keep; it should have joined its graph.
         folder: made if missing; belongs to one keeper at a time.
         threaded: write from a thread of its own. Without, call `flush` several times a second.
+        content: what the folder holds, if the memory has it already; it is read if None.
 
     Raises:
         ConfigError: if the folder is in use, cannot be written, or no snapshot in it can be read.
     """
 
-    def __init__(self, memory: Memory, folder: Path, *, threaded: bool = True) -> None:
+    def __init__(
+        self, memory: Memory, folder: Path, *, threaded: bool = True, content: Iterable[Delta] | None = None
+    ) -> None:
         self.folder = folder
         self._clock = memory.clock
         self._lock = memory.replica.lock
@@ -70,7 +73,8 @@ class StateKeeper:
         self._thread = threading.Thread(target=self._run, name="dsr-state", daemon=True) if threaded else None
         self._claim = _claimed(folder)
         try:
-            self.restored = self._restore()
+            self._generations = Generations(folder)
+            self.restored = self._restore() if content is None else any(delta.context for delta in content)
             """Whether the folder held a state: of a graph that anybody ever wrote to."""
             self._begin_generation()
         except BaseException as error:
@@ -126,7 +130,6 @@ class StateKeeper:
         self._claim.close()
 
     def _restore(self) -> bool:
-        self._generations = Generations(self.folder)
         found = False
         with collector_paused():
             for delta in self._generations.restored():

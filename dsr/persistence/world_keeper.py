@@ -20,6 +20,7 @@ from dsr.keys import BASE
 from dsr.memory import Memory
 from dsr.persistence.generations import Generations
 from dsr.persistence.keeper import StateKeeper
+from dsr.sync import collector_paused
 
 PERIOD = 0.25
 """s between two looks at the list of worlds."""
@@ -104,8 +105,10 @@ class WorldKeeper:
 
     def _keep(self, name: str, folder: Path) -> None:
         try:
-            world = self._memory.hold_world(name, content=Generations(folder).restored())
-            self._keepers[folder] = StateKeeper(world, folder, threaded=self._threaded)
+            with collector_paused():
+                content = tuple(Generations(folder).restored())
+            world = self._memory.hold_world(name, content=content)
+            self._keepers[folder] = StateKeeper(world, folder, threaded=self._threaded, content=content)
         except DsrError as error:  # try again, unless the folder is what is wrong
             _log.warning("world %r is not kept: %s", name, error)
             if folder.exists():

@@ -27,7 +27,7 @@ from dsr.spatial.definitions import (
 )
 from dsr.spatial.hysteresis import Hysteresis
 from dsr.spatial.requests import EDGE_TYPES, QUERY, SOURCE, WRITTEN, request_relations
-from dsr.spatial.scene import Fact, Scene, checked_relations, read_scene, read_view
+from dsr.spatial.scene import Fact, Scene, box_at, checked_relations, read_scene, read_view
 
 __all__ = [
     "ALLOCENTRIC",
@@ -47,6 +47,7 @@ __all__ = [
     "above",
     "behind",
     "below",
+    "box_at",
     "checked_relations",
     "close_to",
     "in_",

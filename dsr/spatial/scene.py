@@ -122,15 +122,19 @@ def check_no_view(names: Iterable[str], expected: str) -> None:
         raise ConfigError(f"{', '.join(seen)} depends on who looks: {expected}")
 
 
-def _box(memory: Memory, node: Node) -> Box | None:
+def box_at(memory: Memory, node: Node, world_from_node: Pose) -> Box | None:
+    """The box around a node of a memory that is somewhere in the world; None while nothing tells its extent."""
     size, centre = _extent(memory, node)
     if size is None:
         return None
+    return Box(world_from_node if centre is None else world_from_node @ Pose(centre), size)
+
+
+def _box(memory: Memory, node: Node) -> Box | None:
     try:
-        pose = memory.transform(WORLD, node.name, types=_BELIEVED)
+        return box_at(memory, node, memory.transform(WORLD, node.name, types=_BELIEVED))
     except TransformError:
         return None
-    return Box(pose if centre is None else pose @ Pose(centre), size)
 
 
 def _extent(memory: Memory, node: Node) -> tuple[Vector3 | None, Vector3 | None]:

@@ -5,7 +5,7 @@ monitor = VisibilityMonitor(memory, ["human_1"])
 came_into_sight = [change.thing for change in monitor.update() if change.seen]
 """
 
-from dsr.visibility.bodies import placed, shape_of_thing
+from dsr.visibility.bodies import body_at, placed, shape_of_thing
 from dsr.visibility.looking import LEAST_PIXELS, LEAST_SHARE, Scene, is_seen, visibility
 from dsr.visibility.monitor import SightChange, VisibilityMonitor
 from dsr.visibility.perspectives import (
@@ -35,6 +35,7 @@ __all__ = [
     "Scene",
     "SightChange",
     "VisibilityMonitor",
+    "body_at",
     "is_seen",
     "lens_of",
     "placed",

@@ -85,6 +85,14 @@ def placed(name: str, shape: Shape, world_from_body: Pose) -> Body:
     return Body(name, _moved(Solids.of(shape), world_from_body.matrix))
 
 
+def body_at(memory: Memory, node: Node, world_from_node: Pose) -> Body | None:
+    """A thing of a memory, somewhere in the world; None while nothing tells its form."""
+    shape = _form_of(memory, node)
+    if shape is None:
+        return None
+    return _body(memory, Posed(node.name, node.type, shape, node.get("mesh", ""), world_from_node.matrix))
+
+
 def shape_of_thing(node: Node) -> Shape | None:
     """The parts of a thing, in its frame; None if it does not tell."""
     if "shape" in node:
@@ -107,15 +115,19 @@ def _joined(bodies: list[Body]) -> Body:
 def _shape_of(memory: Memory, node: Node, now: float) -> Shape | None:
     if node.get("present") is False or (node.type == PERSON and not is_perceived(node, now)):
         return None
-    if node.type in THINGS:
-        return shape_of_thing(node) or _around_mesh(memory, node)
     size = node.get("size")
     if node.type in SURFACES and _is_size(size):
         return (Part("box", size, (0.0, 0.0, -0.5 * size[2])),)
     if node.type == "hand" and node.get("perceived") is not False:
         return (_PALM,)
-    stands_for = _around_mesh(memory, node) if "mesh" in node else _within_bounds(node.get("bounds"))
-    return stands_for or (HEAD if node.type == PERSON else None)
+    return _form_of(memory, node) or (HEAD if node.type == PERSON else None)
+
+
+def _form_of(memory: Memory, node: Node) -> Shape | None:
+    """What a node says of its form, or a box in place of its meshes."""
+    if node.type in THINGS:
+        return shape_of_thing(node) or _around_mesh(memory, node)
+    return _around_mesh(memory, node) if "mesh" in node else _within_bounds(node.get("bounds"))
 
 
 def _within_bounds(bounds: object) -> Shape | None:

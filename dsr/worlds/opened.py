@@ -15,6 +15,7 @@ from dsr.followers import Followers
 from dsr.frames import FrameTree
 from dsr.graph import Graph
 from dsr.keys import BASE, Keys, check_name
+from dsr.polling import Poller
 from dsr.runtime.access import guard_in
 from dsr.worlds.fork import ForkedGraph
 from dsr.worlds.fork_frames import ForkedFrames
@@ -107,6 +108,8 @@ class Worlds:
         self.base = base
         self.threaded = threaded
         self.lock = lock
+        self.poller = Poller(base.clock)
+        """Does what is due in all of them, if they are threaded."""
         self._open: dict[str, Memory] = {}
         self._opening = threading.RLock()
         self._count = 0
@@ -135,7 +138,11 @@ class Worlds:
         with self._opening:
             if not content or name in self._open:
                 with contextlib.suppress(WorldNotFoundError):
-                    return self.open(name, timeout)
+                    memory = self.open(name, timeout)
+                    for delta in content:
+                        with self.lock:
+                            memory.replica.graph.join(delta)
+                    return memory
             memory = self._join(name, timeout, content)
             memory.replica.synchroniser.nobody_there()
             return memory

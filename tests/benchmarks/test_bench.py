@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from benchmarks import groups, session
+from benchmarks import cli, curves, groups, session
 from benchmarks.cli import app
 from benchmarks.group import Group, Measured, Missing, Run, Step
 from benchmarks.links import DsrLink, Link
@@ -173,6 +173,27 @@ def marked(value: str) -> Iterator[int]:
                 yield int(folder.name)
         except OSError:
             continue
+
+
+def test_curves_are_written_as_csv(tmp_path: Path) -> None:
+    measured = {
+        "latency": {"quiet": {"attribute": [0.1]}, "busy": {"attribute": [0.1]}},
+        "world cascade": {"worlds": [1, 20], "ms": {"ours": [1.0, 20.5], "raw Zenoh": [0.5, 6.0]}},
+    }
+    [file] = curves.write(measured, tmp_path / "plots")
+    assert file.name == "world_cascade.csv"
+    assert file.read_text().splitlines() == ["worlds,ours (ms),raw Zenoh (ms)", "1,1.0,0.5", "20,20.5,6.0"]
+
+
+def test_without_matplotlib_the_curves_are_written_still(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def measure(group: Group, specs: list[Spec], findings: Findings, **_options: object) -> None:
+        findings.curves["growth"] = {"nodes": [100, 1000], "us": {"get node": [1.0, 1.1]}}
+
+    monkeypatch.setattr(session, "measure", measure)
+    monkeypatch.setattr(cli, "find_spec", lambda _name: None)
+    result = CliRunner().invoke(app, ["growth", "--plots", str(tmp_path)])
+    assert result.exit_code == 0 and "matplotlib is not installed" in result.output
+    assert (tmp_path / "growth.csv").read_text().startswith("nodes,get node (us)")
 
 
 def test_plots_are_drawn_of_what_was_measured(tmp_path: Path) -> None:

@@ -29,7 +29,7 @@ MODULES = {
     "dsr.relations": {"ARITY", "MODELLED", "SURFACES", "THINGS", "Pair", "Relation", "Relations", "read_relations"},
     "dsr.spatial": {
         "ALLOCENTRIC", "Box", "EDGE_TYPES", "EGOCENTRIC", "EPSILON", "Fact", "Hysteresis", "MIRRORED", "QUERY",
-        "SOURCE", "SPATIAL", "Scene", "View", "WRITTEN", "above", "behind", "below", "checked_relations",
+        "SOURCE", "SPATIAL", "Scene", "View", "WRITTEN", "above", "behind", "below", "box_at", "checked_relations",
         "close_to", "in_", "in_front_of", "left_of", "margin", "next_to", "on_top", "read_scene", "read_view",
         "request_relations", "right_of",
     },
@@ -41,8 +41,8 @@ MODULES = {
     },
     "dsr.visibility": {
         "Body", "CAMERA", "Glance", "LEAST_PIXELS", "LEAST_SHARE", "PERSON", "PERSON_FOV", "PERSPECTIVES",
-        "Perspective", "Picture", "Scene", "SightChange", "VisibilityMonitor", "WIDTH", "is_seen", "lens_of", "placed",
-        "read_perspectives", "shape_of_thing", "visibility",
+        "Perspective", "Picture", "Scene", "SightChange", "VisibilityMonitor", "WIDTH", "body_at", "is_seen", "lens_of",
+        "placed", "read_perspectives", "shape_of_thing", "visibility",
     },
     "dsr.what_if": {
         "Action", "Answer", "Change", "MAX_CHANGES", "MAX_SECONDS", "Numbers", "Pending", "Question", "SERVICE",

@@ -5,14 +5,20 @@ from __future__ import annotations
 import math
 
 import pytest
+import trimesh
 
 from agents.perspectives.containment import carried, covers
-from dsr import LocalNetwork, ManualClock, Memory, Pose
+from dsr import LocalNetwork, ManualClock, Memory, Mesh, Pose
 from dsr.timeline import kept_by, query
 from tests.agents.perspectives.conftest import COVER, TURNED, Table
 
 HERE, THERE = (100, 0, 20), (100, 250, 20)
 MOVED = Pose((0.1, 0.25, 0.02))
+
+
+def block_of(edge: float) -> Mesh:
+    found = trimesh.creation.box((edge, edge, edge))
+    return Mesh(found.vertices, found.faces)
 
 
 def test_everybody_knows_what_they_see_and_nothing_else(table: Table) -> None:
@@ -73,6 +79,20 @@ def test_whoever_sees_the_place_empty_knows_that_it_is_not_there(table: Table) -
     table.run()
     assert table.place("human_1", "cube") == THERE
     assert table.view("human_1").node("cube")["present"] is True
+
+
+@pytest.mark.parametrize("kind", ["cube", "object"])
+def test_the_place_of_what_has_only_a_mesh_is_seen_to_be_empty(table: Table, kind: str) -> None:
+    table.add("block", kind, Pose((0.2, -0.2, 0.02)), mesh=table.memory.put_mesh(block_of(0.04)))
+    table.run(1.2)  # until the mesh is there
+    assert table.place("human_1", "block") == (200, -200, 20)
+    table.leave("human_1")
+    table.run()
+    table.put("block", Pose((-0.1, 0.0, 0.02)))  # behind the wall
+    table.come("human_1", Pose((0.8, 0.0, 0.1), TURNED))
+    table.run(1.0)
+    assert table.place("human_1", "block") is None
+    assert table.view("human_1").node("block")["present"] is False
 
 
 def test_a_place_that_is_hidden_is_not_known_to_be_empty(table: Table) -> None:
@@ -138,10 +158,16 @@ def test_only_hollow_things_that_are_larger_cover_what_is_within_them() -> None:
         block = memory.add_node("block", "box", size=(0.1, 0.1, 0.08))
         cube = memory.add_node("cube", "cube", size=(0.04, 0.04, 0.04))
         crate = memory.add_node("crate", "cube", size=(0.2, 0.2, 0.2))
+        mug = memory.add_node("mug", "cup", mesh=memory.put_mesh(block_of(0.1)))
+        brick = memory.add_node("brick", "object", mesh=memory.put_mesh(block_of(0.03)))
+        cloud = memory.add_node("cloud", "cup")
         there, within, beside = Pose((0.2, 0.0, 0.04)), Pose((0.2, 0.0, 0.02)), Pose((0.26, 0.0, 0.02))
-        assert covers(cover, there, cube, within) and covers(cup, there, cube, within)
-        assert not covers(cover, there, cube, beside) and not covers(cover, there, crate, within)
-        assert not covers(block, there, cube, within)
+        assert all(
+            covers(memory, hollow, there, thing, within) for hollow in (cover, cup, mug) for thing in (cube, brick)
+        )
+        assert not covers(memory, cover, there, cube, beside) and not covers(memory, mug, there, brick, beside)
+        assert not covers(memory, cover, there, crate, within) and not covers(memory, mug, there, crate, within)
+        assert not covers(memory, block, there, cube, within) and not covers(memory, cloud, there, cube, within)
 
 
 def test_a_place_that_is_seen_through_an_open_side_is_not_in_a_cover(table: Table) -> None:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from dsr import Memory
+from dsr.crdt.delta import Delta
+from dsr.persistence.generations import Generations
 from dsr.persistence.world_keeper import WorldKeeper
 from tests.dsr.conftest import Net, tabletop
 
@@ -86,3 +90,34 @@ def test_nobody_sees_a_world_before_it_is_restored(net: Net, tmp_path: Path, mon
     kept(after_a_crash(net, keeper), tmp_path)
     assert seen["plan"] == {"world", "table", "cube_3", "cup"}
     assert seen["above"] == {*seen["plan"], "ghost"}
+
+
+def test_each_folder_is_read_once(net: Net, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    memory, keeper = kept(net, tmp_path)
+    memory.create_world("w").add_node("ball", "ball")
+    memory.fork("view", of="w", follow=True).add_node("ghost", "ball")
+    keeper.flush()
+    counts: Counter[str] = Counter()
+    restored = Generations.restored
+
+    def counted(self: Generations) -> Iterator[Delta]:
+        counts[self._folder.parent.name if self._folder != tmp_path else "base"] += 1
+        return restored(self)
+
+    monkeypatch.setattr(Generations, "restored", counted)
+    again, keeper = kept(after_a_crash(net, keeper), tmp_path)
+    assert counts == {"base": 1, "w": 1, "view": 1}
+    assert keeper.restored and all(one.restored for one in keeper._keepers.values())
+    assert "ball" in again.world("w") and "ghost" in again.world("view")
+
+
+def test_what_was_kept_joins_a_world_that_is_open_already(net: Net, tmp_path: Path) -> None:
+    memory, keeper = kept(net, tmp_path)
+    memory.create_world("w").add_node("ball", "ball")
+    keeper.flush()
+    listed = memory.snapshot()
+    again = after_a_crash(net, keeper).join("keeper")
+    again.restore(listed)
+    again.create_world("w", exist_ok=True).add_node("cup", "cup")
+    WorldKeeper(again, tmp_path, threaded=False)
+    assert {"world", "ball", "cup"} <= {node.name for node in again.world("w").nodes()}

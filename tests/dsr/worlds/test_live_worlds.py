@@ -48,6 +48,15 @@ def test_a_world_outlives_its_maker_and_no_server_is_needed() -> None:
             assert "ball" in a.create_world("w", exist_ok=True)
 
 
+def test_a_world_takes_six_threads_and_shares_the_one_that_polls() -> None:
+    with dsr.connect("worlds", agent="a") as a:
+        before = set(threading.enumerate())
+        for index in range(3):
+            a.fork(f"idea_{index}")
+        names = [thread.name for thread in set(threading.enumerate()) - before]
+        assert len(names) == 3 * 6 and "dsr-sync" not in names
+
+
 def test_deleting_leaves_no_threads_behind() -> None:
     with dsr.connect("worlds", agent="a") as a:
         before = threading.active_count()
