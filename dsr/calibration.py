@@ -84,6 +84,8 @@ class Report(msgspec.Struct, frozen=True):
     objects: tuple[ObjectReport, ...]
     unchanged: bool = False
     """Whether that is the pose as it was, which was not written anew: what was found differs by less than its error."""
+    provisional: bool = False
+    """Whether objects that were all moved alike would look the same, so that the pose may yet be taken back."""
 
     def __post_init__(self) -> None:
         pose_of(self.before)
@@ -157,7 +159,7 @@ def provisional(memory: Memory, camera: str) -> tuple[str, Report] | None:
         return None
     for request in memory.nodes(CALIBRATION):
         report = read_report(memory, request.name) if request.get("source") == SURPRISE else None
-        if report is not None and report.adopted and report.camera == camera and _holds(memory, report):
+        if report is not None and report.provisional and report.camera == camera and _holds(memory, report):
             return request.name, report
     return None
 
@@ -165,7 +167,8 @@ def provisional(memory: Memory, camera: str) -> tuple[str, Report] | None:
 def _holds(memory: Memory, report: Report) -> bool:
     """Whether a camera still is where a report says that it is."""
     edge = memory.get_edge(report.parent, report.camera, "RT")
-    return edge is not None and max(edge["pose"].distance(pose_of(report.after))) <= _SAME
+    pose = None if edge is None else edge.get("pose")
+    return pose is not None and max(pose.distance(pose_of(report.after))) <= _SAME
 
 
 def pose_of(numbers: Sequence[float], covariance: Sequence[float] = ()) -> Pose:

@@ -26,7 +26,8 @@ class Poller:
         self._asked: deque[Poll] = deque()
         self._bell = threading.Event()
         self._changing = threading.Lock()
-        self._polling = threading.RLock()
+        self._polling = threading.Condition()
+        self._current: Poll | None = None
         self._thread: threading.Thread | None = None
 
     def add(self, poll: Poll) -> None:
@@ -54,10 +55,10 @@ class Poller:
         self._bell.set()
         if thread is None or thread is threading.current_thread():
             return
+        with self._polling:
+            self._polling.wait_for(lambda: self._current != poll, _PATIENCE)
         if ended:
             thread.join(_PATIENCE)
-        elif self._polling.acquire(timeout=_PATIENCE):
-            self._polling.release()
 
     def _run(self) -> None:
         due = self._clock.monotonic()
@@ -69,9 +70,20 @@ class Poller:
                 chosen |= dict.fromkeys(self._polls)
                 due = self._clock.monotonic() + TICK
             for poll in chosen:
-                with self._polling:
-                    if poll in self._polls:
-                        poll()
+                if self._begins(poll):
+                    poll()
+                    self._ends()
+
+    def _begins(self, poll: Poll) -> bool:
+        """Whether a poll is to be called, still; it is running then."""
+        with self._polling:
+            self._current = poll if poll in self._polls else None
+            return self._current is not None
+
+    def _ends(self) -> None:
+        with self._polling:
+            self._current = None
+            self._polling.notify_all()
 
     def _taken(self) -> Iterator[Poll]:
         """What was asked for, taken out."""

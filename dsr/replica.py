@@ -233,7 +233,7 @@ class Replica:
             case PublishDelta(delta):
                 with self.lock:
                     self.commit(delta)
-                self.send_soon()
+                self._written.set()  # the sending thread waits for the network, not who polls all worlds
             case PublishDigest(payload):
                 self._transport.publish(self._keys.digest(self.graph.rid), payload, Qos.STREAM)
             case Renew():

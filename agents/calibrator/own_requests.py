@@ -53,18 +53,21 @@ class OwnRequests:
             if node.get("source") == SURPRISE and node.get("status") not in ANSWERED:
                 self._memory.update_node(node.name, status=REFUSED, explanation="the calibrator was restarted")
 
-    def answer(self, doubt: Doubt, status: str, why: str = "") -> None:
+    def answer(self, doubt: Doubt, status: str, why: str = "", *, provisional: bool = False) -> None:
         """Say what came out; later answers replace earlier ones."""
-        request = self._names.get(doubt.camera, "")
+        request, adopted = self._names.get(doubt.camera, ""), status == ADOPTED
         if request not in self._memory:
             return
-        if doubt.solution is None:
+        if doubt.solution is not None:
+            report = make_report(doubt.camera, doubt.parent, doubt.solution, adopted=adopted)
+        elif (known := self.report(doubt.camera)) is not None:  # of an earlier run
+            report = msgspec.structs.replace(known, adopted=adopted)
+        else:
             self._memory.update_node(request, status=status, explanation=why)
             return
-        report = make_report(doubt.camera, doubt.parent, doubt.solution, adopted=status == ADOPTED)
-        text = why if status != ADOPTED else report.text
-        if status != ADOPTED:
-            report = msgspec.structs.replace(report, text=f"{doubt.camera} {why}")
+        text = report.text if adopted else f"{doubt.camera} {why}"
+        report = msgspec.structs.replace(report, text=text, provisional=provisional)
+        text = text if adopted else why
         self._memory.update_node(request, status=status, explanation=text, report=encoded(report))
 
     def report(self, camera: str) -> Report | None:

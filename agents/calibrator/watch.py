@@ -262,7 +262,8 @@ class Watch:
     def _is_overtaken(self, doubt: Doubt) -> bool:
         """Whether somebody else wrote the pose of the camera, such as a calibration on request."""
         edge, ours = self._memory.get_edge(doubt.parent, doubt.camera, "RT"), doubt.written or doubt.before
-        return edge is not None and max(edge["pose"].distance(ours)) > _SAME
+        pose = None if edge is None else edge.get("pose")
+        return edge is not None and (pose is None or max(pose.distance(ours)) > _SAME)
 
     def _may_look(self, doubt: Doubt) -> bool:
         return self._config.moves_arm and doubt.can_look_elsewhere and can_look(self._memory, doubt.parent)
@@ -309,7 +310,7 @@ class Watch:
 
     def _adopt_provisionally(self, doubt: Doubt, why: str) -> None:
         self._adopt(doubt)
-        self._requests.answer(doubt, ADOPTED)
+        self._requests.answer(doubt, ADOPTED, provisional=True)
         self._tell(doubt.camera, PROVISIONAL, why)
         self._lead_back(doubt)
         if doubt.moved_alike is not None:
@@ -319,7 +320,8 @@ class Watch:
         """For a while it is sure where a camera is, if beliefs went astray before that was known: they return."""
         for name, before in doubt.believed().items():
             edge = self._memory.get_edge("world", name, "Virtual_RT")
-            if edge is not None and edge["pose"].distance(before)[0] > _ASTRAY:
+            pose = None if edge is None else edge.get("pose")
+            if pose is not None and pose.distance(before)[0] > _ASTRAY:
                 camera = doubt.camera
                 now, node = self._memory.clock.now(), self._memory.node(camera)
                 why = str(node.get("explanation", ""))
@@ -345,6 +347,8 @@ class Watch:
             self._write(doubt, doubt.before)
             text = f"{doubt.camera} is where it was before after all: {decision.why}"
             adopted = self._requests.report(doubt.camera)
+            if adopted is None and doubt.solution is not None:
+                adopted = make_report(doubt.camera, doubt.parent, doubt.solution, adopted=True)
             told = None if adopted is None else encoded(turned_round(adopted, text))
             self._chronicle.happened(CALIBRATED, (doubt.camera,), text=text, report=told)
             self._log.info("%s", text)

@@ -109,7 +109,7 @@ class WorldKeeper:
                 content = tuple(Generations(folder).restored())
             world = self._memory.hold_world(name, content=content)
             self._keepers[folder] = StateKeeper(world, folder, threaded=self._threaded, content=content)
-        except DsrError as error:  # try again, unless the folder is what is wrong
+        except (DsrError, OSError) as error:  # try again, unless the folder is what is wrong
             _log.warning("world %r is not kept: %s", name, error)
             if folder.exists():
                 self._refused.add(folder)

@@ -7,6 +7,7 @@ import pytest
 
 from dsr import LocalNetwork, ManualClock, Memory
 from dsr.calibration import (
+    CONFIRMED,
     PROVISIONAL,
     STEADY,
     SURPRISE,
@@ -21,7 +22,8 @@ from dsr.errors import ConfigError
 from dsr.intentions import MIND
 
 BEFORE, AFTER = (0.3, 0.0, 0.5, 0.0, 0.0, 0.0, 1.0), (0.3, 0.1, 0.5, 0.0, 0.0, 0.0, 1.0)
-REPORT = Report("camera", "world", "robust", True, "why", BEFORE, AFTER, (), 0.1, 0.0, 9.0, False, 1, 4, 4, ())
+SURE = Report("camera", "world", "robust", True, "why", BEFORE, AFTER, (), 0.1, 0.0, 9.0, False, 1, 4, 4, ())
+REPORT = msgspec.structs.replace(SURE, provisional=True)
 
 
 @pytest.fixture
@@ -63,12 +65,18 @@ def test_a_provisional_pose_is_told_until_it_is_sure_or_another_is_written(memor
     memory.add_edge("world", "camera", "RT", pose=pose_of(REPORT.after))
     memory.update_node(asked := request_calibration(memory, "camera"), report=encoded(REPORT))
     assert provisional(memory, "camera") is None and provisional(memory, "nobody") is None
-    memory.update_node(name := request_calibration(memory, "camera"), report=encoded(REPORT), source=SURPRISE)
-    assert name != asked and provisional(memory, "camera") == (name, REPORT)
+    memory.update_node(name := request_calibration(memory, "camera"), report=encoded(SURE), source=SURPRISE)
+    assert name != asked and provisional(memory, "camera") is None
+    memory.update_node(name, report=encoded(REPORT))
+    assert provisional(memory, "camera") == (name, REPORT)
+    memory.update_node("camera", mount=CONFIRMED)  # while beliefs are led back
+    assert provisional(memory, "camera") == (name, REPORT)
     memory.update_node("camera", mount=STEADY)
     assert provisional(memory, "camera") is None
     memory.update_node("camera", mount=PROVISIONAL)
     memory.add_edge("world", "camera", "RT", pose=pose_of(REPORT.before))
+    assert provisional(memory, "camera") is None
+    memory.remove_attribute(memory.edge("world", "camera", "RT"), "pose")
     assert provisional(memory, "camera") is None
 
 

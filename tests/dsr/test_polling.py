@@ -96,6 +96,28 @@ def test_a_poll_that_was_removed_has_returned_and_is_not_called_again(poller: Po
     poller.remove(other.poll)
 
 
+def test_who_is_removed_does_not_wait_for_others(poller: Poller) -> None:
+    entered, go_on, other = threading.Event(), threading.Event(), Counted()
+    removed = threading.Event()
+
+    def stuck() -> None:
+        entered.set()
+        assert go_on.wait(PATIENCE)
+
+    def remove() -> None:
+        poller.remove(other.poll)
+        removed.set()
+
+    poller.add(other.poll)
+    poller.add(stuck)
+    assert entered.wait(PATIENCE)
+    threading.Thread(target=remove).start()
+    was_removed = removed.wait(1.0)
+    go_on.set()
+    poller.remove(stuck)
+    assert was_removed
+
+
 def test_a_poll_may_remove_itself_and_others(poller: Poller) -> None:
     done, other = threading.Event(), Counted()
 

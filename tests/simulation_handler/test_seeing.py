@@ -57,7 +57,8 @@ def test_what_the_arm_hides_if_a_camera_did_not_move_but_all_objects(table: Tabl
     assert seen(table)["cube_2"] == (1.0, True, "")
     after, before = OVERHEAD, shift.inverse() @ OVERHEAD
     told = Report(
-        "camera", "world", "robust", True, "", pose7(before), pose7(after), (), 0.1, 0.0, 1, False, 1, 2, 2, ()
+        *("camera", "world", "robust", True, "", pose7(before), pose7(after), (), 0.1, 0.0, 1, False, 1, 2, 2, ()),
+        provisional=True,
     )
     memory.update_node(request_calibration(memory, "camera"), source=SURPRISE, report=encode(told).decode())
     memory.update_node("camera", mount=PROVISIONAL)

@@ -111,6 +111,19 @@ def test_each_folder_is_read_once(net: Net, tmp_path: Path, monkeypatch: pytest.
     assert "ball" in again.world("w") and "ghost" in again.world("view")
 
 
+def test_a_folder_that_cannot_be_read_holds_up_no_other_world(net: Net, tmp_path: Path) -> None:
+    memory, keeper = kept(net, tmp_path)
+    for name in ("bad", "good"):
+        memory.create_world(name).add_node("ball", "ball")
+    net.pump(1.0)
+    keeper.flush()
+    (journal,) = tmp_path.glob("worlds/bad/*/journal-*")
+    journal.unlink()
+    journal.mkdir()
+    memory, _ = kept(after_a_crash(net, keeper), tmp_path)
+    assert "ball" in memory.world("good") and journal.exists()
+
+
 def test_what_was_kept_joins_a_world_that_is_open_already(net: Net, tmp_path: Path) -> None:
     memory, keeper = kept(net, tmp_path)
     memory.create_world("w").add_node("ball", "ball")

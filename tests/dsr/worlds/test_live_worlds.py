@@ -9,6 +9,8 @@ import pytest
 
 import dsr
 from dsr.clock import WALL_CLOCK
+from dsr.transforms import Pose
+from dsr.transport import Qos
 
 
 def eventually(holds: Callable[[], object], seconds: float = 5.0) -> bool:
@@ -65,3 +67,22 @@ def test_deleting_leaves_no_threads_behind() -> None:
         for index in range(3):
             a.delete_world(f"idea_{index}")
         assert eventually(lambda: threading.active_count() <= before)
+
+
+def test_the_thread_that_polls_all_worlds_leaves_sending_to_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    with dsr.connect("worlds", agent="a") as a, dsr.connect("worlds", agent="b"):
+        senders: list[str] = []
+        publish = a.transport.publish
+
+        def note(key: str, payload: bytes, qos: Qos) -> None:
+            senders.extend([threading.current_thread().name] if qos is Qos.RELIABLE else [])
+            publish(key, payload, qos)
+
+        monkeypatch.setattr(a.transport, "publish", note)
+        a.add_node("world", "world")
+        a.add_node("cube_1", "cube")
+        a.add_edge("world", "cube_1", "RT", pose=Pose.identity())
+        before = len(senders)
+        a.update_edge("world", "cube_1", "RT", pose=Pose((0.1, 0.0, 0.0)))  # a sample: a poll settles it
+        assert eventually(lambda: len(senders) > before)
+        assert "dsr-sync" not in senders
