@@ -82,6 +82,7 @@ def test_the_thread_that_polls_all_worlds_leaves_sending_to_others(monkeypatch: 
         a.add_node("world", "world")
         a.add_node("cube_1", "cube")
         a.add_edge("world", "cube_1", "RT", pose=Pose.identity())
+        a.flush()
         before = len(senders)
         a.update_edge("world", "cube_1", "RT", pose=Pose((0.1, 0.0, 0.0)))  # a sample: a poll settles it
         assert eventually(lambda: len(senders) > before)
