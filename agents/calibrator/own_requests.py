@@ -67,8 +67,7 @@ class OwnRequests:
             return
         text = report.text if adopted else f"{doubt.camera} {why}"
         report = msgspec.structs.replace(report, text=text, provisional=provisional)
-        text = text if adopted else why
-        self._memory.update_node(request, status=status, explanation=text, report=encoded(report))
+        self._memory.update_node(request, status=status, explanation=text if adopted else why, report=encoded(report))
 
     def report(self, camera: str) -> Report | None:
         """What was answered last; None before that."""

@@ -83,13 +83,19 @@ def test_a_bumped_camera_is_doubted_then_put_right(set_up: SetUp) -> None:
     assert event.text == answer(stage)[1]
 
 
-def test_the_beliefs_from_before_count(set_up: SetUp) -> None:
+def led_astray(set_up: SetUp) -> tuple[Stage, Pose]:
+    """A camera is bumped, and a belief has followed what it saw before that is explained; where that was before."""
     stage = set_up()
     stage.parent_from_camera = DOWN @ BUMP
     stage.look(0.8)
     believed = stage.memory.edge("world", "cube_1", "Virtual_RT")["pose"]
     stage.memory.add_edge("world", "cube_1", "Virtual_RT", pose=Pose((0.04, 0.0, 0.0)) @ believed)
     explain(stage)
+    return stage, believed
+
+
+def test_the_beliefs_from_before_count(set_up: SetUp) -> None:
+    stage, _ = led_astray(set_up)
     stage.look()
     (node,) = stage.memory.nodes(CALIBRATION)
     report = read_report(stage.memory, node.name)
@@ -132,12 +138,7 @@ def test_a_pose_that_is_taken_back_on_request_stays(set_up: SetUp) -> None:
 
 
 def test_a_second_bump_while_beliefs_are_led_back_is_found_out(set_up: SetUp) -> None:
-    stage = set_up()
-    stage.parent_from_camera = DOWN @ BUMP
-    stage.look(0.8)
-    believed = stage.memory.edge("world", "cube_1", "Virtual_RT")["pose"]
-    stage.memory.add_edge("world", "cube_1", "Virtual_RT", pose=Pose((0.04, 0.0, 0.0)) @ believed)
-    explain(stage)
+    stage, believed = led_astray(set_up)
     stage.look(1.5)
     assert mount(stage) == CONFIRMED and stage.error[0] < 0.003
     stage.memory.add_edge("world", "cube_1", "Virtual_RT", pose=believed)
