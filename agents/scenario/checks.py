@@ -16,6 +16,7 @@ from agents.scenario.events import (
     Kill,
     PersonEvent,
     Place,
+    SetInMotion,
     Slide,
     Swap,
 )
@@ -41,6 +42,7 @@ from agents.scenario.layout import TOUCH, object_box, overlapping, table_box
 from agents.scenario.mentions import check_mentions
 from agents.scenario.minds import check_persons, check_plans
 from agents.scenario.model import NO_ROBOT, CameraSpec, ObjectSpec, RobotSpec, Scenario
+from agents.scenario.motion import check_motion
 from agents.scenario.naming import taken_names
 from agents.scenario.relations import GROUND
 from dsr.errors import ConfigError, GoalError, suggest
@@ -215,6 +217,8 @@ def _check_event(event: Event, path: Path, scenario: Scenario) -> None:
     if isinstance(event, FalsePercept | ArmError):
         error = (*event.translation, *getattr(event, "rotation", ()))
         require(any(error), path, f"{event.__struct_config__.tag}: expected an error that is not zero")
+    if isinstance(event, SetInMotion):
+        check_motion(event, path, scenario)
     if isinstance(event, HandMove):
         require(event.to is None or event.by is None, path, "hand_move: expected `to` or `by` (m), not both")
         some = event.to is not None or event.by is not None or event.turn
@@ -224,8 +228,6 @@ def _check_event(event: Event, path: Path, scenario: Scenario) -> None:
     _check_direction(event, path)
     if isinstance(event, Carry):
         _check_above_table(event, event.to, (*path, "to"), scenario)
-    if isinstance(event, Kill):
-        require(event.at is not None, path, "kill: expected `at` (s): conditions are judged by the plant")
 
 
 def _check_direction(event: Event, path: Path) -> None:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from agents.scenario.cameras import CAMERAS
-from agents.scenario.course import COURSE
+from agents.scenario.course import COURSE, why_missing
 from agents.scenario.doings import DOINGS
 from agents.scenario.events import Kill
 from agents.scenario.expectations import (
@@ -51,7 +51,7 @@ def judge_check(check: Check, history: History) -> Verdict:
     text = describe(check)
     time = time_of(check, history)
     if time is None:
-        return Verdict(text, False, f"event {check.event} has not {_stage(check, history)}")
+        return Verdict(text, False, f"event {check.event} {_stage(check.event, history)}")
     if time > history.end + _ROUNDING:
         return Verdict(text, False, f"the run ended before {time:.1f} s, when it was to be judged")
     sample = history.at(time)
@@ -61,8 +61,10 @@ def judge_check(check: Check, history: History) -> Verdict:
     return Verdict(text, passed, actual)
 
 
-def _stage(check: Check, history: History) -> str:
-    return "ended" if check.event in history.spans else "begun"
+def _stage(number: int | None, history: History) -> str:
+    """Why the times that count from an event are not known."""
+    why = "" if number is None else why_missing(history, number)
+    return why or "has not ended"
 
 
 def _belief_closer(check: BeliefCloser, history: History, sample: Sample) -> Finding:
@@ -171,8 +173,11 @@ def _edges(check: Edges, history: History, sample: Sample) -> Finding:
 
 
 def _recovered(check: Recovered, history: History, sample: Sample) -> Finding:
-    kills = [event for event in history.scenario.events if isinstance(event, Kill)]
-    killed = [(event.at or 0.0) + event.delay for event in kills if event.agent == check.agent]
+    numbered = enumerate(history.scenario.events, start=1)
+    kills = [number for number, event in numbered if isinstance(event, Kill) and event.agent == check.agent]
+    if missing := [number for number in kills if number not in history.kills]:
+        return False, f"event {missing[0]} (kill) has not begun"
+    killed = [history.kills[number] for number in kills]
     starts = [time for time, agent in history.agent_starts if agent == check.agent]
     after = [min((start - kill for start in starts if start > kill), default=math.inf) for kill in killed]
     worst = max(after, default=math.inf)

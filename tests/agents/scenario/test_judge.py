@@ -213,6 +213,8 @@ def test_a_killed_agent_must_come_back_in_time():
     scenario = scenario_with("check = 'recovered'\nagent = 'plant'\nwithin = 2.0", kill)
     history = run(scenario)
     check = scenario.expectations[0]
+    assert judge_check(check, history).actual == "event 1 (kill) has not begun"
+    history.kills = {1: 3.0}
     assert not judge_check(check, history).passed
     history.agent_starts = [(0.1, "plant"), (4.0, "recorder"), (5.1, "plant")]
     assert judge_check(check, history).actual == "ready after 2.1 s"
