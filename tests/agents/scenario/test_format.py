@@ -75,6 +75,11 @@ look_at = [0.0, 0.0, 0.72]
 NO_ROBOT = "[robot]\nmodel = 'none'\n"
 
 
+def test_without_a_robot_nothing_can_wait_for_it():
+    event = "[[event]]\nwhen = 'resting(a) and held(a)'\ndo = 'remove'\nobject = 'a'\n"
+    assert "event.1.when: held(a): there is no robot" in refusal(on_a_stand() + event)
+
+
 def on_a_stand(more: str = "", camera: str = STAND) -> str:
     return with_line(f'system = "reasoner"\n{NO_ROBOT}{camera}{more}')
 
@@ -270,6 +275,7 @@ def test_wrong_values_are_refused_with_line_and_expectation(text: str, message: 
             "event.1.speeed: unknown field; did you",
         ),
         ("do = 'kill'\nagent = 'plant'\nwhen = 'resting(c)'", "x.toml:22: event.1.when: unknown object 'c'"),
+        ("do = 'remove'\nobject = 'a'\nwhen = 'built(a, a)'", "when: built(a, a): expected two different objects"),
         ("do = 'push'\nobject = 'a'\nat = 1", "x.toml:19: event.1: push: expected either `velocity` (m/s) or"),
         (
             "do = 'push'\nobject = 'a'\nat = 1\nvelocity = [1, 0, 0]\nimpulse = [1, 0, 0]",
