@@ -9,7 +9,7 @@ import msgspec
 from agents.plant.camera import OVERHEAD
 from agents.plant.renderer import RendererName
 
-SensorKind = Literal["pixels", "poses"]
+SensorKind = Literal["pixels", "poses", "none"]
 
 
 class PlantConfig(msgspec.Struct, frozen=True):
@@ -18,7 +18,8 @@ class PlantConfig(msgspec.Struct, frozen=True):
     scenario: str = ""
     """Path of a scenario file, or the name of a built-in one."""
     sensor: SensorKind = "pixels"
-    """`pixels`: rendered images. `poses`: true poses of what is recognised with measured noise, no images."""
+    """`pixels`: rendered images. `poses`: true poses of what is recognised with measured noise, no images.
+    `none`: cameras deliver nothing."""
     start: float = 0.0
     """s, time 0 of the scenario; 0.0 waits for the `Start` message of the runner"""
     width: int = 640

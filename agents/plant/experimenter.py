@@ -25,19 +25,22 @@ class Experimenter:
     """Events of a scenario, waiting and under way.
 
     Args:
-        events: all of the scenario; those of the runner are left out.
+        events: all of the scenario. Of those of the runner it only tells when their condition has come true.
         stage: where they take place.
     """
 
     def __init__(self, events: Iterable[Event], stage: Stage) -> None:
         self._stage = stage
-        mine = [(number, event) for number, event in enumerate(events, start=1) if not event.by_runner]
+        numbered = enumerate(events, start=1)
+        mine = [(n, event) for n, event in numbered if not event.by_runner or event.condition is not None]
         self._scheduled = [(event.at + event.delay, n, event) for n, event in mine if event.at is not None]
         self._waiting = [_Waiting(n, event, event.condition) for n, event in mine if event.condition is not None]
         self._running: dict[int, Steps] = {}
         self._steps = 0
         self.spans: dict[int, tuple[float, float | None]] = {}
         """By the number of an event (in the file, from 1): when its move began and ended, s after the start."""
+        self.given_up: dict[int, str] = {}
+        """By the number of an event whose move could not be carried out: why."""
 
     @property
     def is_done(self) -> bool:
@@ -55,7 +58,7 @@ class Experimenter:
         for number, event in due:
             self._running[number] = begin(event, self._stage)
             self.spans[number] = (elapsed, None)
-        for number in [number for number, steps in self._running.items() if not self._advance(steps)]:
+        for number in [number for number, steps in self._running.items() if not self._advance(number, steps)]:
             del self._running[number]
             self.spans[number] = (self.spans[number][0], elapsed)
         self._stage.act()
@@ -68,14 +71,15 @@ class Experimenter:
         self._waiting = [waiting for waiting in self._waiting if not waiting.is_ready]
         self._scheduled += [(elapsed + entry.event.delay, entry.number, entry.event) for entry in ready]
 
-    def _advance(self, steps: Steps) -> bool:
-        """Whether the move goes on; one that cannot be carried out is logged and given up."""
+    def _advance(self, number: int, steps: Steps) -> bool:
+        """Whether the move goes on; one that cannot be carried out is logged, noted and given up."""
         try:
             next(steps)
         except StopIteration:
             return False
         except DsrError as error:
-            log.warning("move given up: %s", error)
+            log.warning("event %d given up: %s", number, error)
+            self.given_up[number] = str(error)
             return False
         return True
 

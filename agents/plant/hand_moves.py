@@ -11,6 +11,7 @@ from agents.plant.hand_grips import OPENED, PITCH, Grip, take
 from agents.plant.hands import Array, Hand, Style
 from agents.plant.moves import MOVES, TURN_SPEED, Steps, follow, move, turned
 from agents.plant.person_moves import PERSON_MOVES
+from agents.plant.pushes import PUSHES
 from agents.plant.stage import Stage
 from agents.plant.world import STEP
 from agents.scenario.format import (
@@ -23,6 +24,7 @@ from agents.scenario.format import (
     HandMove,
     HandRelease,
     Lift,
+    SetInMotion,
     Slide,
     Tilt,
     Topple,
@@ -41,10 +43,19 @@ _BACK = 0.06  # m, along the palm, from which a hand closes in on an object
 _RISEN = 0.08  # m, how much higher a hand comes and leaves
 
 
+ByHand = Slide | Carry | Lift | Tilt | Topple | SetInMotion
+"""Moves that a hand can make."""
+
+
 def begin(event: Event, stage: Stage) -> Steps:
-    """The steps of any event: with `hand`, that hand comes, does it and lets go of what it does not keep."""
-    steps = {**MOVES, **PERSON_MOVES}[type(event)](event, stage)
-    if isinstance(event, Slide | Carry | Lift | Tilt | Topple) and event.hand is not None:
+    """The steps of any event: with `hand`, that hand comes, does it and lets go of what it does not keep.
+
+    One that the runner carries out takes none.
+    """
+    if event.by_runner:
+        return iter(())
+    steps = {**MOVES, **PUSHES, **PERSON_MOVES}[type(event)](event, stage)
+    if isinstance(event, ByHand) and event.hand is not None:
         return _by_hand(event, event.hand, stage, steps)
     return _dropped(event, stage, steps) if isinstance(event, Drop) else steps
 
@@ -95,11 +106,12 @@ def leave(event: HandLeave, stage: Stage) -> Steps:
     hand.leave()
 
 
-def _by_hand(event: Slide | Carry | Lift | Tilt | Topple, number: int, stage: Stage, steps: Steps) -> Steps:
+def _by_hand(event: ByHand, number: int, stage: Stage, steps: Steps) -> Steps:
     hand, name = stage.hands[number], event.object
     had = hand.is_present and hand.held == name
-    if isinstance(event, Topple):
-        behind = (-event.direction[0], -event.direction[1])
+    if isinstance(event, Topple | SetInMotion):
+        x, y = event.direction if isinstance(event, Topple) else event.along[:2]
+        behind = (-x, -y)
         yield from _grasp(stage, hand, name, "touch", behind, None, HAND_SPEED)
         yield from _pushing(stage, hand, name, steps)
         yield from _release(stage, hand)

@@ -86,6 +86,8 @@ class Truth(msgspec.Struct, frozen=True):
     """Objects that are held, and by what: `gripper`, the node of a hand, or `unknown` for the experimenter."""
     moves: dict[int, tuple[float, float | None]] = {}
     """Of what the experimenter has begun, by the event's number in the file (from 1): begin, end; s after the start"""
+    given_up: dict[int, str] = {}
+    """Of those, the ones that could not be carried out, and why."""
     hands: dict[int, tuple[Point, ...]] = {}
     """21 landmarks (m, world) of each hand in the scene, by number: centres of the joints, as in MediaPipe's order"""
     touched: dict[str, str] = {}

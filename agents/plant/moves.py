@@ -26,7 +26,6 @@ from agents.scenario.format import (
     Slide,
     Swap,
     Tilt,
-    Topple,
 )
 from dsr import quaternions
 from dsr.errors import ConfigError
@@ -36,8 +35,6 @@ TURN_SPEED = 2.0
 """rad/s, when an object is turned on its way"""
 ERROR_RAMP = 0.2
 """s in which an error of the arm's sensors grows and vanishes"""
-
-_PUSHED_OVER = 0.55  # of an object's diagonal, by which it is pushed before it falls by itself
 
 Steps = Iterator[None]
 Move = Callable[[Any, Stage], Steps]
@@ -86,23 +83,6 @@ def swap(event: Swap, stage: Stage) -> Steps:
         goal = Pose((x, y, z - heights[other] + heights[name]), places[name].q)
         _set_down(stage, [(name, goal), *((rider, goal @ offset) for rider, offset in offsets[name])])
     yield from ()
-
-
-@move(Topple)
-def topple(event: Topple, stage: Stage) -> Steps:
-    """Push at its centre until that is beyond the edge; gravity does the rest."""
-    world, name = stage.world, event.object
-    stage.free(name)
-    length = math.hypot(*event.direction)
-    along = (event.direction[0] / length, event.direction[1] / length) if length > 0 else (1.0, 0.0)
-    start = world.pose(name).t
-    reach = _PUSHED_OVER * math.hypot(*world.specs[name].size[:2])
-    for _ in range(math.ceil(2 * reach / event.speed / STEP)):
-        x, y, _z = world.pose(name).t
-        if (x - start[0]) * along[0] + (y - start[1]) * along[1] >= reach:
-            return
-        world.push(name, (event.speed * along[0], event.speed * along[1]))
-        yield
 
 
 @move(Slide)

@@ -91,6 +91,7 @@ class Reality:
             in_view=tuple(self.camera.in_view),
             grasped=self._stage.grasped(),
             moves=dict(self.experimenter.spans),
+            given_up=dict(self.experimenter.given_up),
             hands={hand.number: _points(hand.landmarks) for hand in self.hands.present},
             touched=dict(self.hands.holding("touch")),
             persons={person.name: seven(person.pose) for person in self.persons.present},

@@ -130,6 +130,15 @@ class World:
         (_, _, falling), spin = self.bullet.getBaseVelocity(body)
         self.bullet.resetBaseVelocity(body, (*velocity, falling), spin)
 
+    def velocity(self, name: str) -> tuple[Vector3, Vector3]:
+        """How fast an object moves (m/s, its centre) and turns (rad/s), world."""
+        velocity, spin = self.bullet.getBaseVelocity(self.body(name))
+        return velocity, spin
+
+    def launch(self, name: str, velocity: Vector3, spin: Vector3) -> None:
+        """Let an object move at `velocity` m/s and turn at `spin` rad/s (world) from where it is; physics goes on."""
+        self.drive(name, self.pose(name), velocity, spin)
+
     def remove(self, name: str) -> None:
         """Take an object out of the scene."""
         self.bullet.removeBody(self.body(name))

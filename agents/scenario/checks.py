@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path as FilePath
 
 from agents.scenario.coloring import color_clash
+from agents.scenario.conditions import OF_ROBOT
 from agents.scenario.events import (
     ArmError,
     Carry,
@@ -16,11 +17,13 @@ from agents.scenario.events import (
     Kill,
     PersonEvent,
     Place,
+    SetInMotion,
     Slide,
     Swap,
 )
 from agents.scenario.expectations import (
     Actions,
+    BeliefError,
     BeliefRecovered,
     Calibrations,
     Check,
@@ -41,6 +44,7 @@ from agents.scenario.layout import TOUCH, object_box, overlapping, table_box
 from agents.scenario.mentions import check_mentions
 from agents.scenario.minds import check_persons, check_plans
 from agents.scenario.model import NO_ROBOT, CameraSpec, ObjectSpec, RobotSpec, Scenario
+from agents.scenario.motion import check_motion
 from agents.scenario.naming import taken_names
 from agents.scenario.relations import GROUND
 from dsr.errors import ConfigError, GoalError, suggest
@@ -215,6 +219,8 @@ def _check_event(event: Event, path: Path, scenario: Scenario) -> None:
     if isinstance(event, FalsePercept | ArmError):
         error = (*event.translation, *getattr(event, "rotation", ()))
         require(any(error), path, f"{event.__struct_config__.tag}: expected an error that is not zero")
+    if isinstance(event, SetInMotion):
+        check_motion(event, path, scenario)
     if isinstance(event, HandMove):
         require(event.to is None or event.by is None, path, "hand_move: expected `to` or `by` (m), not both")
         some = event.to is not None or event.by is not None or event.turn
@@ -224,8 +230,6 @@ def _check_event(event: Event, path: Path, scenario: Scenario) -> None:
     _check_direction(event, path)
     if isinstance(event, Carry):
         _check_above_table(event, event.to, (*path, "to"), scenario)
-    if isinstance(event, Kill):
-        require(event.at is not None, path, "kill: expected `at` (s): conditions are judged by the plant")
 
 
 def _check_direction(event: Event, path: Path) -> None:
@@ -240,8 +244,14 @@ def _check_condition(event: Event, path: Path, scenario: Scenario) -> None:
         condition = event.condition
     except ConfigError as error:
         raise InconsistencyError(path, str(error)) from error
-    if condition:
-        _check_objects(condition.objects, path, scenario)
+    if condition is None:
+        return
+    _check_objects(condition.objects, path, scenario)
+    for term in condition.terms:
+        text = f"{term.predicate}({', '.join(term.objects)})"
+        require(len({*term.objects}) == len(term.objects), path, f"{text}: expected two different objects")
+        message = f"{text}: there is no robot that could hold or move anything"
+        require(scenario.robot.exists or term.predicate not in OF_ROBOT, path, message)
 
 
 def _check_above_table(
@@ -258,6 +268,8 @@ def _check_above_table(
 def _check_expectation(check: Check, path: Path, scenario: Scenario) -> None:
     named = path if isinstance(check, Inside) else (*path, "objects")
     _check_objects(check.named_objects, named, scenario)
+    some = getattr(check, "objects", None) != ()
+    require(some, named, "expected at least one object; leave it out to mean all")
     at = scenario.duration if check.at is None else check.at
     _check_time(at, (*path, "at"), scenario)
     if check.event is not None:
@@ -277,6 +289,9 @@ def _check_expectation(check: Check, path: Path, scenario: Scenario) -> None:
         require(some, path, f"{name}: expected `present` or `absent`: lists of [source, destination]")
     if isinstance(check, TrueRelations):
         _check_relation_names(check, path, scenario)
+    if isinstance(check, BeliefError):
+        whole = check.share == 1.0 or check.after is not None
+        require(whole, (*path, "share"), "expected `after` (s) with `share`: the window whose moments are counted")
     check_mentions(check, path, scenario)
     if isinstance(check, Actions):
         _check_actions(check, path, scenario)

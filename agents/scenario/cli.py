@@ -1,4 +1,4 @@
-"""The commands `dsr scenario list | check | run | sweep` and `dsr demo`."""
+"""The commands `dsr scenario list | check | truth | run | sweep` and `dsr demo`."""
 
 from __future__ import annotations
 
@@ -23,6 +23,7 @@ from agents.scenario.result import write_result
 from agents.scenario.runner import run_live, run_lockstep
 from agents.scenario.staging import make_run
 from agents.scenario.sweep_cli import sweep
+from agents.scenario.truth_cli import truth
 from dsr.cli.common import JsonOption, console, new_run_folder, print_json
 from dsr.errors import ConfigError
 
@@ -50,6 +51,7 @@ app = typer.Typer(
     "A scenario is a TOML file; docs/scenarios.md describes the format.",
 )
 app.command()(sweep)
+app.command()(truth)
 demo = typer.Typer(name="demo", invoke_without_command=True, subcommand_metavar="")
 
 

@@ -23,6 +23,8 @@ PREDICATES = {
 a is more than 10 mm above whatever lies below it; `held(a)`: a is in the gripper; `lowering(a, b)`: a is in the
 gripper, over b and less than 20 mm above it; `idle()`: the gripper is empty and the arm does not move.
 """
+OF_ROBOT = frozenset({"held", "lowering", "idle"})
+"""Predicates on the robot: without one they never become true, or are from the start."""
 
 _TERM = re.compile(r"\s*(\w+)\s*\(([^()]*)\)\s*")
 

@@ -34,12 +34,22 @@ def rises(history: History, begin: float, end: float, names: set[str]) -> list[t
 
 
 def missing_events(history: History) -> list[str]:
-    """What the experimenter was to do and has not done, e.g. `event 2 (slide) has not begun`."""
+    """What was to happen and has not, e.g. `event 2 (slide) has not begun`."""
+    numbered = enumerate(history.scenario.events, start=1)
     return [
-        f"event {number} ({event.__struct_config__.tag}) has not {'ended' if number in history.spans else 'begun'}"
-        for number, event in enumerate(history.scenario.events, start=1)
-        if not event.by_runner and history.spans.get(number, (0.0, None))[1] is None
+        f"event {number} ({event.__struct_config__.tag}) {why}"
+        for number, event in numbered
+        if (why := why_missing(history, number))
     ]
+
+
+def why_missing(history: History, number: int) -> str:
+    """Why an event has not happened, e.g. `has not begun`; empty if it has."""
+    if number in history.given_up:
+        return f"could not be carried out: {history.given_up[number]}"
+    if number in history.kills or history.spans.get(number, (0.0, None))[1] is not None:
+        return ""
+    return f"has not {'ended' if number in history.spans else 'begun'}"
 
 
 def _true_relations(check: TrueRelations, history: History, sample: Sample) -> Finding:

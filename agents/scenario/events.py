@@ -1,7 +1,7 @@
 """What the experimenter does to the true world: one struct per move, told apart by `do`.
 
 Each event starts `at` a time (s after the start) or once the condition `when` has come true, plus `delay`
-seconds. The plant carries out all moves but `kill`, which is the runner's.
+seconds. The plant carries out all moves but `kill`, which is the runner's; it tells the runner of its condition.
 """
 
 from __future__ import annotations
@@ -12,7 +12,19 @@ import msgspec
 from msgspec import Meta
 
 from agents.scenario.conditions import Condition, parse_condition
-from agents.scenario.units import Length, Metres, Radians, Rotation, Seconds, Speed, Vector2, Vector3
+from agents.scenario.units import (
+    Impulse3,
+    Length,
+    Metres,
+    Radians,
+    Rotation,
+    Seconds,
+    Speed,
+    Vector2,
+    Vector3,
+    Velocity2,
+    Velocity3,
+)
 
 HandNumber = Annotated[int, Meta(ge=0, le=1)]
 """Of a human hand: 0 is a right one, 1 a left one."""
@@ -169,6 +181,44 @@ class Topple(ObjectEvent, frozen=True, kw_only=True, tag="topple"):
     """This hand comes and pushes with two fingertips; default: nobody is seen."""
 
 
+class SetInMotion(ObjectEvent, frozen=True, kw_only=True):
+    """An event that gives the object a velocity once, and leaves all that follows to physics."""
+
+    hand: HandNumber | None = None
+    """This hand comes from behind and gives it with two fingertips; default: nobody is seen."""
+
+    @property
+    def along(self) -> Vector3:
+        """Where to, along world x, y and z; its length does not matter."""
+        raise NotImplementedError
+
+
+class Push(SetInMotion, frozen=True, kw_only=True, tag="push"):
+    """Give the object a velocity, or an impulse at its centre; it slides, rolls, tips over or falls by itself."""
+
+    velocity: Velocity3 | None = None
+    """m/s, of its centre, world; how it turns stays as it is"""
+    impulse: Impulse3 | None = None
+    """N s, world, instead of `velocity`: its velocity changes by that over its mass"""
+
+    @property
+    def along(self) -> Vector3:
+        """The direction of the velocity or impulse."""
+        return self.velocity or self.impulse or (0.0, 0.0, 0.0)
+
+
+class Roll(SetInMotion, frozen=True, kw_only=True, tag="roll"):
+    """Let a ball roll away, without slipping; friction slows it down, and it falls off an edge."""
+
+    velocity: Velocity2
+    """m/s, along world x and y"""
+
+    @property
+    def along(self) -> Vector3:
+        """The direction of the velocity."""
+        return (*self.velocity, 0.0)
+
+
 class FalsePercept(ObjectEvent, frozen=True, kw_only=True, tag="false_percept"):
     """The camera sees the object elsewhere for some frames; the object stays where it is."""
 
@@ -313,7 +363,7 @@ class PersonLeave(PersonEvent, frozen=True, kw_only=True, tag="person_leave"):
 class Kill(EventBase, frozen=True, kw_only=True, tag="kill"):
     """Kill an agent's process without warning (SIGKILL); the launcher restarts it.
 
-    In lockstep the agent is dropped and made anew after a back-off. Needs `at`.
+    In lockstep the agent is dropped and made anew after a back-off. The plant tells when its `when` has come true.
     """
 
     by_runner: ClassVar[bool] = True
@@ -330,6 +380,8 @@ Event = (
     | Tilt
     | Drop
     | Topple
+    | Push
+    | Roll
     | Remove
     | FalsePercept
     | ArmError

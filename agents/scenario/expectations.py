@@ -6,11 +6,12 @@ its default is the scenario's `settle`. `objects` defaults to all objects that a
 
 from __future__ import annotations
 
-from typing import get_args
+from typing import Annotated, get_args
 
 import msgspec
+from msgspec import Meta
 
-from agents.scenario.units import Count, Noise, Radians, Seconds, Vector3
+from agents.scenario.units import Count, Noise, Seconds, Share, Turn, Vector3
 from dsr.keys import BASE
 
 
@@ -84,10 +85,14 @@ class BeliefError(OfObjects, frozen=True, kw_only=True, tag="belief_error"):
 
     tolerance: Noise = 0.005
     """m"""
-    angle: Radians | None = None
+    angle: Turn | None = None
     """rad; default: the rotation is not judged"""
     after: Seconds | None = None
     """If given, this holds at every moment from then on."""
+    at_rest: bool = False
+    """Only moments count at which the true object lies still and nobody holds it; there must be one."""
+    share: Share = 1.0
+    """Of the moments that count, so many must be right."""
 
 
 class Perceived(OfObjects, frozen=True, kw_only=True, tag="perceived"):
@@ -102,7 +107,7 @@ class Attribute(Expectation, frozen=True, kw_only=True, tag="attribute"):
     node: str
     name: str
     value: bool | int | float | str
-    tolerance: float = 1e-9
+    tolerance: Annotated[float, Meta(ge=0)] = 1e-9
     """In the unit of the attribute."""
 
 
@@ -240,7 +245,7 @@ class CameraError(Expectation, frozen=True, kw_only=True, tag="camera_error"):
 
     tolerance: Noise = 0.003
     """m"""
-    angle: Radians = 0.00524
+    angle: Turn = 0.00524
     """rad"""
 
 

@@ -31,7 +31,7 @@ NOTHING: Finding = (False, "there was no object to judge")
 
 def describe(check: Check) -> str:
     """The expectation in a line, e.g. `resting (tolerance 1 mm)`."""
-    details = [f"{key} {_written(key, value)}" for key, value in _stated(check) if value not in (None, (), BASE)]
+    details = [f"{key} {_written(key, value)}" for key, value in _stated(check)]
     name = str(check.__struct_config__.tag)
     return f"{name} ({', '.join(details)})" if details else name
 
@@ -85,12 +85,17 @@ def mm(metres: float) -> str:
 
 
 def _stated(check: Check) -> Iterable[tuple[str, Any]]:
-    return ((field, getattr(check, field)) for field in check.__struct_fields__)
+    """The fields that say something: not those left out, nor what counts of a window when all of it does."""
+    unsaid = {"at_rest": False, "share": 1.0}
+    fields = ((field, getattr(check, field)) for field in check.__struct_fields__)
+    return ((key, value) for key, value in fields if value not in (None, (), BASE) and unsaid.get(key) != value)
 
 
 def _written(key: str, value: Any) -> str:
     if key in ("at", "after", "within"):
         return f"{value:g} s"
+    if key == "share":
+        return f"{value:.0%}"
     if key == "tolerance":
         return mm(value)
     if key == "angle":

@@ -115,6 +115,10 @@ class History:
         """When an agent was first ready after each of its starts: s after the start, name."""
         self.spans: dict[int, tuple[float, float | None]] = {}
         """By the number of an event (from 1): when its move began and ended, s after the start."""
+        self.given_up: dict[int, str] = {}
+        """By the number of an event that could not be carried out: why."""
+        self.kills: dict[int, float] = {}
+        """By the number of a `kill`: when it was done, s after the start."""
         self.missions: list[MissionState] = []
         """All changes of all intentions."""
         self.explanations: list[Explained] = []

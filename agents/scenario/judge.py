@@ -46,6 +46,8 @@ class Judge:
         """Messages that were no valid truth or status."""
         self._memory = memory
         self._worlds = WorldWatch(scenario, memory)
+        self.triggered: dict[int, float] = {}
+        """By the number of an event that the runner carries out: when its condition came true, s after the start."""
         self._start = 0.0
         self._truth: bytes | None = None
         self._flagged: set[str] = set()
@@ -79,7 +81,7 @@ class Judge:
         if truth.stamp >= self._start:
             time = truth.stamp - self._start
             self.history.add(self._look(time, truth))
-            self.history.spans = truth.moves
+            self._note_moves(truth)
             self._follow_mind(time)
         self._flagged.clear()
 
@@ -149,6 +151,13 @@ class Judge:
             absent=frozenset(name for name, node in nodes.items() if not node.get("present", True)),
             worlds=self._worlds.look(),
         )
+
+    def _note_moves(self, truth: Truth) -> None:
+        events = self.history.scenario.events
+        by_runner = {number for number, event in enumerate(events, start=1) if event.by_runner}
+        self.triggered = {number: begin for number, (begin, _) in truth.moves.items() if number in by_runner}
+        self.history.spans = {number: span for number, span in truth.moves.items() if number not in by_runner}
+        self.history.given_up = truth.given_up
 
     def _follow_mind(self, time: float) -> None:
         """Note what has changed about intentions, and new explanations."""

@@ -70,7 +70,7 @@ def perturbations(history: History) -> list[Perturbation]:
 def event_end(history: History, number: int) -> float | None:
     """When an event (numbered from 1) was over, as `clear_from` says; None if it was not."""
     begin, end = history.spans.get(number, (0.0, None))
-    return None if end is None else clear_from(history, begin, end, math.inf)
+    return None if end is None or number in history.given_up else clear_from(history, begin, end, math.inf)
 
 
 def clear_from(history: History, begin: float, end: float, until: float) -> float | None:

@@ -12,10 +12,11 @@ import msgspec
 
 from agents.scenario.events import Kill
 from agents.scenario.format import Start, start_key
+from agents.scenario.history import History
 from agents.scenario.judge import Judge
 from agents.scenario.model import Scenario
 from agents.scenario.result import Result
-from agents.scenario.staging import Run, staged_system, without
+from agents.scenario.staging import Run, plant_alone, staged_system, without
 from agents.scenario.story import Line, Story
 from dsr.errors import AgentError
 from dsr.keys import Keys
@@ -79,7 +80,7 @@ class Teller:
     def tell(self, elapsed: float) -> None:
         """Tell what is new, `elapsed` s after the start."""
         if self._story is not None:
-            for line in self._story.news(self._judge.history.spans):
+            for line in self._story.news({**self._judge.history.spans, **self._judge.history.kills}):
                 self._observer.happened(elapsed, line)
         self._observer.running(elapsed)
 
@@ -110,8 +111,7 @@ class Conductor:
         self._bus = bus
         self._start_key = start_key(keys)
         self._kill = kill
-        kills = [event for event in scenario.events if isinstance(event, Kill)]
-        self._kills = sorted(((event.at or 0.0) + event.delay, event.agent) for event in kills)
+        self._kills = {n: event for n, event in enumerate(scenario.events, start=1) if isinstance(event, Kill)}
         self._tell_at = start - LEAD
         self.is_over = False
         """Whether the run may end early."""
@@ -123,11 +123,18 @@ class Conductor:
             self._tell_at = now + _START_PERIOD
             self._bus.publish(self._start_key, msgspec.msgpack.encode(Start(self._start)))
         elapsed = now - self._start
-        while self._kills and self._kills[0][0] <= elapsed:
-            self._kill(self._kills.pop(0)[1])
+        for begun, number in self._due(elapsed):
+            self._judge.history.kills[number] = begun
+            self._kill(self._kills.pop(number).agent)
         self._judge.sample()
         self.is_over = self._judge.is_over(elapsed)
         return elapsed
+
+    def _due(self, elapsed: float) -> list[tuple[float, int]]:
+        """When and which kills were to happen until now, in order: at their time, or when the plant has told so."""
+        begun = {number: event.at + event.delay for number, event in self._kills.items() if event.at is not None}
+        begun |= self._judge.triggered
+        return sorted((time, number) for number, time in begun.items() if number in self._kills and time <= elapsed)
 
 
 def run_lockstep(run: Run, observer: Observer | None = None) -> Result:
@@ -166,6 +173,27 @@ def run_system(run: Run, system: System, observer: Observer | None = None) -> Re
 
         lockstep.run_until(start + scenario.duration + _TAIL, on_step)
         return judge.result(run.seed, "lockstep", run.sensor, run.policy)
+
+
+def true_course(run: Run) -> History:
+    """What truly happens without any agent: the plant alone, with the experimenter's moves. `kill` is only noted.
+
+    Raises:
+        ConfigError: if the scenario cannot be played.
+    """
+    scenario, system = run.scenario, plant_alone(run)
+    with Lockstep(system.agents, graph=system.graph, seed=run.seed) as lockstep:
+        judge = Judge(scenario, lockstep.memory, lockstep.bus, lockstep.keys)
+        _get_ready(lockstep, [spec.name for spec in system.agents])
+        start = lockstep.clock.now() + LEAD
+        conductor = Conductor(scenario, start, judge, lockstep.bus, lockstep.keys, lambda agent: None)
+
+        def on_step(now: float) -> bool:
+            conductor.step(now)
+            return conductor.is_over
+
+        lockstep.run_until(start + scenario.duration + _TAIL, on_step)
+        return judge.history
 
 
 def _get_ready(lockstep: Lockstep, agents: list[str]) -> None:

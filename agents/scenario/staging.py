@@ -9,6 +9,7 @@ import msgspec
 
 from agents.scenario.format import find_scenario, load_scenario
 from agents.scenario.model import Scenario
+from dsr.errors import ConfigError
 from dsr.runtime.system import System, find_system, load_system
 
 Sensor = Literal["pixels", "poses"]
@@ -18,6 +19,8 @@ Sensor = Literal["pixels", "poses"]
 Policy = Literal["hypotheses", "algorithm1", "published"]
 """Explain surprises by simulated hypotheses, or by Algorithm 1 of the CORTEX paper; or reason as Sallami et al. did,
 and infer actions as they did."""
+PLANT = "plant"
+"""The agent that plays the simulated reality."""
 MISSION = "mission"
 """The agent that wants what the scenario's `[mission]` says."""
 
@@ -60,6 +63,14 @@ def staged_system(run: Run) -> System:
     return system if run.folder else without(system, "recorder", "viewer")
 
 
+def plant_alone(run: Run) -> System:
+    """The simulated reality of the scenario without anybody who looks at it. Raises `ConfigError`."""
+    system = load_system(find_system(run.scenario.system, run.file.parent), only=[PLANT])
+    if not system.agents:
+        raise ConfigError(f"the system {run.scenario.system!r} has no agent {PLANT!r}: nothing happens in it")
+    return system.with_config(PLANT, scenario=str(run.file), sensor="none")
+
+
 def without(system: System, *agents: str) -> System:
     """The system without those of `agents` that it has."""
     return system.without(*_names(system).intersection(agents))
@@ -77,7 +88,7 @@ def _settings(run: Run) -> dict[str, dict[str, Any]]:
             if run.scenario.plans
             else {}
         ),
-        "plant": {"scenario": str(run.file), "sensor": run.sensor},
+        PLANT: {"scenario": str(run.file), "sensor": run.sensor},
         "scene_setup": {"scenario": str(run.file)},
         "fixed_camera": {"scenario": str(run.file)},
         "recorder": {"folder": folder},

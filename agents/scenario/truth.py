@@ -27,6 +27,8 @@ class Truth(msgspec.Struct, frozen=True):
     """Objects that are held, and by what: `gripper`, the node of a hand, or `unknown` for the experimenter."""
     moves: dict[int, tuple[float, float | None]] = {}
     """By the number of an event in the file (from 1): when its move began and ended, s after the start."""
+    given_up: dict[int, str] = {}
+    """Of those, the ones that could not be carried out, and why."""
     hands: dict[int, tuple[tuple[float, float, float], ...]] = {}
     """21 landmarks (m, world) of each human hand in the scene, by number."""
     camera: dict[str, _Seven] = {}

@@ -18,14 +18,25 @@ Bias = Annotated[float, Meta(ge=-0.5, le=0.5)]
 """m, a systematic error"""
 Radians = Annotated[float, Meta(ge=-6.2832, le=6.2832)]
 """rad, at most one turn (so degrees are noticed)"""
+Turn = Annotated[float, Meta(ge=0, le=3.1416)]
+"""rad, the angle between two orientations"""
+Share = Annotated[float, Meta(gt=0, le=1)]
+"""Of a whole; more than nothing."""
 Speed = Annotated[float, Meta(gt=0, le=5)]
 """m/s or rad/s"""
+Velocity = Annotated[float, Meta(ge=-5, le=5)]
+"""m/s, along one axis"""
+Impulse = Annotated[float, Meta(ge=-500, le=500)]
+"""N s, along one axis: at most that which gives the heaviest object 5 m/s"""
 
 Count = Annotated[int, Meta(ge=0, le=1000000)]
 """How often something happens."""
 
 Vector2 = tuple[Metres, Metres]
 Vector3 = tuple[Metres, Metres, Metres]
+Velocity2 = tuple[Velocity, Velocity]
+Velocity3 = tuple[Velocity, Velocity, Velocity]
+Impulse3 = tuple[Impulse, Impulse, Impulse]
 Size = tuple[Length, Length, Length]
 Rotation = tuple[Radians, Radians, Radians]
 """Rotation vector: axis times angle, rad."""
@@ -38,6 +49,8 @@ UNITS = {
     **dict.fromkeys(("depth_bias", "depth_jitter"), "m"),
     **dict.fromkeys(("yaw", "turn", "angle", "start", "rotation"), "rad"),
     "mass": "kg",
+    "velocity": "m/s",
+    "impulse": "N s",
     "speed": "m/s (tilt: rad/s)",
     "grey_noise": "grey levels",
 }

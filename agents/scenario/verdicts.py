@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from agents.scenario.cameras import CAMERAS
-from agents.scenario.course import COURSE
+from agents.scenario.course import COURSE, why_missing
 from agents.scenario.doings import DOINGS
 from agents.scenario.events import Kill
 from agents.scenario.expectations import (
@@ -35,7 +35,7 @@ from agents.scenario.findings import (
     samples_of,
     time_of,
 )
-from agents.scenario.history import History, Sample
+from agents.scenario.history import Error, History, Sample
 from agents.scenario.measures import OverlapMeter, belief_gap, drift, height_error, mean_error, pose_error
 from agents.scenario.result import Verdict
 from agents.scenario.worlds import WORLDS, edges_in_world
@@ -51,7 +51,7 @@ def judge_check(check: Check, history: History) -> Verdict:
     text = describe(check)
     time = time_of(check, history)
     if time is None:
-        return Verdict(text, False, f"event {check.event} has not {_stage(check, history)}")
+        return Verdict(text, False, f"event {check.event} {_stage(check.event, history)}")
     if time > history.end + _ROUNDING:
         return Verdict(text, False, f"the run ended before {time:.1f} s, when it was to be judged")
     sample = history.at(time)
@@ -61,8 +61,10 @@ def judge_check(check: Check, history: History) -> Verdict:
     return Verdict(text, passed, actual)
 
 
-def _stage(check: Check, history: History) -> str:
-    return "ended" if check.event in history.spans else "begun"
+def _stage(number: int | None, history: History) -> str:
+    """Why the times that count from an event are not known."""
+    why = "" if number is None else why_missing(history, number)
+    return why or "has not ended"
 
 
 def _belief_closer(check: BeliefCloser, history: History, sample: Sample) -> Finding:
@@ -127,19 +129,31 @@ def _belief_error(check: BeliefError, history: History, sample: Sample) -> Findi
     samples = [sample] if begin is None else [*history.window(begin, sample.time)]
 
     def find(name: str) -> Finding:
-        if any(name not in one.truth for one in samples):
+        counted = [one for one in samples if not check.at_rest or _lies_still(one, name)]
+        if not counted:
+            return False, "never at rest then"
+        if any(name not in one.truth for one in counted):
             return False, "not in the true world"
-        errors = [error for one in samples if (error := pose_error(one, "belief", name))]
-        if len(errors) < len(samples):
-            return False, "no belief"
-        position = max(error.position for error in errors)
-        near = position <= check.tolerance
-        if check.angle is None:
-            return near, mm(position)
-        rotation = max(error.rotation for error in errors)
-        return near and rotation <= check.angle, f"{mm(position)}, {math.degrees(rotation):.2f} deg"
+        errors = [pose_error(one, "belief", name) for one in counted]
+        known = [error for error in errors if error]
+        right = sum(_is_near(check, error) for error in known) / len(counted)
+        if len(known) < len(counted) and right < check.share:
+            return False, "no belief" if check.share == 1.0 else f"right {right:.1%} of the time, partly no belief"
+        found = mm(max(error.position for error in known))
+        if check.angle is not None:
+            found += f", {math.degrees(max(error.rotation for error in known)):.2f} deg"
+        return right >= check.share, found if check.share == 1.0 else f"right {right:.1%} of the time, at most {found}"
 
     return each(check, sample, find)
+
+
+def _lies_still(sample: Sample, name: str) -> bool:
+    """Whether the true object is there, does not move, and nobody holds it."""
+    return name in sample.truth and name not in sample.moving and name not in sample.grasped and name != sample.held
+
+
+def _is_near(check: BeliefError, error: Error) -> bool:
+    return error.position <= check.tolerance and (check.angle is None or error.rotation <= check.angle)
 
 
 def _perceived(check: Perceived, history: History, sample: Sample) -> Finding:
@@ -171,8 +185,11 @@ def _edges(check: Edges, history: History, sample: Sample) -> Finding:
 
 
 def _recovered(check: Recovered, history: History, sample: Sample) -> Finding:
-    kills = [event for event in history.scenario.events if isinstance(event, Kill)]
-    killed = [(event.at or 0.0) + event.delay for event in kills if event.agent == check.agent]
+    numbered = enumerate(history.scenario.events, start=1)
+    kills = [number for number, event in numbered if isinstance(event, Kill) and event.agent == check.agent]
+    if missing := [number for number in kills if number not in history.kills]:
+        return False, f"event {missing[0]} (kill) has not begun"
+    killed = [history.kills[number] for number in kills]
     starts = [time for time, agent in history.agent_starts if agent == check.agent]
     after = [min((start - kill for start in starts if start > kill), default=math.inf) for kill in killed]
     worst = max(after, default=math.inf)

@@ -6,7 +6,7 @@ import contextlib
 import dataclasses
 import importlib
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -108,8 +108,12 @@ class _SystemFile(msgspec.Struct, frozen=True):
     agent: list[_AgentTable]
 
 
-def load_system(name_or_path: str | Path) -> System:
+def load_system(name_or_path: str | Path, only: Collection[str] | None = None) -> System:
     """The system of a file, or the one of that name in `etc/systems`.
+
+    Args:
+        name_or_path: which system.
+        only: names of the agents that are wanted; the classes of others are not loaded. Default: all.
 
     Raises:
         ConfigError: naming file and line: for unknown fields, classes that cannot be loaded, names used twice,
@@ -119,10 +123,11 @@ def load_system(name_or_path: str | Path) -> System:
     source = TomlFile(file)
     tables = source.convert(_SystemFile)
     folder = file.resolve().parent
-    specs = [_read_agent(source, index, table, folder) for index, table in enumerate(tables.agent)]
+    wanted = [(i, table) for i, table in enumerate(tables.agent) if only is None or table.name in only]
+    specs = [_read_agent(source, index, table, folder) for index, table in wanted]
     for index, spec in enumerate(specs):
         if spec.name in {other.name for other in specs[:index]}:
-            raise source.error(f"two agents are called {spec.name!r}", ("agent", index, "name"))
+            raise source.error(f"two agents are called {spec.name!r}", ("agent", wanted[index][0], "name"))
     with _located(source, ()):
         return System(tables.graph, tuple(specs), folder)
 

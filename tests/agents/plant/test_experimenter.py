@@ -11,6 +11,7 @@ import pytest
 from agents.plant import truths
 from agents.plant.moves import MOVES
 from agents.plant.person_moves import PERSON_MOVES
+from agents.plant.pushes import PUSHES
 from agents.plant.reality import Reality
 from agents.plant.world import upright, yaw_of
 from agents.scenario.format import (
@@ -38,7 +39,9 @@ Play = Callable[..., None]
 
 
 def test_every_move_and_predicate_of_the_format_is_known() -> None:
-    assert MOVES.keys() | PERSON_MOVES.keys() == {event for event in EVENTS.values() if not event.by_runner}
+    assert MOVES.keys() | PUSHES.keys() | PERSON_MOVES.keys() == {
+        event for event in EVENTS.values() if not event.by_runner
+    }
     assert set(truths.PREDICATES) == set(PREDICATES)
 
 

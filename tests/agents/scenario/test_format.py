@@ -75,6 +75,11 @@ look_at = [0.0, 0.0, 0.72]
 NO_ROBOT = "[robot]\nmodel = 'none'\n"
 
 
+def test_without_a_robot_nothing_can_wait_for_it():
+    event = "[[event]]\nwhen = 'resting(a) and held(a)'\ndo = 'remove'\nobject = 'a'\n"
+    assert "event.1.when: held(a): there is no robot" in refusal(on_a_stand() + event)
+
+
 def on_a_stand(more: str = "", camera: str = STAND) -> str:
     return with_line(f'system = "reasoner"\n{NO_ROBOT}{camera}{more}')
 
@@ -269,7 +274,31 @@ def test_wrong_values_are_refused_with_line_and_expectation(text: str, message: 
             "do = 'slide'\nobject = 'a'\nat = 1\nto = [0.3, 0]\nspeeed = 1",
             "event.1.speeed: unknown field; did you",
         ),
-        ("do = 'kill'\nagent = 'plant'\nwhen = 'resting(a)'", "x.toml:19: event.1: kill: expected `at` (s)"),
+        ("do = 'kill'\nagent = 'plant'\nwhen = 'resting(c)'", "x.toml:22: event.1.when: unknown object 'c'"),
+        ("do = 'remove'\nobject = 'a'\nwhen = 'built(a, a)'", "when: built(a, a): expected two different objects"),
+        ("do = 'push'\nobject = 'a'\nat = 1", "x.toml:19: event.1: push: expected either `velocity` (m/s) or"),
+        (
+            "do = 'push'\nobject = 'a'\nat = 1\nvelocity = [1, 0, 0]\nimpulse = [1, 0, 0]",
+            "push: expected either `velocity` (m/s) or `impulse` (N s)",
+        ),
+        ("do = 'push'\nobject = 'a'\nat = 1\nvelocity = [0, 0, 0]", "push: expected a motion that is not zero"),
+        (
+            "do = 'push'\nobject = 'a'\nat = 1\nvelocity = [0, 0, 1]\nhand = 0",
+            "event.1.hand: push: a hand pushes sideways; expected a motion along x or y",
+        ),
+        (
+            "do = 'push'\nobject = 'a'\nat = 1\nimpulse = [0, 3, 4]",
+            "23: event.1.impulse: would change the velocity of 'a' by 100.0 m/s; expected at most 0.25 N s",
+        ),
+        (
+            "do = 'push'\nobject = 'a'\nat = 1\nvelocity = [9, 0, 0]",
+            "event.1.velocity.1: expected `float` <= 5.0 (m/s), got 9",
+        ),
+        (
+            "do = 'roll'\nobject = 'a'\nat = 1\nvelocity = [1, 0]",
+            "21: event.1.object: 'a' is no ball and cannot roll; expected an object whose only part is a sphere",
+        ),
+        ("do = 'roll'\nobject = 'a'\nat = 1\nvelocity = [1, 0, 0]", "expected `array` of length 2 (m/s), got [1, 0"),
         ("do = 'kill'\nagent = 'plnt'\nat = 1", "21: event.1.agent: unknown agent 'plnt'; did you mean 'plant'?"),
     ],
 )

@@ -37,6 +37,32 @@ def expecting(check: str, **values: object) -> str:
         ("worlds", {"absent": ["base"]}, "absent.1: unknown world 'base'; valid: plan_swap, view_of_anne"),
         ("attribute", {"node": "aa", "name": "mass", "value": 1}, "node: unknown node 'aa'; did you mean 'a'?"),
         ("attribute", {"node": "a", "name": "mas", "value": 1}, "name: unknown attribute 'mas'; did you mean 'mass'?"),
+        (
+            "attribute",
+            {"node": "a", "name": "mass", "value": "1"},
+            "value: the attribute 'mass' is a float; expected a",
+        ),
+        ("attribute", {"node": "a", "name": "perceived", "value": 1}, "value: the attribute 'perceived' is a bool;"),
+        ("attribute", {"node": "a", "name": "size", "value": 1}, "name: the attribute 'size' is a vector, which no"),
+        (
+            "attribute",
+            {"node": "camera_wrist", "name": "mount", "value": "study"},
+            "value: unknown mount 'study'; did you mean 'steady'?",
+        ),
+        (
+            "attribute",
+            {"node": "action_0_1", "name": "status", "value": "reached"},
+            "value: unknown status 'reached'; valid: done, failed, halted, planned, running",
+        ),
+        ("mission", {"status": "reachd"}, "status: unknown status 'reachd'; did you mean 'reached'?"),
+        ("edges", {"present": [["a", "b"]], "absent": [["a", "b"]]}, "absent: ('a', 'b') is `present` too; expected"),
+        ("worlds", {"present": ["plan_swap"], "absent": ["plan_swap"]}, "absent: 'plan_swap' is `present` too"),
+        ("actions", {"objects": [], "absent": ["Pick"]}, "objects: expected at least one object; leave it out"),
+        ("resting", {"objects": []}, "objects: expected at least one object; leave it out"),
+        ("belief_error", {"angle": -0.1}, "angle: expected `float` >= 0.0 (rad), got -0.1"),
+        ("camera_error", {"angle": -0.1}, "angle: expected `float` >= 0.0 (rad), got -0.1"),
+        ("belief_error", {"share": 0.9}, "share: expected `after` (s) with `share`"),
+        ("belief_error", {"share": 0.0, "after": 1.0}, "share: expected `float` > 0.0, got 0.0"),
     ],
 )
 def test_what_cannot_be_there_is_refused(check: str, values: dict[str, object], message: str):
@@ -50,7 +76,7 @@ NODES = (
 
 
 def test_whatever_agents_write_may_be_asked_about():
-    texts = [expecting("attribute", node=name, name="perceived", value="x") for name in NODES]
+    texts = [expecting("attribute", node=name, name="mass", value=0.5) for name in NODES]
     texts += [expecting("edges", type="sees", absent=[["anne", "b"]], world=world) for world in ("base", "plan_swap")]
     texts.append(expecting("worlds", present=["view_of_anne"], absent=["plan_swap"]))
     assert len(parse_scenario(IMAGINED + "".join(texts)).expectations) == len(texts)

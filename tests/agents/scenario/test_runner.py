@@ -53,13 +53,17 @@ class StandInPlant(Agent):
     rate_hz = 20.0
     uses_memory = False
     starts: ClassVar[list[float]] = []
+    fulfilled: ClassVar[dict[int, float]] = {}
+    """Conditions of events: how long after the start they come true."""
 
     def setup(self) -> None:
         self.starts.clear()
         self.bus.subscribe(start_key(self.keys), self._on_start)
 
     def tick(self, now: float) -> None:
-        truth = {"stamp": now, "objects": {"cube_1": TRUE}}
+        since = now - self.starts[0] if self.starts else -1.0
+        moves = {number: (time, time) for number, time in self.fulfilled.items() if time <= since}
+        truth = {"stamp": now, "objects": {"cube_1": TRUE}, "moves": moves}
         self.bus.publish(self.keys.truth(), msgspec.msgpack.encode(truth))
 
     def _on_start(self, key: str, payload: bytes) -> None:
@@ -126,6 +130,18 @@ def test_a_killed_agent_is_started_again():
     recovered = play().expectations[1]
     assert recovered.passed
     assert recovered.actual == "ready after 1.0 s"
+
+
+@pytest.mark.usefixtures("agents")
+def test_an_agent_is_killed_once_when_the_plant_says_that_the_condition_holds(monkeypatch: pytest.MonkeyPatch):
+    text = SCENARIO.replace("at = 1.5", "when = 'resting(cube_1)'")
+    waiting = run_lockstep(Run(scenario=parse_scenario(text), file=Path("short.toml")))
+    assert waiting.expectations[1].actual == "event 1 (kill) has not begun"
+    assert "event 1 (kill) has not begun" in waiting.notes
+    monkeypatch.setattr(StandInPlant, "fulfilled", {1: 2.0})
+    killed = run_lockstep(Run(scenario=parse_scenario(text), file=Path("short.toml")))
+    assert killed.expectations[1].passed and killed.notes == []
+    assert killed.expectations[1].actual == "ready after 1.1 s", "0.05 s until it is known, 1 s until it is restarted"
 
 
 def test_an_agent_that_never_gets_ready_is_named(agents: list[AgentSpec]):
