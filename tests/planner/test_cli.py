@@ -135,7 +135,7 @@ def test_no_wait_only_writes_the_intention(memory: Memory, mission: Command) -> 
     ("words", "message"),
     [
         (["on(cube_3 cube_4)"], "expected ',' or '\\)'"),
-        (["on(cube_3,cube_44)"], "there is no 'cube_44'; did you mean 'cube_4'"),
+        (["on(cube_3,cube_44)"], "there is no 'cube_44'; valid: cube_3, cube_4"),
         ([], "what is wanted"),
         (["--cancel"], "nothing is wanted"),
         (["--cancel", "intention_7"], "no intention 'intention_7'"),
