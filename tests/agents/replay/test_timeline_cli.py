@@ -125,7 +125,7 @@ def test_a_running_graph_tells_its_timeline_with_true_times() -> None:
         assert re.search(r"-4\d\d\.\d\d +Pick +picked", run("-k", "Pick").stdout)
         with pytest.raises(dsr.ConfigError, match="no such kind"):
             run("--kind", "Jongleur")
-        with pytest.raises(dsr.ConfigError, match="--participant cube_8: no such node or agent; valid: cube_3, cube_4, cube_9"):
+        with pytest.raises(dsr.ConfigError, match="cube_8: no such node or agent; valid: cube_3, cube_4, cube_9"):
             run("-p", "cube_3", "-p", "cube_8")
         assert told("-p", "cube_9") == [] and told("-p", "teller") == [] and told("-p", "cube_4") != []
 
