@@ -26,6 +26,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable
 
 
@@ -130,14 +131,42 @@ _SHOWN = 100
 """Characters of a long text that an error shows around the place."""
 _MOST_COMPARED = 500
 """Names that are worth a search for the closest: with 10000, an error would cost 0.1 s."""
+_NUMBER = re.compile(r"[0-9]+")
+
+
+def closest(name: str, valid: Iterable[str]) -> str:
+    """The valid name of which `name` may be a misspelling; empty if there is none, or no telling which.
+
+    A number is no misspelling of another number: `cube_99` is not `cube_9`, nor are `cube_3` and `cube_4` alike.
+    """
+    names = sorted(valid)
+    if len(names) > _MOST_COMPARED:
+        return ""
+    numbers, wording = _numbers(name), _wording(name)
+    alike = [other for other in names if _wording(other) == wording]  # only the numbers may be wrong
+    possible = [other for other in alike or names if not numbers or _numbers(other) in ((), numbers)]
+    found = next(iter(difflib.get_close_matches(name, possible, n=1)), "")
+    if found and _numbers(found) != numbers and sum(_wording(other) == _wording(found) for other in possible) > 1:
+        return ""  # the number is what is missing, and more than one would do
+    return found
 
 
 def suggest(name: str, valid: Iterable[str], most: int = 12) -> str:
-    """End of an error message: the closest valid name, or the valid ones (at most `most`)."""
-    names = sorted(valid)
-    close = difflib.get_close_matches(name, names, n=1) if len(names) <= _MOST_COMPARED else []
-    if close:
-        return f"did you mean {close[0]!r}?"
+    """End of an error message: the closest valid name, or the valid ones (at most `most`), first those alike."""
+    wording = _wording(name)
+    names = sorted(valid, key=lambda other: (_wording(other) != wording, other))
+    if found := closest(name, names):
+        return f"did you mean {found!r}?"
     listed = ", ".join(names[:most])
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return f"valid: {listed}{more}" if names else "none is known"
+
+
+def _numbers(name: str) -> tuple[str, ...]:
+    """The numbers in a name, without leading zeros."""
+    return tuple(number.lstrip("0") for number in _NUMBER.findall(name))
+
+
+def _wording(name: str) -> str:
+    """A name whatever its numbers are."""
+    return _NUMBER.sub("0", name)

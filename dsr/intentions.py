@@ -9,8 +9,11 @@ from __future__ import annotations
 from itertools import count
 
 from dsr.elements import Node
+from dsr.keys import agent_of
 from dsr.memory import Memory
 
+PLANNER = "planner"
+"""The agent that pursues intentions."""
 MIND = "mind"
 """The node from which intentions hang."""
 PREFIX = "intention_"
@@ -41,6 +44,12 @@ def describe_action(action: Node) -> str:
     """An action in a few words: `place cube_3 on cube_4`."""
     where = f"on {action['destination']}" if action.get("destination", "") else ""
     return " ".join(part for part in (action.get("skill", ""), action.get("target", ""), where) if part)
+
+
+def nobody_pursues(memory: Memory) -> str:
+    """Why nothing becomes of any intention: the planner does not run; empty if it does."""
+    runs = any(agent_of(rid) == PLANNER for rid in memory.peers)
+    return "" if runs else f"no agent {PLANNER!r} runs, which would pursue it"
 
 
 def add_intention(memory: Memory, goal: str, *, maintain: bool = False, priority: int = 0) -> str:

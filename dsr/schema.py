@@ -295,7 +295,7 @@ _ATTRIBUTES: dict[str, AttributeType] = dict([
                              "source": "what says so", "model": "which product", "joint_names": "comma-separated",
                              "goal": "what is wanted", "target": "what the action is about",
                              "destination": "where an action puts its target",
-                             "skill": "of the arm: pick, place, move, observe or stop",
+                             "skill": "of the arm: pick, place, move, look, observe or stop",
                              "request": "what the planner asks of an action: run or halt",
                              "surprise": "why it is surprising",
                              "grip": "how a hand has hold of it: touch (one side) or pinch (two opposite ones)",

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from dsr.agent import Access, Agent
 from dsr.errors import GoalError
 from dsr.goals import Goal, parse_goal
-from dsr.intentions import ACTIVE, FAILED, HALT, MAINTAINED, REACHED, UNSOLVABLE, WANTED
+from dsr.intentions import ACTIVE, FAILED, HALT, INVALID, MAINTAINED, REACHED, UNSOLVABLE, WANTED
 from dsr.intrinsics import INTRINSICS
 from dsr.relations import SURFACES, THINGS, Relations, read_relations
 from dsr.what_if import WhatIf
@@ -93,12 +93,18 @@ class Planner(Agent):
             self._check_still_wanted(self._execution, known)
         if self._script is not None:
             self._go_on(self._script)
+        self.degraded = self._problem()
 
     def teardown(self) -> None:
         """End the solver. The arm finishes what it does; who comes next takes over."""
         maker = getattr(self, "_maker", None)
         if maker is not None:
             maker.close()
+
+    def _problem(self) -> str:
+        """What the intention that is pursued has to wait for, for the agent's status; empty if for nothing."""
+        execution = self._execution
+        return f"{execution.intention.name}: {execution.blocked}" if execution and execution.blocked else ""
 
     def _go_on(self, script: Script) -> None:
         try:
@@ -215,11 +221,11 @@ class Planner(Agent):
 
 
 def _is_worth_another_try(intention: Intention, before: Relations, now: Relations) -> bool:
-    """Whether what made an intention hopeless has changed: there was no plan, or something was nowhere."""
+    """Whether what made an intention hopeless has changed: there was no plan, or something was nowhere or unknown."""
     if intention.status == UNSOLVABLE:
         return now != before
     goal = _goal(intention)
-    if intention.status != FAILED or goal is None:
+    if intention.status not in (FAILED, INVALID) or goal is None:
         return False
     wanted = set(goal.things)
     return wanted <= now.things | now.tables and not wanted <= before.things | before.tables

@@ -64,7 +64,7 @@ class Arm:
         return any(agent_of(rid) == self._config.arm_agent for rid in self._memory.peers)
 
     def tell_gone(self) -> None:
-        """Say that it does not."""
+        """Say that it does not run."""
         self._tell(WAITING, f"agent {self._config.arm_agent!r} does not run")
 
     def run(

@@ -27,8 +27,7 @@ from dsr.cli.common import (
 from dsr.clock import WALL_CLOCK
 from dsr.errors import ConfigError, suggest
 from dsr.goals import parse_goal
-from dsr.intentions import DONE, FAILED, FULFILLED, GIVEN_UP, HALTED, RUNNING, add_intention
-from dsr.keys import agent_of
+from dsr.intentions import DONE, FAILED, FULFILLED, GIVEN_UP, HALTED, RUNNING, add_intention, nobody_pursues
 from dsr.memory import Memory
 from dsr.relations import SURFACES, THINGS
 from planner.intentions import read_intentions
@@ -125,9 +124,14 @@ def _follow(memory: Memory, name: str, timeout: float, *, quiet: bool) -> dict[s
 
 
 def _show(live: Live, memory: Memory, state: dict[str, Any], told: str) -> str:
-    """Show a state: as a table that changes in a terminal, else as a line whenever it is new."""
-    if not any(agent_of(rid) == "planner" for rid in memory.peers):
-        state = state | {"explanation": "no agent 'planner' runs, which would pursue it"}
+    """Show a state: as a table that changes in a terminal, else as a line whenever it is new.
+
+    Why something was given up is told at the very end, and only there.
+    """
+    if nobody := nobody_pursues(memory):
+        state = state | {"explanation": nobody}
+    if state["status"] in GIVEN_UP:
+        state = state | {"explanation": ""}
     if console.is_terminal:
         live.update(_picture(state), refresh=True)
         return ""

@@ -10,6 +10,8 @@ class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     arm_agent: str = "arm_controller"
     """The agent that carries out actions; while it is away nothing is begun."""
+    belief_agents: tuple[str, ...] = ("scene_estimator", "simulation_handler")
+    """The agents by which things come to be believed; while one of them is away nothing is begun either."""
     robot: str = "arm"
     """Node at the arm's base, from which the reach is measured."""
 
@@ -18,6 +20,9 @@ class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     solver_delay: float = 0.5
     """s of a manual clock after which the solver's result is there: as long as it takes on a slow machine. On the wall
     clock the result is taken as soon as it is there."""
+    conflict_limit: float = 10.0
+    """s for which it is tried, with the solver, which relations of an unsolvable goal conflict: each try takes about
+    `solver_delay`, so this is enough for goals of some twenty relations. Then those that are left are told."""
 
     settle: float = 0.5
     """s that the relations must have been the same, and nothing surprising, before a plan is made of them."""
@@ -34,7 +39,19 @@ class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     confirm: float = 1.0
     """s that a goal must hold without a break to be reached."""
     patience: float = 10.0
-    """s that things which the goal names may take to be seen."""
+    """s that things which the goal names may take to be believed to be somewhere, while those who see and believe run:
+    long enough for a hand in front of a camera to go away. Then the goal counts as failed."""
+    start_up: float = 30.0
+    """s that it may take until anything at all is believed to be somewhere, from when those who see and believe run:
+    their devices and models are still starting then, on a slow machine for half a minute."""
+    look_after: float = 2.0
+    """s after which the arm looks for things that are nowhere: what is in view is seen and believed within one."""
+    look_for: float = 1.0
+    """s that a camera which the arm carries stays at each place from which it looks: for some ten images."""
+    look_height: float = 0.3
+    """m above the table from which it looks: there it reads tags of 2 cm, and the arm is above all towers."""
+    most_looks: int = 8
+    """Places from which it looks at most, 3 s each: after half a minute what is sought counts as not there."""
     begin: float = 5.0
     """s that the arm may take to begin an action; then the status says that it does not."""
     action_limit: float = 90.0

@@ -6,10 +6,10 @@ It is written as a generator: what reads as a sequence with waiting takes one st
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Mapping
 from dataclasses import dataclass, field
 
-from dsr.errors import GoalError, suggest
+from dsr.errors import GoalError
 from dsr.goals import Goal, parse_goal
 from dsr.intentions import (
     DONE,
@@ -24,9 +24,10 @@ from dsr.intentions import (
     WANTED,
 )
 from dsr.memory import Memory
-from dsr.relations import SURFACES, THINGS, Relations, read_relations
+from dsr.relations import SURFACES, THINGS, Relation, Relations, read_relations
 from planner.arm import Arm, Script
 from planner.config import PlannerConfig
+from planner.contradictions import by_meaning, by_state, searched
 from planner.errors import (
     Deviation,
     Failure,
@@ -44,10 +45,12 @@ from planner.errors import (
 from planner.foresight import Foresight
 from planner.grounding import OBSERVE, Place, Skill, stacked
 from planner.intentions import Intention, tell
+from planner.looking import Looking
 from planner.making import PlanMaker
 from planner.monitor import Monitor, believed_places, differences, doubtful, have_moved, surprising
 from planner.plan import Step
 from planner.state import read_state
+from planner.waiting import Waiting
 
 _MOST_PLACES = 4
 """that are asked about for one thing"""
@@ -82,12 +85,15 @@ class Execution:
         around = self.around
         self._arm = Arm(around.memory, self.intention.name, around.config, around.log, around.now, self._tell)
         self._actions = self._arm.actions
+        looking = Looking(around.memory, self._arm, around.config, around.now)
+        self._waiting = Waiting(around.memory, around.config, around.now, self._tell, looking)
         self._replans = self.intention.replans
         self._disturbed = self._replans > 0  # somebody has changed the scene, and may not have finished
         self._failures = 0
         self._plans = 0
         self._in_vain = 0
         self._avoid: list[Place] = []
+        self._told = ""
         self._last = self._relations()
         self._last_since = self._now()
 
@@ -121,14 +127,19 @@ class Execution:
         """Take the plan's nodes away."""
         self._actions.drop(ended_too=True)
 
+    @property
+    def blocked(self) -> str:
+        """What it has to wait for, as its explanation says: things that are nowhere, agents that do not run."""
+        return self._told if self._waiting.is_blocked else ""
+
     def _pursue(self) -> Script:
         goal = self._read_goal()
-        yield from self._until_there(goal)
+        yield from self._waiting.until_there(goal)
         if self._arm.is_hidden(goal.things):
             yield from self._arm.rest()
         while True:
             yield from self._settle()
-            yield from self._until_there(goal)
+            yield from self._waiting.until_there(goal)
             if goal.holds(self._relations()):
                 if (yield from self._confirmed(goal)):
                     self._reached()
@@ -171,23 +182,9 @@ class Execution:
                 node = self._memory.get_node(name)
                 if node is not None and node.type in SURFACES:
                     raise GivingUp(INVALID, f"{relation}: {name!r} is a {node.type}, and stays where it is")
+        if conflict := by_meaning(goal):
+            raise GivingUp(UNSOLVABLE, str(conflict))
         return goal
-
-    def _until_there(self, goal: Goal) -> Script:
-        """Wait until all things of the goal are believed to be somewhere. Raises `GivingUp` after a while."""
-        began = self._now()
-        while lacking := self._lacking(goal):
-            hint = "" if lacking in self._memory else f"; {suggest(lacking, self._relations().things)}"
-            explanation = f"{lacking!r} is not believed to be anywhere{hint}"
-            if self._now() - began > self._config.patience:
-                raise GivingUp(FAILED, explanation)
-            self._tell(WAITING, explanation)
-            yield
-
-    def _lacking(self, goal: Goal) -> str:
-        relations = self._relations()
-        known = relations.things | relations.tables
-        return next((name for name in goal.things if name not in known), "")
 
     # ---- planning
 
@@ -205,7 +202,7 @@ class Execution:
                 places, self._last_since = newer_places, now
             doubted = doubtful(self._memory)
             explained = not surprises or now - began >= config.settle + config.explain
-            if self._arm.there:
+            if not self._waiting.missing_agents():
                 still_for = config.calm if self._disturbed else config.settle
                 if explained and not doubted and now - self._last_since >= still_for - 1e-6:
                     self._disturbed = False
@@ -217,7 +214,7 @@ class Execution:
                 elif self._disturbed:
                     self._tell(WAITING, f"until nothing has moved for {still_for:g} s")
             else:
-                self._arm.tell_gone()
+                self._waiting.tell_missing()
             yield
 
     def _plan(self, goal: Goal) -> Generator[None, None, tuple[tuple[Step, ...], list[Skill]]]:
@@ -228,12 +225,16 @@ class Execution:
         state = read_state(self._memory, self._config)
         kept = [(name, other) for name, other in self.around.kept(self.intention) if other.holds(state.relations)]
         together = Goal(tuple(dict.fromkeys(r for g in (goal, *(g for _, g in kept)) for r in g.relations)))
+        others = {relation: name for name, other in kept for relation in other.relations}
+        others = {relation: name for relation, name in others.items() if relation not in goal.relations}
+        if conflict := by_meaning(together) or by_state(together, state, self._config):
+            raise GivingUp(UNSOLVABLE, f"{conflict}{_asked_by(others, conflict.relations)}")
         try:
             return (yield from self.around.maker.make(state, together, self._avoid))
         except Unsolvable as error:
-            names = ", ".join(name for name, _ in kept)
-            others = f"; what {names} asked for must stay true" if kept else ""
-            raise GivingUp(UNSOLVABLE, f"{error}{others}") from error
+            self._tell(PLANNING, "there is no plan; finding out what conflicts")
+            part, surely = yield from self.around.maker.smallest_conflict(state, together)
+            raise GivingUp(UNSOLVABLE, f"{searched(part, surely)}{_asked_by(others, part)}") from error
         except GoalNotPossible as error:
             raise GivingUp(UNSOLVABLE, str(error)) from error
         except SolverMissing as error:
@@ -343,6 +344,7 @@ class Execution:
         self._tell(WAITING, str(setback))
         self.around.log.warning("%s: %s", self.intention.name, setback)
         yield from self._arm.halt()
+        self._actions.drop(ended_too=False)  # what was planned is the plan no more
         if isinstance(setback, Failure):
             yield from self._arm.rest()
             self._failures += 1
@@ -372,4 +374,11 @@ class Execution:
         return read_relations(self._memory)
 
     def _tell(self, status: str, explanation: str = "") -> None:
+        self._told = explanation
         tell(self._memory, self.intention.name, status, explanation, replans=self._replans)
+
+
+def _asked_by(others: Mapping[Relation, str], part: Iterable[Relation]) -> str:
+    """Which intentions want the relations in `part` that this one does not."""
+    names = sorted({others[relation] for relation in part if relation in others})
+    return f"; what {', '.join(names)} asked for must stay true" if names else ""

@@ -32,7 +32,7 @@ class Skill:
     """What is asked of the arm."""
 
     name: str
-    """pick, place or observe"""
+    """pick, place, look or observe"""
     target: str = ""
     destination: str = ""
     target_pose: Pose | None = None
@@ -81,7 +81,7 @@ def place_on_table(thing: str, state: WorldState, config: PlannerConfig, avoid: 
     table = state.solids.get(state.table or "")
     if solid is None or table is None:
         raise NoPlace(f"{thing} cannot be put down: {'its size or pose' if table else 'a table'} is not known")
-    places = _grid(table, solid.radius + config.edge_margin)
+    places = grid(table, solid.radius + config.edge_margin, _GRID)
     places = places[_usable(places, solid, state, config, avoid)]
     gaps = _gaps(places, thing, solid, state)
     for share in _CLEARANCES:
@@ -113,10 +113,10 @@ def stacked(thing: str, support: str, state: WorldState) -> Pose | None:
     return Pose((x, y, z + 0.5 * (below.size[2] + solid.size[2])), _turn(below.pose))
 
 
-def _grid(table: Solid, margin: float) -> Array:
-    """(n, 2) places over the table's top, x and y in the world (m), at least `margin` inside its edges."""
-    counts = [int((0.5 * edge - margin) / _GRID) for edge in table.size[:2]]
-    steps = [np.arange(-count, count + 1) * _GRID for count in counts]
+def grid(table: Solid, margin: float, step: float) -> Array:
+    """(n, 2) places on the table's top, x and y in the world (m), `step` apart, at least `margin` inside its edges."""
+    counts = [int((0.5 * edge - margin) / step) for edge in table.size[:2]]
+    steps = [np.arange(-count, count + 1) * step for count in counts]
     x, y = (axis.ravel() for axis in np.meshgrid(*steps, indexing="ij"))
     places: Array = table.pose.apply(np.stack([x, y, np.zeros_like(x)], axis=1))[:, :2]
     return places

@@ -7,9 +7,10 @@ from collections.abc import Collection, Generator
 
 from dsr.clock import Clock
 from dsr.goals import Goal
+from dsr.relations import Relation
 from dsr.transforms import Pose
 from planner.config import PlannerConfig
-from planner.errors import NoPlace, SolverFailed
+from planner.errors import NoPlace, SolverFailed, Unsolvable
 from planner.grounding import Place, Skill, ground, is_free, place_on_table
 from planner.pddl import DOMAIN, names_of, problem
 from planner.plan import Step, leads_to, read_plan
@@ -33,6 +34,30 @@ class PlanMaker:
         if not goal.holds(leads_to(steps, state.relations)):
             raise SolverFailed(f"the plan of the solver does not lead to {goal}")
         return steps, ground(steps, state, self._config, avoid)
+
+    def smallest_conflict(
+        self, state: WorldState, goal: Goal
+    ) -> Generator[None, None, tuple[tuple[Relation, ...], bool]]:
+        """Of a goal to which no plan leads, a part to which none leads either, and whether it is a smallest such part.
+
+        Relations are left out, one after the other, where the solver proves that the others are still too many. It is
+        not known to be a smallest part if the time was up, or the solver gave no answer.
+        """
+        part, surely = goal.relations, True
+        began = self._clock.monotonic()
+        for relation in goal.relations:
+            others = tuple(other for other in part if other != relation)
+            if not others:
+                break
+            if self._clock.monotonic() - began > self._config.conflict_limit:
+                return part, False
+            try:
+                yield from self._solve(problem(state, Goal(others)))
+            except Unsolvable:
+                part = others
+            except SolverFailed:
+                surely = False
+        return part, surely
 
     def still_good(self, skill: Skill, state: WorldState, avoid: Collection[Place]) -> Skill:
         """The same skill, or one with another place on the table if somebody has taken this one."""

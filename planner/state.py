@@ -19,7 +19,7 @@ from planner.config import PlannerConfig
 
 _BELIEVED = ("Virtual_RT", "RT")
 _WORLD = "world"
-_FLAT = ("cube", "box")
+FLAT = ("cube", "box")
 """Node types on which something can be put."""
 
 
@@ -90,7 +90,7 @@ def read_state(memory: Memory, config: PlannerConfig) -> WorldState:
         graspable=frozenset(
             name for name in relations.things - relations.taken if name in solids and _fits(solids[name], config)
         ),
-        flat=frozenset(node.name for kind in _FLAT for node in memory.nodes(kind) if node.name in relations.things),
+        flat=frozenset(node.name for kind in FLAT for node in memory.nodes(kind) if node.name in relations.things),
         base=_base(memory, config.robot),
         views=_views(memory),
     )

@@ -49,7 +49,7 @@ class ArmController(Agent):
     name = "arm_controller"
     rate_hz = 50.0
     reads = Access(
-        nodes=("arm", "gripper", "table", "action", *MODELLED, *OBJECTS),
+        nodes=("arm", "gripper", "camera", "table", "action", *MODELLED, *OBJECTS),
         edges=("RT", "Virtual_RT", "grasping"),
         attributes=(
             *("size", "bounds", "mesh", "present", "perceived"),

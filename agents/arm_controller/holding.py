@@ -48,7 +48,8 @@ class Holding:
         self._scene = scene
         self._config = config
         self._forward = forward
-        self._gripper_from_tool = gripper_from_tool
+        self.gripper_from_tool = gripper_from_tool
+        """As given."""
         self.held: str | None = None
         """Name of the object in the gripper."""
         self.tool_from_object: Pose | None = None
@@ -86,7 +87,7 @@ class Holding:
         self.tool_from_object = _between_pads(world_from_tool.inverse() @ found.pose)
         self.held = found.name
         if found.name not in known:
-            held_at = self._gripper_from_tool @ self.tool_from_object
+            held_at = self.gripper_from_tool @ self.tool_from_object
             values = {"since": joints.stamp, "source": "gripper", "held_at": held_at}
             self._memory.add_edge(self._config.gripper, found.name, "grasping", **values)
 

@@ -119,6 +119,11 @@ class Scene:
             name = next((edge.src for edge in self._memory.edges("RT", dst=name)), name)
         return False
 
+    def mounted(self, parent: str, node: str) -> Pose | None:
+        """parent_from_node of what is fixed to a part of the robot, such as a camera; None if it is not fixed there."""
+        edge = self._memory.get_edge(parent, node, "RT")
+        return None if edge is None else edge.get("pose")
+
     def world_from(self, node: str) -> Pose:
         """Where a part of the robot is. Raises `TransformError` if it is unknown."""
         return self._memory.transform(WORLD, node)

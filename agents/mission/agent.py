@@ -1,4 +1,4 @@
-"""Writes one intention, once the things that it is about are believed to be somewhere."""
+"""Writes one intention at the start of a run."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ import msgspec
 
 from dsr.agent import Access, Agent
 from dsr.goals import parse_goal
-from dsr.intentions import add_intention
-from dsr.relations import SURFACES, THINGS, read_relations
+from dsr.intentions import ACTIVE, add_intention, nobody_pursues
 
 
 class MissionConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -20,43 +19,40 @@ class MissionConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     priority: int = 0
     """Greater is more urgent."""
     delay: float = 0.0
-    """s between everything being believed and the intention"""
+    """s between the first tick and the intention"""
 
 
 class Mission(Agent):
-    """Says what is wanted. How that goes is the planner's: see the intention's `status`.
+    """Says what is wanted. How that goes, and what it has to wait for, is the planner's: see the intention's `status`.
 
-    After a restart it finds its intention by the goal's text, and does not write it again.
+    After a restart it finds its intention by the goal's text, and does not write it again. Its own status says if
+    there is no planner.
     """
 
     name = "mission"
     rate_hz = 5.0
-    reads = Access(
-        nodes=("intention", *THINGS, *SURFACES),
-        edges=("Virtual_RT", "on", "grasping"),
-        attributes=("goal", "present"),
-    )
+    reads = Access(nodes=("intention",), attributes=("goal", "status"))
     writes = Access(nodes=("mind", "intention"), edges=("has",), attributes=("goal", "maintain", "priority", "status"))
     Config = MissionConfig
     config: MissionConfig
 
     def setup(self) -> None:
         """Read the goal. Raises `GoalError` for a text that is none."""
-        self._goal = parse_goal(self.config.goal) if self.config.goal.strip() else None
-        self._told = self._goal is None
-        self._since: float | None = None
+        if self.config.goal.strip():
+            parse_goal(self.config.goal)
+        self._told = not self.config.goal.strip()
+        self._began: float | None = None
 
     def tick(self, now: float) -> None:
-        """Write the intention when it is time."""
-        if self._told or self._goal is None:
-            return
-        relations = read_relations(self.memory)
-        if not relations.things | relations.tables >= set(self._goal.things):
-            self._since = None
-            return
-        self._since = now if self._since is None else self._since
-        if now - self._since >= self.config.delay:
+        """Write the intention when it is time, and look whether anybody pursues it."""
+        self._began = now if self._began is None else self._began
+        if not self._told and now - self._began >= self.config.delay:
             self._tell()
+        self.degraded = nobody_pursues(self.memory) if self._is_wanted() else ""
+
+    def _is_wanted(self) -> bool:
+        nodes = self.memory.nodes("intention")
+        return any(node.get("goal") == self.config.goal and node.get("status") in ACTIVE for node in nodes)
 
     def _tell(self) -> None:
         self._told = True

@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection, Iterable
 
 from dsr.calibration import CALIBRATED
-from dsr.errors import ConfigError, suggest
+from dsr.errors import ConfigError, closest, suggest
 from dsr.observed_actions import KINDS as ACTIONS
 from dsr.timeline import DERIVED, EVENT_KINDS, RELATIONS, SURPRISING, Event
 
@@ -42,9 +42,8 @@ class Selection:
         if not self._since <= self._until:  # also what is no number
             raise ConfigError(f"--since {self._since:g}, --until {self._until:g}: expected the earlier time first")
         for kind in sorted(self._kinds.difference(KNOWN_KINDS)):
-            advice = suggest(kind, KNOWN_KINDS)
-            if advice.startswith("did you mean"):
-                raise ConfigError(f"--kind {kind}: no such kind of event; {advice}")
+            if closest(kind, KNOWN_KINDS):
+                raise ConfigError(f"--kind {kind}: no such kind of event; {suggest(kind, KNOWN_KINDS)}")
 
     def of(self, events: Iterable[Event], origin: float) -> list[Event]:
         """The wanted ones among `events`; `since` and `until` count from `origin` (s)."""

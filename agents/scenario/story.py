@@ -12,21 +12,26 @@ from agents.scenario.format import Event
 from dsr.calibration import CALIBRATED, IN_DOUBT, STEADY
 from dsr.elements import Node
 from dsr.intentions import (
+    ACTIVE,
     EXECUTING,
     FAILED,
     FULFILLED,
+    GIVEN_UP,
     HALTED,
     PLANNED,
     PLANNING,
     RUNNING,
     WANTED,
     describe_action,
+    nobody_pursues,
 )
 from dsr.memory import Memory
 from dsr.runtime.logs import printable
 from dsr.timeline import explanations
 
 _TO_DO = (PLANNED, RUNNING)
+_NO_PLAN = ("", "observe", "look")
+"""Skills of the arm that lead to no goal: it only gets out of the way, or looks for something"""
 _TOLD_BY_ACTIONS = (PLANNING, EXECUTING)
 _NOT_TOLD = ("at", "when", "delay")
 _MOST_SURPRISES = 3  # in a line
@@ -67,6 +72,8 @@ class Story:
         self._events = list(events)
         self._begun: set[int] = set()
         self._intentions: dict[str, tuple[str, str, int]] = {}
+        self._given_up: dict[str, tuple[str, str]] = {}
+        self._unattended = ""
         self._actions: dict[str, str] = {}
         self._plans: dict[str, int] = {}
         self._surprising: set[str] = set()
@@ -131,8 +138,26 @@ class Story:
             elif replans > before[2]:
                 reason = node.get("explanation", "")
                 yield Line(Topic.MISSION, f"planning again{f': {reason}' if reason else ''}", good=False)
-            if status not in ("", WANTED, *_TOLD_BY_ACTIONS):
+            if status not in ("", WANTED, *_TOLD_BY_ACTIONS) and self._is_new(node.name, status, why):
                 yield Line(Topic.MISSION, f"{status}: {why}" if why else status, status in FULFILLED)
+        yield from self._nobody()
+
+    def _is_new(self, intention: str, status: str, why: str) -> bool:
+        """Whether an outcome differs from the one before: what was tried again in vain is not told again."""
+        if status in FULFILLED:
+            self._given_up.pop(intention, None)
+        if status not in GIVEN_UP:
+            return True
+        before = self._given_up.get(intention)
+        self._given_up[intention] = (status, why)
+        return before != (status, why)
+
+    def _nobody(self) -> Iterator[Line]:
+        """That something is wanted, and nobody is there who would pursue it."""
+        wanted = any(node.get("status") in ACTIVE for node in self._memory.nodes("intention"))
+        before, self._unattended = self._unattended, nobody_pursues(self._memory) if wanted else ""
+        if self._unattended and not before:
+            yield Line(Topic.MISSION, self._unattended, good=False)
 
     def _progress(self) -> Iterator[Line]:
         """Plans that were made, actions that run, and those that failed."""
@@ -140,10 +165,10 @@ class Story:
         for plan, steps in _by_plan(actions).items():
             newest = max(node.get("order", 0) for node in steps)
             if newest > self._plans.get(plan, -1):
-                self._plans[plan] = newest
-                yield Line(
-                    Topic.PLAN, "; ".join(describe_action(node) for node in steps if node.get("status") in _TO_DO)
-                )
+                told, self._plans[plan] = self._plans.get(plan, -1), newest
+                new = [node for node in steps if node.get("order", 0) > told and node.get("status") in _TO_DO]
+                if any(node.get("skill", "") not in _NO_PLAN for node in new):
+                    yield Line(Topic.PLAN, "; ".join(map(describe_action, new)))
             for position, node in enumerate(steps, 1):
                 status, before = node.get("status", ""), self._actions.get(node.name)
                 self._actions[node.name] = status

@@ -9,6 +9,7 @@ from agents.scene_estimator.sighting import Sighting, Size
 from dsr.elements import Node
 from dsr.memory import Memory
 from dsr.relations import THINGS
+from dsr.tags import name_of
 from dsr.transforms import Pose
 
 
@@ -61,7 +62,7 @@ class TaggedObjects:
         return len(poses) > self._config.insert_after
 
     def _insert(self, marker_id: int) -> None:
-        name = f"cube_{marker_id}"
+        name = name_of(marker_id)
         if name in self._memory:
             if name not in self._refused:
                 self._log.warning("tag %d is seen, but %s is known to carry another one or none", marker_id, name)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from dsr import Access, Agent, GraphError, Memory, Pose
@@ -151,9 +151,14 @@ class FakeArm(Agent):
 class Run:
     """A planner and an arm in lockstep."""
 
-    def __init__(self, places: Mapping[str, tuple[float, float]] = PLACES, **config: object) -> None:
-        config = {"what_if_patience": 0.0, **config}
-        agents = [AgentSpec("arm_controller", FakeArm), AgentSpec("planner", Planner, config)]
+    def __init__(
+        self,
+        places: Mapping[str, tuple[float, float]] = PLACES,
+        agents_too: Sequence[AgentSpec] = (),
+        **config: object,
+    ) -> None:
+        config = {"what_if_patience": 0.0, "belief_agents": (), **config}
+        agents = [AgentSpec("arm_controller", FakeArm), AgentSpec("planner", Planner, config), *agents_too]
         self.lockstep = Lockstep(agents, strict=True)
         self.memory = self.lockstep.memory
         self.history: list[str] = []

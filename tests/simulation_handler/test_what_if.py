@@ -103,7 +103,7 @@ def test_fixtures_can_be_changed_too_and_what_falls_is_on_the_floor(service: Wha
 @pytest.mark.parametrize(
     "payload, message",
     [
-        (encode_question(Question(1.0, (Change.remove("cube_33"),))), "no object 'cube_33'.*did you mean 'cube_3'"),
+        (encode_question(Question(1.0, (Change.remove("cubee_3"),))), "no object 'cubee_3'.*did you mean 'cube_3'"),
         (encode_question(Question(1.0, (Change.remove("_floor"),))), "no object '_floor'"),
         (encode_question(Question(1.0, (Change("cube_1", "place"),))), "to place it needs a pose"),
         (encode_question(Question(1.0, (Change("cube_1", "place", (math.nan, *[0.0] * 5, 1.0)),))), "pose of 'cube_1'"),
@@ -274,7 +274,7 @@ def test_live_the_command_tells_what_would_be(live: Callable[..., Any]) -> None:
     assert answer["poses"]["cube_2"][:2] == pytest.approx([0.1, 0.1], abs=1e-3)
     text = live("--remove", "cube_1", "--hold", "cube_2").output
     assert "cube_2" in text and "0.0600" in text and "all at rest" in text and "cube_1" not in text
-    result = live("--remove", "cube_11")
+    result = live("--remove", "cubee_1")
     assert isinstance(result.exception, ConfigError) and "did you mean 'cube_1'" in str(result.exception)
 
 

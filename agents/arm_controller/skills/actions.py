@@ -8,7 +8,7 @@ from collections.abc import Callable
 from agents.arm_controller.config import ArmControllerConfig
 from agents.arm_controller.joints import Joints
 from agents.arm_controller.skills.manipulator import Manipulator, SkillError, Steps
-from agents.arm_controller.skills.move import move, observe, stop
+from agents.arm_controller.skills.move import look, move, observe, stop
 from agents.arm_controller.skills.pick import pick
 from agents.arm_controller.skills.place import place
 from dsr import Memory, Node
@@ -21,6 +21,7 @@ _SKILLS: dict[str, Callable[[Manipulator, Node], Steps[None]]] = {
         arm, node.get("target", ""), _needed(node, "destination"), node.get("target_pose")
     ),
     "move": lambda arm, node: move(arm, node.get("target_pose")),
+    "look": lambda arm, node: look(arm, _needed(node, "target"), node.get("target_pose")),
     "observe": lambda arm, node: observe(arm),
     "stop": lambda arm, node: stop(arm),
 }

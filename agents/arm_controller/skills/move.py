@@ -1,7 +1,9 @@
-"""The skills `move`, `observe` and `stop`."""
+"""The skills `move`, `look`, `observe` and `stop`."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from functools import partial
 
 import numpy as np
@@ -10,12 +12,32 @@ from agents.arm_controller.routes import Goal
 from agents.arm_controller.skills.manipulator import Manipulator, SkillError, Steps, first_free
 from dsr.transforms import Pose
 
+_TURNS = 8
+"""Ways in which a camera is turned about its axis for the same look, evenly spaced"""
+
 
 def move(arm: Manipulator, target_pose: Pose | None) -> Steps[None]:
     """Bring the tool point to `target_pose` (world_from_tool)."""
     if target_pose is None:
         raise SkillError("where to? the action has no target_pose")
-    solved = arm.solve([target_pose])
+    yield from _bring(arm, [target_pose])
+
+
+def look(arm: Manipulator, camera: str, target_pose: Pose | None) -> Steps[None]:
+    """Bring a camera that the gripper carries to `target_pose` (world_from_camera), turned about its axis as suits."""
+    if target_pose is None:
+        raise SkillError("where from? the action has no target_pose")
+    gripper_from_camera = arm.scene.mounted(arm.config.gripper, camera)
+    if gripper_from_camera is None:
+        raise SkillError(f"{camera} is not carried by {arm.config.gripper}")
+    camera_from_tool = gripper_from_camera.inverse() @ arm.holding.gripper_from_tool
+    turns = (Pose.from_rotvec((0.0, 0.0, 0.0), (0.0, 0.0, 2 * math.pi * k / _TURNS)) for k in range(_TURNS))
+    yield from _bring(arm, [target_pose @ turn @ camera_from_tool for turn in turns])
+
+
+def _bring(arm: Manipulator, poses: Sequence[Pose]) -> Steps[None]:
+    """Bring the tool point to one of `poses` (world_from_tool), that which takes the least motion and is free."""
+    solved = arm.solve(poses)
     opening = arm.joints.opening
     way = first_free([partial(arm.way_to, Goal(q), opening) for _, q in solved])
     yield from arm.go(way, "move", arm.holding.held)

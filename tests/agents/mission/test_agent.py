@@ -1,4 +1,4 @@
-"""The mission: one intention, once its things are believed to be somewhere."""
+"""The mission: one intention at the start."""
 
 from __future__ import annotations
 
@@ -7,42 +7,40 @@ from typing import Any
 import pytest
 
 from agents.mission import Mission
-from dsr import ConfigError, Pose
+from dsr import ConfigError
 from dsr.runtime.lockstep import Lockstep
+from dsr.runtime.status import State
 from dsr.runtime.system import AgentSpec
 
 GOAL = "on(cube_3,cube_4)"
 
 
 def start(**config: Any) -> Lockstep:
-    lockstep = Lockstep([AgentSpec("mission", Mission, config)], strict=True)
-    lockstep.memory.add_node("world", "world")
-    for name in ("cube_3", "cube_4"):
-        lockstep.memory.add_node(name, "cube")
-    return lockstep
+    return Lockstep([AgentSpec("mission", Mission, config)], strict=True)
 
 
-def believe(lockstep: Lockstep, *names: str) -> None:
-    for name in names:
-        lockstep.memory.add_edge("world", name, "Virtual_RT", pose=Pose())
-
-
-def test_the_intention_comes_when_all_things_are_believed() -> None:
+def test_the_intention_comes_at_once_whatever_is_believed() -> None:
     with start(goal=GOAL, maintain=True, priority=2) as lockstep:
-        believe(lockstep, "cube_3")
-        lockstep.run_for(1.0)
-        assert lockstep.memory.nodes("intention") == []
-        believe(lockstep, "cube_4")
-        lockstep.run_for(1.0)
+        lockstep.run_for(0.5)
         [intention] = lockstep.memory.nodes("intention")
         expected = {"goal": GOAL, "maintain": True, "priority": 2, "status": "wanted"}
         assert (intention.name, dict(intention)) == ("intention_0", expected)
         assert lockstep.memory.get_edge("mind", "intention_0", "has") is not None
 
 
+def test_without_a_planner_its_status_says_so_until_the_intention_is_over() -> None:
+    with start(goal=GOAL) as lockstep:
+        lockstep.run_for(1.0)
+        status = lockstep.runner("mission").status()
+        nobody = "no agent 'planner' runs, which would pursue it"
+        assert (status.state, status.last_error) == (State.DEGRADED, nobody)
+        lockstep.memory.update_node("intention_0", status="reached")
+        lockstep.run_for(1.0)
+        assert lockstep.runner("mission").status().state is State.READY
+
+
 def test_it_comes_once_only_even_after_it_was_removed() -> None:
     with start(goal=GOAL) as lockstep:
-        believe(lockstep, "cube_3", "cube_4")
         lockstep.run_for(1.0)
         lockstep.memory.remove_node("intention_0")
         lockstep.run_for(2.0)
@@ -51,7 +49,6 @@ def test_it_comes_once_only_even_after_it_was_removed() -> None:
 
 def test_a_restart_finds_what_was_written() -> None:
     with start(goal=GOAL) as lockstep:
-        believe(lockstep, "cube_3", "cube_4")
         lockstep.run_for(1.0)
         lockstep.kill("mission")
         lockstep.restart("mission")
@@ -61,7 +58,6 @@ def test_a_restart_finds_what_was_written() -> None:
 
 def test_the_delay_is_kept() -> None:
     with start(goal=GOAL, delay=2.0) as lockstep:
-        believe(lockstep, "cube_3", "cube_4")
         lockstep.run_for(1.9)
         assert lockstep.memory.nodes("intention") == []
         lockstep.run_for(0.6)

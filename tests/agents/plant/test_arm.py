@@ -149,7 +149,7 @@ def test_closing_on_nothing_holds_nothing(make_reality: MakeReality, play: Play)
 
 def test_unknown_model_and_wrong_start_are_refused(make_world: Callable[..., World]) -> None:
     world = make_world()
-    with pytest.raises(ConfigError, match=r"unknown robot model 'gen4'; did you mean 'gen3'"):
+    with pytest.raises(ConfigError, match=r"unknown robot model 'gen4'; valid: gen3"):
         Arm(world, "gen4", ABOVE)
     with pytest.raises(ConfigError, match="has 7 joints and 2 fingers; expected 6 joints"):
         Arm(world, "gen3", ABOVE[:6])

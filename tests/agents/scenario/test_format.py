@@ -221,7 +221,7 @@ duration = 2.0
         ),
         (
             with_line("[robot]\nmodel = 'gen4'"),
-            "x.toml:5: robot.model: unknown model 'gen4'; did you mean 'gen3'?",
+            "x.toml:5: robot.model: unknown model 'gen4'; valid: gen3",
         ),
         (with_line("[robot]\nstart = [0, 0]"), "x.toml:5: robot.start: expected 7 joint positions (rad), got 2"),
         (with_line("sensor = 3"), "x.toml:4: sensor: expected `table`, got 3"),

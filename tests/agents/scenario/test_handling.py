@@ -64,7 +64,7 @@ def expecting(*terms: str) -> str:
 
 def test_who_shall_have_done_something_is_in_the_file():
     text = with_events(ENTER + at(1), expected=expecting("Place(a)", "Pick(a, human_hand_7)"))
-    assert "expect.1.present.2: nobody is called 'human_hand_7' here; did you mean 'human_hand_0'" in refusal(text)
+    assert "expect.1.present.2: nobody is called 'human_hand_7' here; valid: human_hand_0, " in refusal(text)
     assert "nobody is called 'human_hand_0'" in refusal(BASE + expecting("Pick(a, human_hand_0)"))
     fine = expecting("Pick(a, human_hand_1)", "Pick(a, gripper)", "Pick(a, unknown)")
     parse_scenario(with_events(LIFT + at(1) + "hand = 1\n", expected=fine))

@@ -18,11 +18,25 @@ GOAL = "on(cube_3, cube_4)"
 
 @pytest.fixture
 def memory() -> Memory:
-    clock = ManualClock()
-    memory = Memory("tabletop", "writer", transport=LocalNetwork(clock).connect("writer"), clock=clock)
+    network = LocalNetwork(clock := ManualClock())
+    memory = Memory("tabletop", "writer", transport=network.connect("writer"), clock=clock)
+    join(network, memory, "planner")
     memory.add_node("mind", "mind")
     memory.add_node("cube_3", "cube")
     return memory
+
+
+def join(network: LocalNetwork, memory: Memory, agent: str) -> Memory:
+    """Another process of the same graph, known to `memory`."""
+    other = Memory("tabletop", agent, transport=network.connect(agent), clock=memory.clock)
+    for _ in range(20):
+        network.clock.advance(0.05)
+        for one in (memory, other):
+            one.flush()
+        network.deliver()
+        for one in (memory, other):
+            one.poll()
+    return other
 
 
 def write_plan(memory: Memory, first: int = 0) -> None:
@@ -69,6 +83,55 @@ def test_a_setback_is_told_with_its_reason(memory: Memory) -> None:
     for order in range(2):
         memory.remove_node(f"action_0_{order}")
     write_plan(memory, first=2)
+    assert texts(story) == [("plan", "pick cube_3; place cube_3 on cube_4")]
+
+
+def test_what_is_waited_for_is_told_at_once_and_the_failure_with_its_reason(memory: Memory) -> None:
+    story = Story(memory, [])
+    waits = "never seen: cube_9; given up after 10 s"
+    memory.add_node("intention_0", "intention", goal=GOAL, status="waiting", explanation=waits, replans=0)
+    assert texts(story) == [("mission", GOAL), ("mission", f"waiting: {waits}")]
+    memory.update_node("intention_0", status="failed", explanation="never seen: cube_9; waited 10 s")
+    assert texts(story) == [("mission", "failed: never seen: cube_9; waited 10 s")]
+
+
+def test_an_outcome_is_told_once_however_often_it_is_tried_again(memory: Memory) -> None:
+    story = Story(memory, [])
+    memory.add_node("intention_0", "intention", goal=GOAL, status="unsolvable", explanation="why", replans=0)
+    assert texts(story) == [("mission", GOAL), ("mission", "unsolvable: why")]
+    for _ in range(2):
+        for status, why in (("wanted", "trying again"), ("planning", ""), ("unsolvable", "why")):
+            memory.update_node("intention_0", status=status, explanation=why)
+            assert texts(story) == []
+    memory.update_node("intention_0", explanation="another reason")
+    assert texts(story) == [("mission", "unsolvable: another reason")]
+    memory.update_node("intention_0", status="maintained", explanation="")
+    memory.update_node("intention_0", status="unsolvable", explanation="another reason")
+    assert texts(story) == [("mission", "unsolvable: another reason")]
+
+
+def test_without_a_planner_that_is_told_once() -> None:
+    memory = Memory("tabletop", "writer", transport=LocalNetwork(clock := ManualClock()).connect("writer"), clock=clock)
+    story = Story(memory, [])
+    assert texts(story) == []
+    memory.add_node("intention_0", "intention", goal=GOAL, status="wanted")
+    nobody = "no agent 'planner' runs, which would pursue it"
+    assert texts(story) == [("mission", GOAL), ("mission", nobody)]
+    assert texts(story) == []
+    memory.update_node("intention_0", status="reached")
+    assert texts(story) == [("mission", "reached")]
+
+
+def test_a_plan_that_was_told_is_not_told_again_when_the_arm_goes_out_of_the_way(memory: Memory) -> None:
+    story = Story(memory, [])
+    write_plan(memory)
+    assert texts(story) == [("plan", "pick cube_3; place cube_3 on cube_4")]
+    memory.update_node("action_0_0", status="failed", explanation="out of reach")
+    memory.add_node("action_0_2", "action", order=2, skill="observe", status="planned")
+    assert texts(story) == [("action", "pick cube_3 failed: out of reach")]
+    memory.add_node("action_0_3", "action", order=3, skill="look", target="camera", status="planned")
+    assert texts(story) == []
+    write_plan(memory, first=4)
     assert texts(story) == [("plan", "pick cube_3; place cube_3 on cube_4")]
 
 

@@ -305,7 +305,7 @@ def edited(tmp_path: Path) -> Callable[..., str]:
     ("old", "new", "message"),
     [
         ('"dst": "204"', '"dst": "240"',
-         '47:32: DSRModel.symbols["200"].links[0].dst: no node \'240\' in this file; did you mean \'204\'?'),
+         '47:32: DSRModel.symbols["200"].links[0].dst: no node \'240\' in this file; valid: '),
         ('"src": "204"', '"src": "200"', "links[0].src: src '200' of a link that stands with node '204'"),
         ('"label": "in view of"', '"label": "RT"', "links[1]: a second 'RT' link to '200'"),
         ('"id": "204"', '"id": "205"', "id '205' under '204'"),

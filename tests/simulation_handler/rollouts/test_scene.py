@@ -35,15 +35,15 @@ def test_changes_leave_the_original_alone():
 @pytest.mark.parametrize(
     "change",
     [
-        lambda scene: scene.moved({"cube_33": ((0.0, 0.0, 0.0), UPRIGHT)}),
-        lambda scene: scene.without(["cube_33"]),
-        lambda scene: scene.held(["cube_33"]),
-        lambda scene: scene.released(["cube_33"]),
-        lambda scene: scene["cube_33"],
+        lambda scene: scene.moved({"cubee_3": ((0.0, 0.0, 0.0), UPRIGHT)}),
+        lambda scene: scene.without(["cubee_3"]),
+        lambda scene: scene.held(["cubee_3"]),
+        lambda scene: scene.released(["cubee_3"]),
+        lambda scene: scene["cubee_3"],
     ],
 )
 def test_an_unknown_name_is_told_with_the_closest_one(change):
-    with pytest.raises(SimulationError, match="no body 'cube_33' in the scene; did you mean 'cube_3'"):
+    with pytest.raises(SimulationError, match="no body 'cubee_3' in the scene; did you mean 'cube_3'"):
         change(scene_of(cube("cube_3", 0.0, 0.0)))
 
 

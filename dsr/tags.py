@@ -1,0 +1,19 @@
+"""What the robot calls a thing of which it knows nothing but its tag."""
+
+from __future__ import annotations
+
+COUNT = 587
+"""Ids of AprilTags of the family 36h11, from 0."""
+_PREFIX = "cube_"
+
+
+def name_of(marker_id: int) -> str:
+    """The name of the node that is made for a tag which nobody knows, once it is seen steadily."""
+    return f"{_PREFIX}{marker_id}"
+
+
+def tag_of(name: str) -> int | None:
+    """The tag whose first sight would make a node of this name; None if no tag would."""
+    digits = name.removeprefix(_PREFIX)
+    found = int(digits) if digits.isascii() and digits.isdigit() and len(digits) <= len(str(COUNT)) else COUNT
+    return found if found < COUNT and name == name_of(found) else None

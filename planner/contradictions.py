@@ -1,0 +1,171 @@
+"""Which relations of a goal exclude each other, or cannot be brought about, as far as that shows without a search."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from itertools import combinations
+from typing import NamedTuple
+
+from dsr.goals import Goal
+from dsr.relations import Relation, Relations
+from planner.config import PlannerConfig
+from planner.state import FLAT, WorldState
+
+_Why = Callable[[Relation, Relation, frozenset[str]], str]
+"""Why two relations cannot hold together, given the tables; empty if they can."""
+
+
+class Conflict(NamedTuple):
+    """Relations that cannot be made to hold together, or a single one that cannot be made to hold."""
+
+    relations: tuple[Relation, ...]
+    reason: str
+
+    def __str__(self) -> str:
+        excluded = "exclude each other" if len(self.relations) > 1 else "cannot be brought about"
+        return f"{listed(self.relations)} {excluded}: {self.reason}"
+
+
+def listed(relations: Sequence[Relation]) -> str:
+    """Relations as text: `on(a,b), on(b,c) and on(c,a)`."""
+    *first, last = map(str, relations)
+    return f"{', '.join(first)} and {last}" if first else last
+
+
+def by_meaning(goal: Goal) -> Conflict | None:
+    """Relations that hold together in no world."""
+    return next(_cycles(goal), None) or next(_pairs(goal, _no_world), None)
+
+
+def by_state(goal: Goal, state: WorldState, config: PlannerConfig) -> Conflict | None:
+    """Relations that the arm cannot bring about as things are now.
+
+    What holds already may be what the arm could not do: a board that rests on two cubes.
+    """
+    relations = state.relations
+    for conflict in _pairs(goal, _no_plan, relations.tables):
+        if not all(map(relations.holds, conflict.relations)):
+            return conflict
+    for relation in goal.missing(relations):
+        if reason := _obstacle(relation, state, config):
+            return Conflict((relation,), reason)
+    return None
+
+
+def searched(part: Sequence[Relation], surely: bool) -> str:
+    """What is told of relations to which no plan leads, as the solver has found out; `surely` none can be left out."""
+    if len(part) == 1:
+        return f"no plan leads to {part[0]} as things are now"
+    among = "" if surely else ", or some of them exclude each other"
+    return f"no plan leads to {listed(part)} together as things are now{among}"
+
+
+# ---- relations with each other
+
+
+def _cycles(goal: Goal) -> Iterator[Conflict]:
+    """Towers that would stand on themselves; the smallest of those that begin with the same thing."""
+    resting = [relation for relation in goal.relations if relation.name == "on"]
+    for first in resting:
+        ways: list[tuple[Relation, ...]] = [(first,)]
+        reached = {first.arguments[1]}
+        while ways:
+            way = ways.pop(0)
+            if way[-1].arguments[1] == first.arguments[0]:
+                yield Conflict(way, f"{first.arguments[0]} would rest on itself")
+                return
+            below = [r for r in resting if r.arguments[0] == way[-1].arguments[1] and r.arguments[1] not in reached]
+            reached |= {relation.arguments[1] for relation in below}
+            ways += [(*way, relation) for relation in below]
+
+
+def _pairs(goal: Goal, why: _Why, tables: frozenset[str] = frozenset()) -> Iterator[Conflict]:
+    for one, other in combinations(goal.relations, 2):
+        if reason := why(one, other, tables) or why(other, one, tables):
+            yield Conflict((one, other), reason)
+
+
+def _no_world(one: Relation, other: Relation, _: frozenset[str]) -> str:
+    """By what the relations mean."""
+    if (one.name, other.name) == ("holding", "handempty"):
+        return f"a gripper that holds {one.arguments[0]} is not empty"
+    if (one.name, other.name) == ("on", "clear") and one.arguments[1] == other.arguments[0]:
+        return f"with {one.arguments[0]} on it, {other.arguments[0]} is not clear"
+    if (one.name, other.name) == ("holding", "clear") and one.arguments == other.arguments:
+        return "what is held is not clear"
+    return ""
+
+
+def _no_plan(one: Relation, other: Relation, tables: frozenset[str]) -> str:
+    """By what the arm can do."""
+    rests = one.name in ("on", "ontable")
+    if rests and other.name in ("on", "ontable"):
+        if one.arguments[0] == other.arguments[0]:
+            return "" if _on_table(one, tables) and _on_table(other, tables) else _one_support(one)
+        if one.arguments[1:] == other.arguments[1:] and one.name == "on" and not _on_table(one, tables):
+            return f"only one thing can be put on {one.arguments[1]}"
+    if other.name == "holding":
+        held = other.arguments[0]
+        if one.name == "holding":
+            return "the gripper can hold one thing only"
+        if rests and one.arguments[0] == held:
+            return f"{held} cannot be put down and held"
+        if one.name == "on" and one.arguments[1] == held:
+            return f"nothing can be put on {held} while it is held"
+    return ""
+
+
+def _on_table(relation: Relation, tables: frozenset[str]) -> bool:
+    return relation.name == "ontable" or relation.arguments[1] in tables
+
+
+def _one_support(relation: Relation) -> str:
+    return f"{relation.arguments[0]} can be put on one thing only"
+
+
+# ---- relations by themselves
+
+
+def _obstacle(relation: Relation, state: WorldState, config: PlannerConfig) -> str:
+    """Why the arm cannot bring about a relation that does not hold; empty if nothing is known against it."""
+    relations = state.relations
+    if taken := relations.taken.intersection(relation.arguments):
+        return f"somebody else holds {min(taken)}"
+    if relation.name == "on":
+        support = relation.arguments[1]
+        if support in relations.things - state.flat:
+            return f"nothing can be put on {support}, only on {' or '.join(f'a {kind}' for kind in FLAT)}"
+    for thing in sorted(_to_be_lifted(relation, relations)):
+        if thing not in state.graspable:
+            return f"{thing} would have to be lifted, but {_ungraspable(thing, state, config)}"
+    return ""
+
+
+def _to_be_lifted(relation: Relation, relations: Relations) -> set[str]:
+    """What must be lifted on any way to a relation that does not hold."""
+    lifted: set[str] = set()
+    for position, name in enumerate(relation.arguments):
+        itself = position == 0 and relation.name != "clear"
+        if not (itself and name in relations.held):
+            lifted |= _above(name, relations) | ({name} if itself else set())
+    return (lifted & relations.things) - relations.held
+
+
+def _above(name: str, relations: Relations) -> set[str]:
+    """All that rests on a thing, and on that."""
+    found: set[str] = set()
+    new = set() if name in relations.tables else {name}
+    while new:
+        new = {above for above, support in relations.on if support in new} - found
+        found |= new
+    return found
+
+
+def _ungraspable(thing: str, state: WorldState, config: PlannerConfig) -> str:
+    solid = state.solids.get(thing)
+    if thing in state.relations.taken:
+        return "somebody else holds it"
+    if solid is None:
+        return "its size or pose is not known"
+    width, widest = min(solid.size[:2]), config.widest_grip
+    return f"it is {width * 1000:.0f} mm wide, and the gripper grasps up to {widest * 1000:.0f} mm"

@@ -1,0 +1,137 @@
+"""Has the arm look, with a camera that it carries, at the places which no fixed camera sees."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from dsr.intentions import DONE
+from dsr.intrinsics import Intrinsics, read_intrinsics
+from dsr.memory import Memory
+from dsr.relations import read_relations
+from dsr.transforms import Array, Pose
+from planner.actions import other_action
+from planner.arm import Arm, Script
+from planner.config import PlannerConfig
+from planner.errors import Setback
+from planner.grounding import Skill, grid
+from planner.state import Solid, WorldState, read_state
+
+_GRID = 0.05
+"""m between places that are to be seen: about the size of what is looked for"""
+_DOWN = (1.0, 0.0, 0.0, 0.0)
+"""world_from_camera of a camera that looks straight down"""
+
+
+class Looking:
+    """Looks for what is nowhere, once.
+
+    Args:
+        memory: the graph.
+        arm: carries the camera.
+        config: heights and times.
+        now: gives the time, s.
+    """
+
+    def __init__(self, memory: Memory, arm: Arm, config: PlannerConfig, now: Callable[[], float]) -> None:
+        self._memory, self._arm, self._config, self._now = memory, arm, config, now
+        self.problem = ""
+        """Why it cannot look; empty if it can."""
+        self.places = 0
+        """From how many places it has looked."""
+
+    def look(self, wanted: Callable[[], bool], why: str) -> Script:
+        """Look around while something is still `wanted`, and let the arm rest then; `why` is told meanwhile."""
+        self.places, self.problem = 0, ""
+        camera, views = self._views()
+        if not self.problem:
+            yield from self._arm.rest()  # it may be in front of what is sought
+        for view in views:
+            if not wanted() or self.problem:
+                break
+            yield from self._look_from(view, camera, wanted, why)
+        if views:
+            yield from self._arm.rest()
+
+    def _views(self) -> tuple[str, list[Pose]]:
+        """The camera that the arm carries, and where to bring it. Sets `problem` if it cannot look."""
+        camera, lens = carried_camera(self._memory)
+        if lens is None:
+            self.problem = "the arm carries no camera"
+        elif not self._arm.there:
+            self.problem = "the arm controller does not run"
+        elif (busy := other_action(self._memory, "")) is not None:
+            self.problem = f"the arm is busy with {busy}"
+        elif held := read_relations(self._memory).held:
+            self.problem = f"the gripper holds {min(held)}"
+        else:
+            state = read_state(self._memory, self._config)
+            views = viewpoints(state, lens, self._config)
+            self.problem = "" if views else "all places within reach are in view already"
+            return camera, views
+        return camera, []
+
+    def _look_from(self, view: Pose, camera: str, wanted: Callable[[], bool], why: str) -> Script:
+        [name] = self._arm.actions.write([Skill("look", camera, target_pose=view)])
+        try:
+            progress = yield from self._arm.run(name, f"looking around; {why}", lambda: None)
+        except Setback as setback:
+            self.problem = str(setback)
+            yield from self._arm.halt()
+            return
+        self._arm.actions.drop(ended_too=True)
+        if progress.status == DONE:
+            self.places += 1
+            yield from self._stay(wanted)
+
+    def _stay(self, wanted: Callable[[], bool]) -> Script:
+        began = self._now()
+        while wanted() and self._now() - began < self._config.look_for:
+            yield
+
+
+def carried_camera(memory: Memory) -> tuple[str, Intrinsics | None]:
+    """The first camera by name that is fixed to a gripper, and how it takes images."""
+    grippers = {node.name for node in memory.nodes("gripper")}
+    for camera in sorted(memory.nodes("camera"), key=lambda node: node.name):
+        lens = read_intrinsics(camera)
+        if lens is not None and any(edge.src in grippers for edge in memory.edges("RT", dst=camera.name)):
+            return camera.name, lens
+    return "", None
+
+
+def viewpoints(state: WorldState, lens: Intrinsics, config: PlannerConfig) -> list[Pose]:
+    """world_from_camera of looks straight down that show the table within reach, where no fixed camera sees it.
+
+    Each shows as much as possible of what those before it do not show; at most `config.most_looks`.
+    """
+    table = state.solids.get(state.table or "")
+    if table is None:
+        return []
+    places = _within_reach(table, state, config)
+    unseen = np.ones(len(places), bool)
+    for view in state.views:
+        unseen &= ~view.sees(np.column_stack([places, np.full(len(places), table.pose.t[2])]), config.image_margin)
+    shown = np.hypot(*(places[:, None] - places).transpose(2, 0, 1)) <= _radius(lens, config)
+    height = table.pose.t[2] + config.look_height
+    found: list[Pose] = []
+    while unseen.any() and len(found) < config.most_looks:
+        best = int((shown & unseen).sum(axis=1).argmax())
+        found.append(Pose((*places[best].tolist(), height), _DOWN))
+        unseen &= ~shown[best]
+    return found
+
+
+def _radius(lens: Intrinsics, config: PlannerConfig) -> float:
+    """M about the middle of the image that it shows from the height of a look, however the camera is turned."""
+    margin = 1.0 - 2.0 * config.image_margin
+    return config.look_height * margin * min(lens.width / lens.fx, lens.height / lens.fy) / 2.0
+
+
+def _within_reach(table: Solid, state: WorldState, config: PlannerConfig) -> Array:
+    """(n, 2) places on the table, x and y in the world (m), where the arm can put something."""
+    places = grid(table, 0.0, _GRID)
+    reach = np.hypot(*(places - state.base).T)
+    near_enough: Array = places[(config.least_reach <= reach) & (reach <= config.most_reach)]
+    return near_enough

@@ -1,0 +1,143 @@
+"""Waits until all that a goal is about is believed to be somewhere, says what is lacking and why, and looks for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+
+from dsr.errors import suggest
+from dsr.goals import Goal
+from dsr.intentions import FAILED, INVALID, WAITING
+from dsr.keys import agent_of
+from dsr.memory import Memory
+from dsr.relations import SURFACES, THINGS, read_relations
+from dsr.tags import tag_of
+from planner.arm import Script, Tell
+from planner.config import PlannerConfig
+from planner.errors import GivingUp
+from planner.looking import Looking
+
+_UNKNOWN = "never seen, nor known"
+"""Reason why a thing is nowhere whose name no node has"""
+
+
+def known_names(memory: Memory) -> set[str]:
+    """Names of all that a goal can be about, believed to be somewhere or not."""
+    return {node.name for kind in (*THINGS, *SURFACES) for node in memory.nodes(kind)}
+
+
+def may_appear(memory: Memory, name: str) -> bool:
+    """Whether a name that no node has may get one: by a tag that nobody knows, or because nothing is known so far."""
+    tag = tag_of(name)
+    if not known_names(memory):
+        return True
+    return tag is not None and all(node.get("marker_id") != tag for kind in THINGS for node in memory.nodes(kind))
+
+
+class Waiting:
+    """What the goal of one intention is about, and who must run for it to be believed.
+
+    Args:
+        memory: the graph.
+        config: names and times.
+        now: gives the time, s.
+        tell: says in the graph what is waited for.
+        looking: moves the arm's camera.
+    """
+
+    def __init__(
+        self, memory: Memory, config: PlannerConfig, now: Callable[[], float], tell: Tell, looking: Looking
+    ) -> None:
+        self._memory, self._config, self._now, self._tell = memory, config, now, tell
+        self._looking = looking
+        self._believed: set[str] = set()  # what once was
+        self._lacks = False
+
+    @property
+    def is_blocked(self) -> bool:
+        """Whether it waits for a thing, or for an agent."""
+        return self._lacks or bool(self.missing_agents())
+
+    def missing_agents(self) -> list[str]:
+        """The agents that must run for anything to be begun, and do not."""
+        return self._away((self._config.arm_agent, *self._config.belief_agents))
+
+    def tell_missing(self) -> None:
+        """Say who they are."""
+        self._tell(WAITING, _not_running(self.missing_agents()))
+
+    def lacking(self, goal: Goal) -> list[str]:
+        """Names in the goal of what is not believed to be anywhere."""
+        relations = read_relations(self._memory)
+        known = relations.things | relations.tables
+        self._believed |= known
+        lacking = [name for name in goal.things if name not in known]
+        self._lacks = bool(lacking)
+        return lacking
+
+    def until_there(self, goal: Goal) -> Script:
+        """Wait until everything is believed to be somewhere, and have the arm look for it.
+
+        Raises:
+            GivingUp: at once for a name that nothing has or may get, else when time is up.
+        """
+        waited, last, looked = 0.0, self._now(), False
+        while lacking := self.lacking(goal):
+            self._check_names(lacking)
+            away, now = self.missing_agents(), self._now()
+            waited, last = waited + (0.0 if self._away(self._config.belief_agents) else now - last), now
+            limit = self._config.patience if self._is_started() else self._config.start_up
+            why = self._why(lacking)
+            if waited > limit:
+                raise GivingUp(FAILED, f"{why}; {self._tried(waited)}")
+            self._tell(WAITING, f"{why}; {_not_running(away) if away else f'given up after {limit:g} s'}")
+            if self._is_started() and not looked and not away and waited >= self._config.look_after:
+                yield from self._looking.look(lambda: bool(self.lacking(goal)), why)
+                looked = True
+            yield
+
+    def _tried(self, waited: float) -> str:
+        """What has been done to find things."""
+        if problem := self._looking.problem:
+            return f"waited {waited:.0f} s, and cannot look for it: {problem}"
+        return f"waited {waited:.0f} s, and looked from {self._looking.places} places"
+
+    def _check_names(self, lacking: list[str]) -> None:
+        for name in lacking:
+            hopeless = name not in self._memory and name not in self._believed
+            if hopeless and not may_appear(self._memory, name):
+                raise GivingUp(INVALID, f"nothing is called {name!r}; {suggest(name, known_names(self._memory))}")
+
+    def _is_started(self) -> bool:
+        """Whether anything at all is believed to be somewhere."""
+        return bool(read_relations(self._memory).things)
+
+    def _why(self, lacking: list[str]) -> str:
+        """Why things are not believed to be anywhere; those with the same reason together."""
+        reasons: dict[str, list[str]] = {}
+        for name in lacking:
+            reasons.setdefault(self._reason(name), []).append(name)
+        texts = [f"{reason}: {', '.join(names)}" for reason, names in reasons.items()]
+        hints = [suggest(name, known_names(self._memory), most=6) for name in reasons.get(_UNKNOWN, [])[:1]]
+        return f"{', '.join(texts)}{''.join(f' ({hint})' for hint in hints)}"
+
+    def _reason(self, name: str) -> str:
+        node = self._memory.get_node(name)
+        if node is None:
+            return "removed from the graph" if name in self._believed else _UNKNOWN
+        if node.get("present") is False:
+            return "believed to be gone"
+        if name in self._believed:
+            return "no longer known where"
+        return "seen, but not believed to be anywhere" if self._memory.edges("RT", dst=name) else "never seen"
+
+    def _away(self, agents: Iterable[str]) -> list[str]:
+        running = set(self._running())
+        return [agent for agent in agents if agent not in running]
+
+    def _running(self) -> Iterator[str]:
+        return map(agent_of, self._memory.peers)
+
+
+def _not_running(agents: list[str]) -> str:
+    names = ", ".join(map(repr, agents))
+    return f"agent {names} does not run" if len(agents) == 1 else f"agents {names} do not run"
