@@ -18,7 +18,9 @@ from simulation_handler.rollouts import Body, Scene
 from simulation_handler.rollouts.pool import Pool
 from simulation_handler.rollouts.scene import STILL
 
-_TOO_LATE = 2.0  # s of evidence after which even an incomplete search must do
+_TOO_LATE = 1.5
+"""s of evidence after which even an incomplete search must do: half of the 3 s in which a surprise is to be explained on
+a busy machine, where the last search, and the ticks before and after, take the other half."""
 _SAME_PLACE = 0.005  # m
 _PUSHED = 0.001  # m from where what nobody sees counts as moved by something else
 _ALTERNATIVES = 5  # that are kept on record
