@@ -195,7 +195,7 @@ class Explainer:
             inside=_by_first(self._containment.current()),
             former=self._remembered(now),
             companions={name: riders for name, (until, riders) in self._companions.items() if now <= until},
-            unplaced=bodies.never_placed(),
+            unplaced=bodies.unplaced(),
             held=frozenset(name for name, item in objects.items() if item.is_led and name in placed),
             planned=frozenset(pair for pair, until in self._planned.items() if now <= until),
             confirmed={name: solid for name in placed if (solid := objects[name].confirmed) is not None},

@@ -43,7 +43,7 @@ def slow_down(
     starts: bool = False,
     jobs: Literal["run", "wait", "spin", "die"] = "run",
 ) -> Callable[[], None]:
-    """Let the workers that are started from now on wait before they start, or before each job; returns what ends that."""
+    """Let workers that are started from now on wait before they start, or before each job; returns what ends that."""
     flag, script = folder / "go_on", folder / "worker"
     script.write_text(_WORKER.format(python=sys.executable, flag=str(flag), starts=starts, jobs=_JOBS[jobs]))
     script.chmod(0o755)
