@@ -119,9 +119,23 @@ class Belief:
         self._bodies.set_pinned(item, held)
         item.track.forget()
 
-    def recall_support(self, relation: Relation, since: float, now: float) -> None:
-        """Believe again that an object has been resting on another one `since` (s)."""
-        self._relations.recall(relation, since, now)
+    def recall_gone(self, name: str) -> None:
+        """Believe again that an object was taken out of the scene: only new percepts bring it back."""
+        item = self._bodies.object(name)
+        item.track.forget()
+        item.gone = True
+
+    def recall_seen(self, name: str, stamp: float, camera: str) -> None:
+        """Know that a camera last saw an object at a time (s), of which the belief that was recalled has been made."""
+        self._bodies.object(name).recall_seen(stamp, camera)
+
+    def recall_explanation(self, text: str, time: float, now: float) -> None:
+        """Know, at time `now` (s), what was explained at another `time` (s) by an earlier run."""
+        self._explainer.recall(text, time, now)
+
+    def recall_support(self, relation: Relation, since: float, now: float, source: str) -> None:
+        """Believe again that an object has been resting on another one `since` (s), as `source` said."""
+        self._relations.recall(relation, since, now, source)
 
     def recall_contents(self, relation: Relation, since: float, now: float) -> None:
         """Believe again that an object has been in a container `since` (s)."""

@@ -166,6 +166,7 @@ class Bodies:
         """Objects that fall or roll."""
         return {name for name in self.objects if name in self.sim and self.sim.speed(name)[0] > _SLOW}
 
-    def never_placed(self) -> dict[str, Vector3]:
-        """Edge lengths (m) of the boxes that exist and whose place was never known, by name."""
-        return {name: item.size for name, item in self.objects.items() if name not in self.sim and not item.shape}
+    def unplaced(self) -> dict[str, Vector3]:
+        """Edge lengths (m) of the boxes that exist and have no place, by name; those believed to be gone come last."""
+        items = (item for name, item in self.objects.items() if name not in self.sim and not item.shape)
+        return {item.name: item.size for item in sorted(items, key=lambda item: (item.gone, item.name))}

@@ -142,7 +142,7 @@ class Correction:
         beneath = find_beneath(
             flat,
             item.percept_covariance(self._config),
-            self._bodies.never_placed(),
+            self._bodies.unplaced(),
             scene.values(),
             self._config.explain_sigmas,
         )

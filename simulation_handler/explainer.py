@@ -14,6 +14,7 @@ from simulation_handler.containment import Containment
 from simulation_handler.explaining.glimpses import Glimpse, glimpse_of
 from simulation_handler.explaining.policy import Explanation, Policy
 from simulation_handler.explaining.situation import THIS_FRAME, Look, Properties, Situation, as_pose, seen_now
+from simulation_handler.explaining.wording import is_lasting, moved_together
 from simulation_handler.noticing import Noticing
 from simulation_handler.objects import BelievedObject
 from simulation_handler.relations import Relation, Relations
@@ -141,6 +142,14 @@ class Explainer:
             text = text.replace(f"removed({name})", f"taken_along({name}; {hand})")
         return replace(explanation, text=text, removed=explanation.removed - taken.keys())
 
+    def recall(self, text: str, time: float, now: float) -> None:
+        """Know, at `now` (s), what an earlier run explained at another `time` (s); the last call has the newest.
+
+        What moved together goes on doing so; and what left the belief as it was is no news if it only goes on.
+        """
+        self._companions |= {name: (time + _TOGETHER, riders) for name, riders in moved_together(text).items()}
+        self._told = (text, (now if is_lasting(text) else time) + 2.0 * self._config.follow_for)
+
     def settle_relations(self, now: float) -> None:
         """After physics: let the relations of what was put elsewhere be those of its contacts."""
         if self._moved:
@@ -186,7 +195,7 @@ class Explainer:
             inside=_by_first(self._containment.current()),
             former=self._remembered(now),
             companions={name: riders for name, (until, riders) in self._companions.items() if now <= until},
-            unplaced=bodies.never_placed(),
+            unplaced=bodies.unplaced(),
             held=frozenset(name for name, item in objects.items() if item.is_led and name in placed),
             planned=frozenset(pair for pair, until in self._planned.items() if now <= until),
             confirmed={name: solid for name in placed if (solid := objects[name].confirmed) is not None},

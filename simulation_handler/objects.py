@@ -112,6 +112,11 @@ class BelievedObject:
             rotation = self.turned_by_hand
         self.path.add(Pose.unchecked((x, y, z), rotation, percept.stamp))
 
+    def recall_seen(self, stamp: float, camera: str) -> None:
+        """Know when (s) a camera last saw it; what was seen then counts no more."""
+        self.track.last_stamp = max(self.track.last_stamp, stamp)
+        self.seen_by[camera] = max(self.seen_by.get(camera, -math.inf), stamp)
+
     @property
     def vanished_when_let_go(self) -> bool:
         """Whether it was not seen any more after a hand had let go of it."""

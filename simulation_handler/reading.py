@@ -21,14 +21,12 @@ from dsr.quaternions import Vector3
 from dsr.relations import SURFACES, THINGS
 from dsr.shapes import MOST_PARTS, Shape, bounds, from_numbers
 from dsr.transforms import Pose
-from simulation_handler.explainer import EXPLANATION
-from simulation_handler.hands import TOUCH, HandGrasp, HandPercept
+from simulation_handler.hands import HandPercept
 from simulation_handler.holding import Grasp
 from simulation_handler.meshes import Forms
 from simulation_handler.reasoner import Reasoner
-from simulation_handler.relations import BOUNDS, CONTACT
+from simulation_handler.recalling import WORLD, Recalling
 
-WORLD = "world"
 MODELLED = "object"
 """Node type of what never moves by itself and has the form of its mesh."""
 FIXTURES = (*SURFACES, MODELLED)
@@ -37,8 +35,6 @@ OBJECTS = THINGS
 """Node types of what the belief follows."""
 EXPLAINED = ("cube",)
 """Those of them whose moves are always explained: they may have been part of a tower that nobody sees."""
-SOURCES = (CONTACT, EXPLANATION, BOUNDS)
-"""Of the relations that the belief writes."""
 _MOST_OFF = 0.001  # m that the bounds of a shape may differ from the size
 _FARTHEST = 100.0  # m from the world's origin that a hand may be
 _MOST_AHEAD = 0.5  # s that a percept's stamp may be ahead of this machine's clock
@@ -58,6 +54,8 @@ class Reading:
         self._known: dict[str, Properties] = {}
         self._fixed: set[str] = set()
         self._used: dict[tuple[str, str], float] = {}  # (camera, object) -> stamp of the newest percept taken in
+        self._recalling: Recalling | None = None
+        self._recalled: dict[str, float] = {}  # object -> s, until when an earlier run has taken in its percepts
         self.skipped: Counter[str] = Counter()
         """How often something of a node could not be used, by its name."""
         self.problems: dict[str, str] = {}
@@ -66,6 +64,9 @@ class Reading:
     def update(self, now: float) -> None:
         """Take in what the graph holds at time `now` (s)."""
         self.problems.clear()
+        if self._recalling is None:
+            self._recalling = Recalling(self._memory, self._belief)
+            self._recalling.recall_explanations(now)
         fixtures = {node.name: node for node in self._nodes(FIXTURES)}
         present = {node.name: node for node in self._nodes(OBJECTS)}
         for name in sorted((self._known.keys() | self._fixed) - present.keys() - fixtures.keys()):
@@ -173,30 +174,11 @@ class Reading:
         self._known[name] = properties
         if pose is not None:
             self._belief.recall(name, pose)
-        elif not known:
-            self._recall(node, now)
-
-    def _recall(self, node: Node, now: float) -> None:
-        """Believe of an object what the graph says that it was believed before, by an earlier run of this agent."""
-        edge = self._memory.get_edge(WORLD, node.name, "Virtual_RT")
-        if edge is None:
-            return
-        self._belief.recall(node.name, edge.pose, held=node.get("plausible") is False)
-        for relation in self._memory.edges("on", src=node.name):
-            if relation.get("source") in SOURCES:
-                self._belief.recall_support((relation.src, relation.dst), relation.get("since", now), now)
-        for edge in self._memory.edges("grasping", dst=node.name):
-            held_at = edge.get("held_at")
-            source = edge.get("source")
-            if source in (CONTACT, EXPLANATION) and held_at is not None:
-                since, covered = edge.get("since", now), source == EXPLANATION
-                grasp = HandGrasp(since, edge.get("grip", TOUCH), held_at, covered=covered)
-                self._belief.recall_grasp((edge.src, edge.dst), grasp, now)
-        for relation in self._memory.edges("in", src=node.name):
-            self._belief.recall_contents((relation.src, relation.dst), relation.get("since", now), now)
+        elif not known and self._recalling is not None:
+            self._recalled[name] = self._recalling.recall(node, now)
 
     def _note_percept(self, edge: Edge, now: float) -> None:
-        """Take in the pose of an RT edge from a camera, unless it was taken in before.
+        """Take in the pose of an RT edge from a camera, unless it was taken in before, also by an earlier run.
 
         A stamp of 0 means "always": such an edge is a percept of this moment, whenever that is.
         """
@@ -208,6 +190,10 @@ class Reading:
             return
         if stamp > now + _MOST_AHEAD:
             raise SchemaError(f"percept of {edge.dst!r} from {edge.src!r} is stamped {stamp - now:.1f} s ahead")
+        if stamp <= self._recalled.get(edge.dst, -math.inf):
+            self._used[key] = stamp
+            self._belief.recall_seen(edge.dst, stamp, edge.src)
+            return
         world_from_camera = self._memory.transform(WORLD, edge.src, at=pose.stamp or None)
         self._used[key] = stamp
         self._belief.observe(edge.dst, world_from_camera @ pose, stamp, world_from_camera.t, edge.src)
@@ -215,6 +201,7 @@ class Reading:
     def _forget(self, name: str) -> None:
         self._belief.remove(name)
         self._known.pop(name, None)
+        self._recalled.pop(name, None)
         self._fixed.discard(name)
         for key in [key for key in self._used if key[1] == name]:
             del self._used[key]

@@ -50,7 +50,16 @@ class Reasoner(Protocol):
     def recall(self, name: str, world_pose: Pose, *, held: bool = False) -> None:
         """Believe again that an object is somewhere."""
 
-    def recall_support(self, relation: Relation, since: float, now: float) -> None:
+    def recall_gone(self, name: str) -> None:
+        """Believe again that an object was taken out of the scene."""
+
+    def recall_seen(self, name: str, stamp: float, camera: str) -> None:
+        """Know when an object was last seen, though what was seen has been taken in before."""
+
+    def recall_explanation(self, text: str, time: float, now: float) -> None:
+        """Know what was explained before."""
+
+    def recall_support(self, relation: Relation, since: float, now: float, source: str) -> None:
         """Believe again that an object has been resting on another one."""
 
     def recall_contents(self, relation: Relation, since: float, now: float) -> None:

@@ -44,10 +44,11 @@ class Relations:
             elif now - since >= self._delay:
                 self._holding.add(relation)
 
-    def recall(self, relation: Relation, since: float, now: float) -> None:
-        """Take over a relation that held before; it ends as others do if there is no contact."""
+    def recall(self, relation: Relation, since: float, now: float, source: str = CONTACT) -> None:
+        """Take over a relation that held before, as `source` said; it ends as others do if there is no contact."""
         self._since[relation], self._last_seen[relation] = since, now
         self._holding.add(relation)
+        self._sources[relation] = source
 
     def settle(self, names: Collection[str], contacts: Iterable[Contact], now: float, source: str) -> None:
         """Let the relations of objects that were put elsewhere be those of the contacts at once.
@@ -59,8 +60,7 @@ class Relations:
         for relation in about - touching:
             self.end(relation)
         for relation in sorted(about & touching - self._holding):
-            self.recall(relation, now, now)
-            self._sources[relation] = source
+            self.recall(relation, now, now, source)
 
     def end(self, relation: Relation) -> None:
         """End a relation now; harmless if it does not hold."""

@@ -22,6 +22,7 @@ UNKNOWN = ""
 """Name of a support that is no object of the graph."""
 _MOST_BENEATH = 4
 _MOST_CANDIDATES = 8
+_DIGITS = 6  # of heights in m: what differs by less is as high
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ def find_beneath(
     Args:
         hovering: the object as it is perceived, face down.
         covariance: (3, 3) m^2 of its position.
-        unseen: edge lengths (m) of the objects that exist and were never seen, by name.
+        unseen: edge lengths (m) of the objects that exist and were never seen, by name, the likeliest first.
         others: all other solids.
         sigmas: standard deviations of its height by which the height of what is beneath may miss.
     """
@@ -70,20 +71,24 @@ def _like(hovering: Solid, gap: float, tolerance: float) -> list[tuple[str, Vect
 
 
 def _stack_of(gap: float, unseen: Mapping[str, Vector3], tolerance: float) -> tuple[str, ...]:
-    """The fewest, then best fitting, then first by name, whose heights add up to `gap` (m)."""
+    """The fewest, then best fitting, then first, whose heights add up to `gap` (m)."""
     return next(iter(stacks_of(gap, unseen, tolerance)), ())
 
 
 def stacks_of(gap: float, unseen: Mapping[str, Vector3], tolerance: float) -> list[tuple[str, ...]]:
-    """All sets of objects whose heights add up to `gap` (m): the fewest first, then the best fitting, then by name."""
-    names = sorted(unseen)[:_MOST_CANDIDATES]
+    """Sets of objects whose heights add up to `gap` (m): the fewest first, then the best fitting, then as in `unseen`.
+
+    Of more than eight objects, the first ones count.
+    """
+    names = list(unseen)[:_MOST_CANDIDATES]
     fitting = []
     for count in range(1, min(_MOST_BENEATH, len(names)) + 1):
         misses = [
-            (abs(gap - sum(unseen[name][2] for name in chosen)), chosen)
+            (round(abs(gap - math.fsum(unseen[name][2] for name in chosen)), _DIGITS), chosen)
             for chosen in itertools.combinations(names, count)
         ]
-        fitting += [chosen for miss, chosen in sorted(misses) if miss <= tolerance]
+        misses.sort(key=lambda entry: entry[0])
+        fitting += [chosen for miss, chosen in misses if miss <= tolerance]
     return fitting
 
 

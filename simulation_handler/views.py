@@ -22,7 +22,8 @@ from dsr.transforms import Array, Pose
 from simulation_handler.geometry import Solid
 from simulation_handler.hand_figures import hand_solid
 from simulation_handler.meshes import Forms
-from simulation_handler.reading import MODELLED, WORLD
+from simulation_handler.reading import MODELLED
+from simulation_handler.recalling import WORLD
 from simulation_handler.sight import View
 
 PARTS = ("robot", "body", "arm", "gripper", "hand", "finger")

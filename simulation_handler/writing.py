@@ -13,8 +13,8 @@ from dsr.transforms import Pose
 from simulation_handler.events import Events
 from simulation_handler.explainer import EXPLANATION
 from simulation_handler.hands import HandGrasp
-from simulation_handler.reading import SOURCES, WORLD
 from simulation_handler.reasoner import Reasoner
+from simulation_handler.recalling import SOURCES, WORLD
 from simulation_handler.relations import CONTACT, Relation
 
 _REFRESH = 1.0  # s after which a pose is written again, unchanged

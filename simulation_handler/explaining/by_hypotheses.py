@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from dsr.clock import Clock
 from simulation_handler.explaining.drafting import Draft
 from simulation_handler.explaining.hypotheses import Hypothesis
+from simulation_handler.explaining.least_change import with_least_change
 from simulation_handler.explaining.policy import Explanation
 from simulation_handler.explaining.search import Candidate, search
 from simulation_handler.explaining.situation import Situation
@@ -18,7 +19,9 @@ from simulation_handler.rollouts import Body, Scene
 from simulation_handler.rollouts.pool import Pool
 from simulation_handler.rollouts.scene import STILL
 
-_TOO_LATE = 2.0  # s of evidence after which even an incomplete search must do
+_TOO_LATE = 1.5
+"""s of evidence after which even an incomplete search must do: half of the 3 s in which a surprise is to be explained
+on a busy machine, where the last search, and the ticks before and after, take the other half."""
 _SAME_PLACE = 0.005  # m
 _PUSHED = 0.001  # m from where what nobody sees counts as moved by something else
 _ALTERNATIVES = 5  # that are kept on record
@@ -46,7 +49,8 @@ class ByHypotheses:
         self._deadline = self._clock.monotonic() + situation.config.explain_budget
         self._is_complete = True
         first = self._last if self._last and self._fits(self._last, situation) else None
-        ranking = with_typical_fall(search(situation, self._simulate, situation.config.most_rollouts, first))
+        found = search(situation, self._simulate, situation.config.most_rollouts, first)
+        ranking = with_typical_fall(with_least_change(situation, found))
         if not ranking or not self._is_clear(situation, ranking):
             return None
         self._last = ranking[0].hypothesis

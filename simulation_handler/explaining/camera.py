@@ -28,16 +28,13 @@ _SAME_FRAME = 0.15  # s between percepts of one moment
 
 
 def explained_by_camera(situation: Situation) -> frozenset[str]:
-    """The objects that are seen displaced, or not, as one motion of the camera would have it.
+    """The objects that are seen displaced, or not, as one motion of the camera would have it: the least of them.
 
     Empty if those are fewer than `FEWEST` or not most of all that are seen.
     """
     names = comparable(situation)
-    best: frozenset[str] = frozenset()
-    for name in names if len(names) >= FEWEST else ():
-        found = _consensus(situation, names, _motion(situation, [name]))
-        if len(found) > len(best):
-            best = found
+    found = [_consensus(situation, names, _motion(situation, [name])) for name in names if len(names) >= FEWEST]
+    best = min(found, key=lambda group: (-len(group), _displacement(situation, group)), default=frozenset())
     enough = len(best) >= FEWEST and 2 * len(best) > len(names)
     return best if enough else frozenset()
 
@@ -84,6 +81,12 @@ def _consensus(situation: Situation, names: Sequence[str], motion: tuple[Array, 
         if agreeing == before:
             break
     return frozenset(agreeing)
+
+
+def _displacement(situation: Situation, names: Collection[str]) -> float:
+    """How far (m), on average, these objects seem to have moved because the camera did."""
+    apart = [math.dist(situation.seen[name].shown.position, situation.believed[name].position) for name in names]
+    return sum(apart) / len(apart) if apart else 0.0
 
 
 def _motion(situation: Situation, names: Collection[str]) -> tuple[Array, Array]:

@@ -7,7 +7,7 @@ A hypothesis is charged for what it assumes (prior), for percepts that do not fi
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 from simulation_handler.config import BeliefConfig
@@ -129,20 +129,26 @@ def _visibility(situation: Situation, hypothesis: Hypothesis, settled: Mapping[s
     """Nats for each object that should be seen and is not, or is seen and should not be."""
     if situation.look is None or hypothesis.camera_moved:
         return {}
-    best: dict[str, Glance] = {}
+    glances: dict[str, list[Glance]] = {}
     for (_, name), glance in situation.look(list(settled.values())).items():
-        if name not in best or glance.share > best[name].share:
-            best[name] = glance
+        glances.setdefault(name, []).append(glance)
     costs = {}
-    for name, glance in best.items():
+    for name, by_camera in glances.items():
+        share = max(glance.share for glance in by_camera)
         if name in situation.seen:
-            covered = glance.share <= _HIDDEN and glance.hidden_by in settled  # the boxes around the arm are too rough
+            covered = share <= _HIDDEN and _is_covered(by_camera, settled)
             if covered and name not in hypothesis.kept and situation.seen[name].age < THIS_FRAME:
                 costs[name] = _IMPOSSIBLE
-        elif glance.share >= SURE and name not in situation.held:
+        elif share >= SURE and name not in situation.held:
             frames = situation.missing_for.get(name, situation.evidence) * _FRAMES_PER_SECOND
             costs[name] = min(_MISS * frames, _MOST_MISSED)
     return costs
+
+
+def _is_covered(glances: Collection[Glance], settled: Mapping[str, Solid]) -> bool:
+    """Whether objects hide something from all cameras that look there; the boxes around the arm are too rough."""
+    covers = {glance.hidden_by for glance in glances} - {""}
+    return bool(covers) and covers <= settled.keys()
 
 
 def is_far(percept: Solid, solid: Solid, config: BeliefConfig) -> bool:

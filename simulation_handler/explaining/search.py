@@ -7,7 +7,6 @@ be expected.
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -16,17 +15,15 @@ from simulation_handler.explaining.camera import comparable, corrected, explaine
 from simulation_handler.explaining.drafting import Draft, draft
 from simulation_handler.explaining.glimpses import WAYS
 from simulation_handler.explaining.hypotheses import FALLS, FROM_GLIMPSE, Hypothesis, Move
+from simulation_handler.explaining.piles import piles_beneath
 from simulation_handler.explaining.scoring import Score, displaced, prior, score
 from simulation_handler.explaining.situation import Situation
 from simulation_handler.geometry import Solid
-from simulation_handler.placement import find_support
-from simulation_handler.supports import stacks_of
 
 Simulate = Callable[[Situation, Sequence[Draft]], Sequence[Mapping[str, Solid] | None]]
 """Where everything is some time after each of the drafts; None for what could not be simulated in time."""
 
 _MOST_EXTENDED = 3  # objects left unexplained about which a hypothesis is extended at once, the worst first
-_MOST_PILES = 3
 _PATIENCE = 3  # expansions without a better hypothesis after which the search ends
 
 
@@ -62,7 +59,7 @@ def search(situation: Situation, simulate: Simulate, most: int, first: Hypothesi
             if settled is not None:
                 judged = score(situation, hypothesis, drafted, settled)
                 found.append(Candidate(hypothesis, drafted, settled, judged))
-        found.sort(key=lambda c: (c.score.total, len(c.hypothesis.unseen), str(c.hypothesis)))
+        found.sort(key=_order)
 
     if first is not None:
         evaluate([first])
@@ -79,6 +76,11 @@ def search(situation: Situation, simulate: Simulate, most: int, first: Hypothesi
         evaluate(list(_extensions(situation, open_[0])))
         stale = 0 if found[0].score.total < best else stale + 1
     return found
+
+
+def _order(candidate: Candidate) -> tuple[float, int, str]:
+    """The best first; what says the same in other words is told apart by these, so that every run does likewise."""
+    return candidate.score.total, len(candidate.hypothesis.unseen), str(candidate.hypothesis)
 
 
 def _beginnings(situation: Situation) -> list[Hypothesis]:
@@ -171,47 +173,25 @@ def _falls(situation: Situation, hypothesis: Hypothesis, name: str) -> Iterator[
         yield from (hypothesis.with_fall(name, k) for k in range(len(FALLS)))
 
 
-def _piles(situation: Situation, candidate: Candidate, name: str) -> Iterator[tuple[str, ...]]:
-    """Unseen objects that fill the gap beneath a seen one; the likeliest first, lowest first in each."""
-    solid = situation.seen[name].percept
-    free = {
-        other: situation.size(other)
-        for other in (*situation.believed, *situation.unplaced)
-        if other not in situation.seen and other not in situation.held and other != name
-        if not situation.properties[other].shape
-    }
-    others = [s for n, s in candidate.drafted.solids.items() if n not in free and n != name]
-    others += situation.fixtures.values()
-    level = find_support(solid, solid.bottom, [o for o in others if o.top < solid.bottom], math.inf)[1]
-    if level is None:
-        return
-    tolerance = situation.config.explain_sigmas * math.sqrt(situation.seen[name].covariance[2, 2])
-    tolerance = max(tolerance, situation.config.least_gap_tolerance)
-    chain = situation.chain_beneath(name)
-    missing = {other for other in candidate.score.residuals if other in free}
-
-    def rank(pile: tuple[str, ...]) -> tuple[int, int, tuple[str, ...]]:
-        known = sum((name, other) in situation.planned or other in chain for other in pile)
-        return (-known - sum(other in missing for other in pile), len(pile), pile)
-
-    def ordered(pile: tuple[str, ...]) -> tuple[str, ...]:
-        """Lowest first, as they stood on each other before."""
-        return tuple(sorted(pile, key=lambda other: len(situation.known_beneath(other) & set(pile))))
-
-    piles = sorted(stacks_of(solid.bottom - level, free, tolerance), key=rank)
-    yield from itertools.islice(map(ordered, piles), _MOST_PILES)
+def _piles(situation: Situation, candidate: Candidate, name: str) -> list[tuple[str, ...]]:
+    return piles_beneath(situation, name, candidate.drafted.solids, candidate.score.residuals)
 
 
 def _covers(candidate: Candidate, name: str, situation: Situation) -> list[str]:
-    """Unseen objects above a seen one, in the scene of a hypothesis, that would hide it."""
+    """Unseen objects above a seen one, in the scene of a hypothesis, that would hide it.
+
+    Those that are missed where they are come first, then what stands highest: what falls takes along what is on it.
+    """
     solid = candidate.settled.get(name)
     if solid is None:
         return []
-    return sorted(
-        other.name
+    covers = [
+        other
         for other in candidate.settled.values()
         if other.name not in situation.seen
         and other.name not in situation.held
         and other.position[2] > solid.position[2]
         and math.dist(other.position[:2], solid.position[:2]) < other.radius + solid.radius
-    )
+    ]
+    missing = candidate.score.residuals
+    return [other.name for other in sorted(covers, key=lambda o: (o.name not in missing, -o.position[2], o.name))]

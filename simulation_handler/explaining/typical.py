@@ -7,9 +7,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from simulation_handler.explaining.hypotheses import Hypothesis
+from simulation_handler.explaining.least_change import AS_GOOD
 from simulation_handler.explaining.search import Candidate
-
-_AS_GOOD = 1.0  # nats between two that explain the same as well
 
 
 def with_typical_fall(ranking: Sequence[Candidate]) -> list[Candidate]:
@@ -32,7 +31,7 @@ def with_typical_fall(ranking: Sequence[Candidate]) -> list[Candidate]:
             for name, _ in best.hypothesis.fallen
         )
 
-    typical = min((c for c in alike if c.score.total - best.score.total <= _AS_GOOD), key=distance)
+    typical = min((c for c in alike if c.score.total - best.score.total <= AS_GOOD), key=distance)
     return [typical, *(candidate for candidate in ranking if _kind(candidate.hypothesis) != kind)]
 
 

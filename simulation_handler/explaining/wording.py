@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 
 from dsr.calibration import CAMERA_MOVED
@@ -12,6 +13,10 @@ from simulation_handler.explaining.search import Candidate
 from simulation_handler.explaining.situation import Situation
 from simulation_handler.geometry import Solid
 
+LASTING = ("false_percept", "nothing_changed")
+"""Words of explanations that leave the belief as it is, so that what they explain goes on."""
+_RIDERS = re.compile(r"moved_with_(?:supports|contents)\((?P<leader>[^;]+); (?P<riders>[^)]+)\)")
+_PILE = re.compile(r"put_back_under\((?P<riders>[^;]+); (?P<leader>[^)]+)\)")
 _SAME_PLACE = 0.015  # m
 _BESIDE = 0.010  # m by which something moved, rather than only turned
 
@@ -29,6 +34,17 @@ def describe(situation: Situation, candidate: Candidate) -> str:
     parts += [f"fell({name})" for name, _ in hypothesis.fallen]
     parts += [f"false_percept({name})" for name in sorted(hypothesis.kept)]
     return " & ".join(parts) or "nothing_changed()"
+
+
+def is_lasting(text: str) -> bool:
+    """Whether an explanation, in these words, leaves the belief as it is."""
+    return all(part.startswith(LASTING) for part in text.split(" & "))
+
+
+def moved_together(text: str) -> dict[str, frozenset[str]]:
+    """What moved together with which seen object, by an explanation in these words."""
+    found = (*_RIDERS.finditer(text), *_PILE.finditer(text))
+    return {match["leader"]: frozenset(match["riders"].split(", ")) for match in found}
 
 
 def _move(situation: Situation, move: Move, candidate: Candidate) -> str:

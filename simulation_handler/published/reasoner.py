@@ -120,7 +120,16 @@ class PublishedReasoner:
         self._put(item, world_pose)
         item.believed = world_pose
 
-    def recall_support(self, relation: Relation, since: float, now: float) -> None:
+    def recall_gone(self, name: str) -> None:
+        """It takes nothing out of the scene."""
+
+    def recall_seen(self, name: str, stamp: float, camera: str) -> None:
+        """It asks only whether an object is seen now, which the next percept tells."""
+
+    def recall_explanation(self, text: str, time: float, now: float) -> None:
+        """It explains nothing."""
+
+    def recall_support(self, relation: Relation, since: float, now: float, source: str) -> None:
         """Believe again that an object has been standing on another one since `since` (s)."""
         self._relations.recall(relation, since)
 

@@ -19,7 +19,7 @@ from simulation_handler.simulator import SimulationError
 
 _log = logging.getLogger("simulation_handler.rollouts")
 _NAP = 0.02  # s between two looks at the clock
-_STUCK = 5.0  # s after which a worker that is still busy with a job of an earlier run is started anew
+_HELP_AFTER = 0.05  # s without an answer, longer than rollouts take, after which this process simulates, too
 _MOST_DEATHS = 3  # in a row without an answer, after which a worker is given up
 
 
@@ -32,8 +32,9 @@ class Pool:
             back is given up. Without: how many scenes are simulated, the first ones.
         clock: measures the budget.
 
-    Workers start at once and are ready within a second; they end with this process, however it ends. One that dies
-    is started again; if that fails time after time, scenes are simulated here, one by one, within the same budget.
+    Workers start at once; they end with this process, however it ends. While none of them answers, because they are
+    still starting, or the machine is busy, scenes are simulated here, one by one, within the same budget. Only what has
+    killed a worker is left to workers. One that dies is started again; if that fails time after time, it is given up.
     """
 
     def __init__(self, workers: int, budget: float = math.inf, clock: Clock = WALL_CLOCK) -> None:
@@ -70,7 +71,9 @@ class Pool:
             return self._run_here(scenes, seconds, lambda index: index < budget)
         deadline = self._clock.monotonic() + budget
         if self._workers:
-            outcomes = _Run(self._workers, scenes, seconds, self._numbers, self._clock).until(deadline)
+            jobs = [Job(next(self._numbers), scene.bodies, seconds) for scene in scenes]
+            run = _Run(self._workers, jobs, lambda index: self._simulate(scenes[index], seconds), self._clock)
+            outcomes = run.until(deadline)
             self._give_up_the_hopeless()
             return outcomes
         return self._run_here(scenes, seconds, lambda _: self._clock.monotonic() < deadline)
@@ -78,8 +81,11 @@ class Pool:
     def _run_here(
         self, scenes: Sequence[Scene], seconds: float, may_go_on: Callable[[int], bool]
     ) -> list[Outcome | None]:
-        engine = self._engine = self._engine or Engine()
-        return [engine.run(scene, seconds) if may_go_on(index) else None for index, scene in enumerate(scenes)]
+        return [self._simulate(scene, seconds) if may_go_on(index) else None for index, scene in enumerate(scenes)]
+
+    def _simulate(self, scene: Scene, seconds: float) -> Outcome:
+        self._engine = self._engine or Engine()
+        return self._engine.run(scene, seconds)
 
     def _give_up_the_hopeless(self) -> None:
         for worker in [worker for worker in self._workers if worker.deaths >= _MOST_DEATHS]:
@@ -96,50 +102,65 @@ class Pool:
 
 
 class _Run:
-    """The scenes of one run on their way through the workers."""
+    """The jobs of one run on their way through the workers, and through this process if those do not answer."""
 
     def __init__(
-        self,
-        workers: Sequence[WorkerProcess],
-        scenes: Sequence[Scene],
-        seconds: float,
-        numbers: count[int],
-        clock: Clock,
+        self, workers: Sequence[WorkerProcess], jobs: Sequence[Job], simulate: Callable[[int], Outcome], clock: Clock
     ) -> None:
+        """`simulate` does the job of an index in this process."""
         self._workers = workers
-        self._scenes = scenes
-        self._seconds = seconds
-        self._numbers = numbers
+        self._jobs = jobs
+        self._simulate = simulate
         self._clock = clock
-        self._outcomes: list[Outcome | None] = [None] * len(scenes)
-        self._waiting = deque(range(len(scenes)))
-        self._under_way: dict[int, int] = {}  # number of the job -> index of the scene
-        self._lost: set[int] = set()  # indexes of scenes whose worker died
+        self._outcomes: list[Outcome | None] = [None] * len(jobs)
+        self._waiting = deque(range(len(jobs)))
+        self._under_way: dict[int, int] = {}  # number of the job -> its index
+        self._lost: set[int] = set()  # indexes of jobs whose worker died
 
     def until(self, deadline: float) -> list[Outcome | None]:
         """The outcomes that are here at the deadline."""
-        for worker in _readable(self._workers, 0.0):  # ready since it was started, or late with an earlier run
-            self._take(worker)
+        self._take_all(_readable(self._workers, 0.0))  # ready since it was started, or late with an earlier run
         self._restart_stuck()
+        answered_at = self._clock.monotonic()
         while self._waiting or self._under_way:
             self._hand_out()
-            left = deadline - self._clock.monotonic()
+            now, here = self._clock.monotonic(), self._for_here()
             alive = [worker for worker in self._workers if worker.deaths < _MOST_DEATHS]
-            if left <= 0.0 or not alive:
+            if now >= deadline or not (alive or here is not None):
                 break
-            for worker in _readable(alive, min(left, _NAP)):
-                self._take(worker)
+            help_at = answered_at + _HELP_AFTER if self._under_way else now
+            wait_until = min(deadline, now + _NAP if here is None else help_at)
+            if answered := _readable(alive, max(wait_until - now, 0.0)):
+                self._take_all(answered)
+                answered_at = self._clock.monotonic()
+            elif here is not None and self._clock.monotonic() < deadline:
+                self._simulate_here(here)
         return self._outcomes
+
+    def _for_here(self) -> int | None:
+        """Index of the job that this process can do: one that waits, else the one that is under way for longest."""
+        return next((index for index in (*self._waiting, *self._under_way.values()) if index not in self._lost), None)
+
+    def _simulate_here(self, index: int) -> None:
+        """Do a job in this process; what a worker may still answer about that is not needed any more."""
+        if index in self._waiting:
+            self._waiting.remove(index)
+        self._under_way = {number: other for number, other in self._under_way.items() if other != index}
+        self._outcomes[index] = self._simulate(index)
 
     def _hand_out(self) -> None:
         for worker in self._workers:
             if self._waiting and worker.job is None:
-                index, number = self._waiting.popleft(), next(self._numbers)
-                self._under_way[number] = index
+                job = self._jobs[index := self._waiting.popleft()]
+                self._under_way[job.number] = index
                 try:
-                    worker.give(Job(number, self._scenes[index].bodies, self._seconds), self._clock.monotonic())
+                    worker.give(job, self._clock.monotonic())
                 except OSError:
                     self._bury(worker)
+
+    def _take_all(self, workers: Sequence[WorkerProcess]) -> None:
+        for worker in workers:
+            self._take(worker)
 
     def _take(self, worker: WorkerProcess) -> None:
         try:
@@ -155,7 +176,7 @@ class _Run:
         self._outcomes[index] = reply.outcome
 
     def _bury(self, worker: WorkerProcess) -> None:
-        """Start a dead worker again; its scene gets one more try, for it may be what killed it."""
+        """Start a dead worker again; its job gets one more try, for it may be what killed it."""
         index = self._under_way.pop(worker.job, None) if worker.job is not None else None
         if index is not None and index not in self._lost:
             self._lost.add(index)
@@ -166,8 +187,10 @@ class _Run:
 
     def _restart_stuck(self) -> None:
         now = self._clock.monotonic()
-        for worker in self._workers:
-            if worker.job is not None and now - worker.since > _STUCK:
+        stuck = [worker for worker in self._workers if worker.is_stuck(now)]
+        answered = _readable(stuck, 0.0)  # who has just done the job rests, too
+        for worker in stuck:
+            if worker not in answered:
                 _log.warning("a worker for rollouts was stuck; it is started again")
                 worker.restart(now)
 

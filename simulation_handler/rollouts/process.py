@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import socket
 import subprocess
 import sys
 from pathlib import Path
 
+import psutil
+
 from simulation_handler.rollouts.messages import READY, Job, Reply, receive_reply, send
 
 _ROOT = Path(__file__).parents[2]
 _PATIENCE = 1.0  # s for a message that has begun
+_MOST_WORK = 5.0
+"""s of processor time on one job from which a worker is stuck: a hundred times what the longest one takes."""
+_MOST_REST = 5.0
+"""s for which a worker may have a job before it is stuck if it does nothing about it: it neither works nor waits for a
+processor or a disk. Who works never rests for longer than a page takes to come from a disk."""
+_AT_WORK = (psutil.STATUS_RUNNING, psutil.STATUS_WAKING, psutil.STATUS_DISK_SLEEP)
 
 
 class WorkerProcess:
-    """Begins at once; `ready` and `job` say what it is doing.
+    """Begins at once; `is_starting` and `job` say what it is doing.
 
     It is in a session of its own, so that Ctrl-C reaches only us, and ends when we do, however that happens.
     """
@@ -43,6 +52,32 @@ class WorkerProcess:
         """Number of what it is busy with; None while it waits."""
         self.since = now
         """When it was given that."""
+        self._worked = 0.0  # s of processor time that it had used then
+
+    @property
+    def is_starting(self) -> bool:
+        """Whether it has not said yet that it is ready, which takes as long as the machine is busy."""
+        return self.job == READY.number
+
+    def is_stuck(self, now: float) -> bool:
+        """Whether nothing is to be expected any more, at time `now` (s), of the job that it has.
+
+        What counts is not how long that took: on a busy machine it may have waited for a processor. Who is still
+        starting is not stuck.
+        """
+        if self.job is None or self.is_starting:
+            return False
+        try:
+            process = psutil.Process(self.pid)
+            rests = process.status() not in _AT_WORK
+            return self._work() - self._worked > _MOST_WORK or (rests and now - self.since > _MOST_REST)
+        except psutil.NoSuchProcess:
+            return False  # it has died, which is noticed elsewhere
+
+    def _work(self) -> float:
+        """Processor time that it has used, s."""
+        times = psutil.Process(self.pid).cpu_times()
+        return float(times.user + times.system)
 
     @property
     def pid(self) -> int:
@@ -52,6 +87,8 @@ class WorkerProcess:
     def give(self, job: Job, now: float) -> None:
         """Let it simulate a scene, at time `now`; raises `OSError` if it has died."""
         self.job, self.since = job.number, now
+        with contextlib.suppress(psutil.NoSuchProcess):
+            self._worked = self._work()
         send(self.connection, job)
 
     def take(self) -> Reply:

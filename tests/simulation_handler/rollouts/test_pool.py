@@ -20,6 +20,7 @@ from simulation_handler.rollouts import process as process_module
 from simulation_handler.rollouts.pool import Pool
 from simulation_handler.simulator import SimulationError
 from tests.simulation_handler.rollouts.scenes import cube, random_scene, scene_of
+from tests.simulation_handler.rollouts.slowed import slow_down
 
 SCENES = [random_scene(seed) for seed in range(8)]
 PLENTY = 60.0
@@ -88,35 +89,98 @@ def test_a_worker_that_dies_is_replaced_and_its_scene_is_not_lost():
             assert pool.run(SCENES, 0.3) == expected
 
 
-def test_a_worker_that_stops_does_not_hold_up_the_others(monkeypatch: pytest.MonkeyPatch):
+def test_a_worker_that_stops_holds_up_nothing_and_is_replaced(monkeypatch: pytest.MonkeyPatch):
     with Pool(2, PLENTY) as pool:
         wait_until_ready(pool)
         expected = pool.run(SCENES, 0.3)
         stopped = pool.pids[0]
         os.kill(stopped, signal.SIGSTOP)
-        outcomes = pool.run(SCENES, 0.3, budget=3.0)
-        assert sum(a == b for a, b in zip(outcomes, expected, strict=True)) == len(SCENES) - 1, "one is stuck"
-        monkeypatch.setattr(pool_module, "_STUCK", 0.0)
+        assert pool.run(SCENES, 0.3) == expected, "what it was given is simulated here"
+        assert stopped in pool.pids
+        monkeypatch.setattr(process_module, "_MOST_REST", 0.0)
         pool.run([], 0.3)
         assert stopped not in pool.pids
         assert pool.run(SCENES, 0.3) == expected
+
+
+def test_a_worker_that_waits_for_a_processor_is_not_stuck_however_long(monkeypatch: pytest.MonkeyPatch):
+    with Pool(1, PLENTY) as pool:
+        wait_until_ready(pool)
+        os.kill(pool.pids[0], signal.SIGSTOP)  # one that waits for a processor does as little
+        pids = pool.pids
+        pool.run(SCENES, 0.3)
+        monkeypatch.setattr(process_module, "_MOST_REST", 0.0)
+        monkeypatch.setattr(process_module, "_AT_WORK", (psutil.STATUS_STOPPED,))
+        pool.run([], 0.3)
+        assert pool.pids == pids
+        os.kill(pool.pids[0], signal.SIGCONT)
+
+
+def test_a_worker_that_works_for_too_long_on_a_job_is_replaced(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    slow_down(monkeypatch, tmp_path, jobs="spin")
+    with Pool(1, PLENTY) as pool, Pool(0) as here:
+        wait_until_ready(pool)
+        pids, expected = pool.pids, here.run(SCENES, 0.3)
+        assert pool.run(SCENES, 0.3) == expected
+        pool.run([], 0.3)
+        assert pool.pids == pids
+        monkeypatch.setattr(process_module, "_MOST_WORK", 0.01)
+        assert wait_until(lambda: not pool.run([], 0.3) and pool.pids != pids)
+
+
+def test_workers_that_start_slowly_are_not_stuck_and_meanwhile_scenes_are_simulated_here(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+):
+    start = slow_down(monkeypatch, tmp_path, starts=True)
+    monkeypatch.setattr(process_module, "_MOST_REST", 0.0)
+    monkeypatch.setattr(process_module, "_MOST_WORK", 0.0)
+    with Pool(2, PLENTY) as pool, Pool(0) as here:
+        pids, expected = pool.pids, here.run(SCENES, 0.3)
+        for _ in range(3):
+            assert pool.run(SCENES, 0.3) == expected
+        assert pool.pids == pids
+        start()
+        wait_until_ready(pool)
+        monkeypatch.undo()
+        assert pool.run(SCENES, 0.3) == expected
+        assert pool.pids == pids
+
+
+def test_workers_that_are_slow_with_each_job_hold_up_nothing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    go_on = slow_down(monkeypatch, tmp_path, jobs="wait")
+    with Pool(2, PLENTY) as pool, Pool(0) as here:
+        wait_until_ready(pool)
+        pids, expected = pool.pids, here.run(SCENES, 0.3)
+        for _ in range(2):
+            assert pool.run(SCENES, 0.3) == expected
+        go_on()
+        assert pool.run(SCENES, 0.3) == expected, "late answers to earlier runs are nothing of this one"
+        assert pool.pids == pids
 
 
 def test_workers_that_have_waited_for_long_are_not_stuck(monkeypatch: pytest.MonkeyPatch):
     with Pool(2, PLENTY) as pool:
         pids = pool.pids
         wait_until_ready(pool)
-        monkeypatch.setattr(pool_module, "_STUCK", 0.0)
+        monkeypatch.setattr(process_module, "_MOST_REST", 0.0)
         pool.run([], 0.1)
         assert pool.pids == pids
+
+
+def test_what_has_killed_a_worker_is_left_to_workers(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
+    slow_down(monkeypatch, tmp_path, jobs="die")
+    monkeypatch.setattr(pool_module, "_HELP_AFTER", PLENTY)
+    with Pool(1, PLENTY) as pool:
+        wait_until_ready(pool)
+        assert pool.run(SCENES[:1], 0.3) == [None]
 
 
 def test_workers_that_cannot_live_are_given_up_and_the_work_is_done_here(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(process_module.sys, "executable", "/bin/false")
     with Pool(2, PLENTY) as pool, Pool(0) as here:
-        assert pool.run(SCENES, 0.2) == [None] * len(SCENES)
-        assert pool.pids == ()
-        assert pool.run(SCENES, 0.2) == here.run(SCENES, 0.2)
+        expected = here.run(SCENES, 0.2)
+        assert wait_until(lambda: pool.run(SCENES, 0.2) != expected or pool.pids == ())
+        assert pool.run(SCENES, 0.2) == expected
 
 
 def test_closing_ends_the_workers_and_leaves_no_descriptor():

@@ -1,0 +1,128 @@
+"""Of explanations that are as good, the one is taken that changes the least of what was believed, heights included."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dsr.clock import ManualClock
+from simulation_handler.config import BeliefConfig
+from simulation_handler.explaining.by_hypotheses import ByHypotheses
+from simulation_handler.explaining.camera import explained_by_camera
+from simulation_handler.explaining.drafting import Draft
+from simulation_handler.explaining.hypotheses import Hypothesis, Move
+from simulation_handler.explaining.least_change import AS_GOOD, with_least_change
+from simulation_handler.explaining.piles import piles_beneath
+from simulation_handler.explaining.scoring import Score, score
+from simulation_handler.explaining.search import Candidate
+from simulation_handler.explaining.situation import Properties, Seen, Situation
+from simulation_handler.geometry import Solid
+from simulation_handler.rollouts import Pool
+from simulation_handler.sight import Glance
+from tests.simulation_handler.worlds import CUBE
+
+TABLE = Solid("table", (2.0, 2.0, 0.04), (0.0, 0.0, -0.02), fixed=True)
+NAMES = ("a", "b", "c")
+
+
+def cube(name: str, x: float, level: int, y: float = 0.0) -> Solid:
+    return Solid(name, CUBE, (x, y, 0.02 + 0.04 * level))
+
+
+def seen(solid: Solid) -> Seen:
+    return Seen(solid, 4e-6 * np.eye(3), 1e-3 * np.eye(3), count=10, moving=False)
+
+
+def situation(believed: list[Solid], percepts: list[Solid]) -> Situation:
+    """No relations are known: only where things are believed to be."""
+    properties = {solid.name: Properties(0.05, 0.7) for solid in (*believed, *percepts)}
+    return Situation(
+        now=10.0,
+        config=BeliefConfig(),
+        fixtures={"table": TABLE},
+        believed={solid.name: solid for solid in believed},
+        properties=properties | {"table": Properties(0.0, 0.7)},
+        seen={solid.name: seen(solid) for solid in percepts},
+        surprising=tuple(sorted(solid.name for solid in percepts)),
+    )
+
+
+@pytest.mark.parametrize("order", list(itertools.permutations(NAMES)))
+def test_a_tower_that_was_moved_as_a_whole_keeps_its_order(order: tuple[str, ...]) -> None:
+    """Whatever the cubes are called, and though nothing is known but how high each of them was believed to be."""
+    tower = [cube(name, 0.0, level) for level, name in enumerate(order)]
+    here = situation([*tower, cube("top", 0.0, 3)], [cube("top", 0.3, 3)])
+    assert piles_beneath(here, "top", here.believed, ())[0] == order
+    policy = ByHypotheses(Pool(0), clock=ManualClock())
+    explanation = policy.explain(replace(here, planned=frozenset(("top", name) for name in order)))
+    policy.close()
+    assert explanation is not None and explanation.text == f"put_back_under({', '.join(reversed(order))}; top)"
+    for level, name in enumerate(order):
+        assert explanation.solids[name].position == pytest.approx((0.3, 0.0, 0.02 + 0.04 * level), abs=0.002)
+
+
+@pytest.mark.parametrize("order", list(itertools.permutations(NAMES)))
+def test_of_unseen_objects_that_fit_alike_the_nearest_came(order: tuple[str, ...]) -> None:
+    others = [cube(name, 0.2 * (1 + place), 0) for place, name in enumerate(order)]
+    here = situation([*others, cube("top", -0.5, 0)], [cube("top", 0.0, 1)])
+    assert piles_beneath(here, "top", here.believed, ())[0] == (order[0],)
+    assert piles_beneath(here, "top", here.believed, {order[2]})[0] == (order[2],), "it is missing where it was"
+
+
+def test_of_many_unseen_objects_those_count_that_are_near_not_those_that_come_first_by_name() -> None:
+    far = [cube(f"a{number}", 0.6, 0, 0.1 * number) for number in range(12)]
+    here = situation([*far, cube("z", 0.0, 0), cube("top", 0.0, 1)], [cube("top", 0.1, 1)])
+    assert piles_beneath(here, "top", here.believed, ())[0] == ("z",)
+
+
+def candidate(name: str, x: float, total: float, *, held: bool = False) -> Candidate:
+    """`name` came from x to beneath the top."""
+    hypothesis = Hypothesis().with_move(Move("top", beneath=(name,), held=held))
+    settled = {"top": cube("top", 0.0, 1), name: cube(name, 0.0, 0)}
+    return Candidate(hypothesis, Draft(settled, {}, frozenset()), settled, Score(total, ()))
+
+
+def test_what_is_as_good_is_decided_by_change_and_all_else_by_score() -> None:
+    here = situation([cube("a", 0.5, 0), cube("b", 0.1, 0), cube("top", -0.5, 0)], [cube("top", 0.0, 1)])
+    far, near = candidate("a", 0.5, 8.0), candidate("b", 0.1, 8.0 + 0.9 * AS_GOOD)
+    assert with_least_change(here, [far, near]) == [near, far]
+    worse = candidate("b", 0.1, 8.0 + 1.1 * AS_GOOD)
+    assert with_least_change(here, [far, worse]) == [far, worse]
+    held = candidate("b", 0.1, 8.0, held=True)
+    assert with_least_change(here, [far, held]) == [far, held], "it assumes something else"
+    assert with_least_change(here, []) == []
+
+
+def test_what_hides_something_does_not_depend_on_the_order_of_cameras() -> None:
+    """One camera does not look there, from another an object hides it, from a third the arm does."""
+    here = situation([cube("a", 0.0, 0), cube("top", 0.0, 1)], [cube("a", 0.0, 0)])
+    nowhere, hidden, arm = Glance(0.0, ""), Glance(0.0, "top"), Glance(0.0, "link")
+    nothing = Hypothesis()
+    drafted = Draft(here.believed, {}, frozenset())
+
+    def total(*glances: Glance) -> float:
+        by_camera = {(f"camera_{number}", "a"): glance for number, glance in enumerate(glances)}
+        return score(replace(here, look=lambda _: by_camera), nothing, drafted, here.believed).total
+
+    assert total(nowhere, hidden) == total(hidden, nowhere) > total(nowhere, nowhere)
+    assert total(arm, hidden) == total(hidden, arm) == total(nowhere, nowhere), "the arm may be seen past"
+
+
+@pytest.mark.parametrize("names", ["abcde", "edcba"])
+def test_of_two_motions_of_the_camera_that_explain_as_much_the_smaller_one_does(names: str) -> None:
+    """Two seem to have moved by 5 cm, two have not, and of the fifth nobody can tell."""
+    believed = [cube(name, 0.2 * place, 0, 0.1 * (place % 2)) for place, name in enumerate(names)]
+    shifts = [0.05, 0.05, 0.025, 0.0, 0.0]
+    here = situation(believed, believed)
+    noise = {names[2]: 0.05**2}
+    percepts = {
+        solid.name: replace(
+            seen(solid.moved((solid.position[0] + shift, *solid.position[1:]))),
+            covariance=np.diag([noise.get(solid.name, 25e-6), 25e-6, 25e-6]),
+        )
+        for solid, shift in zip(believed, shifts, strict=True)
+    }
+    assert explained_by_camera(replace(here, seen=percepts)) == frozenset(names[2:])

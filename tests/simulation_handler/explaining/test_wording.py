@@ -1,0 +1,33 @@
+"""The words of explanations can be read again."""
+
+from __future__ import annotations
+
+import pytest
+
+from simulation_handler.explaining.wording import is_lasting, moved_together
+
+
+@pytest.mark.parametrize(
+    ("text", "together"),
+    [
+        ("moved_with_supports(a; b, c)", {"a": {"b", "c"}}),
+        ("held_moved_with_supports(a; b) & moved_alone(d)", {"a": {"b"}}),
+        ("moved_with_contents(a; b) & put_back_under(c, e; d)", {"a": {"b"}, "d": {"c", "e"}}),
+        ("moved_alone(a) & removed(b)", {}),
+    ],
+)
+def test_what_moved_together(text: str, together: dict[str, set[str]]) -> None:
+    assert moved_together(text) == together
+
+
+@pytest.mark.parametrize(
+    ("text", "lasts"),
+    [
+        ("nothing_changed()", True),
+        ("false_percept(a) & false_percept(b)", True),
+        ("false_percept(a) & moved_alone(b)", False),
+        ("camera_moved()", False),
+    ],
+)
+def test_what_leaves_the_belief_as_it_is_goes_on(text: str, lasts: bool) -> None:
+    assert is_lasting(text) == lasts

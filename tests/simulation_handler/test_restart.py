@@ -1,0 +1,147 @@
+"""The agent is killed and comes back: what was explained stays explained, and what is surprising is explained soon."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from dsr.clock import WALL_CLOCK
+from dsr.timeline import EXPLAINED, query
+from simulation_handler import agent as agent_module
+from simulation_handler.config import BeliefConfig
+from simulation_handler.explaining.by_hypotheses import ByHypotheses
+from simulation_handler.explaining.policy import Explanation
+from simulation_handler.explaining.situation import Situation
+from simulation_handler.rollouts import Pool
+from tests.simulation_handler.rollouts.slowed import slow_down
+from tests.simulation_handler.test_agent import NAME, Table
+from tests.simulation_handler.test_seeing import LENS
+from tests.simulation_handler.worlds import cube_at
+
+SOON = 3.0
+"""s after it is ready, in which a surprise is explained"""
+
+
+@pytest.fixture
+def table() -> Iterator[Table]:
+    scene = Table()
+    scene.memory.update_node("camera", **LENS)
+    yield scene
+    scene.lockstep.close()
+
+
+@pytest.fixture
+def situations(monkeypatch: pytest.MonkeyPatch) -> list[Situation]:
+    """All that were explained."""
+    found, explain = list[Situation](), ByHypotheses.explain
+    monkeypatch.setattr(ByHypotheses, "explain", lambda self, it: (found.append(it), explain(self, it))[1])
+    return found
+
+
+def build_tower(table: Table) -> None:
+    """Cube 3 on cube 4, of which the camera sees only the upper one; cube 5 beside them."""
+    table.add("cube_3", cube_at(0.4, -0.1))
+    table.add("cube_4", cube_at(0.4, 0.1))
+    table.add("cube_5", cube_at(0.3, -0.1))
+    table.run(1.5)
+    table.truths["cube_3"] = cube_at(0.4, 0.1, 0.06)
+    del table.truths["cube_4"]
+    table.run(2.0)
+    assert ("cube_3", "cube_4") in table.relations()
+
+
+def explained(table: Table) -> list[str]:
+    return [entry.text for entry in query(table.memory, kind=EXPLAINED)]
+
+
+def restart(table: Table) -> None:
+    table.lockstep.kill(NAME)
+    table.lockstep.restart(NAME)
+
+
+@pytest.mark.parametrize("slow", ["start", "jobs"])
+def test_what_is_surprising_is_explained_soon_however_slow_the_workers_are(
+    table: Table, slow: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    build_tower(table)
+    table.lockstep.kill(NAME)
+    table.truths["cube_3"] = cube_at(0.3, 0.1, 0.06)
+    go_on = slow_down(monkeypatch, tmp_path, starts=slow == "start", jobs="wait" if slow == "jobs" else "run")
+    pools = list[Pool]()
+
+    def make_policy(config: BeliefConfig, clock: object) -> ByHypotheses:
+        pools.append(Pool(2, clock=WALL_CLOCK))
+        return ByHypotheses(pools[0], WALL_CLOCK)
+
+    monkeypatch.setattr(agent_module, "make_policy", make_policy)
+    table.lockstep.restart(NAME)
+    table.memory.update_node("cube_3", surprising=True)
+    before, pids = len(explained(table)), pools[0].pids
+    table.run(SOON)
+    assert explained(table)[before:] == ["moved_with_supports(cube_3; cube_4)"]
+    assert table.error("cube_3") < 0.005
+    assert table.belief("cube_4").pose.distance(cube_at(0.3, 0.1))[0] < 0.005
+    assert pools[0].pids == pids, "nobody was stuck"
+    go_on()
+
+
+def test_what_was_taken_out_is_not_believed_to_be_back_because_of_where_it_was_last_seen(table: Table) -> None:
+    table.add("cube_1", cube_at(0.4, 0.1))
+    table.add("cube_2", cube_at(0.3, -0.1))
+    table.run(2.0)
+    del table.truths["cube_1"]
+    table.run(3.0)
+    assert explained(table) == ["removed(cube_1)"]
+    restart(table)
+    watch = table.memory.watch(node_type="cube", existing=False)
+    table.run(3.0)
+    assert explained(table) == ["removed(cube_1)"]
+    assert table.memory.get_edge("world", "cube_1", "Virtual_RT") is None
+    assert table.memory.node("cube_1")["present"] is False
+    assert not [change for change in watch.poll() if change.name == "cube_1"]
+    table.truths["cube_1"] = cube_at(0.4, 0.2)
+    table.run(1.0)
+    assert table.error("cube_1") < 0.005 and table.memory.node("cube_1")["present"] is True
+
+
+def test_what_an_explanation_put_somewhere_is_still_there_by_that_explanation(table: Table) -> None:
+    build_tower(table)
+    table.truths["cube_3"] = cube_at(0.3, 0.1, 0.06)
+    table.run(1.5)
+    assert explained(table)[-1] == "moved_with_supports(cube_3; cube_4)"
+    sources = {(edge.src, edge.dst): (edge["source"], edge["since"]) for edge in table.memory.edges("on")}
+    assert sources["cube_3", "cube_4"][0] == "explanation"
+    restart(table)
+    table.run(1.0)
+    assert sources == {(edge.src, edge.dst): (edge["source"], edge["since"]) for edge in table.memory.edges("on")}
+
+
+def test_what_moved_along_unseen_was_not_last_glimpsed_where_it_stood_before(
+    table: Table, situations: list[Situation]
+) -> None:
+    build_tower(table)
+    table.truths["cube_3"] = cube_at(0.3, 0.1, 0.06)
+    table.run(1.5)
+    restart(table)
+    del situations[:]
+    table.truths["cube_3"] = cube_at(0.3, 0.2, 0.06)
+    table.run(1.5)
+    assert situations[0].glimpsed == {}
+    assert situations[0].companions == {"cube_3": {"cube_4"}}, "they have just moved together"
+    assert explained(table)[-1] == "moved_with_supports(cube_3; cube_4)"
+
+
+def test_what_only_goes_on_is_not_told_anew(table: Table, monkeypatch: pytest.MonkeyPatch) -> None:
+    nothing = Explanation("nothing_changed()", ("cube_5",), changes_belief=False)
+    monkeypatch.setattr(ByHypotheses, "explain", lambda self, situation: nothing)
+    table.add("cube_5", cube_at(0.3, -0.1))
+    table.run(1.5)
+    del table.truths["cube_5"]
+    table.add("cube_4", cube_at(0.4, -0.1))
+    table.run(10.0)
+    assert explained(table) == ["nothing_changed()"]
+    restart(table)
+    table.run(3.0)
+    assert explained(table) == ["nothing_changed()"]
