@@ -43,17 +43,27 @@ class Figure:
         self.base_boxes = self._links.count(0)
         """How many of the boxes stand still with the base; they come first."""
 
+    @property
+    def reach(self) -> float:
+        """m that the fingers reach beyond the tool point, along the tool's z axis; 0 without any."""
+        fingers = [box.seen_from(self._tool_from_end) for box in self._robot.fingers(self._end_effector, 0.0)]
+        return max((float(box.corners[:, 2].max()) for box in fingers), default=0.0)
+
+    def gripper(self, opening: float) -> list[Box]:
+        """Boxes of palm and fingers in the tool's frame, fingers `opening` m apart."""
+        fingers = self._robot.fingers(self._end_effector, opening)
+        return [*self._palm, *(box.seen_from(self._tool_from_end) for box in fingers)]
+
     def gripper_boxes(self, opening: float) -> int:
         """How many of the boxes are of palm and fingers."""
-        return len(self._palm) + len(self._robot.fingers(self._end_effector, opening))
+        return len(self.gripper(opening))
 
     def boxes(self, positions: Array, opening: float, held: Sequence[Box] = ()) -> Boxes:
         """Boxes (m, b) in the base frame at joint `positions` (m, n), fingers `opening` m apart.
 
         Those of the links come first, then palm and fingers, then `held`, given in the tool's frame.
         """
-        fingers = [box.seen_from(self._tool_from_end) for box in self._robot.fingers(self._end_effector, opening)]
-        parts = [*self._fixed, *self._palm, *fingers, *held]
+        parts = [*self._fixed, *self.gripper(opening), *held]
         frames = self._chain.frames(positions)
         index = np.array([*self._links, *[self._tip] * (len(parts) - len(self._fixed))])
         local = np.array([box.pose.matrix for box in parts])

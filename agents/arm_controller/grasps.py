@@ -6,24 +6,26 @@ The tool's z axis points out of the gripper, its x axis from pad to pad.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from agents.arm_controller.obstacles import STANDOFF
 from agents.arm_controller.overlap import Array
+from agents.arm_controller.room import Room
 from agents.arm_controller.scene import Thing
 from dsr.errors import DsrError
 from dsr.transforms import Pose
 
 MOST_TILT = 0.26
 """rad that an object may lean and still be grasped from above or stood upon"""
-PAD_REACH = 0.015
-"""m that the pads reach beyond the tool point"""
-SIDE_ROOM = (0.03, 0.012)
-"""m that the fingers open wider than the object: usually, and between neighbours"""
+SIDE_ROOM = (0.03, 0.012, 0.004)
+"""m that the fingers open wider than the object: usually, between neighbours, and at the least"""
+LEAST_HOLD = 0.005
+"""m of an object's height that must be between the pads: where its top is is known to some mm only"""
 
-_GROUND = 0.003  # m that the pads stay above what the object stands on
-_DEPTH = 0.017  # m below the top of an object at which it is held, if it is high enough
+_DEPTH = 0.017  # m below the top of an object at which it is held, if there is room to get there
+_STEP = 0.001  # m between two heights of the tool point that are tried
 _SQUARE = 0.002  # m by which the sides of a square may differ
 
 
@@ -85,36 +87,74 @@ def upright(thing: Thing) -> Upright:
     return Upright(np.array(thing.pose.t), sides, thing.size[vertical])
 
 
-def grasps(thing: Thing, widest: float) -> list[Grasp]:
-    """Top grasps; better are those with more room for the fingers, then those across the shorter side.
+def grasps(thing: Thing, room: Room, widest: float) -> list[Grasp]:
+    """Top grasps, each as deep as there is room for.
+
+    Those with less than half of the greatest hold are worse than all others. Apart from that, better are those with
+    more room for the fingers, then those across the shorter side.
 
     Args:
         thing: what to grasp.
+        room: what is around it.
         widest: m, the largest opening of the gripper.
 
     Raises:
-        GraspError: if it leans or is too wide.
+        GraspError: if it leans, is too wide or too low, or the gripper has no room around it, with what takes that.
     """
     body = upright(thing)
+    ways = _ways(thing, body, widest)
+    heights = _heights(thing.name, body, room.reach)
+    found: list[tuple[Grasp, float]] = []
+    in_the_way = dict[str, None]()
+    for way in ways:
+        tools = [_at_height(way.world_from_tool, height) for height in heights]
+        blockers = room.blockers(tools[:1], way.width, way.opening)
+        blockers += room.blockers(tools[1:], way.width, way.opening) if blockers[0] else []
+        if "" in blockers:
+            depth = blockers.index("")
+            found.append((replace(way, world_from_tool=tools[depth]), body.top - heights[depth] + room.reach))
+        else:
+            in_the_way[blockers[-1]] = None
+    if not found:
+        raise GraspError(f"no room for the gripper around {thing.name}, because of {', '.join(in_the_way)}")
+    half = max(hold for _, hold in found) / 2
+    return [replace(grasp, rank=grasp.rank + (len(ways) if hold < half else 0)) for grasp, hold in found]
+
+
+def _ways(thing: Thing, body: Upright, widest: float) -> list[Grasp]:
+    """Directions and openings of the gripper that fit the object, at the height of its centre."""
     fitting = [side for side in body.sides if side[1] + min(SIDE_ROOM) <= widest]
     if not fitting:
         narrow = min(length for _, length in body.sides)
         raise GraspError(f"{thing.name} is {narrow * 1e3:.0f} mm wide, too wide for {widest * 1e3:.0f} mm")
     fitting.sort(key=lambda side: side[1])
-    bottom = float(body.center[2]) - body.height / 2
-    height = max(body.top - _DEPTH, bottom + PAD_REACH + _GROUND)
-    center = (float(body.center[0]), float(body.center[1]), min(height, body.top))
+    x, y, z = body.center.tolist()
     return [
-        Grasp(
-            looking_down(center, sign * axis),
-            min(width + room, widest),
-            width,
-            2 * cramped + (0 if body.is_square else longer),
-        )
-        for cramped, room in enumerate(SIDE_ROOM)
+        Grasp(looking_down((x, y, z), sign * axis), opening, width, 2 * cramped + (0 if body.is_square else longer))
         for longer, (axis, width) in enumerate(fitting)
+        for cramped, opening in enumerate(dict.fromkeys(min(width + room, widest) for room in SIDE_ROOM))
         for sign in (1.0, -1.0)
     ]
+
+
+def _heights(name: str, body: Upright, reach: float) -> list[float]:
+    """Heights of the tool point (m, world) that are tried, the deepest first, for pads that reach `reach` m beyond it.
+
+    What the object stands on may not be known, so the pads keep away from its bottom as from what is known. Raises
+    `GraspError` for an object that is too low for that.
+    """
+    deepest = max(body.top - _DEPTH, body.top - body.height + reach + STANDOFF)
+    highest = body.top + reach - LEAST_HOLD
+    if deepest > highest:
+        least = STANDOFF + LEAST_HOLD
+        raise GraspError(f"{name} is {body.height * 1e3:.1f} mm high, too low: expected at least {least * 1e3:.1f} mm")
+    heights: list[float] = np.arange(deepest, highest, _STEP).tolist()
+    return heights
+
+
+def _at_height(world_from_tool: Pose, height: float) -> Pose:
+    x, y, _ = world_from_tool.t
+    return Pose((x, y, height), world_from_tool.q)
 
 
 def looking_down(position: tuple[float, float, float], x_axis: Array) -> Pose:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from agents.arm_controller.figure import Figure
-from agents.arm_controller.overlap import Array, Boxes, gaps
+from agents.arm_controller.overlap import Array, Boxes, room, stacked
 from agents.arm_controller.scene import Thing
 from agents.arm_controller.shapes import Box
 from dsr.transforms import Pose
@@ -17,6 +17,8 @@ MARGIN = 0.01
 """m that the arm and what it carries keep away from things"""
 GRIPPER_MARGIN = 0.003
 """m that palm and fingers keep away on a final line, where they work between things"""
+STANDOFF = GRIPPER_MARGIN + 0.0002
+"""m that grasps are planned to keep: more than is asked for later, because solved joints are some 0.01 mm off"""
 HELD_MARGIN = -0.003
 """m for the held object on a final line: it ends in contact, and poses are known to some mm only"""
 ITSELF = "the arm itself"
@@ -48,9 +50,7 @@ class Obstacles:
         self._figure = figure
         self._names = [thing.name for thing in things]
         self._target = self._names.index(target) if target in self._names else None
-        matrices = np.array([(arm_from_world @ thing.pose).matrix for thing in things]).reshape(-1, 4, 4)
-        halves = np.array([thing.size for thing in things]).reshape(-1, 3) / 2
-        self._boxes = Boxes(matrices[:, :3, 3], matrices[:, :3, :3], halves)
+        self._boxes = stacked((arm_from_world @ thing.pose, thing.size) for thing in things)
 
     def blocking(self, path: Array, load: Load, final: int) -> str | None:
         """What a path (m, n) of joint positions meets first, by name; None if it is free.
@@ -64,8 +64,8 @@ class Obstacles:
 
     def _meetings(self, boxes: Boxes, load: Load, final: int) -> list[tuple[int, str]]:
         """Rows at which things are met, and their names."""
-        room = self._room(boxes, load, final)
-        met = [(_first_met(column), name) for column, name in zip(room.T, self._names, strict=True)]
+        left = self._room(boxes, load, final)
+        met = [(_first_met(column), name) for column, name in zip(left.T, self._names, strict=True)]
         itself = _first_met(np.where(self._figure.meets_itself(boxes, 0.0), -1.0, 1.0))
         return [(row, name) for row, name in [*met, (itself, ITSELF)] if row is not None]
 
@@ -78,16 +78,11 @@ class Obstacles:
         late = rows - final
         margins[late:, gripper:] = GRIPPER_MARGIN
         margins[late:, parts - held :] = HELD_MARGIN
-        away = np.linalg.norm(boxes.centers[:, :, None] - self._boxes.centers, axis=-1)
-        near = away < boxes.radii[:, :, None] + self._boxes.radii + MARGIN
-        near[:, : self._figure.base_boxes] = False
+        checked = np.ones((rows, parts, len(self._names)), dtype=bool)
+        checked[:, : self._figure.base_boxes] = False
         if self._target is not None:
-            near[late:, gripper:, self._target] = False
-        row, part, thing = np.nonzero(near)
-        room = np.full((rows, len(self._names)), np.inf)
-        arm = Boxes(boxes.centers[row, part], boxes.axes[row, part], boxes.halves[row, part])
-        np.minimum.at(room, (row, thing), gaps(arm, self._boxes.at(thing)) - margins[row, part])
-        return room
+            checked[late:, gripper:, self._target] = False
+        return room(boxes, self._boxes, margins, checked)
 
 
 def _first_met(room: Array) -> int | None:

@@ -6,10 +6,14 @@ SIGGRAPH 1996. The gap along the best of the 15 axes is a lower bound of the dis
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+
+from dsr.quaternions import Vector3
+from dsr.transforms import Pose
 
 Array = NDArray[np.float64]
 _PARALLEL = 1e-6  # below which the cross product of two edges gives no axis
@@ -34,6 +38,34 @@ class Boxes(NamedTuple):
         """(...) m, of the spheres around them."""
         radii: Array = np.linalg.norm(self.halves, axis=-1)
         return radii
+
+
+def stacked(things: Iterable[tuple[Pose, Vector3]]) -> Boxes:
+    """(k) boxes at poses (frame_from_box, at their centres) with edges of m."""
+    listed = list(things)
+    matrices = np.array([pose.matrix for pose, _ in listed]).reshape(-1, 4, 4)
+    halves = np.array([size for _, size in listed]).reshape(-1, 3) / 2
+    return Boxes(matrices[:, :3, 3], matrices[:, :3, :3], halves)
+
+
+def room(parts: Boxes, things: Boxes, margins: Array, checked: NDArray[np.bool_] | None = None) -> Array:
+    """(m, k) m that is left between m sets of parts and each of k things beyond the margins; inf where there is plenty.
+
+    Args:
+        parts: (m, p) boxes.
+        things: (k) boxes.
+        margins: (m, p) m that each part keeps away.
+        checked: (m, p, k) which pairs count; all if None.
+    """
+    away = np.linalg.norm(parts.centers[:, :, None] - things.centers, axis=-1)
+    near = away < parts.radii[:, :, None] + things.radii + margins[:, :, None]
+    if checked is not None:
+        near &= checked
+    row, part, thing = np.nonzero(near)
+    left = np.full((len(margins), len(things.centers)), np.inf)
+    pairs = Boxes(parts.centers[row, part], parts.axes[row, part], parts.halves[row, part])
+    np.minimum.at(left, (row, thing), gaps(pairs, things.at(thing)) - margins[row, part])
+    return left
 
 
 def gaps(a: Boxes, b: Boxes) -> Array:

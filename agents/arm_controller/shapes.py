@@ -31,6 +31,12 @@ class Box:
     """m, half its edges"""
 
     @property
+    def size(self) -> Vector3:
+        """m, its edges."""
+        x, y, z = self.half
+        return 2 * x, 2 * y, 2 * z
+
+    @property
     def corners(self) -> Array:
         """(8, 3) in the link's frame, m."""
         return self.pose.apply(_CORNERS * self.half)

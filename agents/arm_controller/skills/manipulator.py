@@ -15,6 +15,7 @@ from agents.arm_controller.joints import Joints
 from agents.arm_controller.kinematics import Chain, UnreachableError
 from agents.arm_controller.obstacles import Load, Obstacles
 from agents.arm_controller.overlap import Array
+from agents.arm_controller.room import Room
 from agents.arm_controller.routes import BlockedError, Goal, Router
 from agents.arm_controller.scene import Scene, Thing
 from agents.arm_controller.shapes import Box
@@ -156,6 +157,10 @@ class Manipulator:
         travel = max((thing.top for thing in things), default=0.0) + max(below, 0.015) + CLEARANCE
         load = Load(opening, held)
         return self._router.plan(self._here, goal, load, self._obstacles(things, target), travel, self._limits)
+
+    def room(self, target: str) -> Room:
+        """What is around an object, for the gripper."""
+        return Room(self.figure, [thing for thing in self._things() if thing.name != target])
 
     def rise(self, held: str | None) -> Steps[None]:
         """Straight up, with `held` in the gripper."""

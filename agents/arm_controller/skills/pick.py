@@ -44,7 +44,7 @@ def pick(arm: Manipulator, name: str) -> Steps[None]:
 def _choose(arm: Manipulator, target: Thing) -> tuple[Grasp, Trajectory]:
     """The best grasp that can be reached, with the way there."""
     try:
-        candidates = grasps(target, arm.figure.widest)
+        candidates = grasps(target, arm.room(target.name), arm.figure.widest)
     except GraspError as error:
         raise SkillError(str(error)) from error
     solved = arm.solve([grasp.world_from_tool for grasp in candidates])

@@ -10,7 +10,7 @@ import pytest
 
 from agents.plant import Plant
 from agents.plant.reality import Reality
-from benchmarks.pick_place import CUBE, Bench
+from benchmarks.pick_bench import CUBE, Bench, cubes
 from dsr import Pose
 
 PLACES = [(0.42, 0.08, 0.4), (0.30, 0.08, -1.2), (0.30, -0.08, 2.0), (0.42, -0.08, 0.1)]
@@ -18,7 +18,7 @@ PLACES = [(0.42, 0.08, 0.4), (0.30, 0.08, -1.2), (0.30, -0.08, 2.0), (0.42, -0.0
 
 @pytest.fixture
 def bench() -> Iterator[Bench]:
-    with Bench(PLACES) as bench:
+    with Bench(cubes(PLACES)) as bench:
         yield bench
 
 
@@ -123,7 +123,7 @@ def test_a_support_that_is_higher_than_believed_is_met_and_stood_upon(bench: Ben
 def test_the_same_seed_gives_the_same_run() -> None:
     ends = []
     for _ in range(2):
-        with Bench(PLACES, seed=3) as bench:
+        with Bench(cubes(PLACES), seed=3) as bench:
             bench.act("pick", target="cube_3")
             bench.act("place", target="cube_3", destination="cube_4")
             ends.append([bench.pose(name) for name in ("cube_3", "cube_4")])

@@ -1,0 +1,56 @@
+"""Whether the gripper has room around an object: what it would touch there while the fingers close."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from agents.arm_controller.figure import Figure
+from agents.arm_controller.obstacles import STANDOFF
+from agents.arm_controller.overlap import Array, Boxes, room, stacked
+from agents.arm_controller.scene import Thing
+from dsr.transforms import Pose
+
+_STROKE_STEP = 0.005  # m that a finger moves between two openings that are looked at; half of its thinnest box
+
+
+class Room:
+    """What is around one object.
+
+    Args:
+        figure: the shape of the gripper.
+        things: what must not be touched, without the object itself.
+    """
+
+    def __init__(self, figure: Figure, things: Sequence[Thing]) -> None:
+        self._figure = figure
+        self._names = [thing.name for thing in things]
+        self._boxes = stacked((thing.pose, thing.size) for thing in things)
+
+    @property
+    def reach(self) -> float:
+        """m that the fingers reach beyond the tool point."""
+        return self._figure.reach
+
+    def blockers(self, tools: Sequence[Pose], width: float, opening: float) -> list[str]:
+        """What the gripper is too close to where the tool is at each of `tools` (world_from_tool); empty for nothing.
+
+        It is the one that leaves the least room while the fingers go from `opening` to `width` (m).
+        """
+        if not tools or not self._names:
+            return [""] * len(tools)
+        left = self._room(tools, width, opening)
+        return [self._names[int(row.argmin())] if row.min() < 0.0 else "" for row in left]
+
+    def _room(self, tools: Sequence[Pose], width: float, opening: float) -> Array:
+        """(m, k) m that is left to each thing at m poses of the tool."""
+        steps = max(2, math.ceil((opening - width) / 2 / _STROKE_STEP) + 1)
+        parts = [box for wide in np.linspace(width, opening, steps) for box in self._figure.gripper(float(wide))]
+        local = stacked((box.pose, box.size) for box in parts)
+        world_from_tool = np.array([tool.matrix for tool in tools])
+        turns, offsets = world_from_tool[:, None, :3, :3], world_from_tool[:, None, :3, 3]
+        centers = (turns @ local.centers[..., None])[..., 0] + offsets
+        placed = Boxes(centers, turns @ local.axes, np.broadcast_to(local.halves, centers.shape))
+        return room(placed, self._boxes, np.full(centers.shape[:2], STANDOFF))
