@@ -26,11 +26,12 @@ from dsr.cli.common import (
 )
 from dsr.clock import WALL_CLOCK
 from dsr.errors import ConfigError, suggest
-from dsr.goals import parse_goal
+from dsr.goals import Goal, parse_goal
 from dsr.intentions import DONE, FAILED, FULFILLED, GIVEN_UP, HALTED, RUNNING, add_intention, nobody_pursues
 from dsr.memory import Memory
-from dsr.relations import SURFACES, THINGS
+from planner.config import PlannerConfig
 from planner.intentions import read_intentions
+from planner.waiting import known_names, may_appear, running_agents
 
 _PERIOD = 0.1  # s between two looks
 _ALONE = 5.0  # s without any other process of the graph until it counts as gone
@@ -83,7 +84,7 @@ def mission(
     parse_goal(goal)
     with writing(graph, router, security, agent) as memory:
         wanted = parse_goal(goal)
-        wanted.check_names(node.name for kind in (*THINGS, *SURFACES) for node in memory.nodes(kind))
+        wanted.check_names(known_names(memory) | _expected(memory, wanted))
         name = add_intention(memory, goal, maintain=maintain, priority=priority)
         if no_wait:
             print_json({"intention": name}) if as_json else console.print(f"{name}: {shown(goal)}", soft_wrap=True)
@@ -96,6 +97,13 @@ def mission(
         if outcome["status"] in GIVEN_UP:
             errors.print(f"it stays in the graph until dsr mission --cancel {name}", soft_wrap=True)
     raise typer.Exit(0 if outcome["status"] in FULFILLED else 1)
+
+
+def _expected(memory: Memory, goal: Goal) -> set[str]:
+    """Names in a goal that no node has and that may still get one, for those who see and believe are at work."""
+    if not running_agents(memory).issuperset(PlannerConfig().belief_agents):
+        return set()
+    return {name for name in goal.things if may_appear(memory, name)}
 
 
 def _follow(memory: Memory, name: str, timeout: float, *, quiet: bool) -> dict[str, Any]:

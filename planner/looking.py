@@ -58,7 +58,7 @@ class Looking:
         """The camera that the arm carries, and where to bring it. Sets `problem` if it cannot look."""
         camera, lens = carried_camera(self._memory)
         if lens is None:
-            self.problem = "the arm carries no camera"
+            self.problem = "the arm carries no camera that sends images"
         elif not self._arm.there:
             self.problem = "the arm controller does not run"
         elif (busy := other_action(self._memory, "")) is not None:

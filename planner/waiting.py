@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 
 from dsr.errors import suggest
 from dsr.goals import Goal
@@ -16,7 +16,7 @@ from planner.config import PlannerConfig
 from planner.errors import GivingUp
 from planner.looking import Looking
 
-_UNKNOWN = "never seen, nor known"
+_UNKNOWN = "never seen or heard of"
 """Reason why a thing is nowhere whose name no node has"""
 
 
@@ -31,6 +31,11 @@ def may_appear(memory: Memory, name: str) -> bool:
     if not known_names(memory):
         return True
     return tag is not None and all(node.get("marker_id") != tag for kind in THINGS for node in memory.nodes(kind))
+
+
+def running_agents(memory: Memory) -> set[str]:
+    """Names of the agents that run."""
+    return {agent_of(rid) for rid in memory.peers}
 
 
 class Waiting:
@@ -114,11 +119,11 @@ class Waiting:
     def _why(self, lacking: list[str]) -> str:
         """Why things are not believed to be anywhere; those with the same reason together."""
         reasons: dict[str, list[str]] = {}
-        for name in lacking:
+        for name in sorted(lacking, key=lambda name: name not in self._memory):
             reasons.setdefault(self._reason(name), []).append(name)
         texts = [f"{reason}: {', '.join(names)}" for reason, names in reasons.items()]
-        hints = [suggest(name, known_names(self._memory), most=6) for name in reasons.get(_UNKNOWN, [])[:1]]
-        return f"{', '.join(texts)}{''.join(f' ({hint})' for hint in hints)}"
+        unknown = reasons.get(_UNKNOWN, []) if self._is_started() else []
+        return ", ".join(texts) + "".join(f" ({suggest(name, known_names(self._memory), 6)})" for name in unknown[:1])
 
     def _reason(self, name: str) -> str:
         node = self._memory.get_node(name)
@@ -131,11 +136,8 @@ class Waiting:
         return "seen, but not believed to be anywhere" if self._memory.edges("RT", dst=name) else "never seen"
 
     def _away(self, agents: Iterable[str]) -> list[str]:
-        running = set(self._running())
+        running = running_agents(self._memory)
         return [agent for agent in agents if agent not in running]
-
-    def _running(self) -> Iterator[str]:
-        return map(agent_of, self._memory.peers)
 
 
 def _not_running(agents: list[str]) -> str:

@@ -13,12 +13,9 @@ from agents.object_models import HEAVIEST, LIGHTEST
 from agents.scenario.events import Event
 from agents.scenario.expectations import Check
 from agents.scenario.units import Bias, Noise, Radians, Seconds, Size, Vector3
+from dsr import tags
 from dsr.shapes import Shape
 from dsr.transforms import Pose
-
-TAGS = 587
-"""Number of tags in the family DICT_APRILTAG_36h11."""
-
 
 NO_ROBOT = "none"
 """The model of a robot that is not there."""
@@ -109,7 +106,7 @@ class ObjectSpec(Section, frozen=True, kw_only=True):
     model: str | None = None
     """`etc/objects/<model>.urdf`, or a path beside the scenario file: gives what of the following is not given here"""
     type: Literal["cube", "box", "container", "cup", "ball"] = "cube"
-    marker_id: Annotated[int, Meta(ge=0, lt=TAGS)] | None = None
+    marker_id: Annotated[int, Meta(ge=0, lt=tags.COUNT)] | None = None
     """AprilTag 36h11 on the +z face; without one it can only be recognised by its colour"""
     size: Size = (0.04, 0.04, 0.04)
     """m, along its own x, y and z"""

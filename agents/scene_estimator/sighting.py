@@ -12,13 +12,12 @@ from agents.drivers import TagReading, TagReadings
 from agents.scene_estimator.detection import TagDetector
 from agents.scene_estimator.geometry import Intrinsics
 from agents.scene_estimator.pose import NoiseModel, estimate_tag_pose
+from dsr import tags
 from dsr.blobs import Frame
 from dsr.errors import WireError
 from dsr.transforms import Pose
 
 Size = tuple[float, float, float]
-_MARKERS = 587
-"""Tags of the family 36h11."""
 
 
 class Sighting(NamedTuple):
@@ -80,8 +79,8 @@ def read_sensor(readings: TagReadings, noise: NoiseModel) -> list[Sighting]:
 
 def _sensed(reading: TagReading, stamp: float, noise: NoiseModel) -> Sighting:
     """Its covariance is equal in all directions, plus the systematic error of depth along the viewing ray."""
-    if not 0 <= reading.marker_id < _MARKERS:
-        raise ValueError(f"marker id {reading.marker_id}: expected 0 to {_MARKERS - 1}")
+    if not 0 <= reading.marker_id < tags.COUNT:
+        raise ValueError(f"marker id {reading.marker_id}: expected 0 to {tags.COUNT - 1}")
     camera_from_object = Pose(reading.pose[:3], reading.pose[3:], stamp)
     ray = camera_from_object.rotation_matrix.T @ camera_from_object.translation
     ray = ray / max(float(np.linalg.norm(ray)), 1e-9)

@@ -11,7 +11,7 @@ from dsr.runtime.system import AgentSpec
 from planner.config import PlannerConfig
 from tests.planner.table import Run, add_cube, move
 
-CANNOT_LOOK = "and cannot look for it: the arm carries no camera"
+CANNOT_LOOK = "and cannot look for it: the arm carries no camera that sends images"
 PATIENCE = PlannerConfig().patience
 
 
@@ -125,7 +125,7 @@ def test_a_tag_that_nobody_knows_may_still_be_seen() -> None:
         run.want("on(cube_33,cube_4)")
         run.until("waiting", 0.5)
         names = "valid: cube_3, cube_4, cube_5, cube_6, table"
-        assert run.explanation == f"never seen, nor known: cube_33 ({names}); given up after {PATIENCE:g} s"
+        assert run.explanation == f"never seen or heard of: cube_33 ({names}); given up after {PATIENCE:g} s"
         run.until("failed")
         add_cube(run.memory, "cube_33", 0.4, 0.2)
         run.until("reached")
@@ -144,7 +144,7 @@ def test_while_nothing_is_known_no_name_is_refused() -> None:
             run.memory.remove_node(node.name)
         run.want("on(lego,brick)")
         run.go(PATIENCE + 1.0)
-        assert (run.status, run.explanation.partition(" (")[0]) == ("waiting", "never seen, nor known: lego, brick")
+        assert (run.status, run.explanation.partition(" (")[0]) == ("waiting", "never seen or heard of: lego, brick")
         run.until("failed", 2.0)
 
 

@@ -106,6 +106,7 @@ def test_an_outcome_is_told_once_however_often_it_is_tried_again(memory: Memory)
     memory.update_node("intention_0", explanation="another reason")
     assert texts(story) == [("mission", "unsolvable: another reason")]
     memory.update_node("intention_0", status="maintained", explanation="")
+    assert texts(story) == [("mission", "maintained")]
     memory.update_node("intention_0", status="unsolvable", explanation="another reason")
     assert texts(story) == [("mission", "unsolvable: another reason")]
 
