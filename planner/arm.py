@@ -114,14 +114,14 @@ class Arm:
             yield
         self.running = ""
 
-    def rest(self) -> Script:
-        """Let the arm rest where it hides nothing. If it cannot, so be it."""
+    def rest(self, told: str = "looking") -> Script:
+        """Let the arm rest where it hides nothing, and tell meanwhile why. If it cannot, so be it."""
         while not self.there:
             self.tell_gone()
             yield
         [name] = self.actions.write([OBSERVE])
         try:
-            progress = yield from self.run(name, "looking", lambda: None)
+            progress = yield from self.run(name, told, lambda: None)
         except Setback as setback:
             progress = Progress(FAILED, str(setback))
             yield from self.halt()

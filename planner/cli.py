@@ -93,7 +93,8 @@ def mission(
     if as_json:
         print_json(outcome)
     elif outcome["status"] not in FULFILLED:
-        errors.print(f"[bold red]{name}: {shown(outcome['status'])}[/] {shown(outcome['explanation'])}", soft_wrap=True)
+        status, why = shown(outcome["status"]), shown(outcome["explanation"])
+        errors.print(f"[bold red]{name}: {status}:[/] {why}", soft_wrap=True)
         if outcome["status"] in GIVEN_UP:
             errors.print(f"it stays in the graph until dsr mission --cancel {name}", soft_wrap=True)
     raise typer.Exit(0 if outcome["status"] in FULFILLED else 1)
@@ -138,10 +139,10 @@ def _show(live: Live, memory: Memory, state: dict[str, Any], told: str) -> str:
     """
     if nobody := nobody_pursues(memory):
         state = state | {"explanation": nobody}
-    if state["status"] in GIVEN_UP:
-        state = state | {"explanation": ""}
+    over = state["status"] in GIVEN_UP
     if console.is_terminal:
-        live.update(_picture(state), refresh=True)
+        live.update(_picture(state | {"explanation": ""} if over else state), refresh=True)
+    if console.is_terminal or over:
         return ""
     line = f"{state['intention']}: {state['status']}{f' ({reason})' if (reason := state['explanation']) else ''}"
     if line != told:

@@ -45,14 +45,16 @@ class Looking:
         """Look around while something is still `wanted`, and let the arm rest then; `why` is told meanwhile."""
         self.places, self.problem = 0, ""
         camera, views = self._views()
-        if not self.problem:
-            yield from self._arm.rest()  # it may be in front of what is sought
+        if not views:
+            return
+        told = f"looking around; {why}"
+        yield from self._arm.rest(told)  # it may be in front of what is sought
         for view in views:
             if not wanted() or self.problem:
                 break
-            yield from self._look_from(view, camera, wanted, why)
-        if views:
-            yield from self._arm.rest()
+            yield from self._look_from(view, camera, wanted, told)
+        yield from self._arm.rest(told)
+        self._arm.actions.drop(ended_too=True)
 
     def _views(self) -> tuple[str, list[Pose]]:
         """The camera that the arm carries, and where to bring it. Sets `problem` if it cannot look."""
@@ -72,10 +74,10 @@ class Looking:
             return camera, views
         return camera, []
 
-    def _look_from(self, view: Pose, camera: str, wanted: Callable[[], bool], why: str) -> Script:
+    def _look_from(self, view: Pose, camera: str, wanted: Callable[[], bool], told: str) -> Script:
         [name] = self._arm.actions.write([Skill("look", camera, target_pose=view)])
         try:
-            progress = yield from self._arm.run(name, f"looking around; {why}", lambda: None)
+            progress = yield from self._arm.run(name, told, lambda: None)
         except Setback as setback:
             self.problem = str(setback)
             yield from self._arm.halt()

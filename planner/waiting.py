@@ -94,7 +94,7 @@ class Waiting:
             why = self._why(lacking)
             if waited > limit:
                 raise GivingUp(FAILED, f"{why}; {self._tried(waited)}")
-            self._tell(WAITING, f"{why}; {_not_running(away) if away else f'given up after {limit:g} s'}")
+            self._tell(WAITING, f"{why}; {_not_running(away) if away else f'gives up after {limit:g} s'}")
             if self._is_started() and not looked and not away and waited >= self._config.look_after:
                 yield from self._looking.look(lambda: bool(self.lacking(goal)), why)
                 looked = True

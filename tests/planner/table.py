@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -14,6 +15,8 @@ from dsr.runtime.system import AgentSpec
 from planner import Planner
 
 SIDE = 0.04
+SIGHT = 0.15
+"""m about the place below a camera that looks straight down, which it shows"""
 PLACES = {
     "cube_3": (0.42, 0.08),
     "cube_4": (0.30, 0.08),
@@ -37,6 +40,12 @@ def add_cube(memory: Memory, cube: str, x: float, y: float, z: float = SIDE / 2,
     memory.add_node(cube, "cube", size=(SIDE, SIDE, SIDE))
     memory.add_edge("world", cube, "Virtual_RT", pose=Pose((x, y, z)))
     memory.add_edge(cube, support, "on", source="contact")
+
+
+def add_camera(memory: Memory, camera: str, parent: str, pose: Pose) -> None:
+    """A camera that sends images; from 0.3 m above it shows 0.16 m about the middle, and more along its longer side."""
+    memory.add_node(camera, "camera", fx=600.0, fy=600.0, cx=479.5, cy=359.5, width=960, height=720)
+    memory.add_edge(parent, camera, "RT", pose=pose)
 
 
 def move(memory: Memory, cube: str, support: str, place: tuple[float, float] | None = None) -> None:
@@ -69,9 +78,9 @@ class FakeArm(Agent):
     name = "arm_controller"
     rate_hz = 20.0
     writes = Access(
-        nodes=("action",),
+        nodes=("action", "cube"),
         edges=("on", "grasping", "Virtual_RT"),
-        attributes=("status", "explanation", "source", "since"),
+        attributes=("status", "explanation", "source", "since", "size"),
     )
 
     def setup(self) -> None:
@@ -82,6 +91,10 @@ class FakeArm(Agent):
         self.dropping = 0
         """How many places lose the cube on the way."""
         self.stuck = False
+        self.looks: list[Pose] = []
+        """world_from_camera of every look."""
+        self.hidden: dict[str, tuple[float, float]] = {}
+        """Cubes, with their places (m), that are seen only from right above."""
         for node in self.memory.nodes("action"):
             if node.get("status") == "running":
                 self.end(node, "failed", "the arm controller was started again")
@@ -135,6 +148,11 @@ class FakeArm(Agent):
                 memory.remove_edge(cube, edge.dst, "on")
             memory.add_edge("gripper", cube, "grasping", source="gripper")
             memory.add_edge("world", cube, "Virtual_RT", pose=Pose((0.3, 0.0, 0.4)))
+        elif node["skill"] == "look":
+            self.looks.append(node["target_pose"])
+            x, y, _ = node["target_pose"].t
+            for name in [name for name, place in self.hidden.items() if math.dist(place, (x, y)) <= SIGHT]:
+                add_cube(memory, name, *self.hidden.pop(name))
         elif node["skill"] == "place":
             if held != [cube]:
                 return f"{cube} is not held"

@@ -109,6 +109,31 @@ def test_a_maintained_mission_ends_the_command_and_is_cancelled_later(memory: Me
     assert memory.nodes("intention") == []
 
 
+@pytest.mark.usefixtures("robot")
+def test_why_a_mission_is_given_up_is_told_once(mission: Command) -> None:
+    result = mission("on(cube_3,cube_4) & on(cube_4,cube_3)")
+    assert result.exit_code == 1 and result.output.count("exclude each other") == 1
+    assert "unsolvable" not in result.stdout and "exit code" not in result.output
+
+
+@pytest.mark.usefixtures("robot")
+def test_what_a_mission_waits_for_is_told_at_once(memory: Memory, mission: Command) -> None:
+    memory.add_node("cube_9", "cube", size=(0.04, 0.04, 0.04))
+    result = mission("on(cube_3,cube_9)", "--timeout", "30")
+    assert result.exit_code == 1
+    assert "intention_0: waiting (never seen: cube_9; gives up after 1 s)" in result.stdout
+    assert "intention_0: failed: never seen: cube_9; waited 1 s" in result.stderr
+
+
+def test_a_tag_that_may_come_into_view_is_no_wrong_name_while_somebody_looks(memory: Memory, mission: Command) -> None:
+    unknown = mission("clear(cube_44)", "--no-wait")
+    assert isinstance(unknown.exception, ConfigError)
+    with dsr.connect("table", agent="scene_estimator"), dsr.connect("table", agent="simulation_handler"):
+        assert mission("clear(cube_44)", "--no-wait").exit_code == 0
+        assert memory.node("intention_0")["goal"] == "clear(cube_44)"
+        assert isinstance(mission("clear(cub_44)", "--no-wait").exception, ConfigError)
+
+
 def test_without_a_planner_it_says_so_and_gives_up_waiting(memory: Memory, mission: Command) -> None:
     result = mission(TOWERS, "--timeout", "1")
     assert result.exit_code == 1 and "no agent 'planner' runs" in result.output

@@ -37,7 +37,7 @@ def test_a_thing_that_was_never_seen_is_told_at_once_and_given_up_in_time() -> N
         known(run, "cube_9")
         run.want("on(cube_3,cube_9)")
         run.until("waiting", 0.5)
-        assert run.explanation == f"never seen: cube_9; given up after {PATIENCE:g} s"
+        assert run.explanation == f"never seen: cube_9; gives up after {PATIENCE:g} s"
         assert planner_status(run.lockstep) == (State.DEGRADED, f"intention_0: {run.explanation}")
         run.go(PATIENCE - 0.5)
         assert run.status == "waiting"
@@ -125,7 +125,7 @@ def test_a_tag_that_nobody_knows_may_still_be_seen() -> None:
         run.want("on(cube_33,cube_4)")
         run.until("waiting", 0.5)
         names = "valid: cube_3, cube_4, cube_5, cube_6, table"
-        assert run.explanation == f"never seen or heard of: cube_33 ({names}); given up after {PATIENCE:g} s"
+        assert run.explanation == f"never seen or heard of: cube_33 ({names}); gives up after {PATIENCE:g} s"
         run.until("failed")
         add_cube(run.memory, "cube_33", 0.4, 0.2)
         run.until("reached")

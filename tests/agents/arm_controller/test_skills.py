@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -252,3 +254,31 @@ def test_nothing_is_put_into_an_object_with_a_mesh(table: Table) -> None:
     status, why = table.act("place", destination="table", target_pose=Pose((0.42, -0.25, 0.02)))
     assert status == "failed" and "shelf is in the way" in why
     assert table.act("place", destination="table", target_pose=Pose((0.30, 0.2, 0.02)))[0] == "done"
+
+
+@pytest.mark.parametrize("place", [(0.45, 0.2), (0.1, -0.4)])
+def test_look_brings_the_camera_there_turned_as_it_suits(
+    make_bench: Callable[..., Any], tool: Chain, place: tuple[float, float]
+) -> None:
+    table: Table = make_bench(Table, cameras={"camera_wrist": {"driver": "fake:Camera", "link": "camera_wrist_link"}})
+    table.lay()
+    wanted = Pose((*place, 0.3), DOWN)
+    assert table.act("look", target="camera_wrist", target_pose=wanted) == ("done", "")
+    found = table.memory.transform("world", "camera_wrist")
+    assert found.t == pytest.approx(wanted.t, abs=1e-3)
+    assert found.rotation_matrix[:, 2] == pytest.approx((0.0, 0.0, -1.0), abs=1e-3)
+    yaw = math.atan2(*found.rotation_matrix[1::-1, 0])
+    assert math.remainder(yaw, math.pi / 4) == pytest.approx(0.0, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("attributes", "reason"),
+    [
+        ({}, "the action has no target"),
+        ({"target": "camera_wrist"}, "where from? the action has no target_pose"),
+        ({"target": "cube_3", "target_pose": Pose((0.4, 0.0, 0.3), DOWN)}, "cube_3 is not carried by gripper"),
+        ({"target": "nothing", "target_pose": Pose((0.4, 0.0, 0.3), DOWN)}, "nothing is not carried by gripper"),
+    ],
+)
+def test_a_look_that_cannot_be_says_why(table: Table, attributes: dict[str, Any], reason: str) -> None:
+    assert table.act("look", **attributes) == ("failed", reason)

@@ -88,7 +88,7 @@ def test_a_setback_is_told_with_its_reason(memory: Memory) -> None:
 
 def test_what_is_waited_for_is_told_at_once_and_the_failure_with_its_reason(memory: Memory) -> None:
     story = Story(memory, [])
-    waits = "never seen: cube_9; given up after 10 s"
+    waits = "never seen: cube_9; gives up after 10 s"
     memory.add_node("intention_0", "intention", goal=GOAL, status="waiting", explanation=waits, replans=0)
     assert texts(story) == [("mission", GOAL), ("mission", f"waiting: {waits}")]
     memory.update_node("intention_0", status="failed", explanation="never seen: cube_9; waited 10 s")
