@@ -69,7 +69,12 @@ def mission(
 ) -> None:
     """Give the robot a goal in the running system, and show its progress until it is reached or given up.
 
-    Relations: on(a,b), ontable(a), clear(a), holding(a), handempty. The exit code is 0 only if the goal was reached.
+    Relations: on(a,b), ontable(a), clear(a), holding(a), handempty.
+
+    What is nowhere is told, looked for if the arm carries a camera, and
+    given up after some seconds. Relations that conflict are named.
+
+    The exit code is 0 only if the goal was reached.
     """
     if show_list:
         with reading(graph, router, security) as memory:
