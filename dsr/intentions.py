@@ -12,8 +12,8 @@ from dsr.elements import Node
 from dsr.keys import agent_of
 from dsr.memory import Memory
 
-PLANNER = "planner"
-"""The agent that pursues intentions."""
+_PLANNER = "planner"
+"""The agent that pursues intentions"""
 MIND = "mind"
 """The node from which intentions hang."""
 PREFIX = "intention_"
@@ -48,8 +48,8 @@ def describe_action(action: Node) -> str:
 
 def nobody_pursues(memory: Memory) -> str:
     """Why nothing becomes of any intention: the planner does not run; empty if it does."""
-    runs = any(agent_of(rid) == PLANNER for rid in memory.peers)
-    return "" if runs else f"no agent {PLANNER!r} runs, which would pursue it"
+    runs = any(agent_of(rid) == _PLANNER for rid in memory.peers)
+    return "" if runs else f"no agent {_PLANNER!r} runs, which would pursue it"
 
 
 def add_intention(memory: Memory, goal: str, *, maintain: bool = False, priority: int = 0) -> str:

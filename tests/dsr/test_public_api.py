@@ -24,6 +24,7 @@ MODULES = {
         "ACTIVE", "DONE", "ENDED", "EXECUTING", "FAILED", "FULFILLED", "GIVEN_UP", "HALT", "HALTED", "INVALID",
         "MAINTAINED", "MIND", "NOTHING_GRASPED", "NO_SOLVER", "PLANNED", "PLANNING", "PREFIX", "REACHED", "RUN",
         "RUNNING", "UNSOLVABLE", "WAITING", "WANTED", "add_intention", "describe_action",
+        "nobody_pursues",
     },
     "dsr.intrinsics": {"INTRINSICS", "Intrinsics", "read_intrinsics"},
     "dsr.relations": {"ARITY", "MODELLED", "SURFACES", "THINGS", "Pair", "Relation", "Relations", "read_relations"},
