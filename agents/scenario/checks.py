@@ -214,6 +214,8 @@ def _check_event(event: Event, path: Path, scenario: Scenario) -> None:
         once = (event.to is None) != (event.by is None)
         require(once, path, "slide: expected either `to` (m, where it goes) or `by` (m, how far)")
         require(event.yaw is None or not event.turn, (*path, "turn"), "expected either `yaw` or `turn` (rad)")
+        _check_objects(event.pushes, (*path, "pushes"), scenario)
+        require(event.object not in event.pushes, (*path, "pushes"), "an object cannot push itself")
     if isinstance(event, Swap):
         require(event.other != event.object, (*path, "other"), "an object cannot swap with itself")
     if isinstance(event, FalsePercept | ArmError):

@@ -18,6 +18,7 @@ from rich.table import Table
 
 from agents.scenario.format import load_scenario, scenario_files
 from agents.scenario.options import SensorChoice, check_writable
+from agents.scenario.played_check import played_errors
 from agents.scenario.report import ProgressBar, show_result
 from agents.scenario.result import write_result
 from agents.scenario.runner import run_live, run_lockstep
@@ -71,15 +72,27 @@ def list_scenarios(as_json: JsonOption = False) -> None:
 
 
 @app.command()
-def check(files: Annotated[list[str], typer.Argument(help="Scenario files, or names of built-in ones.")]) -> None:
-    """Check scenario files without running them; tells file, line and what was expected."""
+def check(
+    files: Annotated[list[str], typer.Argument(help="Scenario files, or names of built-in ones.")],
+    play: Annotated[bool, typer.Option("--play/--no-play", help="Also play the true course with seed 0.")] = True,
+) -> None:
+    """Check scenario files without running any agent; tells file, line and what was expected.
+
+    Reads each file, then plays its true course with seed 0, in about a second, as `dsr scenario truth` does:
+    nothing may be put or driven into something else, and moves of one hand or one object must not overlap.
+    Where a robot has a mission, nobody knows beforehand where things will be: there only hands are looked at.
+    """
     wrong = 0
     for file in files:
         try:
             scenario = load_scenario(file)
+            found = played_errors(file) if play else []
         except ConfigError as error:
-            wrong += 1
+            found = [error]
+        for error in found:
             console.print(f"[red]✗[/] {escape(str(error))}", soft_wrap=True)
+        if found:
+            wrong += 1
         else:
             counts = f"{len(scenario.objects)} objects, {len(scenario.events)} events"
             console.print(f"[green]✓[/] {file}: {counts}, {len(scenario.expectations)} expectations")

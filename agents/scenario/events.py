@@ -110,6 +110,8 @@ class Slide(MovedByHand, frozen=True, kw_only=True, tag="slide"):
     """rad at the end; default: as before"""
     turn: Radians = 0.0
     """rad from its yaw before, instead of `yaw`"""
+    pushes: tuple[str, ...] = ()
+    """What stands in its way and is meant to be pushed along or aside, by contact."""
     speed: Speed = 0.1
     """m/s"""
 

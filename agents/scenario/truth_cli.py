@@ -6,7 +6,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from rich.markup import escape
 
+from agents.scenario.faults import faults
 from agents.scenario.options import check_writable
 from agents.scenario.runner import true_course
 from agents.scenario.staging import make_run
@@ -24,15 +26,20 @@ def truth(
     Plays only the simulated world with the experimenter's events, without images.
     What waits for the robot does not happen, for nothing moves the arm.
 
-    The exit code is 1 if an event could not be carried out.
+    The exit code is 1 if an event could not be carried out, puts or drives things into one another, or begins
+    while an earlier one of the same hand or object is still going on.
     """
     if json:
         check_writable(json)
     run = make_run(scenario, seed=seed)
-    report = truth_report(true_course(run), seed)
+    history = true_course(run)
+    report = truth_report(history, seed)
     if json:
         write_truth(report, json)
     show_truth(report, console)
     if run.scenario.mission is not None:
         console.print("The robot does nothing here: what its mission would bring about does not happen.")
-    raise typer.Exit(1 if report.given_up else 0)
+    found = faults(history)
+    for fault in found:
+        console.print(f"[red]✗[/] event {fault.event}: {escape(fault.text)}")
+    raise typer.Exit(1 if found else 0)

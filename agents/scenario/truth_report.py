@@ -9,6 +9,7 @@ from pathlib import Path
 import msgspec
 from rich import box
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from agents.scenario.course import why_missing
@@ -63,11 +64,6 @@ class TruthReport(msgspec.Struct, frozen=True, kw_only=True):
     """Objects that are not in the scene at the end."""
     tracks: dict[str, list[tuple[float, Seven]]]
     """Of each object: s after the start, and world_from_object, whenever that had changed (20 times a second)."""
-
-    @property
-    def given_up(self) -> list[EventReport]:
-        """Events that began and could not be carried out."""
-        return [event for event in self.events if event.missing and event.begin is not None and event.end is not None]
 
 
 def truth_report(history: History, seed: int) -> TruthReport:
@@ -140,7 +136,7 @@ def _differ(one: Pose, other: Pose) -> bool:
 def _event_table(events: Iterable[EventReport]) -> Table:
     table = _table("Events", "from", "to", "event", "what the experimenter does")
     for event in sorted(events, key=lambda event: math.inf if event.begin is None else event.begin):
-        what = f"{event.text}\n[red]{event.missing}[/]" if event.missing else event.text
+        what = f"{escape(event.text)}\n[red]{escape(event.missing)}[/]" if event.missing else escape(event.text)
         table.add_row(_seconds(event.begin), _seconds(event.end), str(event.number), what)
     return table
 

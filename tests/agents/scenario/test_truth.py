@@ -9,11 +9,13 @@ import pytest
 from typer.testing import CliRunner
 
 from agents.scenario import cli
+from agents.scenario.format import parse_scenario
 from agents.scenario.history import History, Sample
 from agents.scenario.runner import true_course
 from agents.scenario.staging import make_run
 from agents.scenario.true_phases import phases
 from agents.scenario.truth_report import truth_report
+from dsr.transforms import Pose
 from tests.agents.scenario.test_format import BASE
 
 STAGE = """\
@@ -71,7 +73,7 @@ do = "slide"
 object = "stays"
 by = [0.1, 0.0]
 [[event]]
-when = "held(ball)"
+when = "built(ball, stays)"
 do = "remove"
 object = "ball"
 """
@@ -116,7 +118,7 @@ def test_the_table_fits_into_80_columns_and_tells_what_could_not_be_done(file: P
     assert max(map(len, text.splitlines())) <= 80
     flat = " ".join(text.split())
     assert "could not be carried out: no object 'stays' in the scene" in flat
-    assert "has not begun: waits for held(ball)" in flat
+    assert "has not begun: waits for built(ball, stays)" in flat
 
 
 def test_the_same_seed_gives_the_same_course_and_another_one_another(file: Path):
@@ -143,9 +145,6 @@ def test_what_lies_still_has_no_phase(tmp_path: Path):
 
 
 def test_what_rides_on_something_does_not_fall_and_a_phase_at_the_end_is_not_over():
-    from agents.scenario.format import parse_scenario
-    from dsr.transforms import Pose
-
     scenario = parse_scenario(BASE.replace("position = [0.3, 0.0, 0.02]", "position = [0.4, 0.0, 0.06]"))
     history = History(scenario)
     for step in range(20):

@@ -1,0 +1,160 @@
+"""What cannot be meant is found by playing the true course: things in one another, moves that overlap in time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from msgspec.structs import replace
+from typer.testing import CliRunner
+
+from agents.scenario import cli
+from agents.scenario.format import parse_scenario
+from agents.scenario.true_overlaps import deepest
+from dsr.shapes import Part
+from dsr.transforms import Pose
+from tests.agents.scenario.test_format import BASE
+
+MORE = """
+[[object]]
+name = "cover"
+model = "cover_small"
+known = true
+position = [0.3, 0.25, 0.07]
+
+[[object]]
+name = "under"
+marker_id = 5
+position = [0.3, 0.25, 0.02]
+"""
+MISSION = '[mission]\ngoal = "on(a, b)"\n'
+
+
+def events(*lines: str) -> str:
+    return "".join("\n[[event]]\n" + line.replace("; ", "\n") + "\n" for line in lines)
+
+
+def check(folder: Path, *lines: str, base: str = BASE, options: tuple[str, ...] = ()) -> tuple[int, str]:
+    file = folder / "x.toml"
+    file.write_text(base + events(*lines))
+    outcome = CliRunner().invoke(cli.app, ["check", str(file), *options])
+    return outcome.exit_code, " ".join(outcome.output.split())
+
+
+@pytest.mark.parametrize(
+    ("lines", "message"),
+    [
+        (
+            ["do = 'place'; object = 'a'; position = [0.41, 0.01, 0.02]; at = 1"],
+            "x.toml:19: event.1: place: 'a' would be 30.0 mm inside 'b' at 1.00 s; expected a free place",
+        ),
+        (
+            ["do = 'slide'; object = 'a'; by = [0.2, 0]; at = 1"],
+            "x.toml:19: event.1: slide: 'a' goes through 'b', which stands in its way at 1.65 s; expected a free way",
+        ),
+        (
+            [
+                "do = 'slide'; object = 'b'; by = [0, 0.2]; at = 1",
+                "do = 'slide'; object = 'a'; by = [0.1, 0.1]; at = 4",
+                "do = 'place'; object = 'a'; position = [0.4, 0.19, 0.02]; at = 7",
+            ],
+            "x.toml:31: event.3: place: 'a' would be 30.0 mm inside 'b' at 7.00 s",
+        ),
+        (
+            ["do = 'carry'; object = 'a'; to = [0.39, 0.0, 0.02]; at = 1"],
+            "event.1: carry: 'a' is driven",
+        ),
+        (
+            ["do = 'hand_grasp'; object = 'a'; at = 1", "do = 'hand_move'; by = [0, 0, -0.02]; at = 4"],
+            "event.2: hand_move: 'a' is driven",
+        ),
+        (
+            [
+                "do = 'slide'; object = 'a'; by = [0, 0.1]; at = 1",
+                "do = 'slide'; object = 'a'; by = [0, 0.1]; at = 1.5",
+            ],
+            "event.2: slide: 'a' is still in event 1 (slide, 1.00 to 2.00 s) when this begins at 1.50 s; expected one",
+        ),
+        (
+            ["do = 'slide'; object = 'a'; by = [0, 0.1]; at = 1", "do = 'lift'; object = 'a'; height = 0.1; at = 1"],
+            "event.2: lift: 'a' is still in event 1 (slide, 1.00",
+        ),
+        (
+            [
+                "do = 'carry'; object = 'a'; to = [0.3, 0.2, 0.02]; at = 1; hand = 0",
+                "do = 'carry'; object = 'b'; to = [0.4, 0.2, 0.02]; at = 2; hand = 0",
+            ],
+            "event.2: carry: hand 0 is still in event 1 (carry, 1.00 to",
+        ),
+        (
+            ["do = 'hand_enter'; position = [0.3, 0.2, 0.2]; at = 1", "do = 'hand_move'; by = [0, 0, 0.1]; at = 1.2"],
+            "event.2: hand_move: hand 0 is still in event 1 (hand_enter, 1.00 to",
+        ),
+        (
+            ["do = 'remove'; object = 'a'; at = 1", "do = 'push'; object = 'a'; velocity = [1, 0, 0]; at = 2"],
+            "event.2: push: could not be carried out: no object 'a' in the scene",
+        ),
+    ],
+)
+def test_what_cannot_be_meant_is_refused_with_names_and_times(tmp_path: Path, lines: list[str], message: str):
+    code, text = check(tmp_path, *lines)
+    assert code == 1
+    assert message in text
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        ["do = 'place'; object = 'a'; onto = 'b'; at = 1"],
+        ["do = 'slide'; object = 'a'; by = [0.1, 0]; pushes = ['b']; at = 1"],
+        ["do = 'slide'; object = 'a'; by = [0, 0.1]; at = 1", "do = 'slide'; object = 'b'; by = [0, 0.1]; at = 1"],
+        ["do = 'slide'; object = 'a'; by = [0.1, 0]; at = 1", "do = 'slide'; object = 'b'; by = [0.1, 0]; at = 1"],
+        ["do = 'slide'; object = 'cover'; by = [0.1, 0]; at = 1"],
+        ["do = 'place'; object = 'a'; onto = 'b'; at = 1", "do = 'slide'; object = 'b'; by = [0.0, 0.1]; at = 2"],
+        ["do = 'swap'; object = 'a'; other = 'b'; at = 1"],
+        ["do = 'lift'; object = 'a'; height = 0.1; at = 1", "do = 'drop'; object = 'a'; at = 3"],
+        [
+            "do = 'slide'; object = 'a'; by = [0, 0.1]; at = 1",
+            "do = 'place'; object = 'a'; onto = 'b'; when = 'held(a)'",
+        ],
+    ],
+)
+def test_what_may_be_meant_is_accepted(tmp_path: Path, lines: list[str]):
+    code, text = check(tmp_path, *lines, base=BASE + MORE)
+    assert code == 0, text
+
+
+def test_a_swap_with_something_larger_needs_room(tmp_path: Path):
+    cover = MORE.partition("\n[[object]]\nname = \"under\"")[0]
+    base = BASE.replace("position = [0.3, 0.0, 0.02]", "position = [0.33, 0.0, 0.02]") + cover
+    code, text = check(tmp_path, "do = 'swap'; object = 'a'; other = 'cover'; at = 1", base=base)
+    assert code == 1 and "event.1: swap: 'cover' would be" in text and "inside 'b' at 1.00 s" in text
+
+
+def test_where_a_robot_acts_only_hands_are_looked_at(tmp_path: Path):
+    into = "do = 'place'; object = 'a'; position = [0.41, 0.01, 0.02]; at = 1"
+    hands = ["do = 'hand_enter'; position = [0.3, 0.2, 0.2]; at = 1", "do = 'hand_leave'; at = 1.2"]
+    assert check(tmp_path, into, base=BASE + MISSION)[0] == 0
+    assert "hand 0 is still in event 2" in check(tmp_path, into, *hands, base=BASE + MISSION)[1]
+
+
+def test_without_playing_only_the_file_is_read(tmp_path: Path):
+    into = "do = 'place'; object = 'a'; position = [0.41, 0.01, 0.02]; at = 1"
+    assert check(tmp_path, into, options=("--no-play",))[0] == 0
+
+
+def test_what_is_pushed_must_be_another_object_of_the_file(tmp_path: Path):
+    slide = "do = 'slide'; object = 'a'; by = [0.1, 0]; at = 1; pushes = "
+    assert "event.1.pushes: unknown object 'c'" in check(tmp_path, slide + "['c']")[1]
+    assert "event.1.pushes: an object cannot push itself" in check(tmp_path, slide + "['a']")[1]
+
+
+def test_a_cylinder_is_no_larger_than_it_is():
+    scenario = parse_scenario(BASE)
+    can = replace(scenario.object("a"), shape=(Part("cylinder", (0.04, 0.04, 0.04)),))
+    scenario = replace(scenario, objects=[can, scenario.object("b")])
+    at_corner = Pose((0.4 + 0.02 + 0.015, 0.02 + 0.015, 0.02))  # the box around it would reach 5 mm into the cube
+    beside = Pose((0.4 + 0.02 + 0.015, 0.0, 0.02))
+    others = {"b": Pose((0.4, 0.0, 0.02))}
+    assert deepest("a", at_corner, others, scenario) == ("", 0.0)
+    assert deepest("a", beside, others, scenario) == ("b", pytest.approx(0.005, abs=2e-4))
