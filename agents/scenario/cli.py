@@ -89,8 +89,8 @@ def check(
             found = played_errors(file) if play else []
         except ConfigError as error:
             found = [error]
-        for error in found:
-            console.print(f"[red]✗[/] {escape(str(error))}", soft_wrap=True)
+        for fault in found:
+            console.print(f"[red]✗[/] {escape(str(fault))}", soft_wrap=True)
         if found:
             wrong += 1
         else:
