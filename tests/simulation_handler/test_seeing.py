@@ -198,7 +198,7 @@ def test_shares_are_those_of_pictures_and_so_is_what_counts_as_visible(crowded: 
 
 def test_what_can_be_recognised_is_told_apart_from_what_is_seen(crowded: Table) -> None:
     edge = crowded.memory.edge("camera_side", "beneath", "sees")
-    assert edge["share"] > 0.5 and edge["visible"] is True, "its sides are seen"
+    assert edge["share"] > 0.2 and edge["visible"] is True, "its sides are seen"
     assert (edge["detectable"], edge["covered_by"]) == (0.0, "on"), "its tag is not"
 
 
