@@ -61,9 +61,11 @@ def obstacles(memory: Memory) -> list[Solid]:
 
 
 def _parts(memory: Memory) -> list[Node]:
-    """Parts of bodies that hide what is behind them, by name."""
+    """Parts of bodies that hide what is behind them, by name; of persons, those who are there."""
+    now = memory.clock.now()
     found = (node for type in PARTS for node in memory.nodes(type) if "bounds" in node)
-    return sorted(found, key=lambda node: node.name)
+    there = (node for node in found if node.type != PERSON or is_perceived(node, now))
+    return sorted(there, key=lambda node: node.name)
 
 
 def _boxes(memory: Memory, nodes: list[Node]) -> list[Solid]:
