@@ -88,7 +88,7 @@ class SurpriseScene:
         self.memory.add_edge("world", CAMERA, "RT", pose=OVERHEAD)
         for name in self.truths:
             self.memory.add_node(name, "cube", size=(_EDGE,) * 3)
-            self.memory.add_edge(CAMERA, name, "sees", share=1.0, visible=True, hidden_by="")
+            self.memory.add_edge(CAMERA, name, "sees", detectable=1.0, covered_by="")
 
     def start_detector(self) -> None:
         """Start it, or another one in place of one that was killed."""

@@ -49,7 +49,7 @@ class Planner(Agent):
         attributes=(
             *("goal", "maintain", "priority", "status", "explanation", "request", "size", "present", "surprising"),
             "mount",
-            *("visible", "source", "replans", *INTRINSICS),
+            *("detectable", "source", "replans", *INTRINSICS),
         ),
     )
     writes = Access(

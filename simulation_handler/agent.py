@@ -27,8 +27,8 @@ class SimulationHandler(Agent):
     Writes Virtual_RT edges from the world to each object, with covariance, relations `on` from contact and `in`, what
     human hands touch (`grasping`),
     `plausible`: whether what is perceived of an object is possible by what else is known, and edges `sees`: how much
-    of an object each camera should see. Answers what-if questions (dsr/what_if.py) about the belief of its last tick.
-    After a restart it goes on from the Virtual_RT edges that it finds.
+    of an object each camera should see, and whether it will recognise it. Answers what-if questions (dsr/what_if.py)
+    about the belief of its last tick. After a restart it goes on from what the graph says was believed and explained.
     """
 
     name = "simulation_handler"
@@ -50,7 +50,7 @@ class SimulationHandler(Agent):
             *("plausible", "source", "since", "grip", "held_at", *SEEN),
             *("present", "explanation", "score", "alternatives", "policy", "target", *WRITTEN_ATTRIBUTES),
         ),
-        exclusive=("Virtual_RT", "on", "in", "plausible", "present"),
+        exclusive=("Virtual_RT", "on", "in", "plausible", "present", "detectable", "covered_by"),
     )
     publishes = (KEY,)
     Config = BeliefConfig

@@ -4,23 +4,25 @@ from __future__ import annotations
 
 import contextlib
 import math
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 import numpy as np
 
+from dsr.elements import Edge
 from dsr.errors import DsrError
 from dsr.memory import Memory
+from dsr.visibility import LEAST_SHARE, is_enough
 from simulation_handler.explaining import Look
 from simulation_handler.meshes import Forms
 from simulation_handler.reasoner import Reasoner
 from simulation_handler.sight import Glance, Sight
-from simulation_handler.views import by_color, hands, modelled, obstacles, views
+from simulation_handler.views import by_color, hands, modelled, obstacles, persons, views
 
-SEEN = ("share", "visible", "hidden_by")
+SEEN = ("share", "visible", "hidden_by", "detectable", "covered_by")
 """Attributes of the edges."""
-HALF = 0.5
-"""Share of a tag from which an object counts as visible."""
-ALL, NOTHING = 0.95, 0.05
-"""Shares from which, and up to which, an object should be seen surely, and surely not: news at any step."""
+_LIMITS = {"share": (LEAST_SHARE,), "detectable": (0.05, 0.5, 0.95)}
+"""What is news at any step: what counts as seen; what surely cannot be recognised, likely can be, and surely should."""
 
 _PERIOD = 0.1  # s between two looks
 _SLACK = 1e-3  # s by which a tick may be early
@@ -28,7 +30,11 @@ _STEP = 0.1  # of the share, that is news
 
 
 class Seeing:
-    """Keeps edges `sees` from cameras to objects in step with a belief: `share`, `visible` and `hidden_by`."""
+    """Keeps edges `sees` from cameras to objects in step with a belief.
+
+    `share`, `visible` and `hidden_by` are about the whole image of an object, as in all edges `sees`; `detectable` and
+    `covered_by` are about what it is recognised by, of which only this agent tells.
+    """
 
     def __init__(self, memory: Memory, belief: Reasoner, forms: Forms | None = None) -> None:
         self._forms = forms or Forms(memory)
@@ -44,28 +50,42 @@ class Seeing:
             return
         self._last = now
         with contextlib.suppress(np.linalg.LinAlgError):
-            cameras = views(self._memory)
-            hiding = [*obstacles(self._memory), *modelled(self._memory, self._forms), *hands(self._memory, now)]
-            sight = Sight(cameras, hiding, by_color(self._memory))
+            cameras, memory = views(self._memory), self._memory
+            hiding = [*obstacles(memory), *modelled(memory, self._forms), *hands(memory, now), *persons(memory, now)]
+            sight = Sight(cameras, hiding, by_color(memory))
             self.look = sight.glances if cameras else None
-            self._write(sight.glances(self._belief.solids()))
+            solids = self._belief.solids()
+            whole = Sight(cameras, hiding, whole=True).glances(solids)
+            self._write({key: (whole[key], glance) for key, glance in sight.glances(solids).items()})
 
-    def _write(self, glances: dict[tuple[str, str], Glance]) -> None:
+    def _write(self, glances: Mapping[tuple[str, str], tuple[Glance, Glance]]) -> None:
+        """Of the whole of each object, and of what it is recognised by."""
         cameras = {node.name for node in self._memory.nodes("camera")}
         for edge in self._memory.edges("sees"):
-            if edge.src in cameras and (edge.src, edge.dst) not in glances:
+            if edge.src in cameras and "detectable" in edge and (edge.src, edge.dst) not in glances:
                 self._memory.remove_edge(edge.src, edge.dst, "sees")
-        for (camera, name), glance in glances.items():
-            if self._is_news(camera, name, glance):
-                values = {"share": glance.share, "visible": glance.share >= HALF, "hidden_by": glance.hidden_by}
+        for (camera, name), (whole, tag) in glances.items():
+            written = self._memory.get_edge(camera, name, "sees")
+            values = {
+                "share": whole.share,
+                "visible": is_enough(whole.share, written is not None and written.get("visible") is True),
+                "hidden_by": whole.hidden_by,
+                "detectable": tag.share,
+                "covered_by": tag.hidden_by,
+            }
+            if written is None or _is_news(written, values):
                 with contextlib.suppress(DsrError):  # an end may be gone meanwhile
                     self._memory.add_edge(camera, name, "sees", **values)
 
-    def _is_news(self, camera: str, name: str, glance: Glance) -> bool:
-        written = self._memory.get_edge(camera, name, "sees")
-        before = None if written is None else written.get("share")
-        if written is None or before is None or written.get("hidden_by") != glance.hidden_by:
-            return True
-        return abs(glance.share - before) > _STEP or any(
-            (glance.share >= limit) != (before >= limit) for limit in (NOTHING, HALF, ALL)
-        )
+
+def _is_news(written: Edge, values: Mapping[str, Any]) -> bool:
+    if any(written.get(name) != values[name] for name in ("visible", "hidden_by", "covered_by")):
+        return True
+    return any(_differs(written.get(name), values[name], limits) for name, limits in _LIMITS.items())
+
+
+def _differs(before: float | None, share: float, limits: Iterable[float]) -> bool:
+    """Whether a share is another one than before, or on the other side of a limit."""
+    if before is None or abs(share - before) > _STEP:
+        return True
+    return any((share >= limit) != (before >= limit) for limit in limits)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -160,14 +160,15 @@ class _Targets(NamedTuple):
 class _Camera:
     """A view made ready for many looks."""
 
-    def __init__(self, view: View, obstacles: Sequence[Solid]) -> None:
+    def __init__(self, view: View, obstacles: Sequence[Solid], housing: float) -> None:
+        """`housing`: m from the camera up to which what it is in hides nothing."""
         self.view = view
         self.eye = _bounded([view.world_from_camera.t])[0]
         self.turn = np.array(quaternions.to_matrix(view.world_from_camera.q))
         obstacles = (*obstacles, *view.obstacles)
         around = _Bodies.of(obstacles).contain(self.eye, _MARGIN)
         self.obstacles = [obstacle.name for obstacle in obstacles]
-        self.parts = _Parts.of(obstacles, np.where(around, _HOUSING, 0.0))
+        self.parts = _Parts.of(obstacles, np.where(around, housing, 0.0))
 
 
 class Sight:
@@ -179,11 +180,24 @@ class Sight:
             housing where it ends just before the camera; where it does not, nobody knows what of it is in the way, and
             it hides what is behind.
         by_color: names of the solids that are recognised by their colour; all others are by tags.
+        whole: it is not asked what can be recognised, but how much of the image of each solid is seen, as in
+            `dsr.visibility`: nothing is too small or too far askew, a camera is where it is believed to be, and what it
+            is in hides nothing from it.
     """
 
-    def __init__(self, views: Sequence[View], obstacles: Sequence[Solid] = (), by_color: Collection[str] = ()) -> None:
-        self._cameras = [_Camera(view, obstacles) for view in views]
+    def __init__(
+        self,
+        views: Sequence[View],
+        obstacles: Sequence[Solid] = (),
+        by_color: Collection[str] = (),
+        *,
+        whole: bool = False,
+    ) -> None:
+        seen_from, housing = (map(_certain, views), math.inf) if whole else (views, _HOUSING)
+        self._cameras = [_Camera(view, obstacles, housing) for view in seen_from]
         self._by_color = frozenset(by_color)
+        self._smallest = 0.0 if whole else SMALLEST
+        self._whole = whole
 
     def shares(self, solids: Sequence[Solid]) -> dict[tuple[str, str], float]:
         """Share (0 to 1) of each solid that each camera should see, by (camera, name).
@@ -199,7 +213,8 @@ class Sight:
         """The same, also saying what hides most of each."""
         found, parts = {}, _Parts.of(solids)
         for camera in self._cameras:
-            shares, hiding = _look(camera, solids, parts, self._by_color)
+            by_image = np.array([self._whole or solid.name in self._by_color for solid in solids], dtype=bool)
+            shares, hiding = _look(camera, solids, parts, by_image, self._smallest)
             names = [solid.name for solid in solids] + camera.obstacles
             for index, (solid, share) in enumerate(zip(solids, shares.tolist(), strict=True)):
                 most = int(hiding[index].argmax())
@@ -208,12 +223,21 @@ class Sight:
         return found
 
 
-def _look(camera: _Camera, solids: Sequence[Solid], parts: _Parts, by_color: Collection[str]) -> tuple[Array, Array]:
-    """Shares (n,) of n solids, and how much (n, n + obstacles) of each every solid and obstacle cuts off."""
+def _certain(view: View) -> View:
+    """The view as if there were no doubt about where the camera is."""
+    return replace(view, world_from_camera=view.world_from_camera.with_covariance(None), obstacles=())
+
+
+def _look(
+    camera: _Camera, solids: Sequence[Solid], parts: _Parts, by_image: Flags, smallest: float
+) -> tuple[Array, Array]:
+    """Shares (n,) of n solids, and how much (n, n + obstacles) of each every solid and obstacle cuts off.
+
+    Of those `by_image` (n,) all of their surface counts, if it is `smallest` px wide; of the others the tag.
+    """
     bodies = _Bodies.of(solids)
-    colored = np.array([name in by_color for name in bodies.names], dtype=bool)
-    targets = _targets(camera, bodies, solids, colored)
-    seen = _found(camera, bodies, targets, colored)
+    targets = _targets(camera, bodies, solids, by_image)
+    seen = _found(camera, bodies, targets, by_image, smallest)
     parts = parts.and_also(camera.parts, len(solids))
     hiding = np.zeros((len(solids), len(solids) + len(camera.obstacles)))
     target, part = _candidates(camera.eye, targets, seen, parts)
@@ -262,7 +286,7 @@ def _surface(shape: Shape, size: Vector3, eye: Vector3) -> tuple[Array, Array]:
     return points, weights / max(float(weights.sum()), _LEAST)
 
 
-def _found(camera: _Camera, bodies: _Bodies, targets: _Targets, colored: Flags) -> Flags:
+def _found(camera: _Camera, bodies: _Bodies, targets: _Targets, colored: Flags, smallest: float) -> Flags:
     """(n, m) which points would be seen if nothing were in the way."""
     lens = camera.view.intrinsics
     points = (targets.points - camera.eye) @ camera.turn
@@ -280,7 +304,7 @@ def _found(camera: _Camera, bodies: _Bodies, targets: _Targets, colored: Flags) 
     found &= side >= SMALLEST * safe[:, len(_RAYS) // 2]
     if colored.any():
         width = np.minimum(_span(u, inside), _span(v, inside))
-        found = np.where(colored, width >= SMALLEST, found)
+        found = np.where(colored, width >= smallest, found)
     inside &= found[:, None]
     return inside
 

@@ -16,9 +16,11 @@ from dsr.elements import Node
 from dsr.errors import DsrError
 from dsr.intrinsics import Intrinsics, read_intrinsics
 from dsr.memory import Memory
-from dsr.perceived import MOST_SILENT, seconds_unseen
+from dsr.perceived import MOST_SILENT, is_perceived, seconds_unseen
 from dsr.relations import SURFACES, THINGS
 from dsr.transforms import Array, Pose
+from dsr.visibility import PERSON
+from dsr.visibility.persons import HEAD, TRUNK, upright
 from simulation_handler.geometry import Solid
 from simulation_handler.hand_figures import hand_solid
 from simulation_handler.meshes import Forms
@@ -26,7 +28,7 @@ from simulation_handler.reading import MODELLED
 from simulation_handler.recalling import WORLD
 from simulation_handler.sight import View
 
-PARTS = ("robot", "body", "arm", "gripper", "hand", "finger")
+PARTS = ("robot", "body", "arm", "gripper", "hand", "finger", PERSON)
 """Node types of parts of bodies; those with the attribute `bounds` hide what is behind them."""
 _FINGER = re.compile(r"_finger_([0-4])$")
 
@@ -59,9 +61,11 @@ def obstacles(memory: Memory) -> list[Solid]:
 
 
 def _parts(memory: Memory) -> list[Node]:
-    """Parts of bodies that hide what is behind them, by name."""
+    """Parts of bodies that hide what is behind them, by name; of persons, those who are there."""
+    now = memory.clock.now()
     found = (node for type in PARTS for node in memory.nodes(type) if "bounds" in node)
-    return sorted(found, key=lambda node: node.name)
+    there = (node for node in found if node.type != PERSON or is_perceived(node, now))
+    return sorted(there, key=lambda node: node.name)
 
 
 def _boxes(memory: Memory, nodes: list[Node]) -> list[Solid]:
@@ -119,6 +123,21 @@ def hands(memory: Memory, now: float) -> list[Solid]:
             }
             found.append(hand_solid(node.name, pose, tips, is_left=node.get("side") == "left"))
     return found
+
+
+def persons(memory: Memory, now: float) -> list[Solid]:
+    """Heads and trunks, as boxes, of those who are there at `now` (s); who has `bounds` is among the `obstacles`."""
+    there = [node for node in memory.nodes(PERSON) if is_perceived(node, now) and "bounds" not in node]
+    there.sort(key=lambda node: node.name)
+    return [
+        Solid(node.name, part.size, placed.t, placed.q, fixed=True)
+        for node, pose in zip(there, _places(memory, there), strict=True)
+        if pose is not None
+        for shape, stance in ((HEAD, pose), (TRUNK, _pose(upright(pose.matrix))))
+        for part in shape
+        if stance is not None
+        for placed in (stance @ Pose(part.position, part.rotation),)
+    ]
 
 
 def _measured(memory: Memory, node: Node) -> Pose | None:

@@ -35,7 +35,7 @@ class SurpriseDetector(Agent):
     reads = Access(
         nodes=(*THINGS, "camera", "gripper", "world"),
         edges=("RT", "Virtual_RT", "sees", "grasping"),
-        attributes=("surprising", "surprise", "present", "share", "hidden_by"),
+        attributes=("surprising", "surprise", "present", "detectable", "covered_by"),
     )
     writes = Access(
         nodes=(*THINGS, "camera"),

@@ -28,18 +28,18 @@ class _Outlook:
     """s, since when it should be seen"""
     hidden_since: float | None = None
     """s, since when it cannot be seen"""
-    hidden_by: str = ""
+    covered_by: str = ""
     stamps: deque[float] = field(default_factory=lambda: deque(maxlen=_KEPT))
     """s, of its percepts"""
 
     def expect(self, edge: Edge | None, now: float, config: SurpriseConfig, *, hidden: bool) -> None:
         """Take note of what should be seen at `now`; `hidden` says that what hides it surely does."""
-        share = None if edge is None else edge.get("share")
+        share = None if edge is None else edge.get("detectable")
         seen = share is not None and share >= config.all_seen
         hidden = hidden and share is not None and share <= config.nothing_seen
         self.seen_since = (now if self.seen_since is None else self.seen_since) if seen else None
         self.hidden_since = (now if self.hidden_since is None else self.hidden_since) if hidden else None
-        self.hidden_by = "" if edge is None else edge.get("hidden_by", "")
+        self.covered_by = "" if edge is None else edge.get("covered_by", "")
 
     def start_anew(self, now: float) -> None:
         """Whatever holds has only held since `now`."""
@@ -123,7 +123,7 @@ class Expectations:
             start = outlook.hidden_since + _LATENCY
             stamps = [stamp for stamp in outlook.stamps if stamp >= start]
             if len(stamps) >= config.frames and stamps[-1] - outlook.hidden_since >= config.unexpected_after:
-                text = f"seen by {camera_name}, though {outlook.hidden_by} should hide it"
+                text = f"seen by {camera_name}, though {outlook.covered_by} should hide it"
                 return Reason("impossible", text)
         return None
 
@@ -164,7 +164,7 @@ class Expectations:
 
     def _is_hidden_by_an_object(self, edge: Edge | None) -> bool:
         """Boxes around parts of the arm are larger than these, and may be seen past."""
-        node = None if edge is None else self._memory.get_node(edge.get("hidden_by", ""))
+        node = None if edge is None else self._memory.get_node(edge.get("covered_by", ""))
         return node is not None and node.type in THINGS
 
     def _moved(self, name: str, elapsed: float) -> bool:

@@ -15,7 +15,7 @@ from dsr.relations import SURFACES
 from dsr.runtime.access import EVERYTHING
 from dsr.schema import WORLD_RECORD
 from dsr.timeline import WRITTEN_ATTRIBUTES, WRITTEN_EDGES, WRITTEN_NODES
-from dsr.visibility import LEAST_SHARE, PERSON, PERSPECTIVES, WIDTH, VisibilityMonitor
+from dsr.visibility import BAND, LEAST_SHARE, PERSON, PERSPECTIVES, WIDTH, VisibilityMonitor
 
 PREFIX = "view_of_"
 """Before the name of a person in that of their world."""
@@ -32,7 +32,7 @@ class PerspectivesConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True
     """The world that they see."""
     least_share: Share = LEAST_SHARE
     """Of the pixels that a thing would have alone, from which on it is seen."""
-    band: Share = 0.05
+    band: Share = BAND
     """By how much the share of what is seen may be below that."""
     empty_share: Share = 0.5
     """Of what would be seen of a thing if it were where it was, from which on that place is seen to be empty."""

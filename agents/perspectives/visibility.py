@@ -7,8 +7,9 @@ from typing import Annotated, Any, ClassVar
 import msgspec
 
 from dsr.agent import Access
+from dsr.elements import Edge
 from dsr.keys import BASE
-from dsr.visibility import LEAST_SHARE, PERSON, PERSPECTIVES, WIDTH, VisibilityMonitor
+from dsr.visibility import BAND, LEAST_SHARE, PERSON, PERSPECTIVES, WIDTH, VisibilityMonitor
 from dsr.worlds import Monitor, WorldsConfig
 
 _NEWS = 0.1  # of a share, that is written again
@@ -19,10 +20,11 @@ class VisibilityConfig(WorldsConfig, frozen=True, forbid_unknown_fields=True):
     """Whose sight is written, and what counts."""
 
     kinds: tuple[str, ...] = (PERSON,)
-    """Types of perspectives: `person`, `camera`; the simulation handler has its own edges from cameras."""
+    """Types of perspectives: `person`, `camera`; edges that the simulation handler writes from cameras stay as they
+    are."""
     least_share: Share = LEAST_SHARE
     """Of the pixels that a thing would have alone, from which on it is seen."""
-    band: Share = 0.05
+    band: Share = BAND
     """By how much the share of what is seen may be below that."""
     width: Annotated[int, msgspec.Meta(ge=16, le=4096)] = WIDTH
     """px, of the pictures"""
@@ -61,7 +63,8 @@ class Visibility(Monitor):
         with self.target.batch():
             for edge in self.target.edges("sees"):
                 node = self.target.get_node(edge.src)
-                if node is not None and node.type in self.config.kinds and (edge.src, edge.dst) not in seen:
+                is_ours = node is not None and node.type in self.config.kinds and not _is_by_the_simulation(edge)
+                if is_ours and (edge.src, edge.dst) not in seen:
                     self.target.remove_edge(edge.src, edge.dst, "sees")
             for name, thing in sorted(seen):
                 self._write(name, thing)
@@ -71,9 +74,16 @@ class Visibility(Monitor):
             return
         glance = self._monitor.glances[name, thing]
         edge = self.target.get_edge(name, thing, "sees")
+        if edge is not None and _is_by_the_simulation(edge):
+            return
         if (
             edge is None
             or abs(edge.get("share", 0.0) - glance.share) > _NEWS
             or edge.get("hidden_by") != glance.hidden_by
         ):
             self.target.add_edge(name, thing, "sees", share=glance.share, visible=True, hidden_by=glance.hidden_by)
+
+
+def _is_by_the_simulation(edge: Edge) -> bool:
+    """Whether the simulation handler keeps an edge, which says the same, and more of what cameras recognise."""
+    return "detectable" in edge

@@ -6,7 +6,7 @@ came_into_sight = [change.thing for change in monitor.update() if change.seen]
 """
 
 from dsr.visibility.bodies import body_at, placed, shape_of_thing
-from dsr.visibility.looking import LEAST_PIXELS, LEAST_SHARE, Scene, is_seen, visibility
+from dsr.visibility.looking import BAND, LEAST_PIXELS, LEAST_SHARE, Scene, is_enough, is_seen, visibility
 from dsr.visibility.monitor import SightChange, VisibilityMonitor
 from dsr.visibility.perspectives import (
     CAMERA,
@@ -21,6 +21,7 @@ from dsr.visibility.perspectives import (
 from dsr.visibility.picture import Body, Glance, Picture
 
 __all__ = [
+    "BAND",
     "CAMERA",
     "LEAST_PIXELS",
     "LEAST_SHARE",
@@ -36,6 +37,7 @@ __all__ = [
     "SightChange",
     "VisibilityMonitor",
     "body_at",
+    "is_enough",
     "is_seen",
     "lens_of",
     "placed",

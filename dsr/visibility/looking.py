@@ -15,6 +15,8 @@ Sights = Mapping[tuple[str, str], Glance]
 
 LEAST_SHARE = 0.2
 """Of the pixels that a thing would have alone, from which on it is seen."""
+BAND = 0.05
+"""By how much the share of what is seen may be below that: what hovers about the least does not flicker."""
 LEAST_PIXELS = 3
 """Of a thing that is seen."""
 
@@ -61,6 +63,11 @@ def visibility(memory: Memory, names: Iterable[str] | None = None, width: int = 
         for picture in [scene.seen_from(perspective)]
         for thing in sorted(scene.things)
     }
+
+
+def is_enough(share: float, was_seen: bool, least_share: float = LEAST_SHARE, band: float = BAND) -> bool:
+    """Whether such a share of something is enough to be seen, if it was before, or was not."""
+    return share >= least_share - (band if was_seen else 0.0)
 
 
 def is_seen(glance: Glance, least_share: float = LEAST_SHARE, least_pixels: int = LEAST_PIXELS) -> bool:

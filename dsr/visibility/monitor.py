@@ -9,7 +9,7 @@ import numpy as np
 
 from dsr.memory import Memory
 from dsr.visibility.bodies import Posed, read_posed
-from dsr.visibility.looking import LEAST_PIXELS, LEAST_SHARE, Scene
+from dsr.visibility.looking import BAND, LEAST_PIXELS, LEAST_SHARE, Scene, is_enough
 from dsr.visibility.perspectives import PERSON, PERSPECTIVES, WIDTH, Perspective, read_perspectives
 from dsr.visibility.picture import Glance, Picture
 
@@ -49,7 +49,7 @@ class VisibilityMonitor:
         *,
         least_share: float = LEAST_SHARE,
         least_pixels: int = LEAST_PIXELS,
-        band: float = 0.05,
+        band: float = BAND,
         width: int = WIDTH,
         kinds: Iterable[str] = PERSPECTIVES,
     ) -> None:
@@ -126,8 +126,8 @@ class VisibilityMonitor:
         self._drawn = drawn
 
     def _is_seen(self, key: tuple[str, str], glance: Glance) -> bool:
-        least = self._least_share - (self._band if key in self._seen else 0.0)
-        return glance.share >= least and glance.pixels >= self._least_pixels
+        enough = is_enough(glance.share, key in self._seen, self._least_share, self._band)
+        return enough and glance.pixels >= self._least_pixels
 
 
 def _is_same(posed: list[Posed], before: list[Posed]) -> bool:

@@ -134,7 +134,7 @@ def test_what_should_be_seen_and_is_not() -> None:
     assert took is not None
     assert 0.4 < took < 0.8
     assert scene.why("cube_4") == f"should be seen by {CAMERA}, and is not"
-    scene.memory.add_edge(CAMERA, "cube_4", "sees", share=0.4, visible=False, hidden_by="cube_1")
+    scene.memory.add_edge(CAMERA, "cube_4", "sees", detectable=0.4, covered_by="cube_1")
     scene.run(0.6)
     assert not scene.is_surprising("cube_4")
     assert [node for _, node, _, _ in scene.events] == ["cube_4", "cube_4"]
@@ -143,12 +143,12 @@ def test_what_should_be_seen_and_is_not() -> None:
 def test_what_cannot_be_seen_and_is() -> None:
     scene = SurpriseScene(SIX)
     scene.run(2.0)
-    scene.memory.add_edge(CAMERA, "cube_4", "sees", share=0.0, visible=False, hidden_by="cube_1")
+    scene.memory.add_edge(CAMERA, "cube_4", "sees", detectable=0.0, covered_by="cube_1")
     took = scene.run_until_surprising("cube_4", 2.0)
     assert took is not None
     assert 0.4 < took < 1.0
     assert scene.why("cube_4") == f"seen by {CAMERA}, though cube_1 should hide it"
-    scene.memory.add_edge(CAMERA, "cube_4", "sees", share=1.0, visible=True, hidden_by="")
+    scene.memory.add_edge(CAMERA, "cube_4", "sees", detectable=1.0, covered_by="")
     scene.run(0.2)
     assert not scene.is_surprising("cube_4")
 
@@ -156,7 +156,7 @@ def test_what_cannot_be_seen_and_is() -> None:
 def test_the_boxes_of_the_arm_are_only_rough() -> None:
     scene = SurpriseScene(SIX)
     scene.memory.add_node("link", "body")
-    scene.memory.add_edge(CAMERA, "cube_4", "sees", share=0.0, visible=False, hidden_by="link")
+    scene.memory.add_edge(CAMERA, "cube_4", "sees", detectable=0.0, covered_by="link")
     scene.run(3.0)
     assert scene.events == []
 
@@ -253,7 +253,7 @@ def test_it_survives_what_is_missing_or_wrong() -> None:
         for camera in (CAMERA, "camera_lost"):
             pose = Pose((0.0, 0.0, 0.6), (1.0, 0.0, 0.0, 0.0), stamp, covariance)
             memory.add_edge(camera, "ball_1", "RT", pose=pose)
-        memory.add_edge(camera, "ball_1", "sees", share=1.0)
+        memory.add_edge(camera, "ball_1", "sees", detectable=1.0)
         scene.run(0.3)
     assert set(scene.detector.skipped) == {"too old", "from the future", "no chain to the world"}
     assert not scene.is_surprising("cube_x"), "nothing is believed of it"
