@@ -62,7 +62,7 @@ class ArmController(Agent):
         edges=("RT", "has", "grasping"),
         attributes=(
             *("joint_names", "joint_positions", "joint_velocities", "opening", "contact"),
-            *("status", "explanation", "target_joints", "target_pose", "target_opening", "held_at"),
+            *("status", "explanation", "hopeless", "target_joints", "target_pose", "target_opening", "held_at"),
             *("bounds", "source", "since"),
             *("stream", *INTRINSICS),
         ),

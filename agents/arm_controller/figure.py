@@ -35,33 +35,35 @@ class Figure:
         """m, between the open fingers"""
         self._tool_from_end = fixed_pose(robot.between(end_effector, tool)).inverse()
         links = [base, *(joint.child for joint in chain.joints)]
-        fixed = [(number, box) for number, link in enumerate(links) for box in robot.rigid(link, without=end_effector)]
+        *arm, last = links
+        fixed = [(number, box) for number, link in enumerate(arm) for box in robot.rigid(link, without=end_effector)]
         self._links = [number for number, _ in fixed]
         self._fixed = [box for _, box in fixed]
-        self._palm = [box.seen_from(self._tool_from_end) for box in robot.rigid(end_effector)]
+        tool_from_last = fixed_pose(robot.between(last, tool)).inverse()
+        self._hand = [box.seen_from(tool_from_last) for box in robot.rigid(last)]
         self._tip = len(links)
         self.base_boxes = self._links.count(0)
         """How many of the boxes stand still with the base; they come first."""
 
     @property
     def reach(self) -> float:
-        """m that the fingers reach beyond the tool point, along the tool's z axis; 0 without any."""
+        """How far the fingers reach beyond the tool point, along the tool's z axis, m; 0 without any."""
         fingers = [box.seen_from(self._tool_from_end) for box in self._robot.fingers(self._end_effector, 0.0)]
         return max((float(box.corners[:, 2].max()) for box in fingers), default=0.0)
 
     def gripper(self, opening: float) -> list[Box]:
-        """Boxes of palm and fingers in the tool's frame, fingers `opening` m apart."""
+        """Boxes of all that is fixed to the tool, and of fingers `opening` m apart, in the tool's frame."""
         fingers = self._robot.fingers(self._end_effector, opening)
-        return [*self._palm, *(box.seen_from(self._tool_from_end) for box in fingers)]
+        return [*self._hand, *(box.seen_from(self._tool_from_end) for box in fingers)]
 
     def gripper_boxes(self, opening: float) -> int:
-        """How many of the boxes are of palm and fingers."""
+        """How many of the boxes are of the gripper: of all that is fixed to the tool, and of the fingers."""
         return len(self.gripper(opening))
 
     def boxes(self, positions: Array, opening: float, held: Sequence[Box] = ()) -> Boxes:
         """Boxes (m, b) in the base frame at joint `positions` (m, n), fingers `opening` m apart.
 
-        Those of the links come first, then palm and fingers, then `held`, given in the tool's frame.
+        Those of the links come first, then those of the gripper, then `held`, given in the tool's frame.
         """
         parts = [*self._fixed, *self.gripper(opening), *held]
         frames = self._chain.frames(positions)

@@ -45,6 +45,10 @@ class SkillError(DsrError):
     """A skill cannot go on."""
 
 
+class ImpossibleError(SkillError):
+    """A skill cannot be done as long as things are what and where they are believed to be."""
+
+
 class StuckError(SkillError):
     """The arm does not get where it was sent."""
 
