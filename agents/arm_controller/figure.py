@@ -11,6 +11,7 @@ from agents.arm_controller.kinematics import Chain
 from agents.arm_controller.overlap import Array, Boxes, gaps
 from agents.arm_controller.shapes import Box
 from agents.arm_controller.urdf import Robot, fixed_pose
+from dsr.errors import ConfigError
 
 _NEIGHBOURS = 2
 """Links this many joints apart or less touch by construction."""
@@ -25,6 +26,9 @@ class Figure:
         base: link at which the chain begins.
         end_effector: link that carries the fingers; the tool point is fixed to it.
         tool: link of the tool point.
+
+    Raises:
+        ConfigError: for a link with a shape that is neither a part of the arm nor a finger.
     """
 
     def __init__(self, robot: Robot, chain: Chain, base: str, end_effector: str, tool: str) -> None:
@@ -35,6 +39,7 @@ class Figure:
         """m, between the open fingers"""
         self._tool_from_end = fixed_pose(robot.between(end_effector, tool)).inverse()
         links = [base, *(joint.child for joint in chain.joints)]
+        _check_complete(robot, links, end_effector)
         *arm, last = links
         fixed = [(number, box) for number, link in enumerate(arm) for box in robot.rigid(link, without=end_effector)]
         self._links = [number for number, _ in fixed]
@@ -84,3 +89,15 @@ class Figure:
         hit = np.zeros(len(close), dtype=bool)
         hit[near] = gaps(a.at(near), b.at(near)) < margin
         return np.asarray(hit.reshape(len(boxes.centers), -1).any(axis=1))
+
+
+def _check_complete(robot: Robot, links: Sequence[str], end_effector: str) -> None:
+    """No shape of the robot is left out: each is fixed to one of `links`, or to a finger."""
+    carriers = [*links, *(joint.child for joint in robot.sliding(end_effector))]
+    known = {other for link in carriers for other, _ in robot.fixed_to(link)}
+    lost = [link for link, boxes in robot.boxes.items() if boxes and link not in known]
+    if lost:
+        raise ConfigError(
+            f"robot {robot.name!r}: link {lost[0]!r} has a collision shape, but is neither a part of the arm from "
+            f"{links[0]!r} on nor a finger that slides on {end_effector!r}; nobody would know where it is"
+        )
