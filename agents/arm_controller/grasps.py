@@ -26,6 +26,7 @@ LEAST_HOLD = 0.005
 """m of an object's height that must be between the pads: where its top is is known to some mm only"""
 
 _DEPTH = 0.017  # m below the top of an object at which it is held, if there is room to get there
+_ENOUGH = 0.75  # of the greatest hold that there is room for: less is worse than being off the middle, or cramped
 _MOST_ASIDE = 0.25  # of its length, off its middle: an object that is held farther out turns between the pads
 _STEP = 0.001  # m between two heights of the tool point that are tried
 _STEP_ASIDE = 0.0025  # m between two places of the tool point that are tried along the pads
@@ -102,8 +103,8 @@ def upright(thing: Thing) -> Upright:
 def grasps(thing: Thing, room: Room, widest: float) -> list[Grasp]:
     """Top grasps, each as deep as there is room for.
 
-    Better are those that hold more than half as much as others, then those in the middle of the object, then those with
-    more room for the fingers, then those across the shorter side.
+    Better are those that hold nearly as much as any, then those in the middle of the object, then those with more room
+    for the fingers, then those across the shorter side.
 
     Args:
         thing: what to grasp.
@@ -127,8 +128,8 @@ def grasps(thing: Thing, room: Room, widest: float) -> list[Grasp]:
     if not found:
         who = f"{', '.join(in_the_way)} {'is' if len(in_the_way) == 1 else 'are'}"
         raise GraspError(f"there is no room for the gripper around {thing.name}: {who} in the way")
-    half = max(hold for _, hold in found) / 2
-    return [replace(grasp, rank=(int(hold < half), *grasp.rank[1:])) for grasp, hold in found]
+    enough = _ENOUGH * max(hold for _, hold in found)
+    return [replace(grasp, rank=(int(hold < enough), *grasp.rank[1:])) for grasp, hold in found]
 
 
 @dataclass(frozen=True)
@@ -204,7 +205,7 @@ def _roomy(way: _Way, body: Upright, heights: Array, room: Room) -> tuple[Grasp 
     holds = np.where([not names for names in taken], tops, 0.0)
     if not holds.any():
         return None, taken[0]
-    best = int(np.argmax(holds >= holds.max() / 2))
+    best = int(np.argmax(holds >= _ENOUGH * holds.max()))
     tool = way.tool(body.center, float(asides[best]), float(heights[high[best]]))
     return Grasp(tool, way.opening, way.width, (0, int(best > 0), *way.rank)), ()
 
