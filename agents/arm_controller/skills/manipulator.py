@@ -158,7 +158,7 @@ class Manipulator:
         held = self.held_box()
         things = self._things()
         lowest = (self.tool.t[2] - float(self.tool.apply(box.corners)[:, 2].min()) for box in held)
-        below = max(self.figure.reach, *lowest)
+        below = max([self.figure.reach, *lowest])
         travel = max((thing.top for thing in things), default=0.0) + below + CLEARANCE
         load = Load(opening, held)
         return self._router.plan(self._here, goal, load, self._obstacles(things, target), travel, self._limits)
