@@ -59,6 +59,11 @@ def test_pads_keep_their_margin_and_hold_enough(figure: Figure, high: float, sun
     assert low(grasp) <= max(high - sunk - 0.032, 0.0051 - min(sunk, 0.0)) + 1e-9
 
 
+def test_what_the_object_stands_on_need_not_be_known(figure: Figure) -> None:
+    found = grasps(box(0.04, 0.01), Room(figure, []), WIDEST)
+    assert {round(low(grasp), 6) for grasp in found} == {GRIPPER_MARGIN + 0.001}
+
+
 @pytest.mark.parametrize(
     ("wide", "openings"), [(0.01, [40, 22, 14]), (0.06, [85, 72, 64]), (0.08, [85, 84]), (0.081, [85])]
 )

@@ -258,9 +258,10 @@ def test_beside_a_wall_the_object_is_held_off_its_middle(table: Table, tool: Cha
     assert table.finish(name) == ("done", "")
 
 
-def test_beside_a_tall_wall_the_gripper_may_be_close_on_all_of_the_way_down(table: Table) -> None:
-    """The flange passes the wall 8.5 mm away, also above the last 80 mm."""
-    table.believe("wall", Pose((0.476, 0.08, 0.085)), (0.02, 0.3, 0.17))
+def test_in_a_shaft_the_gripper_may_be_close_to_its_walls_on_all_of_the_way_down(table: Table) -> None:
+    """The flange passes the far one 8.5 mm away, also above the last 80 mm; the others keep it from coming aside."""
+    for name, x, y in (("left", 0.0, 0.08), ("right", 0.0, -0.08), ("far", 0.056, 0.0), ("near", -0.08, 0.0)):
+        table.believe(name, Pose((0.42 + x, 0.08 + y, 0.085)), (0.2, 0.02, 0.17) if y else (0.02, 0.14, 0.17))
     assert table.act("pick", target="cube_3") == ("done", "")
 
 
