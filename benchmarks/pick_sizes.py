@@ -3,7 +3,7 @@
     python -m benchmarks.pick_sizes --seeds 0-2
     python -m benchmarks.pick_sizes --heights 10,35 --widths 40 --beside none,wall:20 --seeds 0-9 --noise 0.002
 
-Boxes are square and weigh as wood. A try is a success if the box is in the gripper in the end, above where it stood,
+Boxes are square. A try is a success if the box is in the gripper in the end, above where it stood,
 and nothing beside it was moved. What is not tried, because the arm says at once that it cannot, is counted apart.
 """
 
@@ -31,7 +31,6 @@ WIDTHS = (10, 20, 40, 60, 80)
 BESIDE = ("none", "wall:10", "wall:40", "neighbour:10", "neighbour:20", "slot:30")
 """What stands beside the box, and how far away (mm)"""
 
-_DENSITY = 500.0  # kg/m^3, of wood
 _WALL = (0.02, 0.30, 0.15)  # m; higher than the palm gets above the lowest box
 _WALL_MASS = 50.0  # kg: nothing that the arm does moves it unnoticed
 _PLACE = (0.40, 0.0)  # m, in the middle of where things are put
@@ -58,7 +57,7 @@ class Beside(NamedTuple):
             turn = yaw + (side + 2 * number) * math.pi / 2
             away = (size + extent[0]) / 2 + self.gap
             at = (x + away * math.cos(turn), y + away * math.sin(turn), math.remainder(turn, math.tau))
-            mass = _WALL_MASS if is_wall else _mass(size, height)
+            mass = _WALL_MASS if is_wall else Block.mass
             found.append(Block(f"{'wall' if is_wall else 'neighbour'}_{number + 1}", at, extent, mass))
         return found
 
@@ -85,7 +84,7 @@ def attempt(beside: str, height: int, width: int, seed: int, noise: float) -> Tr
     x, y = (at + rng.uniform(-_JITTER, _JITTER) for at in _PLACE)
     place, size = (x, y, rng.uniform(-math.pi, math.pi)), (width / 1e3, width / 1e3, height / 1e3)
     others = _beside(beside).blocks(size[0], size[2], place, int(rng.integers(4)))
-    box = Block("box", place, size, _mass(size[0], size[2]))
+    box = Block("box", place, size)
     with Bench([box, *others], seed=seed, noise=noise) as bench:
         before = {block.name: bench.pose(block.name).t for block in (box, *others)}
         began = bench.lockstep.clock.now()
@@ -155,11 +154,6 @@ def _causes(tries: Iterable[Try]) -> list[str]:
 def _beside(text: str) -> Beside:
     kind, _, gap = text.partition(":")
     return Beside(kind, float(gap or 0.0) / 1e3)
-
-
-def _mass(size: float, height: float) -> float:
-    """kg"""
-    return _DENSITY * size * size * height
 
 
 def _numbers(text: str) -> list[int]:

@@ -289,6 +289,7 @@ _ATTRIBUTES: dict[str, AttributeType] = dict([
                               "visible": "enough of it (`share`) is there to be seen",
                               "present": "believed to be in the scene",
                               "maintain": "the goal is watched after it was reached",
+                              "hopeless": "the action will fail again while what is believed stays as it is",
                               "forced": "it shall be done whatever speaks against it",
                               "moves_arm": "an arm shall be moved for it",
                               "undo": "the pose from before the last calibration shall be taken back"}),

@@ -19,6 +19,8 @@ class Progress(NamedTuple):
 
     status: str
     explanation: str
+    hopeless: bool = False
+    """Whether it would fail again while what is believed stays as it is."""
 
 
 GONE = Progress(FAILED, "somebody removed the action")
@@ -87,7 +89,7 @@ class Actions:
 
 
 def _progress(node: Node) -> Progress:
-    return Progress(node.get("status", PLANNED), node.get("explanation", ""))
+    return Progress(node.get("status", PLANNED), node.get("explanation", ""), node.get("hopeless") is True)
 
 
 def own_actions(memory: Memory) -> list[Node]:

@@ -47,8 +47,8 @@ class Planner(Agent):
         nodes=("intention", "action", "gripper", "camera", "arm", *THINGS, *SURFACES),
         edges=("on", "grasping", "has", "next", "sees", "RT", "Virtual_RT"),
         attributes=(
-            *("goal", "maintain", "priority", "status", "explanation", "request", "size", "present", "surprising"),
-            "mount",
+            *("goal", "maintain", "priority", "status", "explanation", "hopeless", "request"),
+            *("size", "present", "surprising", "mount"),
             *("detectable", "source", "replans", *INTRINSICS),
         ),
     )

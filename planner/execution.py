@@ -297,7 +297,10 @@ class Execution:
         if progress.status != DONE:
             if skill.target_pose is not None:
                 self._avoid.append((skill.target_pose.t[0], skill.target_pose.t[1]))
-            raise Failure(f"{skill}: {progress.explanation or progress.status}")
+            problem = f"{skill}: {progress.explanation or progress.status}"
+            if progress.hopeless and not surprising(self._memory):
+                raise GivingUp(FAILED, problem)
+            raise Failure(problem)
         expected, began = step.after(before).facts, self._now()
         while self._relations().facts != expected:
             watch()

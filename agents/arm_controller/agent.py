@@ -62,7 +62,7 @@ class ArmController(Agent):
         edges=("RT", "has", "grasping"),
         attributes=(
             *("joint_names", "joint_positions", "joint_velocities", "opening", "contact"),
-            *("status", "explanation", "target_joints", "target_pose", "target_opening", "held_at"),
+            *("status", "explanation", "hopeless", "target_joints", "target_pose", "target_opening", "held_at"),
             *("bounds", "source", "since"),
             *("stream", *INTRINSICS),
         ),
@@ -76,6 +76,9 @@ class ArmController(Agent):
         """Make the drivers and put the robot into the graph. Raises `ConfigError`."""
         config = self.config
         robot = load_robot(_ROOT / config.urdf)
+        if robot.drawn_only:
+            names = ", ".join(robot.drawn_only)
+            self.log.warning("%s: drawn without a <collision>, so the arm meets nothing with: %s", config.urdf, names)
         self._chain = Chain(robot.between(config.base_link, config.tool_link))
         self._check_config()
         self._body = Body(self.memory, robot, config)

@@ -11,6 +11,7 @@ from agents.arm_controller.kinematics import Chain
 from agents.arm_controller.overlap import Array, Boxes, gaps
 from agents.arm_controller.shapes import Box
 from agents.arm_controller.urdf import Robot, fixed_pose
+from dsr.errors import ConfigError
 
 _NEIGHBOURS = 2
 """Links this many joints apart or less touch by construction."""
@@ -25,6 +26,9 @@ class Figure:
         base: link at which the chain begins.
         end_effector: link that carries the fingers; the tool point is fixed to it.
         tool: link of the tool point.
+
+    Raises:
+        ConfigError: for a link with a shape that is neither a part of the arm nor a finger.
     """
 
     def __init__(self, robot: Robot, chain: Chain, base: str, end_effector: str, tool: str) -> None:
@@ -35,33 +39,36 @@ class Figure:
         """m, between the open fingers"""
         self._tool_from_end = fixed_pose(robot.between(end_effector, tool)).inverse()
         links = [base, *(joint.child for joint in chain.joints)]
-        fixed = [(number, box) for number, link in enumerate(links) for box in robot.rigid(link, without=end_effector)]
+        _check_complete(robot, links, end_effector)
+        *arm, last = links
+        fixed = [(number, box) for number, link in enumerate(arm) for box in robot.rigid(link, without=end_effector)]
         self._links = [number for number, _ in fixed]
         self._fixed = [box for _, box in fixed]
-        self._palm = [box.seen_from(self._tool_from_end) for box in robot.rigid(end_effector)]
+        tool_from_last = fixed_pose(robot.between(last, tool)).inverse()
+        self._hand = [box.seen_from(tool_from_last) for box in robot.rigid(last)]
         self._tip = len(links)
         self.base_boxes = self._links.count(0)
         """How many of the boxes stand still with the base; they come first."""
 
     @property
     def reach(self) -> float:
-        """m that the fingers reach beyond the tool point, along the tool's z axis; 0 without any."""
+        """How far the fingers reach beyond the tool point, along the tool's z axis, m; 0 without any."""
         fingers = [box.seen_from(self._tool_from_end) for box in self._robot.fingers(self._end_effector, 0.0)]
         return max((float(box.corners[:, 2].max()) for box in fingers), default=0.0)
 
     def gripper(self, opening: float) -> list[Box]:
-        """Boxes of palm and fingers in the tool's frame, fingers `opening` m apart."""
+        """Boxes of all that is fixed to the tool, and of fingers `opening` m apart, in the tool's frame."""
         fingers = self._robot.fingers(self._end_effector, opening)
-        return [*self._palm, *(box.seen_from(self._tool_from_end) for box in fingers)]
+        return [*self._hand, *(box.seen_from(self._tool_from_end) for box in fingers)]
 
     def gripper_boxes(self, opening: float) -> int:
-        """How many of the boxes are of palm and fingers."""
+        """How many of the boxes are of the gripper: of all that is fixed to the tool, and of the fingers."""
         return len(self.gripper(opening))
 
     def boxes(self, positions: Array, opening: float, held: Sequence[Box] = ()) -> Boxes:
         """Boxes (m, b) in the base frame at joint `positions` (m, n), fingers `opening` m apart.
 
-        Those of the links come first, then palm and fingers, then `held`, given in the tool's frame.
+        Those of the links come first, then those of the gripper, then `held`, given in the tool's frame.
         """
         parts = [*self._fixed, *self.gripper(opening), *held]
         frames = self._chain.frames(positions)
@@ -82,3 +89,15 @@ class Figure:
         hit = np.zeros(len(close), dtype=bool)
         hit[near] = gaps(a.at(near), b.at(near)) < margin
         return np.asarray(hit.reshape(len(boxes.centers), -1).any(axis=1))
+
+
+def _check_complete(robot: Robot, links: Sequence[str], end_effector: str) -> None:
+    """No shape of the robot is left out: each is fixed to one of `links`, or to a finger."""
+    carriers = [*links, *(joint.child for joint in robot.sliding(end_effector))]
+    known = {other for link in carriers for other, _ in robot.fixed_to(link)}
+    lost = [link for link, boxes in robot.boxes.items() if boxes and link not in known]
+    if lost:
+        raise ConfigError(
+            f"robot {robot.name!r}: link {lost[0]!r} has a collision shape, but is neither a part of the arm from "
+            f"{links[0]!r} on nor a finger that slides on {end_effector!r}; nobody would know where it is"
+        )

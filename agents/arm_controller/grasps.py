@@ -9,8 +9,9 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from agents.arm_controller.obstacles import STANDOFF
+from agents.arm_controller.obstacles import GRIPPER_MARGIN
 from agents.arm_controller.overlap import Array
 from agents.arm_controller.room import Room
 from agents.arm_controller.scene import Thing
@@ -25,8 +26,15 @@ LEAST_HOLD = 0.005
 """m of an object's height that must be between the pads: where its top is is known to some mm only"""
 
 _DEPTH = 0.017  # m below the top of an object at which it is held, if there is room to get there
+_ENOUGH = 0.75  # of the greatest hold that there is room for: less is worse than being off the middle, or cramped
+_MOST_ASIDE = 0.25  # of its length, off its middle: an object that is held farther out turns between the pads
 _STEP = 0.001  # m between two heights of the tool point that are tried
+_STEP_ASIDE = 0.0025  # m between two places of the tool point that are tried along the pads
+_GROUND = GRIPPER_MARGIN + _STEP  # m that the pads stay above what the object stands on, as far as that is known
 _SQUARE = 0.002  # m by which the sides of a square may differ
+
+Rank = tuple[int, int, int, int]
+"""Whether it holds little, whether it is off the middle, how cramped the fingers are, which side it is across"""
 
 
 class GraspError(DsrError):
@@ -42,7 +50,7 @@ class Grasp:
     """m between the fingers on the way there"""
     width: float
     """m of the object between the pads"""
-    rank: int = 0
+    rank: Rank = (0, 0, 0, 0)
     """Those of a lower rank are better."""
 
 
@@ -62,6 +70,11 @@ class Upright:
         """Whether it looks the same from above after a quarter turn."""
         (_, one), (_, other) = self.sides
         return abs(one - other) <= _SQUARE
+
+    @property
+    def narrowest(self) -> float:
+        """The shorter side, m."""
+        return min(length for _, length in self.sides)
 
     @property
     def yaw(self) -> float:
@@ -90,8 +103,8 @@ def upright(thing: Thing) -> Upright:
 def grasps(thing: Thing, room: Room, widest: float) -> list[Grasp]:
     """Top grasps, each as deep as there is room for.
 
-    Those with less than half of the greatest hold are worse than all others. Apart from that, better are those with
-    more room for the fingers, then those across the shorter side.
+    Better are those that hold nearly as much as any, then those in the middle of the object, then those with more room
+    for the fingers, then those across the shorter side.
 
     Args:
         thing: what to grasp.
@@ -102,59 +115,99 @@ def grasps(thing: Thing, room: Room, widest: float) -> list[Grasp]:
         GraspError: if it leans, is too wide or too low, or the gripper has no room around it, with what takes that.
     """
     body = upright(thing)
-    ways = _ways(thing, body, widest)
+    ways = _ways(thing.name, body, widest)
     heights = _heights(thing.name, body, room.reach)
     found: list[tuple[Grasp, float]] = []
     in_the_way = dict[str, None]()
     for way in ways:
-        tools = [_at_height(way.world_from_tool, height) for height in heights]
-        blockers = room.blockers(tools[:1], way.width, way.opening)
-        blockers += room.blockers(tools[1:], way.width, way.opening) if blockers[0] else []
-        if "" in blockers:
-            depth = blockers.index("")
-            found.append((replace(way, world_from_tool=tools[depth]), body.top - heights[depth] + room.reach))
+        grasp, blockers = _roomy(way, body, heights, room)
+        if grasp is None:
+            in_the_way |= dict.fromkeys(blockers)
         else:
-            in_the_way[blockers[-1]] = None
+            found.append((grasp, body.top - grasp.world_from_tool.t[2] + room.reach))
     if not found:
-        raise GraspError(f"no room for the gripper around {thing.name}, because of {', '.join(in_the_way)}")
-    half = max(hold for _, hold in found) / 2
-    return [replace(grasp, rank=grasp.rank + (len(ways) if hold < half else 0)) for grasp, hold in found]
+        who = f"{', '.join(in_the_way)} {'is' if len(in_the_way) == 1 else 'are'}"
+        raise GraspError(f"there is no room for the gripper around {thing.name}: {who} in the way")
+    enough = _ENOUGH * max(hold for _, hold in found)
+    return [replace(grasp, rank=(int(hold < enough), *grasp.rank[1:])) for grasp, hold in found]
 
 
-def _ways(thing: Thing, body: Upright, widest: float) -> list[Grasp]:
-    """Directions and openings of the gripper that fit the object, at the height of its centre."""
-    fitting = [side for side in body.sides if side[1] + min(SIDE_ROOM) <= widest]
-    if not fitting:
-        narrow = min(length for _, length in body.sides)
-        raise GraspError(f"{thing.name} is {narrow * 1e3:.0f} mm wide, too wide for {widest * 1e3:.0f} mm")
-    fitting.sort(key=lambda side: side[1])
-    x, y, z = body.center.tolist()
+@dataclass(frozen=True)
+class _Way:
+    """A direction and opening of the gripper."""
+
+    axis: Array
+    """(3,) world, from pad to pad"""
+    width: float
+    """m of the object along it"""
+    across: float
+    """m of the object across it"""
+    opening: float
+    """m"""
+    rank: tuple[int, int]
+    """Lower is better: by room for the fingers, then by side of the object."""
+
+    def tool(self, center: Array, aside: float, height: float) -> Pose:
+        """world_from_tool, `aside` m off the middle along the pads, at `height` m."""
+        x, y, _ = center + aside * np.cross((0.0, 0.0, -1.0), self.axis)
+        return looking_down((float(x), float(y), height), self.axis)
+
+
+def _ways(name: str, body: Upright, widest: float) -> list[_Way]:
+    """All that fit the object."""
+    if body.narrowest + min(SIDE_ROOM) > widest:
+        raise GraspError(f"{name} is {body.narrowest * 1e3:.0f} mm wide, too wide for {widest * 1e3:.0f} mm")
+    one, other = sorted(body.sides, key=lambda side: side[1])
     return [
-        Grasp(looking_down((x, y, z), sign * axis), opening, width, 2 * cramped + (0 if body.is_square else longer))
-        for longer, (axis, width) in enumerate(fitting)
+        _Way(sign * axis, width, across, opening, (cramped, 0 if body.is_square else longer))
+        for longer, ((axis, width), (_, across)) in enumerate(((one, other), (other, one)))
+        if width + min(SIDE_ROOM) <= widest
         for cramped, opening in enumerate(dict.fromkeys(min(width + room, widest) for room in SIDE_ROOM))
         for sign in (1.0, -1.0)
     ]
 
 
-def _heights(name: str, body: Upright, reach: float) -> list[float]:
-    """Heights of the tool point (m, world) that are tried, the deepest first, for pads that reach `reach` m beyond it.
+def _heights(name: str, body: Upright, reach: float) -> Array:
+    """(n,) heights of the tool point (m, world) that are tried, the deepest first; pads reach `reach` m beyond it.
 
     What the object stands on may not be known, so the pads keep away from its bottom as from what is known. Raises
     `GraspError` for an object that is too low for that.
     """
-    deepest = max(body.top - _DEPTH, body.top - body.height + reach + STANDOFF)
-    highest = body.top + reach - LEAST_HOLD
+    deepest = max(body.top - _DEPTH, body.top - body.height + _GROUND + reach)
+    highest = body.top - LEAST_HOLD + reach
     if deepest > highest:
-        least = STANDOFF + LEAST_HOLD
+        least = _GROUND + LEAST_HOLD
         raise GraspError(f"{name} is {body.height * 1e3:.1f} mm high, too low: expected at least {least * 1e3:.1f} mm")
-    heights: list[float] = np.arange(deepest, highest, _STEP).tolist()
-    return heights
+    return np.linspace(deepest, highest, math.ceil((highest - deepest) / _STEP) + 1)
 
 
-def _at_height(world_from_tool: Pose, height: float) -> Pose:
-    x, y, _ = world_from_tool.t
-    return Pose((x, y, height), world_from_tool.q)
+def _roomy(way: _Way, body: Upright, heights: Array, room: Room) -> tuple[Grasp | None, tuple[str, ...]]:
+    """The grasp in the middle and as deep as wanted, or else the nearest aside that holds enough.
+
+    Without room anywhere it is None, with what takes that in the middle.
+    """
+
+    def blockers(asides: Array, at: NDArray[np.intp]) -> list[tuple[str, ...]]:
+        tools = [way.tool(body.center, *place) for place in zip(asides.tolist(), heights[at].tolist(), strict=True)]
+        return room.blockers(tools, way.width, way.opening)
+
+    count = int(way.across * _MOST_ASIDE / _STEP_ASIDE)
+    asides = np.array(sorted(range(-count, count + 1), key=abs)) * _STEP_ASIDE
+    if not blockers(asides[:1], np.zeros(1, dtype=np.intp))[0]:
+        return Grasp(way.tool(body.center, 0.0, float(heights[0])), way.opening, way.width, (0, 0, *way.rank)), ()
+    low, high = np.zeros(len(asides), dtype=np.intp), np.full(len(asides), len(heights) - 1)
+    taken = blockers(asides, high)
+    while (low < high).any():  # what is free stays so higher up: the way there comes from above
+        middle = (low + high) // 2
+        free = np.array([not names for names in blockers(asides, middle)])
+        low, high = np.where(free, low, np.minimum(middle + 1, high)), np.where(free, middle, high)
+    tops = body.top - heights[high] + room.reach
+    holds = np.where([not names for names in taken], tops, 0.0)
+    if not holds.any():
+        return None, taken[0]
+    best = int(np.argmax(holds >= _ENOUGH * holds.max()))
+    tool = way.tool(body.center, float(asides[best]), float(heights[high[best]]))
+    return Grasp(tool, way.opening, way.width, (0, int(best > 0), *way.rank)), ()
 
 
 def looking_down(position: tuple[float, float, float], x_axis: Array) -> Pose:

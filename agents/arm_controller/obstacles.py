@@ -16,8 +16,8 @@ from dsr.transforms import Pose
 MARGIN = 0.01
 """m that the arm and what it carries keep away from things"""
 GRIPPER_MARGIN = 0.003
-"""m that palm and fingers keep away on a final line, where they work between things"""
-STANDOFF = GRIPPER_MARGIN + 0.0002
+"""m that the gripper keeps away on a final line, where it works between things"""
+STANDOFF = GRIPPER_MARGIN + 0.0001
 """m that grasps are planned to keep: more than is asked for later, because solved joints are some 0.01 mm off"""
 HELD_MARGIN = -0.003
 """m for the held object on a final line: it ends in contact, and poses are known to some mm only"""

@@ -31,18 +31,18 @@ class Room:
 
     @property
     def reach(self) -> float:
-        """m that the fingers reach beyond the tool point."""
+        """How far the fingers reach beyond the tool point, m."""
         return self._figure.reach
 
-    def blockers(self, tools: Sequence[Pose], width: float, opening: float) -> list[str]:
-        """What the gripper is too close to where the tool is at each of `tools` (world_from_tool); empty for nothing.
+    def blockers(self, tools: Sequence[Pose], width: float, opening: float) -> list[tuple[str, ...]]:
+        """What the gripper is too close to where the tool is at each of `tools` (world_from_tool), by name.
 
-        It is the one that leaves the least room while the fingers go from `opening` to `width` (m).
+        On the way of the fingers from `opening` to `width` (m), so that they can close there.
         """
         if not tools or not self._names:
-            return [""] * len(tools)
+            return [()] * len(tools)
         left = self._room(tools, width, opening)
-        return [self._names[int(row.argmin())] if row.min() < 0.0 else "" for row in left]
+        return [tuple(self._names[index] for index in np.flatnonzero(row < 0.0)) for row in left]
 
     def _room(self, tools: Sequence[Pose], width: float, opening: float) -> Array:
         """(m, k) m that is left to each thing at m poses of the tool."""

@@ -52,6 +52,8 @@ class _Path:
     """(k, n) rad"""
     final: Array
     """(j, n) rad, its part at the end that is a straight way down"""
+    length: float
+    """m of that part"""
 
 
 class Router:
@@ -94,7 +96,7 @@ class Router:
         """
         blocked = ITSELF
         for path in self._paths(start, goal, travel):
-            rows, final = _smooth(path, goal.approach)
+            rows, final = _smooth(path)
             by = obstacles.blocking(rows, load, final)
             if by is None:
                 return timed(rows, limits[0] * self._velocity, limits[1])
@@ -116,13 +118,14 @@ class Router:
         """Ways to try, in this order."""
         down = self._line(goal.positions, goal.approach)[::-1]
         if len(down):
-            yield _Path(np.vstack([start[None], down]), down)
+            yield _Path(np.vstack([start[None], down]), down, goal.approach)
         here, there = (self.tool(positions).t[2] for positions in (start, goal.positions))
         for height in (travel, travel + 0.1):
             rise = self._line(start, max(height - here, 0.0))
-            fall = self._line(goal.positions, max(height - there, goal.approach))[::-1]
+            length = max(height - there, goal.approach)
+            fall = self._line(goal.positions, length)[::-1]
             if len(rise) and len(fall):
-                yield _Path(np.vstack([rise, fall]), down)
+                yield _Path(np.vstack([rise, fall]), fall if goal.approach > 0.0 else down, length)
 
     def _line(self, start: Array, length: float, *, cut: bool = False) -> Array:
         """(k, n) rad, from `start` straight up by `length` m; none if the arm cannot, or only a part if `cut`."""
@@ -141,10 +144,10 @@ class Router:
         return np.vstack([start[None], rows[1:good]])
 
 
-def _smooth(path: _Path, approach: float) -> tuple[Array, int]:
+def _smooth(path: _Path) -> tuple[Array, int]:
     """Evenly spaced points (m, n) with rounded corners, and how many of them are on the way down at the end."""
     final = _points(path.final)
-    straight = int(final * min(1.0, _STRAIGHT / approach)) if approach > 0.0 else 0
+    straight = int(final * min(1.0, _STRAIGHT / path.length)) if path.length > 0.0 else 0
     return rounded(resampled(path.points), _ROUNDING, 0, straight), final + 1
 
 

@@ -1,7 +1,7 @@
 """The collision shapes of a robot description (URDF), each as the box around it.
 
-https://wiki.ros.org/urdf/XML/link. SI units. Meshes are left out: a description for this system draws its links
-from boxes, cylinders and spheres.
+https://wiki.ros.org/urdf/XML/link. SI units. The shapes are boxes, cylinders and spheres. Any other, such as a mesh, is
+refused: the arm would be planned for as if there were nothing.
 """
 
 from __future__ import annotations
@@ -47,13 +47,11 @@ class Box:
 
 
 def read_boxes(link: ET.Element) -> tuple[Box, ...]:
-    """The boxes around the collision shapes of a <link>. Raises ValueError for numbers that are none."""
-    boxes = []
-    for shape in link.findall("collision"):
-        half = _half_extent(link, shape.find("geometry"))
-        if half is not None:
-            boxes.append(Box(origin(shape.find("origin")), half))
-    return tuple(boxes)
+    """The boxes around the collision shapes of a <link>; ValueError for a shape that is not known or has no volume."""
+    return tuple(
+        Box(origin(shape.find("origin")), _half_extent(attribute(link, "name"), shape))
+        for shape in link.findall("collision")
+    )
 
 
 def bounds(boxes: Iterable[Box]) -> tuple[float, ...] | None:
@@ -65,17 +63,29 @@ def bounds(boxes: Iterable[Box]) -> tuple[float, ...] | None:
     return (*points.min(axis=0).tolist(), *points.max(axis=0).tolist())
 
 
-def _half_extent(link: ET.Element, geometry: ET.Element | None) -> Vector3 | None:
-    if geometry is None:
-        raise ValueError(f"link {attribute(link, 'name')!r}: a <collision> has no <geometry>")
-    for shape in geometry:
-        if shape.tag == "box":
-            x, y, z = vector(shape, "size", (0.0, 0.0, 0.0))
-            return x / 2, y / 2, z / 2
-        if shape.tag == "cylinder":
-            radius = number(shape, "radius", 0.0)
-            return radius, radius, number(shape, "length", 0.0) / 2
-        if shape.tag == "sphere":
-            radius = number(shape, "radius", 0.0)
-            return radius, radius, radius
-    return None
+def _half_extent(link: str, collision: ET.Element) -> Vector3:
+    """Half the edges (m) of the box around a <collision> of the link of that name."""
+    geometry = collision.find("geometry")
+    shapes = [] if geometry is None else list(geometry)
+    if len(shapes) != 1:
+        raise ValueError(f"link {link!r}: expected <collision> with one <geometry> of one shape, got {len(shapes)}")
+    half = _half_edges(link, shapes[0])
+    if min(half) <= 0.0:
+        raise ValueError(f"link {link!r}: its collision <{shapes[0].tag}> has no volume; expected lengths above 0 m")
+    return half
+
+
+def _half_edges(link: str, shape: ET.Element) -> Vector3:
+    if shape.tag == "box":
+        x, y, z = vector(shape, "size", (0.0, 0.0, 0.0))
+        return x / 2, y / 2, z / 2
+    radius = number(shape, "radius", 0.0)
+    if shape.tag == "cylinder":
+        return radius, radius, number(shape, "length", 0.0) / 2
+    if shape.tag == "sphere":
+        return radius, radius, radius
+    mesh = f" {shape.get('filename')!r}" if shape.get("filename") else ""
+    raise ValueError(
+        f"link {link!r}: its collision shape is a <{shape.tag}>{mesh}, which is not supported; "
+        "expected <box>, <cylinder> or <sphere> around it"
+    )

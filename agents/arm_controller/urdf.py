@@ -76,6 +76,8 @@ class Robot:
     joints: tuple[Joint, ...]
     boxes: Mapping[str, tuple[Box, ...]] = field(default_factory=dict)
     """Around the collision shapes, by link, in its frame."""
+    drawn_only: tuple[str, ...] = ()
+    """Links that are drawn, but collide with nothing."""
 
     @cached_property
     def parents(self) -> dict[str, Joint]:
@@ -104,15 +106,24 @@ class Robot:
 
     def rigid(self, link: str, *, without: str = "") -> tuple[Box, ...]:
         """Boxes of `link` and all that is fixed to it, in its frame; not of link `without` and what hangs there."""
-        found = list(self.boxes.get(link, ()))
+        fixed = self.fixed_to(link, without=without)
+        return tuple(box.seen_from(pose) for other, pose in fixed for box in self.boxes.get(other, ()))
+
+    def fixed_to(self, link: str, *, without: str = "") -> Iterator[tuple[str, Pose]]:
+        """`link` and all links that are fixed to it, with their poses in its frame; as of `rigid`."""
+        yield link, Pose.identity()
         for joint in self.joints:
             if joint.parent == link and joint.child != without and not joint.moves:
-                found += [box.seen_from(joint.origin) for box in self.rigid(joint.child, without=without)]
-        return tuple(found)
+                for other, pose in self.fixed_to(joint.child, without=without):
+                    yield other, joint.origin @ pose
+
+    def sliding(self, link: str) -> list[Joint]:
+        """The fingers' joints: those that slide on `link`."""
+        return [joint for joint in self.joints if joint.parent == link and joint.kind == "prismatic"]
 
     def fingers(self, link: str, opening: float) -> tuple[Box, ...]:
         """Boxes of the links that slide on `link`, in its frame, where they share `opening` m evenly."""
-        sliding = [joint for joint in self.joints if joint.parent == link and joint.kind == "prismatic"]
+        sliding = self.sliding(link)
         return tuple(
             box.seen_from(joint.pose(opening / len(sliding))) for joint in sliding for box in self.rigid(joint.child)
         )
@@ -139,9 +150,12 @@ def parse_robot(data: bytes, file: str = "<urdf>") -> Robot:
 
 def _robot(root: ET.Element) -> Robot:
     joints = tuple(_joint(element) for element in root.findall("joint"))
-    links = [(attribute(element, "name"), read_boxes(element)) for element in root.findall("link")]
-    root_link = _root_link([name for name, _ in links], joints)
-    return Robot(root.get("name", ""), root_link, joints, dict(links))
+    elements = [(attribute(element, "name"), element) for element in root.findall("link")]
+    root_link = _root_link([name for name, _ in elements], joints)
+    boxes = {name: read_boxes(element) for name, element in elements}
+    drawn = [name for name, element in elements if element.find("visual") is not None]
+    drawn_only = tuple(name for name in drawn if not boxes[name])
+    return Robot(root.get("name", ""), root_link, joints, boxes, drawn_only)
 
 
 def _root_link(links: list[str], joints: tuple[Joint, ...]) -> str:

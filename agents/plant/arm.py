@@ -38,7 +38,8 @@ class Arm:
         start: rad, joint positions; cut to the joints' limits.
 
     Raises:
-        ConfigError: for an unknown model, one without two fingers, or a wrong number of positions.
+        ConfigError: for an unknown model, one that the physics engine cannot load, one without two fingers, or a wrong
+            number of positions.
     """
 
     def __init__(self, world: World, model: str, start: Sequence[float]) -> None:
@@ -233,5 +234,9 @@ def _load(bullet: Bullet, model: str) -> int:
     if model not in known:
         raise ConfigError(f"unknown robot model {model!r}; {suggest(model, known)}")
     flags = pybullet.URDF_USE_INERTIA_FROM_FILE
-    body: int = bullet.loadURDF(str(known[model]), useFixedBase=True, flags=flags)
+    try:
+        body: int = bullet.loadURDF(str(known[model]), useFixedBase=True, flags=flags)
+    except pybullet.error as error:
+        reason = "the physics engine cannot load it; is a mesh missing?"
+        raise ConfigError(reason, file=str(known[model])) from error
     return body

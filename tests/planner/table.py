@@ -80,7 +80,7 @@ class FakeArm(Agent):
     writes = Access(
         nodes=("action", "cube"),
         edges=("on", "grasping", "Virtual_RT"),
-        attributes=("status", "explanation", "source", "since", "size"),
+        attributes=("status", "explanation", "hopeless", "source", "since", "size"),
     )
 
     def setup(self) -> None:
@@ -88,6 +88,8 @@ class FakeArm(Agent):
         self.done: list[str] = []
         self.failing: list[str] = []
         """Skills of which the next ones fail before anything has moved."""
+        self.hopeless = False
+        """Whether those say that they would fail again."""
         self.dropping = 0
         """How many places lose the cube on the way."""
         self.stuck = False
@@ -122,6 +124,7 @@ class FakeArm(Agent):
             self.end(node, "halted", "as asked")
         elif node["skill"] in self.failing:
             self.failing.remove(node["skill"])
+            self.memory.update_node(node.name, hopeless=self.hopeless)
             self.end(node, "failed", "out of reach")
         elif not task.moved and now - task.begun >= 0.5:
             task.moved = True

@@ -173,6 +173,21 @@ def test_a_failed_action_is_tried_again_and_then_given_up() -> None:
         assert run.arm.done[-1] == "observe done" and run.arm.done.count("pick cube_3 failed") == 4
 
 
+def test_a_hopeless_action_is_not_tried_again_unless_a_surprise_may_change_that() -> None:
+    with Run() as run:
+        run.arm.failing, run.arm.hopeless = ["pick"] * 20, True
+        run.want()
+        run.until("failed")
+        assert run.explanation == "pick cube_3: out of reach" and run.replans == 0
+        assert run.arm.done == ["pick cube_3 failed", "observe done"]
+    with Run() as run:
+        run.arm.failing, run.arm.hopeless = ["pick"], True
+        run.memory.update_node("cube_3", surprising=True)
+        run.want()
+        run.until("reached")
+        assert run.replans == 1 and run.arm.done[0] == "pick cube_3 failed"
+
+
 def test_the_arm_goes_out_of_the_way_at_the_second_attempt() -> None:
     with Run() as run:
         run.arm.failing = ["observe"]

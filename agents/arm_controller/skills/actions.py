@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from agents.arm_controller.config import ArmControllerConfig
 from agents.arm_controller.joints import Joints
-from agents.arm_controller.skills.manipulator import Manipulator, SkillError, Steps
+from agents.arm_controller.skills.manipulator import ImpossibleError, Manipulator, SkillError, Steps
 from agents.arm_controller.skills.move import look, move, observe, stop
 from agents.arm_controller.skills.pick import pick
 from agents.arm_controller.skills.place import place
@@ -119,28 +119,29 @@ class Actions:
         except StopIteration:
             self._end(DONE, "", moving=False)
         except DsrError as error:
-            self._end(FAILED, str(error))
+            self._end(FAILED, str(error), hopeless=isinstance(error, ImpossibleError))
         except Exception as error:
             self._end(FAILED, f"unexpected {type(error).__name__}: {error}")
             raise
 
-    def _end(self, status: str, explanation: str, *, moving: bool = True) -> None:
+    def _end(self, status: str, explanation: str, *, moving: bool = True, hopeless: bool = False) -> None:
         name, steps = self.running, self._steps
         self.running, self.step, self._steps = "", "", None
         if steps is not None:
             steps.close()
         if moving:
             self._arm.hold_still()
-        self._say(name, status, explanation)
+        self._say(name, status, explanation, hopeless)
 
-    def _say(self, name: str, status: str, explanation: str) -> None:
+    def _say(self, name: str, status: str, explanation: str, hopeless: bool = False) -> None:
         node = self._memory.get_node(name)
         if node is None:
             return
         about = " ".join(str(node.get(part)) for part in ("skill", "target", "destination") if node.get(part))
         level = logging.WARNING if status == FAILED else logging.INFO
         self._log.log(level, "%s %s (%s)%s", name, status, about, f": {explanation}" if explanation else "")
-        self._memory.update_node(name, status=status, explanation=explanation)
+        told = {"hopeless": hopeless} if hopeless or node.get("hopeless") else {}
+        self._memory.update_node(name, status=status, explanation=explanation, **told)
 
 
 def _needed(node: Node, attribute: str) -> str:

@@ -45,6 +45,10 @@ class SkillError(DsrError):
     """A skill cannot go on."""
 
 
+class ImpossibleError(SkillError):
+    """A skill cannot be done as long as things are what and where they are believed to be."""
+
+
 class StuckError(SkillError):
     """The arm does not get where it was sent."""
 
@@ -153,8 +157,9 @@ class Manipulator:
         """A free way to joint positions, around everything but what is held. Raises `BlockedError`."""
         held = self.held_box()
         things = self._things()
-        below = max((-float(self.tool.apply(box.corners)[:, 2].min()) + self.tool.t[2] for box in held), default=0.015)
-        travel = max((thing.top for thing in things), default=0.0) + max(below, 0.015) + CLEARANCE
+        lowest = (self.tool.t[2] - float(self.tool.apply(box.corners)[:, 2].min()) for box in held)
+        below = max([self.figure.reach, *lowest])
+        travel = max((thing.top for thing in things), default=0.0) + below + CLEARANCE
         load = Load(opening, held)
         return self._router.plan(self._here, goal, load, self._obstacles(things, target), travel, self._limits)
 

@@ -8,7 +8,7 @@ from agents.arm_controller.grasps import Grasp, GraspError, grasps
 from agents.arm_controller.holding import WIDTH_TOLERANCE
 from agents.arm_controller.routes import Goal
 from agents.arm_controller.scene import Thing
-from agents.arm_controller.skills.manipulator import Manipulator, SkillError, Steps, first_free
+from agents.arm_controller.skills.manipulator import ImpossibleError, Manipulator, SkillError, Steps, first_free
 from agents.arm_controller.trajectory import Trajectory
 from dsr.intentions import NOTHING_GRASPED
 
@@ -46,7 +46,7 @@ def _choose(arm: Manipulator, target: Thing) -> tuple[Grasp, Trajectory]:
     try:
         candidates = grasps(target, arm.room(target.name), arm.figure.widest)
     except GraspError as error:
-        raise SkillError(str(error)) from error
+        raise ImpossibleError(str(error)) from error
     solved = arm.solve([grasp.world_from_tool for grasp in candidates])
     solved.sort(key=lambda pair: candidates[pair[0]].rank)
 

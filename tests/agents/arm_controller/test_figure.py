@@ -32,7 +32,8 @@ def test_fingers_are_beside_the_tool_point_at_their_opening(figure: Figure, tool
     tool_from_base = tool.forward(HOME).inverse()
     pads = [tool_from_base.apply(center) for center in boxes.centers[0, -4:]]
     assert sorted(round(float(pad[0]), 4) for pad in pads) == [-0.042, -0.034, 0.034, 0.042]
-    assert figure.gripper_boxes(0.06) == 6
+    assert figure.gripper_boxes(0.06) == 8  # wrist and camera, flange and palm, two of each finger
+    assert figure.reach == pytest.approx(0.015)
     assert boxes.centers.shape == (1, figure.base_boxes + 20, 3)
 
 

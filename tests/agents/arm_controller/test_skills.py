@@ -158,7 +158,8 @@ def test_what_stands_on_the_destination_is_in_the_way(table: Table) -> None:
 
 def test_what_stands_on_the_target_is_in_the_way(table: Table) -> None:
     table.believe("cube_5", Pose((0.42, 0.08, 0.06)))
-    assert table.act("pick", target="cube_3") == ("failed", "cube_5 is in the way")
+    reason = "there is no room for the gripper around cube_3: cube_5 is in the way"
+    assert table.act("pick", target="cube_3") == ("failed", reason)
 
 
 def test_fingers_go_where_neighbours_leave_room(table: Table, tool: Chain) -> None:
@@ -193,6 +194,7 @@ def test_a_box_is_held_across_its_shorter_side(table: Table, tool: Chain) -> Non
     [
         (Pose.from_rotvec((0.4, 0, 0.03), (0.6, 0, 0)), CUBE, "cube_3 leans by 34 degrees"),
         (Pose((0.4, 0, 0.05)), (0.1, 0.1, 0.1), "cube_3 is 100 mm wide, too wide for 85 mm"),
+        (Pose((0.4, 0, 0.004)), (0.04, 0.04, 0.008), "cube_3 is 8.0 mm high, too low: expected at least 9.0 mm"),
     ],
 )
 def test_what_cannot_be_grasped_from_above_is_refused(
@@ -201,6 +203,79 @@ def test_what_cannot_be_grasped_from_above_is_refused(
     table.memory.update_node("cube_3", size=size)
     table.believe("cube_3", pose, size)
     assert table.act("pick", target="cube_3") == ("failed", reason)
+    assert hopeless(table)
+
+
+def test_where_walls_leave_no_room_the_arm_does_not_set_out_and_says_so(table: Table) -> None:
+    for name, y in (("left", 0.125), ("right", 0.035)):
+        table.believe(name, Pose((0.42, y, 0.08)), (0.2, 0.02, 0.16))
+    reason = "there is no room for the gripper around cube_3: left, right are in the way"
+    assert table.act("pick", target="cube_3") == ("failed", reason)
+    assert hopeless(table)
+    assert not [told for told in table.arm.told if told[0] in ("follow", "move_joints")]
+    table.believe("right", Pose((0.42, -0.1, 0.05)), (0.2, 0.02, 0.1))
+    table.believe("left", Pose((0.42, 0.3, 0.05)), (0.2, 0.02, 0.1))
+    table.memory.update_node(f"action_1_{table.actions}", status="planned", request="run")
+    assert table.finish(f"action_1_{table.actions}") == ("done", "") and not hopeless(table)
+
+
+def test_what_is_in_the_way_of_the_arm_is_not_hopeless(table: Table) -> None:
+    table.believe("roof", Pose((0.42, 0.08, 0.25)), (0.3, 0.3, 0.02))
+    assert table.act("pick", target="cube_3") == ("failed", "roof is in the way")
+    assert not hopeless(table)
+
+
+@pytest.mark.parametrize("height", [0.010, 0.020, 0.035, 0.036])
+@pytest.mark.parametrize("sunk", [0.0, 0.001])
+def test_a_low_object_is_grasped_with_the_pads_above_what_it_stands_on(
+    table: Table, tool: Chain, height: float, sunk: float
+) -> None:
+    """Also where it is believed to be a little in the table: heights come from perception."""
+    table.believe("cube_3", Pose((0.42, 0.08, height / 2 - sunk)), (0.04, 0.04, height))
+    table.memory.update_node("cube_3", size=(0.04, 0.04, height))
+    name = table.request("pick", target="cube_3")
+    table.run_to("close")
+    assert table.tool_pose(tool).t[2] - 0.015 == pytest.approx(max(0.004, height - sunk - 0.032), abs=5e-4)
+    assert table.finish(name) == ("done", "")
+
+
+def test_the_grasp_is_raised_over_what_is_low_beside_the_object(table: Table, tool: Chain) -> None:
+    for number, (x, y) in enumerate(((0.06, 0.0), (-0.06, 0.0), (0.0, 0.06), (0.0, -0.06))):
+        table.believe(f"tile_{number}", Pose((0.42 + x, 0.08 + y, 0.01)), (0.06, 0.06, 0.02))
+    table.request("pick", target="cube_3")
+    table.run_to("close")
+    assert table.tool_pose(tool).t[2] - 0.015 == pytest.approx(0.0235, abs=1e-3)
+
+
+def test_beside_a_wall_the_object_is_held_off_its_middle(table: Table, tool: Chain) -> None:
+    """The wall is 32 mm from the middle, half of the flange is 37.5 mm; towards the wall the fingers have no room."""
+    table.believe("wall", Pose((0.462, 0.08, 0.08)), (0.02, 0.3, 0.16))
+    name = table.request("pick", target="cube_3")
+    table.run_to("close")
+    at = table.tool_pose(tool)
+    assert abs(at.rotation_matrix[1, 0]) == pytest.approx(1.0, abs=1e-3)
+    assert at.t[:2] == pytest.approx((0.41, 0.08), abs=1e-3)
+    assert table.finish(name) == ("done", "")
+
+
+def test_in_a_shaft_the_gripper_may_be_close_to_its_walls_on_all_of_the_way_down(table: Table) -> None:
+    """The flange passes the far one 8.5 mm away, also above the last 80 mm; the others keep it from coming aside."""
+    for name, x, y in (("left", 0.0, 0.08), ("right", 0.0, -0.08), ("far", 0.056, 0.0), ("near", -0.08, 0.0)):
+        table.believe(name, Pose((0.42 + x, 0.08 + y, 0.085)), (0.2, 0.02, 0.17) if y else (0.02, 0.14, 0.17))
+    assert table.act("pick", target="cube_3") == ("done", "")
+
+
+@pytest.mark.parametrize(("width", "opening"), [(0.01, 0.04), (0.06, 0.085), (0.08, 0.085)])
+def test_narrow_and_wide_objects_are_grasped(table: Table, width: float, opening: float) -> None:
+    table.believe("cube_3", Pose((0.42, 0.0, 0.02)), (width, width, 0.04))
+    table.memory.update_node("cube_3", size=(width, width, 0.04))
+    table.arm.obstacle = width
+    assert table.act("pick", target="cube_3") == ("done", "")
+    assert ("move_gripper", pytest.approx(opening)) in table.arm.told
+
+
+def hopeless(table: Table) -> bool:
+    return table.memory.node(f"action_1_{table.actions}").get("hopeless") is True
 
 
 def test_pick_needs_an_empty_gripper_and_place_the_right_object(table: Table) -> None:

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import pytest
 
+from agents.arm_controller.figure import Figure
+from agents.arm_controller.kinematics import Chain
 from agents.arm_controller.shapes import bounds
 from agents.arm_controller.urdf import load_robot, parse_robot
 from dsr.errors import ConfigError
+
+from .conftest import GEN3
 
 SLIDER = b"""<robot name="slider">
   <link name="rail"/><link name="sled"/><link name="hand"/>
@@ -76,7 +81,7 @@ def test_missing_file_is_a_configuration_error(tmp_path: Path) -> None:
 
 
 def test_boxes_around_collision_shapes_and_what_is_fixed_to_them() -> None:
-    robot = load_robot(Path(__file__).parents[3] / "etc" / "robots" / "gen3.urdf")
+    robot = load_robot(GEN3)
     base, palm = robot.boxes["base_link"], robot.boxes["end_effector_link"]
     assert base[0].half == (0.05, 0.05, 0.075) and base[0].pose.t == (0.0, 0.0, 0.075)
     assert [box.half for box in palm] == [(0.0375, 0.0375, 0.03), (0.0625, 0.015, 0.01)]
@@ -89,8 +94,49 @@ def test_boxes_around_collision_shapes_and_what_is_fixed_to_them() -> None:
     assert bounds(()) is None
 
 
-def test_a_shape_without_geometry_or_numbers_is_refused() -> None:
-    for shape in (b"<collision/>", b'<collision><geometry><box size="1 2"/></geometry></collision>'):
-        text = SLIDER.replace(b'<link name="hand"/>', b'<link name="hand">' + shape + b"</link>")
-        with pytest.raises(ConfigError, match=r"no <geometry>|expected 3 finite numbers"):
-            parse_robot(text)
+@pytest.mark.parametrize(
+    ("shape", "reason"),
+    [
+        (b"", "link 'hand': expected <collision> with one <geometry> of one shape, got 0"),
+        (b"<geometry/>", "link 'hand': expected <collision> with one <geometry> of one shape, got 0"),
+        (b'<geometry><box size="1 1 1"/><sphere radius="2"/></geometry>', "of one shape, got 2"),
+        (b'<geometry><box size="1 2"/></geometry>', "expected 3 finite numbers"),
+        (b"<geometry><box/></geometry>", "link 'hand': its collision <box> has no volume"),
+        (b'<geometry><cylinder radius="0.1"/></geometry>', "link 'hand': its collision <cylinder> has no volume"),
+        (b'<geometry><sphere radius="-1"/></geometry>', "link 'hand': its collision <sphere> has no volume"),
+        (
+            b'<geometry><mesh filename="package://arm/hand.stl"/></geometry>',
+            "link 'hand': its collision shape is a <mesh> 'package://arm/hand.stl', which is not supported; expected",
+        ),
+        (b'<geometry><capsule radius="0.1" length="1"/></geometry>', "shape is a <capsule>, which is not supported"),
+        (b'<geometry><plane normal="0 0 1"/></geometry>', "shape is a <plane>, which is not supported"),
+    ],
+)
+def test_a_shape_that_would_be_left_out_is_refused_with_link_and_file(shape: bytes, reason: str) -> None:
+    text = SLIDER.replace(b'<link name="hand"/>', b'<link name="hand"><collision>' + shape + b"</collision></link>")
+    with pytest.raises(ConfigError, match=re.escape(reason)) as error:
+        parse_robot(text, "arm.urdf")
+    assert str(error.value).startswith("arm.urdf:")
+
+
+def test_links_that_are_drawn_and_collide_with_nothing_are_named() -> None:
+    drawn = b'<link name="hand"><visual><geometry><box size="1 1 1"/></geometry></visual></link>'
+    assert parse_robot(SLIDER.replace(b'<link name="hand"/>', drawn)).drawn_only == ("hand",)
+    assert load_robot(GEN3).drawn_only == ()
+
+
+def test_macros_are_not_passed_over() -> None:
+    text = SLIDER.replace(b'<robot name="slider">', b'<robot xmlns:xacro="http://ros.org/wiki/xacro"><xacro:hand/>')
+    with pytest.raises(ConfigError, match=r"arm\.urdf: it has xacro macros"):
+        parse_robot(text, "arm.urdf")
+
+
+def test_a_shape_that_hangs_beside_the_arm_is_refused() -> None:
+    """Such as a knuckle that turns on the gripper, or a second arm: the planner would not know where it is."""
+    added = b"""<link name="knuckle"><collision><geometry><sphere radius="0.01"/></geometry></collision></link>
+      <joint name="bend" type="revolute"><parent link="end_effector_link"/><child link="knuckle"/>
+      <axis xyz="0 0 1"/><limit lower="0" upper="1" velocity="1"/></joint></robot>"""
+    robot = parse_robot(GEN3.read_bytes().replace(b"</robot>", added))
+    chain = Chain(robot.between("base_link", "tool_link"))
+    with pytest.raises(ConfigError, match="link 'knuckle' has a collision shape, but is neither a part of the arm"):
+        Figure(robot, chain, "base_link", "end_effector_link", "tool_link")

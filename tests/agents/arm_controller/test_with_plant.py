@@ -10,7 +10,7 @@ import pytest
 
 from agents.plant import Plant
 from agents.plant.reality import Reality
-from benchmarks.pick_bench import CUBE, Bench, cubes
+from benchmarks.pick_bench import CUBE, Bench, Block, cubes
 from dsr import Pose
 
 PLACES = [(0.42, 0.08, 0.4), (0.30, 0.08, -1.2), (0.30, -0.08, 2.0), (0.42, -0.08, 0.1)]
@@ -118,6 +118,40 @@ def test_a_support_that_is_higher_than_believed_is_met_and_stood_upon(bench: Ben
     assert bench.act("place", target="cube_3", destination="cube_4") == "done"
     bench.run(0.5)
     assert bench.pose("cube_3").t == pytest.approx((0.30, 0.08, 0.06), abs=6e-3)
+
+
+@pytest.mark.parametrize(("wide", "high"), [(0.04, 0.01), (0.02, 0.035), (0.01, 0.04), (0.08, 0.02)])
+def test_low_narrow_and_wide_boxes_are_lifted(wide: float, high: float) -> None:
+    with Bench([Block("box", (0.40, 0.05, 0.7), (wide, wide, high))]) as bench:
+        assert bench.act("pick", target="box") == "done"
+        assert grasped(bench) == ["box"]
+        bench.run(0.5)
+        assert bench.pose("box").t[2] == pytest.approx(high / 2 + 0.08, abs=3e-3)
+        assert tilt(bench.pose("box")) < 0.02
+
+
+def test_a_low_box_goes_onto_another_one_and_down_again() -> None:
+    with Bench([Block("plate", (0.40, 0.08, 0.7), (0.06, 0.06, 0.012)), *cubes([(0.32, -0.08, 0.1)])]) as bench:
+        goal = Pose((0.42, 0.05, 0.006))
+        for skill, attributes in (
+            ("pick", {"target": "plate"}),
+            ("place", {"target": "plate", "destination": "cube_3"}),
+            ("pick", {"target": "plate"}),
+            ("place", {"target": "plate", "destination": "table", "target_pose": goal}),
+        ):
+            assert bench.act(skill, **attributes) == "done"
+        bench.run(0.5)
+        assert bench.pose("plate").t == pytest.approx(goal.t, abs=3e-3)
+        assert bench.pose("cube_3").t == pytest.approx((0.32, -0.08, 0.02), abs=2e-3)
+
+
+def test_beside_a_wall_a_box_is_held_off_its_middle_and_the_wall_stays() -> None:
+    wall = Block("wall", (0.45, 0.05, 0.0), (0.02, 0.3, 0.15), mass=50.0)
+    with Bench([Block("box", (0.40, 0.05, 0.0), (0.06, 0.06, 0.03)), wall]) as bench:
+        assert bench.act("pick", target="box") == "done"
+        bench.run(0.5)
+        assert bench.pose("box").t[2] > 0.09 and tilt(bench.pose("box")) < 0.02
+        assert bench.pose("wall").t == pytest.approx((0.45, 0.05, 0.075), abs=1e-3)
 
 
 def test_the_same_seed_gives_the_same_run() -> None:
