@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import contextlib
 import ipaddress
-import os
 import re
 import secrets
 from collections.abc import Iterable
@@ -23,6 +22,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from dsr.errors import ConfigError
 from dsr.keys import check_name
+from dsr.private_files import private_folder, replacing
 
 AUTHORITY_DAYS = 3650
 CERTIFICATE_DAYS = 365
@@ -58,8 +58,8 @@ class SecurityFolder:
         """Make the folder with a new authority. Raises `ConfigError` if there is something already."""
         if self.path.exists() and any(self.path.iterdir()):
             raise ConfigError(f"{self.path} is not empty; name a new folder, or add agents with: dsr security add")
-        self.agents.mkdir(mode=0o700, parents=True, exist_ok=True)
-        self.path.chmod(0o700)
+        private_folder(self.path)
+        private_folder(self.agents)
         key = ec.generate_private_key(ec.SECP256R1())
         name = _name(f"dsr authority {secrets.token_hex(4)}")
         builder = _builder(name, name, key.public_key(), now, AUTHORITY_DAYS)
@@ -146,8 +146,7 @@ def _write_key(file: Path, key: ec.EllipticCurvePrivateKey) -> None:
     pem = key.private_bytes(
         serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
     )
-    file.unlink(missing_ok=True)
-    with os.fdopen(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as target:
+    with replacing(file) as target:
         target.write(pem)
 
 
