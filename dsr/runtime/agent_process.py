@@ -18,6 +18,7 @@ import msgspec
 from dsr.agent import Agent, make_agent
 from dsr.clock import WALL_CLOCK
 from dsr.connect import connect, identity_of, open_transport
+from dsr.data_files import read_text
 from dsr.errors import ConfigError, DsrError
 from dsr.keys import Keys
 from dsr.memory import Memory, new_rid
@@ -181,10 +182,7 @@ def read_config(text: str) -> dict[str, Any]:
     file = Path(text[1:])
     if file.suffix == ".toml":
         return TomlFile(file).data
-    try:
-        return _json(file.read_text(encoding="utf-8"), str(file))
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"cannot be read ({error})", file=str(file)) from error
+    return _json(read_text(file), str(file))
 
 
 def _json(text: str, source: str) -> dict[str, Any]:
