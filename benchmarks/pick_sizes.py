@@ -158,7 +158,7 @@ def _beside(text: str) -> Beside:
 
 
 def _mass(size: float, height: float) -> float:
-    """kg"""
+    """Kg"""
     return _DENSITY * size * size * height
 
 

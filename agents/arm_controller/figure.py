@@ -45,7 +45,7 @@ class Figure:
 
     @property
     def reach(self) -> float:
-        """m that the fingers reach beyond the tool point, along the tool's z axis; 0 without any."""
+        """M that the fingers reach beyond the tool point, along the tool's z axis; 0 without any."""
         fingers = [box.seen_from(self._tool_from_end) for box in self._robot.fingers(self._end_effector, 0.0)]
         return max((float(box.corners[:, 2].max()) for box in fingers), default=0.0)
 

@@ -31,7 +31,7 @@ class Room:
 
     @property
     def reach(self) -> float:
-        """m that the fingers reach beyond the tool point."""
+        """M that the fingers reach beyond the tool point."""
         return self._figure.reach
 
     def blockers(self, tools: Sequence[Pose], width: float, opening: float) -> list[str]:

@@ -7,6 +7,7 @@ not read), and what its reader raises names the file.
 from __future__ import annotations
 
 import codecs
+import re
 import struct
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -22,6 +23,9 @@ MOST_FILE_BYTES = 1 << 28
 Up = Literal["x", "y", "z"]
 """The axis of a file that points upwards."""
 
+_MOST_LETTERS = 1 << 14
+"""Characters of a line of an OBJ file: a face of a thousand corners. The reader takes their square in time."""
+_LONG_LINE = re.compile(rf"[^\n]{{{_MOST_LETTERS + 1}}}")
 _STL_HEADER = struct.Struct("<80xI")
 _STL_TRIANGLE = 50  # bytes
 _UP: dict[str, Array] = {  # z-up from file, as COLLADA 1.4.1 defines X_UP, Y_UP and Z_UP
@@ -92,7 +96,10 @@ def _obj(data: bytes) -> _Content:
     from trimesh.exchange.obj import load_obj
     from trimesh.util import wrap_as_stream
 
-    return _Content(_flat(load_obj(wrap_as_stream(_text(data)), skip_materials=True, split_objects=True)))
+    text = _text(data)
+    if _LONG_LINE.search(text):
+        raise MeshError(f"a line of more than {_MOST_LETTERS} characters")
+    return _Content(_flat(load_obj(wrap_as_stream(text), skip_materials=True, split_objects=True)))
 
 
 def _stl(data: bytes) -> _Content:
