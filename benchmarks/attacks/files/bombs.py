@@ -107,7 +107,7 @@ def _json_types() -> bytes:
 
 
 def _json_lists() -> bytes:
-    return b'{"format": "dsr-graph", "nodes": [' + b"[]," * 80_000_000 + b"[]]}"
+    return b'{"format": "dsr-graph", "nodes": [' + b"[]," * 20_000_000 + b"[]]}"
 
 
 def _cortex_problems() -> bytes:
@@ -161,7 +161,7 @@ BOMBS = [
     Bomb("diamonds.glb", "nodes with two parents, 2^40 in all", _glb_diamonds),
     Bomb("problems.json", "60 000 edges of nodes that are not there", _json_problems),
     Bomb("types.json", "150 000 nodes of unknown types", _json_types),
-    Bomb("lists.json", "80 million empty lists", _json_lists),
+    Bomb("lists.json", "20 million empty lists", _json_lists),
     Bomb("cortex.json", "60 000 nodes of types and links that are not there", _cortex_problems),
     Bomb("utf7.dae", "entities that expand to a gigabyte, in UTF-7", lambda: _collada("utf-7", entities=True)),
     Bomb("utf16.dae", "the same in UTF-16", lambda: _collada("utf-16", entities=True)),
