@@ -89,7 +89,10 @@ def add(
     host: HostOption = None,
     days: DaysOption = CERTIFICATE_DAYS,
 ) -> None:
-    """Add an agent, or renew its certificate. Running processes know of it when they are started again.
+    """Add an agent, or renew its certificate.
+
+    Running processes take over a renewed certificate within ten seconds. They know of a new agent, and of other
+    grants, when they are started again.
 
     Example: dsr security add keys counter --writes node:table --writes attribute:seen
     """
@@ -98,6 +101,7 @@ def add(
     if (name in policy.agents) is not renew:
         known = "is there already; give --renew for a new certificate" if not renew else "is not there yet"
         raise ConfigError(f"agent {name!r} {known}")
+    before = policy.agents.get(name)
     roles = Grant(read_only=read_only, trusted=trusted, relay=relay)
     grant = _grant(kind, writes or [], roles)
     if renew and grant == Grant() and kind is None:
@@ -106,7 +110,8 @@ def add(
     files.issue(name, WALL_CLOCK.now(), days=days, hosts=host or ())
     _save(files, policy)
     until = files.expiry(name)
-    console.print(f"[bold]{name}[/] has a certificate until {until:%Y-%m-%d}; start what runs again", soft_wrap=True)
+    advice = "what runs takes it over" if renew and grant == before else "start what runs again"
+    console.print(f"[bold]{name}[/] has a certificate until {until:%Y-%m-%d}; {advice}", soft_wrap=True)
 
 
 def _grant(kind: str | None, writes: list[str], roles: Grant) -> Grant:
