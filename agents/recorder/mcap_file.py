@@ -5,6 +5,7 @@ The format is described at https://mcap.dev/spec. Everything else here is indepe
 
 from __future__ import annotations
 
+import contextlib
 import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -61,9 +62,14 @@ class RecordingWriter:
         self._writer = cast(Any, Writer(self._file, chunk_size=_CHUNK_SIZE, compression=CompressionType.ZSTD))
         self._schemas: dict[ChannelKind, int] = {}
         self._channels: dict[str, int] = {}
-        self._writer.start(profile=PROFILE, library="dsr")
-        self._writer.add_metadata(_METADATA, dict(metadata))
-        self._writer.flush()
+        self._flushed = False
+        try:
+            self._writer.start(profile=PROFILE, library="dsr")
+            self._writer.add_metadata(_METADATA, dict(metadata))
+            self._writer.flush()
+        except OSError:
+            self.abandon()
+            raise
 
     def write(self, record: Record) -> None:
         """Add a message; it is safe after the next `flush`."""
@@ -73,6 +79,14 @@ class RecordingWriter:
     def flush(self) -> None:
         """Hand everything so far to the operating system: a kill of this process does not lose it."""
         self._writer.flush()
+        self._flushed = True
+
+    def abandon(self) -> None:
+        """Close the file as far as it was written; one that was never flushed holds nothing and is removed."""
+        with contextlib.suppress(OSError):
+            self._file.close()
+        if not self._flushed:
+            self.path.unlink(missing_ok=True)
 
     def close(self) -> None:
         """Write the index and close the file."""

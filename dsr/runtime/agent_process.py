@@ -27,6 +27,7 @@ from dsr.runtime.access import WriteGuard
 from dsr.runtime.config import TomlFile
 from dsr.runtime.lifeline import LAUNCHED, clear_up_after_launcher, follow_launcher
 from dsr.runtime.logs import BusLogHandler, log_to_terminal
+from dsr.runtime.resources import shortage
 from dsr.runtime.runner import Runner, Schedule
 from dsr.runtime.signals import set_on_signals
 from dsr.transport import Transport
@@ -76,6 +77,12 @@ def run_command_line(kind: type[Agent], arguments: Sequence[str] | None = None) 
         return EXIT_USAGE
     except DsrError as error:
         _log.error("%s", error)
+        return EXIT_FAILED
+    except (OSError, MemoryError, RuntimeError, ImportError) as error:
+        said = shortage(error)
+        if said is None:
+            raise
+        _log.error("%s", said)
         return EXIT_FAILED
     return 0
 
