@@ -45,16 +45,20 @@ def init(
     system: Annotated[str | None, typer.Option(help="A system whose agents get what their classes declare.")] = None,
     agent: Annotated[list[str] | None, typer.Option(help="Another agent, that may write everything.")] = None,
     viewer: Annotated[list[str] | None, typer.Option(help="A member that may only read.")] = None,
+    no_import: Annotated[
+        bool, typer.Option("--no-import", help="Import no modules beside the file of the system: for files of others.")
+    ] = False,
     host: HostOption = None,
     days: DaysOption = CERTIFICATE_DAYS,
 ) -> None:
     """Make a certificate authority, and a certificate for each agent.
 
     Besides the agents named, the launcher gets one, and `dsr`: the command line tools, which only read.
+    To know what agents declare, --system imports their classes, which runs the modules beside the file, too.
 
     Example: dsr security init keys --system tabletop, then: dsr run tabletop --security keys
     """
-    grants = system_grants(load_system(system)) if system else standard_grants()
+    grants = system_grants(load_system(system, beside=not no_import)) if system else standard_grants()
     everything = Grant(("*",), ("*",), ("*",), ("device/**", "blob/**"))
     policy = checked({
         **grants,
