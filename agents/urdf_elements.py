@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
+from dsr.data_files import read_file
 from dsr.errors import ConfigError
 from dsr.quaternions import Vector3, from_rotvec, product
 from dsr.transforms import Pose
@@ -20,10 +21,7 @@ T = TypeVar("T")
 
 def read_urdf(file: Path) -> bytes:
     """What a file holds. Raises `ConfigError`."""
-    try:
-        return file.read_bytes()
-    except OSError as error:
-        raise ConfigError(f"cannot be read ({error})", file=str(file)) from error
+    return read_file(file, _MOST_BYTES)
 
 
 def parse_urdf(data: bytes, file: str, understand: Callable[[ET.Element], T]) -> T:

@@ -161,6 +161,7 @@ def open_transport(
 def _open_at_free_port(
     graph: str, rid: str, connect: list[str], has_memory: bool, identity: Identity | None
 ) -> tuple[Transport, rendezvous.Registration]:
+    from dsr.security.renewal import watch_certificate
     from dsr.zenoh_transport import ZenohTransport
 
     protocol = "tls" if identity else "tcp"
@@ -172,6 +173,7 @@ def _open_at_free_port(
         if identity is None:
             return ZenohTransport(endpoint, endpoints, routing=bool(connect)), registration
         transport = ZenohTransport(endpoint, endpoints, identity.zenoh, routing=bool(connect))
+        watch_certificate(transport, identity)
         return identity.own_transport(transport, Keys(graph), rid), registration
     except BaseException:
         registration.close()

@@ -152,6 +152,7 @@ class LocalNetwork:
 class LocalTransport:
     """One participant of a `LocalNetwork`; implements `dsr.transport.Transport`."""
 
+    trouble = ""
     shares_memory = False
 
     def __init__(self, network: LocalNetwork, name: str) -> None:

@@ -19,6 +19,7 @@ from typing import IO, NamedTuple
 from dsr.errors import ConfigError, TransportError
 from dsr.forking import leave_to_parent
 from dsr.keys import check_name
+from dsr.private_files import lock_file, private_folder
 
 _SUFFIX = ".endpoint"
 _WITH_MEMORY, _WITHOUT_MEMORY = "memory", "no-memory"
@@ -27,17 +28,17 @@ _WITH_MEMORY, _WITHOUT_MEMORY = "memory", "no-memory"
 def runtime_dir() -> Path:
     """Where this user's processes meet: `$XDG_RUNTIME_DIR/dsr`, or a private folder in the temporary one.
 
-    Raises `TransportError` if the folder belongs to somebody else.
+    Raises `TransportError` if it cannot be made, or somebody else's folder or link stands there.
     """
     base = os.environ.get("XDG_RUNTIME_DIR")
     folder = Path(base) / "dsr" if base else Path(tempfile.gettempdir()) / f"dsr-{os.getuid()}"
     try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        return private_folder(folder)
+    except PermissionError as error:
+        advice = "set XDG_RUNTIME_DIR to a folder of yours"
+        raise TransportError(f"the runtime folder {folder} cannot be used: {error.strerror}; {advice}") from error
     except OSError as error:
         raise TransportError(f"the runtime folder {folder} cannot be made: {error.strerror}") from error
-    if folder.stat().st_uid != os.getuid():
-        raise TransportError(f"{folder} belongs to another user; set XDG_RUNTIME_DIR to a folder of yours")
-    return folder
 
 
 class Member(NamedTuple):
@@ -94,25 +95,11 @@ def _one_at_a_time(folder: Path) -> Iterator[None]:
 
 def _new_entry(folder: Path, rid: str) -> IO[str]:
     while True:
-        folder.mkdir(mode=0o700, exist_ok=True)
         with contextlib.suppress(FileNotFoundError):  # the last process left the graph just now
+            private_folder(folder)
             entry = lock_file(folder / f"{rid}{_SUFFIX}")
             if entry is not None:
                 return entry
-
-
-def lock_file(path: Path) -> IO[str] | None:
-    """The new or empty file `path`, locked, or None if another process holds it. The lock goes with this process."""
-    while True:
-        file = path.open("a", encoding="utf-8")
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if path.exists() and path.stat().st_ino == os.fstat(file.fileno()).st_ino:
-                return file
-        except BlockingIOError:
-            file.close()
-            return None
-        file.close()  # it was removed before we had the lock
 
 
 def members(graph: str) -> list[Member]:

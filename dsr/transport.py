@@ -56,6 +56,10 @@ class Transport(Protocol):
     """A connection to the network."""
 
     @property
+    def trouble(self) -> str:
+        """What is wrong with this connection, for people, such as a certificate that ends; empty if nothing is."""
+
+    @property
     def shares_memory(self) -> bool:
         """Whether processes at its other ends may be on this machine, and read what one of them has in memory."""
 

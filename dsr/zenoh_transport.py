@@ -70,19 +70,19 @@ class _Declaration:
 
 
 class _Outlet:
-    """A publisher that knows whether anybody listens."""
+    """A publisher that knows whether anybody listens; `publisher` gives the one of the present session."""
 
-    def __init__(self, publisher: Any) -> None:
+    def __init__(self, publisher: Callable[[], Any]) -> None:
         self._publisher = publisher
 
     @property
     def wanted(self) -> bool:
         """Whether anybody elsewhere listens."""
-        return bool(self._publisher.matching_status.matching)
+        return bool(self._publisher().matching_status.matching)
 
     def put(self, payload: bytes) -> None:
         """Send a message."""
-        self._publisher.put(payload)
+        self._publisher().put(payload)
 
 
 class ZenohTransport:
@@ -119,23 +119,38 @@ class ZenohTransport:
                 config.insert_json5(key, json.dumps(value))
             except zenoh.ZError as error:
                 raise TransportError(f"Zenoh refuses {key} = {value!r}: {_reason(error)}") from error
-        try:
-            self._session = zenoh.open(config)
-        except zenoh.ZError as error:
-            raise ListenError(f"cannot listen on {listen} ({_reason(error)}); is the port in use?") from error
+        self._config = config
+        self._listen = listen
+        self._session = self._open()
+        self.trouble = ""
+        """See `Transport.trouble`; whoever notices some writes it here."""
+        self.closing = threading.Event()
+        """Set when this transport closes."""
         self._publishers: dict[tuple[str, Qos], zenoh.Publisher] = {}
         self._bulk_writers: dict[str, BulkWriter] = {}
         self._routing = routing
         self._renewable: WeakSet[_Declaration] = WeakSet()
+        """What listens and serves."""
+        self._tokens: WeakSet[_Declaration] = WeakSet()
+        """What announces, and watches who does."""
         self._threads: list[threading.Thread] = []
         self._lock = threading.Lock()
 
+    def _open(self) -> zenoh.Session:
+        try:
+            return zenoh.open(self._config)
+        except zenoh.ZError as error:
+            raise ListenError(f"cannot listen on {self._listen} ({_reason(error)}); is the port in use?") from error
+
     def publish(self, key: str, payload: bytes, qos: Qos = Qos.RELIABLE) -> None:
         """Send to all current subscribers elsewhere; blocks only for `Qos.RELIABLE` on a full link."""
+        publisher = self._publisher(key, qos)
         try:
-            self._publisher(key, qos).put(payload)
+            publisher.put(payload)
         except zenoh.ZError as error:
-            raise TransportError(f"cannot publish on {key}: {_reason(error)}") from error
+            if self._publisher(key, qos) is publisher:
+                raise TransportError(f"cannot publish on {key}: {_reason(error)}") from error
+            self.publish(key, payload, qos)  # in the session that took the place of that one
 
     def is_heard(self, key: str, qos: Qos = Qos.RELIABLE) -> bool:
         """Whether anybody elsewhere subscribes to `key` now."""
@@ -148,8 +163,8 @@ class ZenohTransport:
         """Send a large message to whoever listens: in shared memory where that reaches, otherwise as bytes."""
         writer = self._bulk_writers.get(key)
         if writer is None:
-            plain = _Outlet(self._publisher(key, Qos.BULK))
-            tickets = _Outlet(self._publisher(ticket_key(key), Qos.STREAM))
+            plain = _Outlet(lambda: self._publisher(key, Qos.BULK))
+            tickets = _Outlet(lambda: self._publisher(ticket_key(key), Qos.STREAM))
             writer = self._bulk_writers.setdefault(key, BulkWriter(tickets, plain))
         try:
             writer.put(chunks)
@@ -194,7 +209,7 @@ class ZenohTransport:
             self._run(f"dsr-sub-{key}", lambda: _for_each(subscriber, action))
             return subscriber
 
-        return self._renewed(declare)
+        return self._kept(declare, self._renewable)
 
     def serve(self, key: str, handler: RequestHandler) -> Subscription:
         """Answer requests on `key` from a thread of its own."""
@@ -204,13 +219,13 @@ class ZenohTransport:
             self._run(f"dsr-serve-{key}", lambda: _for_each(queryable, lambda query: _answer(query, key, handler)))
             return queryable
 
-        return self._renewed(declare)
+        return self._kept(declare, self._renewable)
 
-    def _renewed(self, declare: Callable[[], Any]) -> _Declaration:
-        """A declaration that `renew` makes again as long as somebody holds it."""
+    def _kept(self, declare: Callable[[], Any], place: WeakSet[_Declaration]) -> _Declaration:
+        """A declaration that is made again when needed, as long as somebody holds it."""
         declaration = _Declaration(declare)
         with self._lock:
-            self._renewable.add(declaration)
+            place.add(declaration)
         return declaration
 
     def renew(self) -> None:
@@ -223,6 +238,23 @@ class ZenohTransport:
             return
         with self._lock:
             declarations = list(self._renewable)
+        for declaration in declarations:
+            declaration.renew()
+
+    def reopen(self) -> None:
+        """Begin a new session in place of this one, with what the files of certificates hold now.
+
+        All that was declared is declared again. Messages that are under way are lost, as on any link that breaks.
+
+        Raises:
+            ListenError: if the new session cannot begin; then nothing is heard or sent until this succeeds.
+        """
+        with self._lock:
+            with contextlib.suppress(zenoh.ZError):
+                self._session.close()  # type: ignore[no-untyped-call]
+            self._session = self._open()
+            self._publishers.clear()
+            declarations = [*self._renewable, *self._tokens]
         for declaration in declarations:
             declaration.renew()
 
@@ -250,14 +282,21 @@ class ZenohTransport:
 
     def announce(self, key: str) -> Subscription:
         """Declare a liveliness token: others see it go when this process dies."""
-        return _Declaration(lambda: self._declare(self._session.liveliness().declare_token, key))
+        return self._kept(lambda: self._declare(self._session.liveliness().declare_token, key), self._tokens)
 
     def watch_presence(self, key: str, handler: PresenceHandler) -> Subscription:
         """Call `handler` for the tokens that are there and for every change."""
-        tokens = self._declare(self._session.liveliness().declare_subscriber, key, _fifo(_QUEUE), history=True)
         is_there = zenoh.SampleKind.PUT
-        self._run(f"dsr-live-{key}", lambda: _for_each(tokens, lambda s: handler(str(s.key_expr), s.kind == is_there)))
-        return _Declaration(lambda: tokens)
+
+        def report(token: zenoh.Sample) -> None:
+            handler(str(token.key_expr), token.kind == is_there)
+
+        def declare() -> Any:
+            tokens = self._declare(self._session.liveliness().declare_subscriber, key, _fifo(_QUEUE), history=True)
+            self._run(f"dsr-live-{key}", lambda: _for_each(tokens, report))
+            return tokens
+
+        return self._kept(declare, self._tokens)
 
     def _declare(self, declare: Callable[..., Any], key: str, *args: Any, **options: Any) -> Any:
         try:
@@ -276,6 +315,7 @@ class ZenohTransport:
 
         Waits for its threads: one that came back from Zenoh while the interpreter ends would abort the program.
         """
+        self.closing.set()
         with contextlib.suppress(zenoh.ZError):
             self._session.close()  # type: ignore[no-untyped-call]
         for thread in self._threads:

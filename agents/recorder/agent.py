@@ -17,12 +17,14 @@ from agents.recorder.reader import FILE_NAME
 from agents.segments import next_segment
 from dsr.agent import Access, Agent
 from dsr.blobs import decode_frame, encode_frame
-from dsr.errors import WireError
+from dsr.errors import ConfigError, WireError
 
 ABOUT = "agents"
 """Name of the metadata that hold the configurations of the agents of the run, as JSON by agent."""
 _MOST_WAITING = 20_000
 _MOST_IMAGES_WAITING = 64
+RETRY = 5.0
+"""s until a disk that refused is tried again: it may take a person some time to make room."""
 _LARGE = 1 << 16  # bytes; larger blobs are images or meshes
 _DEVICES = ("*/state", "*/command", "*/*/poses", "*/*/hands")
 """What is recorded of the traffic with devices: an arm, sensors that tell poses or hands; images come as blobs."""
@@ -62,6 +64,8 @@ class Recorder(Agent):
     _writer: RecordingWriter | None = None
     _meshes: MeshRecorder | None = None
     _inboxes: tuple[Inbox, ...] = ()
+    _waits = ""
+    """Why nothing is recorded, for people; empty while it is."""
 
     def setup(self) -> None:
         """Open the file and begin to listen."""
@@ -69,23 +73,45 @@ class Recorder(Agent):
         self._images: dict[str, Message] = {}
         self._image_stamps: dict[str, float] = {}
         self._last_flush = self._last_snapshot = -math.inf
-        self._repairs = 0
-        path = next_segment(Path(self.config.folder), FILE_NAME)
-        self._writer = RecordingWriter(
-            path, {**self.config.about, "graph": keys.graph, "root": keys.root, "segment": path.name}
-        )
-        self._meshes = MeshRecorder(self.memory, self._writer)
+        self._repairs = self._unwritten = 0
+        self._retry_at = -math.inf
+        try:
+            self._begin_file()
+        except OSError as error:
+            raise ConfigError(f"nothing can be recorded in {self.config.folder}: {error.strerror}") from error
         wanted = (keys.delta(), keys.stream(), keys.truth(), keys.log(), keys.status(), *map(keys.device, _DEVICES))
         images = Inbox(self.bus, keys.blob("**"), self.clock, _MOST_IMAGES_WAITING)
         self._inboxes = (images, Inbox(self.bus, wanted, self.clock, _MOST_WAITING))
+
+    def _begin_file(self) -> None:
+        """Open the next file of this recording. Raises `OSError`."""
+        path = next_segment(Path(self.config.folder), FILE_NAME)
+        about = {**self.config.about, "graph": self.keys.graph, "root": self.keys.root, "segment": path.name}
+        self._writer = RecordingWriter(path, about)
+        self._meshes = MeshRecorder(self.memory, self._writer)
+        self._last_snapshot = -math.inf
         self.log.info("recording to %s", path)
 
     def tick(self, now: float) -> None:
-        """Write what arrived since the last tick, in the order of arrival."""
+        """Write what arrived since the last tick, in the order of arrival; a disk that is full is waited for."""
+        messages = self._take(now)
+        try:
+            if self._writer is None and now >= self._retry_at:
+                self._begin_file()
+            if self._writer is None:
+                self._unwritten += len(messages)
+            else:
+                self._write(messages, now)
+        except OSError as error:
+            self._wait_for_room(error, len(messages), now)
+        self._report_losses()
+
+    def _write(self, messages: list[Message], now: float) -> None:
+        """Write messages, and what is due. Raises `OSError`."""
         assert self._writer is not None and self._meshes is not None
         if self._last_snapshot == -math.inf:
             self._write_snapshot(now)
-        for message in self._take(now):
+        for message in messages:
             topic = message.key.removeprefix(self.keys.root + "/")
             self._writer.write(Record(message.stamp, topic, message.payload))
         self._meshes.update(now)
@@ -94,16 +120,35 @@ class Recorder(Agent):
         if now - self._last_flush >= self.config.flush_period:
             self._writer.flush()
             self._last_flush = now
-        self._report_losses()
+        if self._waits:
+            self._writer.flush()
+            self._waits = ""
+            self.degraded = ""
+            self.log.warning("recording again, to %s; %d messages are missing", self._writer.path, self._unwritten)
+
+    def _wait_for_room(self, error: OSError, missed: int, now: float) -> None:
+        """Close the file as it is, and try again later with the next one."""
+        self._retry_at = now + RETRY
+        self._unwritten += missed
+        if not self._waits:
+            self._waits = f"nothing is recorded ({error.strerror or error}); tried again every {RETRY:g} s"
+            self.log.error("%s", self._waits)
+        if self._writer is not None and self._meshes is not None:
+            self._meshes.close()
+            self._writer.abandon()
+        self._writer = self._meshes = None
 
     def teardown(self) -> None:
         """Write what is left and close the file, so that it has an index."""
         for inbox in self._inboxes:
             inbox.close()
+        self.tick(self.clock.now())
         if self._writer is not None and self._meshes is not None:
-            self.tick(self.clock.now())
             self._meshes.close()
-            self._writer.close()
+            try:
+                self._writer.close()
+            except OSError as error:
+                self.log.error("the recording has no index (%s); it can be replayed all the same", error.strerror)
 
     def _write_snapshot(self, now: float) -> None:
         """Also after a repair: what it brought came in no message that is recorded."""
@@ -145,5 +190,7 @@ class Recorder(Agent):
 
     def _report_losses(self) -> None:
         dropped = sum(inbox.dropped for inbox in self._inboxes)
-        if dropped:
+        if self._waits:
+            self.degraded = f"{self._waits}; {self._unwritten} messages are missing"
+        elif dropped:
             self.degraded = f"{dropped} messages were not recorded: they came faster than they could be written"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from typing import Any
 
 import cv2
@@ -13,6 +14,12 @@ from dsr.errors import WireError
 
 DEPTH_UNIT = 1e-4
 """m, resolution of a packed depth image; 6.55 m and more become unknown (0)"""
+MOST_PIXELS = 1 << 26
+"""Of an image that is unpacked: 8192 by 8192."""
+_PNG_SIZE = struct.Struct(">8s4x4sII")
+_PNG = b"\x89PNG\r\n\x1a\n"
+_JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+"""Markers of JPEG that are followed by the size of the image: ITU-T T.81, table B.1."""
 _LONGEST_SIDE = 65_500  # px, that a JPEG can have
 _FASTEST = [cv2.IMWRITE_PNG_COMPRESSION, 1]
 
@@ -66,7 +73,25 @@ def _encode(suffix: str, image: Image, options: list[int]) -> Image:
 
 
 def _decode(name: str, data: Image) -> Image:
-    image = cv2.imdecode(np.ascontiguousarray(data), cv2.IMREAD_UNCHANGED) if data.dtype == np.uint8 else None
+    packed = np.ascontiguousarray(data) if data.dtype == np.uint8 else np.empty(0, np.uint8)
+    pixels = _pixels(packed.tobytes())
+    if pixels > MOST_PIXELS:
+        raise WireError(f"array {name!r} is an image of {pixels} pixels; at most {MOST_PIXELS} are unpacked")
+    image = cv2.imdecode(packed, cv2.IMREAD_UNCHANGED) if pixels else None
     if image is None:
         raise WireError(f"array {name!r} of {data.size} values is no image")
     return image
+
+
+def _pixels(data: bytes) -> int:
+    """How many pixels a PNG or JPEG says that it has; 0 for anything else."""
+    if len(data) >= _PNG_SIZE.size and data.startswith(_PNG):
+        _, kind, width, height = _PNG_SIZE.unpack_from(data)
+        return int(width * height) if kind == b"IHDR" else 0
+    position = 2 if data.startswith(b"\xff\xd8") else len(data)
+    while position + 9 <= len(data) and data[position] == 0xFF:
+        if data[position + 1] in _JPEG_FRAMES:
+            height, width = struct.unpack_from(">HH", data, position + 5)
+            return int(width * height)
+        position += 2 + int.from_bytes(data[position + 2 : position + 4], "big")
+    return 0

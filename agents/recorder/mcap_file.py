@@ -5,8 +5,10 @@ The format is described at https://mcap.dev/spec. Everything else here is indepe
 
 from __future__ import annotations
 
+import contextlib
 import struct
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple, cast
 
@@ -24,6 +26,11 @@ _MAGIC = b"\x89MCAP0\r\n"
 _METADATA = "dsr"
 _CHUNK_SIZE = 1 << 20
 _LARGEST_RECORD = 1 << 30  # a greater length is damage, not data
+_LARGEST_CHUNK = 1 << 29
+"""Bytes of a chunk when it is unpacked: a snapshot of the largest graph fits."""
+_MOST_RECORDS = 1 << 20
+"""Records of a chunk: those of its smallest messages take ten times as much in memory."""
+_LENGTH = struct.Struct("<BQ")
 _DAMAGE = (McapError, CRCValidationError, zstandard.ZstdError, struct.error, UnicodeDecodeError, MemoryError)
 
 
@@ -55,9 +62,14 @@ class RecordingWriter:
         self._writer = cast(Any, Writer(self._file, chunk_size=_CHUNK_SIZE, compression=CompressionType.ZSTD))
         self._schemas: dict[ChannelKind, int] = {}
         self._channels: dict[str, int] = {}
-        self._writer.start(profile=PROFILE, library="dsr")
-        self._writer.add_metadata(_METADATA, dict(metadata))
-        self._writer.flush()
+        self._flushed = False
+        try:
+            self._writer.start(profile=PROFILE, library="dsr")
+            self._writer.add_metadata(_METADATA, dict(metadata))
+            self._writer.flush()
+        except OSError:
+            self.abandon()
+            raise
 
     def write(self, record: Record) -> None:
         """Add a message; it is safe after the next `flush`."""
@@ -67,6 +79,14 @@ class RecordingWriter:
     def flush(self) -> None:
         """Hand everything so far to the operating system: a kill of this process does not lose it."""
         self._writer.flush()
+        self._flushed = True
+
+    def abandon(self) -> None:
+        """Close the file as far as it was written; one that was never flushed holds nothing and is removed."""
+        with contextlib.suppress(OSError):
+            self._file.close()
+        if not self._flushed:
+            self.path.unlink(missing_ok=True)
 
     def close(self) -> None:
         """Write the index and close the file."""
@@ -162,7 +182,7 @@ class RecordingFile:
         """The messages of a chunk; topics by channel are known from it and the ones before."""
         topics = self._topics
         try:
-            records = breakup_chunk(chunk, validate_crc=True)
+            records = breakup_chunk(_unpacked(chunk), validate_crc=True)
         except _DAMAGE as error:
             self.problems.append(f"the part before byte {end} is damaged ({_text(error)})")
             return
@@ -171,6 +191,25 @@ class RecordingFile:
                 topics[record.id] = record.topic
             elif isinstance(record, Message) and record.channel_id in topics:
                 yield Record(record.log_time / 1e9, topics[record.channel_id], record.data)
+
+
+def _unpacked(chunk: Chunk) -> Chunk:
+    """The chunk without compression. Raises `McapError` or `ZstdError` for one that is far larger than it may be."""
+    data = chunk.data
+    if chunk.compression == "zstd":
+        told = zstandard.frame_content_size(data)
+        if max(told, chunk.uncompressed_size) > _LARGEST_CHUNK:
+            raise McapError(f"a chunk of {max(told, chunk.uncompressed_size)} bytes; at most {_LARGEST_CHUNK}")
+        data = zstandard.decompress(data, chunk.uncompressed_size)
+    elif chunk.compression:
+        raise McapError(f"a chunk compressed by {chunk.compression!r}; expected 'zstd'")
+    position = count = 0
+    while position < len(data):
+        position += _LENGTH.size + _LENGTH.unpack_from(data, position)[1]
+        count += 1
+        if count > _MOST_RECORDS:
+            raise McapError(f"a chunk of more than {_MOST_RECORDS} records")
+    return replace(chunk, compression="", data=data)
 
 
 class _CutError(Exception):

@@ -75,6 +75,9 @@ def list_scenarios(as_json: JsonOption = False) -> None:
 def check(
     files: Annotated[list[str], typer.Argument(help="Scenario files, or names of built-in ones.")],
     play: Annotated[bool, typer.Option("--play/--no-play", help="Also play the true course with seed 0.")] = True,
+    no_import: Annotated[
+        bool, typer.Option("--no-import", help="Import no modules beside the file of the system: for files of others.")
+    ] = False,
 ) -> None:
     """Check scenario files without running any agent; tells file, line and what was expected.
 
@@ -86,7 +89,7 @@ def check(
     for file in files:
         try:
             scenario = load_scenario(file)
-            found = played_errors(file) if play else []
+            found = played_errors(file, beside=not no_import) if play else []
         except ConfigError as error:
             found = [error]
         for fault in found:

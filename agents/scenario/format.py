@@ -66,6 +66,7 @@ from agents.scenario.model import (
     TableSpec,
 )
 from agents.scenario.models import with_models
+from dsr.data_files import read_text
 from dsr.decoding import decoded
 from dsr.errors import ConfigError, suggest
 from dsr.keys import Keys
@@ -155,11 +156,7 @@ def start_key(keys: Keys) -> str:
 def load_scenario(name_or_path: str | Path) -> Scenario:
     """The scenario of a file, or the built-in one of that name. Raises `ConfigError`."""
     file = find_scenario(name_or_path)
-    try:
-        text = file.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"cannot be read: {error}", file=str(file)) from error
-    return parse_scenario(text, str(file))
+    return parse_scenario(read_text(file), str(file))
 
 
 def find_scenario(name_or_path: str | Path) -> Path:
@@ -185,6 +182,8 @@ def parse_scenario(text: str, file: str = "<text>") -> Scenario:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise syntax_error(error, text, file) from error
+    except RecursionError as error:
+        raise ConfigError("not valid TOML: nested too deeply", file=file) from error
     for path, value in _floats(data, ()):
         if not math.isfinite(value):
             raise value_error(f"expected a finite number, got {value}", path, text, file)

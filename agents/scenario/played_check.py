@@ -9,13 +9,15 @@ from agents.scenario.staging import make_run
 from dsr.errors import ConfigError
 
 
-def played_errors(name_or_path: str) -> list[ConfigError]:
+def played_errors(name_or_path: str, *, beside: bool = True) -> list[ConfigError]:
     """The faults of the course with seed 0, as errors with file and line; without events nothing is played.
+
+    Unless `beside`, modules beside the file of the system are not imported.
 
     Raises:
         ConfigError: if the file is wrong or cannot be played.
     """
-    run = make_run(name_or_path)
+    run = make_run(name_or_path, beside=beside)
     if not run.scenario.events:
         return []
     found = faults(true_course(run))

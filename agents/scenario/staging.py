@@ -39,6 +39,8 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
     """Gets recording, logs and result; None for nothing of that."""
     window: bool = False
     """Open the viewer's window."""
+    beside: bool = True
+    """Modules beside the file of the system may be imported."""
 
 
 def make_run(name_or_path: str | Path, **options: Any) -> Run:
@@ -52,7 +54,7 @@ def staged_system(run: Run) -> System:
 
     An agent that the system does not have needs no configuration; without a folder nothing is recorded.
     """
-    system = load_system(find_system(run.scenario.system, run.file.parent))
+    system = load_system(find_system(run.scenario.system, run.file.parent), beside=run.beside)
     if run.scenario.mission is None:
         system = without(system, MISSION)
     for agent, fields in _settings(run).items():
@@ -65,7 +67,7 @@ def staged_system(run: Run) -> System:
 
 def plant_alone(run: Run) -> System:
     """The simulated reality of the scenario without anybody who looks at it. Raises `ConfigError`."""
-    system = load_system(find_system(run.scenario.system, run.file.parent), only=[PLANT])
+    system = load_system(find_system(run.scenario.system, run.file.parent), only=[PLANT], beside=run.beside)
     if not system.agents:
         raise ConfigError(f"the system {run.scenario.system!r} has no agent {PLANT!r}: nothing happens in it")
     return system.with_config(PLANT, scenario=str(run.file), sensor="none")

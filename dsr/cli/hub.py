@@ -10,6 +10,7 @@ import typer
 from dsr.cli.common import SecurityOption, console, shown
 from dsr.connect import identity_of
 from dsr.errors import ConfigError
+from dsr.security.renewal import watch_certificate
 from dsr.zenoh_transport import ZenohTransport
 
 app = typer.Typer()
@@ -43,6 +44,8 @@ def hub(
         raise ConfigError(f"the certificate of {NAME!r} is not one of a relay: dsr security add FOLDER {NAME} --relay")
     place = listen or f"{'tls' if identity else 'tcp'}/127.0.0.1:7447"
     transport = ZenohTransport(place, connect or (), identity.zenoh if identity else {}, routing=True)
+    if identity is not None:
+        watch_certificate(transport, identity)
     console.print(f"routing at [bold]{shown(place)}[/], Ctrl-C stops", soft_wrap=True)
     try:
         threading.Event().wait()

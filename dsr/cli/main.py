@@ -34,6 +34,7 @@ from dsr.cli import (
 from dsr.cli.common import errors, shown
 from dsr.errors import ConfigError, DsrError
 from dsr.runtime.logs import PlainFormatter
+from dsr.runtime.resources import shortage
 
 app = typer.Typer(
     name="dsr",
@@ -89,10 +90,13 @@ def main() -> None:
         sys.exit(2 if isinstance(error, ConfigError) else 1)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # the reader of our output left
-    except OSError as error:  # a folder that cannot be written, a full disk
-        if _debug or error.filename is None:
+    except (OSError, MemoryError, RuntimeError, ImportError) as error:  # a folder that cannot be written, a full disk
+        said = shortage(error)
+        if said is None and isinstance(error, OSError) and error.filename is not None:
+            said = f"{error.filename}: {error.strerror}"
+        if _debug or said is None:
             raise
-        errors.print(f"[bold red]{escape(f'{error.filename}: {error.strerror}')}[/]", soft_wrap=True)
+        errors.print(f"[bold red]{escape(said)}[/]", soft_wrap=True)
         sys.exit(1)
 
 

@@ -50,6 +50,7 @@ def run(
 ) -> None:
     """Start the agents of a system as processes and supervise them until Ctrl-C.
 
+    Modules beside the file of the system are imported and run: give only files that you trust.
     Agents that crash are started again. Look into the working memory from another terminal: dsr ls, dsr tree,
     dsr watch, dsr top. The exit code is 1 if the agents do not become ready, or all end by themselves.
     """

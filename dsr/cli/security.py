@@ -45,16 +45,20 @@ def init(
     system: Annotated[str | None, typer.Option(help="A system whose agents get what their classes declare.")] = None,
     agent: Annotated[list[str] | None, typer.Option(help="Another agent, that may write everything.")] = None,
     viewer: Annotated[list[str] | None, typer.Option(help="A member that may only read.")] = None,
+    no_import: Annotated[
+        bool, typer.Option("--no-import", help="Import no modules beside the file of the system: for files of others.")
+    ] = False,
     host: HostOption = None,
     days: DaysOption = CERTIFICATE_DAYS,
 ) -> None:
     """Make a certificate authority, and a certificate for each agent.
 
     Besides the agents named, the launcher gets one, and `dsr`: the command line tools, which only read.
+    To know what agents declare, --system imports their classes, which runs the modules beside the file, too.
 
     Example: dsr security init keys --system tabletop, then: dsr run tabletop --security keys
     """
-    grants = system_grants(load_system(system)) if system else standard_grants()
+    grants = system_grants(load_system(system, beside=not no_import)) if system else standard_grants()
     everything = Grant(("*",), ("*",), ("*",), ("device/**", "blob/**"))
     policy = checked({
         **grants,
@@ -89,7 +93,10 @@ def add(
     host: HostOption = None,
     days: DaysOption = CERTIFICATE_DAYS,
 ) -> None:
-    """Add an agent, or renew its certificate. Running processes know of it when they are started again.
+    """Add an agent, or renew its certificate.
+
+    Running processes take over a renewed certificate within ten seconds. They know of a new agent, and of other
+    grants, when they are started again.
 
     Example: dsr security add keys counter --writes node:table --writes attribute:seen
     """
@@ -98,6 +105,7 @@ def add(
     if (name in policy.agents) is not renew:
         known = "is there already; give --renew for a new certificate" if not renew else "is not there yet"
         raise ConfigError(f"agent {name!r} {known}")
+    before = policy.agents.get(name)
     roles = Grant(read_only=read_only, trusted=trusted, relay=relay)
     grant = _grant(kind, writes or [], roles)
     if renew and grant == Grant() and kind is None:
@@ -106,7 +114,8 @@ def add(
     files.issue(name, WALL_CLOCK.now(), days=days, hosts=host or ())
     _save(files, policy)
     until = files.expiry(name)
-    console.print(f"[bold]{name}[/] has a certificate until {until:%Y-%m-%d}; start what runs again", soft_wrap=True)
+    advice = "what runs takes it over" if renew and grant == before else "start what runs again"
+    console.print(f"[bold]{name}[/] has a certificate until {until:%Y-%m-%d}; {advice}", soft_wrap=True)
 
 
 def _grant(kind: str | None, writes: list[str], roles: Grant) -> Grant:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
-import secrets
 from pathlib import Path
 
 from dsr.geometry.mesh import MOST_BYTES, hash_of
+from dsr.private_files import private_folder, replacing
 
 DISK_LIMIT = 2 << 30
 """bytes of all files together"""
@@ -62,16 +62,13 @@ class DiskCache:
         file = self._file(hash)
         if len(data) > self.limit or file.exists():
             return
-        draft = file.with_suffix(f".{secrets.token_hex(4)}.tmp")
         try:
-            self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+            private_folder(self.folder)
             self._make_room(len(data))
-            draft.write_bytes(data)
-            draft.replace(file)
+            with replacing(file) as new:
+                new.write(data)
         except OSError as error:
             self._complain(error)
-            with contextlib.suppress(OSError):
-                draft.unlink(missing_ok=True)
 
     def forget(self, hash: str) -> None:
         """Remove a file; harmless if there is none."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import re
 from typing import Any, Literal
 
 import collada
@@ -12,20 +13,25 @@ import numpy as np
 from dsr.errors import MeshError
 from dsr.geometry.model import MOST_NODES, Geometry, RawNode
 
+_MOST_ELEMENTS = 1 << 21
+"""Begins and ends of XML elements in a file: each takes about 100 bytes in memory."""
+_DECLARATION = re.compile(r"^\s*<\?xml[^>]*\?>")
 _MOST_DEPTH = 200
 _MOST_WARNINGS = 20
 
 
-def read_collada(data: bytes) -> tuple[list[RawNode], float, Literal["x", "y", "z"], tuple[str, ...]]:
+def read_collada(text: str) -> tuple[list[RawNode], float, Literal["x", "y", "z"], tuple[str, ...]]:
     """Outermost nodes, metres of one unit, the axis that points upwards, and what could not be used.
 
     Raises `MeshError`, and whatever pycollada raises for a wrong file.
     """
-    # Without these, nothing is expanded or unpacked; a zip archive holds zeros.
-    if b"\0" in data or b"<!DOCTYPE" in data or b"<!ENTITY" in data:
-        raise MeshError("no valid COLLADA: expected plain XML in UTF-8 without DOCTYPE")
+    # Without these, nothing is expanded or fetched; the parser must not read the text in yet another encoding.
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        raise MeshError("no valid COLLADA: expected plain XML without DOCTYPE")
+    if text.count("<") > _MOST_ELEMENTS:
+        raise MeshError(f"more than {_MOST_ELEMENTS} elements")
     ignored = [collada.common.DaeUnsupportedError, collada.common.DaeBrokenRefError]
-    document = collada.Collada(io.BytesIO(data), ignore=ignored)
+    document = collada.Collada(io.BytesIO(_DECLARATION.sub("", text, count=1).encode()), ignore=ignored)
     if document.scene is None:
         raise MeshError("no valid COLLADA: it names no scene")
     reader = _Reader()

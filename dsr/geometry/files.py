@@ -7,7 +7,7 @@ not read), and what its reader raises names the file.
 from __future__ import annotations
 
 import codecs
-import stat
+import re
 import struct
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -15,6 +15,7 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
+from dsr.data_files import read_file
 from dsr.errors import ConfigError, DsrError, MeshError
 from dsr.geometry.model import Array, Geometry, Model, RawNode, to_model
 
@@ -22,6 +23,9 @@ MOST_FILE_BYTES = 1 << 28
 Up = Literal["x", "y", "z"]
 """The axis of a file that points upwards."""
 
+_MOST_LETTERS = 1 << 14
+"""Characters of a line of an OBJ file: a face of a thousand corners. The reader takes their square in time."""
+_LONG_LINE = re.compile(rf"[^\n]{{{_MOST_LETTERS + 1}}}")
 _STL_HEADER = struct.Struct("<80xI")
 _STL_TRIANGLE = 50  # bytes
 _UP: dict[str, Array] = {  # z-up from file, as COLLADA 1.4.1 defines X_UP, Y_UP and Z_UP
@@ -72,17 +76,7 @@ def load_model(file: Path, *, scale: float = 1.0, up: Up | None = None) -> Model
 
 
 def _read(file: Path) -> bytes:
-    try:
-        about = file.stat()
-        if not (stat.S_ISREG(about.st_mode) or stat.S_ISDIR(about.st_mode)):
-            raise ConfigError("cannot be read: it is a device or a pipe", file=str(file))
-        with file.open("rb") as opened:
-            data = opened.read(MOST_FILE_BYTES + 1) if about.st_size <= MOST_FILE_BYTES else b""
-    except OSError as error:
-        raise ConfigError(f"cannot be read: {error.strerror}", file=str(file)) from error
-    size = max(about.st_size, len(data))
-    if size > MOST_FILE_BYTES:
-        raise ConfigError(f"{size >> 20} MiB; at most {MOST_FILE_BYTES >> 20}", file=str(file))
+    data = read_file(file, MOST_FILE_BYTES)
     if not data:
         raise ConfigError("is empty", file=str(file))
     return data
@@ -102,7 +96,10 @@ def _obj(data: bytes) -> _Content:
     from trimesh.exchange.obj import load_obj
     from trimesh.util import wrap_as_stream
 
-    return _Content(_flat(load_obj(wrap_as_stream(_text(data)), skip_materials=True, split_objects=True)))
+    text = _text(data)
+    if _LONG_LINE.search(text):
+        raise MeshError(f"a line of more than {_MOST_LETTERS} characters")
+    return _Content(_flat(load_obj(wrap_as_stream(text), skip_materials=True, split_objects=True)))
 
 
 def _stl(data: bytes) -> _Content:
@@ -149,7 +146,7 @@ def _glb(data: bytes) -> _Content:
 def _dae(data: bytes) -> _Content:
     from dsr.geometry.collada_file import read_collada
 
-    tops, unit, up, warnings = read_collada(data)
+    tops, unit, up, warnings = read_collada(_text(data))
     return _Content(tops, unit, up, warnings)
 
 

@@ -7,17 +7,23 @@ several below it, under names of chance; here they are that node's.
 from __future__ import annotations
 
 import struct
+from collections import Counter
 from typing import Annotated, Any, NamedTuple
 
 import msgspec
 import numpy as np
 
 from dsr.errors import MeshError
-from dsr.geometry.model import Geometry, RawNode
+from dsr.geometry.model import MOST_NODES, Geometry, RawNode
 
 _HEADER = struct.Struct("<4sIIII")
 _MAGIC, _VERSION, _JSON = b"glTF", 2, 0x4E4F534A
-_MOST_NUMBERS = 1 << 26  # in all accessors: one without data stands for as many zeros
+_MOST_NUMBERS = 1 << 25
+"""Elements of all accessors of triangles: several may show the same bytes."""
+_MOST_JSON = 1 << 23
+"""Bytes of the JSON of a file: each of its objects takes up to 60 times as much in memory."""
+_MOST_PIECES = 20_000
+"""Primitives of all nodes, each as often as a node has it: trimesh takes about 0.1 ms for one."""
 _LIST, _STRIP, _FAN = 4, 5, 6  # modes of primitives that are triangles
 _COMPRESSED = {"KHR_draco_mesh_compression": "Draco", "EXT_meshopt_compression": "meshopt"}
 _BASE = "world"  # the frame that trimesh puts above all others
@@ -48,6 +54,9 @@ class _Accessor(_Part):
     byte_offset: _Number = 0
     normalized: bool = False
     sparse: dict[str, Any] | None = None
+
+
+_NOTHING = _Accessor(component_type=5126, count=1, type="SCALAR")
 
 
 class _Attributes(_Part, rename={"position": "POSITION"}):
@@ -109,9 +118,9 @@ def read_glb(data: bytes) -> list[RawNode]:
     """
     content, rest = _split(data)
     _check_cost(content)
-    _check_readable(content)
+    used = _check_readable(content)
     names = [node.name or str(index) for index, node in enumerate(content.nodes)]
-    edges = _load(_joined(_plain(content), rest))
+    edges = _load(_joined(_plain(content, used), rest))
     raw = {str(index): RawNode(name if name != _BASE else f"{_BASE}_1") for index, name in enumerate(names)}
     base = RawNode("")
     below: set[str] = set()
@@ -136,6 +145,8 @@ def _split(data: bytes) -> tuple[_Content, bytes]:
         raise MeshError(f"no valid GLB: begins with {data[:4]!r}, version {version}; expected glTF 2.0")
     if length > len(data):
         raise MeshError(f"no valid GLB: cut off, {len(data)} of {length} bytes")
+    if json_length > _MOST_JSON:
+        raise MeshError(f"has {json_length} bytes of JSON; at most {_MOST_JSON} are read")
     end = _HEADER.size + json_length
     return msgspec.json.decode(data[_HEADER.size : end], type=_Content, strict=False), data[end:]
 
@@ -150,13 +161,18 @@ def _check_cost(content: _Content) -> None:
     """Raise `MeshError` for what would cost far more than the file is large, or lies in another file."""
     if any(not buffer.uri.startswith("data:") for buffer in content.buffers):
         raise MeshError("refers to other files; write it as one file")
-    numbers = sum(accessor.count for accessor in content.accessors)
-    if numbers > _MOST_NUMBERS:
-        raise MeshError(f"{numbers} elements; at most {_MOST_NUMBERS}")
+    if len(content.nodes) > MOST_NODES:
+        raise MeshError(f"more than {MOST_NODES} nodes")
+    children = Counter(child for node in content.nodes for child in node.children)
+    if children and max(children.values()) > 1:
+        raise MeshError("no valid GLB: a node with two parents")  # glTF 2.0, section 3.5.2
+    primitives = [len(content.meshes[node.mesh].primitives) for node in content.nodes if node.mesh is not None]
+    if sum(primitives) + sum(len(mesh.primitives) for mesh in content.meshes) > _MOST_PIECES:
+        raise MeshError(f"more than {_MOST_PIECES} primitives at its nodes")
 
 
-def _check_readable(content: _Content) -> None:
-    """Raise `MeshError` for triangles in a form of which trimesh would make others."""
+def _check_readable(content: _Content) -> set[int]:
+    """The accessors of triangles. Raises `MeshError` for triangles in a form of which trimesh would make others."""
     primitives = [one for mesh in content.meshes for one in mesh.primitives]
     positions = {one.attributes.position for one in primitives}
     used = positions | {one.indices for one in primitives if one.indices is not None}
@@ -173,10 +189,18 @@ def _check_readable(content: _Content) -> None:
         raise MeshError("has triangles as fans, which are not read; write them one by one")
     if any(content.accessors[index].normalized for index in positions):
         raise MeshError("has quantised vertices (normalized), which are not read; write them as floats")
+    numbers = sum(accessor.count for accessor in accessors)
+    if numbers > _MOST_NUMBERS:
+        raise MeshError(f"{numbers} elements; at most {_MOST_NUMBERS}")
+    return used
 
 
-def _plain(content: _Content) -> _Content:
-    """Without what is no triangle, and without names, so that each node is known by its number."""
+def _plain(content: _Content, used: set[int]) -> _Content:
+    """Without what is no triangle, and without names, so that each node is known by its number.
+
+    Accessors that are not in `used` stay without content: one without data stands for any number of zeros.
+    """
+    content.accessors = [each if index in used else _NOTHING for index, each in enumerate(content.accessors)]
     for mesh in content.meshes:
         mesh.primitives = [primitive for primitive in mesh.primitives if primitive.mode in (_LIST, _STRIP)]
     for node in content.nodes:

@@ -20,6 +20,8 @@ Array = NDArray[np.float64]
 
 MOST_NODES = 5_000
 """Of one model."""
+MOST_TRIANGLES = 1 << 24
+"""Of one model, those of a mesh that comes in several sizes counted for each: all that fit into a file of 256 MiB."""
 _DIGITS = 9  # of a factor of scale: instances that differ by rounding alone shall have one mesh
 _FARTHEST = 1e5  # m, of a vertex from the frame of its node
 _LEAST_SCALE = 1e-9
@@ -116,6 +118,7 @@ def to_model(tops: Sequence[RawNode], name: str, metres: Array, warnings: Iterab
     if len(found) > MOST_NODES:
         raise MeshError(f"more than {MOST_NODES} nodes")
     names = _unique_names(raw.name or (name if parent is None else "") for raw, parent in found)
+    meshes_of = _Meshes()
     file_from: list[Array] = []
     frames: list[Pose] = []
     nodes: list[ModelNode] = []
@@ -124,7 +127,7 @@ def to_model(tops: Sequence[RawNode], name: str, metres: Array, warnings: Iterab
         rigid, rest = _split(file_from[index], raw.name)
         frames.append(rigid)
         pose = rigid if parent is None else frames[parent].inverse() @ rigid
-        meshes = tuple(mesh for piece in raw.geometry if (mesh := _mesh(piece, rest)) is not None)
+        meshes = tuple(mesh for piece in raw.geometry if (mesh := meshes_of(piece, rest)) is not None)
         nodes.append(ModelNode(names[index], None if parent is None else names[parent], pose, meshes))
     if not any(node.meshes for node in nodes):
         raise MeshError("no triangles")
@@ -160,6 +163,25 @@ def _split(matrix: Array, name: str) -> tuple[Pose, Array]:
     frame = np.eye(4)
     frame[:3, :3], frame[:3, 3] = rotation, matrix[:3, 3]
     return Pose.from_matrix(frame), rest
+
+
+class _Meshes:
+    """Makes meshes of pieces, each once however often a file uses it. Raises `MeshError` for too many triangles."""
+
+    def __init__(self) -> None:
+        self._made: dict[tuple[int, int, bytes], Mesh | None] = {}
+        self._pieces: list[Geometry] = []  # which live as long, so that their ids are theirs
+        self._triangles = 0
+
+    def __call__(self, piece: Geometry, rest: Array) -> Mesh | None:
+        key = (id(piece.vertices), id(piece.triangles), rest.tobytes())
+        if key not in self._made:
+            self._triangles += len(piece.triangles)
+            if self._triangles > MOST_TRIANGLES:
+                raise MeshError(f"more than {MOST_TRIANGLES} triangles")
+            self._pieces.append(piece)
+            self._made[key] = _mesh(piece, rest)
+        return self._made[key]
 
 
 def _mesh(piece: Geometry, rest: Array) -> Mesh | None:

@@ -30,7 +30,7 @@ from dsr.persistence.cortex_values import (
     default_code,
     to_ours,
 )
-from dsr.persistence.json_text import JsonFile, Problem, ValuePath, dotted
+from dsr.persistence.json_text import JsonFile, Problems, ValuePath, dotted
 from dsr.runtime.config import MisfitError, convert
 from dsr.schema import MAX_LENGTH, POSE_FIELDS, AttributeType, Kind, Schema, Value
 
@@ -79,7 +79,7 @@ class _Importer:
 
     def __init__(self, file: JsonFile) -> None:
         self._file = file
-        self._problems: list[Problem] = []
+        self._problems = Problems(file)
         self._result = GraphContent("")
         self._warned: set[tuple[str, str]] = set()
 
@@ -88,16 +88,14 @@ class _Importer:
         links = [self._links(symbol) for symbol in symbols]
         self._check_identities(symbols)
         self._check_links(symbols, links)
-        if self._problems:
-            raise self._file.error(self._problems)
+        self._problems.tell()
         flat = [link for of_symbol in links for link in of_symbol]
         self._choose_names(symbols, flat)
         for symbol in symbols:
             self._add_node(symbol)
         for link in flat:
             self._add_edge(link)
-        if self._problems:
-            raise self._file.error(self._problems)
+        self._problems.tell()
         return self._result
 
     # ---- structure
@@ -121,12 +119,12 @@ class _Importer:
         """`data` as a `kind`, with the members that this does not have put aside."""
         fields = kind.__struct_encode_fields__
         if not isinstance(data, dict):
-            self._problems.append((path, f"expected an object with {', '.join(fields)}"))
+            self._problems.add(path, f"expected an object with {', '.join(fields)}")
             return None
         try:
             value = convert({name: data[name] for name in fields if name in data}, kind)
         except MisfitError as error:
-            self._problems.append(((*path, *error.path), str(error).removeprefix(f"{dotted(error.path)}: ")))
+            self._problems.add((*path, *error.path), str(error).removeprefix(f"{dotted(error.path)}: "))
             return None
         return _Found(value, path, {name: item for name, item in data.items() if name not in fields})
 
@@ -134,9 +132,9 @@ class _Importer:
         names: set[str] = set()
         for symbol in symbols:
             if str(symbol.value.id) != symbol.path[-1]:
-                self._problems.append(((*symbol.path, "id"), f"id {symbol.value.id!r} under {symbol.path[-1]!r}"))
+                self._problems.add((*symbol.path, "id"), f"id {symbol.value.id!r} under {symbol.path[-1]!r}")
             if symbol.value.name in names:
-                self._problems.append(((*symbol.path, "name"), f"a second node is called {symbol.value.name!r}"))
+                self._problems.add((*symbol.path, "name"), f"a second node is called {symbol.value.name!r}")
             names.add(symbol.value.name)
 
     def _check_links(self, symbols: list[_Found], links: list[list[_Found]]) -> None:
@@ -147,11 +145,11 @@ class _Importer:
                 dst, label = str(link.value.dst), link.value.label
                 if str(link.value.src) != str(symbol.value.id):
                     message = f"src {link.value.src!r} of a link that stands with node {symbol.value.id!r}"
-                    self._problems.append(((*link.path, "src"), message))
+                    self._problems.add((*link.path, "src"), message)
                 if dst not in ids:
-                    self._problems.append(((*link.path, "dst"), f"no node {dst!r} in this file; {suggest(dst, ids)}"))
+                    self._problems.add((*link.path, "dst"), f"no node {dst!r} in this file; {suggest(dst, ids)}")
                 if (dst, label) in seen:
-                    self._problems.append((link.path, f"a second {label!r} link to {dst!r}"))
+                    self._problems.add(link.path, f"a second {label!r} link to {dst!r}")
                 seen.add((dst, label))
 
     # ---- names
@@ -222,13 +220,13 @@ class _Importer:
             try:
                 kind, value = to_ours(found.value.type, found.value.value)
             except ValueError as error:
-                self._problems.append(((*path, theirs, "value"), f"{error} (type {found.value.type})"))
+                self._problems.add((*path, theirs, "value"), f"{error} (type {found.value.type})")
                 continue
             name = self._fitting_name(theirs, kind, value, found.value.type)
             text = name.startswith(PREFIX)
             kept = json.dumps(found.value.value) if text else value
             if isinstance(kept, str) and len(kept) > MAX_LENGTH:
-                self._problems.append(((*path, theirs), f"larger than a value may be ({MAX_LENGTH} characters)"))
+                self._problems.add((*path, theirs), f"larger than a value may be ({MAX_LENGTH} characters)")
                 continue
             values[name] = self._result.schema.to_value(name, kept)
             origin = Origin(found.value.type, _if_other(theirs, name), text, found.extra)

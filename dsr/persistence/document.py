@@ -21,7 +21,7 @@ import numpy as np
 
 from dsr.errors import SchemaError, suggest
 from dsr.persistence.content import GraphContent, NodeContent
-from dsr.persistence.json_text import JsonFile, Problem, ValuePath, dotted, to_text
+from dsr.persistence.json_text import JsonFile, Problems, ValuePath, dotted, to_text
 from dsr.runtime.config import MisfitError, convert
 from dsr.schema import AttributeType, Schema, Value
 from dsr.transforms import Pose
@@ -142,7 +142,7 @@ class _Reader:
 
     def __init__(self, file: JsonFile) -> None:
         self._file = file
-        self._problems: list[Problem] = []
+        self._problems = Problems(file)
         self._misread: set[str] = set()
         """Names of nodes that are there but wrong."""
 
@@ -155,18 +155,14 @@ class _Reader:
         if document is not None:
             self._content = GraphContent(document.graph)
             self._register(document.schema)
-        self._raise_problems()
+        self._problems.tell()
         assert document is not None
         for index, node in enumerate(document.nodes):
             self._node(node, ("nodes", index))
         for index, edge in enumerate(document.edges):
             self._edge(edge, ("edges", index))
-        self._raise_problems()
+        self._problems.tell()
         return self._content
-
-    def _raise_problems(self) -> None:
-        if self._problems:
-            raise self._file.error(self._problems)
 
     def _register(self, names: _Names) -> None:
         for name, data in names.node_types.items():
@@ -192,9 +188,9 @@ class _Reader:
             return action(*arguments, **options)
         except MisfitError as error:
             message = str(error).removeprefix(f"{dotted(error.path)}: ")
-            self._problems.append(((*path, *error.path), message))
+            self._problems.add((*path, *error.path), message)
         except (SchemaError, ValueError) as error:
-            self._problems.append((path, str(error)))
+            self._problems.add(path, str(error))
         return None
 
     def _node(self, data: Any, path: ValuePath) -> None:
@@ -205,7 +201,7 @@ class _Reader:
             return
         self._try(path, self._content.schema.check_node, node.name, node.type)
         if node.name in self._content.nodes:
-            self._problems.append(((*path, "name"), f"a second node is called {node.name!r}"))
+            self._problems.add((*path, "name"), f"a second node is called {node.name!r}")
         attributes = self._attributes(node.attributes, (*path, "attributes"))
         self._content.nodes[node.name] = NodeContent(node.type, attributes)
 
@@ -217,11 +213,11 @@ class _Reader:
         for end in ("src", "dst"):
             name = getattr(edge, end)
             if name not in nodes and name not in self._misread:
-                self._problems.append(((*path, end), f"no node {name!r} in this file; {suggest(name, nodes)}"))
+                self._problems.add((*path, end), f"no node {name!r} in this file; {suggest(name, nodes)}")
         self._try((*path, "type"), self._content.schema.check_edge_type, edge.type)
         key = (edge.src, edge.dst, edge.type)
         if key in self._content.edges:
-            self._problems.append((path, f"a second {edge.type} edge from {edge.src!r} to {edge.dst!r}"))
+            self._problems.add(path, f"a second {edge.type} edge from {edge.src!r} to {edge.dst!r}")
         self._content.edges[key] = self._attributes(edge.attributes, (*path, "attributes"))
 
     def _attributes(self, data: dict[str, Any], path: ValuePath) -> dict[str, Value]:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
-import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
-from typing import IO, Literal
+from typing import Literal
 
 from dsr.errors import ConfigError
 from dsr.persistence.content import GraphContent
@@ -14,8 +12,11 @@ from dsr.persistence.cortex import from_cortex
 from dsr.persistence.cortex_export import to_cortex
 from dsr.persistence.document import from_document, to_document
 from dsr.persistence.json_text import JsonFile
+from dsr.private_files import replacing
 
 FileFormat = Literal["dsr", "cortex"]
+_READABLE = 0o666
+"""Permissions of a file that the user asked for, less the umask."""
 _WRITERS: dict[FileFormat, Callable[[GraphContent], str]] = {"dsr": to_document, "cortex": to_cortex}
 
 
@@ -43,33 +44,7 @@ def write_graph(content: GraphContent, file: str | Path, file_format: FileFormat
     except RecursionError as error:
         raise ConfigError("cannot be written: a value is nested too deeply", file=str(file)) from error
     try:
-        with replacing(target) as new:
+        with replacing(target, _READABLE) as new:
             new.write(text.encode())
     except OSError as error:
         raise ConfigError(f"cannot be written: {error.strerror}", file=str(file)) from error
-
-
-@contextlib.contextmanager
-def replacing(file: Path) -> Iterator[IO[bytes]]:
-    """A new file that takes the place of `file` in one step once it is safely on the disk; none is left on failure."""
-    temporary = file.with_name(f".{file.name}.{os.getpid()}.new")
-    try:
-        with temporary.open("wb") as new:
-            yield new
-            new.flush()
-            os.fsync(new.fileno())
-        temporary.replace(file)
-    except BaseException:
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
-        raise
-    sync_folder(file.parent)
-
-
-def sync_folder(folder: Path) -> None:
-    """Make sure that the names in `folder` are on the disk."""
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

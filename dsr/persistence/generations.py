@@ -13,8 +13,8 @@ from typing import IO
 
 from dsr.crdt.delta import Delta
 from dsr.errors import ConfigError, WireError
-from dsr.persistence.files import replacing, sync_folder
 from dsr.persistence.records import HEADER, append_record, read_records
+from dsr.private_files import DRAFT_SUFFIX, new_file, replacing, sync_folder
 from dsr.wire import decode_delta, encode_delta
 
 _log = logging.getLogger("dsr.persistence")
@@ -25,6 +25,8 @@ class Generations:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
+        for draft in folder.glob(f".*{DRAFT_SUFFIX}"):  # a crash left it
+            draft.unlink(missing_ok=True)
         numbers = [*self._numbers("snapshot"), *self._numbers("journal")]
         self.newest = max(numbers, default=0)
         """Number of the newest generation; 0 if there is none."""
@@ -84,7 +86,7 @@ class Generations:
     def begin(self) -> IO[bytes]:
         """Begin the next generation: its journal, empty. Raises `OSError`."""
         self._drop_empty()
-        journal = self._file("journal", self.newest + 1).open("xb")
+        journal = new_file(self._file("journal", self.newest + 1))
         self.newest += 1
         journal.write(HEADER)
         return journal

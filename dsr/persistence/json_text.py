@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from dsr.data_files import read_text
 from dsr.errors import ConfigError
 from dsr.schema import is_text
 
@@ -20,6 +21,8 @@ MAX_BYTES = 1 << 28
 """Larger files are refused: a graph of 100 000 nodes takes a tenth of that."""
 MAX_DEPTH = 100
 """Lists and objects inside each other, at most."""
+MOST_VALUES = 1 << 25
+"""Values in a file, at most: each takes about 64 bytes in memory, however short its text is."""
 _MOST_PROBLEMS = 20
 _WIDTH = 110
 _TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[{}\[\],:]|[^\s{}\[\],:"]+')
@@ -57,15 +60,26 @@ class JsonFile:
             raise self.error(problems)
 
     def error(self, problems: list[Problem]) -> ConfigError:
-        """All problems (at most 20) in the order of the file, each on a line with its place in front."""
-        offsets: dict[ValuePath, int] = {}
-        for path, offset in _places(self._text):
-            offsets.setdefault(path, offset)
-        located = sorted((_offset(offsets, path), path, message) for path, message in problems)
-        lines = [self._line(offset, path, message) for offset, path, message in located[:_MOST_PROBLEMS]]
-        if len(located) > _MOST_PROBLEMS:
-            lines.append(f"{self._file}: and {len(located) - _MOST_PROBLEMS} more problems")
+        """The first 20 problems in the order of the file, each on a line with its place in front."""
+        told = problems[:_MOST_PROBLEMS]
+        offsets = self._offsets({path for path, _ in told})
+        located = sorted((_offset(offsets, path), path, message) for path, message in told)
+        lines = [self._line(offset, path, message) for offset, path, message in located]
+        if len(problems) > _MOST_PROBLEMS:
+            lines.append(f"{self._file}: and more; this file was read no further")
         return ConfigError("\n".join(lines))
+
+    def _offsets(self, wanted: set[ValuePath]) -> dict[ValuePath, int]:
+        """Where the values at these paths, and those around them, begin; what is behind the last is not looked at."""
+        around = {path[:length] for path in wanted for length in range(len(path) + 1)}
+        missing, offsets = set(wanted), dict[ValuePath, int]()
+        for path, offset in _places(self._text):
+            if path in around:
+                offsets.setdefault(path, offset)
+                missing.discard(path)
+                if not missing:
+                    break
+        return offsets
 
     def _line(self, offset: int, path: ValuePath, message: str) -> str:
         line = self._text.count("\n", 0, offset) + 1
@@ -92,20 +106,31 @@ class JsonFile:
         return [(path, f"{text!r:.80} holds half of a surrogate pair") for path, text in strings if not is_text(text)]
 
 
+class Problems:
+    """Collects what is wrong with a file; with more problems than are told, reading ends at once."""
+
+    def __init__(self, file: JsonFile) -> None:
+        self._file = file
+        self._found: list[Problem] = []
+
+    def add(self, path: ValuePath, message: str) -> None:
+        """Note a problem at `path`. Raises `ConfigError` if there are too many."""
+        self._found.append((path, message))
+        if len(self._found) > _MOST_PROBLEMS:
+            self.tell()
+
+    def tell(self) -> None:
+        """Raise `ConfigError` if anything is wrong."""
+        if self._found:
+            raise self._file.error(self._found)
+
+
 def _read(file: Path) -> str:
-    name = str(file)
-    try:
-        if not file.is_file():
-            raise ConfigError("is no regular file" if file.exists() else "no such file", file=name)
-        size = file.stat().st_size
-        if size > MAX_BYTES:
-            raise ConfigError(f"has {size} bytes; at most {MAX_BYTES} are read", file=name)
-        return file.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise ConfigError(f"cannot be read: {error.strerror}", file=name) from error
-    except UnicodeDecodeError as error:
-        what = f"byte {error.start} is {error.object[error.start]:#04x}"
-        raise ConfigError(f"is no UTF-8 text ({what})", file=name) from error
+    text = read_text(file, MAX_BYTES)
+    values = text.count(",") + text.count("[") + text.count("{")
+    if values > MOST_VALUES:
+        raise ConfigError(f"has up to {values} values; at most {MOST_VALUES} are read", file=str(file))
+    return text
 
 
 def _is_deeper(value: Any, levels: int) -> bool:

@@ -27,7 +27,7 @@ from dsr.memory import Memory
 from dsr.persistence.generations import Generations
 from dsr.persistence.pending import Pending, pieces
 from dsr.persistence.records import append_record
-from dsr.rendezvous import lock_file
+from dsr.private_files import lock_file, private_folder
 from dsr.sync import collector_paused
 from dsr.wire import encode_delta
 
@@ -208,8 +208,7 @@ class StateKeeper:
 def _claimed(folder: Path) -> IO[str]:
     """The locked file that makes `folder` ours. Raises `ConfigError` if it is somebody else's, or cannot be written."""
     try:
-        folder.mkdir(parents=True, exist_ok=True)
-        claim = lock_file(folder / "lock")
+        claim = lock_file(private_folder(folder) / "lock")
     except OSError as error:
         raise ConfigError(f"state folder {folder} cannot be used: {error.strerror}") from error
     if claim is None:

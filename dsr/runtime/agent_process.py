@@ -18,6 +18,7 @@ import msgspec
 from dsr.agent import Agent, make_agent
 from dsr.clock import WALL_CLOCK
 from dsr.connect import connect, identity_of, open_transport
+from dsr.data_files import read_text
 from dsr.errors import ConfigError, DsrError
 from dsr.keys import Keys
 from dsr.memory import Memory, new_rid
@@ -26,6 +27,7 @@ from dsr.runtime.access import WriteGuard
 from dsr.runtime.config import TomlFile
 from dsr.runtime.lifeline import LAUNCHED, clear_up_after_launcher, follow_launcher
 from dsr.runtime.logs import BusLogHandler, log_to_terminal
+from dsr.runtime.resources import shortage
 from dsr.runtime.runner import Runner, Schedule
 from dsr.runtime.signals import set_on_signals
 from dsr.transport import Transport
@@ -75,6 +77,12 @@ def run_command_line(kind: type[Agent], arguments: Sequence[str] | None = None) 
         return EXIT_USAGE
     except DsrError as error:
         _log.error("%s", error)
+        return EXIT_FAILED
+    except (OSError, MemoryError, RuntimeError, ImportError) as error:
+        said = shortage(error)
+        if said is None:
+            raise
+        _log.error("%s", said)
         return EXIT_FAILED
     return 0
 
@@ -181,10 +189,7 @@ def read_config(text: str) -> dict[str, Any]:
     file = Path(text[1:])
     if file.suffix == ".toml":
         return TomlFile(file).data
-    try:
-        return _json(file.read_text(encoding="utf-8"), str(file))
-    except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"cannot be read ({error})", file=str(file)) from error
+    return _json(read_text(file), str(file))
 
 
 def _json(text: str, source: str) -> dict[str, Any]:

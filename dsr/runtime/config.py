@@ -11,6 +11,7 @@ from typing import Any, TypeVar, get_args, get_origin
 
 import msgspec
 
+from dsr.data_files import read_text
 from dsr.errors import ConfigError, suggest
 from dsr.runtime.toml_lines import Path as ValuePath
 from dsr.runtime.toml_lines import line_of
@@ -34,10 +35,7 @@ class TomlFile:
 
     def __init__(self, file: Path) -> None:
         self._file = str(file)
-        try:
-            self._text = file.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            raise ConfigError(f"cannot be read ({error})", file=self._file) from error
+        self._text = read_text(file)
         try:
             self.data: dict[str, Any] = tomllib.loads(self._text)
         except tomllib.TOMLDecodeError as error:
@@ -45,6 +43,8 @@ class TomlFile:
             line = int(found[1]) if found and found[1] else len(self._text.splitlines()) or None
             message = _AT_LINE.sub("", str(error))
             raise ConfigError(f"not valid TOML: {message}", file=self._file, line=line) from error
+        except RecursionError as error:
+            raise ConfigError("not valid TOML: nested too deeply", file=self._file) from error
 
     def convert(self, kind: type[T], path: ValuePath = ()) -> T:
         """The value at `path` as a `kind`, unknown fields refused. Raises `ConfigError` with its line."""

@@ -25,7 +25,8 @@ from dsr.connect import SECURITY, connect
 from dsr.errors import AgentError, TransportError
 from dsr.persistence.content import GraphContent
 from dsr.persistence.world_keeper import WorldKeeper
-from dsr.rendezvous import claim_file, lock_file
+from dsr.private_files import lock_file
+from dsr.rendezvous import claim_file
 from dsr.runtime.status import Heard, State, StatusBoard
 from dsr.runtime.supervised import Supervised
 from dsr.runtime.system import AgentSpec, System

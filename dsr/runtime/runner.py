@@ -117,11 +117,16 @@ class Runner:
             failed = f"agent {self.agent.name!r}: {self._errors_in_a_row} ticks failed in a row"
             raise AgentError(f"{failed}; the last: {self._last_error}")
         if self._errors_in_a_row == 0:
-            self._enter(State.DEGRADED if self.agent.degraded or self._namesake else State.READY)
+            self._enter(State.DEGRADED if self._impairment else State.READY)
         elif self.state is not State.STARTING:
             self._enter(State.DEGRADED)
         if ended >= self.status_due:
             self.tell()
+
+    @property
+    def _impairment(self) -> str:
+        """Why the agent works, but not as it should; empty if it does."""
+        return self.agent.degraded or self._namesake or self.agent.bus.trouble
 
     @property
     def status_due(self) -> float:
@@ -182,7 +187,7 @@ class Runner:
             missed=self.missed,
             errors=self._errors,
             restarts=self._restarts,
-            last_error=self.agent.degraded or self._namesake or self._last_error,
+            last_error=self._impairment or self._last_error,
             stamp=self.agent.clock.now(),
             worlds=self._activity.uses(self.agent.clock.now()),
         )

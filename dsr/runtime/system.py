@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import importlib
+import importlib.util
 import sys
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -22,6 +23,7 @@ from dsr.runtime.native_output import silenced
 
 RUN_FOLDER = "{run}"
 """Stands in a system file for the folder of the run."""
+_OWN_PACKAGES = ("agents", "dsr", "planner", "simulation_handler", "surprise")
 _ETC = Path(__file__).resolve().parents[2] / "etc"
 
 
@@ -108,12 +110,13 @@ class _SystemFile(msgspec.Struct, frozen=True):
     agent: list[_AgentTable]
 
 
-def load_system(name_or_path: str | Path, only: Collection[str] | None = None) -> System:
+def load_system(name_or_path: str | Path, only: Collection[str] | None = None, *, beside: bool = True) -> System:
     """The system of a file, or the one of that name in `etc/systems`.
 
     Args:
         name_or_path: which system.
         only: names of the agents that are wanted; the classes of others are not loaded. Default: all.
+        beside: whether modules that lie beside the file may be imported, which runs what stands in them.
 
     Raises:
         ConfigError: naming file and line: for unknown fields, classes that cannot be loaded, names used twice,
@@ -124,7 +127,7 @@ def load_system(name_or_path: str | Path, only: Collection[str] | None = None) -
     tables = source.convert(_SystemFile)
     folder = file.resolve().parent
     wanted = [(i, table) for i, table in enumerate(tables.agent) if only is None or table.name in only]
-    specs = [_read_agent(source, index, table, folder) for index, table in wanted]
+    specs = [_read_agent(source, index, table, folder, beside) for index, table in wanted]
     for index, spec in enumerate(specs):
         if spec.name in {other.name for other in specs[:index]}:
             raise source.error(f"two agents are called {spec.name!r}", ("agent", wanted[index][0], "name"))
@@ -132,13 +135,13 @@ def load_system(name_or_path: str | Path, only: Collection[str] | None = None) -
         return System(tables.graph, tuple(specs), folder)
 
 
-def _read_agent(source: TomlFile, index: int, table: _AgentTable, folder: Path) -> AgentSpec:
+def _read_agent(source: TomlFile, index: int, table: _AgentTable, folder: Path, beside: bool) -> AgentSpec:
     """The agent of one table, with its class loaded and its configuration checked."""
     path = ("agent", index)
     with _located(source, (*path, "name")):
         check_name("agent name", table.name)
     with _located(source, (*path, "class")):
-        kind = load_class(table.agent_class, folder)
+        kind = load_class(table.agent_class, folder, beside=beside)
     if table.config:
         source.convert(kind.Config, (*path, "config"))
     return AgentSpec(table.name, kind, table.config, table.agent_class, table.restart, table.ready_timeout)
@@ -152,10 +155,15 @@ def _located(source: TomlFile, path: tuple[str | int, ...]) -> Iterator[None]:
         raise source.error(str(error), path) from error
 
 
-def load_class(name: str, folder: Path | None = None) -> type[Agent]:
-    """The agent class `module:Class`; modules in `folder` are found too. Raises `ConfigError`."""
+def load_class(name: str, folder: Path | None = None, *, beside: bool = True) -> type[Agent]:
+    """The agent class `module:Class`; modules in `folder` are found too. Raises `ConfigError`.
+
+    Importing a module runs what stands in it. Unless `beside`, only modules that are installed are imported.
+    """
     module, _, cls = name.partition(":")
-    if folder is not None and str(folder) not in sys.path:
+    if not beside and not _is_installed(module.partition(".")[0], folder):
+        raise ConfigError(f"class {name!r} is not of an installed package, and --no-import forbids to import others")
+    if beside and folder is not None and str(folder) not in sys.path:
         sys.path.append(str(folder))
     try:
         with silenced():  # pybullet introduces itself
@@ -166,6 +174,19 @@ def load_class(name: str, folder: Path | None = None) -> type[Agent]:
     if not (isinstance(kind, type) and issubclass(kind, Agent)):
         raise ConfigError(f"class {name!r} is no dsr.agent.Agent")
     return kind
+
+
+def _is_installed(package: str, folder: Path | None) -> bool:
+    """Whether a package is found elsewhere than in `folder` or where this process runs; it is not imported."""
+    if package in _OWN_PACKAGES:
+        return True
+    try:
+        found = importlib.util.find_spec(package)
+    except (ImportError, ValueError):
+        return False
+    places = [Path(place).resolve() for place in (found.submodule_search_locations or [found.origin])] if found else []
+    near = {Path.cwd().resolve(), *([folder.resolve()] if folder else [])}
+    return bool(places) and not any(near & {place, *place.parents} for place in places)
 
 
 def agent_names(file: Path) -> list[str]:

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import contextlib
 import ipaddress
-import os
 import re
 import secrets
 from collections.abc import Iterable
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import NamedTuple
 
 from cryptography import x509
 from cryptography.exceptions import InvalidSignature
@@ -23,6 +23,7 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from dsr.errors import ConfigError
 from dsr.keys import check_name
+from dsr.private_files import private_folder, replacing
 
 AUTHORITY_DAYS = 3650
 CERTIFICATE_DAYS = 365
@@ -30,6 +31,17 @@ LOCAL_HOSTS = ("localhost", "127.0.0.1", "::1")
 _HOST = re.compile(r"[A-Za-z0-9]([A-Za-z0-9.-]{0,251}[A-Za-z0-9])?")
 _CLOCK_SKEW = timedelta(minutes=5)
 """A certificate is valid from this long before it is issued: the clocks of other machines may be behind."""
+
+
+class Lifetime(NamedTuple):
+    """How long an agent may take part."""
+
+    serial: int
+    """Of its certificate."""
+    file: Path
+    """The certificate that ends first: its own, or that of the authority."""
+    ends: float
+    """When that is, s since the Unix epoch."""
 
 
 class SecurityFolder:
@@ -58,8 +70,8 @@ class SecurityFolder:
         """Make the folder with a new authority. Raises `ConfigError` if there is something already."""
         if self.path.exists() and any(self.path.iterdir()):
             raise ConfigError(f"{self.path} is not empty; name a new folder, or add agents with: dsr security add")
-        self.agents.mkdir(mode=0o700, parents=True, exist_ok=True)
-        self.path.chmod(0o700)
+        private_folder(self.path)
+        private_folder(self.agents)
         key = ec.generate_private_key(ec.SECP256R1())
         name = _name(f"dsr authority {secrets.token_hex(4)}")
         builder = _builder(name, name, key.public_key(), now, AUTHORITY_DAYS)
@@ -67,7 +79,7 @@ class SecurityFolder:
         _write_key(self.authority_key, key)
         _write_certificate(self.authority, builder.sign(key, hashes.SHA256()))
 
-    def issue(self, agent: str, now: float, *, days: int = CERTIFICATE_DAYS, hosts: Iterable[str] = ()) -> None:
+    def issue(self, agent: str, now: float, *, days: float = CERTIFICATE_DAYS, hosts: Iterable[str] = ()) -> None:
         """Make a key and a certificate for `agent`, in place of those it had; raises `ConfigError`.
 
         Args:
@@ -92,6 +104,13 @@ class SecurityFolder:
     def expiry(self, agent: str) -> datetime:
         """Until when the certificate of `agent` is valid. Raises `ConfigError` if there is none."""
         return _read_certificate(self.certificate(agent)).not_valid_after_utc
+
+    def lifetime(self, agent: str) -> Lifetime:
+        """How long this agent may take part. Raises `ConfigError` if it or the authority has no certificate."""
+        authority, own = _read_certificate(self.authority), _read_certificate(self.certificate(agent))
+        ends = {self.authority: authority.not_valid_after_utc, self.certificate(agent): own.not_valid_after_utc}
+        first = min(ends, key=lambda file: ends[file])
+        return Lifetime(own.serial_number, first, ends[first].timestamp())
 
     def check(self, agent: str, now: float) -> None:
         """Raise `ConfigError` unless `agent` has a key and a valid certificate of this folder's authority."""
@@ -120,7 +139,7 @@ def _name(common_name: str) -> x509.Name:
 
 
 def _builder(
-    subject: x509.Name, issuer: x509.Name, key: ec.EllipticCurvePublicKey, now: float, days: int
+    subject: x509.Name, issuer: x509.Name, key: ec.EllipticCurvePublicKey, now: float, days: float
 ) -> x509.CertificateBuilder:
     begin = datetime.fromtimestamp(now, UTC)
     return x509.CertificateBuilder(
@@ -146,8 +165,7 @@ def _write_key(file: Path, key: ec.EllipticCurvePrivateKey) -> None:
     pem = key.private_bytes(
         serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
     )
-    file.unlink(missing_ok=True)
-    with os.fdopen(os.open(file, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as target:
+    with replacing(file) as target:
         target.write(pem)
 
 

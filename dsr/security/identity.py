@@ -28,6 +28,8 @@ class Identity:
     policy: Policy
     zenoh: dict[str, Any]
     """Settings of its Zenoh session."""
+    files: SecurityFolder
+    """Where its certificate is."""
 
     def trusts(self, rid: str) -> bool:
         """Whether that replica may speak for others."""
@@ -61,4 +63,4 @@ def load_identity(folder: str | Path, agent: str, clock: Clock = WALL_CLOCK) -> 
     policy = read_policy(files.policy)
     grant = policy.grant(agent)
     files.check(agent, clock.now())
-    return Identity(agent, grant, policy, zenoh_settings(files, policy, agent))
+    return Identity(agent, grant, policy, zenoh_settings(files, policy, agent), files)

@@ -9,6 +9,7 @@ from pathlib import Path
 import msgspec
 
 from dsr.agent import Agent
+from dsr.data_files import read_text
 from dsr.errors import ConfigError, suggest
 from dsr.keys import check_name
 from dsr.runtime.access import Access, WriteGuard
@@ -84,8 +85,8 @@ def standard_grants() -> dict[str, Grant]:
 def read_policy(file: Path) -> Policy:
     """The policy in `file`. Raises `ConfigError`, also for one that contradicts itself."""
     try:
-        data = msgspec.json.decode(file.read_bytes())
-    except (OSError, msgspec.MsgspecError, UnicodeDecodeError) as error:
+        data = msgspec.json.decode(read_text(file))
+    except (ConfigError, msgspec.MsgspecError) as error:
         raise ConfigError(f"no security policy can be read ({error}); make one with: dsr security init",
                           file=str(file)) from error  # fmt: skip
     return checked(convert(data, Policy, str(file)).agents)

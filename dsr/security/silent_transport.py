@@ -23,6 +23,11 @@ class SilentTransport:
         self._root = f"{keys.root}/"
         self._rid = rid
 
+    @property
+    def trouble(self) -> str:
+        """See `Transport.trouble`."""
+        return self._transport.trouble
+
     def publish(self, key: str, payload: bytes, qos: Qos = Qos.RELIABLE) -> None:
         """Raise `TransportError`, but for the replica's own upkeep, which is left out."""
         *_, kind, sender = key.split("/")  # in whichever world; the ids of its replicas there begin with ours

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import msgpack
 import numpy as np
 import pytest
 
 from agents.recorder.agent import Recorder
+from agents.recorder.channels import SNAPSHOT
 from agents.recorder.images import unpack
+from agents.recorder.index import RecordingIndex
 from agents.recorder.reader import Record, read_recording
 from dsr import Frame, Memory, Mesh, Pose
 from dsr.agent import make_agent
@@ -20,6 +23,7 @@ from dsr.clock import ManualClock
 from dsr.errors import ConfigError
 from dsr.keys import Keys
 from dsr.local_transport import LocalNetwork
+from dsr.wire import decode_delta
 
 KEYS = Keys("tabletop")
 
@@ -239,3 +243,58 @@ def test_meshes_that_nodes_name_are_kept_once_each(world: World) -> None:
     world.run(1.0)
     recorder.teardown()
     assert [record.payload for record in world.records() if record.topic == "mesh"] == [mesh.data]
+
+
+class FullDisk:
+    """A file on a disk on which only so many bytes are free."""
+
+    free = 10**9
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+
+    def write(self, data: bytes) -> int:
+        if len(data) > FullDisk.free:
+            raise OSError(errno.ENOSPC, "No space left on device")
+        FullDisk.free -= len(data)
+        return self._file.write(data)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)
+
+
+def test_a_full_disk_is_told_and_recording_goes_on_when_there_is_room(
+    world: World, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    opened = Path.open
+    monkeypatch.setattr(Path, "open", lambda path, mode="r", *rest, **more: FullDisk(opened(path, mode)))  # type: ignore[call-overload]
+    monkeypatch.setattr(FullDisk, "free", 10**9)
+    recorder = world.start_recorder()
+    world.memory.add_node("before", "cube")
+    world.run(1.0)
+    FullDisk.free = 0
+    world.memory.add_node("unrecorded", "cube")
+    world.run(12.0)
+    assert "No space left" in recorder.degraded and "messages are missing" in recorder.degraded
+    FullDisk.free = 10**9
+    world.run(6.0)
+    world.memory.add_node("after", "cube")
+    world.run(1.0)
+    assert recorder.degraded == ""
+    recorder.teardown()
+    monkeypatch.undo()
+    assert [record.levelname for record in caplog.records if record.levelname != "INFO"] == ["ERROR", "WARNING"]
+    assert sorted(file.name for file in world.folder.iterdir()) == ["recording-2.mcap", "recording.mcap"]
+    index = RecordingIndex(world.folder)
+    assert index.metadata["segment"] in ("recording.mcap", "recording-2.mcap")
+    snapshots = [record for record in world.records() if record.topic == SNAPSHOT]
+    names = {str(add.key) for record in snapshots[-1:] for add in decode_delta(record.payload).adds}
+    assert {"before", "unrecorded"} <= names, "the first snapshot after the gap holds what changed in it"
+
+
+def test_a_disk_that_is_full_at_the_start_is_a_clear_error(world: World, monkeypatch: pytest.MonkeyPatch) -> None:
+    opened = Path.open
+    monkeypatch.setattr(Path, "open", lambda path, mode="r", *rest, **more: FullDisk(opened(path, mode)))  # type: ignore[call-overload]
+    monkeypatch.setattr(FullDisk, "free", 0)
+    with pytest.raises(ConfigError, match="No space left"):
+        world.start_recorder()

@@ -366,7 +366,7 @@ def test_a_missing_file_is_named(tmp_path: Path):
 
 def test_a_file_that_is_no_text_is_refused(tmp_path: Path):
     (tmp_path / "x.toml").write_bytes(b"name = '\xff\xfe'")
-    with pytest.raises(ConfigError, match=r"x\.toml: cannot be read"):
+    with pytest.raises(ConfigError, match=r"x\.toml: is no UTF-8 text"):
         load_scenario(tmp_path / "x.toml")
 
 

@@ -99,7 +99,7 @@ def test_a_system_that_is_refused_leaves_no_run_folder(tmp_path: Path) -> None:
     (tmp_path / "state").write_text("no folder")
     command = [sys.executable, "-m", "dsr.cli.main", "run", str(SYSTEMS / "counters.toml"), "--state", "state"]
     result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False, cwd=tmp_path)
-    assert (result.returncode, result.stderr) == (2, "state folder state cannot be used: File exists\n")
+    assert (result.returncode, result.stderr) == (2, "state folder state cannot be used: it is no folder\n")
     assert not list((tmp_path / "runs").iterdir())
 
 

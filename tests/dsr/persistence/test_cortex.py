@@ -61,7 +61,8 @@ def assert_same_attributes(a: dict[str, Any], b: dict[str, Any]) -> None:
             between = Rotation.from_euler("XYZ", angles[0]).inv() * Rotation.from_euler("XYZ", angles[1])
             assert between.magnitude() < 1e-6
         elif name == "rt_translation" and is_geometric(a):
-            assert [number(x) for x in one["value"]] == pytest.approx(b[name]["value"], rel=1e-15, abs=1e-300)
+            places = [[number(x) for x in attribute[name]["value"]] for attribute in (a, b)]
+            assert places[0] == pytest.approx(places[1], rel=1e-15, abs=1e-300)
         else:
             assert same_value(one["type"], one["value"], other["value"]), name
         assert one.keys() == other.keys()

@@ -1,0 +1,1 @@
+"""Hostile files: small ones that cost far more to read than they are large."""

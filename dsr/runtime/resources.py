@@ -1,0 +1,47 @@
+"""What the operating system gives a process: enough to begin with, and a clear word when it runs out."""
+
+from __future__ import annotations
+
+import errno
+import resource
+import sys
+
+ADDRESS_SPACE = 3 << 29
+"""Bytes of address space (`ulimit -v`) that a process takes at least: libraries reserve 1.1 GiB on two cores."""
+DESCRIPTORS = 48
+"""Open files (`ulimit -n`) that a process needs at least: a graph of ten processes takes 40."""
+
+_SHORT = {
+    errno.ENOSPC: "the disk is full",
+    errno.EDQUOT: "the disk quota is used up",
+    errno.EMFILE: "this process may open no more files; raise the limit: ulimit -n 4096",
+    errno.ENFILE: "this machine may open no more files",
+    errno.ENOMEM: "there is no more memory",
+    errno.EAGAIN: "this user may start no more processes or threads (ulimit -u)",
+}
+_MEMORY = "there is not enough memory, or too little of it is allowed (ulimit -v)"
+
+
+def shortage(error: BaseException) -> str | None:
+    """What ran out when `error` was raised, for people; None if it tells of nothing of the kind."""
+    if isinstance(error, MemoryError):
+        return _MEMORY
+    if isinstance(error, RuntimeError) and "can't start new thread" in str(error):
+        return f"no more threads can be started: {_MEMORY}"
+    if isinstance(error, ImportError) and "failed to map segment" in str(error):
+        return f"a library cannot be loaded: {_MEMORY}"
+    if isinstance(error, OSError) and error.errno in _SHORT:
+        return f"{error.filename}: {_SHORT[error.errno]}" if error.filename else _SHORT[error.errno]
+    return None
+
+
+def exit_if_short() -> None:
+    """End this process with exit code 1 if its limits are so low that libraries would crash it; say which."""
+    for limit, needed, name, unit in (
+        (resource.RLIMIT_AS, ADDRESS_SPACE, "address space (ulimit -v)", "bytes"),
+        (resource.RLIMIT_NOFILE, DESCRIPTORS, "open files (ulimit -n)", "files"),
+    ):
+        allowed = resource.getrlimit(limit)[0]
+        if allowed != resource.RLIM_INFINITY and allowed < needed:
+            sys.stderr.write(f"the limit on {name} is {allowed} {unit}; dsr needs at least {needed}\n")
+            raise SystemExit(1)
