@@ -125,9 +125,9 @@ class Belief:
         item.track.forget()
         item.gone = True
 
-    def recall_seen(self, name: str, stamp: float, camera: str) -> None:
-        """Know that a camera last saw an object at a time (s), of which the belief that was recalled has been made."""
-        self._bodies.object(name).recall_seen(stamp, camera)
+    def recall_seen(self, name: str, world_pose: Pose, stamp: float, camera: str) -> None:
+        """Know that a camera last saw an object there at a time (s), of which the belief that was recalled was made."""
+        self._bodies.object(name).recall_seen(world_pose, stamp, camera)
 
     def recall_explanation(self, text: str, time: float, now: float) -> None:
         """Know, at time `now` (s), what was explained at another `time` (s) by an earlier run."""

@@ -112,8 +112,9 @@ class BelievedObject:
             rotation = self.turned_by_hand
         self.path.add(Pose.unchecked((x, y, z), rotation, percept.stamp))
 
-    def recall_seen(self, stamp: float, camera: str) -> None:
-        """Know when (s) a camera last saw it; what was seen then counts no more."""
+    def recall_seen(self, world_pose: Pose, stamp: float, camera: str) -> None:
+        """Know where and when (s) a camera last saw it on its way; for where it is now that counts no more."""
+        self.path.add(Pose.unchecked(world_pose.t, world_pose.q, stamp))
         self.track.last_stamp = max(self.track.last_stamp, stamp)
         self.seen_by[camera] = max(self.seen_by.get(camera, -math.inf), stamp)
 

@@ -190,12 +190,11 @@ class Reading:
             return
         if stamp > now + _MOST_AHEAD:
             raise SchemaError(f"percept of {edge.dst!r} from {edge.src!r} is stamped {stamp - now:.1f} s ahead")
-        if stamp <= self._recalled.get(edge.dst, -math.inf):
-            self._used[key] = stamp
-            self._belief.recall_seen(edge.dst, stamp, edge.src)
-            return
         world_from_camera = self._memory.transform(WORLD, edge.src, at=pose.stamp or None)
         self._used[key] = stamp
+        if stamp <= self._recalled.get(edge.dst, -math.inf):
+            self._belief.recall_seen(edge.dst, world_from_camera @ pose, stamp, edge.src)
+            return
         self._belief.observe(edge.dst, world_from_camera @ pose, stamp, world_from_camera.t, edge.src)
 
     def _forget(self, name: str) -> None:

@@ -53,8 +53,8 @@ class Reasoner(Protocol):
     def recall_gone(self, name: str) -> None:
         """Believe again that an object was taken out of the scene."""
 
-    def recall_seen(self, name: str, stamp: float, camera: str) -> None:
-        """Know when an object was last seen, though what was seen has been taken in before."""
+    def recall_seen(self, name: str, world_pose: Pose, stamp: float, camera: str) -> None:
+        """Know where and when an object was last seen, though that has been taken in before."""
 
     def recall_explanation(self, text: str, time: float, now: float) -> None:
         """Know what was explained before."""

@@ -123,7 +123,7 @@ class PublishedReasoner:
     def recall_gone(self, name: str) -> None:
         """It takes nothing out of the scene."""
 
-    def recall_seen(self, name: str, stamp: float, camera: str) -> None:
+    def recall_seen(self, name: str, world_pose: Pose, stamp: float, camera: str) -> None:
         """It asks only whether an object is seen now, which the next percept tells."""
 
     def recall_explanation(self, text: str, time: float, now: float) -> None:
