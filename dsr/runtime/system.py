@@ -184,9 +184,11 @@ def _is_installed(package: str, folder: Path | None) -> bool:
         found = importlib.util.find_spec(package)
     except (ImportError, ValueError):
         return False
-    places = [Path(place).resolve() for place in (found.submodule_search_locations or [found.origin])] if found else []
+    if found is None:
+        return False
+    places = [Path(place).resolve() for place in (found.submodule_search_locations or [found.origin or ""])]
     near = {Path.cwd().resolve(), *([folder.resolve()] if folder else [])}
-    return bool(places) and not any(near & {place, *place.parents} for place in places)
+    return not any(near & {place, *place.parents} for place in places)
 
 
 def agent_names(file: Path) -> list[str]:
