@@ -34,7 +34,7 @@ from dsr.sync import Gate
 from dsr.transforms import Array, Pose
 from dsr.transport import Transport
 from dsr.watch import Filter, Watch
-from dsr.wire import decode_delta
+from dsr.wire import decode_kept
 from dsr.worlds.access import WorldAccess
 from dsr.worlds.opened import Seat, Worlds
 
@@ -295,7 +295,7 @@ class Memory(WorldAccess, BlobAccess):
     # ---- life
 
     def batch(self) -> contextlib.AbstractContextManager[None]:
-        """`with memory.batch():` what is written inside leaves as one message."""
+        """`with memory.batch():` what is written inside leaves as one message, if it fits into one (1 MiB)."""
         return self._replica.hold()
 
     @property
@@ -347,7 +347,7 @@ class Memory(WorldAccess, BlobAccess):
 
     def restore(self, snapshot: bytes) -> None:
         """Join a snapshot. Raises `WireError` if it is none."""
-        delta = decode_delta(snapshot)
+        delta = decode_kept(snapshot)
         with self._replica.lock:
             self._graph.join(delta)
 

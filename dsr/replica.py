@@ -20,6 +20,7 @@ from dsr.crdt.delta import Delta
 from dsr.graph import Graph
 from dsr.keys import Keys
 from dsr.outbox import Outbox
+from dsr.parcels import parcels
 from dsr.polling import Poller
 from dsr.sync import REQUEST_TIMEOUT, Ask, Gate, Output, PublishDelta, PublishDigest, Renew, Synchroniser
 from dsr.transport import Qos, Subscription, Transport
@@ -175,7 +176,8 @@ class Replica:
         """Publish, unless nobody listens: whoever comes gets a snapshot."""
         if deltas and self._transport.is_heard(key, qos):
             for delta in deltas:
-                self._transport.publish(key, encode_delta(delta), qos)
+                for message in parcels(delta):
+                    self._transport.publish(key, message, qos)
 
     # ---- receiving
 

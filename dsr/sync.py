@@ -34,7 +34,7 @@ from dsr.crdt.store import Store
 from dsr.errors import WireError
 from dsr.graph import Graph
 from dsr.pace import Pace
-from dsr.wire import Digest, decode_delta, decode_digest, encode_digest
+from dsr.wire import Digest, decode_delta, decode_digest, decode_kept, encode_digest
 
 GRACE = 0.15
 """s that a delta on its way may be later than the digest that mentions it."""
@@ -185,7 +185,7 @@ class Synchroniser:
         self._pace.answered()
         try:
             with collector_paused():
-                delta = decode_delta(payload)
+                delta = decode_kept(payload)
                 if delta.live is None:
                     raise WireError("a synchronisation reply without the live dots")
                 self.graph.join(self.gate.reply(sender, delta, self.graph.store) if self.gate else delta)

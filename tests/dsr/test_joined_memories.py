@@ -8,6 +8,7 @@ import pytest
 
 from dsr import (
     ClockDriftError,
+    Faults,
     ManualClock,
     Pose,
     TransportError,
@@ -292,3 +293,49 @@ def test_a_write_that_meets_a_close_is_sent_or_refused(net: Net) -> None:
     memory.replica.lock = ClosedWhileItWaits()  # type: ignore[assignment]
     with pytest.raises(TransportError, match="closed"):
         memory.add_node("x", "cube")
+
+
+def test_a_batch_larger_than_a_message_travels_in_several(net: Net, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("dsr.parcels.MAX_PARCEL", 1000)
+    a, b = net.join("a"), net.join("b")
+    a.add_node("old", "ball")
+    net.pump(0.5)
+    sizes: list[int] = []
+    net.network.connect("tap").subscribe("dsr/v1/g/d/*", lambda key, payload: sizes.append(len(payload)))
+    with a.batch():
+        a.remove_node("old")
+        for index in range(100):
+            a.add_node(f"x{index}", "cube", mass=float(index))
+    net.pump()
+    assert len(b.nodes()) == 100 and len(sizes) > 5 and max(sizes) <= 1000
+    net.pump(2.0)
+    assert a._graph.store.context == b._graph.store.context
+
+
+def test_a_part_of_a_batch_that_is_lost_is_asked_for(net: Net, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("dsr.parcels.MAX_PARCEL", 1000)
+    a, b = net.join("a"), net.join("b")
+    net.pump(0.5)
+    with a.batch():
+        for index in range(100):
+            a.add_node(f"x{index}", "cube", mass=float(index))
+    net.pump(0.05, Faults(loss=0.5))
+    assert b.nodes() and a._graph.store.context != b._graph.store.context
+    net.pump(2.0)
+    assert len(b.nodes()) == 100 and a._graph.store.context == b._graph.store.context
+
+
+def test_a_removal_of_more_than_a_message_holds_is_complete_in_the_end(
+    net: Net, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    a, b = net.join("a"), net.join("b")
+    a.add_node("hub", "cube")
+    for index in range(200):
+        a.add_node(f"x{index}", "cube")
+        a.add_edge("hub", f"x{index}", "on")
+    net.pump(0.5)
+    monkeypatch.setattr("dsr.parcels.MAX_PARCEL", 200)
+    a.remove_node("hub")
+    net.pump(0.05, Faults(loss=0.5))
+    net.pump(2.0)
+    assert "hub" not in b and not b.edges() and a._graph.store.context == b._graph.store.context
