@@ -66,8 +66,8 @@ class Pace:
         return True
 
     def answered(self) -> None:
-        """An answer came."""
-        self.patience = FIRST_PATIENCE
+        """An answer came; if it took long, so may the next."""
+        self.patience = max(FIRST_PATIENCE, self.patience / 2)
 
     def unanswered(self) -> None:
         """None came in time: the answer may be long, so wait longer next time."""

@@ -45,34 +45,38 @@ MAX_MESSAGE = 1 << 24
 MAX_STRUCTURE = 1 << 20
 """Bytes of a message without its values: what lists of changes and dots may take."""
 
-_Natural = Annotated[int, msgspec.Meta(ge=0)]
+Natural = Annotated[int, msgspec.Meta(ge=0)]
 _Counter = Annotated[int, msgspec.Meta(ge=1, le=_MAX_COUNTER)]
-_CounterOrZero = Annotated[int, msgspec.Meta(ge=0, le=_MAX_COUNTER)]
+CounterOrZero = Annotated[int, msgspec.Meta(ge=0, le=_MAX_COUNTER)]
 _Stamp = Annotated[int, msgspec.Meta(ge=0, le=(1 << 63) - 1)]
-_Name = Annotated[str, msgspec.Meta(min_length=1, max_length=MAX_NAME)]
+Name = Annotated[str, msgspec.Meta(min_length=1, max_length=MAX_NAME)]
 
 
-class _Add(msgspec.Struct, array_like=True, gc=False):
-    replica: _Natural
+class AddRow(msgspec.Struct, array_like=True, gc=False):
+    """An addition in a message."""
+
+    replica: Natural
     counter: _Counter
     key: str | tuple[str, str, str]  # a union of constrained strings and tuples is beyond msgspec 0.22
-    type: _Name
-    sources: list[_Natural]
-    destinations: list[_Natural]
+    type: Name
+    sources: list[Natural]
+    destinations: list[Natural]
 
 
-class _Write(msgspec.Struct, array_like=True, gc=False):
-    replica: _Natural
+class WriteRow(msgspec.Struct, array_like=True, gc=False):
+    """A write in a message."""
+
+    replica: Natural
     counter: _Counter
-    attribute: _Name
+    attribute: Name
     stamp: _Stamp
-    writer: _Natural
-    dot_replica: _Natural
-    dot_counter: _CounterOrZero
+    writer: Natural
+    dot_replica: Natural
+    dot_counter: CounterOrZero
     value: Any
 
 
-class _ReadWrite(_Write, array_like=True, gc=False):
+class ReadWriteRow(WriteRow, array_like=True, gc=False):
     """A write as it is read, its value still in bytes."""
 
     value: msgspec.Raw
@@ -80,18 +84,18 @@ class _ReadWrite(_Write, array_like=True, gc=False):
 
 class _Delta(msgspec.Struct, array_like=True, gc=False):
     version: int
-    replicas: list[_Name]
-    adds: list[_Add]
-    writes: list[_Write]
-    removed: list[_Natural]
-    context: list[_Natural]
-    live: list[_Natural] | None
+    replicas: list[Name]
+    adds: list[AddRow]
+    writes: list[WriteRow]
+    removed: list[Natural]
+    context: list[Natural]
+    live: list[Natural] | None
 
 
 class _KeptDelta(_Delta, array_like=True, gc=False):
     """A delta as it is read from a file: as long as the file."""
 
-    writes: list[_ReadWrite]  # type: ignore[assignment]
+    writes: list[ReadWriteRow]  # type: ignore[assignment]
 
 
 MOST_CHANGES = msgspec.Meta(max_length=MAX_STRUCTURE // 8)
@@ -102,21 +106,21 @@ MOST_NUMBERS = msgspec.Meta(max_length=MAX_STRUCTURE)
 class _SentDelta(_KeptDelta, array_like=True, gc=False):
     """A delta as it is read from the network."""
 
-    replicas: Annotated[list[_Name], MOST_CHANGES]
-    adds: Annotated[list[_Add], MOST_CHANGES]
-    writes: Annotated[list[_ReadWrite], MOST_CHANGES]
-    removed: Annotated[list[_Natural], MOST_NUMBERS]
-    context: Annotated[list[_Natural], MOST_NUMBERS]
-    live: Annotated[list[_Natural], MOST_NUMBERS] | None
+    replicas: Annotated[list[Name], MOST_CHANGES]
+    adds: Annotated[list[AddRow], MOST_CHANGES]
+    writes: Annotated[list[ReadWriteRow], MOST_CHANGES]
+    removed: Annotated[list[Natural], MOST_NUMBERS]
+    context: Annotated[list[Natural], MOST_NUMBERS]
+    live: Annotated[list[Natural], MOST_NUMBERS] | None
 
 
 class _Digest(msgspec.Struct, array_like=True, gc=False):
     version: int
-    replica: _Name
+    replica: Name
     now: float
-    context: list[tuple[_Name, _Counter, _Counter]]
+    context: list[tuple[Name, _Counter, _Counter]]
     fingerprint: int
-    ahead: list[_Name]
+    ahead: list[Name]
 
 
 class Digest(msgspec.Struct, frozen=True):
@@ -153,7 +157,7 @@ def _decode_extension(code: int, data: bytes | bytearray | memoryview) -> Pose:
 
 
 _Plain = None | bool | int | float | str | list[float] | msgspec.msgpack.Ext
-_encoder = msgspec.msgpack.Encoder(enc_hook=_encode_extension)
+encoder = msgspec.msgpack.Encoder(enc_hook=_encode_extension)
 _sent_decoder = msgspec.msgpack.Decoder(_SentDelta)
 _kept_decoder = msgspec.msgpack.Decoder(_KeptDelta)
 _plain_decoder: msgspec.msgpack.Decoder[Any] = msgspec.msgpack.Decoder(_Plain)
@@ -161,7 +165,7 @@ _bytes_decoder = msgspec.msgpack.Decoder(bytes)
 _digest_decoder = msgspec.msgpack.Decoder(_Digest)
 
 
-class _Indexes(dict[str, int]):
+class Indexes(dict[str, int]):
     """Replica ids in order of first use, and their indexes."""
 
     def __missing__(self, rid: str) -> int:
@@ -169,26 +173,39 @@ class _Indexes(dict[str, int]):
         return index
 
     def flat(self, dots: Iterable[Dot]) -> list[int]:
+        """Dots as pairs of an index and a counter, one after the other."""
         return [number for rid, counter in dots for number in (self[rid], counter)]
+
+    def flat_ranges(self, ranges: Iterable[DotRange]) -> list[int]:
+        """Ranges likewise, as triples."""
+        return [number for rid, first, last in ranges for number in (self[rid], first, last)]
 
 
 def encode_delta(delta: Delta) -> bytes:
     """A delta or synchronisation reply as bytes."""
-    index = _Indexes()
-    adds = [_Add(index[a.dot[0]], a.dot[1], a.key, a.type, index.flat(a.sources), index.flat(a.destinations))
-            for a in delta.adds]  # fmt: skip
-    writes = [_encode_write(index, write) for write in delta.writes]
+    index = Indexes()
+    adds = add_rows(index, delta.adds)
+    writes = [write_row(index, write) for write in delta.writes]
     removed = index.flat(delta.removed)
-    context = [number for rid, first, last in delta.context for number in (index[rid], first, last)]
+    context = index.flat_ranges(delta.context)
     live = None if delta.live is None else index.flat(sorted(delta.live))
-    return _encoder.encode(_Delta(VERSION, list(index), adds, writes, removed, context, live))
+    return encoder.encode(_Delta(VERSION, list(index), adds, writes, removed, context, live))
 
 
-def _encode_write(index: _Indexes, write: Write) -> _Write:
+def add_rows(index: Indexes, adds: Iterable[Add]) -> list[AddRow]:
+    """Additions as they are sent."""
+    return [
+        AddRow(index[a.dot[0]], a.dot[1], a.key, a.type, index.flat(a.sources), index.flat(a.destinations))
+        for a in adds
+    ]
+
+
+def write_row(index: Indexes, write: Write) -> WriteRow:
+    """A write as it is sent."""
     rid, counter = write.owner
     dot_rid, dot_counter = write.dot or (write.writer, 0)
     value = None if write.value is TOMBSTONE else write.value
-    return _Write(
+    return WriteRow(
         index[rid], counter, write.attribute, write.stamp, index[write.writer], index[dot_rid], dot_counter, value
     )
 
@@ -216,7 +233,7 @@ def check_length(payload: bytes) -> None:
         raise ValueError(f"more than {MAX_MESSAGE} bytes")
 
 
-def check_structure(payload: bytes, writes: list[_ReadWrite]) -> None:
+def check_structure(payload: bytes, writes: list[ReadWriteRow]) -> None:
     """Raise `ValueError` for a long message that is not long for its values."""
     if len(payload) > MAX_STRUCTURE and len(payload) - sum(len(write.value) for write in writes) > MAX_STRUCTURE:
         raise ValueError(f"more than {MAX_STRUCTURE} bytes beside the values")
@@ -230,18 +247,28 @@ def _check_version(version: int) -> None:
 def _to_delta(message: _KeptDelta) -> Delta:
     _check_version(message.version)
     names = message.replicas
-    delta = Delta()
-    for a in message.adds:
-        ends = (tuple(_dots(names, a.sources)), tuple(_dots(names, a.destinations))) if a.sources else ()
-        delta.adds.append(Add((names[a.replica], a.counter), _to_key(a), a.type, *ends))
-    delta.writes = [_to_write(names, write) for write in message.writes]
-    delta.removed = _dots(names, message.removed)
-    delta.context = _ranges(names, message.context)
-    delta.live = None if message.live is None else frozenset(_dots(names, message.live))
+    delta = Delta(to_adds(names, message.adds), to_writes(names, message.writes))
+    delta.removed = to_dots(names, message.removed)
+    delta.context = to_ranges(names, message.context)
+    delta.live = None if message.live is None else frozenset(to_dots(names, message.live))
     return delta
 
 
-def _to_key(add: _Add) -> Key:
+def to_adds(names: list[str], rows: list[AddRow]) -> list[Add]:
+    """Additions as they were received; raises `ValueError`, `IndexError`."""
+    adds = []
+    for row in rows:
+        ends = (tuple(to_dots(names, row.sources)), tuple(to_dots(names, row.destinations))) if row.sources else ()
+        adds.append(Add((names[row.replica], row.counter), _to_key(row), row.type, *ends))
+    return adds
+
+
+def to_writes(names: list[str], rows: list[ReadWriteRow]) -> list[Write]:
+    """Writes as they were received; raises `ValueError`, `IndexError`, and what msgspec raises for their values."""
+    return [_to_write(names, row) for row in rows]
+
+
+def _to_key(add: AddRow) -> Key:
     key = add.key
     if type(key) is str:
         if not _is_name(key):
@@ -260,7 +287,7 @@ def _is_name(value: str) -> bool:
     return 0 < len(value) <= MAX_NAME
 
 
-def _to_write(names: list[str], write: _ReadWrite) -> Write:
+def _to_write(names: list[str], write: ReadWriteRow) -> Write:
     writer = names[write.writer]
     dot = (names[write.dot_replica], write.dot_counter) if write.dot_counter else None
     return Write(
@@ -320,7 +347,8 @@ def _positive(counter: int) -> int:
     return counter
 
 
-def _dots(names: list[str], flat: list[int]) -> list[Dot]:
+def to_dots(names: list[str], flat: list[int]) -> list[Dot]:
+    """Dots as they were received; raises `ValueError`, `IndexError`."""
     if len(flat) == 2:
         return [(names[flat[0]], _positive(flat[1]))]
     if len(flat) % 2:
@@ -330,7 +358,8 @@ def _dots(names: list[str], flat: list[int]) -> list[Dot]:
     return list(zip(map(names.__getitem__, flat[::2]), counters, strict=True))
 
 
-def _ranges(names: list[str], flat: list[int]) -> list[DotRange]:
+def to_ranges(names: list[str], flat: list[int]) -> list[DotRange]:
+    """Ranges as they were received; raises `ValueError`, `IndexError`."""
     if len(flat) % 3:
         raise ValueError("a context is triples of a replica's index, first and last counter")
     return [_checked_range(names[flat[i]], flat[i + 1], flat[i + 2]) for i in range(0, len(flat), 3)]
@@ -345,7 +374,7 @@ def _checked_range(rid: str, first: int, last: int) -> DotRange:
 def encode_digest(digest: Digest) -> bytes:
     """A digest as bytes."""
     context = list(digest.context.ranges())
-    return _encoder.encode(
+    return encoder.encode(
         _Digest(VERSION, digest.replica, digest.now, context, digest.fingerprint, list(digest.ahead))
     )
 
@@ -362,5 +391,9 @@ def _read_digest(payload: bytes) -> Digest:
     _check_version(message.version)
     if not math.isfinite(message.now):
         raise ValueError(f"time {message.now}")
-    context = CausalContext(_checked_range(*dots) for dots in message.context)
-    return Digest(message.replica, message.now, context, message.fingerprint, tuple(message.ahead))
+    return Digest(message.replica, message.now, to_context(message.context), message.fingerprint, tuple(message.ahead))
+
+
+def to_context(ranges: list[tuple[str, int, int]]) -> CausalContext:
+    """A context as it was received; raises `ValueError`."""
+    return CausalContext(_checked_range(*dots) for dots in ranges)

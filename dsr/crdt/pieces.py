@@ -1,14 +1,14 @@
 """Synchronisation replies in pieces of bounded size, each true by itself.
 
-A piece is about the elements with creation dots in one interval of the order of dots. It holds what the asker lacks of them,
-and says which of them live. The asker may join any piece, at any time: of a partial store with the full context it would
-lose data, so each piece accounts only for
+A piece is about the elements with creation dots in one interval of the order of dots. It holds what the asker lacks
+of them, and says which of them live. The asker may join any piece, at any time: a partial store with the full context
+would lose data, so each piece accounts only for
 
 - the dots of the additions and writes that it holds,
 - the removal of what the answerer has seen in the interval (`examined`) and does not hold.
 
-Only who has joined all intervals may account for the rest: the dots of removals and of writes that lost. That is the context
-that the answerer had before the first piece (`whole`). What it learns while it answers, it sends or not; that is not in `whole`.
+Only who has joined all intervals may account for the rest: the dots of removals and of writes that lost. That rest is
+what the answerer had seen before the first piece (`whole`); what it learns while it answers is not in it.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from dsr.crdt.store import Entry, Store
 
 Place = tuple[str, int, str]
-"""Where a piece begins: (replica id, counter) of a creation dot, and the attribute if the element fills several pieces."""
+"""Where a piece begins: (replica id, counter) of a creation dot, and an attribute if one element fills several."""
 START: Place = ("", 0, "")
 MAX_EXAMINED = 2000
 """Elements that one piece looks at: 2 ms, for which writers may have to wait."""

@@ -196,7 +196,7 @@ class Store:
 
     @property
     def order(self) -> OrderedDots:
-        """The dots of `written_dots` in order; the first time after `forget_order` it takes as long as there are many."""
+        """The dots of `written_dots` in order; they are sorted once after `forget_order`."""
         if self._order is None:
             self._order = OrderedDots(self.written_dots())
         return self._order

@@ -229,22 +229,44 @@ def test_merging_that_cannot_keep_up_catches_up_by_repair(net: Net, monkeypatch:
 
 
 def test_a_newcomer_asks_the_oldest_even_if_it_appears_last(net: Net) -> None:
-    old, young = net.join("old"), net.join("young")
+    old = net.join("old")
+    young = net.join("young", holders=lambda: [old.rid])
     net.network.partition(["old"], ["young", "late"])
     old.add_node("x", "cube")
-    late = net.join("late", elders=lambda: [old.rid, young.rid])
-    net.pump(0.5)
-    assert not late.joined
+    late = net.join("late", holders=lambda: [old.rid, young.rid])
+    net.pump(5.0)
+    assert not late.joined and not young.joined
     net.network.heal()
-    net.pump(0.1)
-    assert late.joined and "x" in late
+    net.pump(0.5)
+    assert late.joined and young.joined and "x" in late
 
 
-def test_a_newcomer_does_not_wait_for_ever_for_the_oldest(net: Net) -> None:
+def test_a_newcomer_does_not_wait_for_one_that_is_silent_if_another_has_joined(net: Net) -> None:
     young = net.join("young")
-    late = net.join("late", elders=lambda: ["stopped-1", young.rid])
+    young.replica.synchroniser.nobody_there()
+    late = net.join("late", holders=lambda: ["stopped-1", young.rid])
     net.pump(1.5)
     assert late.joined
+
+
+def test_newcomers_that_meet_nobody_else_hold_all_there_is_together(net: Net) -> None:
+    """The elder died while it answered: each has a part, and whoever asks gets both."""
+    a, b = net.join("a"), net.join("b")
+    a.add_node("x", "cube")
+    b.add_node("y", "cube")
+    net.pump(0.5)
+    assert a.joined and b.joined and "y" in a and "x" in b
+
+
+def test_who_has_not_joined_says_for_whom_it_waits_and_for_how_long(net: Net) -> None:
+    young = net.join("young", holders=lambda: ["stopped-1"])
+    late = net.join("late", holders=lambda: ["stopped-1", young.rid])
+    net.pump(3.0)
+    with pytest.raises(TransportError, match=r"for [23]\.\d s, for stopped-1 \(does not answer\), young-.* waits for"):
+        late.wait_joined(0.0)
+    assert late.behind > 2.0
+    late.wait_joined(0.0, begin=True)
+    assert late.joined and not young.joined
 
 
 def test_a_newcomer_whom_the_oldest_does_not_answer_asks_another(net: Net) -> None:
@@ -254,7 +276,7 @@ def test_a_newcomer_whom_the_oldest_does_not_answer_asks_another(net: Net) -> No
     first.add_node("x", "cube")
     net.pump(1.5)
     with mock.patch.object(first._replica.synchroniser, "answer", return_value=None):
-        late = net.join("late", elders=lambda: [first.rid])
+        late = net.join("late", holders=lambda: [first.rid])
         net.pump(5.0)
     assert late.joined and "x" in late
 
