@@ -14,11 +14,12 @@ joined. So two newcomers that meet nobody else soon know that they hold all ther
 from __future__ import annotations
 
 import math
-import zlib
 from collections.abc import Callable, Iterable, Sequence
 
 UNJOINED_RETRY = 0.25
 """s between two questions whether one of those has joined meanwhile who had not."""
+_SHOWN = 3
+"""Replicas that are named in a text."""
 
 
 class Joining:
@@ -77,11 +78,11 @@ class Joining:
         return bool(self.others) and all(rid in self._exhausted for rid in self.others)
 
     def choose(self, reachable: Iterable[str], asked: dict[str, int], now: float) -> str | None:
-        """Whom to ask: those of whom nothing is known first; each newcomer in an order of its own."""
+        """Whom to ask: the oldest first, for a younger one may be a newcomer, too."""
         settled = self._exhausted if self.insists else self._exhausted | self._unjoined.keys()
+        age = {rid: number for number, rid in enumerate(self.others)}
         by_turns = sorted(
-            reachable,
-            key=lambda rid: (asked[rid], not self._trusts(rid), zlib.crc32(f"{self._rid} {rid}".encode())),
+            reachable, key=lambda rid: (asked[rid], not self._trusts(rid), age.get(rid, len(age)), rid)
         )
         fresh = [rid for rid in by_turns if rid not in settled]
         if fresh:
@@ -92,16 +93,20 @@ class Joining:
         return None
 
     def waits_for(self) -> list[str]:
-        """Replica ids of those for whom it waits."""
-        return [rid for rid in self.others if rid not in self._exhausted and rid not in self._unjoined] or self.others
+        """Replica ids of those who may have more, and of whom nothing has come: not even that they wait themselves."""
+        return [rid for rid in self.others if rid not in self._exhausted and rid not in self._unjoined]
 
     def why(self, now: float) -> str:
         """For people: for whom it waits, and how long it has."""
-        known = [
-            f"{rid} (has not joined itself, waits for {', '.join(self._unjoined[rid]) or 'others'})"
-            for rid in self.others
-            if rid in self._unjoined
-        ]
-        silent = [f"{rid} (does not answer)" for rid in self.others if rid not in self._unjoined]
         waited = max(0.0, now - self.since)
-        return f"waiting for {waited:.1f} s, for {', '.join([*silent, *known]) or 'anybody'}"
+        silent, unjoined = self.waits_for(), [rid for rid in self.others if rid in self._unjoined]
+        reasons = [f"{_listed(silent)}: no answer"] if silent else []
+        if unjoined:
+            theirs = dict.fromkeys(rid for other in unjoined for rid in self._unjoined[other] if rid != self._rid)
+            reasons.append(f"{_listed(unjoined)}: not joined either, waiting for {_listed(list(theirs)) or 'others'}")
+        return f"waiting for {waited:.1f} s; {'; '.join(reasons) or 'nobody is there'}"
+
+
+def _listed(rids: list[str]) -> str:
+    shown = ", ".join(rids[:_SHOWN])
+    return f"{shown} and {len(rids) - _SHOWN} more" if len(rids) > _SHOWN else shown

@@ -17,7 +17,7 @@ ABSENCE = 1.0
 FIRST_PATIENCE = 0.5
 """s until another peer is asked; doubles with each request that is not answered in time."""
 LAST_PATIENCE = 8.0
-"""s"""
+"""s; also for one who has begun to answer: with all else busy, the next piece takes its time."""
 
 
 class Pace:

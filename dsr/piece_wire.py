@@ -16,6 +16,7 @@ import msgspec
 from dsr.crdt.context import CausalContext
 from dsr.crdt.pieces import Piece, Place
 from dsr.decoding import decoded
+from dsr.errors import WireError
 from dsr.wire import (
     MAX_NAME,
     MAX_STRUCTURE,
@@ -89,6 +90,14 @@ class _ReadPiece(_Piece, array_like=True, gc=False):
     waits_for: Annotated[list[Name], MOST_CHANGES]
 
 
+class _Head(msgspec.Struct, array_like=True, gc=False):
+    """The beginning of a request."""
+
+    version: int
+    replica: Name
+
+
+_heads = msgspec.msgpack.Decoder(_Head)
 _requests = msgspec.msgpack.Decoder(_Request)
 _pieces = msgspec.msgpack.Decoder(_ReadPiece)
 
@@ -102,6 +111,14 @@ def encode_request(request: Request) -> bytes:
 def decode_request(payload: bytes) -> Request:
     """The request in `payload`. Raises `WireError` unless all of it is valid."""
     return decoded(payload, f"request of {len(payload)} bytes", _read_request)
+
+
+def asker_of(payload: bytes) -> str:
+    """Who sent a request, as it says; empty if it makes no sense."""
+    try:
+        return decoded(payload, "request", _heads.decode).replica
+    except WireError:
+        return ""
 
 
 def _read_request(payload: bytes) -> Request:

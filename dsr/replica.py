@@ -22,7 +22,7 @@ from dsr.graph import Graph
 from dsr.keys import Keys
 from dsr.outbox import Outbox
 from dsr.parcels import parcels
-from dsr.piece_wire import encode_piece
+from dsr.piece_wire import asker_of, encode_piece
 from dsr.polling import Poller
 from dsr.sync import REQUEST_TIMEOUT, Ask, Gate, Output, PublishDelta, PublishDigest, Renew, Synchroniser
 from dsr.transport import Qos, Subscription, Transport
@@ -119,7 +119,7 @@ class Replica:
             transport.subscribe(keys.delta(), merge, newest=NEWEST_DELTAS),
             transport.subscribe(keys.stream(), merge, newest=NEWEST_SAMPLES),
             transport.subscribe(keys.digest(), digest, newest=NEWEST_SAMPLES),
-            transport.serve(keys.sync(rid), self._answer),
+            transport.serve(keys.sync(rid), self._answer, asker=asker_of),
             transport.watch_presence(keys.presence(), presence),
             transport.announce(keys.presence(agent, rid)),
         ]

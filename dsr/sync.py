@@ -37,7 +37,7 @@ from dsr.errors import WireError
 from dsr.fetching import Fetch, is_refusal
 from dsr.graph import Graph
 from dsr.joining import Joining
-from dsr.pace import Pace
+from dsr.pace import LAST_PATIENCE, Pace
 from dsr.piece_wire import decode_piece, decode_request
 from dsr.wire import Digest, decode_delta, decode_digest, encode_digest
 
@@ -138,6 +138,8 @@ class Synchroniser:
     _peers: dict[str, _Peer] = field(default_factory=dict)
     _fetch: Fetch | None = None
     _requests: int = 0
+    _pieces_before: int = 0
+    _came_at: float = -math.inf
     _under_way: int | None = None
     _asked_at: float = 0.0
     _pace: Pace = field(default_factory=Pace)
@@ -286,7 +288,8 @@ class Synchroniser:
         """Ask for the next piece, of the same peer or of another one."""
         self._note_time(now)
         if self._under_way is not None:
-            if now - self._asked_at < self._pace.patience:
+            answering = self._fetch is not None and self._fetch.begin != START
+            if now - self._asked_at < (LAST_PATIENCE if answering else self._pace.patience):
                 return []
             self._pace.unanswered()
             self._give_up()
@@ -308,7 +311,9 @@ class Synchroniser:
         if not self.joined:
             self.joining.since = min(self.joining.since, now)
             self._join_if_nobody_has_more()
-            if now - self.joining.since > LONG_WAIT and self.joining.others:
+            if self.pieces > self._pieces_before:
+                self._pieces_before, self._came_at = self.pieces, now
+            if now - max(self.joining.since, self._came_at) > LONG_WAIT and self.joining.others:
                 self._complain(self.graph.rid, "%s has not joined yet: %s", self.joining.why(now))
         complete = self.joined and self._fetch is None and not self._known_ahead(now)
         self.behind_since = None if complete else now if self.behind_since is None else self.behind_since

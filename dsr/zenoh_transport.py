@@ -7,7 +7,7 @@ import json
 import logging
 import re
 import threading
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 from weakref import WeakSet
 
@@ -16,7 +16,7 @@ import zenoh
 from dsr.bulk import BulkReader, BulkWriter, Handler
 from dsr.errors import ConfigError, ListenError, TransportError
 from dsr.keys import ticket_key
-from dsr.transport import Chunks, MessageHandler, PresenceHandler, Qos, RequestHandler, Subscription
+from dsr.transport import MAX_ASKERS, Chunks, MessageHandler, PresenceHandler, Qos, RequestHandler, Subscription
 
 _log = logging.getLogger("dsr.zenoh")
 
@@ -211,12 +211,20 @@ class ZenohTransport:
 
         return self._kept(declare, self._renewable)
 
-    def serve(self, key: str, handler: RequestHandler) -> Subscription:
+    def serve(
+        self, key: str, handler: RequestHandler, *, asker: Callable[[bytes], str] | None = None
+    ) -> Subscription:
         """Answer requests on `key` from a thread of its own."""
 
+        def answer(query: zenoh.Query) -> None:
+            _answer(query, key, handler)
+
         def declare() -> Any:
-            queryable = self._declare(self._session.declare_queryable, key, _fifo(_QUEUE))
-            self._run(f"dsr-serve-{key}", lambda: _for_each(queryable, lambda query: _answer(query, key, handler)))
+            # Of a ring the oldest request is dropped, whose asker most likely has given up: nobody else is held up.
+            queue: Any = _fifo(_QUEUE) if asker is None else _ring(MAX_ASKERS)
+            queryable = self._declare(self._session.declare_queryable, key, queue)
+            waiting = queryable if asker is None else _newest_of_each(queryable.handler, asker)
+            self._run(f"dsr-serve-{key}", lambda: _for_each(waiting, answer))
             return queryable
 
         return self._kept(declare, self._renewable)
@@ -368,9 +376,28 @@ def _for_each(channel: Any, action: Callable[[Any], None]) -> None:
                 _log.exception("a message could not be handled")
 
 
+def _newest_of_each(requests: Any, asker: Callable[[bytes], str]) -> Iterator[zenoh.Query]:
+    """Requests in the order of their askers' first ones; one that its asker has followed by another is dropped."""
+    waiting: dict[str, zenoh.Query] = {}
+    while True:
+        query = requests.try_recv() if waiting else requests.recv()
+        if query is None:
+            yield waiting.pop(next(iter(waiting)))
+            continue
+        name = asker(_payload(query))
+        dropped = waiting.get(name) if name in waiting or len(waiting) < MAX_ASKERS else query
+        if dropped is not query:
+            waiting[name] = query
+        if dropped is not None:
+            dropped.drop()
+
+
+def _payload(query: zenoh.Query) -> bytes:
+    return query.payload.to_bytes() if query.payload is not None else b""
+
+
 def _answer(query: zenoh.Query, key: str, handler: RequestHandler) -> None:
     with query:
-        payload = query.payload.to_bytes() if query.payload is not None else b""
-        reply = handler(str(query.key_expr), payload)
+        reply = handler(str(query.key_expr), _payload(query))
         if reply is not None:
             query.reply(key, reply)

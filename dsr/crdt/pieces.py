@@ -44,7 +44,7 @@ class Piece(msgspec.Struct):
     adds: list[Add] = []
     writes: list[Write] = []
     kept: list[Dot] = []
-    """Creation dots in the interval that live and that the asker knows."""
+    """Creation dots in the interval that live, and that the asker knows or had in the piece before."""
     examined: list[DotRange] = []
     """The part of the answerer's context in the interval."""
     whole: list[DotRange] | None = None
@@ -84,27 +84,26 @@ def piece_of(store: Store, seen: CausalContext, begin: Place = START) -> Piece:
 def _take(store: Store, entry: Entry, seen: CausalContext, piece: Piece) -> int:
     """Add what is missing of one element; returns its weight."""
     weight = 0
+    first = piece.begin[2] if entry.dot == piece.begin[:2] else ""
     if entry.dot not in store.entries:
         pass  # what is said of an element of another graph: it is created there
-    elif entry.dot in seen:
+    elif entry.dot in seen or first:
         piece.kept.append(entry.dot)
     else:
         piece.adds.append(Add(entry.dot, entry.key, entry.type, entry.sources, entry.destinations))
         weight += _BYTES_OF_CHANGE
     missing = [w for w in entry.registers.values() if w.dot is None or w.dot not in seen]
-    weights = list(map(_weight, missing))
-    total = sum(weights)
-    if total <= MAX_WEIGHT:
+    total = sum(map(_weight, missing))
+    if total <= MAX_WEIGHT and not first:
         piece.writes += missing
         return weight + total
-    first = piece.begin[2] if entry.dot == piece.begin[:2] else ""
-    for write in sorted(missing, key=lambda write: write.attribute):
-        if write.attribute >= first:
-            if weight >= MAX_WEIGHT:
-                piece.end = (*entry.dot, write.attribute)
-                break
-            piece.writes.append(write)
-            weight += _weight(write)
+    left = sorted((write for write in missing if write.attribute >= first), key=lambda write: write.attribute)
+    for count, write in enumerate(left):
+        if count and weight >= MAX_WEIGHT:
+            piece.end = (*entry.dot, write.attribute)
+            break
+        piece.writes.append(write)
+        weight += _weight(write)
     return weight
 
 
