@@ -21,10 +21,11 @@ from dsr.crdt.pieces import START, Piece, Place, piece_of, together
 from dsr.graph import Graph
 from dsr.keys import Keys
 from dsr.outbox import Outbox
+from dsr.outputs import Ask, Output, PublishDelta, PublishDigest, Renew
 from dsr.parcels import parcels
 from dsr.piece_wire import asker_of, encode_piece
 from dsr.polling import Poller
-from dsr.sync import REQUEST_TIMEOUT, Ask, Gate, Output, PublishDelta, PublishDigest, Renew, Synchroniser
+from dsr.sync import REQUEST_TIMEOUT, Gate, Synchroniser
 from dsr.transport import Qos, Subscription, Transport
 from dsr.wire import encode_delta
 

@@ -19,16 +19,14 @@ A peer that sends nonsense is counted in `dropped` and logged once; nothing it s
 
 from __future__ import annotations
 
-import contextlib
-import gc
 import logging
 import math
 import sys
 from collections import Counter
-from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
+from dsr.collector import collector_paused
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Delta
 from dsr.crdt.pieces import START, Piece, piece_of
@@ -37,6 +35,7 @@ from dsr.errors import WireError
 from dsr.fetching import Fetch, is_refusal
 from dsr.graph import Graph
 from dsr.joining import Joining
+from dsr.outputs import Ask, Output, PublishDelta, PublishDigest, Renew
 from dsr.pace import LAST_PATIENCE, Pace
 from dsr.piece_wire import decode_piece, decode_request
 from dsr.wire import Digest, decode_delta, decode_digest, encode_digest
@@ -72,34 +71,6 @@ class Gate(Protocol):
 
     def trusts(self, rid: str) -> bool:
         """Whether that replica may speak for others."""
-
-
-class PublishDigest(NamedTuple):
-    """Tell all peers what was seen here."""
-
-    payload: bytes
-
-
-class PublishDelta(NamedTuple):
-    """Send a delta to all peers."""
-
-    delta: Delta
-
-
-class Ask(NamedTuple):
-    """Request a piece of what is missing; hand in the answer with `receive_reply`, then call `request_done`."""
-
-    peer: str
-    payload: bytes
-    number: int
-    """Unlike that of any other request."""
-
-
-class Renew(NamedTuple):
-    """Let the network know again what is listened to here: it has changed, and may have forgotten."""
-
-
-Output = PublishDigest | PublishDelta | Ask | Renew
 
 
 @dataclass
@@ -405,15 +376,3 @@ class Synchroniser:
         if (rid, text) not in self._complaints and len(self._complaints) < MAX_PEERS:
             self._complaints.add((rid, text))
             _log.log(level, text, rid, *details)
-
-
-@contextlib.contextmanager
-def collector_paused() -> Iterator[None]:
-    """Do not look for reference cycles: among many new objects that all stay, it takes as long as the work itself."""
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            gc.enable()
