@@ -62,6 +62,10 @@ class Joining:
         """A replica gave everything it has, though that may not be all there is."""
         self._exhausted.add(rid)
 
+    def may_have_more(self, rid: str) -> bool:
+        """Whether a replica has not given everything it has yet."""
+        return rid not in self._exhausted
+
     @property
     def others(self) -> list[str]:
         """All who may hold something."""

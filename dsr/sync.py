@@ -103,7 +103,7 @@ class Synchroniser:
     drifting: bool = False
     """Whether most peers heard of lately see our clock in their future: then nothing must be written."""
     pieces: int = 0
-    """Pieces of replies that came when they were asked for."""
+    """Pieces of replies that came when they were asked for, of those who had not given all they have before."""
     behind_since: float | None = None
     """Monotonic time since when it is known that something is missing here; None if nothing is."""
     _peers: dict[str, _Peer] = field(default_factory=dict)
@@ -180,8 +180,8 @@ class Synchroniser:
         if self._fetch is None or number != self._under_way:
             return
         self._under_way = None
-        self.pieces += 1
         self._pace.answered()
+        self.pieces += not is_refusal(piece) and self.joining.may_have_more(sender)
         if is_refusal(piece):
             self.joining.declined(sender, piece.waits_for)
             self._give_up()

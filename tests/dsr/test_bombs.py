@@ -10,6 +10,7 @@ import msgpack
 import pytest
 
 from dsr.errors import WireError
+from dsr.piece_wire import decode_piece, decode_request
 from dsr.schema import MAX_LENGTH
 from dsr.wire import MAX_MESSAGE, MAX_STRUCTURE, decode_delta, decode_digest
 from tests.dsr.test_wire import message, written
@@ -72,6 +73,20 @@ def test_a_bomb_is_refused_at_a_small_cost(payload: bytes) -> None:
         tracemalloc.stop()
     assert peak < FACTOR * len(payload) + 10_000
     assert len(str(caught.value)) < 300, "what others sent is shown"
+
+
+def test_a_piece_or_a_request_is_no_bomb() -> None:
+    piece = [1, ["a"], [], [], [], [], None, ["", 0, ""], None, True, []]
+    assert not decode_piece(msgpack.packb(piece)).adds
+    for place in (1, 2, 3, 4, 5, 6, 10):
+        bomb = msgpack.packb([*piece[:place], SIZE * [["BOMB"]], *piece[place + 1 :]])
+        with pytest.raises(WireError):
+            decode_piece(bomb)
+    written = msgpack.packb([*piece[:3], [[0, 1, "x", 0, 0, 0, 0, "BOMB"]], *piece[4:]])
+    with pytest.raises(WireError):
+        decode_piece(with_raw(written, array(SIZE, b"\x90")))
+    with pytest.raises(WireError):
+        decode_request(msgpack.packb([1, "a", SIZE * [["a", 1, 2]], ["", 0, ""], False]))
 
 
 def test_a_digest_is_no_bomb() -> None:
