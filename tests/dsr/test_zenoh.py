@@ -291,7 +291,11 @@ def test_a_queue_of_requests_answers_the_newest_of_each_and_ends_with_its_declar
         def ask(payload: bytes) -> None:
             client.request("dsr/v1/g/sync/x", payload, lambda *_: None, lambda: done.append(1), 10.0)
 
-        assert eventually(lambda: ask(b"0") or begin.wait(0.1))
+        def begins() -> bool:
+            ask(b"0")
+            return begin.wait(0.1)
+
+        assert eventually(begins)
         WALL_CLOCK.wait(threading.Event(), 0.5)
         for payload in (b"a1", b"a2", b"b1", b"a3"):
             ask(payload)
