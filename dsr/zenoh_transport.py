@@ -7,12 +7,13 @@ import json
 import logging
 import re
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 from weakref import WeakSet
 
 import zenoh
 
+from dsr.askers import newest_of_each
 from dsr.bulk import BulkReader, BulkWriter, Handler
 from dsr.errors import ConfigError, ListenError, TransportError
 from dsr.keys import ticket_key
@@ -223,8 +224,11 @@ class ZenohTransport:
             # Of a ring the oldest request is dropped, whose asker most likely has given up: nobody else is held up.
             queue: Any = _fifo(_QUEUE) if asker is None else _ring(MAX_ASKERS)
             queryable = self._declare(self._session.declare_queryable, key, queue)
-            waiting = queryable if asker is None else _newest_of_each(queryable.handler, asker)
-            self._run(f"dsr-serve-{key}", lambda: _for_each(waiting, answer))
+            asked = queryable
+            if asker is not None:
+                requests = queryable.handler
+                asked = newest_of_each(requests.recv, requests.try_recv, lambda query: asker(_payload(query)))
+            self._run(f"dsr-serve-{key}", lambda: _for_each(asked, answer))
             return queryable
 
         return self._kept(declare, self._renewable)
@@ -374,22 +378,6 @@ def _for_each(channel: Any, action: Callable[[Any], None]) -> None:
                 action(item)
             except Exception:
                 _log.exception("a message could not be handled")
-
-
-def _newest_of_each(requests: Any, asker: Callable[[bytes], str]) -> Iterator[zenoh.Query]:
-    """Requests in the order of their askers' first ones; one that its asker has followed by another is dropped."""
-    waiting: dict[str, zenoh.Query] = {}
-    while True:
-        query = requests.try_recv() if waiting else requests.recv()
-        if query is None:
-            yield waiting.pop(next(iter(waiting)))
-            continue
-        name = asker(_payload(query))
-        dropped = waiting.get(name) if name in waiting or len(waiting) < MAX_ASKERS else query
-        if dropped is not query:
-            waiting[name] = query
-        if dropped is not None:
-            dropped.drop()
 
 
 def _payload(query: zenoh.Query) -> bytes:
