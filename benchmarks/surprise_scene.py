@@ -66,7 +66,7 @@ class SurpriseScene:
         self.clock = ManualClock(1000.0)
         transport = LocalNetwork(self.clock).connect("scene")
         self.memory = Memory("scene", "scene", transport=transport, clock=self.clock)
-        self.memory.wait_joined(0.0, alone=True)
+        self.memory.wait_joined(0.0, all_known=True)
         self._bias = {name: float(self.rng.uniform(*bias)) for name in places}
         self._jitter = jitter
         self._config = config

@@ -39,11 +39,13 @@ def connect(
     guard: Guard | None = None,
     timeout: float = 5.0,
     security: str | Path | None = None,
+    begin: bool = False,
 ) -> Memory:
     """Join the working memory `graph` over Zenoh and wait until all of it is here.
 
     The other processes of this user on this machine are found by the graph's name; the first one simply
-    begins. The memory owns its transport: closing it leaves the network. What is open when the program ends is closed.
+    begins. One that does not answer is waited for, for it may hold what nobody else does. The memory owns its
+    transport: closing it leaves the network. What is open when the program ends is closed.
 
     Args:
         graph: name of the graph; processes that use another name never meet.
@@ -52,14 +54,15 @@ def connect(
         schema: the vocabulary; the built-in one if None.
         clock: for stamps and waiting.
         guard: called before each write, see `Guard`.
-        timeout: s to wait for the present content of the graph.
+        timeout: s to wait without anything of the graph's present content arriving.
         security: folder with the certificate of `agent` (`dsr security init`); by default, what the environment
             variable DSR_SECURITY names, if anything. Then only others with a certificate are met, and a write that
             the policy does not grant raises `AgentError`.
+        begin: begin with what is here by then if some who hold the graph do not answer; the rest comes when they do.
 
     Raises:
         ConfigError: for a name that cannot be used, or an agent without a valid certificate.
-        TransportError: if the network cannot be used, or peers are there but none answers in time.
+        TransportError: if the network cannot be used, or some who hold the graph do not answer in time: says which.
     """
     rid = new_rid(agent)
     routers = list(connect)
@@ -73,20 +76,20 @@ def connect(
         memory = Memory(
             graph, agent, transport=transport, clock=clock, schema=schema, guard=_guard(guard, identity),
             gate=identity.gate() if identity else None, rid=rid, threaded=True,
-            elders=lambda: _living_replicas(graph, registration.elders, identity),
+            holders=lambda: _holders(graph, rid, registration),
         )  # fmt: skip
         memory.on_close(resources.pop_all().close)
         atexit.register(memory.close)
         memory.on_close(lambda: atexit.unregister(memory.close))
         resources.callback(memory.close)
-        _wait_joined(memory, timeout, alone=not routers, secured=identity is not None)
+        _wait_joined(memory, timeout, all_known=not routers, begin=begin, secured=identity is not None)
         resources.pop_all()
     return memory
 
 
-def _wait_joined(memory: Memory, timeout: float, *, alone: bool, secured: bool) -> None:
+def _wait_joined(memory: Memory, timeout: float, *, all_known: bool, begin: bool, secured: bool) -> None:
     try:
-        memory.wait_joined(timeout, alone=alone)
+        memory.wait_joined(timeout, all_known=all_known, begin=begin)
     except TransportError as error:
         if secured and not memory.peers:
             raise TransportError(f"{error}; are their certificates of another authority than ours?") from error
@@ -131,11 +134,14 @@ class _Both:
         return _Both(guard_in(self.declared, world), self.granted)
 
 
-def _living_replicas(graph: str, elders: list[rendezvous.Member], identity: Identity | None) -> list[str]:
-    """Replica ids of those among `elders` that hold a memory and still live, in the same order, trusted ones first."""
-    living = rendezvous.members(graph) if elders else []
-    found = [elder.rid for elder in elders if elder.has_memory and elder in living]
-    return sorted(found, key=lambda rid: not identity.trusts(rid)) if identity else found
+def _holders(graph: str, rid: str, registration: rendezvous.Registration) -> list[str]:
+    """Replica ids of all others that hold a memory and live, also of those that came later; none if we are the first.
+
+    Those later ones may have learned from elders that died before we did.
+    """
+    if not any(elder.has_memory for elder in registration.elders):
+        return []
+    return [member.rid for member in rendezvous.members(graph) if member.has_memory and member.rid != rid]
 
 
 def open_transport(

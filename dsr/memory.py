@@ -34,7 +34,7 @@ from dsr.sync import Gate
 from dsr.transforms import Array, Pose
 from dsr.transport import Transport
 from dsr.watch import Filter, Watch
-from dsr.wire import decode_delta
+from dsr.wire import decode_kept
 from dsr.worlds.access import WorldAccess
 from dsr.worlds.opened import Seat, Worlds
 
@@ -63,7 +63,7 @@ class Memory(WorldAccess, BlobAccess):
         gate: decides what of an arriving message may be joined; everything if None.
         rid: replica id, made from `agent` if None; never reuse one.
         threaded: run threads that merge and send. Without, call `poll` and `flush`.
-        elders: tells which replicas were there before us and still live, oldest first.
+        holders: tells which other replicas hold the graph and live, whether they can be reached or not.
         meshes: those of the system, if this memory shares them with another one of this process.
     """
 
@@ -79,7 +79,7 @@ class Memory(WorldAccess, BlobAccess):
         gate: Gate | None = None,
         rid: str | None = None,
         threaded: bool = False,
-        elders: Callable[[], Sequence[str]] = tuple,
+        holders: Callable[[], Sequence[str]] = tuple,
         meshes: MeshExchange | None = None,
         _seat: Seat | None = None,
     ) -> None:
@@ -105,8 +105,8 @@ class Memory(WorldAccess, BlobAccess):
         self._worlds = _seat.worlds if _seat else Worlds(self, threaded=threaded, lock=lock)
         if _seat is None:
             self._replica.after_poll = self._worlds.sweep
-        self._elders = elders
-        self._replica.synchroniser.elders = elders()
+        self._holders = holders
+        self._replica.synchroniser.joining.holders = holders()
         leave_to_parent(self)
         if threaded:
             sys.setswitchinterval(min(sys.getswitchinterval(), _SWITCH_INTERVAL))
@@ -295,7 +295,7 @@ class Memory(WorldAccess, BlobAccess):
     # ---- life
 
     def batch(self) -> contextlib.AbstractContextManager[None]:
-        """`with memory.batch():` what is written inside leaves as one message."""
+        """`with memory.batch():` what is written inside leaves as one message, if it fits into one (1 MiB)."""
         return self._replica.hold()
 
     @property
@@ -318,28 +318,43 @@ class Memory(WorldAccess, BlobAccess):
         """How often messages were lost, skipped or malformed, and repaired."""
         return self._replica.statistics
 
-    def wait_joined(self, timeout: float, *, alone: bool = False) -> None:
-        """Wait at most `timeout` s for the graph's present content; if nobody is there, the graph begins with us.
+    def wait_joined(self, timeout: float, *, all_known: bool = False, begin: bool = False) -> None:
+        """Wait for the graph's present content, until none of it has come for `timeout` s.
 
-        `alone` says that no others than the elders can be there.
-        Raises `TransportError` if peers are there but none answers in time.
+        If nobody is there, or nobody who has joined, and all gave what they have, the graph begins with us.
+
+        Args:
+            timeout: s.
+            all_known: no others than the `holders` can be there, so that without any there is nobody to wait for.
+            begin: begin with what is here if those who hold the graph do not answer.
+
+        Raises:
+            TransportError: if others may hold more and do not answer.
         """
         sync = self._replica.synchroniser
+        joining = sync.joining
+        joining.others_possible = not all_known
 
         def complete() -> bool:
             with self._replica.lock:
-                sync.elders = self._elders()
-                if alone and not sync.elders:
+                joining.holders = self._holders()
+                if all_known and not joining.holders:
                     sync.nobody_there()
                 return sync.joined
 
-        if self._replica.wait_until(complete, timeout):
+        if self._replica.wait_for_pieces(complete, timeout):
             return
-        if sync.peers or self._elders():
-            there = f"{', '.join(sync.peers)} do not answer" if sync.peers else "none of them can be reached"
-            raise TransportError(f"graph {self.graph_name!r}: not complete after {timeout:.1f} s, peers: {there}")
-        _log.warning("nobody else in graph %r within %.1f s: it begins here", self.graph_name, timeout)
+        if joining.others and not joining.nobody_has_more and not begin:
+            why = joining.why(self.clock.monotonic())
+            raise TransportError(f"graph {self.graph_name!r}: not complete after {timeout:.1f} s, {why}")
+        _log.warning("nobody else gives anything of graph %r within %.1f s: it begins here", self.graph_name, timeout)
         sync.nobody_there()
+
+    @property
+    def behind(self) -> float:
+        """For how long it is known that something of the graph is missing here, s; 0 if nothing is."""
+        since = self._replica.synchroniser.behind_since
+        return 0.0 if since is None else max(0.0, self.clock.monotonic() - since)
 
     def snapshot(self) -> bytes:
         """The whole graph as one encoded message, for `restore`."""
@@ -347,7 +362,7 @@ class Memory(WorldAccess, BlobAccess):
 
     def restore(self, snapshot: bytes) -> None:
         """Join a snapshot. Raises `WireError` if it is none."""
-        delta = decode_delta(snapshot)
+        delta = decode_kept(snapshot)
         with self._replica.lock:
             self._graph.join(delta)
 

@@ -17,7 +17,7 @@ ABSENCE = 1.0
 FIRST_PATIENCE = 0.5
 """s until another peer is asked; doubles with each request that is not answered in time."""
 LAST_PATIENCE = 8.0
-"""s"""
+"""s; also for one who has begun to answer: with all else busy, the next piece takes its time."""
 
 
 class Pace:
@@ -66,8 +66,8 @@ class Pace:
         return True
 
     def answered(self) -> None:
-        """An answer came."""
-        self.patience = FIRST_PATIENCE
+        """An answer came; if it took long, so may the next."""
+        self.patience = max(FIRST_PATIENCE, self.patience / 2)
 
     def unanswered(self) -> None:
         """None came in time: the answer may be long, so wait longer next time."""

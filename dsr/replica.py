@@ -17,11 +17,15 @@ from typing import NamedTuple
 from dsr.clock import Clock
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Delta
+from dsr.crdt.pieces import START, Piece, Place, piece_of, together
 from dsr.graph import Graph
 from dsr.keys import Keys
 from dsr.outbox import Outbox
+from dsr.outputs import Ask, Output, PublishDelta, PublishDigest, Renew
+from dsr.parcels import parcels
+from dsr.piece_wire import asker_of, encode_piece
 from dsr.polling import Poller
-from dsr.sync import REQUEST_TIMEOUT, Ask, Gate, Output, PublishDelta, PublishDigest, Renew, Synchroniser
+from dsr.sync import REQUEST_TIMEOUT, Gate, Synchroniser
 from dsr.transport import Qos, Subscription, Transport
 from dsr.wire import encode_delta
 
@@ -116,7 +120,7 @@ class Replica:
             transport.subscribe(keys.delta(), merge, newest=NEWEST_DELTAS),
             transport.subscribe(keys.stream(), merge, newest=NEWEST_SAMPLES),
             transport.subscribe(keys.digest(), digest, newest=NEWEST_SAMPLES),
-            transport.serve(keys.sync(rid), self._answer),
+            transport.serve(keys.sync(rid), self._answer, asker=asker_of),
             transport.watch_presence(keys.presence(), presence),
             transport.announce(keys.presence(agent, rid)),
         ]
@@ -175,7 +179,8 @@ class Replica:
         """Publish, unless nobody listens: whoever comes gets a snapshot."""
         if deltas and self._transport.is_heard(key, qos):
             for delta in deltas:
-                self._transport.publish(key, encode_delta(delta), qos)
+                for message in parcels(delta):
+                    self._transport.publish(key, message, qos)
 
     # ---- receiving
 
@@ -201,6 +206,15 @@ class Replica:
         with self._progress:
             return self._progress.wait_for(condition, timeout)
 
+    def wait_for_pieces(self, condition: Callable[[], bool], timeout: float) -> bool:
+        """Wait until `condition` holds; false if no piece of an answer came for `timeout` s."""
+        came = -1
+        while came < self.synchroniser.pieces:
+            came = self.synchroniser.pieces
+            if self.wait_until(condition, timeout):
+                return True
+        return False
+
     def _receive(self, action: Callable[[], None]) -> None:
         """Do what a message asks for: at once in the thread of its subscription, or without threads in `poll`."""
         if self._sender is not None:
@@ -225,8 +239,8 @@ class Replica:
 
     def _answer(self, key: str, payload: bytes) -> bytes | None:
         with self.lock:
-            missing = self.synchroniser.answer(_last(key), payload)
-        return None if missing is None else encode_delta(missing)
+            piece = self.synchroniser.answer(_last(key), payload)
+        return None if piece is None else encode_piece(piece)
 
     def _perform(self, output: Output) -> None:
         match output:
@@ -238,12 +252,12 @@ class Replica:
                 self._transport.publish(self._keys.digest(self.graph.rid), payload, Qos.STREAM)
             case Renew():
                 self._transport.renew()
-            case Ask(peer, payload):
+            case Ask(peer, payload, number):
                 self._transport.request(
                     self._keys.sync(peer),
                     payload,
-                    lambda _, reply: self._enqueue(lambda: self.synchroniser.receive_reply(peer, reply)),
-                    lambda: self._enqueue(lambda: self.synchroniser.request_done(peer)),
+                    lambda _, reply: self._enqueue(lambda: self.synchroniser.receive_reply(peer, number, reply)),
+                    lambda: self._enqueue(lambda: self.synchroniser.request_done(number)),
                     REQUEST_TIMEOUT,
                 )
 
@@ -312,10 +326,16 @@ class Replica:
         )
 
     def snapshot(self) -> bytes:
-        """The whole state as an encoded synchronisation reply."""
-        with self.lock:
-            everything = self.graph.store.missing_for(CausalContext())
-        return encode_delta(everything)
+        """The whole state as an encoded synchronisation reply; writers get on with their work meanwhile."""
+        return encode_delta(together(self._pieces()))
+
+    def _pieces(self) -> Iterator[Piece]:
+        begin: Place | None = START
+        while begin is not None:
+            with self.lock:
+                piece = piece_of(self.graph.store, CausalContext(), begin)
+            begin = piece.end
+            yield piece
 
 
 def _last(key: str) -> str:

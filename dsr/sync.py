@@ -3,13 +3,14 @@
 Received messages and the time go in; what is to be sent comes out as `Output`s. Rules:
 
 1. Deltas are joined whenever they arrive; nothing relies on their order or on their arrival.
-2. A newcomer asks one peer for everything, if it can the oldest. It has joined when a reply came, or when nobody
-   is there.
+2. A newcomer asks one peer after the other for everything, until it has joined (dsr/joining.py). Who has not
+   joined itself says so.
 3. Once a second each replica makes its stream samples durable and publishes a digest of what it has seen; digests
    are more frequent for a moment when a peer appears, or after this process was stopped (`dsr.pace`).
 4. A replica that still lacks something `GRACE` after a digest told so asks that peer for it (one request
    at a time until patience ends, one for each digest). It only ever pulls, so that nobody has to remember what
-   others know.
+   others know. Answers come in pieces of bounded size, each asked for when the one before was joined
+   (dsr/fetching.py): so nothing is computed for who has given up.
 5. Equal contexts with different fingerprints cannot be; then the replica asks for everything and says so.
 6. A replica whose clock most of its peers see in their future must not write (`drifting`).
 
@@ -18,22 +19,25 @@ A peer that sends nonsense is counted in `dropped` and logged once; nothing it s
 
 from __future__ import annotations
 
-import contextlib
-import gc
 import logging
 import math
 import sys
 from collections import Counter
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
+from dsr.collector import collector_paused
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Delta
+from dsr.crdt.pieces import START, Piece, piece_of
 from dsr.crdt.store import Store
 from dsr.errors import WireError
+from dsr.fetching import Fetch, is_refusal
 from dsr.graph import Graph
-from dsr.pace import Pace
+from dsr.joining import Joining
+from dsr.outputs import Ask, Output, PublishDelta, PublishDigest, Renew
+from dsr.pace import LAST_PATIENCE, Pace
+from dsr.piece_wire import decode_piece, decode_request
 from dsr.wire import Digest, decode_delta, decode_digest, encode_digest
 
 GRACE = 0.15
@@ -42,8 +46,8 @@ REQUEST_TIMEOUT = 10.0
 """s after which an answer is of no use any more."""
 MAX_DRIFT = 0.5
 """s that a peer's clock may be ahead of ours."""
-ELDER_PATIENCE = 1.0
-"""s that a newcomer waits for an answer of those before it, the oldest first, before it asks anybody."""
+LONG_WAIT = 1.0
+"""s after which a newcomer says for whom it waits."""
 JOIN_RETRY = 0.02
 """s after which a newcomer asks the same peer again, whose answer found no way yet."""
 SILENCE = 5.0
@@ -67,32 +71,6 @@ class Gate(Protocol):
 
     def trusts(self, rid: str) -> bool:
         """Whether that replica may speak for others."""
-
-
-class PublishDigest(NamedTuple):
-    """Tell all peers what was seen here."""
-
-    payload: bytes
-
-
-class PublishDelta(NamedTuple):
-    """Send a delta to all peers."""
-
-    delta: Delta
-
-
-class Ask(NamedTuple):
-    """Request from one peer what is missing; hand in the answer with `receive_reply`, then `request_done`."""
-
-    peer: str
-    payload: bytes
-
-
-class Renew(NamedTuple):
-    """Let the network know again what is listened to here: it has changed, and may have forgotten."""
-
-
-Output = PublishDigest | PublishDelta | Ask | Renew
 
 
 @dataclass
@@ -124,15 +102,23 @@ class Synchroniser:
     """Replies joined because a digest told of something missing."""
     drifting: bool = False
     """Whether most peers heard of lately see our clock in their future: then nothing must be written."""
-    elders: Sequence[str] = ()
-    """Replicas that are known to have been there before us, oldest first; set it before joining."""
+    pieces: int = 0
+    """Pieces of replies that came when they were asked for, of those who had not given all they have before."""
+    behind_since: float | None = None
+    """Monotonic time since when it is known that something is missing here; None if nothing is."""
     _peers: dict[str, _Peer] = field(default_factory=dict)
-    _asked: str | None = None
+    _fetch: Fetch | None = None
+    _requests: int = 0
+    _pieces_before: int = 0
+    _came_at: float = -math.inf
+    _under_way: int | None = None
     _asked_at: float = 0.0
     _pace: Pace = field(default_factory=Pace)
     _wants_everything: bool = False
-    _joining_since: float | None = None
     _complaints: set[tuple[str, str]] = field(default_factory=set)
+
+    def __post_init__(self) -> None:
+        self.joining = Joining(self.graph.rid, self._trusts)
 
     # ---- events
 
@@ -140,13 +126,15 @@ class Synchroniser:
         """A replica became reachable; it gets a digest at once, so that a healed partition is repaired soon."""
         if rid != self.graph.rid:
             self._peers.setdefault(rid, _Peer())
+            self.joining.appeared(rid)
             self._pace.hurry(now)
 
     def peer_gone(self, rid: str) -> None:
         """A replica became unreachable."""
         self._peers.pop(rid, None)
-        if self._asked == rid:
-            self._asked = None
+        self.joining.gone(rid)
+        if self._fetch is not None and self._fetch.peer == rid:
+            self._give_up()
 
     def receive_delta(self, sender: str, payload: bytes) -> None:
         """A delta or a bundle of stream samples arrived."""
@@ -179,41 +167,76 @@ class Synchroniser:
         peer.digest, peer.heard_at, peer.ahead = digest, now, ahead
         self.drifting = self._is_drifting(now)
 
-    def receive_reply(self, sender: str, payload: bytes) -> None:
-        """The answer to `Ask` arrived."""
-        self.request_done(sender)
-        self._pace.answered()
+    def receive_reply(self, sender: str, number: int, payload: bytes) -> None:
+        """The answer to `Ask` with that number arrived; what it holds counts also if it comes late."""
         try:
             with collector_paused():
-                delta = decode_delta(payload)
-                if delta.live is None:
-                    raise WireError("a synchronisation reply without the live dots")
-                self.graph.join(self.gate.reply(sender, delta, self.graph.store) if self.gate else delta)
+                piece = decode_piece(payload)
+                self._join_reply(sender, piece.as_delta())
         except WireError as error:
             self._drop(sender, error)
+            self.request_done(number)
             return
-        self.repairs += self.joined
-        self.joined = True
-        self._wants_everything = False
+        if self._fetch is None or number != self._under_way:
+            return
+        self._under_way = None
+        self._pace.answered()
+        self.pieces += not is_refusal(piece) and self.joining.may_have_more(sender)
+        if is_refusal(piece):
+            self.joining.declined(sender, piece.waits_for)
+            self._give_up()
+        elif not self._fetch.take(piece, self.graph.store.context):
+            self._drop(sender, WireError("another piece than was asked for"))
+            self._give_up()
+        elif self._fetch.begin is None:
+            self._finish(self._fetch)
 
-    def request_done(self, peer: str) -> None:
-        """No more answers to `Ask` will come."""
-        if self._asked == peer:
-            self._asked = None
+    def _join_reply(self, sender: str, delta: Delta) -> None:
+        self.graph.join(self.gate.reply(sender, delta, self.graph.store) if self.gate else delta)
+
+    def _finish(self, fetch: Fetch) -> None:
+        """All pieces have come."""
+        self._join_reply(fetch.peer, fetch.rest())
+        self._give_up()
+        self._wants_everything = False
+        if self.joined:
+            self.repairs += 1
+            return
+        self.joining.exhausted(fetch.peer)
+        self.joined = fetch.joined and self._trusts(fetch.peer)
+        self._join_if_nobody_has_more()
+
+    def _join_if_nobody_has_more(self) -> None:
+        if not self.joined and self.joining.nobody_has_more and not self.joining.others_possible:
+            self.joined = True
+
+    def request_done(self, number: int) -> None:
+        """No more answers to that `Ask` will come."""
+        if number == self._under_way:
+            self._give_up()
+
+    def _give_up(self) -> None:
+        """Ask for no further piece."""
+        self._fetch = self._under_way = None
 
     def nobody_there(self) -> None:
-        """The caller knows that this is the first replica: nothing to ask for."""
-        self.joined = self.joined or not self._peers
+        """The caller knows that the graph begins here, or wants it to: nothing to wait for."""
+        self.joined = True
 
-    def answer(self, sender: str, payload: bytes) -> Delta | None:
-        """The reply to a peer's request; None if the request is malformed."""
+    def answer(self, sender: str, payload: bytes) -> Piece | None:
+        """A piece of the reply to a peer's request; None if the request is malformed."""
         try:
-            seen = decode_digest(payload).context
+            request = decode_request(payload)
         except WireError as error:
             self._drop(sender, error)
             return None
-        with collector_paused():
-            return self.graph.store.missing_for(seen)
+        if self.joined or request.insists:
+            with collector_paused():
+                piece = piece_of(self.graph.store, request.seen, request.begin)
+        else:
+            piece = Piece(START, waits_for=self.joining.waits_for())
+        piece.joined = self.joined
+        return piece
 
     def tick(self, now: float, physical: float) -> list[Output]:
         """What is due at monotonic time `now` and physical time `physical` (s)."""
@@ -229,13 +252,42 @@ class Synchroniser:
             outputs.append(PublishDigest(self._digest(physical)))
         if self._pace.renewal_due(now):
             outputs.append(Renew())
-        peer = self._peer_to_ask(now)
-        if peer is not None:
-            self._asked, self._asked_at = peer, now
+        outputs += self._ask(now)
+        return outputs
+
+    def _ask(self, now: float) -> list[Output]:
+        """Ask for the next piece, of the same peer or of another one."""
+        self._note_time(now)
+        if self._under_way is not None:
+            answering = self._fetch is not None and self._fetch.begin != START
+            if now - self._asked_at < (LAST_PATIENCE if answering else self._pace.patience):
+                return []
+            self._pace.unanswered()
+            self._give_up()
+        if self._fetch is None:
+            peer = self._peer_to_ask(now)
+            if peer is None:
+                return []
             self._peers[peer].asked += 1
             self._peers[peer].asked_at = now
-            outputs.append(Ask(peer, self._request(physical)))
-        return outputs
+            ranges = () if self._wants_everything else self.graph.store.context.ranges()
+            insists = self.joined or self.joining.insists
+            self._fetch = Fetch(peer, CausalContext(ranges), insists=insists)
+        self._requests += 1
+        self._under_way, self._asked_at = self._requests, now
+        return [Ask(self._fetch.peer, self._fetch.request(self.graph.rid), self._requests)]
+
+    def _note_time(self, now: float) -> None:
+        """For how long something has been missing here."""
+        if not self.joined:
+            self.joining.since = min(self.joining.since, now)
+            self._join_if_nobody_has_more()
+            if self.pieces > self._pieces_before:
+                self._pieces_before, self._came_at = self.pieces, now
+            if now - max(self.joining.since, self._came_at) > LONG_WAIT and self.joining.others:
+                self._complain(self.graph.rid, "%s has not joined yet: %s", self.joining.why(now))
+        complete = self.joined and self._fetch is None and not self._known_ahead(now)
+        self.behind_since = None if complete else now if self.behind_since is None else self.behind_since
 
     def settle(self) -> Delta:
         """Stream samples made durable: our own, and those of writers that are gone if we may speak for others."""
@@ -268,43 +320,32 @@ class Synchroniser:
             if peer.digest and now - peer.heard_at > FORGET:
                 self.peer_gone(rid)
 
-    def _digest(self, physical: float, seen: CausalContext | None = None) -> bytes:
+    def _digest(self, physical: float) -> bytes:
         ahead = tuple(sorted(rid for rid, peer in self._peers.items() if peer.ahead))
         store = self.graph.store
-        return encode_digest(Digest(self.graph.rid, physical, seen or store.context, store.fingerprint, ahead))
-
-    def _request(self, physical: float) -> bytes:
-        return self._digest(physical, CausalContext() if self._wants_everything else None)
+        return encode_digest(Digest(self.graph.rid, physical, store.context, store.fingerprint, ahead))
 
     def _peer_to_ask(self, now: float) -> str | None:
-        if self._asked is not None:
-            if now - self._asked_at < self._pace.patience:
-                return None
-            self._pace.unanswered()
-            self._asked = None
         if not self.joined:
-            return self._peer_to_join(now)
-        return self._least_asked([
+            asked = {rid: peer.asked for rid, peer in self._peers.items() if now - peer.asked_at >= JOIN_RETRY}
+            return self.joining.choose(asked, asked, now)
+        return self._least_asked([rid for rid in self._known_ahead(now) if self._is_new(self._peers[rid])])
+
+    def _known_ahead(self, now: float) -> list[str]:
+        """Peers of which a digest told of something that is not here, though it had the time to come."""
+        return [
             rid
             for rid, peer in self._peers.items()
             if peer.digest
             and peer.digest is not peer.covered
-            and peer.asked_at < peer.heard_at
             and GRACE <= now - peer.heard_at < SILENCE
             and self._is_behind(rid, peer, peer.digest)
-        ])
+        ]
 
-    def _peer_to_join(self, now: float) -> str | None:
-        """The elders first, for a while: a younger one may be a newcomer itself. Then whoever answers."""
-        if self._joining_since is None:
-            self._joining_since = now
-        patient = now - self._joining_since < ELDER_PATIENCE
-        if patient and self.elders and self.elders[0] not in self._peers:
-            return None
-        elders = [rid for rid in self.elders if rid in self._peers] if patient else []
-        return self._least_asked([
-            rid for rid in elders or self._peers if now - self._peers[rid].asked_at >= JOIN_RETRY
-        ])
+    @staticmethod
+    def _is_new(peer: _Peer) -> bool:
+        """Whether it was not asked since its last digest."""
+        return peer.asked_at < peer.heard_at
 
     def _least_asked(self, rids: list[str]) -> str | None:
         """The peers in turn, so that one that does not answer is not asked for ever."""
@@ -335,15 +376,3 @@ class Synchroniser:
         if (rid, text) not in self._complaints and len(self._complaints) < MAX_PEERS:
             self._complaints.add((rid, text))
             _log.log(level, text, rid, *details)
-
-
-@contextlib.contextmanager
-def collector_paused() -> Iterator[None]:
-    """Do not look for reference cycles: among many new objects that all stay, it takes as long as the work itself."""
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            gc.enable()

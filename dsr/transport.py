@@ -24,6 +24,10 @@ PresenceHandler = Callable[[str, bool], None]
 """Called with (key, alive) when an announced key appears or goes."""
 
 
+MAX_ASKERS = 64
+"""Requests that may wait for whoever answers only one of each asker."""
+
+
 class Qos(enum.Enum):
     """How a message travels: what happens to it when a link is slow."""
 
@@ -81,8 +85,14 @@ class Transport(Protocol):
         `notify` is called from the network's thread whenever one has come.
         """
 
-    def serve(self, key: str, handler: RequestHandler) -> Subscription:
-        """Answer requests on `key`. The handler may be called from any thread."""
+    def serve(
+        self, key: str, handler: RequestHandler, *, asker: Callable[[bytes], str] | None = None
+    ) -> Subscription:
+        """Answer requests on `key`. The handler may be called from any thread.
+
+        With `asker`, which tells who sent a request, only the newest request of each is answered of those that wait,
+        and no more than `MAX_ASKERS` wait: the others learn at once that no answer comes.
+        """
 
     def request(
         self, key: str, payload: bytes, on_reply: MessageHandler, on_done: Callable[[], None], timeout: float

@@ -11,13 +11,16 @@ x y z qx qy qz qw stamp, then, if known, the 36 of the covariance row by row.
 
 Rules for changing this file: a reader must refuse what it does not understand, so every change of the
 layout increments `VERSION`; the golden bytes in tests/dsr/test_wire.py change only together with it.
+
+What arrives costs time and memory in proportion to its length, whatever is in it: nothing is built that no message may
+hold. So lists say how long they may be, values are skipped first and then read by their kind, and no error shows them.
 """
 
 from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from typing import Annotated, Any
 
 import msgspec
@@ -37,53 +40,87 @@ _UNIT_TOLERANCE = 1e-12
 """Rounding of a unit quaternion: within it the sender's numbers are taken as they are."""
 MAX_NAME = 256
 _MAX_COUNTER = 1 << 53
-MAX_MESSAGE = 1 << 28
-"""Bytes of a delta or digest; a graph of a million nodes fits."""
+MAX_MESSAGE = 1 << 24
+"""Bytes of a message: one value of the greatest length fits. What is larger travels in several."""
+MAX_STRUCTURE = 1 << 20
+"""Bytes of a message without its values: what lists of changes and dots may take."""
 
-_Natural = Annotated[int, msgspec.Meta(ge=0)]
+Natural = Annotated[int, msgspec.Meta(ge=0)]
 _Counter = Annotated[int, msgspec.Meta(ge=1, le=_MAX_COUNTER)]
-_CounterOrZero = Annotated[int, msgspec.Meta(ge=0, le=_MAX_COUNTER)]
+CounterOrZero = Annotated[int, msgspec.Meta(ge=0, le=_MAX_COUNTER)]
 _Stamp = Annotated[int, msgspec.Meta(ge=0, le=(1 << 63) - 1)]
-_Name = Annotated[str, msgspec.Meta(min_length=1, max_length=MAX_NAME)]
+Name = Annotated[str, msgspec.Meta(min_length=1, max_length=MAX_NAME)]
 
 
-class _Add(msgspec.Struct, array_like=True, gc=False):
-    replica: _Natural
+class AddRow(msgspec.Struct, array_like=True, gc=False):
+    """An addition in a message."""
+
+    replica: Natural
     counter: _Counter
-    key: Any  # a union of constrained strings and tuples is beyond msgspec 0.22
-    type: _Name
-    sources: list[_Natural]
-    destinations: list[_Natural]
+    key: str | tuple[str, str, str]  # a union of constrained strings and tuples is beyond msgspec 0.22
+    type: Name
+    sources: list[Natural]
+    destinations: list[Natural]
 
 
-class _Write(msgspec.Struct, array_like=True, gc=False):
-    replica: _Natural
+class WriteRow(msgspec.Struct, array_like=True, gc=False):
+    """A write in a message."""
+
+    replica: Natural
     counter: _Counter
-    attribute: _Name
+    attribute: Name
     stamp: _Stamp
-    writer: _Natural
-    dot_replica: _Natural
-    dot_counter: _CounterOrZero
+    writer: Natural
+    dot_replica: Natural
+    dot_counter: CounterOrZero
     value: Any
+
+
+class ReadWriteRow(WriteRow, array_like=True, gc=False):
+    """A write as it is read, its value still in bytes."""
+
+    value: msgspec.Raw
 
 
 class _Delta(msgspec.Struct, array_like=True, gc=False):
     version: int
-    replicas: list[_Name]
-    adds: list[_Add]
-    writes: list[_Write]
-    removed: list[_Natural]
-    context: list[_Natural]
-    live: list[_Natural] | None
+    replicas: list[Name]
+    adds: list[AddRow]
+    writes: list[WriteRow]
+    removed: list[Natural]
+    context: list[Natural]
+    live: list[Natural] | None
+
+
+class _KeptDelta(_Delta, array_like=True, gc=False):
+    """A delta as it is read from a file: as long as the file."""
+
+    writes: list[ReadWriteRow]  # type: ignore[assignment]
+
+
+MOST_CHANGES = msgspec.Meta(max_length=MAX_STRUCTURE // 8)
+"""Each takes 8 bytes or more."""
+MOST_NUMBERS = msgspec.Meta(max_length=MAX_STRUCTURE)
+
+
+class _SentDelta(_KeptDelta, array_like=True, gc=False):
+    """A delta as it is read from the network."""
+
+    replicas: Annotated[list[Name], MOST_CHANGES]
+    adds: Annotated[list[AddRow], MOST_CHANGES]
+    writes: Annotated[list[ReadWriteRow], MOST_CHANGES]
+    removed: Annotated[list[Natural], MOST_NUMBERS]
+    context: Annotated[list[Natural], MOST_NUMBERS]
+    live: Annotated[list[Natural], MOST_NUMBERS] | None
 
 
 class _Digest(msgspec.Struct, array_like=True, gc=False):
     version: int
-    replica: _Name
+    replica: Name
     now: float
-    context: list[tuple[_Name, _Counter, _Counter]]
+    context: list[tuple[Name, _Counter, _Counter]]
     fingerprint: int
-    ahead: list[_Name]
+    ahead: list[Name]
 
 
 class Digest(msgspec.Struct, frozen=True):
@@ -107,7 +144,7 @@ def _encode_extension(value: Any) -> Any:
     raise TypeError(f"{type(value).__name__} cannot be sent")
 
 
-def _decode_extension(code: int, data: memoryview) -> Pose:
+def _decode_extension(code: int, data: bytes | bytearray | memoryview) -> Pose:
     if code == _POSE_CODE and len(data) == _POSE.size:
         tx, ty, tz, x, y, z, w, stamp = _POSE.unpack(data)
         if abs(x * x + y * y + z * z + w * w - 1.0) < _UNIT_TOLERANCE and math.isfinite(tx + ty + tz + stamp):
@@ -119,12 +156,16 @@ def _decode_extension(code: int, data: memoryview) -> Pose:
     raise WireError(f"extension {code} of {len(data)} bytes")
 
 
-_encoder = msgspec.msgpack.Encoder(enc_hook=_encode_extension)
-_delta_decoder = msgspec.msgpack.Decoder(_Delta, ext_hook=_decode_extension)
+_Plain = None | bool | int | float | str | list[float] | msgspec.msgpack.Ext
+encoder = msgspec.msgpack.Encoder(enc_hook=_encode_extension)
+_sent_decoder = msgspec.msgpack.Decoder(_SentDelta)
+_kept_decoder = msgspec.msgpack.Decoder(_KeptDelta)
+_plain_decoder: msgspec.msgpack.Decoder[Any] = msgspec.msgpack.Decoder(_Plain)
+_bytes_decoder = msgspec.msgpack.Decoder(bytes)
 _digest_decoder = msgspec.msgpack.Decoder(_Digest)
 
 
-class _Indexes(dict[str, int]):
+class Indexes(dict[str, int]):
     """Replica ids in order of first use, and their indexes."""
 
     def __missing__(self, rid: str) -> int:
@@ -132,45 +173,70 @@ class _Indexes(dict[str, int]):
         return index
 
     def flat(self, dots: Iterable[Dot]) -> list[int]:
+        """Dots as pairs of an index and a counter, one after the other."""
         return [number for rid, counter in dots for number in (self[rid], counter)]
+
+    def flat_ranges(self, ranges: Iterable[DotRange]) -> list[int]:
+        """Ranges likewise, as triples."""
+        return [number for rid, first, last in ranges for number in (self[rid], first, last)]
 
 
 def encode_delta(delta: Delta) -> bytes:
     """A delta or synchronisation reply as bytes."""
-    index = _Indexes()
-    adds = [_Add(index[a.dot[0]], a.dot[1], a.key, a.type, index.flat(a.sources), index.flat(a.destinations))
-            for a in delta.adds]  # fmt: skip
-    writes = [_encode_write(index, write) for write in delta.writes]
+    index = Indexes()
+    adds = add_rows(index, delta.adds)
+    writes = [write_row(index, write) for write in delta.writes]
     removed = index.flat(delta.removed)
-    context = [number for rid, first, last in delta.context for number in (index[rid], first, last)]
+    context = index.flat_ranges(delta.context)
     live = None if delta.live is None else index.flat(sorted(delta.live))
-    return _encoder.encode(_Delta(VERSION, list(index), adds, writes, removed, context, live))
+    return encoder.encode(_Delta(VERSION, list(index), adds, writes, removed, context, live))
 
 
-def _encode_write(index: _Indexes, write: Write) -> _Write:
+def add_rows(index: Indexes, adds: Iterable[Add]) -> list[AddRow]:
+    """Additions as they are sent."""
+    return [
+        AddRow(index[a.dot[0]], a.dot[1], a.key, a.type, index.flat(a.sources), index.flat(a.destinations))
+        for a in adds
+    ]
+
+
+def write_row(index: Indexes, write: Write) -> WriteRow:
+    """A write as it is sent."""
     rid, counter = write.owner
     dot_rid, dot_counter = write.dot or (write.writer, 0)
     value = None if write.value is TOMBSTONE else write.value
-    return _Write(
+    return WriteRow(
         index[rid], counter, write.attribute, write.stamp, index[write.writer], index[dot_rid], dot_counter, value
     )
 
 
 def decode_delta(payload: bytes) -> Delta:
-    """The delta in `payload`. Raises `WireError` unless all of it is valid."""
-    return decoded(payload, f"delta of {len(payload)} bytes", _read_delta)
+    """The delta in `payload`, which came over the network. Raises `WireError` unless all of it is valid."""
+    return decoded(payload, f"delta of {len(payload)} bytes", _read_sent)
 
 
-def _read_delta(payload: bytes) -> Delta:
-    _check_length(payload)
-    message = _delta_decoder.decode(payload)
-    _check_version(message.version)
+def decode_kept(payload: bytes) -> Delta:
+    """The delta or snapshot in `payload`, which was read from a file; it may be of any length. Raises `WireError`."""
+    return decoded(payload, f"delta of {len(payload)} bytes", lambda kept: _to_delta(_kept_decoder.decode(kept)))
+
+
+def _read_sent(payload: bytes) -> Delta:
+    check_length(payload)
+    message = _sent_decoder.decode(payload)
+    check_structure(payload, message.writes)
     return _to_delta(message)
 
 
-def _check_length(payload: bytes) -> None:
+def check_length(payload: bytes) -> None:
+    """Raise `ValueError` for a message longer than any may be."""
     if len(payload) > MAX_MESSAGE:
         raise ValueError(f"more than {MAX_MESSAGE} bytes")
+
+
+def check_structure(payload: bytes, writes: list[ReadWriteRow]) -> None:
+    """Raise `ValueError` for a long message that is not long for its values."""
+    if len(payload) > MAX_STRUCTURE and len(payload) - sum(len(write.value) for write in writes) > MAX_STRUCTURE:
+        raise ValueError(f"more than {MAX_STRUCTURE} bytes beside the values")
 
 
 def _check_version(version: int) -> None:
@@ -178,59 +244,101 @@ def _check_version(version: int) -> None:
         raise ValueError(f"version {version}, this is version {VERSION}")
 
 
-def _to_delta(message: _Delta) -> Delta:
+def _to_delta(message: _KeptDelta) -> Delta:
+    _check_version(message.version)
     names = message.replicas
-    delta = Delta()
-    for a in message.adds:
-        ends = (tuple(_dots(names, a.sources)), tuple(_dots(names, a.destinations))) if a.sources else ()
-        delta.adds.append(Add((names[a.replica], a.counter), _to_key(a), a.type, *ends))
-    delta.writes = [_to_write(names, write) for write in message.writes]
-    delta.removed = _dots(names, message.removed)
-    delta.context = _ranges(names, message.context)
-    delta.live = None if message.live is None else frozenset(_dots(names, message.live))
+    delta = Delta(to_adds(names, message.adds), to_writes(names, message.writes))
+    delta.removed = to_dots(names, message.removed)
+    delta.context = to_ranges(names, message.context)
+    delta.live = None if message.live is None else frozenset(to_dots(names, message.live))
     return delta
 
 
-def _to_key(add: _Add) -> Key:
+def to_adds(names: list[str], rows: list[AddRow]) -> list[Add]:
+    """Additions as they were received; raises `ValueError`, `IndexError`."""
+    adds = []
+    for row in rows:
+        ends = (tuple(to_dots(names, row.sources)), tuple(to_dots(names, row.destinations))) if row.sources else ()
+        adds.append(Add((names[row.replica], row.counter), _to_key(row), row.type, *ends))
+    return adds
+
+
+def to_writes(names: list[str], rows: list[ReadWriteRow]) -> list[Write]:
+    """Writes as they were received; raises `ValueError`, `IndexError`, and what msgspec raises for their values."""
+    return [_to_write(names, row) for row in rows]
+
+
+def _to_key(add: AddRow) -> Key:
     key = add.key
-    if _is_name(key):
+    if type(key) is str:
+        if not _is_name(key):
+            raise ValueError(f"a node's name of {len(key)} characters")
         if add.sources or add.destinations:
-            raise ValueError(f"node {key!r} with endpoints")
-        return str(key)
-    if type(key) is not list or len(key) != 3 or not (_is_name(key[0]) and _is_name(key[1]) and _is_name(key[2])):
-        raise ValueError(f"key {key!r:.80}: expected a name or three names of at most {MAX_NAME} characters")
+            raise ValueError("a node with endpoints")
+        return key
+    if not (_is_name(key[0]) and _is_name(key[1]) and _is_name(key[2])):
+        raise ValueError(f"an edge's key with a name of none or more than {MAX_NAME} characters")
     if not add.sources or not add.destinations:
-        raise ValueError(f"edge {key!r:.80}: expected creation dots at both ends")
-    return key[0], key[1], key[2]
+        raise ValueError("an edge without creation dots at both ends")
+    return key
 
 
-def _is_name(value: Any) -> bool:
-    return type(value) is str and 0 < len(value) <= MAX_NAME
+def _is_name(value: str) -> bool:
+    return 0 < len(value) <= MAX_NAME
 
 
-def _to_write(names: list[str], write: _Write) -> Write:
+def _to_write(names: list[str], write: ReadWriteRow) -> Write:
     writer = names[write.writer]
     dot = (names[write.dot_replica], write.dot_counter) if write.dot_counter else None
-    value = write.value if type(write.value) in _PLAIN else _to_value(write.value)
-    return Write((names[write.replica], write.counter), write.attribute, write.stamp, writer, dot, value)
+    return Write(
+        (names[write.replica], write.counter), write.attribute, write.stamp, writer, dot, _to_value(write.value)
+    )
 
 
-_PLAIN = frozenset((Pose, bool))
+_SHORTEST_NUMBER = 5
+"""Bytes of a float of 32 bits."""
+_LONG = 1 << 10
+"""Bytes of a value above which its numbers are counted before they are read."""
+_LENGTHS = {0xDC: struct.Struct(">xH"), 0xDD: struct.Struct(">xI")}
+"""How arrays of MessagePack that are not short tell their length, by first byte."""
 
 
-def _to_value(value: Any) -> Any:
+def _to_value(raw: msgspec.Raw) -> Any:
+    """The value in MessagePack; raises `ValueError` if no attribute may have it."""
+    if len(raw) > _LONG:
+        _check_numbers(memoryview(raw))
+    try:
+        value = _plain_decoder.decode(raw)
+    except msgspec.ValidationError:  # one type for both text and bytes is beyond msgspec 0.22
+        value = _bytes_decoder.decode(raw)
     kind = type(value)
-    if kind in (str, bytes) and len(value) <= MAX_LENGTH:
-        return value
-    if value is None:
-        return TOMBSTONE
-    if kind is float and math.isfinite(value):
-        return value
-    if kind is int and -(1 << 63) <= value < (1 << 63):
-        return value
-    if kind is list and len(value) <= MAX_LENGTH and all(type(n) is float and math.isfinite(n) for n in value):
-        return tuple(value)
-    raise ValueError(f"a value of type {kind.__name__} that no attribute may have: {value!r:.80}")
+    if kind is msgspec.msgpack.Ext:
+        return _decode_extension(value.code, value.data)
+    if not _IS_ALLOWED[kind](value):
+        raise ValueError(f"a {kind.__name__} that no attribute may have")
+    return tuple(value) if kind is list else value if value is not None else TOMBSTONE
+
+
+def _is_short(value: str | bytes) -> bool:
+    return len(value) <= MAX_LENGTH
+
+
+_IS_ALLOWED: dict[type, Callable[[Any], bool]] = {
+    float: math.isfinite,
+    bool: lambda _: True,
+    type(None): lambda _: True,
+    int: lambda value: -(1 << 63) <= value < (1 << 63),
+    str: _is_short,
+    bytes: _is_short,
+    list: lambda value: len(value) <= MAX_LENGTH and all(map(math.isfinite, value)),
+}
+
+
+def _check_numbers(raw: memoryview) -> None:
+    """Raise `ValueError` for a long array that holds something smaller than floats: as such it would grow."""
+    length = _LENGTHS.get(raw[0])
+    if length is not None and _SHORTEST_NUMBER * length.unpack_from(raw)[0] > len(raw):
+        raise ValueError("an array of something else than floats")
 
 
 def _positive(counter: int) -> int:
@@ -239,7 +347,8 @@ def _positive(counter: int) -> int:
     return counter
 
 
-def _dots(names: list[str], flat: list[int]) -> list[Dot]:
+def to_dots(names: list[str], flat: list[int]) -> list[Dot]:
+    """Dots as they were received; raises `ValueError`, `IndexError`."""
     if len(flat) == 2:
         return [(names[flat[0]], _positive(flat[1]))]
     if len(flat) % 2:
@@ -249,7 +358,8 @@ def _dots(names: list[str], flat: list[int]) -> list[Dot]:
     return list(zip(map(names.__getitem__, flat[::2]), counters, strict=True))
 
 
-def _ranges(names: list[str], flat: list[int]) -> list[DotRange]:
+def to_ranges(names: list[str], flat: list[int]) -> list[DotRange]:
+    """Ranges as they were received; raises `ValueError`, `IndexError`."""
     if len(flat) % 3:
         raise ValueError("a context is triples of a replica's index, first and last counter")
     return [_checked_range(names[flat[i]], flat[i + 1], flat[i + 2]) for i in range(0, len(flat), 3)]
@@ -257,14 +367,14 @@ def _ranges(names: list[str], flat: list[int]) -> list[DotRange]:
 
 def _checked_range(rid: str, first: int, last: int) -> DotRange:
     if not 1 <= first <= last <= _MAX_COUNTER:
-        raise ValueError(f"dots {first} to {last} of {rid!r}")
+        raise ValueError(f"dots {first} to {last}")
     return rid, first, last
 
 
 def encode_digest(digest: Digest) -> bytes:
     """A digest as bytes."""
     context = list(digest.context.ranges())
-    return _encoder.encode(
+    return encoder.encode(
         _Digest(VERSION, digest.replica, digest.now, context, digest.fingerprint, list(digest.ahead))
     )
 
@@ -275,10 +385,15 @@ def decode_digest(payload: bytes) -> Digest:
 
 
 def _read_digest(payload: bytes) -> Digest:
-    _check_length(payload)
+    if len(payload) > MAX_STRUCTURE:
+        raise ValueError(f"more than {MAX_STRUCTURE} bytes")
     message = _digest_decoder.decode(payload)
     _check_version(message.version)
     if not math.isfinite(message.now):
         raise ValueError(f"time {message.now}")
-    context = CausalContext(_checked_range(*dots) for dots in message.context)
-    return Digest(message.replica, message.now, context, message.fingerprint, tuple(message.ahead))
+    return Digest(message.replica, message.now, to_context(message.context), message.fingerprint, tuple(message.ahead))
+
+
+def to_context(ranges: list[tuple[str, int, int]]) -> CausalContext:
+    """A context as it was received; raises `ValueError`."""
+    return CausalContext(_checked_range(*dots) for dots in ranges)

@@ -13,10 +13,11 @@ from weakref import WeakSet
 
 import zenoh
 
+from dsr.askers import newest_of_each
 from dsr.bulk import BulkReader, BulkWriter, Handler
 from dsr.errors import ConfigError, ListenError, TransportError
 from dsr.keys import ticket_key
-from dsr.transport import Chunks, MessageHandler, PresenceHandler, Qos, RequestHandler, Subscription
+from dsr.transport import MAX_ASKERS, Chunks, MessageHandler, PresenceHandler, Qos, RequestHandler, Subscription
 
 _log = logging.getLogger("dsr.zenoh")
 
@@ -211,12 +212,23 @@ class ZenohTransport:
 
         return self._kept(declare, self._renewable)
 
-    def serve(self, key: str, handler: RequestHandler) -> Subscription:
+    def serve(
+        self, key: str, handler: RequestHandler, *, asker: Callable[[bytes], str] | None = None
+    ) -> Subscription:
         """Answer requests on `key` from a thread of its own."""
 
+        def answer(query: zenoh.Query) -> None:
+            _answer(query, key, handler)
+
         def declare() -> Any:
-            queryable = self._declare(self._session.declare_queryable, key, _fifo(_QUEUE))
-            self._run(f"dsr-serve-{key}", lambda: _for_each(queryable, lambda query: _answer(query, key, handler)))
+            # Of a ring the oldest request is dropped, whose asker most likely has given up: nobody else is held up.
+            queue: Any = _fifo(_QUEUE) if asker is None else _ring(MAX_ASKERS)
+            queryable = self._declare(self._session.declare_queryable, key, queue)
+            asked = queryable
+            if asker is not None:
+                requests = queryable.handler
+                asked = newest_of_each(requests.recv, requests.try_recv, lambda query: asker(_payload(query)))
+            self._run(f"dsr-serve-{key}", lambda: _for_each(asked, answer))
             return queryable
 
         return self._kept(declare, self._renewable)
@@ -368,9 +380,12 @@ def _for_each(channel: Any, action: Callable[[Any], None]) -> None:
                 _log.exception("a message could not be handled")
 
 
+def _payload(query: zenoh.Query) -> bytes:
+    return query.payload.to_bytes() if query.payload is not None else b""
+
+
 def _answer(query: zenoh.Query, key: str, handler: RequestHandler) -> None:
     with query:
-        payload = query.payload.to_bytes() if query.payload is not None else b""
-        reply = handler(str(query.key_expr), payload)
+        reply = handler(str(query.key_expr), _payload(query))
         if reply is not None:
             query.reply(key, reply)

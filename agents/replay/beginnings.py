@@ -10,7 +10,7 @@ from dsr.crdt.hlc import physical_time
 from dsr.errors import WireError
 from dsr.keys import agent_of
 from dsr.runtime.status import State, Status, decode_status
-from dsr.wire import decode_delta
+from dsr.wire import decode_kept
 
 _ROUNDING = 1e-4  # s
 _LOOKED_THROUGH = 60.0  # s of a recording in which an agent's first tick is looked for
@@ -31,7 +31,7 @@ def beginnings(index: RecordingIndex, rates: Mapping[str, float]) -> dict[str, f
             if kind == "status" and name in rates and name not in ready:
                 _note_status(decode_status(record.payload), index.begin + record.time, starting, ready)
             elif kind in ("d", "rt") and (agent := agent_of(name)) in rates and agent not in wrote:
-                stamps = [write.stamp for write in decode_delta(record.payload).writes if write.writer == name]
+                stamps = [write.stamp for write in decode_kept(record.payload).writes if write.writer == name]
                 if stamps:
                     wrote[agent] = physical_time(min(stamps))
         except WireError:

@@ -19,8 +19,9 @@ from dsr.crdt.hlc import physical_time
 from dsr.errors import WireError
 from dsr.keys import agent_of, is_key
 from dsr.memory import Memory
+from dsr.parcels import parcels
 from dsr.transport import Chunks, key_matches
-from dsr.wire import decode_delta, encode_delta
+from dsr.wire import decode_kept
 
 _MICRO = 1e6
 _LATE = 1.0
@@ -93,7 +94,7 @@ class Feed:
             self.memory.poll()
             if bound := self._rebinding.bound(self._live):
                 self._note_alive(bound)
-                yield f"d/{_BOUND_RID}", encode_delta(bound)
+                yield from _messages(f"d/{_BOUND_RID}", bound)
 
     def _live(self, key: Key) -> list[Dot]:
         """Where the agents that run anew have made an element."""
@@ -111,11 +112,11 @@ class Feed:
     def _filtered(self, record: TimedRecord) -> Iterator[tuple[str, bytes | Chunks]]:
         topic = record.topic
         if topic == SNAPSHOT:
-            yield f"d/{_SNAPSHOT_RID}", encode_delta(self._settled(decode_delta(record.payload)))
+            yield from _messages(f"d/{_SNAPSHOT_RID}", self._settled(decode_kept(record.payload)))
         elif topic.startswith(("d/", "rt/")):
-            delta = self._without(decode_delta(record.payload))
+            delta = self._without(decode_kept(record.payload))
             if delta and is_key(topic) and not self._is_theirs(topic):
-                yield topic, encode_delta(delta)
+                yield from _messages(topic, delta)
         elif not is_key(topic) or self._is_theirs(topic):
             return
         elif topic.startswith("blob/"):
@@ -194,6 +195,11 @@ def feeder_for(agent: type[Agent], feed: Feed, name: str | None = None) -> type[
     rank = feed.last_rank if name is None else feed.rank(name)
     fields = {"feed": feed, "rank": rank, "rate_hz": agent.rate_hz}
     return type("Feeder", (Feeder,), fields)
+
+
+def _messages(topic: str, delta: Delta) -> Iterator[tuple[str, bytes]]:
+    """A change as it is published; a recording may hold longer messages than the network."""
+    return ((topic, message) for message in parcels(delta))
 
 
 def _writer(topic: str) -> str | None:

@@ -16,11 +16,13 @@ from dsr import Pose
 from dsr.blobs import Frame, encode_frame
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Delta
+from dsr.crdt.pieces import START, Piece, piece_of
 from dsr.geometry import Mesh
 from dsr.geometry.messages import Ask, Offer, encode_ask, encode_offer
 from dsr.geometry.shared import Place
 from dsr.graph import Graph
 from dsr.intrinsics import Intrinsics
+from dsr.piece_wire import Request, encode_piece, encode_request
 from dsr.runtime.logs import LogRecord
 from dsr.runtime.status import State, Status, encode_status
 from dsr.shared_ring import Ticket
@@ -68,8 +70,26 @@ def replies() -> list[bytes]:
     return [encode_delta(graph.store.missing_for(context)) for context in (CausalContext(), seen, graph.store.context)]
 
 
+def pieces() -> list[bytes]:
+    """Pieces of replies: to one who has seen nothing, a part, and everything; and a refusal."""
+    graph, made = a_graph()
+    contexts = [CausalContext(), CausalContext(made[0].context), graph.store.context]
+    refusal = Piece(START, joined=False, waits_for=["viewer-1"])
+    return [encode_piece(piece) for piece in [*(piece_of(graph.store, seen) for seen in contexts), refusal]]
+
+
+def requests() -> list[bytes]:
+    """Requests for the first piece, and for a later one."""
+    context = CausalContext([("arm_controller-5f0c12aa", 1, 9), ("viewer-1", 3, 4)])
+    place = ("arm_controller-5f0c12aa", 3, "mass")
+    return [
+        encode_request(Request("peer", seen, begin, insists=insists))
+        for seen, begin, insists in ((CausalContext(), START, False), (context, place, True))
+    ]
+
+
 def digests() -> list[bytes]:
-    """Digests, which are requests for what is missing as well."""
+    """Digests."""
     context = CausalContext([("arm_controller-5f0c12aa", 1, 9), ("viewer-1", 3, 4), ("viewer-1", 8, 8)])
     return [
         encode_digest(Digest("peer", NOW, seen, 2**63 + 1, ahead))

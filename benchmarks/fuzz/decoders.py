@@ -27,6 +27,7 @@ from dsr.geometry import Mesh
 from dsr.geometry.messages import decode_ask, decode_offer
 from dsr.persistence.files import read_graph
 from dsr.persistence.records import HEADER, append_record, read_records
+from dsr.piece_wire import decode_piece, decode_request
 from dsr.rendezvous import members
 from dsr.runtime.logs import decode_log
 from dsr.runtime.status import decode_status
@@ -53,7 +54,9 @@ def targets(folder: Path) -> list[Target]:
     """All decoders; those of files get theirs in `folder`, where XDG_RUNTIME_DIR must be too."""
     return [
         Target("delta, reply", _delta, [*corpus.deltas(), *corpus.replies()], 8),
-        Target("digest, request", decode_digest, corpus.digests(), 4),
+        Target("digest", decode_digest, corpus.digests(), 2),
+        Target("request", decode_request, corpus.requests(), 2),
+        Target("piece of a reply", decode_piece, corpus.pieces(), 4),
         Target("camera frame", lambda frame: unpack(decode_frame(frame)), corpus.frames(), 3, load_frame, dump_frame),
         Target("frame ticket", decode_ticket, corpus.tickets(), 1),
         Target("mesh request", decode_ask, corpus.mesh_requests(), 1),

@@ -13,6 +13,7 @@ from benchmarks.fuzz.tally import Tally, measured
 from dsr import LocalNetwork, ManualClock, Memory
 from dsr.crdt.context import CausalContext
 from dsr.errors import WireError
+from dsr.piece_wire import decode_piece, decode_request
 from dsr.runtime.status import StatusBoard
 from dsr.sync import MAX_PEERS
 from dsr.wire import decode_delta, decode_digest, encode_delta
@@ -171,18 +172,18 @@ def _send(tally: Tally, victim: Victim, messages: list[tuple[str, bytes]]) -> in
 
 def _fuzz_requests(tally: Tally, messages: int, seed: int) -> Iterator[Tally]:
     """A request is answered if it is valid, and changes nothing."""
-    mutate, victim = Mutator(corpus.digests(), seed), Victim(seed)
+    mutate, victim = Mutator(corpus.requests(), seed), Victim(seed)
     key = victim.memory.keys.sync("me-1")
     before = victim.state()
 
     def count(_key: str, reply: bytes) -> None:
-        decode_delta(reply)
+        decode_piece(reply)
         victim.replies += 1
 
     with measured(tally) as look:
         for number in range(messages):
             payload = mutate()
-            valid, replies = _judge(tally, payload, lambda p: bool(decode_digest(p))), victim.replies
+            valid, replies = _judge(tally, payload, lambda p: bool(decode_request(p))), victim.replies
             victim.stranger.request(key, payload, count, lambda: None, 0.0)
             _guarded(tally, payload, victim.settle)
             tally.miscounted += (victim.replies > replies) != valid
@@ -195,14 +196,14 @@ def _fuzz_requests(tally: Tally, messages: int, seed: int) -> Iterator[Tally]:
 
 def _fuzz_replies(tally: Tally, messages: int, seed: int) -> Iterator[Tally]:
     """The memory asks, and gets nonsense."""
-    mutate, victim = Mutator(corpus.replies(), seed), Victim(seed)
+    mutate, victim = Mutator(corpus.pieces(), seed), Victim(seed)
     with measured(tally) as look:
         for number in range(messages):
             payload = mutate()
-            valid = _judge(tally, payload, lambda p: decode_delta(p).live is not None)
+            valid = _judge(tally, payload, lambda p: bool(decode_piece(p)))
             sync = victim.memory._replica.synchroniser
             before = None if valid else victim.memory._graph.store.fingerprint, str(victim.memory._graph.store.context)
-            _guarded(tally, payload, lambda: sync.receive_reply("peer", payload))  # noqa: B023
+            _guarded(tally, payload, lambda: sync.receive_reply("peer", 0, payload))  # noqa: B023
             after = None if valid else victim.memory._graph.store.fingerprint, str(victim.memory._graph.store.context)
             tally.changes += before != after
             if number % _BATCH == 0:

@@ -28,7 +28,7 @@ def status_table(rows: Iterable[AgentRow], title: str) -> Group:
     table = Table(title=title, title_justify="left", box=None, pad_edge=False, collapse_padding=True)
     for column in ("agent", "state"):
         table.add_column(column, no_wrap=True)
-    for column in ("Hz", "tick ms", "95 %", "lag ms", "missed", "errors", "restarts"):
+    for column in ("Hz", "tick ms", "95 %", "lag ms", "behind s", "missed", "errors", "restarts"):
         table.add_column(column, justify="right", no_wrap=True)
     problems = []
     for row in rows:
@@ -41,9 +41,9 @@ def status_table(rows: Iterable[AgentRow], title: str) -> Group:
 
 def _numbers(row: AgentRow) -> list[str]:
     if row.heard is None:
-        return [""] * 6 + [str(row.restarts)]
+        return [""] * 7 + [str(row.restarts)]
     status = row.heard.status
-    times = (status.rate_hz, status.tick_ms_p50, status.tick_ms_p95, row.heard.latency * 1e3)
+    times = (status.rate_hz, status.tick_ms_p50, status.tick_ms_p95, row.heard.latency * 1e3, status.behind)
     return [*(f"{number:.1f}" for number in times), *map(str, (status.missed, status.errors, row.restarts))]
 
 
@@ -58,6 +58,7 @@ def status_json(rows: Iterable[AgentRow]) -> list[dict[str, Any]]:
             "tick_ms_p50": row.heard.status.tick_ms_p50 if row.heard else None,
             "tick_ms_p95": row.heard.status.tick_ms_p95 if row.heard else None,
             "latency_ms": row.heard.latency * 1e3 if row.heard else None,
+            "behind_s": row.heard.status.behind if row.heard else None,
             "missed": row.heard.status.missed if row.heard else None,
             "errors": row.heard.status.errors if row.heard else None,
             "restarts": row.restarts,

@@ -55,8 +55,8 @@ class Write(msgspec.Struct, frozen=True, gc=False):
 class Delta(msgspec.Struct, gc=False):
     """A piece of state to be joined with another replica's.
 
-    `context` holds the dots that this delta accounts for. With `live` (all live creation dots of the
-    sender), the delta is a synchronisation reply: what its context covers and `live` lacks is removed.
+    `context` holds the dots that this delta accounts for. With `live` (live creation dots of the sender), the
+    delta is a synchronisation reply: what `examined` covers and `live` lacks is removed.
     """
 
     adds: list[Add] = []
@@ -64,6 +64,8 @@ class Delta(msgspec.Struct, gc=False):
     removed: list[Dot] = []
     context: list[DotRange] = []
     live: frozenset[Dot] | None = None
+    examined: list[DotRange] | None = None
+    """Of which dots `live` tells; all of the context if None."""
 
     def __bool__(self) -> bool:
         return bool(self.adds or self.writes or self.removed or self.context or self.live is not None)

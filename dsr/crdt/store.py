@@ -18,6 +18,8 @@ from msgspec.structs import replace
 
 from dsr.crdt.context import CausalContext, Dot, to_ranges
 from dsr.crdt.delta import Add, Delta, Key, Write
+from dsr.crdt.dots import OrderedDots
+from dsr.crdt.pieces import all_pieces, together
 
 MAX_WAITING = 10_000
 """Writes for unknown entries that are kept; one with a long value counts for several (see `_weight`)."""
@@ -67,6 +69,7 @@ class Store:
         self.context = CausalContext()
         self.entries: MutableMapping[Dot, Entry] = {}
         self.by_key: MutableMapping[Key, dict[Dot, Entry]] = {}
+        self._order: OrderedDots | None = OrderedDots()
         self.mine: set[Dot] | None = None
         """If entries are shared with forks: those that nobody else reads. The others are copied before they change."""
         self.fingerprint = 0
@@ -113,8 +116,8 @@ class Store:
     def _remove_absent(self, delta: Delta) -> None:
         """Remove what the sender has seen and does not hold; what it has not seen stays."""
         assert delta.live is not None
-        seen = CausalContext(delta.context)
-        gone = [dot for dot in self.entries if dot in seen and dot not in delta.live]
+        examined = delta.context if delta.examined is None else delta.examined
+        gone = [dot for dots in examined for dot in self.order.between(*dots) if dot not in delta.live]
         for dot in gone:
             self._remove(dot)
 
@@ -131,6 +134,7 @@ class Store:
         del siblings[dot]
         if not siblings:
             del self.by_key[entry.key]
+        self._leave_order(dot)
         self.fingerprint ^= dot_hash(dot)
         self._observer.entry_removed(entry)
 
@@ -143,6 +147,7 @@ class Store:
             self.mine.add(add.dot)
         entry = Entry(add)
         self.entries[add.dot] = entry
+        self._take_place(add.dot)
         self.by_key.setdefault(add.key, {})[add.dot] = entry
         self.fingerprint ^= dot_hash(add.dot)
         for write in self._waiting.pop(add.dot, ()):
@@ -188,6 +193,25 @@ class Store:
     def find(self, dot: Dot) -> Entry | None:
         """What was created under `dot` and lives, with the registers that are written here."""
         return self.entries.get(dot)
+
+    @property
+    def order(self) -> OrderedDots:
+        """The dots of `written_dots` in order; they are sorted once after `forget_order`."""
+        if self._order is None:
+            self._order = OrderedDots(self.written_dots())
+        return self._order
+
+    def forget_order(self) -> None:
+        """Other entries were put in the place of these."""
+        self._order = None
+
+    def _take_place(self, dot: Dot) -> None:
+        if self._order is not None:
+            self._order.add(dot)
+
+    def _leave_order(self, dot: Dot) -> None:
+        if self._order is not None:
+            self._order.discard(dot)
 
     def written_dots(self) -> list[Dot]:
         """Creation dots of all that `find` finds."""
@@ -250,6 +274,7 @@ class Store:
     def rebuild(self) -> None:
         """Derive all else from the entries again, after a join that was broken off half way."""
         self.by_key, self.fingerprint = {}, 0
+        self.forget_order()
         for dot, entry in self.entries.items():
             self.by_key.setdefault(entry.key, {})[dot] = entry
             self.fingerprint ^= dot_hash(dot)
@@ -261,14 +286,7 @@ class Store:
 
     def missing_for(self, seen: CausalContext) -> Delta:
         """What a replica that has seen `seen` lacks, plus all live dots: a synchronisation reply."""
-        reply = Delta()
-        for dot, entry in self.entries.items():
-            if dot not in seen:
-                reply.adds.append(Add(dot, entry.key, entry.type, entry.sources, entry.destinations))
-            reply.writes += [w for w in entry.registers.values() if w.dot is None or w.dot not in seen]
-        reply.context = list(self.context.ranges())
-        reply.live = frozenset(self.entries)
-        return reply
+        return together(all_pieces(self, seen))
 
     def take_unsettled(self, due: Callable[[Write, int], bool], new_dot: Callable[[], Dot]) -> Delta:
         """Give a dot to each stream register for which `due(write, times passed over)` holds."""

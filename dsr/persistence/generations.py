@@ -15,7 +15,7 @@ from dsr.crdt.delta import Delta
 from dsr.errors import ConfigError, WireError
 from dsr.persistence.records import HEADER, append_record, read_records
 from dsr.private_files import DRAFT_SUFFIX, new_file, replacing, sync_folder
-from dsr.wire import decode_delta, encode_delta
+from dsr.wire import decode_kept, encode_delta
 
 _log = logging.getLogger("dsr.persistence")
 
@@ -63,7 +63,7 @@ class Generations:
         file = self._file("snapshot", number)
         try:
             records = read_records(file)
-            deltas = [decode_delta(payload) for payload in records.payloads]
+            deltas = [decode_kept(payload) for payload in records.payloads]
             problem = records.problem or ("" if deltas and deltas[-1].live is not None else "it is not complete")
         except (OSError, WireError) as error:
             deltas, problem = [], str(error)
@@ -79,7 +79,7 @@ class Generations:
             _log.warning("%s: %s, as a crash leaves it; what stands before is restored", file, records.problem)
         for payload in records.payloads:
             try:
-                yield decode_delta(payload)
+                yield decode_kept(payload)
             except WireError as error:
                 _log.warning("%s: a record was left out: %s", file, error)
 

@@ -188,10 +188,13 @@ class Lockstep:
             memory.poll()
         transport = self.network.connect(rid)
         memory = Memory(self.keys.graph, name, transport=transport, clock=self.clock, guard=guard, rid=rid)
-        for _ in range(_ROUNDS):
-            self.network.deliver()
-            memory.poll()
-        memory.wait_joined(0.0, alone=not memory.peers)
+        came, sync = -1, memory.replica.synchroniser
+        while came < sync.pieces:
+            came = sync.pieces
+            for _ in range(_ROUNDS):
+                self.network.deliver()
+                memory.poll()
+        memory.wait_joined(0.0, all_known=not memory.peers)
         self._memories.append(memory)
         return memory
 

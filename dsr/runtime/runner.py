@@ -185,12 +185,17 @@ class Runner:
             tick_ms_p50=_quantile(durations, 0.5) * 1e3,
             tick_ms_p95=_quantile(durations, 0.95) * 1e3,
             missed=self.missed,
+            behind=self._behind(),
             errors=self._errors,
             restarts=self._restarts,
             last_error=self._impairment or self._last_error,
             stamp=self.agent.clock.now(),
             worlds=self._activity.uses(self.agent.clock.now()),
         )
+
+    def _behind(self) -> float:
+        agent = self.agent
+        return agent.memory.behind if agent.uses_memory else 0.0
 
     def _rate(self) -> float:
         """Ticks a second over the last few seconds, and at least over the last two ticks."""

@@ -52,6 +52,8 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     tick_ms_p95: float = 0.0
     missed: int = 0
     """Ticks left out because an earlier one took too long."""
+    behind: float = 0.0
+    """For how long its memory has known that it lacks something of the graph, s."""
     errors: int = 0
     """Failed ticks since the start."""
     restarts: int = 0

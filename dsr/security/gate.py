@@ -19,7 +19,7 @@ import logging
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 
-from dsr.crdt.context import CausalContext, Dot, DotRange, to_ranges
+from dsr.crdt.context import Dot, DotRange, to_ranges
 from dsr.crdt.delta import Add, Delta, Key, Write
 from dsr.crdt.store import Store
 from dsr.errors import AgentError
@@ -100,7 +100,7 @@ class _Screening:
         passed = Delta()
         passed.adds = self._take_adds(self._delta.adds)
         passed.writes = [write for write in self._delta.writes if self._may_write(write)]
-        passed.removed, passed.live = self._delta.removed, self._delta.live
+        passed.removed, passed.live, passed.examined = self._delta.removed, self._delta.live, self._delta.examined
         passed.context = list(_without(self._delta.context, self._undecided))
         return passed
 
@@ -168,8 +168,8 @@ class _Screening:
         live = self._delta.live
         if live is None:
             return []
-        seen = CausalContext(self._delta.context)
-        return [dot for dot in self._store.entries if dot in seen and dot not in live]
+        examined = self._delta.context if self._delta.examined is None else self._delta.examined
+        return [dot for dots in examined for dot in self._store.order.between(*dots) if dot not in live]
 
     def _type_of(self, dot: Dot) -> tuple[Key, str] | None:
         """Key and type of the element created under `dot`, if it lives here or comes with the message."""

@@ -40,6 +40,7 @@ class ForkedGraph(Graph):
         theirs, store = parent.store, self.store
         store.context = CausalContext(theirs.context.ranges())
         store.fingerprint = theirs.fingerprint
+        store.forget_order()
         store.unsettled = theirs.unsettled.copy()
         store.mine = set()
         self.hlc.latest = parent.hlc.latest

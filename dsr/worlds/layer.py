@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-from dsr.crdt.context import CausalContext, Dot
+from dsr.crdt.context import Dot
 from dsr.crdt.delta import Add, Delta, Write
 from dsr.crdt.store import Entry, Observer, Store
 
@@ -74,6 +74,7 @@ class Layer(Store):
     def bury(self, dot: Dot) -> None:
         """The parent's element is gone for good, and what was said of it with it."""
         if self.patches.pop(dot, None) is not None:
+            self._leave_order(dot)
             self.context.add(dot)
 
     def _write(self, write: Write) -> bool:
@@ -82,6 +83,7 @@ class Layer(Store):
                 return True  # the parent has removed it
             patch = self.patches[write.owner] = Entry(Add(write.owner, "", ""))
             patch.announced = True
+            self._take_place(write.owner)
         return super()._write(write)
 
     def _add(self, add: Add) -> Entry | None:
@@ -93,17 +95,11 @@ class Layer(Store):
 
     def _remove(self, dot: Dot) -> None:
         own = dot in self.entries
-        self.patches.pop(dot, None)
+        if self.patches.pop(dot, None) is not None and not own:
+            self._leave_order(dot)
         super()._remove(dot)
         if not own:
             self._told.hidden(dot)
-
-    def _remove_absent(self, delta: Delta) -> None:
-        super()._remove_absent(delta)
-        seen = CausalContext(delta.context)
-        assert delta.live is not None
-        for dot in [dot for dot in self.patches if dot in seen and dot not in delta.live]:
-            self._remove(dot)
 
     def rebuild(self) -> None:
         """See `Store.rebuild`."""
@@ -112,10 +108,3 @@ class Layer(Store):
             for write in patch.registers.values():
                 if write.dot is None:
                     self.unsettled.setdefault((dot, write.attribute), 0)
-
-    def missing_for(self, seen: CausalContext) -> Delta:
-        """See `Store.missing_for`."""
-        reply = super().missing_for(seen)
-        for patch in self.patches.values():
-            reply.writes += [w for w in patch.registers.values() if w.dot is None or w.dot not in seen]
-        return reply

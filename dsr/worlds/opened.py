@@ -239,17 +239,22 @@ class Worlds:
     def _wait_joined(self, memory: Memory, name: str, timeout: float) -> None:
         replica, sync = memory.replica, memory.replica.synchroniser
         if self.threaded:
-            replica.wait_until(lambda: bool(sync.joined or sync.peers), min(timeout, HOLDER_PATIENCE))
-            joined = replica.wait_until(lambda: sync.joined, timeout if sync.peers else 0.0)
+            sync.joining.others_possible = True
+            replica.wait_until(lambda: sync.joined, min(timeout, HOLDER_PATIENCE))
+            joined = replica.wait_for_pieces(lambda: sync.joined, 0.0 if sync.joining.insists else timeout)
         else:
-            for _ in range(_ROUNDS):
-                memory.transport.pump()
-                memory.poll()
+            came = -1
+            while came < sync.pieces:
+                came = sync.pieces
+                for _ in range(_ROUNDS):
+                    memory.transport.pump()
+                    memory.poll()
             joined = sync.joined
         if joined or (sync.peers and not self.threaded):
             return
-        if sync.peers:
-            raise TransportError(f"world {name!r}: not complete after {timeout:.1f} s, peers: {', '.join(sync.peers)}")
+        if not sync.joining.insists:
+            why = sync.joining.why(memory.clock.monotonic())
+            raise TransportError(f"world {name!r}: not complete after {timeout:.1f} s, {why}")
         raise WorldNotFoundError(f"world {name!r} is listed, but nobody holds it any more")
 
     # ---- going

@@ -8,6 +8,7 @@ import pytest
 
 from dsr import (
     ClockDriftError,
+    Faults,
     ManualClock,
     Pose,
     TransportError,
@@ -228,22 +229,44 @@ def test_merging_that_cannot_keep_up_catches_up_by_repair(net: Net, monkeypatch:
 
 
 def test_a_newcomer_asks_the_oldest_even_if_it_appears_last(net: Net) -> None:
-    old, young = net.join("old"), net.join("young")
+    old = net.join("old")
+    young = net.join("young", holders=lambda: [old.rid])
     net.network.partition(["old"], ["young", "late"])
     old.add_node("x", "cube")
-    late = net.join("late", elders=lambda: [old.rid, young.rid])
-    net.pump(0.5)
-    assert not late.joined
+    late = net.join("late", holders=lambda: [old.rid, young.rid])
+    net.pump(5.0)
+    assert not late.joined and not young.joined
     net.network.heal()
-    net.pump(0.1)
-    assert late.joined and "x" in late
+    net.pump(0.5)
+    assert late.joined and young.joined and "x" in late
 
 
-def test_a_newcomer_does_not_wait_for_ever_for_the_oldest(net: Net) -> None:
+def test_a_newcomer_does_not_wait_for_one_that_is_silent_if_another_has_joined(net: Net) -> None:
     young = net.join("young")
-    late = net.join("late", elders=lambda: ["stopped-1", young.rid])
+    young.replica.synchroniser.nobody_there()
+    late = net.join("late", holders=lambda: ["stopped-1", young.rid])
     net.pump(1.5)
     assert late.joined
+
+
+def test_newcomers_that_meet_nobody_else_hold_all_there_is_together(net: Net) -> None:
+    """The elder died while it answered: each has a part, and whoever asks gets both."""
+    a, b = net.join("a"), net.join("b")
+    a.add_node("x", "cube")
+    b.add_node("y", "cube")
+    net.pump(0.5)
+    assert a.joined and b.joined and "y" in a and "x" in b
+
+
+def test_who_has_not_joined_says_for_whom_it_waits_and_for_how_long(net: Net) -> None:
+    young = net.join("young", holders=lambda: ["stopped-1"])
+    late = net.join("late", holders=lambda: ["stopped-1", young.rid])
+    net.pump(3.0)
+    with pytest.raises(TransportError, match=r"for [23]\.\d s; stopped-1: no answer; young-.* waiting for stopped-1"):
+        late.wait_joined(0.0)
+    assert late.behind > 2.0
+    late.wait_joined(0.0, begin=True)
+    assert late.joined and not young.joined
 
 
 def test_a_newcomer_whom_the_oldest_does_not_answer_asks_another(net: Net) -> None:
@@ -253,7 +276,7 @@ def test_a_newcomer_whom_the_oldest_does_not_answer_asks_another(net: Net) -> No
     first.add_node("x", "cube")
     net.pump(1.5)
     with mock.patch.object(first._replica.synchroniser, "answer", return_value=None):
-        late = net.join("late", elders=lambda: [first.rid])
+        late = net.join("late", holders=lambda: [first.rid])
         net.pump(5.0)
     assert late.joined and "x" in late
 
@@ -292,3 +315,49 @@ def test_a_write_that_meets_a_close_is_sent_or_refused(net: Net) -> None:
     memory.replica.lock = ClosedWhileItWaits()  # type: ignore[assignment]
     with pytest.raises(TransportError, match="closed"):
         memory.add_node("x", "cube")
+
+
+def test_a_batch_larger_than_a_message_travels_in_several(net: Net, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("dsr.parcels.MAX_PARCEL", 1000)
+    a, b = net.join("a"), net.join("b")
+    a.add_node("old", "ball")
+    net.pump(0.5)
+    sizes: list[int] = []
+    net.network.connect("tap").subscribe("dsr/v1/g/d/*", lambda key, payload: sizes.append(len(payload)))
+    with a.batch():
+        a.remove_node("old")
+        for index in range(100):
+            a.add_node(f"x{index}", "cube", mass=float(index))
+    net.pump()
+    assert len(b.nodes()) == 100 and len(sizes) > 5 and max(sizes) <= 1000
+    net.pump(2.0)
+    assert a._graph.store.context == b._graph.store.context
+
+
+def test_a_part_of_a_batch_that_is_lost_is_asked_for(net: Net, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("dsr.parcels.MAX_PARCEL", 1000)
+    a, b = net.join("a"), net.join("b")
+    net.pump(0.5)
+    with a.batch():
+        for index in range(100):
+            a.add_node(f"x{index}", "cube", mass=float(index))
+    net.pump(0.05, Faults(loss=0.5))
+    assert b.nodes() and a._graph.store.context != b._graph.store.context
+    net.pump(2.0)
+    assert len(b.nodes()) == 100 and a._graph.store.context == b._graph.store.context
+
+
+def test_a_removal_of_more_than_a_message_holds_is_complete_in_the_end(
+    net: Net, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    a, b = net.join("a"), net.join("b")
+    a.add_node("hub", "cube")
+    for index in range(200):
+        a.add_node(f"x{index}", "cube")
+        a.add_edge("hub", f"x{index}", "on")
+    net.pump(0.5)
+    monkeypatch.setattr("dsr.parcels.MAX_PARCEL", 200)
+    a.remove_node("hub")
+    net.pump(0.05, Faults(loss=0.5))
+    net.pump(2.0)
+    assert "hub" not in b and not b.edges() and a._graph.store.context == b._graph.store.context

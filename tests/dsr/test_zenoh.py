@@ -239,6 +239,73 @@ def test_a_stopped_process_does_not_keep_others_from_joining(peers: Callable[[st
     assert set(peers("late").state()["nodes"]) == {"x"}
 
 
+def test_newcomers_do_not_take_each_other_for_the_graph_while_the_elder_is_stopped(
+    peers: Callable[[str], Peer],
+) -> None:
+    elder = peers("elder")
+    elder.do("many", count=1000, prefix="n")
+    elder.process.send_signal(signal.SIGSTOP)
+    outcomes: list[object] = []
+
+    def join(agent: str, timeout: float) -> None:
+        try:
+            with dsr.connect("g", agent, timeout=timeout) as memory:
+                outcomes.append(len(memory.nodes()))
+        except dsr.TransportError as error:
+            outcomes.append(str(error))
+
+    threads = [threading.Thread(target=join, args=(f"new{number}", 2.0)) for number in range(2)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(outcomes) == 2 and all(elder.rid in str(outcome) for outcome in outcomes), outcomes
+    patient = threading.Thread(target=join, args=("patient", PATIENCE))
+    patient.start()
+    patient.join(1.0)
+    elder.process.send_signal(signal.SIGCONT)
+    patient.join()
+    assert outcomes[2:] == [1000]
+    elder.process.send_signal(signal.SIGSTOP)
+    with dsr.connect("g", "alone", timeout=1.0, begin=True) as memory:
+        assert memory.joined and not memory.nodes()
+
+
+def test_a_queue_of_requests_answers_the_newest_of_each_and_ends_with_its_declaration() -> None:
+    begin, go = threading.Event(), threading.Event()
+    answered: list[bytes] = []
+    endpoint = f"tcp/127.0.0.1:{rendezvous.free_port()}"
+
+    def answer(key: str, payload: bytes) -> bytes:
+        begin.set()
+        go.wait(PATIENCE)
+        answered.append(payload)
+        return payload
+
+    with contextlib.closing(ZenohTransport(endpoint)) as server, contextlib.closing(
+        ZenohTransport(f"tcp/127.0.0.1:{rendezvous.free_port()}", [endpoint])
+    ) as client:
+        declared = server.serve("dsr/v1/g/sync/x", answer, asker=lambda payload: payload[:1].decode())
+        done: list[int] = []
+
+        def ask(payload: bytes) -> None:
+            client.request("dsr/v1/g/sync/x", payload, lambda *_: None, lambda: done.append(1), 10.0)
+
+        def begins() -> bool:
+            ask(b"0")
+            return begin.wait(0.1)
+
+        assert eventually(begins)
+        WALL_CLOCK.wait(threading.Event(), 0.5)
+        for payload in (b"a1", b"a2", b"b1", b"a3"):
+            ask(payload)
+            WALL_CLOCK.wait(threading.Event(), 0.2)
+        go.set()
+        assert eventually(lambda: b"b1" in answered)
+        assert [payload for payload in answered if payload != b"0"] == [b"a3", b"b1"]
+        declared.close()
+
+
 def test_a_process_without_a_memory_is_no_reason_to_wait() -> None:
     transport, registration = open_transport("g", "plant-1")
     with dsr.connect("g", agent="a", timeout=PATIENCE) as memory:

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import logging
 from typing import Any
+from unittest import mock
 
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
 from dsr import Faults, Pose
+from dsr.crdt import pieces
 from tests.dsr.properties.test_deltas import HOUR, choices, edge_types, names, numbers, sites, types
 from tests.dsr.properties.world import Complaints, World
 
@@ -25,8 +27,15 @@ skews = st.one_of(st.just(0.0), st.just(0.0), st.sampled_from([-0.4, 0.4]), st.f
 class Memories(RuleBasedStateMachine):
     """Whatever happens, all end equal to a plain model of what reached the survivors."""
 
-    @initialize(offsets=st.lists(skews, min_size=2, max_size=5), seed=st.integers(0, 2**16), network=faults)
-    def begin(self, offsets: list[float], seed: int, network: Faults) -> None:
+    @initialize(
+        offsets=st.lists(skews, min_size=2, max_size=5),
+        seed=st.integers(0, 2**16),
+        network=faults,
+        examined=st.sampled_from([1, 2, 2000]),
+    )
+    def begin(self, offsets: list[float], seed: int, network: Faults, examined: int) -> None:
+        self.limit = mock.patch.object(pieces, "MAX_EXAMINED", examined)  # answers of many pieces
+        self.limit.start()
         self.complaints = Complaints()
         logging.getLogger("dsr").addHandler(self.complaints)
         self.world = World(offsets, seed, network)
@@ -103,8 +112,11 @@ class Memories(RuleBasedStateMachine):
     def teardown(self) -> None:
         if hasattr(self, "world"):
             logging.getLogger("dsr").removeHandler(self.complaints)
-            self.world.converge()
-            self.world.check_converged()
+            try:
+                self.world.converge()
+                self.world.check_converged()
+            finally:
+                self.limit.stop()
             assert not self.complaints.said
 
 

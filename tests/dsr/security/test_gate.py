@@ -203,7 +203,7 @@ def test_a_newcomer_gets_everything_from_the_trusted_replica(net: Net, join: Joi
     scene.close()
     net.memories.remove(scene)
     net.pump(1.0)
-    arm = join("arm", elders=lambda: [launcher.rid])
+    arm = join("arm", holders=lambda: [launcher.rid])
     net.pump(2.0)
     assert content(arm) == content(launcher) == {"cube": ("cube", {"mass": 1.0})}
 
@@ -243,7 +243,7 @@ def test_streams_of_a_dead_writer_are_settled_by_the_trusted_replica(net: Net, j
     net.pump()
     net.memories.remove(arm)
     net.pump(8.0)
-    late = join("scene", elders=lambda: [launcher.rid])
+    late = join("scene", holders=lambda: [launcher.rid])
     net.pump(2.0)
     assert [m.edge("world", "gen3", "RT").pose.translation[0] for m in (scene, launcher, late)] == [2.0] * 3
     assert not any(map(refused, (scene, launcher, late)))

@@ -1,0 +1,116 @@
+"""When a newcomer has joined: what the graph held before it is here, and nobody is taken at its word who lacks it too.
+
+A replica has joined when
+
+1. it is the first: nobody held the graph when it came, or it was told to begin without the others;
+2. or one that has joined, and may speak for others, gave it everything;
+3. or all who are there, and all who are known to hold the graph, gave it everything that they have. Who does not
+   answer is waited for, for it may have more.
+
+Who has not joined says so, and for whom it waits; it gives what it has only to who insists, because nobody there has
+joined. So two newcomers that meet nobody else soon know that they hold all there is.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+
+UNJOINED_RETRY = 0.25
+"""s between two questions whether one of those has joined meanwhile who had not."""
+_SHOWN = 3
+"""Replicas that are named in a text."""
+
+
+class Joining:
+    """What a newcomer knows of the others; all times are of the monotonic clock, in s.
+
+    Args:
+        rid: of the newcomer.
+        trusts: tells who may speak for others.
+    """
+
+    def __init__(self, rid: str, trusts: Callable[[str], bool]) -> None:
+        self.holders: Sequence[str] = ()
+        """Other replicas that are known to hold the graph and to live, whether they can be reached or not."""
+        self.others_possible = False
+        """Whether there may be others of whom nothing is known: then nobody is known to be the last to ask."""
+        self.since = math.inf
+        """When it began to ask."""
+        self._rid = rid
+        self._trusts = trusts
+        self._present: dict[str, None] = {}
+        self._unjoined: dict[str, Sequence[str]] = {}
+        self._exhausted: set[str] = set()
+        self._asked_again_at = -math.inf
+
+    def appeared(self, rid: str) -> None:
+        """A replica announced itself."""
+        self._present[rid] = None
+
+    def gone(self, rid: str) -> None:
+        """It is not there any more."""
+        self._present.pop(rid, None)
+        self._unjoined.pop(rid, None)
+        self._exhausted.discard(rid)
+
+    def declined(self, rid: str, waits_for: Sequence[str]) -> None:
+        """A replica said that it has not joined itself, and for whom it waits."""
+        self._unjoined[rid] = waits_for
+
+    def exhausted(self, rid: str) -> None:
+        """A replica gave everything it has, though that may not be all there is."""
+        self._exhausted.add(rid)
+
+    def may_have_more(self, rid: str) -> bool:
+        """Whether a replica has not given everything it has yet."""
+        return rid not in self._exhausted
+
+    @property
+    def others(self) -> list[str]:
+        """All who may hold something."""
+        return list(dict.fromkeys([*self.holders, *self._present]))
+
+    @property
+    def insists(self) -> bool:
+        """Whether to take what those have who have not joined: there is nobody else."""
+        return all(rid in self._unjoined or rid in self._exhausted for rid in self.others)
+
+    @property
+    def nobody_has_more(self) -> bool:
+        """Whether everybody there is gave all it has."""
+        return bool(self.others) and all(rid in self._exhausted for rid in self.others)
+
+    def choose(self, reachable: Iterable[str], asked: dict[str, int], now: float) -> str | None:
+        """Whom to ask: the oldest first, for a younger one may be a newcomer, too."""
+        settled = self._exhausted if self.insists else self._exhausted | self._unjoined.keys()
+        age = {rid: number for number, rid in enumerate(self.others)}
+        by_turns = sorted(
+            reachable, key=lambda rid: (asked[rid], not self._trusts(rid), age.get(rid, len(age)), rid)
+        )
+        fresh = [rid for rid in by_turns if rid not in settled]
+        if fresh:
+            return fresh[0]
+        if by_turns and now - self._asked_again_at >= UNJOINED_RETRY:
+            self._asked_again_at = now
+            return by_turns[0]
+        return None
+
+    def waits_for(self) -> list[str]:
+        """Replica ids of those who may have more, and of whom nothing has come: not even that they wait themselves."""
+        return [rid for rid in self.others if rid not in self._exhausted and rid not in self._unjoined]
+
+    def why(self, now: float) -> str:
+        """For people: for whom it waits, and how long it has."""
+        waited = max(0.0, now - self.since)
+        silent, unjoined = self.waits_for(), [rid for rid in self.others if rid in self._unjoined]
+        reasons = [f"{_listed(silent)}: no answer"] if silent else []
+        if unjoined:
+            theirs = dict.fromkeys(rid for other in unjoined for rid in self._unjoined[other] if rid != self._rid)
+            reasons.append(f"{_listed(unjoined)}: not joined either, waiting for {_listed(list(theirs)) or 'others'}")
+        return f"waiting for {waited:.1f} s; {'; '.join(reasons) or 'nobody is there'}"
+
+
+def _listed(rids: list[str]) -> str:
+    shown = ", ".join(rids[:_SHOWN])
+    return f"{shown} and {len(rids) - _SHOWN} more" if len(rids) > _SHOWN else shown

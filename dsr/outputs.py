@@ -1,0 +1,35 @@
+"""What a synchroniser wants to be done: it does no I/O itself."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from dsr.crdt.delta import Delta
+
+
+class PublishDigest(NamedTuple):
+    """Tell all peers what was seen here."""
+
+    payload: bytes
+
+
+class PublishDelta(NamedTuple):
+    """Send a delta to all peers."""
+
+    delta: Delta
+
+
+class Ask(NamedTuple):
+    """Request a piece of what is missing; hand in the answer with `receive_reply`, then call `request_done`."""
+
+    peer: str
+    payload: bytes
+    number: int
+    """Unlike that of any other request."""
+
+
+class Renew(NamedTuple):
+    """Let the network know again what is listened to here: it has changed, and may have forgotten."""
+
+
+Output = PublishDigest | PublishDelta | Ask | Renew
