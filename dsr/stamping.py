@@ -83,11 +83,13 @@ class Stamping(Sharing):
 
     def _heed(self, writes: list[Write], now: float) -> None:
         """Let the clock follow what arrives at physical time `now` (s), and notice what it does not follow."""
-        greatest, limit = max(write.stamp for write in writes), stamp_at(now + MAX_LEAD)
-        if greatest > limit:
-            self.far.notice(writes, self.store, now)
-            greatest = max((write.stamp for write in writes if write.stamp <= limit), default=0)
-        self.hlc.observe(greatest, now)
+        greatest = max(write.stamp for write in writes)
+        if greatest <= stamp_at(now + MAX_LEAD):
+            self.hlc.observe(greatest, now)
+            return
+        self.far.notice(writes, self.store, now)
+        for write in writes:
+            self.hlc.observe(write.stamp, now)
 
     # ---- repeating
 

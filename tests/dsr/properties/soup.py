@@ -198,8 +198,13 @@ class Soup:
         assert site.known.shown() == before, "making anew changed what is shown"
         assert all(write.stamp <= stamp_at(now + FAR) for write in delta.writes), "a stamp of the far future was kept"
 
-    def forge(self, target: Dot | None, attribute: str, stamp: int, value: Any, *, durable: bool) -> None:
-        """Somebody who speaks the protocol himself writes to an incarnation with any stamp that the format takes."""
+    def forge(
+        self, target: Dot | None, attribute: str, stamp: int, value: Any, *, durable: bool, reaches: int
+    ) -> None:
+        """Somebody who speaks the protocol himself writes to an incarnation with any stamp that the format takes.
+
+        It reaches one replica at once, and the others as any message does.
+        """
         fact = (target or (FORGER, 1), attribute, stamp, FORGER)
         if fact in self._dots:
             return  # two values under one stamp and writer: told to different replicas, these may differ
@@ -210,10 +215,11 @@ class Soup:
         delta.context = [(*dot, dot[1])] if dot else []
         self._note_dots(delta)
         self._send(delta, facts_of(delta))
+        self._receive(self._site(reaches)[0], self.messages[-1])
 
-    def a_dot(self, choice: int) -> Dot | None:
-        """A creation dot of anybody's."""
-        dots = sorted({dot for site in self.sites for dot in site.known.added})
+    def a_dot(self, index: int, choice: int) -> Dot | None:
+        """A creation dot of what a replica has heard of."""
+        dots = sorted(self._site(index)[0].known.added)
         return dots[choice % len(dots)] if dots else None
 
     def settle(self, index: int) -> None:

@@ -84,11 +84,14 @@ class Deltas(RuleBasedStateMachine):
         self.soup.batch(site, some, value)
 
     @rule(
-        choice=choices, attribute=st.sampled_from(["seen", "mass", "pose", "since"]), stamp=stamps, value=numbers,
-        durable=st.booleans(), unknown=st.integers(0, 9),
+        site=sites, choice=choices, attribute=st.sampled_from(["seen", "seen", "mass", "pose", "since"]), stamp=stamps,
+        value=numbers, durable=st.booleans(), unknown=st.integers(0, 9),
     )  # fmt: skip
-    def forge(self, choice: int, attribute: str, stamp: int, value: int, durable: bool, unknown: int) -> None:
-        self.soup.forge(self.soup.a_dot(choice) if unknown else None, attribute, stamp, value, durable=durable)
+    def forge(
+        self, site: int, choice: int, attribute: str, stamp: int, value: int, durable: bool, unknown: int
+    ) -> None:
+        target = self.soup.a_dot(site, choice) if unknown else None
+        self.soup.forge(target, attribute, stamp, value, durable=durable, reaches=site)
 
     @rule(site=sites, choice=choices)
     def renew_node(self, site: int, choice: int) -> None:
