@@ -28,6 +28,8 @@ HOUR = 3600.0
 """s by which a clock may be off."""
 FORGER = "forger-1"
 """Replica id under which forged stamps are sent, by nobody who keeps to the protocol."""
+NOBODYS: Dot = ("nobody-1", 1)
+"""A creation dot that nobody has ever issued: what is written to it waits."""
 
 
 @dataclass
@@ -199,13 +201,16 @@ class Soup:
         assert all(write.stamp <= stamp_at(now + FAR) for write in delta.writes), "a stamp of the far future was kept"
 
     def forge(
-        self, target: Dot | None, attribute: str, stamp: int, value: Any, *, durable: bool, reaches: int
+        self, target: Dot | None, attribute: str, stamp: int | None, value: Any, *, durable: bool, reaches: int
     ) -> None:
         """Somebody who speaks the protocol himself writes to an incarnation with any stamp that the format takes.
 
-        It reaches one replica at once, and the others as any message does.
+        None stands for that of what is there. It reaches one replica at once, and the others as any message does.
         """
-        fact = (target or (FORGER, 1), attribute, stamp, FORGER)
+        if stamp is None:
+            written = self._site(reaches)[0].known.written
+            stamp = max((fact[2] for fact in written if fact[:2] == (target, attribute)), default=0)
+        fact = (target or NOBODYS, attribute, stamp, FORGER)
         if fact in self._dots:
             return  # two values under one stamp and writer: told to different replicas, these may differ
         self._forged += 1
@@ -218,8 +223,8 @@ class Soup:
         self._receive(self._site(reaches)[0], self.messages[-1])
 
     def a_dot(self, index: int, choice: int) -> Dot | None:
-        """A creation dot of what a replica has heard of."""
-        dots = sorted(self._site(index)[0].known.added)
+        """A creation dot of what a replica holds."""
+        dots = sorted(self._site(index)[0].known.held())
         return dots[choice % len(dots)] if dots else None
 
     def settle(self, index: int) -> None:

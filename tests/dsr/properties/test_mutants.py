@@ -171,7 +171,7 @@ def add_twice(original: Any) -> Any:
 def compare_what_is_live_only(original: Any) -> Any:
     """A replica asks only when the live dots differ, not when writes are missing."""
 
-    def is_behind(self: Synchroniser, rid: str, digest: Digest) -> bool:
+    def is_behind(self: Synchroniser, rid: str, peer: Any, digest: Digest) -> bool:
         return digest.fingerprint != self.graph.store.fingerprint
 
     return is_behind
@@ -235,7 +235,7 @@ def keep_far_stamps(original: Any) -> Any:
     """What is made anew keeps its stamps, those of the far future too."""
 
     def renew(self: Graph, key: Any, now: float) -> Delta:
-        with mock.patch.object(stamping, "FAR", 1e12):
+        with mock.patch.object(stamping, "stamp_at", lambda time: MAX_STAMP):
             delta: Delta = original(self, key, now)
         return delta
 
