@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from dsr.crdt.context import Dot
-from dsr.crdt.delta import TOMBSTONE, Write
+from dsr.crdt.delta import TOMBSTONE, Key, Write
 from dsr.crdt.hlc import physical_time
 from dsr.crdt.store import Entry
 from dsr.errors import GraphError, suggest
@@ -167,3 +167,8 @@ class Edge(_Element):
 
     def __repr__(self) -> str:
         return f"{self.type_name} edge {self.src!r} -> {self.dst!r}"
+
+
+def key_of(element: Node | Edge) -> Key:
+    """What identifies a node or an edge: its name, or its (source, destination, type)."""
+    return element.name if isinstance(element, Node) else element.key

@@ -3,6 +3,7 @@
     DsrError
     ├── SchemaError             a name, type or value that the schema does not allow
     ├── GraphError              the graph does not hold what was asked for
+    │   ├── NoRoomError         no stamp is left above that of an attribute's value
     │   ├── NodeNotFoundError
     │   ├── EdgeNotFoundError
     │   └── WorldNotFoundError
@@ -48,6 +49,15 @@ class NodeNotFoundError(GraphError):
 
 class EdgeNotFoundError(GraphError):
     """No visible edge has this source, destination and type."""
+
+
+class NoRoomError(GraphError):
+    """An attribute's value has the greatest stamp that there is: its element must be made anew."""
+
+    def __init__(self, key: str | tuple[str, str, str], attribute: str) -> None:
+        super().__init__(f"{attribute!r} of {key!r} has the greatest stamp that there is: it cannot be overwritten")
+        self.key = key
+        self.attribute = attribute
 
 
 class WorldNotFoundError(GraphError):

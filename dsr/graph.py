@@ -6,21 +6,23 @@ alive at both ends. Nothing here does I/O or reads a clock; callers serialise mu
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, MutableMapping
+from collections.abc import Callable, Mapping, MutableMapping
 from typing import Any
 
 from dsr.crdt.context import Dot
 from dsr.crdt.delta import TOMBSTONE, Add, Delta, EdgeKey, Key, Write
 from dsr.crdt.hlc import HybridClock
 from dsr.crdt.store import Entry, Store
-from dsr.elements import Edge, Node, type_of
+from dsr.elements import Edge, Node, key_of, type_of
 from dsr.errors import EdgeNotFoundError, NodeNotFoundError, suggest
+from dsr.far_stamps import FarStamps
 from dsr.listener import Listener, NoListener
 from dsr.schema import WORLD_RECORD, Schema
-from dsr.sharing import Groups, Sharing
+from dsr.sharing import Groups
+from dsr.stamping import Stamping
 
 
-class Graph(Sharing):
+class Graph(Stamping):
     """One replica of a graph."""
 
     def __init__(self, rid: str, schema: Schema | None = None, listener: Listener | None = None) -> None:
@@ -29,6 +31,7 @@ class Graph(Sharing):
         self.schema = schema or Schema()
         self.store = Store(self)
         self.hlc = HybridClock()
+        self.far = FarStamps()
         self.nodes: MutableMapping[str, Node] = {}
         self.edges: MutableMapping[EdgeKey, Edge] = {}
         self.nodes_by_type: Groups[str, Node] = {}
@@ -70,7 +73,7 @@ class Graph(Sharing):
         self.schema.check_node(name, type)
         values = self.schema.to_values(attributes)
         add = None if name in self.nodes else Add(self._new_dot(), name, type)
-        return self._commit(self._entries_of(name, add), add, values, now)
+        return self._commit(name, self._entries_of(name, add), add, values, now)
 
     def add_edge(self, src: str, dst: str, type: str, attributes: Mapping[str, Any], now: float) -> Delta:
         """Create an edge; if it is visible already, only write the attributes.
@@ -81,21 +84,23 @@ class Graph(Sharing):
         """
         self.schema.check_edge_type(type)
         values = self.schema.to_values(attributes)
-        ends = [tuple(entry.dot for entry in self.node(name)._entries) for name in (src, dst)]
+        ends = [self._ends_at(name) for name in (src, dst)]
         key = (src, dst, type)
         add = None if key in self.edges else Add(self._new_dot(), key, type, ends[0], ends[1])
-        return self._commit(self._entries_of(key, add), add, values, now)
+        return self._commit(key, self._entries_of(key, add), add, values, now)
 
     def write(self, element: Node | Edge, attributes: Mapping[str, Any], now: float) -> Delta:
         """Write attributes of a visible element. Raises `SchemaError`."""
-        return self._commit([entry.dot for entry in element._entries], None, self.schema.to_values(attributes), now)
+        owners = [entry.dot for entry in element._entries]
+        return self._commit(key_of(element), owners, None, self.schema.to_values(attributes), now)
 
     def remove_attribute(self, element: Node | Edge, attribute: str, now: float) -> Delta:
         """Take an attribute away; an empty delta if it is not set."""
         self.schema.attribute(attribute)
         if attribute not in element:
             return Delta()
-        return self._commit([entry.dot for entry in element._entries], None, {attribute: TOMBSTONE}, now)
+        owners = [entry.dot for entry in element._entries]
+        return self._commit(key_of(element), owners, None, {attribute: TOMBSTONE}, now)
 
     def remove_node(self, name: str) -> Delta:
         """Remove a node and the edges at it, as seen here; an empty delta if it is not visible."""
@@ -108,47 +113,15 @@ class Graph(Sharing):
         """Remove an edge as seen here; an empty delta if it is not visible."""
         return self._commit_removal([e.dot for e in self.live(key)]) if key in self.edges else Delta()
 
-    def copy(self, key: Key, type: str, writes: Iterable[Write], now: float) -> Delta:
-        """Repeat what was written elsewhere in the element `key`, which is created if it is not visible.
-
-        The stamps stay: newer values stay too, and what was repeated once is an empty delta the next time. Only the
-        attribute and the value of a write, and its stamp, count; 0 stands for now. Names and values are not checked.
-
-        Raises:
-            NodeNotFoundError: if an end of an edge is missing.
-        """
-        element: Node | Edge | None = self.nodes.get(key) if isinstance(key, str) else self.edges.get(key)
-        add = None
-        if element is None:
-            ends = [] if isinstance(key, str) else [tuple(e.dot for e in self.node(name)._entries) for name in key[:2]]
-            add = Add(self._new_dot(), key, type, *ends)
-        delta = Delta(adds=[add] if add else [])
-        first = self._counter + (0 if add else 1)
-        for write in writes:
-            present = element.newest_write(write.attribute) if element is not None else None
-            if present is not None and 0 < write.stamp <= present.stamp:
-                continue
-            self.hlc.observe(write.stamp)
-            stamp, known = write.stamp or self.hlc.tick(now), self.schema.attributes.get(write.attribute)
-            stream = not add and write.value is not TOMBSTONE and known is not None and known.stream
-            for owner in self._entries_of(key, add):
-                dot = None if stream else self._new_dot()
-                delta.writes.append(Write(owner, write.attribute, stamp, self.rid, dot, write.value))
-        if self._counter >= first:
-            delta.context.append((self.rid, first, self._counter))
-        if delta:
-            self._apply(delta)
-        return delta
-
     def withdraw(self, key: Key, mine: Callable[[str], bool]) -> Delta:
         """Remove the incarnations of an element that were created by replicas for whose id `mine` holds."""
         dots = [dot for dot in self.store.by_key.get(key, ()) if mine(dot[0])]
         return self._commit_removal(dots) if dots else Delta()
 
-    def join(self, delta: Delta) -> None:
-        """Join what another replica sent."""
+    def join(self, delta: Delta, now: float) -> None:
+        """Join what another replica sent, at physical time `now` (s)."""
         if delta.writes:
-            self.hlc.observe(max(write.stamp for write in delta.writes))
+            self._heed(delta.writes, now)
         self._apply(delta)
         if self._unattached and (delta.context or delta.removed):  # samples of streams decide nothing
             self._attach_or_bury()
@@ -169,6 +142,9 @@ class Graph(Sharing):
         self.store.context.add_range(self.rid, 1, self._counter)  # a write that was broken off leaves no hole
         return delta
 
+    def _ends_at(self, name: str) -> tuple[Dot, ...]:
+        return tuple(entry.dot for entry in self.node(name)._entries)
+
     def _entries_of(self, key: Key, add: Add | None) -> list[Dot]:
         return [add.dot] if add else [entry.dot for entry in self.live(key)]
 
@@ -184,12 +160,15 @@ class Graph(Sharing):
         self._counter += 1
         return self.rid, self._counter
 
-    def _commit(self, owners: list[Dot], add: Add | None, values: Mapping[str, Any], now: float) -> Delta:
+    def _commit(
+        self, key: Key, owners: list[Dot], add: Add | None, values: Mapping[str, Any], now: float
+    ) -> Delta:
         """Write `values` into every incarnation in `owners`, so that the removal of one loses none."""
         delta = Delta(adds=[add] if add else [])
         rid, first = self.rid, self._counter + (0 if add else 1)
-        stamp = self.hlc.tick(now)
-        for name, value in values.items():
+        tick = self.hlc.tick(now)
+        stamps = [tick if add else self._stamp(key, owners, name, tick) for name in values]
+        for (name, value), stamp in zip(values.items(), stamps, strict=True):
             stream = not add and value is not TOMBSTONE and self.schema.attributes[name].stream
             for owner in owners:
                 dot = None if stream else self._new_dot()

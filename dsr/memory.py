@@ -30,6 +30,7 @@ from dsr.keys import Keys, check_name
 from dsr.replica import Replica, Statistics
 from dsr.runtime.access import Guard
 from dsr.schema import WORLD_RECORD, Schema, checked_names, with_pose
+from dsr.stamp_access import StampAccess
 from dsr.sync import Gate
 from dsr.transforms import Array, Pose
 from dsr.transport import Transport
@@ -50,7 +51,7 @@ def new_rid(agent: str) -> str:
     return f"{check_name('agent name', agent)}-{secrets.token_hex(4)}"
 
 
-class Memory(WorldAccess, BlobAccess):
+class Memory(StampAccess, WorldAccess, BlobAccess):
     """One process's replica of a working memory: of its base world, or of another (see `world`, `fork`).
 
     Args:
@@ -150,7 +151,7 @@ class Memory(WorldAccess, BlobAccess):
         """Create a node; if it is there already, only write the attributes. Raises `SchemaError`."""
         with self._replica.lock:
             self._check_write("node", type, attributes)
-            self._replica.commit(self._graph.add_node(name, type, attributes, self.clock.now()))
+            self._put(lambda: self._graph.add_node(name, type, attributes, self.clock.now()))
             node = self._graph.nodes[name]
         self._replica.send_soon()
         return node
@@ -158,9 +159,8 @@ class Memory(WorldAccess, BlobAccess):
     def update_node(self, name: str, /, **attributes: Any) -> None:
         """Write attributes of a node. Raises `NodeNotFoundError`, `SchemaError`."""
         with self._replica.lock:
-            node = self._graph.node(name)
-            self._check_write("node", node.type, attributes)
-            self._replica.commit(self._graph.write(node, attributes, self.clock.now()))
+            self._check_write("node", self._graph.node(name).type, attributes)
+            self._put(lambda: self._graph.write(self._graph.node(name), attributes, self.clock.now()))
         self._replica.send_soon()
 
     def remove_node(self, name: str) -> bool:
@@ -175,7 +175,7 @@ class Memory(WorldAccess, BlobAccess):
         kind = "node" if isinstance(element, Node) else "edge"
         with self._replica.lock:
             self._check_write(kind, element.type, (attribute,))
-            self._replica.commit(self._graph.remove_attribute(element, attribute, self.clock.now()))
+            self._put(lambda: self._graph.remove_attribute(self._seen(element), attribute, self.clock.now()))
         self._replica.send_soon()
 
     # ---- edges
@@ -221,7 +221,7 @@ class Memory(WorldAccess, BlobAccess):
             self._check_write("edge", type, values)
             if type in self.schema.geometric and (src, dst, type) not in self._graph.edges:
                 check_new_edge(self._graph, src, dst, type)
-            self._replica.commit(self._graph.add_edge(src, dst, type, values, self.clock.now()))
+            self._put(lambda: self._graph.add_edge(src, dst, type, values, self.clock.now()))
             edge = self._graph.edges[(src, dst, type)]
         self._replica.send_soon()
         return edge
@@ -230,9 +230,9 @@ class Memory(WorldAccess, BlobAccess):
         """Write attributes of an edge, as in `add_edge`. Raises `EdgeNotFoundError`, `SchemaError`."""
         values = with_pose(attributes)
         with self._replica.lock:
-            edge = self._graph.edge(src, dst, type)
+            self._graph.edge(src, dst, type)
             self._check_write("edge", type, values)
-            self._replica.commit(self._graph.write(edge, values, self.clock.now()))
+            self._put(lambda: self._graph.write(self._graph.edge(src, dst, type), values, self.clock.now()))
         self._replica.send_soon()
 
     def remove_edge(self, src: str, dst: str, type: str) -> bool:
@@ -364,7 +364,7 @@ class Memory(WorldAccess, BlobAccess):
         """Join a snapshot. Raises `WireError` if it is none."""
         delta = decode_kept(snapshot)
         with self._replica.lock:
-            self._graph.join(delta)
+            self._graph.join(delta, self.clock.now())
 
     def on_close(self, action: Callable[[], None]) -> None:
         """Call `action` when the memory is closed, last one first."""
@@ -395,8 +395,8 @@ class Memory(WorldAccess, BlobAccess):
             self._guard(element, type, attributes)
         if self._closed:
             raise TransportError(f"the memory of graph {self.graph_name!r} is closed")
-        if self._replica.synchroniser.drifting:
-            raise ClockDriftError(f"this machine's clock is ahead of most peers of {self.graph_name!r}; set it right")
+        if self.clocks.is_ahead:
+            raise ClockDriftError(f"graph {self.graph_name!r}: {self.clocks}; set it right")
 
     def _remove(self, element: str, type: str, remove: Callable[[], Delta]) -> bool:
         with self._replica.lock:

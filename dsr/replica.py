@@ -57,6 +57,8 @@ class Statistics(NamedTuple):
     """Writes that came so long before their node that they were forgotten."""
     malformed: int
     """Messages that made no sense, from all senders."""
+    far_stamps: int
+    """Values that came stamped days ahead of this clock, from all agents."""
 
 
 class Replica:
@@ -106,7 +108,7 @@ class Replica:
 
         def merge(key: str, payload: bytes) -> None:
             self.received += 1
-            self._receive(lambda: sync.receive_delta(_last(key), payload))
+            self._receive(lambda: sync.receive_delta(_last(key), payload, self._clock.now()))
 
         def digest(key: str, payload: bytes) -> None:
             self._receive(
@@ -256,10 +258,13 @@ class Replica:
                 self._transport.request(
                     self._keys.sync(peer),
                     payload,
-                    lambda _, reply: self._enqueue(lambda: self.synchroniser.receive_reply(peer, number, reply)),
+                    lambda _, reply: self._enqueue(lambda: self._join_reply(peer, number, reply)),
                     lambda: self._enqueue(lambda: self.synchroniser.request_done(number)),
                     REQUEST_TIMEOUT,
                 )
+
+    def _join_reply(self, peer: str, number: int, reply: bytes) -> None:
+        self.synchroniser.receive_reply(peer, number, reply, self._clock.now())
 
     # ---- life
 
@@ -320,9 +325,9 @@ class Replica:
     def statistics(self) -> Statistics:
         """What it had to put up with."""
         sync = self.synchroniser
-        malformed = sum(list(sync.dropped.values()))
+        malformed, far = (sum(list(counts.values())) for counts in (sync.dropped, self.graph.far.agents))
         return Statistics(
-            sync.repairs, self._outbox.overflowed, self.skipped, self.graph.store.lost_waiting, malformed
+            sync.repairs, self._outbox.overflowed, self.skipped, self.graph.store.lost_waiting, malformed, far
         )
 
     def snapshot(self) -> bytes:

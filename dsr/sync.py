@@ -12,7 +12,7 @@ Received messages and the time go in; what is to be sent comes out as `Output`s.
    others know. Answers come in pieces of bounded size, each asked for when the one before was joined
    (dsr/fetching.py): so nothing is computed for who has given up.
 5. Equal contexts with different fingerprints cannot be; then the replica asks for everything and says so.
-6. A replica whose clock most of its peers see in their future must not write (`drifting`).
+6. A replica whose clock most other agents see in their future must not write (`clocks`).
 
 A peer that sends nonsense is counted in `dropped` and logged once; nothing it sends can raise here.
 """
@@ -26,6 +26,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from dsr.clock_votes import Verdict, Voice, verdict
 from dsr.collector import collector_paused
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Delta
@@ -100,8 +101,8 @@ class Synchroniser:
     """Malformed messages, by sender."""
     repairs: int = 0
     """Replies joined because a digest told of something missing."""
-    drifting: bool = False
-    """Whether most peers heard of lately see our clock in their future: then nothing must be written."""
+    clocks: Verdict = field(default_factory=Verdict)
+    """How our clock stands beside those of the agents heard of lately."""
     pieces: int = 0
     """Pieces of replies that came when they were asked for, of those who had not given all they have before."""
     behind_since: float | None = None
@@ -136,8 +137,8 @@ class Synchroniser:
         if self._fetch is not None and self._fetch.peer == rid:
             self._give_up()
 
-    def receive_delta(self, sender: str, payload: bytes) -> None:
-        """A delta or a bundle of stream samples arrived."""
+    def receive_delta(self, sender: str, payload: bytes, physical: float) -> None:
+        """A delta or a bundle of stream samples arrived at physical time `physical` (s)."""
         try:
             delta = decode_delta(payload)
             if delta.live is not None:
@@ -145,7 +146,7 @@ class Synchroniser:
         except WireError as error:
             self._drop(sender, error)
             return
-        self.graph.join(self.gate.delta(sender, delta, self.graph.store) if self.gate else delta)
+        self.graph.join(self.gate.delta(sender, delta, self.graph.store) if self.gate else delta, physical)
 
     def receive_digest(self, sender: str, payload: bytes, now: float, physical: float) -> None:
         """A digest arrived at monotonic time `now` and physical time `physical` (s)."""
@@ -164,15 +165,18 @@ class Synchroniser:
         ahead = digest.now - physical > MAX_DRIFT
         if ahead:
             self._complain(sender, "the clock of %s is %.1f s ahead of ours", digest.now - physical)
+        said = peer.digest is not None and self.graph.rid in peer.digest.ahead
+        changed = (peer.ahead, said) != (ahead, self.graph.rid in digest.ahead)
         peer.digest, peer.heard_at, peer.ahead = digest, now, ahead
-        self.drifting = self._is_drifting(now)
+        if changed:
+            self._compare_clocks(now)
 
-    def receive_reply(self, sender: str, number: int, payload: bytes) -> None:
-        """The answer to `Ask` with that number arrived; what it holds counts also if it comes late."""
+    def receive_reply(self, sender: str, number: int, payload: bytes, physical: float) -> None:
+        """The answer to `Ask` with that number arrived at physical time `physical` (s); what it holds counts also if it comes late."""
         try:
             with collector_paused():
                 piece = decode_piece(payload)
-                self._join_reply(sender, piece.as_delta())
+                self._join_reply(sender, piece.as_delta(), physical)
         except WireError as error:
             self._drop(sender, error)
             self.request_done(number)
@@ -189,14 +193,14 @@ class Synchroniser:
             self._drop(sender, WireError("another piece than was asked for"))
             self._give_up()
         elif self._fetch.begin is None:
-            self._finish(self._fetch)
+            self._finish(self._fetch, physical)
 
-    def _join_reply(self, sender: str, delta: Delta) -> None:
-        self.graph.join(self.gate.reply(sender, delta, self.graph.store) if self.gate else delta)
+    def _join_reply(self, sender: str, delta: Delta, physical: float) -> None:
+        self.graph.join(self.gate.reply(sender, delta, self.graph.store) if self.gate else delta, physical)
 
-    def _finish(self, fetch: Fetch) -> None:
+    def _finish(self, fetch: Fetch, physical: float) -> None:
         """All pieces have come."""
-        self._join_reply(fetch.peer, fetch.rest())
+        self._join_reply(fetch.peer, fetch.rest(), physical)
         self._give_up()
         self._wants_everything = False
         if self.joined:
@@ -248,7 +252,7 @@ class Synchroniser:
                 outputs.append(PublishDelta(settled))
         if self._pace.digest_due(now):
             self._forget_silent(now)
-            self.drifting = self._is_drifting(now)
+            self._compare_clocks(now)
             outputs.append(PublishDigest(self._digest(physical)))
         if self._pace.renewal_due(now):
             outputs.append(Renew())
@@ -310,9 +314,18 @@ class Synchroniser:
         digests = [peer.digest for peer in self._peers.values()]
         return settled and all(digest and digest.context.vector.get(rid, 0) >= last for digest in digests)
 
-    def _is_drifting(self, now: float) -> bool:
-        recent = [p.digest for p in self._peers.values() if p.digest and now - p.heard_at < SILENCE]
-        return 2 * sum(self.graph.rid in digest.ahead for digest in recent) > len(recent)
+    def _compare_clocks(self, now: float) -> None:
+        self.clocks = self._verdict(now)
+        kind = self.clocks.kind
+        if kind in ("ahead", "behind") or self.clocks.slower:  # single ones that are ahead are told by `receive_digest`
+            self._complain(self.graph.rid, f"%s: clocks {kind}: %s", self.clocks)
+
+    def _verdict(self, now: float) -> Verdict:
+        return verdict(
+            Voice(rid, peer.heard_at, self.graph.rid in peer.digest.ahead, peer.ahead)
+            for rid, peer in self._peers.items()
+            if peer.digest and now - peer.heard_at < SILENCE
+        )
 
     def _forget_silent(self, now: float) -> None:
         """Drop peers that fell silent, for whom no word of their going may ever come."""

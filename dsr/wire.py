@@ -27,6 +27,7 @@ import msgspec
 
 from dsr.crdt.context import CausalContext, Dot, DotRange
 from dsr.crdt.delta import TOMBSTONE, Add, Delta, Key, Write
+from dsr.crdt.hlc import MAX_STAMP
 from dsr.decoding import decoded
 from dsr.errors import WireError
 from dsr.schema import MAX_LENGTH
@@ -48,7 +49,7 @@ MAX_STRUCTURE = 1 << 20
 Natural = Annotated[int, msgspec.Meta(ge=0)]
 _Counter = Annotated[int, msgspec.Meta(ge=1, le=_MAX_COUNTER)]
 CounterOrZero = Annotated[int, msgspec.Meta(ge=0, le=_MAX_COUNTER)]
-_Stamp = Annotated[int, msgspec.Meta(ge=0, le=(1 << 63) - 1)]
+_Stamp = Annotated[int, msgspec.Meta(ge=0, le=MAX_STAMP)]
 Name = Annotated[str, msgspec.Meta(min_length=1, max_length=MAX_NAME)]
 
 

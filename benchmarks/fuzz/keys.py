@@ -203,7 +203,7 @@ def _fuzz_replies(tally: Tally, messages: int, seed: int) -> Iterator[Tally]:
             valid = _judge(tally, payload, lambda p: bool(decode_piece(p)))
             sync = victim.memory._replica.synchroniser
             before = None if valid else victim.memory._graph.store.fingerprint, str(victim.memory._graph.store.context)
-            _guarded(tally, payload, lambda: sync.receive_reply("peer", 0, payload))  # noqa: B023
+            _guarded(tally, payload, lambda: sync.receive_reply("peer", 0, payload, corpus.NOW))  # noqa: B023
             after = None if valid else victim.memory._graph.store.fingerprint, str(victim.memory._graph.store.context)
             tally.changes += before != after
             if number % _BATCH == 0:

@@ -90,6 +90,23 @@ def writing(graph: str | None, router: str | None, security: Path | None, agent:
             raise TransportError(f"not all of {', '.join(memory.peers)} have it after {DELIVERY_PATIENCE:.0f} s")
 
 
+@contextlib.contextmanager
+def opened(memory: Memory, name: str) -> Iterator[Memory]:
+    """The world of that name, to write; at the end waits until the others there have what was written.
+
+    Raises:
+        ConfigError: if there is none.
+        TransportError: if somebody did not tell in time that he has it.
+    """
+    try:
+        world = memory.world(name)
+    except WorldNotFoundError as error:
+        raise ConfigError(str(error)) from error
+    yield world
+    if not world.replica.wait_until(lambda: world.replica.synchroniser.delivered, DELIVERY_PATIENCE):
+        raise TransportError(f"not all of {', '.join(world.peers)} have it after {DELIVERY_PATIENCE:.0f} s")
+
+
 def _running(graph: str | None, router: str | None) -> str:
     """The name of a graph that can be joined. Raises `ConfigError` if there is none."""
     name = running_graph(graph) if graph is None or router is None else graph

@@ -2,26 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from dsr.cli.common import (
-    DELIVERY_PATIENCE,
     GraphOption,
     RouterOption,
     SecurityOption,
     console,
     errors,
     naming,
+    opened,
     shown,
     writing,
 )
 from dsr.cli.persist import report, warn
-from dsr.errors import ConfigError, TransportError, WorldNotFoundError
+from dsr.errors import ConfigError
 from dsr.geometry.files import READERS, Up, load_model
 from dsr.geometry.mesh import mesh_hashes
 from dsr.geometry.placing import OBJECT, put_model
@@ -68,7 +66,7 @@ def load(
     if path.suffix.lower() not in READERS:
         content = read_graph(path)
         warn(content)
-        with writing(graph, router, security, agent) as memory, _world(memory, name) as target:
+        with writing(graph, router, security, agent) as memory, opened(memory, name) as target:
             content.put_into(target, replace=replace)
         report("loaded", content, f"into {_place(memory, name)}")
         return
@@ -76,7 +74,7 @@ def load(
     model = load_model(path, scale=scale, up=axis)
     for warning in model.warnings[:_MOST_WARNINGS]:
         errors.print(f"[yellow]{shown(warning)}[/]", soft_wrap=True)
-    with writing(graph, router, security, agent) as memory, _world(memory, name) as target, naming():
+    with writing(graph, router, security, agent) as memory, opened(memory, name) as target, naming():
         names = put_model(target, model, under=under, type=kind, prefix=prefix, at=place)
         hashes = dict.fromkeys(hash for node in names for hash in mesh_hashes(target.node(node)))
         memory.meshes.hand_over(hashes, memory.peers, _PATIENCE)
@@ -85,23 +83,6 @@ def load(
         f"{', ...' if len(names) > 10 else ''}",
         markup=False, soft_wrap=True,
     )  # fmt: skip
-
-
-@contextmanager
-def _world(memory: Memory, name: str) -> Iterator[Memory]:
-    """The world of that name; at the end waits until the others there have what was written.
-
-    Raises:
-        ConfigError: if there is none.
-        TransportError: if somebody did not tell in time that he has it.
-    """
-    try:
-        world = memory.world(name)
-    except WorldNotFoundError as error:
-        raise ConfigError(str(error)) from error
-    yield world
-    if not world.replica.wait_until(lambda: world.replica.synchroniser.delivered, DELIVERY_PATIENCE):
-        raise TransportError(f"not all of {', '.join(world.peers)} have it after {DELIVERY_PATIENCE:.0f} s")
 
 
 def _place(memory: Memory, world: str) -> str:

@@ -24,6 +24,7 @@ from dsr.cli import (
     run,
     security,
     soak,
+    stamps,
     top,
     topology,
     visibility,
@@ -44,7 +45,8 @@ app = typer.Typer(
     help="Working memory for robots. Start with `dsr demo`; look into what runs with `dsr ls`, `dsr tree`, `dsr top`.",
 )
 for module in (
-    run, inspect, relations, visibility, worlds, watch, top, topology, diff, what_if, persist, load, hub, soak, doctor,
+    run, inspect, relations, visibility, worlds, watch, top, topology, diff, what_if, persist, load, hub, stamps, soak,
+    doctor,
 ):  # fmt: skip
     app.add_typer(module.app)
 app.add_typer(security.app)

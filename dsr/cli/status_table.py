@@ -1,4 +1,4 @@
-"""The table of agents: state, rate, latency, restarts, last error."""
+"""The table of agents: state, rate, latency, restarts, last error, clocks that differ."""
 
 from __future__ import annotations
 
@@ -34,8 +34,9 @@ def status_table(rows: Iterable[AgentRow], title: str) -> Group:
     for row in rows:
         colour = _COLOURS.get(row.state, "white")
         table.add_row(shown(row.agent), f"[{colour}]{row.state}[/]", *_numbers(row))
-        if row.last_error:
-            problems.append(Text.from_markup(f"[{colour}]{shown(row.agent)}[/]: {shown(row.last_error)}"))
+        clock = row.heard.status.clock if row.heard else ""
+        for problem in filter(None, (row.last_error, clock)):
+            problems.append(Text.from_markup(f"[{colour}]{shown(row.agent)}[/]: {shown(problem)}"))
     return Group(table, *problems)
 
 
@@ -63,6 +64,7 @@ def status_json(rows: Iterable[AgentRow]) -> list[dict[str, Any]]:
             "errors": row.heard.status.errors if row.heard else None,
             "restarts": row.restarts,
             "last_error": row.last_error,
+            "clock": row.heard.status.clock if row.heard else None,
         }
         for row in rows
     ]

@@ -5,12 +5,17 @@ from __future__ import annotations
 import threading
 
 import typer
+from rich.console import Group
 from rich.live import Live
+from rich.text import Text
 
 from dsr.cli.common import GraphOption, JsonOption, RouterOption, SecurityOption, console, print_json, reading
 from dsr.cli.status_table import status_json, status_table
 from dsr.clock import WALL_CLOCK
+from dsr.far_stamps import by_agent
+from dsr.memory import Memory
 from dsr.runtime.launcher import AgentRow
+from dsr.runtime.logs import printable
 from dsr.runtime.status import PERIOD, StatusBoard
 
 app = typer.Typer()
@@ -27,7 +32,7 @@ def top(
     router: RouterOption = None,
     security: SecurityOption = None,
 ) -> None:
-    """Show state, rate, latency and last error of every agent, live until Ctrl-C.
+    """Show state, rate, latency, last error and clock of every agent, and who forged stamps, live until Ctrl-C.
 
     With --json, or if the output is no terminal, listens for a moment, prints once and ends.
     """
@@ -38,19 +43,30 @@ def top(
         if as_json:
             print_json(status_json(_rows(board)))
         elif not console.is_terminal:
-            console.print(status_table(_rows(board), title))
+            console.print(_shown(board, title, memory))
         else:
-            _follow(board, title)
+            _follow(board, title, memory)
 
 
-def _follow(board: StatusBoard, title: str) -> None:
+def _follow(board: StatusBoard, title: str, memory: Memory) -> None:
     with Live(console=console, auto_refresh=False) as live:
         try:
             while True:
-                live.update(status_table(_rows(board), title), refresh=True)
+                live.update(_shown(board, title, memory), refresh=True)
                 WALL_CLOCK.wait(threading.Event(), _REFRESH)
         except KeyboardInterrupt:
             return
+
+
+def _shown(board: StatusBoard, title: str, memory: Memory) -> Group:
+    """The table, and below it how many values are stamped days ahead in the base world, and by whom."""
+    table = status_table(_rows(board), title)
+    far = memory.far_stamps() if memory.far_stamped else []
+    if not far:
+        return table
+    writers = ", ".join(f"{agent} ({count})" for agent, count in by_agent(far).items())
+    text = f"{len(far)} values are stamped days ahead of this clock, last written by {writers}; see: dsr stamps"
+    return Group(table, Text(printable(text), style="red"))
 
 
 def _rows(board: StatusBoard) -> list[AgentRow]:

@@ -2,32 +2,45 @@
 
 Kulkarni et al., "Logical Physical Clocks" (OPODIS 2014). A stamp is one integer: microseconds since
 the Unix epoch in the high bits, a logical counter in the low `LOGICAL_BITS`, so that stamps compare
-as integers.
+as integers. A clock follows the stamps of others only so far: a forged one must not move every clock.
 """
 
 from __future__ import annotations
 
 LOGICAL_BITS = 10
+MAX_STAMP = (1 << 63) - 1
+"""The greatest stamp of the format. Every replica refuses a message with a greater one."""
+MAX_LEAD = 86_400.0
+"""s beyond its own physical time up to which a clock follows others: more than a wrong time zone is off (14 h at most),
+so that causality holds among all clocks that somebody may have set."""
 _HORIZON = 1 << 62
-"""A stamp in the year 2112. A greater one, which only a broken clock can have made, wins where it was written but
-leaves the clocks of others alone: else they would run out of stamps."""
+"""A stamp in the year 2112. Later physical times count as this one: a clock so wrong still leaves room above."""
+
+
+def stamp_at(time: float) -> int:
+    """The first stamp at a physical time (s since the Unix epoch)."""
+    return min(max(int(time * 1e6) << LOGICAL_BITS, 0), _HORIZON)
 
 
 class HybridClock:
-    """Issues stamps greater than every stamp issued or observed before."""
+    """Issues stamps greater than every stamp issued before, or observed and not beyond `MAX_LEAD`."""
 
     def __init__(self) -> None:
         self.latest = 0
+        self.limit = 0
+        """The greatest stamp that it would follow at the last tick."""
 
     def tick(self, now: float) -> int:
         """A new stamp at physical time `now` (s)."""
-        physical = int(now * 1e6) << LOGICAL_BITS
+        physical = stamp_at(now)
+        self.limit = stamp_at(now + MAX_LEAD)
         self.latest = physical if physical > self.latest else self.latest + 1
         return self.latest
 
-    def observe(self, stamp: int) -> None:
-        """Take note of a stamp received from elsewhere; later stamps of ours are greater."""
-        self.latest = max(self.latest, min(stamp, _HORIZON))
+    def observe(self, stamp: int, now: float) -> None:
+        """Take note of a stamp from elsewhere at physical time `now` (s): later ones of ours are greater."""
+        if self.latest < stamp <= stamp_at(now + MAX_LEAD):
+            self.latest = stamp
 
 
 def physical_time(stamp: int) -> float:

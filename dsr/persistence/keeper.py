@@ -134,7 +134,7 @@ class StateKeeper:
         with collector_paused():
             for delta in self._generations.restored():
                 with self._lock:
-                    self._graph.join(delta)
+                    self._graph.join(delta, self._clock.now())
                 found = found or bool(delta.context)
         return found
 

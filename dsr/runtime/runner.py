@@ -190,6 +190,7 @@ class Runner:
             restarts=self._restarts,
             last_error=self._impairment or self._last_error,
             stamp=self.agent.clock.now(),
+            clock=str(self.agent.memory.clocks) if self.agent.uses_memory else "",
             worlds=self._activity.uses(self.agent.clock.now()),
         )
 

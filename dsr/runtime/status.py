@@ -61,6 +61,8 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     last_error: str = ""
     stamp: float = 0.0
     """s"""
+    clock: str = ""
+    """What is wrong with its clock, or with another one; empty if all agree."""
     worlds: list[WorldUse] = []
     """What it does in which worlds."""
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from msgspec.structs import replace
@@ -51,6 +51,9 @@ class WorldAccess:
         raise NotImplementedError
 
     def _check_write(self, element: str, type: str, attributes: Iterable[str]) -> None:
+        raise NotImplementedError
+
+    def _put(self, write: Callable[[], Delta]) -> Delta:
         raise NotImplementedError
 
     @property
@@ -160,9 +163,7 @@ class WorldAccess:
                     writes.append(Write(_NOBODY, name, 0, "", None, value))
             kind = "node" if isinstance(key, str) else "edge"
             self._check_write(kind, element.type, [write.attribute for write in writes])
-            delta = graph.copy(key, element.type, writes, self.clock.now())
-            if delta:
-                self._replica.commit(delta)
+            delta = self._put(lambda: graph.copy(key, element.type, writes, self.clock.now()))
         if delta:
             self._replica.send_soon()
         return bool(delta)

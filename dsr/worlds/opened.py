@@ -78,7 +78,7 @@ class Seat:
         """What the world holds at first."""
         graph = self._begun(followers)
         for delta in self.content:
-            graph.join(delta)
+            graph.join(delta, self.worlds.base.clock.now())
         self.content = ()
         return graph
 
@@ -91,7 +91,7 @@ class Seat:
         if not isinstance(parent, Overlay):
             return ForkedGraph(self.rid, parent, followers)
         graph = Graph(self.rid, parent.schema, followers)
-        graph.join(parent.flattened())
+        graph.join(parent.flattened(), self.worlds.base.clock.now())
         return graph
 
 
@@ -141,7 +141,7 @@ class Worlds:
                     memory = self.open(name, timeout)
                     for delta in content:
                         with self.lock:
-                            memory.replica.graph.join(delta)
+                            memory.replica.graph.join(delta, self.base.clock.now())
                     return memory
             memory = self._join(name, timeout, content)
             memory.replica.synchroniser.nobody_there()

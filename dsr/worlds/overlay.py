@@ -15,7 +15,7 @@ from typing import Any
 from dsr.crdt.context import Dot
 from dsr.crdt.delta import Add, Delta, EdgeKey, Key
 from dsr.crdt.store import Entry
-from dsr.elements import Edge, Node
+from dsr.elements import Edge, Node, key_of
 from dsr.followers import Followers
 from dsr.graph import Graph
 from dsr.worlds.handles import LayeredEdge, LayeredNode, LiveEdge, LiveNode
@@ -107,6 +107,11 @@ class Overlay(Graph):
         known, element = self.store.is_known, self.store.element
         return any(all(known(dot) and not element(dot) for dot in ends) for ends in (entry.sources, entry.destinations))
 
+    def newest_stamp(self, owner: Dot, attribute: str) -> int:
+        """See `Graph.newest_stamp`; the parent's counts, too, unless it is further ahead than the clock follows."""
+        below = self.parent.newest_stamp(owner, attribute)
+        return max(super().newest_stamp(owner, attribute), below if below <= self.hlc.limit else 0)
+
     def split(self, element: Node | Edge, below: tuple[Entry, ...]) -> tuple[tuple[Entry, ...], tuple[Entry, ...]]:
         """See `Splitting.split`."""
         assert isinstance(element, LayeredNode | LayeredEdge)
@@ -191,7 +196,7 @@ class Overlay(Graph):
 
     def below_came(self, element: Node | Edge) -> None:
         """The parent shows an element that it did not."""
-        key = _key(element)
+        key = key_of(element)
         self._outdate(element)
         if key in self._taken or self._concerns(element):
             self._refresh(key, was_below=False)
@@ -204,7 +209,7 @@ class Overlay(Graph):
 
     def below_went(self, element: Node | Edge) -> None:
         """The parent does not show an element any more."""
-        key = _key(element)
+        key = key_of(element)
         self._outdate(element)
         if key in self._taken:
             self._refresh(key)
@@ -215,7 +220,7 @@ class Overlay(Graph):
 
     def below_changed(self, element: Node | Edge, attribute: str) -> None:
         """An attribute of an element of the parent changed."""
-        key = _key(element)
+        key = key_of(element)
         shown = self._visible(key)
         if isinstance(shown, LayeredNode | LayeredEdge) and shown.layer_write(attribute) is not None:
             return
@@ -224,7 +229,7 @@ class Overlay(Graph):
 
     def below_has_others(self, element: Node | Edge) -> None:
         """Other incarnations of an element of the parent are seen there now."""
-        key = _key(element)
+        key = key_of(element)
         if key in self._taken or self._concerns(element):
             self._show_others(key)
         if isinstance(key, str):
@@ -241,7 +246,7 @@ class Overlay(Graph):
 
     def _outdate(self, element: Node | Edge) -> None:
         """What was listed for readers may be other elements now."""
-        key = _key(element)
+        key = key_of(element)
         if isinstance(key, str):
             self._nodes.forget(key)
             _outdate(self.nodes_by_type, element.type)
@@ -366,10 +371,6 @@ class Overlay(Graph):
             self._refresh(key)
         self.replied()
         self._detach_or_bury(own)
-
-
-def _key(element: Node | Edge) -> Key:
-    return element.name if isinstance(element, Node) else element.key
 
 
 def _rewritten(owner: Dot, write: Any) -> Any:

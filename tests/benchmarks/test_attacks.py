@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
+from typing import Any
+from unittest import mock
 
 import pytest
 
@@ -12,6 +14,11 @@ from benchmarks.attacks import __main__ as command
 from benchmarks.attacks.arenas import LocalArena, zenoh_arena
 from benchmarks.attacks.attack import Attack, Outcome
 from benchmarks.attacks.registry import attacks
+from dsr import clock_votes
+from dsr.clock_votes import Verdict
+from dsr.crdt.delta import Delta
+from dsr.crdt.hlc import HybridClock
+from dsr.graph import Graph
 
 CASES = [(attack, graph) for attack in attacks().values() for graph in attack.settings]
 
@@ -28,6 +35,25 @@ def test_the_same_attack_runs_over_zenoh(graph: str) -> None:
     with zenoh_arena(attack.grants if graph == "secured" else None) as arena:
         outcome = attack.run(arena)
     assert outcome.held, outcome.effect
+
+
+def _follow_to_a_horizon(self: HybridClock, stamp: int, now: float) -> None:
+    self.latest = max(self.latest, min(stamp, 1 << 62))
+
+
+OLD_DESIGNS: list[tuple[str, Any, str, Any]] = [
+    ("stamp-elsewhere", HybridClock, "observe", _follow_to_a_horizon),
+    ("stamp-greatest", Graph, "_stamp", lambda self, key, owners, attribute, tick: tick),
+    ("stamp-cleaned", Graph, "renew", lambda self, key, now: Delta()),
+    ("clock-votes", clock_votes, "agent_of", lambda rid: rid),
+    ("clock-of-two", Verdict, "_most", lambda self, agents: 2 * len(agents) > self.agents),
+]
+
+
+@pytest.mark.parametrize(("name", "owner", "part", "old"), OLD_DESIGNS, ids=[name for name, *_ in OLD_DESIGNS])
+def test_designs_that_did_not_hold_are_found(name: str, owner: Any, part: str, old: Any) -> None:
+    with mock.patch.object(owner, part, old):
+        assert not attacks()[name].run(LocalArena()).held
 
 
 def test_an_attack_that_succeeds_is_told(

@@ -41,7 +41,7 @@ def test_a_decoder_that_lets_other_exceptions_out_is_found(tmp_path: Path) -> No
 def test_a_state_that_changes_by_refused_messages_is_found() -> None:
     """A memory that joins what it can read of a message and then complains."""
 
-    def careless(self: Synchroniser, sender: str, payload: bytes) -> None:
+    def careless(self: Synchroniser, sender: str, payload: bytes, physical: float) -> None:
         self.graph.store.context.add((sender, 1))
 
     with mock.patch.object(Synchroniser, "receive_delta", careless):

@@ -32,7 +32,7 @@ def digest(rid: str, now: float = 0.0, fingerprint: int = 0, seen: CausalContext
 def test_made_up_replicas_take_no_memory(synchroniser: Synchroniser, caplog: pytest.LogCaptureFixture) -> None:
     for number in range(2 * MAX_PEERS):
         synchroniser.receive_digest(f"peer-{number}", digest(f"peer-{number}", now=99.0), 0.0, 0.0)
-        synchroniser.receive_delta(f"peer-{number}", b"nonsense")
+        synchroniser.receive_delta(f"peer-{number}", b"nonsense", 0.0)
     assert len(synchroniser.peers) == MAX_PEERS
     assert len(synchroniser.dropped) == MAX_PEERS + 1
     assert sum(synchroniser.dropped.values()) == synchroniser.dropped["others"] + MAX_PEERS == 2 * MAX_PEERS

@@ -112,7 +112,7 @@ def fed(index: RecordingIndex, anew: list[str]) -> tuple[Feed, Graph]:
     feed, graph = Feed(index, anew), Graph("reader")
     for topic, payload in feed.take(index.end + 1.0, feed.last_rank):
         if topic.startswith(("d/", "rt/")) and isinstance(payload, bytes):
-            graph.join(decode_delta(payload))
+            graph.join(decode_delta(payload), index.end)
     return feed, graph
 
 

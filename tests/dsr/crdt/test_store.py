@@ -34,7 +34,7 @@ def random_history(seed: int, length: int = 25) -> tuple[list[Graph], list[Delta
         elif action == 4 and "a" in graph.nodes and "b" in graph.nodes:
             deltas.append(graph.add_edge("a", "b", "on", {"since": now}, now))
         elif action == 5:
-            graph.join(generator.choice(graphs).store.missing_for(graph.store.context))
+            graph.join(generator.choice(graphs).store.missing_for(graph.store.context), now)
     return graphs, [delta for delta in deltas if delta]
 
 
@@ -100,9 +100,9 @@ def test_deltas_amount_to_the_full_state(seed: int) -> None:
     graphs, deltas = random_history(seed)
     by_deltas, by_replies = Graph("x"), Graph("y")
     for delta in deltas:
-        by_deltas.join(delta)
+        by_deltas.join(delta, 1e9)
     for graph in graphs:
-        by_replies.join(full(graph.store))
+        by_replies.join(full(graph.store), 1e9)
     assert state(by_deltas.store) == state(by_replies.store)
 
 

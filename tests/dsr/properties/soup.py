@@ -6,13 +6,16 @@ After each step the replica concerned must show exactly what the plain model mak
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from dsr.crdt.context import CausalContext, Dot
-from dsr.crdt.delta import TOMBSTONE, Delta, EdgeKey, Key
+from dsr.crdt.delta import TOMBSTONE, Delta, EdgeKey, Key, Write
+from dsr.crdt.hlc import MAX_LEAD, stamp_at
 from dsr.elements import Edge, Node
+from dsr.errors import NoRoomError
+from dsr.far_stamps import FAR
 from dsr.graph import Graph
 from dsr.outbox import Outbox
 from dsr.watch import Filter, Watch
@@ -21,6 +24,12 @@ from tests.dsr.properties.knowledge import Fact, Knowledge, Shown, facts_of
 from tests.dsr.properties.readers import Reader
 
 START = 1_000_000_000.0
+HOUR = 3600.0
+"""s by which a clock may be off."""
+FORGER = "forger-1"
+"""Replica id under which forged stamps are sent, by nobody who keeps to the protocol."""
+NOBODYS: Dot = ("nobody-1", 1)
+"""A creation dot that nobody has ever issued: what is written to it waits."""
 
 
 @dataclass
@@ -87,6 +96,9 @@ class Soup:
         self.dead: set[str] = set()
         self._issued: set[Dot] = set()
         self._dots: dict[Fact, set[Dot]] = {}
+        self._overruled: dict[Fact, set[Fact]] = {}
+        """What was shown when somebody wrote anew, and the writes that must win over it for good."""
+        self._forged = 0
         self._boots = 0
         self.sites = [self._boot(skew) for skew in skews]
 
@@ -112,30 +124,30 @@ class Soup:
 
     def add_node(self, index: int, name: str, type: str, value: int) -> None:
         site, now = self._site(index)
-        owners = site.known.incarnations(name)
-        delta = site.graph.add_node(name, type, {"seen": value}, now)
-        self._sent(site, delta, (name, type), owners, {"seen": value})
+        delta = self._written(index, lambda: site.graph.add_node(name, type, {"seen": value}, now))
+        self._sent(site, delta, (name, type), site.known.incarnations(name), {"seen": value})
 
     def update_node(self, index: int, name: str, values: dict[str, Any]) -> None:
         site, now = self._site(index)
         if name in site.graph.nodes:
-            owners = site.known.incarnations(name)
-            self._sent(site, site.graph.write(site.graph.nodes[name], values, now), None, owners, values)
+            delta = self._written(index, lambda: site.graph.write(site.graph.nodes[name], values, now))
+            self._sent(site, delta, None, site.known.incarnations(name), values)
 
     def remove_attribute(self, index: int, key: Key, attribute: str) -> None:
         site, now = self._site(index)
-        element = site.graph.nodes.get(key) if isinstance(key, str) else site.graph.edges.get(key)
-        if element is None:
+        if key not in site.graph.nodes and key not in site.graph.edges:
             return
-        owners = self._written_by(site, key) if attribute in element else []
-        delta = site.graph.remove_attribute(element, attribute, now)
-        self._sent(site, delta, None, owners, {attribute: TOMBSTONE})
+        is_set = attribute in element_of(site.graph, key)
+        delta = self._written(
+            index, lambda: site.graph.remove_attribute(element_of(site.graph, key), attribute, now)
+        )
+        self._sent(site, delta, None, self._written_by(site, key) if is_set else [], {attribute: TOMBSTONE})
 
     def add_edge(self, index: int, key: EdgeKey, values: dict[str, Any]) -> None:
         site, now = self._site(index)
         if key[0] in site.graph.nodes and key[1] in site.graph.nodes:
             is_new = key not in site.graph.edges
-            delta = site.graph.add_edge(*key, values, now)
+            delta = self._written(index, lambda: site.graph.add_edge(*key, values, now))
             if is_new:
                 assert delta.adds[0].sources == tuple(site.known.incarnations(key[0])), "bound to other dots"
             owners = [] if is_new else site.known.incarnations(key)
@@ -144,7 +156,7 @@ class Soup:
     def update_edge(self, index: int, key: EdgeKey, values: dict[str, Any]) -> None:
         site, now = self._site(index)
         if key in site.graph.edges:
-            delta = site.graph.write(site.graph.edges[key], values, now)
+            delta = self._written(index, lambda: site.graph.write(site.graph.edges[key], values, now))
             self._sent(site, delta, None, self._written_by(site, key), values)
 
     def remove_node(self, index: int, name: str) -> None:
@@ -170,6 +182,50 @@ class Soup:
                 outbox.add(decode_delta(message.payload), together=True)
                 facts.learn(message.facts)
             self.messages[first:] = [Message(encode_delta(outbox.take()[0][0]), facts)]
+
+    def renew(self, index: int, key: Key) -> None:
+        """Make anew what a replica shows: all of it that is seen stays, and nothing else."""
+        site, now = self._site(index)
+        before = site.known.shown()
+        if key not in before:
+            return
+        around = site.known.at(key) if isinstance(key, str) else []
+        gone = {*site.known.incarnations(key), *around}
+        delta = site.graph.renew(key, now)
+        assert set(delta.removed) == gone and len(delta.removed) == len(gone)
+        self._note_dots(delta)
+        facts = facts_of(delta)
+        site.known.learn(facts)
+        self._send(delta, facts)
+        assert site.known.shown() == before, "making anew changed what is shown"
+        assert all(write.stamp <= stamp_at(now + FAR) for write in delta.writes), "a stamp of the far future was kept"
+
+    def forge(
+        self, target: Dot | None, attribute: str, stamp: int | None, value: Any, *, durable: bool, reaches: int
+    ) -> None:
+        """Somebody who speaks the protocol himself writes to an incarnation with any stamp that the format takes.
+
+        None stands for that of what is there. It reaches one replica at once, and the others as any message does.
+        """
+        if stamp is None:
+            written = self._site(reaches)[0].known.written
+            stamp = max((fact[2] for fact in written if fact[:2] == (target, attribute)), default=0)
+        fact = (target or NOBODYS, attribute, stamp, FORGER)
+        if fact in self._dots:
+            return  # two values under one stamp and writer: told to different replicas, these may differ
+        self._forged += 1
+        self.dead.add(FORGER)
+        dot = (FORGER, self._forged) if durable else None
+        delta = Delta(writes=[Write(fact[0], attribute, stamp, FORGER, dot, value)])
+        delta.context = [(*dot, dot[1])] if dot else []
+        self._note_dots(delta)
+        self._send(delta, facts_of(delta))
+        self._receive(self._site(reaches)[0], self.messages[-1])
+
+    def a_dot(self, index: int, choice: int) -> Dot | None:
+        """A creation dot of what a replica holds."""
+        dots = sorted(self._site(index)[0].known.held())
+        return dots[choice % len(dots)] if dots else None
 
     def settle(self, index: int) -> None:
         """Make samples durable; those of others after three calls without news."""
@@ -204,7 +260,7 @@ class Soup:
         """One replica gets from another what it lacks: the same as joining all that the other holds."""
         site, other = self._site(asker)[0], self._site(asked)[0]
         whole = copied(site.graph)
-        whole.join(full(other.graph))
+        whole.join(full(other.graph), self.time + site.skew)
         self.reply(asker, asked)
         self._receive(site, self.messages[-1])
         assert state(site.graph) == state(whole), "sync(version vector) differs from a full merge"
@@ -231,8 +287,18 @@ class Soup:
         """What must hold at every moment."""
         for site in self.sites:
             site.check()
+            self._check_overruled(site)
             for fact in site.known.waiting():
                 assert not any(dot in site.graph.store.context for dot in self._dots[fact]), "seen, but not applied"
+
+    def _check_overruled(self, site: Site) -> None:
+        """Nobody who has got a write shows what its writer saw and replaced, whatever the stamps say."""
+        elements: list[Node | Edge] = [*site.graph.nodes.values(), *site.graph.edges.values()]
+        for element in elements:
+            for name in element.written:
+                later = self._overruled.get(fact_shown(element, name), set()) & site.known.written.keys()
+                seen = [fact for fact in later if fact[0] in site.known.added and site.known.is_visible(fact[0])]
+                assert not seen, "a write that was seen won over a later one"
 
     def check_converged(self) -> None:
         """All replicas are equal, in what they hold too; no hole is left but those that a dead one left."""
@@ -253,6 +319,23 @@ class Soup:
         assert site.readers.cubes.read(site.graph) == cubes
 
     # ---- within
+
+    def _written(self, index: int, write: Callable[[], Delta]) -> Delta:
+        """What a write gives, after what leaves no room for it was made anew; note what it replaces."""
+        site, _ = self._site(index)
+        try:
+            shown_before = facts_shown(site.graph)
+            delta = write()
+        except NoRoomError as full:
+            self.renew(index, full.key)
+            shown_before = facts_shown(site.graph)
+            delta = write()
+        for fact in facts_of(delta).written:
+            key = site.graph.store.entries[fact[0]].key
+            replaced = shown_before.get((key, fact[1]))
+            if replaced is not None:
+                self._overruled.setdefault(replaced, set()).add(fact)
+        return delta
 
     def _site(self, index: int) -> tuple[Site, float]:
         site = self.sites[index % len(self.sites)]
@@ -280,12 +363,24 @@ class Soup:
         told = {(w.owner, w.attribute, repr(w.value)) for w in delta.writes}
         assert told == {(o, name, repr(value)) for o in owners for name, value in (values or {}).items()}
         assert set(delta.removed) == removed
-        latest = max((f[2] for f in site.known.written if site.known.is_live(f[0])), default=0)
-        assert all(w.stamp > latest for w in delta.writes), "a stamp that is not after what was known"
+        self._check_stamps(site, delta)
         self._note_dots(delta)
         facts = facts_of(delta)
         site.known.learn(facts)
         self._send(delta, facts)
+
+    def _check_stamps(self, site: Site, delta: Delta) -> None:
+        """Each is after all that was known of honest clocks, and no further ahead than what it overwrites forces it."""
+        honest = stamp_at(START - HOUR + MAX_LEAD)
+        live = [fact for fact in site.known.written if site.known.is_live(fact[0])]
+        latest = max((fact[2] for fact in live if fact[2] <= honest), default=0)
+        for write in delta.writes:
+            own = {other.owner for other in delta.writes if other.attribute == write.attribute}
+            below = max((fact[2] for fact in live if fact[0] in own and fact[1] == write.attribute), default=0)
+            assert write.stamp > latest, "a stamp that is not after what was known"
+            assert write.stamp > below, "a stamp that is not after what it replaces"
+            limit = stamp_at(self.time + HOUR + MAX_LEAD) + len(self._dots) + 9
+            assert write.stamp <= max(limit, below + 1), "a clock that followed a forged stamp"
 
     def _note_dots(self, delta: Delta) -> None:
         """No dot is ever issued twice; what a delta issues, its context covers."""
@@ -314,13 +409,31 @@ class Soup:
     def _receive(self, site: Site, message: Message) -> None:
         delta = decode_delta(message.payload)
         lasting = {(w.owner, w.attribute, w.stamp, w.writer) for w in delta.writes if w.dot is not None}
-        site.graph.join(delta)
+        site.graph.join(delta, self.time + site.skew)
         site.known.learn(Knowledge(message.facts.added, message.facts.removed))
         site.known.written |= {
             fact: value
             for fact, value in message.facts.written.items()
             if message.receiver or fact in lasting or fact[0] in site.known.added
         }  # a sample for a node that was not heard of yet is lost
+
+
+def element_of(graph: Graph, key: Key) -> Node | Edge:
+    """What a replica shows under a key."""
+    return graph.nodes[key] if isinstance(key, str) else graph.edges[key]
+
+
+def fact_shown(element: Node | Edge, attribute: str) -> Fact:
+    """The write that a value which is shown is from."""
+    write = element.newest_write(attribute)
+    assert write is not None
+    return write.owner, attribute, write.stamp, write.writer
+
+
+def facts_shown(graph: Graph) -> dict[tuple[Key, str], Fact]:
+    """The writes that all values which are shown are from."""
+    elements = {**graph.nodes, **graph.edges}
+    return {(key, name): fact_shown(element, name) for key, element in elements.items() for name in element.written}
 
 
 def shown(graph: Graph) -> Shown:

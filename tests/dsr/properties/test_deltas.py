@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
 from dsr import Pose
-from tests.dsr.properties.soup import Soup
+from dsr.crdt.hlc import MAX_LEAD, MAX_STAMP, stamp_at
+from tests.dsr.properties.soup import HOUR, START, Soup
 
-HOUR = 3600.0
 sites = st.integers(0, 4)
 names = st.sampled_from(["a", "a", "a", "b", "b", "c"])
 types = st.sampled_from(["cube", "box"])
@@ -25,6 +25,9 @@ edge_values = st.one_of(
     st.builds(lambda x: {"pose": Pose((x, 1.0, 0.0)), "since": float(x), "note": "n"}, numbers),
 )
 skews = st.one_of(st.just(0.0), st.floats(-HOUR, HOUR))
+bounds = [0, 1 << 62, MAX_STAMP - 1, *[MAX_STAMP] * 3, stamp_at(START + MAX_LEAD), stamp_at(START + 3 * MAX_LEAD)]
+stamps = st.one_of(st.sampled_from(bounds), st.integers(0, MAX_STAMP))
+"""Any that the format takes, those at its bound and at the bounds of clocks more often."""
 
 
 class Deltas(RuleBasedStateMachine):
@@ -79,6 +82,26 @@ class Deltas(RuleBasedStateMachine):
     @rule(site=sites, some=st.lists(names, min_size=1, max_size=3), value=numbers)
     def batch(self, site: int, some: list[str], value: int) -> None:
         self.soup.batch(site, some, value)
+
+    @rule(
+        site=sites, choice=choices, attribute=st.sampled_from(["seen", "seen", "mass", "pose", "since"]),
+        stamp=st.one_of(st.none(), stamps), value=numbers, durable=st.booleans(), unknown=st.integers(0, 9),
+    )  # fmt: skip
+    def forge(
+        self, site: int, choice: int, attribute: str, stamp: int | None, value: int, durable: bool, unknown: int
+    ) -> None:
+        target = self.soup.a_dot(site, choice) if unknown else None
+        self.soup.forge(target, attribute, stamp, value, durable=durable, reaches=site)
+
+    @rule(site=sites, choice=choices)
+    def renew_node(self, site: int, choice: int) -> None:
+        if name := self.soup.a_node(site, choice):
+            self.soup.renew(site, name)
+
+    @rule(site=sites, choice=choices)
+    def renew_edge(self, site: int, choice: int) -> None:
+        if key := self.soup.an_edge(site, choice):
+            self.soup.renew(site, key)
 
     @rule(site=sites)
     def settle(self, site: int) -> None:

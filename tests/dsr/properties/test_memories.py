@@ -12,7 +12,8 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 
 from dsr import Faults, Pose
 from dsr.crdt import pieces
-from tests.dsr.properties.test_deltas import HOUR, choices, edge_types, names, numbers, sites, types
+from tests.dsr.properties.soup import HOUR
+from tests.dsr.properties.test_deltas import choices, edge_types, names, numbers, sites, stamps, types
 from tests.dsr.properties.world import Complaints, World
 
 faults = st.builds(
@@ -78,6 +79,19 @@ class Memories(RuleBasedStateMachine):
     @rule(site=sites, some=st.lists(names, min_size=1, max_size=3), value=numbers)
     def batch(self, site: int, some: list[str], value: int) -> None:
         self.world.batch(site, some, value)
+
+    @rule(site=sites, choice=choices, stamp=stamps, value=numbers, durable=st.booleans())
+    def forge(self, site: int, choice: int, stamp: int, value: int, durable: bool) -> None:
+        if name := self.world.a_node(site, choice):
+            self.world.forge(site, name, stamp, value, durable=durable)
+
+    @rule(site=sites, replicas=st.integers(1, 5))
+    def blame(self, site: int, replicas: int) -> None:
+        self.world.blame(site, replicas)
+
+    @rule(site=sites)
+    def clean(self, site: int) -> None:
+        self.world.clean(site)
 
     @rule(seconds=st.sampled_from([0.0, 0.01, 0.3, 1.1]))
     def advance(self, seconds: float) -> None:

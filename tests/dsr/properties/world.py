@@ -10,12 +10,17 @@ from dataclasses import dataclass, field
 
 from dsr import ClockDriftError, CycleError, Faults, LocalNetwork, ManualClock, Memory, Pose
 from dsr.crdt.context import CausalContext, Dot
-from dsr.crdt.delta import Delta, EdgeKey
+from dsr.crdt.delta import Delta, EdgeKey, Write
+from dsr.keys import Keys
 from dsr.sync import MAX_DRIFT
+from dsr.transport import Qos
+from dsr.wire import Digest, encode_delta, encode_digest
 from tests.dsr.properties.knowledge import Knowledge, facts_of
 from tests.dsr.properties.readers import Reader
 from tests.dsr.properties.soup import shown, state
 
+FORGER = "forger"
+"""Agent of a raw peer that sends any stamp, and says that other clocks are wrong, under any number of replica ids."""
 CATCH_UP = 12.0
 """s after which everybody must have everything."""
 
@@ -69,7 +74,10 @@ class World:
         self.clock = ManualClock()
         self.network = LocalNetwork(self.clock, seed=seed, faults=faults)
         self.committed: list[Delta] = []
-        self.dead: set[str] = set()
+        self.dead: set[str] = {f"{FORGER}-1"}
+        """Replicas of which something may be missing for good."""
+        self.forger = self.network.connect(FORGER)
+        self._forged = 0
         self._skews = set(skews)
         self._boots = 0
         self.seats = [self._boot(index, skew) for index, skew in enumerate(skews)]
@@ -90,7 +98,7 @@ class World:
 
     def new_rid(self, boot: int) -> str:
         """The replica id of a start: never the same twice."""
-        return f"r-{boot}"
+        return f"r{boot}-1"
 
     def memory(self, index: int) -> Memory:
         return self.seats[index % len(self.seats)].memory
@@ -137,6 +145,36 @@ class World:
 
         self._write(index, write)
 
+    def forge(self, index: int, name: str, stamp: int, value: int, *, durable: bool) -> None:
+        """The raw peer stamps a value of a node that a memory shows as it likes."""
+        owner = self.memory(index).node(name).created[0]
+        self._forged += 1
+        rid = f"{FORGER}-1"
+        dot = (rid, self._forged) if durable else None
+        write = Write(owner, "seen", stamp, f"{rid}.{self._forged}", dot, value)
+        delta = Delta(writes=[write], context=[(*dot, dot[1])] if dot else [])
+        self.committed.append(delta)
+        key = Keys("g").delta(rid) if durable else Keys("g").stream(rid)
+        self.forger.publish(key, encode_delta(delta))
+
+    def blame(self, index: int, replicas: int) -> None:
+        """The raw peer says, as several replicas, that it sees a memory's clock in its future."""
+        victim = self.memory(index).rid
+        for number in range(replicas):
+            digest = Digest(f"{FORGER}-{number}", self.clock.now(), CausalContext(), 0, (victim,))
+            self.forger.publish(Keys("g").digest(digest.replica), encode_digest(digest), Qos.STREAM)
+
+    def clean(self, index: int) -> None:
+        """Make anew what has a stamp of the far future; what is shown stays."""
+        memory = self.memory(index)
+        before = shown(memory._graph)
+
+        def clean(memory: Memory) -> None:
+            memory.clean_stamps()
+            assert not memory.far_stamps() and shown(memory._graph) == before
+
+        self._write(index, clean)
+
     def _write(self, index: int, write: Callable[[Memory], object]) -> None:
         """A memory whose clock is ahead refuses, and nothing changes."""
         memory = self.memory(index)
@@ -144,7 +182,7 @@ class World:
         try:
             write(memory)
         except ClockDriftError:
-            assert max(self._skews) - min(self._skews) > MAX_DRIFT, "nobody's clock was off"
+            assert max(self._skews) - min(self._skews) > MAX_DRIFT, "nobody's clock was off, and one agent said so"
             assert state(memory._graph) == before and memory._graph._counter == counter
             assert len(self.committed) == committed
         memory.flush()
@@ -231,9 +269,12 @@ class World:
         skews = [seat.clock.skew for seat in self.seats]
         for index, skew in enumerate(skews):
             leads = [skew - other for place, other in enumerate(skews) if place != index]
-            if not any(MAX_DRIFT < lead < MAX_DRIFT + 0.2 for lead in leads):  # a digest is up to 0.1 s under way
-                ahead = 2 * sum(lead > MAX_DRIFT for lead in leads) > len(leads)
-                assert self.memory(index)._replica.synchroniser.drifting == ahead, f"clocks {skews}, replica {index}"
+            if not any(MAX_DRIFT < abs(lead) < MAX_DRIFT + 0.2 for lead in leads):  # a digest is up to 0.1 s under way
+                slower, faster = (sum(sign * lead > MAX_DRIFT for lead in leads) for sign in (1, -1))
+                clocks = self.memory(index)._replica.synchroniser.clocks
+                assert clocks.is_ahead == (slower > 1 and 2 * slower > len(leads)), f"clocks {skews}, replica {index}"
+                assert clocks.is_behind == (faster > 1 and 2 * faster > len(leads)), f"clocks {skews}, replica {index}"
+                assert (clocks.kind == "") == (slower == faster == 0), f"clocks {skews}, replica {index}"
 
 
 def _lasts(delta: Delta) -> list[Dot]:

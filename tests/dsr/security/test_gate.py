@@ -101,8 +101,8 @@ def test_a_type_is_checked_whatever_arrives_first(policy: Policy) -> None:
     author, other, rogue = Graph("scene-1"), Graph("arm-1"), Graph("arm-2")
     made = author.add_node("cube", "cube", {"size": (1.0, 1.0, 1.0)}, 1.0)
     gen3 = other.add_node("gen3", "arm", {}, 1.0)
-    rogue.join(made)
-    rogue.join(gen3)
+    rogue.join(made, 1.0)
+    rogue.join(gen3, 1.0)
     forbidden = rogue.write(rogue.node("cube"), {"status": "mine"}, 2.0)
     allowed = rogue.write(rogue.node("gen3"), {"status": "fine"}, 3.0)
     removal = rogue.remove_node("cube")
@@ -111,9 +111,9 @@ def test_a_type_is_checked_whatever_arrives_first(policy: Policy) -> None:
     for order in permutations(messages):
         graph, gate = Graph("scene-9"), Gate(policy)
         for sender, delta in order:
-            graph.join(gate.delta(sender, decode_delta(encode_delta(delta)), graph.store))
+            graph.join(gate.delta(sender, decode_delta(encode_delta(delta)), graph.store), 1.0)
         reply = rogue.store.missing_for(graph.store.context)
-        graph.join(gate.reply("arm-2", reply, graph.store))
+        graph.join(gate.reply("arm-2", reply, graph.store), 1.0)
         outcomes.append(({name: dict(node) for name, node in graph.nodes.items()}, graph.store.context.vector))
     expected = {"cube": {"size": (1.0, 1.0, 1.0)}, "gen3": {"status": "fine"}}, {"scene-1": 2, "arm-1": 1, "arm-2": 3}
     assert all(outcome == expected for outcome in outcomes)
@@ -123,24 +123,24 @@ def test_a_removal_counts_whatever_arrives_first(policy: Policy) -> None:
     """One that comes before its node is put off; the repair that follows removes the node."""
     author, remover = Graph("scene-1"), Graph("scene-2")
     made = author.add_node("table", "table", {}, 1.0)
-    remover.join(made)
+    remover.join(made, 1.0)
     both = remover.add_node("cube", "cube", {"mass": 1.0}, 2.0)
     removal = remover.remove_node("table")
     both.removed, both.context = removal.removed, [*both.context, *removal.context]
     for order in permutations([("scene-1", made), ("scene-2", both)]):
         graph, gate = Graph("arm-9"), Gate(policy)
         for sender, delta in order:
-            graph.join(gate.delta(sender, decode_delta(encode_delta(delta)), graph.store))
+            graph.join(gate.delta(sender, decode_delta(encode_delta(delta)), graph.store), 1.0)
         reply = remover.store.missing_for(graph.store.context)
         if not graph.store.context.covers(remover.store.context):
-            graph.join(gate.reply("scene-2", reply, graph.store))
+            graph.join(gate.reply("scene-2", reply, graph.store), 1.0)
         assert {name: dict(node) for name, node in graph.nodes.items()} == {"cube": {"mass": 1.0}}
         assert graph.store.context.vector == {"scene-1": 1, "scene-2": 3}
 
 
 def test_nobody_writes_in_the_name_of_another(policy: Policy) -> None:
     graph, gate = Graph("launcher-1"), Gate(policy)
-    graph.join(gate.delta("scene-1", Graph("scene-1").add_node("cube", "cube", {"mass": 1.0}, 1.0), graph.store))
+    graph.join(gate.delta("scene-1", Graph("scene-1").add_node("cube", "cube", {"mass": 1.0}, 1.0), graph.store), 1.0)
     forged = Delta(
         adds=[Add(("scene-7", 1), "cube_2", "cube")],
         writes=[
@@ -151,7 +151,7 @@ def test_nobody_writes_in_the_name_of_another(policy: Policy) -> None:
         removed=[("scene-1", 1)],
         context=[("scene-1", 1, 1000), ("arm-1", 1, 2)],
     )
-    graph.join(gate.delta("arm-1", forged, graph.store))
+    graph.join(gate.delta("arm-1", forged, graph.store), 1.0)
     assert {name: dict(node) for name, node in graph.nodes.items()} == {"cube": {"mass": 1.0}}
     assert graph.store.context.vector == {"scene-1": 2, "arm-1": 2}
 
@@ -160,7 +160,7 @@ def test_nobody_writes_in_the_name_of_another(policy: Policy) -> None:
 def test_readers_and_strangers_change_nothing(policy: Policy, sender: str) -> None:
     graph, gate = Graph("launcher-1"), Gate(policy)
     for name, type in (("cube", "cube"), ("gen3", "arm")):
-        graph.join(gate.delta(sender, Graph(sender or "x").add_node(name, type, {}, 1.0), graph.store))
+        graph.join(gate.delta(sender, Graph(sender or "x").add_node(name, type, {}, 1.0), graph.store), 1.0)
     assert graph.nodes == {} and gate.refused[sender] == 2
 
 
@@ -180,18 +180,18 @@ def forged_reply(graph: Graph) -> Delta:
 
 def test_a_reply_lets_an_agent_do_no_more_than_its_deltas(policy: Policy) -> None:
     graph, gate = Graph("launcher-1"), Gate(policy)
-    graph.join(gate.delta("scene-1", Graph("scene-1").add_node("cube", "cube", {"mass": 1.0}, 1.0), graph.store))
-    graph.join(gate.reply("arm-1", forged_reply(graph), graph.store))
+    graph.join(gate.delta("scene-1", Graph("scene-1").add_node("cube", "cube", {"mass": 1.0}, 1.0), graph.store), 1.0)
+    graph.join(gate.reply("arm-1", forged_reply(graph), graph.store), 1.0)
     assert {name: dict(node) for name, node in graph.nodes.items()} == {"cube": {"mass": 1.0}, "gen3": {}}
     assert graph.store.context.vector == {"scene-1": 2, "arm-1": 2}
 
 
 def test_a_trusted_reply_hands_on_what_others_wrote_within_their_grants(policy: Policy) -> None:
     graph, gate = Graph("scene-9"), Gate(policy)
-    graph.join(gate.reply("launcher-1", forged_reply(graph), graph.store))
+    graph.join(gate.reply("launcher-1", forged_reply(graph), graph.store), 1.0)
     assert set(graph.nodes) == {"forged", "gen3"}
     bad = Delta(adds=[Add(("arm-1", 3), "cube_9", "cube")], context=[("arm-1", 3, 3)], live=frozenset([("arm-1", 3)]))
-    graph.join(gate.reply("launcher-1", bad, graph.store))
+    graph.join(gate.reply("launcher-1", bad, graph.store), 1.0)
     assert "cube_9" not in graph.nodes and ("arm-1", 3) in graph.store.context
 
 

@@ -87,22 +87,22 @@ class World:
             frames._choose_newest(type, child)
         followers = Telling(frames)
         twin = Side(Graph(f"{rid}twin", SCHEMA, Followers({"RT"})), followers)
-        twin.graph.join(self.twin.graph.store.missing_for(CausalContext()))
+        twin.graph.join(self.twin.graph.store.missing_for(CausalContext()), 1.0)
         twin.graph._listener = followers
         remote = Graph(f"{rid}remote", SCHEMA)
-        remote.join(it.graph.store.missing_for(CausalContext()))
+        remote.join(it.graph.store.missing_for(CausalContext()), 1.0)
         return World(it, twin, remote)
 
     def join(self, delta: Delta) -> None:
         """Something arrives."""
-        self.it.graph.join(delta)
-        self.twin.graph.join(delta)
+        self.it.graph.join(delta, 1.0)
+        self.twin.graph.join(delta, 1.0)
 
     def commit(self, delta: Delta) -> None:
         """Something was written in the graph itself."""
-        self.twin.graph.join(delta)
+        self.twin.graph.join(delta, 1.0)
         if any(write.dot for write in delta.writes) or not delta.writes:
-            self.remote.join(delta)
+            self.remote.join(delta, 1.0)
 
     def check_frames(self) -> None:
         """Not after every change: asking keeps what was found."""
@@ -177,7 +177,7 @@ def fill(world: World) -> None:
     for src, dst in ((0, 1), (1, 2), (0, 3), (3, 4)):
         for stamp in (0, 2, 4):
             act(world, 4, src, dst, stamp)
-    world.remote.join(world.it.graph.store.missing_for(world.remote.store.context))
+    world.remote.join(world.it.graph.store.missing_for(world.remote.store.context), 1.0)
 
 
 def act(world: World, action: int, a: int, b: int, value: int) -> None:  # noqa: PLR0912

@@ -155,14 +155,14 @@ class Network:
         if action == 7 and self.deltas:  # one of all that was ever sent arrives, perhaps again
             upper, delta = self.deltas[value % len(self.deltas)]
             for other in self.places:
-                (other.overlay if upper else other.base).join(delta)
+                (other.overlay if upper else other.base).join(delta, 1.0)
         if action == 8:
             self.reply(where % 2, upper=upper)
 
     def reply(self, where: int, *, upper: bool) -> None:
         to, sender = self.places[where], self.places[1 - where]
         theirs, ours = (sender.overlay, to.overlay) if upper else (sender.base, to.base)
-        ours.join(theirs.store.missing_for(ours.store.context))
+        ours.join(theirs.store.missing_for(ours.store.context), 1.0)
 
     def settle(self) -> None:
         for place in self.places:
