@@ -130,7 +130,7 @@ def test_unknown_names_are_refused_with_a_suggestion(net: Net) -> None:
     with pytest.raises(SchemaError, match="letters, digits"):
         memory.add_node("a/b", "cube")
     with pytest.raises(NodeNotFoundError, match="did you mean 'cube_3'"):
-        memory.node("cube_33")
+        memory.node("cub_3")
     with pytest.raises(NodeNotFoundError):
         memory.update_node("cube_9", mass=1.0)
     with pytest.raises(NodeNotFoundError):
