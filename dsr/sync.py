@@ -172,7 +172,7 @@ class Synchroniser:
             self._compare_clocks(now)
 
     def receive_reply(self, sender: str, number: int, payload: bytes, physical: float) -> None:
-        """The answer to `Ask` with that number arrived at physical time `physical` (s); what it holds counts also if it comes late."""
+        """The answer to `Ask` with that number arrived at physical time `physical` (s); what comes late counts, too."""
         try:
             with collector_paused():
                 piece = decode_piece(payload)

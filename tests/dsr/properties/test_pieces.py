@@ -45,7 +45,7 @@ class Room:
         self.removed.update(delta.removed)
         for other in self.graphs:
             if other is not graph and self.random.random() < 0.4:
-                other.join(delta)
+                other.join(delta, self._now)
 
     def _make(self, graph: Graph) -> Delta:
         names, value = list(graph.nodes), self.random.randrange(100)
@@ -74,25 +74,25 @@ class Room:
             self.old.append((asker, piece))
             if not whole and self.random.random() < 0.5:
                 self.change()
-            mine.join(piece.as_delta())
+            mine.join(piece.as_delta(), self._now)
             assert fetch.take(piece, mine.store.context)
             if not whole and self.random.random() < 0.3:
                 self.replay()
-        mine.join(fetch.rest())
+        mine.join(fetch.rest(), self._now)
         return True
 
     def replay(self) -> None:
         """A piece comes late, or again."""
         if self.old:
             asker, piece = self.random.choice(self.old)
-            self.graphs[asker].join(piece.as_delta())
+            self.graphs[asker].join(piece.as_delta(), self._now)
 
     def converge(self) -> None:
         """All ask all, and nothing changes any more."""
         for graph in self.graphs:
             delta = graph.settle(0)
             for other in self.graphs:
-                other.join(delta)
+                other.join(delta, self._now)
         for _ in range(2):
             for asker in range(3):
                 for asked in range(3):
@@ -155,7 +155,7 @@ def test_nothing_is_sent_twice_after_an_interruption() -> None:
         place: Place = START
         for _ in range(3):
             piece = piece_of(graph.store, CausalContext(), place)
-            newcomer.join(piece.as_delta())
+            newcomer.join(piece.as_delta(), NOW)
             assert piece.end is not None
             place = piece.end
     again = graph.store.missing_for(newcomer.store.context)
