@@ -87,7 +87,7 @@ class Store:
     def join(self, delta: Delta) -> None:
         """Join a delta or a synchronisation reply: commutative, associative and idempotent."""
         if self.recorder is not None:
-            self.recorder(delta)
+            self.recorder(self._to_be_kept(delta))
         if delta.live is not None:
             self._remove_absent(delta)
         for dot in delta.removed:
@@ -115,11 +115,20 @@ class Store:
 
     def _remove_absent(self, delta: Delta) -> None:
         """Remove what the sender has seen and does not hold; what it has not seen stays."""
-        assert delta.live is not None
-        examined = delta.context if delta.examined is None else delta.examined
-        gone = [dot for dots in examined for dot in self.order.between(*dots) if dot not in delta.live]
-        for dot in gone:
+        for dot in self._absent(delta):
             self._remove(dot)
+
+    def _absent(self, delta: Delta) -> list[Dot]:
+        """What is held here, and the sender of a reply has seen and does not hold."""
+        examined = delta.context if delta.examined is None else delta.examined
+        live = delta.live or frozenset()
+        return [dot for dots in examined for dot in self.order.between(*dots) if dot not in live]
+
+    def _to_be_kept(self, delta: Delta) -> Delta:
+        """As an ordinary change: in the encoding of deltas a piece of a reply would stand for a whole one."""
+        if delta.examined is None:
+            return delta
+        return Delta(delta.adds, delta.writes, [*delta.removed, *self._absent(delta)], delta.context)
 
     def _remove(self, dot: Dot) -> None:
         """A removal is final for its dot, also when it arrives before the addition."""

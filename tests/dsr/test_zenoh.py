@@ -262,7 +262,7 @@ def test_newcomers_do_not_take_each_other_for_the_graph_while_the_elder_is_stopp
     assert len(outcomes) == 2 and all(elder.rid in str(outcome) for outcome in outcomes), outcomes
     patient = threading.Thread(target=join, args=("patient", PATIENCE))
     patient.start()
-    patient.join(1.0)
+    patient.join(0.5)  # before Zenoh gives its first attempt to connect up, after 1 s
     elder.process.send_signal(signal.SIGCONT)
     patient.join()
     assert outcomes[2:] == [1000]

@@ -156,6 +156,7 @@ def test_agents_that_had_been_at_work_before_go_on_from_what_they_wrote(tmp_path
     class Late(TwoWriters):
         def __init__(self, folder: Path) -> None:
             super().__init__(folder)
+            self.memory.replica.synchroniser.nobody_there()
             self.memory.add_node("world", "world")
             self.thinker.add_node("cube_3", "cube", mass=2.0)
             for _ in range(3):
