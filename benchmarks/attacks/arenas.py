@@ -123,6 +123,8 @@ class LocalArena:
         gate = Gate(policy) if policy else None
         guard = WriteGuard(agent, policy.agents[agent].writes) if policy else None
         memory = Memory(GRAPH, agent, transport=transport, clock=self._clock, gate=gate, guard=guard)
+        if not self._memories:
+            memory.replica.synchroniser.nobody_there()
         self._memories.append(memory)
         self.wait(1.0)
         return memory

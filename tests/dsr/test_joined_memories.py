@@ -115,7 +115,7 @@ def test_malformed_messages_are_counted_and_change_nothing(net: Net, caplog: pyt
 
 def test_a_clock_that_most_peers_see_in_their_future_may_not_write(net: Net) -> None:
     ahead = ManualClock(net.clock.now() + 3600.0)
-    good, bad = net.join("good"), net.join("bad", clock=ahead)
+    good, _, bad = net.join("good"), net.join("fine"), net.join("bad", clock=ahead)
     for _ in range(3):
         net.pump(1.1)
         ahead.advance(1.1)
