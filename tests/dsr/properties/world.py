@@ -12,7 +12,7 @@ from dsr import ClockDriftError, CycleError, Faults, LocalNetwork, ManualClock, 
 from dsr.crdt.context import CausalContext, Dot
 from dsr.crdt.delta import Delta, EdgeKey, Write
 from dsr.keys import Keys
-from dsr.sync import MAX_DRIFT
+from dsr.sync import FORGET, MAX_DRIFT
 from dsr.transport import Qos
 from dsr.wire import Digest, encode_delta, encode_digest
 from tests.dsr.properties.knowledge import Knowledge, facts_of
@@ -78,6 +78,8 @@ class World:
         """Replicas of which something may be missing for good."""
         self.forger = self.network.connect(FORGER)
         self._forged = 0
+        self._blamed = False
+        """Whether there are made-up replicas, which are asked until they are forgotten."""
         self._skews = set(skews)
         self._boots = 0
         self.seats = [self._boot(index, skew) for index, skew in enumerate(skews)]
@@ -159,6 +161,7 @@ class World:
 
     def blame(self, index: int, replicas: int) -> None:
         """The raw peer says, as several replicas, that it sees a memory's clock in its future."""
+        self._blamed = True
         victim = self.memory(index).rid
         for number in range(replicas):
             digest = Digest(f"{FORGER}-{number}", self.clock.now(), CausalContext(), 0, (victim,))
@@ -234,6 +237,8 @@ class World:
         """Heal the network and give everybody the time to catch up."""
         self.network.heal()
         self.network.faults = Faults()
+        for _ in range(round(FORGET / 0.5) if self._blamed else 0):
+            self.advance(0.5)
         for _ in range(round(CATCH_UP / 0.1)):
             self.advance(0.1)
         self.check()
