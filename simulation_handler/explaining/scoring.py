@@ -1,7 +1,8 @@
 """How well a hypothesis explains what is seen, and what is not: minus its log-probability, up to a constant.
 
 A hypothesis is charged for what it assumes (prior), for percepts that do not fit where physics lets things end up
-(likelihood), for things that should be seen and are not, and for things that are seen where they cannot be.
+(likelihood), for unseen things that it shoves aside without saying so, for things that should be seen and are not, and
+for things that are seen where they cannot be.
 """
 
 from __future__ import annotations
@@ -46,7 +47,7 @@ _FRAMES_PER_SECOND = 10.0
 _HIDDEN = 0.05  # share of a face up to which it cannot be seen
 _RESIDUAL = 8.0  # nats from which an object is still surprising: four standard deviations of one coordinate
 _FALLS_BY_ITSELF = 0.5  # nats for an unseen object that falls because its support is gone
-_SLACK = 0.010  # m that physics may move what is not seen
+_SLACK = 0.010  # m, standard deviation of where what is not seen really is, about where a hypothesis says it is
 
 
 @dataclass(frozen=True)
@@ -76,14 +77,33 @@ def score(situation: Situation, hypothesis: Hypothesis, drafted: Draft, settled:
             costs[name] = _MOST_MISFIT
             continue
         costs[name] = min(seen.misfit(settled[name]), _MOST_MISFIT)
-    for name in settled.keys() - situation.seen.keys() - situation.held - dict(hypothesis.fallen).keys():
-        drift = math.dist(settled[name].position, drafted.solids[name].position)
-        most = _MOST_MISFIT if name in drafted.placements else _FALLS_BY_ITSELF
-        costs[name] = min(0.5 * (drift / _SLACK) ** 2, most)
+    costs |= _drifting(situation, hypothesis, drafted, settled)
     for name, cost in _visibility(situation, hypothesis, settled).items():
         costs[name] = costs.get(name, 0.0) + cost
     worst = sorted((name for name, cost in costs.items() if cost > _RESIDUAL), key=lambda name: (-costs[name], name))
     return Score(prior(situation, hypothesis) + sum(costs.values()), tuple(worst))
+
+
+def _drifting(
+    situation: Situation, hypothesis: Hypothesis, drafted: Draft, settled: Mapping[str, Solid]
+) -> dict[str, float]:
+    """Nats for each unseen object that ends elsewhere than the hypothesis says; of others it says that they stay.
+
+    What is pushed out of the way, by the draft or by physics, has been moved as if that had been assumed. What falls
+    because it has lost what carried it is a mere consequence.
+    """
+    said = {**situation.believed, **{name: placement.solid for name, placement in drafted.placements.items()}}
+    unseen = settled.keys() - situation.seen.keys() - situation.held - dict(hypothesis.fallen).keys()
+    drifts = {name: math.dist(settled[name].position, said[name].position) for name in unseen}
+    changed = hypothesis.moved.keys() | hypothesis.unseen | {name for name, drift in drifts.items() if drift > _SLACK}
+
+    def most(name: str) -> float:
+        carriers = {*situation.beneath.get(name, ()), *situation.inside.get(name, ())}
+        if name in drafted.placements:
+            return _MOST_MISFIT
+        return MOVED if carriers and carriers.isdisjoint(changed) else _FALLS_BY_ITSELF
+
+    return {name: min(0.5 * (drift / _SLACK) ** 2, most(name)) for name, drift in drifts.items()}
 
 
 def prior(situation: Situation, hypothesis: Hypothesis) -> float:

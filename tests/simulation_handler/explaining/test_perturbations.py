@@ -123,6 +123,26 @@ def test_what_is_taken_away_is_believed_gone_and_comes_back_when_seen(names: lis
     assert world.error("cube_3") < 0.005
 
 
+@pytest.mark.parametrize("offset", [0.0, 0.012])
+@pytest.mark.parametrize("seed", SEEDS)
+def test_what_is_gone_is_not_believed_in_the_place_of_what_stands_there(seed: int, offset: float) -> None:
+    """A cube is put on another and a third one is taken away, both unseen: the third one is not beneath the first."""
+    starts = {"cube_3": (0.42, 0.08), "cube_4": (0.30, 0.08), "cube_5": (0.30, -0.08), "cube_6": (0.42, -0.08)}
+    world = World({name: cube_at(*place) for name, place in starts.items()}, seed, sight=True)
+    world.run(2.0)
+    world.seen, seen = set(), world.seen
+    world.run(1.0)
+    world.truths["cube_3"] = cube_at(0.30 + offset, 0.08, 0.06)
+    del world.truths["cube_6"]
+    world.run(1.0)
+    world.seen = seen - {"cube_6"}
+    result = after(world, lambda _: None)
+    assert result.explanations == ("put_on(cube_3, cube_4) & removed(cube_6)",)
+    assert world.belief.is_gone("cube_6")
+    assert max(result.errors.values()) < 0.005
+    assert {pair for pair in result.relations if pair[1] != "table"} == {ON_34}
+
+
 def test_one_false_frame_changes_nothing() -> None:
     world = two_towers()
     before = {name: world.pose(name).t for name in world.truths}
