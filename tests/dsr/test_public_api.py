@@ -41,9 +41,9 @@ MODULES = {
         "query", "read_entry", "relation", "relations", "tell", "ACTION", "AGENT", "INTENTION", "PRESENT", "SURPRISING",
     },
     "dsr.visibility": {
-        "Body", "CAMERA", "Glance", "LEAST_PIXELS", "LEAST_SHARE", "PERSON", "PERSON_FOV", "PERSPECTIVES",
+        "BAND", "Body", "CAMERA", "Glance", "LEAST_PIXELS", "LEAST_SHARE", "PERSON", "PERSON_FOV", "PERSPECTIVES",
         "Perspective", "Picture", "Scene", "SightChange", "VisibilityMonitor", "WIDTH", "body_at", "is_seen", "lens_of",
-        "placed", "read_perspectives", "shape_of_thing", "visibility",
+        "is_enough", "placed", "read_perspectives", "shape_of_thing", "visibility",
     },
     "dsr.what_if": {
         "Action", "Answer", "Change", "MAX_CHANGES", "MAX_SECONDS", "Numbers", "Pending", "Question", "SERVICE",
