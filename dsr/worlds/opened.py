@@ -252,6 +252,9 @@ class Worlds:
             joined = sync.joined
         if joined or (sync.peers and not self.threaded):
             return
+        if sync.joining.nobody_has_more:  # whoever holds it gave all, though nobody there may speak for others
+            sync.nobody_there()
+            return
         if not sync.joining.insists:
             why = sync.joining.why(memory.clock.monotonic())
             raise TransportError(f"world {name!r}: not complete after {timeout:.1f} s, {why}")

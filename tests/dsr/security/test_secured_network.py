@@ -16,8 +16,10 @@ from dsr import AgentError, ConfigError, Frame, Memory, Mesh, MeshNotFoundError,
 from dsr.clock import WALL_CLOCK
 from dsr.connect import open_transport
 from dsr.crdt.context import CausalContext
+from dsr.crdt.pieces import START
 from dsr.graph import Graph
 from dsr.keys import Keys, ticket_key
+from dsr.piece_wire import Request, encode_request
 from dsr.runtime.status import State, Status, StatusBoard, encode_status
 from dsr.security.authority import SecurityFolder
 from dsr.security.configuration import zenoh_settings
@@ -98,7 +100,7 @@ class Intruder:
         """The answers of `replica` to a request for everything."""
         answers: list[bytes] = []
         done = threading.Event()
-        request = encode_digest(Digest(self.rid, 0.0, CausalContext(), 0, ()))
+        request = encode_request(Request(self.rid, CausalContext(), START, insists=True))
         self.transport.request(
             KEYS.sync(replica), request, lambda _, reply: answers.append(reply), done.set, 2 * A_WHILE
         )
