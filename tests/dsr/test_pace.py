@@ -43,12 +43,13 @@ def test_what_is_listened_to_is_declared_again_once_the_network_is_at_rest() -> 
     assert [time for time in (1.5, 2.0, 2.3, 2.4) if pace.renewal_due(time)] == [2.3]
 
 
-def test_patience_doubles_until_an_answer_comes() -> None:
+def test_patience_doubles_with_each_request_in_vain_and_halves_with_each_answer() -> None:
     pace = Pace()
     waits = []
     for _ in range(6):
         waits.append(pace.patience)
         pace.unanswered()
     assert waits == [FIRST_PATIENCE, 1.0, 2.0, 4.0, LAST_PATIENCE, LAST_PATIENCE]
-    pace.answered()
-    assert pace.patience == FIRST_PATIENCE
+    for expected in (4.0, 2.0, 1.0, FIRST_PATIENCE, FIRST_PATIENCE):
+        pace.answered()
+        assert pace.patience == expected
