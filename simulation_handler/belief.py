@@ -213,7 +213,9 @@ class Belief:
         """Bring the belief to time `now` (s)."""
         self._touching.update(now)
         self._correction.leave_to_physics(now, self._let_go(now))
-        self._driving.update(now)
+        touched = {name for _, name in self._touching.grasps}
+        unmoved = self._bodies.objects.keys() - touched - self._explainer.sure(now)
+        self._driving.update(now, unmoved, self._explainer.in_doubt(now))
         self._explainer.notice(now)
         self._correction.follow_perception(now, self._explainer.waiting)
         self._explainer.drag(now)

@@ -10,7 +10,7 @@ The way is played a little late, smoothed, so that noise shakes nothing and no b
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence, Set
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 
@@ -20,6 +20,7 @@ import numpy as np
 from dsr.quaternions import Vector3
 from dsr.transforms import Pose
 from simulation_handler.bodies import Bodies
+from simulation_handler.bumps import seem_bumped
 from simulation_handler.config import BeliefConfig
 from simulation_handler.containment import Containment
 from simulation_handler.explaining.scoring import is_displaced
@@ -77,6 +78,8 @@ class _Drive:
     """World_from_object where this step of the belief begins"""
     end: Pose
     """Likewise where it ends"""
+    origin: Pose
+    """Likewise where it has set out"""
     supports: tuple[str, ...] | None = None
     """What carries it there; None while that is not known"""
     by_hand: bool = False
@@ -105,23 +108,60 @@ class Driving:
         self._drives: dict[str, _Drive] = {}
         self._now = -math.inf
 
-    def update(self, now: float) -> None:
-        """Begin, go on and end at time `now` (s)."""
+    def update(self, now: float, unmoved: Set[str] = frozenset(), in_doubt: Set[str] = frozenset()) -> None:
+        """Begin, go on and end at time `now` (s).
+
+        Args:
+            now: s
+            unmoved: objects that no hand touches, and that only cameras see that may have been bumped.
+            in_doubt: objects of which only cameras tell that probably were: those set out in a hand alone.
+        """
         seconds, self._now = max(now - self._now, 0.0), now
         for name in [name for name in self._drives if not self._may_go_on(name)]:
             del self._drives[name]
-        before = set(self._drives)
+        before, starts = set(self._drives), dict[str, float]()
         for item in self._bodies.objects.values():
             if item.name in self._drives:
                 self._go_on(item, self._drives[item.name], now, seconds)
             elif (start := self._start(item, now)) is not None:
-                self._begin(item, start)
+                starts[item.name] = start
+        stay = self._seem_bumped(starts, unmoved) | in_doubt
+        for name, start in starts.items():
+            if name not in stay or self._bodies.objects[name].hand:
+                self._begin(self._bodies.objects[name], start)
         self._lead_from_below(self._drives.keys() - before, now)
         self._let_pass(now)
         riders = self._loads.riders(self._drives)
         for item in self._bodies.objects.values():
             item.driven = item.name in self._drives
             item.rides = item.name in riders and not self._is_lost(item, now)
+
+    def _seem_bumped(self, starts: Mapping[str, float], unmoved: Set[str]) -> frozenset[str]:
+        """What rests, as the camera may show all of it elsewhere; what of that has just set out is put back first."""
+        objects, now = self._bodies.objects, self._now
+        new = {n for n, drive in self._drives.items() if now - drive.begun <= _SHORTEST and not objects[n].hand}
+        if not new and all(objects[name].hand for name in starts):
+            return frozenset()
+        rested, beneath, moving = dict[str, Solid](), self._loads.beneath(), self._bodies.in_motion()
+        for name in sorted(unmoved & objects.keys() - (self._drives.keys() | moving) | new & unmoved):
+            item = objects[name]
+            if item.estimate_at(now) is None or item.hand or item.holder or item.rides or name not in self._bodies.sim:
+                continue
+            if objects.keys().isdisjoint(beneath.get(name, ())):
+                origin = self._drives[name].origin if name in new else self._bodies.pose(name)
+                rested[name] = item.solid(origin.t, origin.q)
+        alike = seem_bumped(objects, rested, self._config, now)
+        for name in sorted(new & alike):
+            self._put_back(name)
+        return alike
+
+    def _put_back(self, name: str) -> None:
+        """Let an object and its load be where it has set out, and be driven no more."""
+        back = self._drives.pop(name).origin @ self._bodies.pose(name).inverse()
+        for other in sorted({name, *self._loads.riders([name])}):
+            if other in self._bodies.objects and other in self._bodies.sim:
+                pose = back @ self._bodies.pose(other)
+                self._bodies.put(self._bodies.objects[other], pose.t, pose.q)
 
     def _lead_from_below(self, new: Set[str], now: float) -> None:
         """What stands on an object that is on its way goes with that.
@@ -228,7 +268,7 @@ class Driving:
     def _begin(self, item: BelievedObject, start: float) -> None:
         self._bodies.set_pinned(item, False)
         here = self._bodies.pose(item.name)
-        self._drives[item.name] = _Drive(self._now, start, here, here)
+        self._drives[item.name] = _Drive(self._now, start, here, here, here)
 
     def _go_on(self, item: BelievedObject, drive: _Drive, now: float, seconds: float) -> None:
         before, late = item.path.at(drive.played), now - _LAG - drive.played

@@ -80,6 +80,15 @@ class Explainer:
         """Objects that should be seen where they are believed to be, and are not."""
         return self._noticing.missing_for(now).keys()
 
+    def in_doubt(self, now: float) -> frozenset[str]:
+        """Objects of which only cameras tell, or should tell, that may have moved."""
+        return self._noticing.told_only_by(self._doubted(now), now)
+
+    def sure(self, now: float) -> frozenset[str]:
+        """Objects that a camera sees that is known not to have moved."""
+        items = self._bodies.objects.items()
+        return frozenset(name for name, item in items if item.cameras_at(now) & self.cameras_standing)
+
     def notice(self, now: float) -> None:
         """Compare percepts with beliefs at time `now` (s)."""
         self._planned |= dict.fromkeys(self.planned, now + _REMEMBERED)
@@ -88,6 +97,11 @@ class Explainer:
             is_seen = now - item.track.last_stamp < THIS_FRAME and item.track.estimate is not None
             if is_seen and name in self._bodies.sim and name not in self.waiting and not item.holder:
                 item.confirmed = self._bodies.solid(name)
+
+    def _doubted(self, now: float) -> frozenset[str]:
+        """Cameras that are in doubt, or were until what they saw meanwhile counts no more."""
+        self._doubted_until |= dict.fromkeys(self.cameras_in_doubt, now + _AFTER_DOUBT)
+        return frozenset(camera for camera, until in self._doubted_until.items() if now < until)
 
     def drag(self, now: float) -> None:
         """Let what moved with an object that goes on moving go on with it."""
@@ -111,8 +125,7 @@ class Explainer:
 
     def explain(self, now: float) -> None:
         """Explain what is due at time `now` (s), and adopt that."""
-        self._doubted_until |= dict.fromkeys(self.cameras_in_doubt, now + _AFTER_DOUBT)
-        doubted = frozenset(camera for camera, until in self._doubted_until.items() if now < until)
+        doubted = self._doubted(now)
         withheld = self._noticing.told_only_by(doubted, now)
         due = self._noticing.due(now, self.flagged, withheld)
         if not due or now < self._look_again_at:
@@ -203,7 +216,7 @@ class Explainer:
             missing_for=self._noticing.missing_for(now),
             evidence=self._noticing.evidence(now, withheld),
             look=self._look_without(doubted, withheld),
-            sure=frozenset(name for name, item in told.items() if item.cameras_at(now) & self.cameras_standing),
+            sure=self.sure(now) - withheld,
         )
 
     def _look_without(self, cameras: frozenset[str], names: frozenset[str]) -> Look | None:

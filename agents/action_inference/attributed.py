@@ -144,15 +144,17 @@ class AttributedPolicy:
             return None
         if thing.grasps and track.believed.lies and track.believed.is_lifted:
             return self._pick(thing, track, track.believed, snapshot)
+        is_doubted = thing.in_doubt or self._bumps.may_be(snapshot.now)
         if self._is_seen_now(thing, snapshot.now) and track.seen.lies and track.seen.is_lifted:
-            if thing.in_doubt or self._bumps.may_be(snapshot.now):
+            if is_doubted:
                 if snapshot.now - track.seen.departed() > _DOUBTED:
                     track.seen.forget()
                 return None
             if not track.returned or not thing.plausible:
                 return self._pick(thing, track, track.seen, snapshot)
             track.seen.forget()
-        self._lie(thing, track)
+        if not is_doubted:  # where it lay is what it will be compared with when the camera is put right
+            self._lie(thing, track)
         self._find(thing, track, snapshot)
         return None
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -24,6 +25,7 @@ _NEARLY = 0.03  # m, likewise for a motion that was guessed from a single object
 _TURNED = 0.3  # rad, likewise
 _SURE_OF_ROTATION = 0.75  # rad^2, trace of a rotation's covariance up to which a percept tells it
 _ROUNDS = 4
+_GUESSES = 8  # objects without a rotation, those displaced most, of which any three let a motion be guessed
 _SAME_FRAME = 0.15  # s between percepts of one moment
 
 
@@ -32,9 +34,12 @@ def explained_by_camera(situation: Situation) -> frozenset[str]:
 
     Empty if those are fewer than `FEWEST` or not most of all that are seen.
     """
-    names = comparable(situation)
-    found = [_consensus(situation, names, _motion(situation, [name])) for name in names if len(names) >= FEWEST]
-    best = min(found, key=lambda group: (-len(group), _displacement(situation, group)), default=frozenset())
+    names, found = comparable(situation), [frozenset[str]()]
+    for few in _guesses(situation, names) if len(names) >= FEWEST else ():
+        found.append(_consensus(situation, names, _motion(situation, few)))
+        if len(found[-1]) == len(names):
+            break
+    best = min(found, key=lambda group: (-len(group), _displacement(situation, group)))
     enough = len(best) >= FEWEST and 2 * len(best) > len(names)
     return best if enough else frozenset()
 
@@ -67,6 +72,17 @@ def _fresh(situation: Situation) -> set[str]:
     latest = min((seen.age for seen in situation.seen.values()), default=0.0)
     fresh = {name for name, seen in situation.seen.items() if seen.age - latest <= _SAME_FRAME}
     return fresh - situation.sure
+
+
+def _guesses(situation: Situation, names: Sequence[str]) -> Iterator[tuple[str, ...]]:
+    """Objects from which the motion of the camera can be guessed: single ones, and three where those tell no rotation.
+
+    A single place tells how the camera is shifted, but not how it is turned; three tell both.
+    """
+    yield from ((name,) for name in names)
+    turned = [name for name in names if not _tells_rotation(situation, name)]
+    far = sorted(turned, key=lambda name: (-_displacement(situation, [name]), name))
+    yield from combinations(far[:_GUESSES], 3)
 
 
 def _consensus(situation: Situation, names: Sequence[str], motion: tuple[Array, Array]) -> frozenset[str]:

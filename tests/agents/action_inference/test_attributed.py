@@ -327,14 +327,15 @@ def shake(stage: Stage, shift: tuple[float, float, float]) -> None:
     stage.true = {name: (x + shift[0], y + shift[1], z + shift[2]) for name, (x, y, z) in stage.true.items()}
 
 
-def test_what_a_bumped_camera_sees_higher_up_is_not_picked(stage: Stage):
+@pytest.mark.parametrize("height", [0.03, -0.04])
+def test_what_a_bumped_camera_sees_higher_or_lower_is_not_picked(stage: Stage, height: float):
     see_more(stage)
-    shake(stage, (0.01, 0.0, 0.03))
+    shake(stage, (0.01, 0.0, height))
     stage.run(1.0)
     for name in stage.things:
         stage.change(name, in_doubt=True)
     stage.run(2.0)
-    shake(stage, (-0.01, 0.0, -0.03))
+    shake(stage, (-0.01, 0.0, -height))
     stage.run(0.1)
     for name in stage.things:
         stage.change(name, in_doubt=False)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from dsr.clock import ManualClock
+from dsr.transforms import Pose
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.by_hypotheses import ByHypotheses
 from simulation_handler.explaining.camera import explained_by_camera
@@ -126,3 +127,18 @@ def test_of_two_motions_of_the_camera_that_explain_as_much_the_smaller_one_does(
         for solid, shift in zip(believed, shifts, strict=True)
     }
     assert explained_by_camera(replace(here, seen=percepts)) == frozenset(names[2:])
+
+
+@pytest.mark.parametrize("moved", [(), ("b",)])
+def test_a_camera_that_was_turned_is_found_by_things_that_tell_no_rotation(moved: tuple[str, ...]) -> None:
+    """Each place by itself tells a shift alone, by which others seem to be more than 30 mm off."""
+    places = {"a": (-0.35, -0.2), "b": (-0.1, 0.35), "c": (0.3, 0.1), "d": (0.1, -0.35), "e": (0.35, -0.2)}
+    believed = [cube(name, x, 0, y) for name, (x, y) in places.items()]
+    motion = Pose.from_rotvec((0.03, -0.02, 0.0), (0.0, 0.0, 0.12))
+    percepts = {}
+    for solid in believed:
+        x, y, z = (motion @ Pose(solid.position)).t
+        shown = solid.moved((x, y + 0.1 * (solid.name in moved), z))
+        percepts[solid.name] = replace(seen(shown), turning=10.0 * np.eye(3))
+    here = replace(situation(believed, believed), seen=percepts)
+    assert explained_by_camera(here) == frozenset(places) - set(moved)
