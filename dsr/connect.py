@@ -75,6 +75,7 @@ def connect(
             gate=identity.gate() if identity else None, rid=rid, threaded=True,
             elders=lambda: _living_replicas(graph, registration.elders, identity),
         )  # fmt: skip
+        memory.replica.on_new_id = registration.rename
         memory.on_close(resources.pop_all().close)
         atexit.register(memory.close)
         memory.on_close(lambda: atexit.unregister(memory.close))

@@ -41,7 +41,8 @@ class Graph(Sharing):
         """For people, why it holds nothing."""
         self._unattached: dict[Dot, Entry] = {}
         self._listener: Listener = listener or NoListener()
-        self._counter = 0
+        self.counter = 0
+        """How many dots were issued here under the replica id."""
 
     # ---- reading
 
@@ -69,7 +70,7 @@ class Graph(Sharing):
         """Create a node; if it is visible already, only write the attributes. Raises `SchemaError`."""
         self.schema.check_node(name, type)
         values = self.schema.to_values(attributes)
-        add = None if name in self.nodes else Add(self._new_dot(), name, type)
+        add = None if name in self.nodes else Add(self.new_dot(), name, type)
         return self._commit(self._entries_of(name, add), add, values, now)
 
     def add_edge(self, src: str, dst: str, type: str, attributes: Mapping[str, Any], now: float) -> Delta:
@@ -83,7 +84,7 @@ class Graph(Sharing):
         values = self.schema.to_values(attributes)
         ends = [tuple(entry.dot for entry in self.node(name)._entries) for name in (src, dst)]
         key = (src, dst, type)
-        add = None if key in self.edges else Add(self._new_dot(), key, type, ends[0], ends[1])
+        add = None if key in self.edges else Add(self.new_dot(), key, type, ends[0], ends[1])
         return self._commit(self._entries_of(key, add), add, values, now)
 
     def write(self, element: Node | Edge, attributes: Mapping[str, Any], now: float) -> Delta:
@@ -121,9 +122,9 @@ class Graph(Sharing):
         add = None
         if element is None:
             ends = [] if isinstance(key, str) else [tuple(e.dot for e in self.node(name)._entries) for name in key[:2]]
-            add = Add(self._new_dot(), key, type, *ends)
+            add = Add(self.new_dot(), key, type, *ends)
         delta = Delta(adds=[add] if add else [])
-        first = self._counter + (0 if add else 1)
+        first = self.counter + (0 if add else 1)
         for write in writes:
             present = element.newest_write(write.attribute) if element is not None else None
             if present is not None and 0 < write.stamp <= present.stamp:
@@ -132,10 +133,10 @@ class Graph(Sharing):
             stamp, known = write.stamp or self.hlc.tick(now), self.schema.attributes.get(write.attribute)
             stream = not add and write.value is not TOMBSTONE and known is not None and known.stream
             for owner in self._entries_of(key, add):
-                dot = None if stream else self._new_dot()
+                dot = None if stream else self.new_dot()
                 delta.writes.append(Write(owner, write.attribute, stamp, self.rid, dot, write.value))
-        if self._counter >= first:
-            delta.context.append((self.rid, first, self._counter))
+        if self.counter >= first:
+            delta.context.append((self.rid, first, self.counter))
         if delta:
             self._apply(delta)
         return delta
@@ -164,9 +165,9 @@ class Graph(Sharing):
         def due(write: Write, passes: int) -> bool:
             return write.writer == self.rid or passes >= patience
 
-        delta = self.store.take_unsettled(due, self._new_dot)
+        delta = self.store.take_unsettled(due, self.new_dot)
         self._apply(delta)
-        self.store.context.add_range(self.rid, 1, self._counter)  # a write that was broken off leaves no hole
+        self.store.context.add_range(self.rid, 1, self.counter)  # a write that was broken off leaves no hole
         return delta
 
     def _entries_of(self, key: Key, add: Add | None) -> list[Dot]:
@@ -180,29 +181,30 @@ class Graph(Sharing):
         """Keys of the edges at a node, visible or not; the graph must be locked."""
         return list(self.incident.get(name, ()))
 
-    def _new_dot(self) -> Dot:
-        self._counter += 1
-        return self.rid, self._counter
+    def new_dot(self) -> Dot:
+        """A dot that was never issued before; it is for a delta that is joined here at once."""
+        self.counter += 1
+        return self.rid, self.counter
 
     def _commit(self, owners: list[Dot], add: Add | None, values: Mapping[str, Any], now: float) -> Delta:
         """Write `values` into every incarnation in `owners`, so that the removal of one loses none."""
         delta = Delta(adds=[add] if add else [])
-        rid, first = self.rid, self._counter + (0 if add else 1)
+        rid, first = self.rid, self.counter + (0 if add else 1)
         stamp = self.hlc.tick(now)
         for name, value in values.items():
             stream = not add and value is not TOMBSTONE and self.schema.attributes[name].stream
             for owner in owners:
-                dot = None if stream else self._new_dot()
+                dot = None if stream else self.new_dot()
                 delta.writes.append(Write(owner, name, stamp, rid, dot, value))
-        if self._counter >= first:
-            delta.context.append((rid, first, self._counter))
+        if self.counter >= first:
+            delta.context.append((rid, first, self.counter))
         self._apply(delta)
         return delta
 
     def _commit_removal(self, dots: list[Dot]) -> Delta:
         delta = Delta()
         delta.removed = dots
-        rid, counter = self._new_dot()
+        rid, counter = self.new_dot()
         delta.context.append((rid, counter, counter))
         self._apply(delta)
         return delta
@@ -218,7 +220,7 @@ class Graph(Sharing):
         """Derive all else from the store's entries again; what peers lack of them, they will ask for."""
         store = self.store
         store.rebuild()
-        store.context.add_range(self.rid, 1, self._counter)
+        store.context.add_range(self.rid, 1, self.counter)
         self._rebuild_indexes()
         for name in dict.fromkeys([*self.nodes, *(key for key in store.by_key if isinstance(key, str))]):
             self._refresh_node(name)

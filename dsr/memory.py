@@ -61,7 +61,8 @@ class Memory(WorldAccess, BlobAccess):
         schema: the vocabulary; the built-in one if None.
         guard: called before each write, see `Guard`.
         gate: decides what of an arriving message may be joined; everything if None.
-        rid: replica id, made from `agent` if None; never reuse one.
+        rid: replica id, made from `agent` if None; never reuse one. It stays the id of this process; its replica takes
+            another one if somebody else speaks in its name.
         threaded: run threads that merge and send. Without, call `poll` and `flush`.
         elders: tells which replicas were there before us and still live, oldest first.
         meshes: those of the system, if this memory shares them with another one of this process.
@@ -335,7 +336,7 @@ class Memory(WorldAccess, BlobAccess):
 
         if self._replica.wait_until(complete, timeout):
             return
-        if sync.peers or self._elders():
+        if sync.heard or self._elders():
             there = f"{', '.join(sync.peers)} do not answer" if sync.peers else "none of them can be reached"
             raise TransportError(f"graph {self.graph_name!r}: not complete after {timeout:.1f} s, peers: {there}")
         _log.warning("nobody else in graph %r within %.1f s: it begins here", self.graph_name, timeout)

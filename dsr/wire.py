@@ -5,16 +5,19 @@ Delta:   [version, replica ids, adds, writes, removed, context, live]
   write    [owner replica, owner counter, attribute, stamp, writer, dot replica, dot counter, value]
            dot counter 0: a stream sample; a value of nil: the attribute was taken away
   removed  [replica, counter, ...] flat; context [replica, first, last, ...] flat; live as removed, or nil
-Digest:  [version, replica id, now, context, fingerprint, [replicas whose clock is ahead]]
+Digest:  [version 2, replica id, now, recent, hash, fingerprint, [replicas whose clock is ahead]]
+  recent   [[replica id, first, last, ...], ...]: what was seen of those that changed last; hash: of the whole context
+Request: [version, replica id, now, context, fingerprint, []]    context: [[replica id, first, last], ...]
 Replicas are indexes into the list of replica ids. A pose is extension type 1: little-endian doubles
 x y z qx qy qz qw stamp, then, if known, the 36 of the covariance row by row.
 
 Rules for changing this file: a reader must refuse what it does not understand, so every change of the
-layout increments `VERSION`; the golden bytes in tests/dsr/test_wire.py change only together with it.
+layout increments its version; the golden bytes in tests/dsr/test_wire.py change only together with it.
 """
 
 from __future__ import annotations
 
+import itertools
 import math
 import struct
 from collections.abc import Iterable
@@ -24,12 +27,16 @@ import msgspec
 
 from dsr.crdt.context import CausalContext, Dot, DotRange
 from dsr.crdt.delta import TOMBSTONE, Add, Delta, Key, Write
+from dsr.crdt.summary import LISTED, LISTED_RANGES, Summary
 from dsr.decoding import decoded
 from dsr.errors import WireError
 from dsr.schema import MAX_LENGTH
 from dsr.transforms import Pose
 
 VERSION = 1
+"""Of deltas, replies and requests."""
+DIGEST_VERSION = 2
+"""Of digests: those of version 1 held the whole context."""
 _POSE_CODE = 1
 _POSE = struct.Struct("<8d")
 _POSE_COVARIANCE = struct.Struct("<44d")
@@ -43,6 +50,7 @@ MAX_MESSAGE = 1 << 28
 _Natural = Annotated[int, msgspec.Meta(ge=0)]
 _Counter = Annotated[int, msgspec.Meta(ge=1, le=_MAX_COUNTER)]
 _CounterOrZero = Annotated[int, msgspec.Meta(ge=0, le=_MAX_COUNTER)]
+_Hash = Annotated[int, msgspec.Meta(ge=0)]
 _Stamp = Annotated[int, msgspec.Meta(ge=0, le=(1 << 63) - 1)]
 _Name = Annotated[str, msgspec.Meta(min_length=1, max_length=MAX_NAME)]
 
@@ -77,7 +85,22 @@ class _Delta(msgspec.Struct, array_like=True, gc=False):
     live: list[_Natural] | None
 
 
+class _Listed(msgspec.Struct, array_like=True, gc=False):
+    replica: _Name
+    counters: Annotated[list[_Counter], msgspec.Meta(min_length=2, max_length=2 * LISTED_RANGES)]
+
+
 class _Digest(msgspec.Struct, array_like=True, gc=False):
+    version: int
+    replica: _Name
+    now: float
+    recent: Annotated[list[_Listed], msgspec.Meta(max_length=LISTED)]
+    hash: _Hash
+    fingerprint: int
+    ahead: list[_Name]
+
+
+class _Request(msgspec.Struct, array_like=True, gc=False):
     version: int
     replica: _Name
     now: float
@@ -92,10 +115,17 @@ class Digest(msgspec.Struct, frozen=True):
     replica: str
     now: float
     """Physical time of the sender, s."""
-    context: CausalContext
+    seen: Summary
     fingerprint: int
     ahead: tuple[str, ...]
     """Replicas whose physical clock the sender saw too far in its future."""
+
+
+class Request(msgspec.Struct, frozen=True):
+    """Who asks for what it lacks, and all that it has seen."""
+
+    replica: str
+    context: CausalContext
 
 
 def _encode_extension(value: Any) -> Any:
@@ -122,6 +152,7 @@ def _decode_extension(code: int, data: memoryview) -> Pose:
 _encoder = msgspec.msgpack.Encoder(enc_hook=_encode_extension)
 _delta_decoder = msgspec.msgpack.Decoder(_Delta, ext_hook=_decode_extension)
 _digest_decoder = msgspec.msgpack.Decoder(_Digest)
+_request_decoder = msgspec.msgpack.Decoder(_Request)
 
 
 class _Indexes(dict[str, int]):
@@ -173,9 +204,9 @@ def _check_length(payload: bytes) -> None:
         raise ValueError(f"more than {MAX_MESSAGE} bytes")
 
 
-def _check_version(version: int) -> None:
-    if version != VERSION:
-        raise ValueError(f"version {version}, this is version {VERSION}")
+def _check_version(version: int, ours: int = VERSION) -> None:
+    if version != ours:
+        raise ValueError(f"version {version}, this is version {ours}")
 
 
 def _to_delta(message: _Delta) -> Delta:
@@ -263,9 +294,10 @@ def _checked_range(rid: str, first: int, last: int) -> DotRange:
 
 def encode_digest(digest: Digest) -> bytes:
     """A digest as bytes."""
-    context = list(digest.context.ranges())
+    recent = [_Listed(rid, [counter for dots in ranges for counter in dots]) for rid, ranges in digest.seen.recent]
+    ahead = list(digest.ahead)
     return _encoder.encode(
-        _Digest(VERSION, digest.replica, digest.now, context, digest.fingerprint, list(digest.ahead))
+        _Digest(DIGEST_VERSION, digest.replica, digest.now, recent, digest.seen.hash, digest.fingerprint, ahead)
     )
 
 
@@ -277,8 +309,36 @@ def decode_digest(payload: bytes) -> Digest:
 def _read_digest(payload: bytes) -> Digest:
     _check_length(payload)
     message = _digest_decoder.decode(payload)
-    _check_version(message.version)
+    _check_version(message.version, DIGEST_VERSION)
     if not math.isfinite(message.now):
         raise ValueError(f"time {message.now}")
-    context = CausalContext(_checked_range(*dots) for dots in message.context)
-    return Digest(message.replica, message.now, context, message.fingerprint, tuple(message.ahead))
+    recent = tuple((listed.replica, _pairs(listed.counters)) for listed in message.recent)
+    if len({rid for rid, _ in recent}) < len(recent):
+        raise ValueError("a replica is listed twice")
+    return Digest(
+        message.replica, message.now, Summary(recent, message.hash), message.fingerprint, tuple(message.ahead)
+    )
+
+
+def _pairs(counters: list[int]) -> tuple[tuple[int, int], ...]:
+    if len(counters) % 2 or any(a > b for a, b in itertools.pairwise(counters)):
+        raise ValueError("ranges of counters are pairs, in order")
+    return tuple(zip(counters[::2], counters[1::2], strict=True))
+
+
+def encode_request(request: Request) -> bytes:
+    """A request as bytes."""
+    context = list(request.context.ranges())
+    return _encoder.encode(_Request(VERSION, request.replica, 0.0, context, 0, []))
+
+
+def decode_request(payload: bytes) -> Request:
+    """The request in `payload`. Raises `WireError` unless all of it is valid."""
+    return decoded(payload, f"request of {len(payload)} bytes", _read_request)
+
+
+def _read_request(payload: bytes) -> Request:
+    _check_length(payload)
+    message = _request_decoder.decode(payload)
+    _check_version(message.version)
+    return Request(message.replica, CausalContext(_checked_range(*dots) for dots in message.context))

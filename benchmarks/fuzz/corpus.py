@@ -25,7 +25,7 @@ from dsr.runtime.logs import LogRecord
 from dsr.runtime.status import State, Status, encode_status
 from dsr.shared_ring import Ticket
 from dsr.what_if import Answer, Change, Question, encode_answer, encode_question
-from dsr.wire import Digest, encode_delta, encode_digest
+from dsr.wire import Digest, Request, encode_delta, encode_digest, encode_request
 
 NOW = 1_000_000_000.0
 JOINTS = 7
@@ -68,13 +68,21 @@ def replies() -> list[bytes]:
     return [encode_delta(graph.store.missing_for(context)) for context in (CausalContext(), seen, graph.store.context)]
 
 
+def _seen() -> CausalContext:
+    return CausalContext([("arm_controller-5f0c12aa", 1, 9), ("viewer-1", 3, 4), ("viewer-1", 8, 8)])
+
+
 def digests() -> list[bytes]:
-    """Digests, which are requests for what is missing as well."""
-    context = CausalContext([("arm_controller-5f0c12aa", 1, 9), ("viewer-1", 3, 4), ("viewer-1", 8, 8)])
+    """What replicas have seen, in short."""
     return [
-        encode_digest(Digest("peer", NOW, seen, 2**63 + 1, ahead))
-        for seen, ahead in ((CausalContext(), ()), (context, ("arm_controller-5f0c12aa",)))
+        encode_digest(Digest("peer", NOW, seen.summary(), 2**63 + 1, ahead))
+        for seen, ahead in ((CausalContext(), ()), (_seen(), ("arm_controller-5f0c12aa",)))
     ]
+
+
+def requests() -> list[bytes]:
+    """Requests for what is missing: everything, and a part."""
+    return [encode_request(Request("peer", seen)) for seen in (CausalContext(), _seen())]
 
 
 def frames() -> list[bytes]:

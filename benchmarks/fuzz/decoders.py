@@ -31,7 +31,7 @@ from dsr.rendezvous import members
 from dsr.runtime.logs import decode_log
 from dsr.runtime.status import decode_status
 from dsr.what_if import decode_answer, decode_question
-from dsr.wire import decode_delta, decode_digest, encode_delta
+from dsr.wire import decode_delta, decode_digest, decode_request, encode_delta
 
 _LOOK_EVERY = 500
 """messages"""
@@ -53,7 +53,8 @@ def targets(folder: Path) -> list[Target]:
     """All decoders; those of files get theirs in `folder`, where XDG_RUNTIME_DIR must be too."""
     return [
         Target("delta, reply", _delta, [*corpus.deltas(), *corpus.replies()], 8),
-        Target("digest, request", decode_digest, corpus.digests(), 4),
+        Target("digest", decode_digest, corpus.digests(), 2),
+        Target("request", decode_request, corpus.requests(), 2),
         Target("camera frame", lambda frame: unpack(decode_frame(frame)), corpus.frames(), 3, load_frame, dump_frame),
         Target("frame ticket", decode_ticket, corpus.tickets(), 1),
         Target("mesh request", decode_ask, corpus.mesh_requests(), 1),

@@ -13,9 +13,9 @@ from benchmarks.fuzz.tally import Tally, measured
 from dsr import LocalNetwork, ManualClock, Memory
 from dsr.crdt.context import CausalContext
 from dsr.errors import WireError
+from dsr.peers import MAX_PEERS
 from dsr.runtime.status import StatusBoard
-from dsr.sync import MAX_PEERS
-from dsr.wire import decode_delta, decode_digest, encode_delta
+from dsr.wire import decode_delta, decode_digest, decode_request, encode_delta
 
 _BATCH = 200
 """messages between two looks at the state"""
@@ -171,7 +171,7 @@ def _send(tally: Tally, victim: Victim, messages: list[tuple[str, bytes]]) -> in
 
 def _fuzz_requests(tally: Tally, messages: int, seed: int) -> Iterator[Tally]:
     """A request is answered if it is valid, and changes nothing."""
-    mutate, victim = Mutator(corpus.digests(), seed), Victim(seed)
+    mutate, victim = Mutator(corpus.requests(), seed), Victim(seed)
     key = victim.memory.keys.sync("me-1")
     before = victim.state()
 
@@ -182,7 +182,7 @@ def _fuzz_requests(tally: Tally, messages: int, seed: int) -> Iterator[Tally]:
     with measured(tally) as look:
         for number in range(messages):
             payload = mutate()
-            valid, replies = _judge(tally, payload, lambda p: bool(decode_digest(p))), victim.replies
+            valid, replies = _judge(tally, payload, lambda p: bool(decode_request(p))), victim.replies
             victim.stranger.request(key, payload, count, lambda: None, 0.0)
             _guarded(tally, payload, victim.settle)
             tally.miscounted += (victim.replies > replies) != valid

@@ -63,6 +63,9 @@ class Observer:
 class Store:
     """The replicated state of one graph."""
 
+    bounds_gaps = True
+    """Whether gaps among the counters of a replica come from lost messages alone."""
+
     def __init__(self, observer: Observer | None = None) -> None:
         self.context = CausalContext()
         self.entries: MutableMapping[Dot, Entry] = {}
@@ -85,7 +88,7 @@ class Store:
         """Join a delta or a synchronisation reply: commutative, associative and idempotent."""
         if self.recorder is not None:
             self.recorder(delta)
-        if delta.live is not None:
+        if delta.live is not None and delta.context:
             self._remove_absent(delta)
         for dot in delta.removed:
             self._remove(dot)

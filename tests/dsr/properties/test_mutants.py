@@ -16,8 +16,10 @@ from dsr.crdt.delta import Add, Delta, Write
 from dsr.crdt.hlc import HybridClock
 from dsr.crdt.store import Entry, Store
 from dsr.graph import Graph
-from dsr.sync import Digest, Synchroniser
+from dsr.peers import Peer
+from dsr.sync import Synchroniser
 from dsr.watch import Watch
+from dsr.wire import Digest
 from tests.dsr.properties import test_deltas, test_memories
 from tests.dsr.properties.soup import START, Soup
 from tests.dsr.properties.test_deltas import Deltas
@@ -167,7 +169,7 @@ def add_twice(original: Any) -> Any:
 def compare_what_is_live_only(original: Any) -> Any:
     """A replica asks only when the live dots differ, not when writes are missing."""
 
-    def is_behind(self: Synchroniser, rid: str, digest: Digest) -> bool:
+    def is_behind(self: Synchroniser, rid: str, peer: Peer, digest: Digest) -> bool:
         return digest.fingerprint != self.graph.store.fingerprint
 
     return is_behind

@@ -140,12 +140,12 @@ class World:
     def _write(self, index: int, write: Callable[[Memory], object]) -> None:
         """A memory whose clock is ahead refuses, and nothing changes."""
         memory = self.memory(index)
-        before, counter, committed = state(memory._graph), memory._graph._counter, len(self.committed)
+        before, counter, committed = state(memory._graph), memory._graph.counter, len(self.committed)
         try:
             write(memory)
         except ClockDriftError:
             assert max(self._skews) - min(self._skews) > MAX_DRIFT, "nobody's clock was off"
-            assert state(memory._graph) == before and memory._graph._counter == counter
+            assert state(memory._graph) == before and memory._graph.counter == counter
             assert len(self.committed) == committed
         memory.flush()
 
@@ -210,7 +210,7 @@ class World:
             assert shown(graph) == expected, "the replicas agree on something wrong"
             assert seat.reader.read(graph) == expected, "a reader knows something else"
             assert set(graph.store.context.cloud) <= self.dead, "a hole that is never closed"
-            assert graph.store.context.vector.get(graph.rid, 0) == graph._counter
+            assert graph.store.context.vector.get(graph.rid, 0) == graph.counter
             assert all(r.dot for e in graph.store.entries.values() for r in e.registers.values()), "not durable"
             assert not seat.memory.dropped
         self._check_drift()

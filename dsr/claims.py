@@ -1,0 +1,155 @@
+"""What a sender may claim to have seen: bounds that honest replicas never meet, so that lies cost little and end.
+
+A context only grows, and everybody keeps what anybody claims. Therefore:
+
+1. A delta accounts for dots of its sender alone, and for removals of what has arrived. A removal may come before what
+   it removes; `MAX_EARLY` such removals are taken, others are holes that the repair fills.
+2. Gaps between the counters of one replica, and newcomers in a while, are bounded; what is beyond is passed over, and
+   the repair brings it. In a reply the replier's own counters have no gaps, and nobody's more than `MAX_GAPS`.
+3. A reply may name replicas of which nothing is left, as a newcomer must learn of them. Beyond `MAX_REPLICAS` they are
+   not taken over. That changes nothing that anybody holds.
+4. Nobody can have seen more of us than we have written.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from dsr.crdt.context import CausalContext, Dot, DotRange, to_ranges
+from dsr.crdt.delta import Delta
+from dsr.errors import WireError
+from dsr.graph import Graph
+
+MAX_GAPS = 1000
+"""Gaps among the counters of one replica: as many messages lost one by one as wait for a slow reader."""
+MAX_EARLY = 1000
+"""Removals that came before what they remove: a race of milliseconds between two senders."""
+MAX_NEWCOMERS = 1000
+"""Replicas that may begin to write within `WHILE`: as many as are listened to."""
+WHILE = 60.0
+"""s"""
+MAX_REPLICAS = 1 << 14
+"""Replica ids in a context after which none is taken over of which nothing is left: those of eleven days with a restart
+a minute. A request has 500 kB then, and takes 20 ms to read."""
+
+
+class Claims:
+    """Watches over what is claimed to one replica."""
+
+    def __init__(self, graph: Graph) -> None:
+        self.passed_over = 0
+        """Deltas that were left to the repair, removals too, and replicas that were not taken over."""
+        self._graph = graph
+        self._early: dict[Dot, None] = {}
+        self._newcomers: set[str] = set()
+        self._while_ends = 0.0
+
+    def look(self, now: float) -> None:
+        """To be called often with the monotonic time, s."""
+        if now >= self._while_ends:
+            self._newcomers.clear()
+            self._while_ends = now + WHILE
+
+    def own_part(self, sender: str, delta: Delta) -> Delta:
+        """Of a delta what may be joined. Raises `WireError` if it accounts for dots that are not its sender's."""
+        others = {add.dot[0] for add in delta.adds} | {rid for rid, _, _ in delta.context}
+        others |= {write.dot[0] for write in delta.writes if write.dot}
+        others.discard(sender)
+        if others:
+            raise WireError(f"dots of {min(others)} in a delta of another replica")
+        if delta.removed and not self._may_remove(delta.removed):
+            self.passed_over += 1
+            known = [dot for dot in delta.removed if self._graph.store.is_known(dot)]
+            return Delta(delta.adds, delta.writes, known, accounted_for(sender, delta))
+        return delta
+
+    def may_grow(self, sender: str, delta: Delta) -> bool:
+        """Whether a delta keeps the bounds on newcomers and gaps; if not, it is passed over."""
+        context = self._graph.store.context
+        if not delta.context and not delta.adds:
+            return True
+        if not context.knows(sender) and sender not in self._newcomers:
+            if len(self._newcomers) >= MAX_NEWCOMERS:
+                self.passed_over += 1
+                return False
+            self._newcomers.add(sender)
+        next_one = context.vector.get(sender, 0) + 1
+        apart = sum(first > next_one for _, first, _ in delta.context) + _unaccounted(delta)
+        if apart and apart + context.gaps(sender) > MAX_GAPS:
+            self.passed_over += 1
+            return False
+        return True
+
+    def reply_part(self, sender: str, reply: Delta) -> Delta:
+        """Of a reply what may be joined. Raises `WireError` if no honest replica can have sent it."""
+        ranges: dict[str, int] = {}
+        for rid, first, _ in reply.context:
+            ranges[rid] = ranges.get(rid, 0) + 1
+            if rid == sender and first > 1:
+                raise WireError("gaps among the counters of the replier itself")
+        if self._graph.store.bounds_gaps and max(ranges.values(), default=0) > MAX_GAPS + 1:
+            raise WireError(f"more than {MAX_GAPS} gaps among the counters of one replica")
+        return self._without_strangers(reply, ranges)
+
+    def _without_strangers(self, reply: Delta, ranges: Iterable[str]) -> Delta:
+        """Leave out replicas of which nothing is left, if too many are known."""
+        context = self._graph.store.context
+        strangers = [rid for rid in ranges if not context.knows(rid)]
+        room = MAX_REPLICAS - context.size
+        if len(strangers) <= room:
+            return reply
+        named = {dot[0] for dot in dots_of(reply, ranges=False)}
+        left_out = set([rid for rid in sorted(strangers) if rid not in named][max(room, 0) :])
+        self.passed_over += len(left_out)
+        kept = [dots for dots in reply.context if dots[0] not in left_out]
+        return Delta(reply.adds, reply.writes, reply.removed, kept, reply.live)
+
+    def tidy(self, reply: Delta) -> bool:
+        """After a reply was joined: close the lowest gaps of a replica that has too many; whether there were any.
+
+        Two replicas may lack different messages of a third one that is gone. What nobody brought then is given up.
+        """
+        context = self._graph.store.context
+        crowded = {rid for rid, _, _ in reply.context if context.gaps(rid) > MAX_GAPS and self._graph.store.bounds_gaps}
+        for rid in crowded:
+            context.close_gaps(rid, MAX_GAPS)
+        return bool(crowded)
+
+    def _may_remove(self, dots: Iterable[Dot]) -> bool:
+        """Whether removals of what has not arrived are few; they are noted then."""
+        unknown = [dot for dot in dots if not self._graph.store.is_known(dot)]
+        if unknown and len(self._early) + len(unknown) > MAX_EARLY:
+            vector = self._graph.store.context.vector
+            self._early = {dot: None for dot in self._early if dot[1] > vector.get(dot[0], 0)}
+        if len(self._early) + len(unknown) > MAX_EARLY:
+            return False
+        self._early.update(dict.fromkeys(unknown))
+        return True
+
+
+def dots_of(delta: Delta, *, ranges: bool = True) -> Iterable[Dot]:
+    """The dots of additions and durable writes, and the last ones of the ranges that a delta accounts for."""
+    yield from (add.dot for add in delta.adds)
+    yield from (write.dot for write in delta.writes if write.dot)
+    if ranges:
+        yield from ((rid, last) for rid, _, last in delta.context)
+
+
+def _unaccounted(delta: Delta) -> int:
+    """Additions whose dots the delta does not account for, as honest ones do."""
+    if not delta.adds:
+        return 0
+    told = CausalContext(delta.context)
+    return sum(add.dot not in told for add in delta.adds)
+
+
+def accounted_for(sender: str, delta: Delta, put_off: Iterable[Dot] = ()) -> list[DotRange]:
+    """The sender's dots whose additions and writes are here, but those put off; those of removals are not known."""
+    return list(to_ranges({dot for dot in dots_of(delta, ranges=False) if dot[0] == sender}.difference(put_off)))
+
+
+def goes_beyond(rid: str, counter: int, delta: Delta, *, removals_only: bool = False) -> bool:
+    """Whether somebody claims to have seen more of replica `rid` than the `counter` changes that it has made."""
+    if any(owner == rid and number > counter for owner, number in delta.removed):
+        return True
+    return not removals_only and any(owner == rid and last > counter for owner, last in dots_of(delta))

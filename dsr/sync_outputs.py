@@ -1,0 +1,37 @@
+"""What a synchroniser wants its replica to do (dsr/sync.py)."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from dsr.crdt.delta import Delta
+
+
+class PublishDigest(NamedTuple):
+    """Tell all peers what was seen here."""
+
+    payload: bytes
+
+
+class PublishDelta(NamedTuple):
+    """Send a delta to all peers."""
+
+    delta: Delta
+
+
+class Ask(NamedTuple):
+    """Request from one peer what is missing; hand in the answer with `receive_reply`, then `request_done`."""
+
+    peer: str
+    payload: bytes
+
+
+class Renew(NamedTuple):
+    """Let the network know again what is listened to here: it has changed, and may have forgotten."""
+
+
+class TakeId(NamedTuple):
+    """Go on under another replica id: somebody else speaks in the name of this one."""
+
+
+Output = PublishDigest | PublishDelta | Ask | Renew | TakeId
