@@ -40,7 +40,8 @@ class Claims:
         self.passed_over = 0
         """Deltas that were left to the repair, removals too, and replicas that were not taken over."""
         self._graph = graph
-        self._early: dict[Dot, None] = {}
+        self._early: dict[str, set[int]] = {}
+        """Counters of what was removed before it came, by who is to have made it; until that one accounts for them."""
         self._newcomers: set[str] = set()
         self._while_ends = 0.0
 
@@ -78,6 +79,7 @@ class Claims:
         if apart and apart + context.gaps(sender) > MAX_GAPS:
             self.passed_over += 1
             return False
+        self._note_made(sender, delta.context)
         return True
 
     def reply_part(self, sender: str, reply: Delta) -> Delta:
@@ -104,11 +106,12 @@ class Claims:
         kept = [dots for dots in reply.context if dots[0] not in left_out]
         return Delta(reply.adds, reply.writes, reply.removed, kept, reply.live)
 
-    def tidy(self, reply: Delta) -> bool:
+    def tidy(self, sender: str, reply: Delta) -> bool:
         """After a reply was joined: close the lowest gaps of a replica that has too many; whether there were any.
 
         Two replicas may lack different messages of a third one that is gone. What nobody brought then is given up.
         """
+        self._note_made(sender, reply.context)
         context = self._graph.store.context
         crowded = {rid for rid, _, _ in reply.context if context.gaps(rid) > MAX_GAPS and self._graph.store.bounds_gaps}
         for rid in crowded:
@@ -118,13 +121,22 @@ class Claims:
     def _may_remove(self, dots: Iterable[Dot]) -> bool:
         """Whether removals of what has not arrived are few; they are noted then."""
         unknown = [dot for dot in dots if not self._graph.store.is_known(dot)]
-        if unknown and len(self._early) + len(unknown) > MAX_EARLY:
-            vector = self._graph.store.context.vector
-            self._early = {dot: None for dot in self._early if dot[1] > vector.get(dot[0], 0)}
-        if len(self._early) + len(unknown) > MAX_EARLY:
+        if unknown and len(unknown) + sum(map(len, self._early.values())) > MAX_EARLY:
             return False
-        self._early.update(dict.fromkeys(unknown))
+        for rid, counter in unknown:
+            self._early.setdefault(rid, set()).add(counter)
         return True
+
+    def _note_made(self, sender: str, context: Iterable[DotRange]) -> None:
+        """What was removed early has come, from who made it."""
+        early = self._early.get(sender)
+        if early is None:
+            return
+        for rid, first, last in context:
+            if rid == sender:
+                early.difference_update([counter for counter in early if first <= counter <= last])
+        if not early:
+            del self._early[sender]
 
 
 def dots_of(delta: Delta, *, ranges: bool = True) -> Iterable[Dot]:

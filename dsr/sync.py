@@ -216,7 +216,7 @@ class Synchroniser:
         self._check_identity(sender, reply)
         delta = self.claims.reply_part(sender, reply)
         self.graph.join(self.gate.reply(sender, delta, self.graph.store) if self.gate else delta)
-        if self.claims.tidy(delta):
+        if self.claims.tidy(sender, delta):
             self.complaints.say(sender, "after a reply of %s too many gaps were left: the lowest are given up")
 
     def _note_answer(self, sender: str, *, useful: bool) -> None:
@@ -261,7 +261,7 @@ class Synchroniser:
                 outputs.append(PublishDelta(settled))
         if self._pace.digest_due(now):
             self.drifting = self._is_drifting(now)
-            outputs.append(PublishDigest(self._digest(physical)))
+            outputs.append(PublishDigest(self.digest(physical)))
         if self._pace.renewal_due(now):
             outputs.append(Renew())
         peer = self._peer_to_ask(now)
@@ -323,7 +323,8 @@ class Synchroniser:
             if self._asked == rid:
                 self._asked = None
 
-    def _digest(self, physical: float) -> bytes:
+    def digest(self, physical: float) -> bytes:
+        """What is told to the peers at physical time `physical` (s)."""
         ahead = tuple(sorted(rid for rid, peer in self._peers.items() if peer.ahead))
         rid, store = self.graph.rid, self.graph.store
         return encode_digest(Digest(rid, physical, store.context.summary(rid), store.fingerprint, ahead))
