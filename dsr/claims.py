@@ -6,8 +6,8 @@ A context only grows, and everybody keeps what anybody claims. Therefore:
    it removes; `MAX_EARLY` such removals are taken, others are holes that the repair fills.
 2. Gaps between the counters of one replica, and newcomers in a while, are bounded; what is beyond is passed over, and
    the repair brings it. In a reply the replier's own counters have no gaps, and nobody's more than `MAX_GAPS`.
-3. A reply may name replicas of which nothing is left, as a newcomer must learn of them. Beyond `MAX_REPLICAS` they are
-   not taken over. That changes nothing that anybody holds.
+3. A reply may name replicas of which nothing is left: a newcomer must learn of them. Others take over `MAX_STRANGERS`
+   of them with each reply, and nobody any beyond `MAX_REPLICAS`. That changes nothing that anybody holds.
 4. Nobody can have seen more of us than we have written.
 """
 
@@ -31,6 +31,8 @@ WHILE = 60.0
 MAX_REPLICAS = 1 << 14
 """Replica ids in a context after which none is taken over of which nothing is left: those of eleven days with a restart
 a minute. A request has 500 kB then, and takes 20 ms to read."""
+MAX_STRANGERS = 1000
+"""Of these, those that one reply may bring to who has joined: after a partition, replies of some seconds bring all."""
 
 
 class Claims:
@@ -82,8 +84,8 @@ class Claims:
         self._note_made(sender, delta.context)
         return True
 
-    def reply_part(self, sender: str, reply: Delta) -> Delta:
-        """Of a reply what may be joined. Raises `WireError` if no honest replica can have sent it."""
+    def reply_part(self, sender: str, reply: Delta, *, joining: bool) -> Delta:
+        """Of a reply what may be joined, by a newcomer or not. Raises `WireError` if nobody honest can have sent it."""
         ranges: dict[str, int] = {}
         for rid, first, _ in reply.context:
             ranges[rid] = ranges.get(rid, 0) + 1
@@ -91,13 +93,13 @@ class Claims:
                 raise WireError("gaps among the counters of the replier itself")
         if self._graph.store.bounds_gaps and max(ranges.values(), default=0) > MAX_GAPS + 1:
             raise WireError(f"more than {MAX_GAPS} gaps among the counters of one replica")
-        return self._without_strangers(reply, ranges)
+        room = MAX_REPLICAS - self._graph.store.context.size
+        return self._without_strangers(reply, ranges, room if joining else min(room, MAX_STRANGERS))
 
-    def _without_strangers(self, reply: Delta, ranges: Iterable[str]) -> Delta:
-        """Leave out replicas of which nothing is left, if too many are known."""
+    def _without_strangers(self, reply: Delta, ranges: Iterable[str], room: int) -> Delta:
+        """Leave out replicas of which nothing is left, but for so many."""
         context = self._graph.store.context
         strangers = [rid for rid in ranges if not context.knows(rid)]
-        room = MAX_REPLICAS - context.size
         if len(strangers) <= room:
             return reply
         named = {dot[0] for dot in dots_of(reply, ranges=False)}
@@ -158,6 +160,17 @@ def _unaccounted(delta: Delta) -> int:
 def accounted_for(sender: str, delta: Delta, put_off: Iterable[Dot] = ()) -> list[DotRange]:
     """The sender's dots whose additions and writes are here, but those put off; those of removals are not known."""
     return list(to_ranges({dot for dot in dots_of(delta, ranges=False) if dot[0] == sender}.difference(put_off)))
+
+
+def without_word_of(rid: str, reply: Delta) -> Delta:
+    """A reply that neither adds nor removes anything that replica `rid` made."""
+    return Delta(
+        [add for add in reply.adds if add.dot[0] != rid],
+        [write for write in reply.writes if write.dot is None or write.dot[0] != rid],
+        [dot for dot in reply.removed if dot[0] != rid],
+        [dots for dots in reply.context if dots[0] != rid],
+        reply.live,
+    )
 
 
 def goes_beyond(rid: str, counter: int, delta: Delta, *, removals_only: bool = False) -> bool:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 import secrets
+from collections.abc import Iterable
 
 from dsr.crdt.context import Dot
 from dsr.crdt.delta import Add, Delta, Write
@@ -23,11 +24,11 @@ def next_id(rid: str) -> str:
     return f"{first}r{number + 1:06}{secrets.token_hex(4)}"
 
 
-def going_on_as(graph: Graph, rid: str, confirmed: int) -> Delta:
+def going_on_as(graph: Graph, rid: str, confirmed: int, forged: Iterable[Dot] = ()) -> Delta:
     """Give the graph another replica id, and write anew, as one delta, what peers may not have taken under the old one.
 
     That is what was added or written since counter `confirmed`, and samples of streams that are not durable yet. Values
-    keep their stamps. The graph must be locked.
+    keep their stamps. What somebody else had added under the dots `forged` is removed. The graph must be locked.
     """
     old, store = graph.rid, graph.store
     graph.rid, graph.counter = rid, 0
@@ -43,6 +44,9 @@ def going_on_as(graph: Graph, rid: str, confirmed: int) -> Delta:
     for entry in found:
         own = [write for write in entry.registers.values() if _is_unsure(write, old, confirmed)]
         delta.writes += [_again(write, entry.dot, rid, graph.new_dot()) for write in own]
+    delta.removed = list(forged)
+    if delta.removed:
+        graph.new_dot()
     if graph.counter:
         delta.context = [(rid, 1, graph.counter)]
     graph.join(delta)

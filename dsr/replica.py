@@ -301,8 +301,9 @@ class Replica:
             with self.lock:
                 bundles, samples = self._outbox.take()
                 old, rid = self.graph.rid, next_id(self.graph.rid)
-                self.commit(going_on_as(self.graph, rid, self.synchroniser.confirmed))
-                self.synchroniser.id_taken()
+                sync = self.synchroniser
+                self.commit(going_on_as(self.graph, rid, sync.confirmed, sync.forged))
+                sync.id_taken()
             self._publish_as(old, bundles, samples)
             withdrawn, self._announced = self._announced, self._announce()
             self._withdraw(withdrawn)

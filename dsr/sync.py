@@ -21,19 +21,18 @@ A peer that sends nonsense is counted in `dropped` and logged once; nothing it s
 
 from __future__ import annotations
 
-import contextlib
-import gc
 import logging
 import math
 import sys
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from dsr.claims import Claims, goes_beyond
+from dsr.claims import MAX_EARLY, Claims, goes_beyond, without_word_of
+from dsr.collector import collector_paused
 from dsr.complaints import Complaints
-from dsr.crdt.context import CausalContext
+from dsr.crdt.context import CausalContext, Dot
 from dsr.crdt.delta import Delta
 from dsr.crdt.store import Store
 from dsr.errors import WireError
@@ -89,6 +88,8 @@ class Synchroniser:
     """How often this replica took another id."""
     claims: Claims = field(init=False)
     _peers: Peers = field(default_factory=Peers)
+    forged: dict[Dot, None] = field(default_factory=dict)
+    """Creation dots under which somebody else added something in our name."""
     _impersonated: bool = False
     _new_id_at: float = -math.inf
     _asked: str | None = None
@@ -138,9 +139,12 @@ class Synchroniser:
         """Raise `WireError` if it speaks in our name; and if peers may have believed that, take another id."""
         rid = self.graph.rid
         believed = sender == rid or delta.live is not None
-        beyond = goes_beyond(rid, self.graph.counter, delta, removals_only=not believed)
+        known = self.confirmed if sender == rid else self.graph.counter  # others may have had it before what is ours
+        beyond = goes_beyond(rid, known, delta, removals_only=not believed)
         if beyond and (believed or self.gate is None):
             self._note_impersonation(sender)
+            added = [add.dot for add in delta.adds if add.dot[0] == rid and add.dot[1] > known]
+            self.forged.update(dict.fromkeys(added[: MAX_EARLY - len(self.forged)]))
         if beyond or sender == rid:
             raise WireError(f"it speaks in the name of {rid}, this replica")
 
@@ -182,6 +186,8 @@ class Synchroniser:
         last = digest.seen.last(self.graph.rid)
         if last is not None and last > counter:
             self._note_impersonation(sender)
+        elif self._impersonated:
+            pass  # what peers say to have seen of ours may be what somebody else has told them
         elif last is not None or peer.rest_known:
             peer.acknowledged = max(peer.acknowledged, counter if last is None else last)
 
@@ -214,7 +220,9 @@ class Synchroniser:
 
     def _join_reply(self, sender: str, reply: Delta) -> None:
         self._check_identity(sender, reply)
-        delta = self.claims.reply_part(sender, reply)
+        if self._impersonated:  # who was told to have seen what is ours takes it for removed
+            reply = without_word_of(self.graph.rid, reply)
+        delta = self.claims.reply_part(sender, reply, joining=not self.joined)
         self.graph.join(self.gate.reply(sender, delta, self.graph.store) if self.gate else delta)
         if self.claims.tidy(sender, delta):
             self.complaints.say(sender, "after a reply of %s too many gaps were left: the lowest are given up")
@@ -310,6 +318,7 @@ class Synchroniser:
     def id_taken(self) -> None:
         """The replica has another id now, under which nobody has seen anything."""
         self.new_ids += 1
+        self.forged.clear()
         for peer in self._peers.values():
             peer.acknowledged, peer.covered = 0, None
 
@@ -390,15 +399,3 @@ class Synchroniser:
 
     def _trusts(self, rid: str) -> bool:
         return self.gate is None or self.gate.trusts(rid)
-
-
-@contextlib.contextmanager
-def collector_paused() -> Iterator[None]:
-    """Do not look for reference cycles: among many new objects that all stay, it takes as long as the work itself."""
-    was_enabled = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_enabled:
-            gc.enable()

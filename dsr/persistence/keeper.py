@@ -20,6 +20,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import IO
 
+from dsr.collector import collector_paused
 from dsr.crdt.delta import Delta
 from dsr.errors import ConfigError
 from dsr.forking import leave_to_parent
@@ -28,7 +29,6 @@ from dsr.persistence.generations import Generations
 from dsr.persistence.pending import Pending, pieces
 from dsr.persistence.records import append_record
 from dsr.private_files import lock_file, private_folder
-from dsr.sync import collector_paused
 from dsr.wire import encode_delta
 
 PERIOD = 0.25

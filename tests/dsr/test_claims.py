@@ -10,7 +10,7 @@ from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Add, Delta
 from dsr.crdt.summary import LISTED
 from dsr.transport import Transport
-from dsr.wire import Digest, decode_request, encode_delta, encode_digest
+from dsr.wire import Digest, Request, decode_request, encode_delta, encode_digest, encode_request
 from tests.dsr.conftest import Net
 
 HEAL = 5.0
@@ -181,6 +181,28 @@ def test_replicas_of_which_nothing_is_left_are_taken_over_up_to_a_bound(
     net.pump(60.0)  # what is left is no reason to ask one another for ever
     later = sum(peer.asked for memory in (a, b) for peer in memory.replica.synchroniser._peers.values())
     assert later - requests < 12
+
+
+def test_a_reply_brings_many_replicas_of_which_nothing_is_left_by_and_by(
+    net: Net, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(claims, "MAX_STRANGERS", 10)
+    a, b = net.join("a"), net.join("b")
+    net.pump(2.0)
+    for number in range(50):
+        seen(b).add_range(f"old-{number}", 1, 3)
+    net.pump(2.0)
+    assert 10 <= seen(a).size < 50
+    net.pump(8.0)
+    check_equal(net, a, b)
+    newcomer, reply = net.join("late"), a.replica.synchroniser.answer("late", _request_for_all())
+    assert reply is not None
+    newcomer.replica.synchroniser.receive_reply(a.rid, encode_delta(reply))
+    assert seen(newcomer).size == 50, "a newcomer gets all at once"
+
+
+def _request_for_all() -> bytes:
+    return encode_request(Request("late-1", CausalContext()))
 
 
 def test_what_is_refused_is_asked_for_ever_more_rarely(net: Net) -> None:

@@ -6,10 +6,12 @@ import time
 from collections.abc import Callable
 
 from benchmarks.attacks.attack import Arena, Attack, Outcome, Raw
-from dsr.claims import MAX_EARLY, MAX_GAPS, MAX_NEWCOMERS
+from dsr.claims import MAX_EARLY, MAX_GAPS, MAX_NEWCOMERS, MAX_STRANGERS
+from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Delta
 from dsr.memory import Memory
 from dsr.security.policy import Grant
+from dsr.wire import Digest, encode_delta, encode_digest
 
 _GHOSTS = 100_000
 _GAPS = 60_000
@@ -22,12 +24,12 @@ _GRANTS = {
 }  # fmt: skip
 
 
-def _run(send: Callable[[Raw], None], most_ranges: int) -> Callable[[Arena], Outcome]:
+def _run(send: Callable[[Arena, Raw], None], most_ranges: int) -> Callable[[Arena], Outcome]:
     def run(arena: Arena) -> Outcome:
         victim, other, attacker = arena.join("victim"), arena.join("other"), arena.raw("attacker")
         victim.add_node("before", "cube")
         arena.eventually(lambda: "before" in other, _PATIENCE)
-        send(attacker)
+        send(arena, attacker)
         arena.wait(2.0)
         attacker.transport.close()
         victim.add_node("after", "cube")
@@ -55,23 +57,32 @@ def _load(arena: Arena, memories: tuple[Memory, ...]) -> float:
     return (time.process_time() - cpu) / (arena.now() - begin)
 
 
-def _ghosts_in_a_context(attacker: Raw) -> None:
+def _ghosts_in_a_context(arena: Arena, attacker: Raw) -> None:
     attacker.send(Delta(context=[(f"ghost-{number}", 1, 1) for number in range(_GHOSTS)]))
 
 
-def _ghosts_removed(attacker: Raw) -> None:
+def _ghosts_removed(arena: Arena, attacker: Raw) -> None:
     for first in range(0, _GHOSTS, 1000):
         dots = [(f"ghost-{number}", 1) for number in range(first, first + 1000)]
         attacker.send(Delta(removed=dots, context=[(attacker.rid, first + 1, first + 1)]))
 
 
-def _ghosts_that_write(attacker: Raw) -> None:
+def _ghosts_that_write(arena: Arena, attacker: Raw) -> None:
     for number in range(3 * MAX_NEWCOMERS):
         rid = f"attacker-{number}"
         attacker.send(Delta(context=[(rid, 1, 1)]), rid)
 
 
-def _gaps(attacker: Raw) -> None:
+def _ghosts_in_replies(arena: Arena, attacker: Raw) -> None:
+    context = [(f"attacker-{number}", 1, 1) for number in range(_GHOSTS)]
+    reply = encode_delta(Delta(context=context, live=frozenset()))
+    attacker.transport.serve(attacker.keys.sync(attacker.rid), lambda _key, _payload: reply)
+    seen = CausalContext(context).summary()
+    for _ in range(3):
+        attacker.send_digest(encode_digest(Digest(attacker.rid, arena.now(), seen, 0, ())))
+
+
+def _gaps(arena: Arena, attacker: Raw) -> None:
     attacker.send(Delta(context=[(attacker.rid, 2 * number, 2 * number) for number in range(1, _GAPS)]))
     for number in range(1, 5 * MAX_GAPS):
         attacker.send(Delta(context=[(attacker.rid, 2 * number, 2 * number)]))
@@ -88,5 +99,7 @@ ATTACKS = [
            _run(_ghosts_removed, MAX_EARLY + _REST), _GRANTS),
     Attack("ghosts-that-write", f"speaks as {3 * MAX_NEWCOMERS} replicas of its own", _HOLDS,
            _run(_ghosts_that_write, MAX_NEWCOMERS + _REST), _GRANTS),
+    Attack("ghosts-in-replies", f"answers with {_GHOSTS} replicas of its own that never were", _HOLDS,
+           _run(_ghosts_in_replies, 2 * MAX_STRANGERS + _REST), _GRANTS),
     Attack("gaps", f"leaves {_GAPS} gaps between its counters", _HOLDS, _run(_gaps, MAX_GAPS + _REST), _GRANTS),
 ]  # fmt: skip
