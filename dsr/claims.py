@@ -55,11 +55,9 @@ class Claims:
 
     def own_part(self, sender: str, delta: Delta) -> Delta:
         """Of a delta what may be joined. Raises `WireError` if it accounts for dots that are not its sender's."""
-        others = {add.dot[0] for add in delta.adds} | {rid for rid, _, _ in delta.context}
-        others |= {write.dot[0] for write in delta.writes if write.dot}
-        others.discard(sender)
-        if others:
-            raise WireError(f"dots of {min(others)} in a delta of another replica")
+        other = _other_than(sender, delta)
+        if other is not None:
+            raise WireError(f"dots of {other} in a delta of another replica")
         if delta.removed and not self._may_remove(delta.removed):
             self.passed_over += 1
             known = [dot for dot in delta.removed if self._graph.store.is_known(dot)]
@@ -69,7 +67,7 @@ class Claims:
     def may_grow(self, sender: str, delta: Delta) -> bool:
         """Whether a delta keeps the bounds on newcomers and gaps; if not, it is passed over."""
         context = self._graph.store.context
-        if not delta.context and not delta.adds:
+        if _follows(context.vector.get(sender), delta) and sender not in self._early:
             return True
         if not context.knows(sender) and sender not in self._newcomers:
             if len(self._newcomers) >= MAX_NEWCOMERS:
@@ -147,6 +145,30 @@ def dots_of(delta: Delta, *, ranges: bool = True) -> Iterable[Dot]:
     yield from (write.dot for write in delta.writes if write.dot)
     if ranges:
         yield from ((rid, last) for rid, _, last in delta.context)
+
+
+def _other_than(sender: str, delta: Delta) -> str | None:
+    """Somebody else whose dots a delta accounts for."""
+    for add in delta.adds:
+        if add.dot[0] != sender:
+            return add.dot[0]
+    for write in delta.writes:
+        if write.dot is not None and write.dot[0] != sender:
+            return write.dot[0]
+    for rid, _, _ in delta.context:
+        if rid != sender:
+            return rid
+    return None
+
+
+def _follows(known: int | None, delta: Delta) -> bool:
+    """Whether a delta goes on where its sender's counters ended, as nearly all do, or accounts for nothing."""
+    if not delta.context:
+        return not delta.adds
+    if known is None or len(delta.context) > 1:
+        return False
+    _, first, last = delta.context[0]
+    return first <= known + 1 and all(first <= add.dot[1] <= last for add in delta.adds)
 
 
 def _unaccounted(delta: Delta) -> int:

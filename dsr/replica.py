@@ -20,10 +20,10 @@ from dsr.crdt.delta import Delta
 from dsr.graph import Graph
 from dsr.keys import Keys
 from dsr.outbox import Outbox
+from dsr.outputs import Ask, Output, PublishDelta, PublishDigest, Renew, TakeId
 from dsr.polling import Poller
 from dsr.renaming import going_on_as, next_id
 from dsr.sync import REQUEST_TIMEOUT, Gate, Synchroniser
-from dsr.sync_outputs import Ask, Output, PublishDelta, PublishDigest, Renew, TakeId
 from dsr.transport import Qos, Subscription, Transport
 from dsr.wire import encode_delta
 
@@ -55,6 +55,10 @@ class Statistics(NamedTuple):
     """Writes that came so long before their node that they were forgotten."""
     malformed: int
     """Messages that made no sense, from all senders."""
+    passed_over: int
+    """Claims beyond what is taken from one sender (dsr/claims.py), and replicas beyond those listened to."""
+    new_ids: int
+    """How often somebody spoke in its name, so that it took another replica id."""
 
 
 class Replica:
@@ -340,8 +344,9 @@ class Replica:
         sync = self.synchroniser
         malformed = sum(list(sync.dropped.values()))
         return Statistics(
-            sync.repairs, self._outbox.overflowed, self.skipped, self.graph.store.lost_waiting, malformed
-        )
+            sync.repairs, self._outbox.overflowed, self.skipped, self.graph.store.lost_waiting, malformed,
+            sync.passed_over, sync.new_ids,
+        )  # fmt: skip
 
     def snapshot(self) -> bytes:
         """The whole state as an encoded synchronisation reply."""

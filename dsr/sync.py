@@ -37,9 +37,9 @@ from dsr.crdt.delta import Delta
 from dsr.crdt.store import Store
 from dsr.errors import WireError
 from dsr.graph import Graph
+from dsr.outputs import Ask, Output, PublishDelta, PublishDigest, Renew, TakeId
 from dsr.pace import Pace
 from dsr.peers import SILENCE, Peer, Peers
-from dsr.sync_outputs import Ask, Output, PublishDelta, PublishDigest, Renew, TakeId
 from dsr.wire import Digest, Request, decode_delta, decode_digest, decode_request, encode_digest, encode_request
 
 GRACE = 0.15
@@ -138,6 +138,8 @@ class Synchroniser:
     def _check_identity(self, sender: str, delta: Delta) -> None:
         """Raise `WireError` if it speaks in our name; and if peers may have believed that, take another id."""
         rid = self.graph.rid
+        if sender != rid and delta.live is None and not delta.removed:
+            return
         believed = sender == rid or delta.live is not None
         known = self.confirmed if sender == rid else self.graph.counter  # others may have had it before what is ours
         beyond = goes_beyond(rid, known, delta, removals_only=not believed)
@@ -295,6 +297,11 @@ class Synchroniser:
     def peers(self) -> list[str]:
         """Replica ids of the reachable peers."""
         return sorted(self._peers)
+
+    @property
+    def passed_over(self) -> int:
+        """Claims beyond what is taken from one sender, and replicas beyond those listened to."""
+        return self.claims.passed_over + self._peers.refused
 
     @property
     def heard(self) -> list[str]:
