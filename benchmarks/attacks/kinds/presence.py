@@ -33,8 +33,8 @@ def _withdraw(arena: Arena) -> Outcome:
 def _flood(arena: Arena) -> Outcome:
     victim, other, attacker = arena.join("victim"), arena.join("other"), arena.raw("attacker")
     arena.eventually(lambda: victim.replica.synchroniser.heard and other.replica.synchroniser.heard, _PATIENCE)
-    for number in range(_TOKENS):
-        attacker.transport.announce(attacker.keys.presence("attacker", f"attacker-{number}"))
+    keys = [attacker.keys.presence("attacker", f"attacker-{number}") for number in range(_TOKENS)]
+    tokens = [attacker.transport.announce(key) for key in keys]
     arena.wait(1.0)
     there = max(len(memory.peers) for memory in (victim, other))
     victim.add_node("after", "cube")
@@ -42,6 +42,8 @@ def _flood(arena: Arena) -> Outcome:
     sync = victim.replica.synchroniser
     delivered = arena.eventually(lambda: sync.delivered and "after" in other, _PATIENCE)
     took = arena.now() - begin
+    for token in tokens:
+        token.close()
     held = delivered and there <= MAX_PEERS and other.rid in victim.peers and victim.rid in other.peers
     return Outcome(held, f"{there} of {_TOKENS} listened to, a write confirmed after {took:.1f} s", {"took_s": took})
 
