@@ -7,6 +7,7 @@ from typing import Any
 
 from agents.perspectives.chronicle import PersonalTimeline
 from agents.perspectives.containment import carried, covers
+from agents.perspectives.falling import fallen
 from dsr.elements import Node
 from dsr.errors import TransformError
 from dsr.memory import Memory
@@ -38,7 +39,8 @@ class PersonalView:
     """Keeps the world of one person, or camera, in step with what is seen from there.
 
     What is seen is known as it is in the source, at once. What was seen before stays where it was (`perceived` false,
-    `last_seen`, and `seen_at`), goes along with the container in which it was, if that is seen to move, and is nowhere
+    `last_seen`, and `seen_at`), and goes along with the container in which it was, if that is seen to move. What
+    vanishes from a place in full view fell straight down, if it would be hidden there. Otherwise a thing is nowhere
     (`present` false, no pose) once it is seen that it is not where it was. Who is not there learns nothing.
 
     Args:
@@ -75,8 +77,10 @@ class PersonalView:
     def _look(self, monitor: VisibilityMonitor, now: float) -> None:
         picture = monitor.picture(self.name)
         seen = [thing for thing in sorted(monitor.scene.things) if monitor.sees(self.name, thing)]
-        self._lose(node.name for node in self._known() if node.name not in seen)
+        lost = [node for node in self._known() if node.name not in seen and node.get("perceived") is True]
+        self._lose(node.name for node in lost)
         self._carry_along(self._take_in(seen, now), seen, now)
+        self._let_fall(picture, lost, now)
         self._relate(seen)
         self._know_contents(picture, seen)
         self._notice_empty_places(picture, seen, now)
@@ -189,6 +193,16 @@ class PersonalView:
                 shifts[name] = where.pose, goal
                 self.world.add_edge(_WORLD, name, "RT", pose=goal.with_stamp(now))
                 level.append(name)
+
+    def _let_fall(self, picture: Picture, lost: Iterable[Node], now: float) -> None:
+        """What was just seen in a place that is empty now has fallen, if it would be hidden where it came to lie."""
+        for node in lost:
+            where = self._at(node.name)
+            if where is None or not self._is_empty(picture, node, where):
+                continue
+            below = fallen(self.world, node, where)
+            if below is not None and not self._is_empty(picture, node, below):
+                self._put(node.name, below.with_stamp(now))
 
     def _notice_empty_places(self, picture: Picture, seen: Collection[str], now: float) -> None:
         """What is not where it would be seen is nowhere."""

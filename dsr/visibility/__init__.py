@@ -5,7 +5,7 @@ monitor = VisibilityMonitor(memory, ["human_1"])
 came_into_sight = [change.thing for change in monitor.update() if change.seen]
 """
 
-from dsr.visibility.bodies import body_at, placed, shape_of_thing
+from dsr.visibility.bodies import Posed, bodies_of, body_at, placed, read_posed, shape_of_thing
 from dsr.visibility.looking import BAND, LEAST_PIXELS, LEAST_SHARE, Scene, is_enough, is_seen, visibility
 from dsr.visibility.monitor import SightChange, VisibilityMonitor
 from dsr.visibility.perspectives import (
@@ -33,15 +33,18 @@ __all__ = [
     "Glance",
     "Perspective",
     "Picture",
+    "Posed",
     "Scene",
     "SightChange",
     "VisibilityMonitor",
+    "bodies_of",
     "body_at",
     "is_enough",
     "is_seen",
     "lens_of",
     "placed",
     "read_perspectives",
+    "read_posed",
     "shape_of_thing",
     "visibility",
 ]

@@ -8,6 +8,7 @@ import pytest
 import trimesh
 
 from agents.perspectives.containment import carried, covers
+from agents.perspectives.falling import fallen
 from dsr import LocalNetwork, ManualClock, Memory, Mesh, Pose
 from dsr.timeline import kept_by, query
 from tests.agents.perspectives.conftest import COVER, TURNED, Table
@@ -112,6 +113,61 @@ def test_a_place_that_is_hidden_is_not_known_to_be_empty(table: Table) -> None:
     table.put("cover", Pose((0.2, -0.45, 0.12)))
     table.run(1.0)
     assert table.place("human_1", "ball") is None
+
+
+UPRIGHT = Pose((0.2, -0.2, 0.04), (1.0, 0.0, 0.0, 0.0))
+
+
+def test_what_vanishes_above_an_open_box_fell_into_it_and_goes_along(table: Table) -> None:
+    table.add("open", "container", UPRIGHT, size=(0.1, 0.1, 0.08), shape=COVER)
+    table.add("ball", "cube", Pose((0.2, -0.2, 0.2)), size=(0.04, 0.04, 0.04))
+    table.run()
+    table.put("ball", Pose((0.2, -0.2, 0.026)))
+    table.run(1.0)
+    view = table.view("human_1")
+    assert table.place("human_1", "ball") == (200, -200, 24), "on the floor of the box, which is 4 mm thick"
+    assert view.node("ball")["perceived"] is False and view.node("ball")["present"] is True
+    assert view.get_edge("ball", "open", "in") is not None
+    table.put("open", Pose((0.2, -0.4, 0.04), UPRIGHT.q))
+    table.put("ball", Pose((0.2, -0.4, 0.024)))
+    table.run()
+    assert table.place("human_1", "ball") == (200, -400, 24)
+
+
+def test_what_vanishes_where_a_fall_would_be_seen_is_nowhere(table: Table) -> None:
+    table.add("ball", "cube", Pose((0.3, -0.3, 0.2)), size=(0.04, 0.04, 0.04))
+    table.run()
+    table.put("ball", Pose((-0.1, 0.0, 0.02)))  # behind the wall
+    table.run(1.0)
+    assert table.place("human_1", "ball") is None
+
+
+def test_nobody_who_looked_away_takes_a_thing_to_have_fallen(table: Table) -> None:
+    table.add("open", "container", UPRIGHT, size=(0.1, 0.1, 0.08), shape=COVER)
+    table.add("ball", "cube", Pose((0.2, -0.2, 0.2)), size=(0.04, 0.04, 0.04))
+    table.run()
+    table.leave("human_1")
+    table.run()
+    table.put("ball", Pose((-0.1, 0.0, 0.02)))
+    table.come("human_1", Pose((0.8, 0.0, 0.4), TURNED))
+    table.run(1.0)
+    assert table.place("human_1", "ball") is None
+
+
+@pytest.mark.parametrize(
+    ("x", "height"),
+    [(0.2, 0.024), (0.5, 0.02), (0.152, 0.1), (0.157, 0.1)],
+    ids=["into", "on the table", "on a rim", "on it"],
+)
+def test_a_thing_falls_until_it_touches(table: Table, x: float, height: float) -> None:
+    table.add("open", "container", UPRIGHT, size=(0.1, 0.1, 0.08), shape=COVER)
+    cube = table.memory.node("cube")
+    below = fallen(table.memory, cube, Pose((x, -0.2, 0.3)))
+    assert below is not None and below.t == pytest.approx((x, -0.2, height), abs=1e-6)
+
+
+def test_nothing_beneath_is_no_place_to_fall_to(table: Table) -> None:
+    assert fallen(table.memory, table.memory.node("cube"), Pose((5.0, 0.0, 0.3))) is None
 
 
 def test_what_is_in_something_goes_along_with_it(table: Table) -> None:

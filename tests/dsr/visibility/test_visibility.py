@@ -8,8 +8,16 @@ from typing import Any
 import pytest
 
 from dsr import ConfigError, ManualClock, Memory, Mesh, Pose
-from dsr.visibility import LEAST_SHARE, VisibilityMonitor, is_seen, lens_of, read_perspectives, visibility
-from dsr.visibility.bodies import bodies_of, read_posed
+from dsr.visibility import (
+    LEAST_SHARE,
+    VisibilityMonitor,
+    bodies_of,
+    is_seen,
+    lens_of,
+    read_perspectives,
+    read_posed,
+    visibility,
+)
 
 
 def seen(memory: Memory) -> set[tuple[str, str]]:
