@@ -42,8 +42,8 @@ MODULES = {
     },
     "dsr.visibility": {
         "BAND", "Body", "CAMERA", "Glance", "LEAST_PIXELS", "LEAST_SHARE", "PERSON", "PERSON_FOV", "PERSPECTIVES",
-        "Perspective", "Picture", "Scene", "SightChange", "VisibilityMonitor", "WIDTH", "body_at", "is_seen", "lens_of",
-        "is_enough", "placed", "read_perspectives", "shape_of_thing", "visibility",
+        "Perspective", "Picture", "Posed", "Scene", "SightChange", "VisibilityMonitor", "WIDTH", "bodies_of", "body_at",
+        "is_enough", "is_seen", "lens_of", "placed", "read_perspectives", "read_posed", "shape_of_thing", "visibility",
     },
     "dsr.what_if": {
         "Action", "Answer", "Change", "MAX_CHANGES", "MAX_SECONDS", "Numbers", "Pending", "Question", "SERVICE",
