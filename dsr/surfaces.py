@@ -7,6 +7,7 @@ their end.
 from __future__ import annotations
 
 import functools
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -30,6 +31,16 @@ _RIM = 0.25  # of the spacing of points, from which on a face gets a second row 
 _MOST = 64  # points in a row
 _CACHED = 256  # shapes
 _THIN, _VAST = 1e-5, 1e3  # m
+_FACING = -0.1
+"""Upward part of an outward normal, below which a face looks down. Side walls slide past what they touch."""
+_SPACING = 3e-3
+"""m between points of an underside: the thinnest walls that scenes may have are not missed."""
+_MOST_BELOW = 20_000
+"""Points of an underside: more would take longer than a look may."""
+_AROUND = np.linspace(0.0, 2 * math.pi, 48, endpoint=False)
+"""rad, where points lie on a rim: the lowest one is 0.2 % of the radius too high at most."""
+_DEEPEST = 10.0
+"""m that something falls at most: no table or floor of a room is farther below."""
 
 
 class Surface(NamedTuple):
@@ -85,20 +96,34 @@ def distances(shape: Shape, size: Vector3, points: Array) -> Array:
 
 def signed_distances(shape: Shape, size: Vector3, points: Array) -> Array:
     """How far points (n, 3), in the frame of a body, are outside it (n,) m; negative within, where it is a bound."""
-    solids = Solids.of(shape or box(size))
-    local = np.abs(solids.into(points))
-    beyond = local - solids.half[:, None]  # of each pair of faces
-    radius = solids.half[:, :1]
-    around = np.hypot(local[..., 0], local[..., 1]) - radius
-    is_cylinder = (solids.kinds == 1)[:, None]
-    beyond[..., 0] = np.where(is_cylinder, around, beyond[..., 0])
-    beyond[..., 1] = np.where(is_cylinder, around, beyond[..., 1])
-    within = beyond.max(axis=2)
-    outside = np.maximum(beyond, 0.0)
-    outside[..., 1] = np.where(is_cylinder, 0.0, outside[..., 1])
-    signed = np.sqrt((outside * outside).sum(axis=2)) + np.minimum(within, 0.0)
-    signed = np.where((solids.kinds == 2)[:, None], np.sqrt((local * local).sum(axis=2)) - radius, signed)
-    return np.asarray(signed.min(axis=0))
+    return np.asarray(Solids.of(shape or box(size)).signed_distances(points).min(axis=0))
+
+
+def underside(shape: Shape, size: Vector3, world_from_body: Array) -> Array:
+    """Points (n, 3) m, in the world, where a body meets first what it falls on: faces that look down, corners, rims.
+
+    Args:
+        shape: the parts of the body; without any, it is the box of `size`.
+        size: (3,) m.
+        world_from_body: (4, 4).
+    """
+    parts = shape or box(size)
+    area = float(surface(shape, size).areas.sum())
+    whole = surface(shape, size, min(math.ceil(area / _SPACING**2), _MOST_BELOW) or 1)
+    turn = world_from_body[:3, :3]
+    below = (whole.normals @ turn.T)[:, 2] < _FACING
+    edges = [_edges(part, turn) for part in parts if _is_thing(part)]
+    points = np.concatenate([whole.points[below], *edges])
+    return np.asarray(points @ turn.T + world_from_body[:3, 3])
+
+
+def room_below(points: Array, solids: Solids) -> float:
+    """How far (m) points (n, 3) can move straight down until one meets a solid that it is not in; infinite if none."""
+    way = np.array([0.0, 0.0, -_DEEPEST])
+    start = solids.into(points)
+    enters, leaves = crossings(solids.kinds, solids.half, start, (way @ solids.turn)[:, None])
+    met = (enters < leaves) & (enters >= 0.0) & (enters < 1.0)
+    return float(np.where(met, enters, math.inf).min(initial=math.inf)) * _DEEPEST
 
 
 class Solids(NamedTuple):
@@ -123,6 +148,27 @@ class Solids(NamedTuple):
             np.array(turns, dtype=np.float64).reshape(-1, 3, 3),
             0.5 * np.array([part.size for part in parts], dtype=np.float64).reshape(-1, 3),
         )
+
+    def moved(self, matrix: Array) -> Solids:
+        """These in another frame, by the transform (4, 4) from the present one into that."""
+        turn = matrix[:3, :3]
+        return Solids(self.kinds, self.centre @ turn.T + matrix[:3, 3], turn @ self.turn, self.half)
+
+    def signed_distances(self, points: Array) -> Array:
+        """(n, k) m, how far points (k, 3) are outside each; negative within."""
+        local = np.abs(self.into(points))
+        beyond = local - self.half[:, None]  # of each pair of faces
+        radius = self.half[:, :1]
+        around = np.hypot(local[..., 0], local[..., 1]) - radius
+        is_cylinder = (self.kinds == 1)[:, None]
+        beyond[..., 0] = np.where(is_cylinder, around, beyond[..., 0])
+        beyond[..., 1] = np.where(is_cylinder, around, beyond[..., 1])
+        within = beyond.max(axis=2)
+        outside = np.maximum(beyond, 0.0)
+        outside[..., 1] = np.where(is_cylinder, 0.0, outside[..., 1])
+        signed = np.sqrt((outside * outside).sum(axis=2)) + np.minimum(within, 0.0)
+        ball = np.sqrt((local * local).sum(axis=2)) - radius
+        return np.asarray(np.where((self.kinds == 2)[:, None], ball, signed))
 
     def into(self, points: Array) -> Array:
         """(n, k, 3) points (k, 3) in the frame of each part."""
@@ -189,6 +235,27 @@ def _inside_any(parts: Shape, points: Array) -> Flags:
 
 def _is_thing(part: Part) -> bool:
     return min(part.size) >= _THIN and max(*part.size, *map(abs, part.position)) <= _VAST
+
+
+def _edges(part: Part, world_from_body: Array) -> Array:
+    """Points (n, 3) of a part where faces that look down end, in the frame of its body.
+
+    These are corners of a box, points on the rims of a cylinder, and the lowest point of a sphere.
+    """
+    turn = np.array(quaternions.to_matrix(part.rotation))
+    up = world_from_body[2] @ turn  # in the frame of the part
+    half = 0.5 * np.array(part.size)
+    if part.kind == "sphere":
+        edges = -half[:1] * up[None]
+    elif part.kind == "cylinder":
+        rims = [np.column_stack([np.cos(_AROUND), np.sin(_AROUND), np.full(len(_AROUND), side)]) for side in (-1, 1)]
+        outwards = np.concatenate(rims)
+        below = np.minimum(outwards[:, :2] @ up[:2], outwards[:, 2] * up[2]) < _FACING
+        edges = outwards[below] * half
+    else:
+        outwards = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
+        edges = outwards[(outwards * up).min(axis=1) < _FACING] * half
+    return np.asarray(edges @ turn.T + part.position)
 
 
 def _area(part: Part) -> float:

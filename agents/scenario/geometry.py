@@ -1,8 +1,10 @@
-"""Oriented boxes and balls: how deep two overlap, and how far one is above what lies below it."""
+"""Oriented boxes, balls and bodies: how deep two overlap, and how far one is above what lies below it."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
+from typing import NamedTuple
 
 import msgspec
 import numpy as np
@@ -11,6 +13,8 @@ from numpy.typing import NDArray
 from dsr import quaternions
 from dsr.quaternions import Vector3
 from dsr.shapes import Shape, box
+from dsr.surfaces import Solids, room_below, underside
+from dsr.transforms import Pose
 
 Array = NDArray[np.float64]
 
@@ -18,6 +22,10 @@ _SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
 _PARALLEL = 1e-9
 _FACE = 0.4  # of an object's shorter side, from the middle of its upper face: as far as a tag reaches
 _SKIN = 1e-4  # m, below the upper face
+_STEEPEST = math.sqrt(2.0)
+"""Lift for each metre of depth that frees what sank through a face: faces steeper than 45 degrees are sides."""
+_ROUNDING = 1e-9
+"""Of a depth, that is left by rounding when it was lifted."""
 
 
 class Box(msgspec.Struct, frozen=True):
@@ -45,6 +53,17 @@ class Box(msgspec.Struct, frozen=True):
     def top(self) -> float:
         """World z of the highest corner, m."""
         return float(self.corners[:, 2].max())
+
+
+class Body(NamedTuple):
+    """A thing somewhere."""
+
+    shape: Shape
+    """Its parts, in its frame; none: it is the box of `size`."""
+    size: Vector3
+    """m"""
+    pose: Pose
+    """world_from_body"""
 
 
 class Ball(msgspec.Struct, frozen=True):
@@ -113,15 +132,27 @@ def footprint_overlap(a: Box, b: Box) -> float:
     return _least_overlap(a, b, axes)
 
 
-def gap_below(box: Box, others: Iterable[Box], table: Box) -> float:
-    """Height (m) of the lowest point of `box` above its support; negative: it sinks in.
+def gap_below(body: Body, others: Iterable[Body]) -> float:
+    """How far (m) a body can fall straight down until it meets another; negative: how deep it sank into one below.
 
-    The support is the highest of `table` (below which nothing is known) and the boxes whose centre is lower
-    and whose outline seen from above overlaps.
+    What it only touches or overlaps with its sides holds nothing up. Infinite if nothing is below.
     """
-    below = [table, *(other for other in others if other.center[2] < box.center[2])]
-    tops = [other.top for other in below if footprint_overlap(box, other) > 0]
-    return box.bottom - max(tops) if tops else float("inf")
+    points = underside(body.shape, body.size, body.pose.matrix)
+    around = [Solids.of(other.shape or box(other.size)).moved(other.pose.matrix) for other in others]
+    sunk = max((_sunk(points, solids) for solids in around), default=0.0)
+    return -sunk if sunk > 0.0 else min((room_below(points, solids) for solids in around), default=math.inf)
+
+
+def _sunk(points: Array, solids: Solids) -> float:
+    """How deep (m) the deepest of some points (n, 3) is below a face of solids that it could have come through."""
+    found = 0.0
+    depths = np.maximum(-solids.signed_distances(points), 0.0)
+    for index, depth in enumerate(depths):
+        inside = depth > 0.0
+        raised = points[inside] + np.outer(_STEEPEST * depth[inside], (0.0, 0.0, 1.0))
+        freed = solids.signed_distances(raised)[index] >= -_ROUNDING * depth[inside]
+        found = max(found, float(depth[inside][freed].max(initial=0.0)))
+    return found
 
 
 def _least_overlap(a: Box, b: Box, axes: Array) -> float:

@@ -7,13 +7,16 @@ from collections.abc import Callable, Iterable, Sequence
 import msgspec
 import numpy as np
 
-from agents.scenario.geometry import Ball, Box, gap_below, overlap, pieces
+from agents.scenario.geometry import Ball, Body, Box, gap_below, overlap, pieces
 from agents.scenario.history import Error, Sample, Source
 from agents.scenario.layout import table_box
-from agents.scenario.model import Scenario
+from agents.scenario.model import Scenario, TableSpec
 from dsr.transforms import Pose
 
 Piece = Box | Ball
+
+_GROUND = 1.0
+"""m from the top of the table down, where nothing else can be."""
 
 
 class Overlap(msgspec.Struct, frozen=True):
@@ -52,12 +55,13 @@ def height_error(sample: Sample, name: str) -> float | None:
 
 def belief_gap(scenario: Scenario, sample: Sample, name: str) -> float | None:
     """Height of the belief above the table or belief that is under it, m; None without a belief."""
-    made_of = pose_pieces(scenario, sample.beliefs)
-    if name not in made_of:
-        return None
-    own = [_around(piece) for piece in made_of.pop(name)]
-    others = [_around(piece) for body in made_of.values() for piece in body]
-    return min(gap_below(box, others, table_box(scenario.table)) for box in own)
+    bodies = {
+        spec.name: Body(spec.shape, spec.size, pose)
+        for spec in scenario.objects
+        if (pose := sample.beliefs.get(spec.name))
+    }
+    own = bodies.pop(name, None)
+    return None if own is None else gap_below(own, [*bodies.values(), _ground(scenario.table)])
 
 
 def drift(samples: Sequence[Sample], name: str) -> float | None:
@@ -84,8 +88,11 @@ def pose_pieces(scenario: Scenario, poses: dict[str, Pose]) -> dict[str, list[Pi
     return {name: pieces(shapes[name], box) for name, box in pose_boxes(scenario, poses).items()}
 
 
-def _around(piece: Piece) -> Box:
-    return piece if isinstance(piece, Box) else Box(piece.center, np.eye(3), np.full(3, 2.0 * piece.radius))
+def _ground(table: TableSpec) -> Body:
+    """The table and all below, of which nothing is known."""
+    width, length, _ = table.size
+    x, y, top = table.position
+    return Body((), (width, length, _GROUND), Pose((x, y, top - 0.5 * _GROUND), (0.0, 0.0, 0.0, 1.0)))
 
 
 class OverlapMeter:

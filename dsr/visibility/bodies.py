@@ -82,7 +82,7 @@ def bodies_of(memory: Memory, posed: Sequence[Posed]) -> list[Body]:
 
 def placed(name: str, shape: Shape, world_from_body: Pose) -> Body:
     """A body of a shape, somewhere in the world."""
-    return Body(name, _moved(Solids.of(shape), world_from_body.matrix))
+    return Body(name, Solids.of(shape).moved(world_from_body.matrix))
 
 
 def body_at(memory: Memory, node: Node, world_from_node: Pose) -> Body | None:
@@ -157,7 +157,7 @@ def _is_size(size: object) -> bool:
 def _body(memory: Memory, posed: Posed) -> Body:
     triangles = _triangles(memory, posed) if posed.meshes else None
     if triangles is None:
-        return Body(posed.name, _moved(Solids.of(posed.shape), posed.matrix))
+        return Body(posed.name, Solids.of(posed.shape).moved(posed.matrix))
     return Body(posed.name, Solids.of(()), triangles)
 
 
@@ -174,8 +174,3 @@ def _triangles(memory: Memory, posed: Posed) -> Array | None:
         vertices = mesh.vertices.astype(np.float64) @ posed.matrix[:3, :3].T + posed.matrix[:3, 3]
         corners.append(vertices[mesh.triangles])
     return np.concatenate(corners) if corners else None
-
-
-def _moved(solids: Solids, matrix: Array) -> Solids:
-    turn = matrix[:3, :3]
-    return Solids(solids.kinds, solids.centre @ turn.T + matrix[:3, 3], turn @ solids.turn, solids.half)

@@ -7,8 +7,19 @@ import math
 import numpy as np
 import pytest
 
+from dsr import quaternions
 from dsr.shapes import Part, Shape, box
-from dsr.surfaces import Solids, crossings, distances, seen_alone, signed_distances, surface
+from dsr.surfaces import (
+    Solids,
+    crossings,
+    distances,
+    room_below,
+    seen_alone,
+    signed_distances,
+    surface,
+    underside,
+)
+from dsr.transforms import Pose
 
 HALF_TURN = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))
 OPEN_BOX: Shape = (
@@ -111,3 +122,39 @@ def test_what_is_no_thing_has_no_surface() -> None:
     for size in ((1e-300, 1.0, 1.0), (1e200, 1.0, 1.0)):
         points, weights = seen_alone((), size, np.array([0.0, 0.0, 1.0]))
         assert len(points) == len(weights) == 0
+
+
+def test_the_underside_looks_down_and_reaches_the_lowest_point() -> None:
+    rng = np.random.default_rng(4)
+    for kind in ("box", "cylinder", "sphere"):
+        part = Part(kind, (0.1, 0.1, 0.1) if kind == "sphere" else (0.1, 0.1, 0.2))
+        for _ in range(10):
+            pose = Pose(
+                tuple(rng.uniform(-1, 1, 3).tolist()), quaternions.normalised(tuple(rng.normal(size=4).tolist()))
+            )
+            points = underside((part,), (0.1, 0.1, 0.2), pose.matrix)
+            down = -pose.matrix[2, :3]  # in the frame of the part
+            if kind == "sphere":
+                reach = 0.05
+            elif kind == "box":
+                reach = float(np.abs(down) @ (0.05, 0.05, 0.1))
+            else:
+                reach = 0.05 * float(np.hypot(down[0], down[1])) + 0.1 * abs(float(down[2]))
+            assert points[:, 2].min() == pytest.approx(pose.t[2] - reach, abs=2e-4)
+            assert np.abs(distances((part,), (0.1, 0.1, 0.2), pose.inverse().apply(points))).max() < 1e-9
+
+
+def test_room_below_is_what_a_body_can_fall() -> None:
+    floor = Solids.of((Part("box", (1.0, 1.0, 0.1), (0.0, 0.0, -0.05)),))
+    points = underside((), (0.1, 0.1, 0.1), Pose((0.3, 0.0, 0.25), (0.0, 0.0, 0.0, 1.0)).matrix)
+    assert room_below(points, floor) == pytest.approx(0.2)
+    assert room_below(points + np.array((1.0, 0.0, 0.0)), floor) == math.inf
+    assert room_below(points - (0.0, 0.0, 0.22), floor) == math.inf  # it is in the floor already
+
+
+def test_solids_move_with_the_frame_they_are_given_in() -> None:
+    rng = np.random.default_rng(5)
+    pose = Pose((0.1, -0.2, 0.3), quaternions.normalised((0.1, 0.2, 0.3, 0.9)))
+    points = rng.uniform(-0.2, 0.2, (50, 3))
+    moved = Solids.of(OPEN_BOX).moved(pose.matrix).signed_distances(pose.apply(points))
+    assert moved == pytest.approx(Solids.of(OPEN_BOX).signed_distances(points))

@@ -8,10 +8,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from agents.scenario.geometry import Box, footprint_overlap, gap_below, penetration, upright_box
+from agents.scenario.geometry import Body, Box, footprint_overlap, gap_below, penetration, upright_box
+from dsr.quaternions import Vector3
+from dsr.shapes import Part
+from dsr.transforms import Pose
 
 CUBE = (0.04, 0.04, 0.04)
-TABLE = upright_box((0.0, 0.0, -0.02), 0.0, (1.2, 1.2, 0.04))
+UPRIGHT = (0.0, 0.0, 0.0, 1.0)
+LYING = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))
+TABLE = Body((), (1.2, 1.2, 0.04), Pose((0.0, 0.0, -0.02), UPRIGHT))
+CUP = (Part("cylinder", (0.08, 0.08, 0.1)),)
 
 
 def random_box(rng: np.random.Generator) -> Box:
@@ -75,10 +81,48 @@ def test_footprints_ignore_height():
     assert footprint_overlap(a, b) == pytest.approx(0.04 - 0.03 * math.cos(0.3))
 
 
+def cube(x: float, y: float, z: float, yaw: float = 0.0) -> Body:
+    return Body((), CUBE, Pose((x, y, z), (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw))))
+
+
+def cup(position: Vector3, q: tuple[float, float, float, float] = LYING) -> Body:
+    return Body(CUP, (0.08, 0.08, 0.1), Pose(position, q))
+
+
 def test_gap_is_measured_to_the_highest_support():
-    lower, upper = upright_box((0, 0, 0.02), 0, CUBE), upright_box((0.01, 0, 0.063), 0.5, CUBE)
-    beside = upright_box((0.3, 0, 0.0205), 0, CUBE)
-    assert gap_below(lower, [upper, beside], TABLE) == pytest.approx(0)
-    assert gap_below(upper, [lower, beside], TABLE) == pytest.approx(0.003)
-    assert gap_below(beside, [lower, upper], TABLE) == pytest.approx(0.0005)
-    assert gap_below(upright_box((0.7, 0, 0.02), 0, CUBE), [lower], TABLE) == math.inf
+    lower, upper, beside = cube(0, 0, 0.02), cube(0.01, 0, 0.063, 0.5), cube(0.3, 0, 0.0205)
+    assert gap_below(lower, [upper, beside, TABLE]) == pytest.approx(0)
+    assert gap_below(upper, [lower, beside, TABLE]) == pytest.approx(0.003)
+    assert gap_below(beside, [lower, upper, TABLE]) == pytest.approx(0.0005)
+    assert gap_below(cube(0.7, 0, 0.02), [lower, TABLE]) == math.inf
+
+
+def test_what_stands_beside_holds_nothing_up():
+    step = Body((), (0.2, 0.2, 0.06), Pose((0.0, 0.0, 0.03), UPRIGHT))
+    for reach in (-0.001, 0.0005):  # a lying cup that is just free of the step, or a little into its side
+        assert gap_below(cup((0.1 + 0.05 - reach, 0.0, 0.04)), [step, TABLE]) == pytest.approx(0.0, abs=1e-4)
+    assert gap_below(cup((0.1495, 0.0, 0.05)), [step, TABLE]) == pytest.approx(0.01, abs=1e-4)
+
+
+def test_a_lying_cup_rests_on_its_side_and_a_leaning_cube_on_an_edge():
+    assert gap_below(cup((0.0, 0.0, 0.042)), [TABLE]) == pytest.approx(0.002, abs=1e-4)
+    leaning = Body(
+        (), CUBE, Pose((0.0, 0.0, 0.02 * math.sqrt(2.0)), (math.sin(math.pi / 8), 0, 0, math.cos(math.pi / 8)))
+    )
+    assert gap_below(leaning, [TABLE]) == pytest.approx(0.0, abs=1e-9)
+    assert gap_below(leaning, [Body((), (0.4, 0.4, 0.04), Pose((0, 0, -0.03), UPRIGHT))]) == pytest.approx(0.01)
+
+
+def test_what_sinks_into_its_support_has_a_negative_gap():
+    assert gap_below(cube(0.0, 0.0, 0.017), [TABLE]) == pytest.approx(-0.003)
+    assert gap_below(cube(0.0, 0.0, 0.055), [cube(0.005, 0.0, 0.02, 0.3), TABLE]) == pytest.approx(-0.005)
+    assert gap_below(cup((0.0, 0.0, 0.035)), [TABLE]) == pytest.approx(-0.005, abs=1e-4)
+
+
+def test_in_a_bowl_the_floor_carries_and_the_rim_does_not():
+    walls = [Part("box", (0.005, 0.1, 0.05), (side * 0.05, 0.0, 0.025)) for side in (1, -1)]
+    bowl = Body(
+        (Part("box", (0.1, 0.1, 0.004), (0.0, 0.0, 0.002)), *walls), (0.105, 0.1, 0.05), Pose((0, 0, 0), UPRIGHT)
+    )
+    assert gap_below(cube(0.0, 0.0, 0.024), [bowl, TABLE]) == pytest.approx(0.0, abs=1e-9)
+    assert gap_below(cube(0.0, 0.0, 0.029), [bowl, TABLE]) == pytest.approx(0.005)
