@@ -3,7 +3,7 @@
 1. Everybody is asked at once; who offers it is a source. Of one agent only a few offers count.
 2. A source on this machine says where its bytes can be read in place. Otherwise they come in pieces, a few at a time.
 3. Bytes that do not have the hash are dropped and counted, and so is a source that falls silent; then comes the next.
-   The agents that failed least are tried first.
+   Agents take turns.
 4. Anybody can claim to have a mesh, so nobody holds up the others: after `PATIENCE` the next source is asked as well.
 5. Without another source the transfer has failed, as soon as everybody asked has answered or had his time.
 """
@@ -84,8 +84,8 @@ class Transfer:
         self._waiting: list[Source] = []
         self._offers: Counter[str] = Counter()
         """How many came, by agent."""
-        self._failed: Counter[str] = Counter()
-        """Sources that were dropped, by agent."""
+        self._tried: Counter[str] = Counter()
+        """How often sources were turned to, by agent."""
         self._locating = True
         self._running: list[_Pieces] = []
         self._begun_at = -math.inf
@@ -100,8 +100,9 @@ class Transfer:
         while self._waiting and not self.finished.is_set():
             if self._running and now < self._begun_at + PATIENCE:
                 return
-            source = min(self._waiting, key=lambda source: self._failed[_agent(source.holder)])
+            source = min(self._waiting, key=lambda source: self._tried[_agent(source.holder)])
             self._waiting.remove(source)
+            self._tried[_agent(source.holder)] += 1
             if source.offer.place is not None:
                 self._read_in_place(source)
                 continue
@@ -197,7 +198,6 @@ class Transfer:
         return True
 
     def _drop(self, holder: str, reason: str, message: str) -> None:
-        self._failed[_agent(holder)] += 1
         self._counts[reason] += 1
         if self._counts[reason] == 1:
             _log.warning("mesh %s from %s: %s (further ones are only counted)", self.hash, holder, message)
