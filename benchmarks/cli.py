@@ -7,7 +7,6 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
-import msgspec
 import typer
 from rich.markup import escape
 
@@ -17,6 +16,7 @@ from benchmarks.session import Findings
 from benchmarks.workers import BenchmarkError
 from dsr.cli.common import console, errors
 from dsr.errors import ConfigError
+from dsr.private_files import write_json
 
 _INTERRUPTED = 130
 _QUIET = 0.5
@@ -95,7 +95,7 @@ def _finish(findings: Findings, json: Path | None, plots: Path | None) -> None:
     for module in sorted(findings.missing):
         errors.print(f"[yellow]{escape(module)} is not installed and was not measured: pip install 'dsr\\[bench]'[/]")
     if json:
-        json.write_bytes(msgspec.json.format(msgspec.json.encode(findings.rows), indent=1))
+        write_json(findings.rows, json)
         console.print(f"rows   {json}", soft_wrap=True)
     if plots:
         _draw(findings, plots)

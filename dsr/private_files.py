@@ -16,6 +16,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import IO
 
+import msgspec
+
 FOLDER_MODE = 0o700
 FILE_MODE = 0o600
 DRAFT_SUFFIX = ".new"
@@ -103,6 +105,20 @@ def replacing(file: Path, permissions: int = FILE_MODE) -> Iterator[IO[bytes]]:
             draft.unlink(missing_ok=True)
         raise
     sync_folder(file.parent)
+
+
+def write_json(value: object, file: Path) -> None:
+    """Write a value as JSON that people may read, making the folder if it is missing; in one step, or not at all.
+
+    What is no file, such as `/dev/stdout`, is written to. Raises `OSError`.
+    """
+    text = msgspec.json.format(msgspec.json.encode(value), indent=2) + b"\n"
+    if file.exists() and not file.is_file():
+        file.write_bytes(text)
+        return
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(file, 0o666) as new:
+        new.write(text)
 
 
 def sync_folder(folder: Path) -> None:

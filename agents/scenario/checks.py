@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path as FilePath
 
 from agents.scenario.coloring import color_clash
@@ -54,28 +55,49 @@ from dsr.runtime.system import agent_names, find_system
 from dsr.runtime.toml_lines import Path
 
 
-def check_scenario(scenario: Scenario, etc: FilePath | None, folder: FilePath) -> None:
-    """Raise `InconsistencyError` for the first value that contradicts another or names no file of `etc`.
+def inconsistencies(scenario: Scenario, etc: FilePath | None, folder: FilePath) -> list[InconsistencyError]:
+    """All values that contradict others or name no file of `etc`, in the order of the sections.
 
-    Paths are relative to `folder`, that of the scenario's file.
+    What is built on wrong names or sections is not looked at: its errors would follow from theirs. Of each event and
+    expectation the first error is told. Paths are relative to `folder`, that of the scenario's file.
     """
-    check_given_name(("name",), scenario.name)
+    sections: list[Callable[[], None]] = [
+        lambda: check_given_name(("name",), scenario.name),
+        lambda: _check_robot(scenario, etc),
+        lambda: _check_system(scenario, folder),
+        lambda: _check_settings(scenario),
+        lambda: _check_equipment(scenario),
+    ]
+    names: list[Callable[[], None]] = [lambda: _check_names(scenario, folder)]
+    contents: list[Callable[[], None]] = [
+        lambda: check_persons(scenario, folder),
+        lambda: _check_colors(scenario, etc),
+        lambda: _check_mission(scenario),
+        lambda: check_plans(scenario, folder),
+        lambda: _check_places(scenario),
+        *(partial(_check_event, event, ("event", index), scenario) for index, event in enumerate(scenario.events)),
+        *(
+            partial(_check_expectation, check, ("expect", index), scenario)
+            for index, check in enumerate(scenario.expectations)
+        ),
+    ]
+    return _found(sections) or _found(names) or _found(contents) or _found([lambda: check_hands(scenario)])
+
+
+def _found(checks: Iterable[Callable[[], None]]) -> list[InconsistencyError]:
+    """The errors that checks raise."""
+    errors = []
+    for check in checks:
+        try:
+            check()
+        except InconsistencyError as error:
+            errors.append(error)
+    return errors
+
+
+def _check_robot(scenario: Scenario, etc: FilePath | None) -> None:
     if etc is not None and scenario.robot.exists:
         _check_file(("robot", "model"), scenario.robot.model, etc / "robots", ".urdf")
-    _check_system(scenario, folder)
-    _check_settings(scenario)
-    _check_equipment(scenario)
-    _check_names(scenario, folder)
-    check_persons(scenario, folder)
-    _check_colors(scenario, etc)
-    _check_mission(scenario)
-    check_plans(scenario, folder)
-    _check_places(scenario)
-    for index, event in enumerate(scenario.events):
-        _check_event(event, ("event", index), scenario)
-    check_hands(scenario)
-    for index, check in enumerate(scenario.expectations):
-        _check_expectation(check, ("expect", index), scenario)
 
 
 def _check_file(path: Path, name: str, folder: FilePath, suffix: str) -> None:
@@ -175,7 +197,7 @@ def _check_mission(scenario: Scenario) -> None:
 
 
 def _check_places(scenario: Scenario) -> None:
-    """No object starts inside another one or inside the table."""
+    """No object starts inside another one, or inside the table."""
     table = table_box(scenario.table)
     for index, spec in enumerate(scenario.objects):
         depth = penetration(object_box(spec), table)

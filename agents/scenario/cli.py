@@ -16,9 +16,9 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
+from agents.scenario.file_check import Findings, look_through, show_all, show_doubts
 from agents.scenario.format import load_scenario, scenario_files
 from agents.scenario.options import SensorChoice, check_writable
-from agents.scenario.played_check import played_errors
 from agents.scenario.report import ProgressBar, show_result
 from agents.scenario.result import write_result
 from agents.scenario.runner import run_live, run_lockstep
@@ -84,22 +84,25 @@ def check(
     Reads each file, then plays its true course with seed 0, in about a second, as `dsr scenario truth` does:
     nothing may be put or driven into something else, and moves of one hand or one object must not overlap.
     Where a robot has a mission, nobody knows beforehand where things will be: there only hands are looked at.
+
+    What may be meant, such as a thing that falls where it is put, is told with a `!`, and is no error.
     """
-    wrong = 0
+    refused = 0
     for file in files:
         try:
             scenario = load_scenario(file)
-            found = played_errors(file, beside=not no_import) if play else []
+            found = look_through(file, play=play, beside=not no_import)
         except ConfigError as error:
-            found = [error]
-        for fault in found:
-            console.print(f"[red]✗[/] {escape(str(fault))}", soft_wrap=True)
-        if found:
-            wrong += 1
+            found = Findings([error])
+        for wrong in found.errors:
+            console.print(f"[red]✗[/] {escape(str(wrong))}", soft_wrap=True)
+        show_doubts(found.doubts, console)
+        if found.errors:
+            refused += 1
         else:
             counts = f"{len(scenario.objects)} objects, {len(scenario.events)} events"
             console.print(f"[green]✓[/] {file}: {counts}, {len(scenario.expectations)} expectations")
-    raise typer.Exit(1 if wrong else 0)
+    raise typer.Exit(1 if refused else 0)
 
 
 @app.command()
@@ -120,11 +123,14 @@ def run(
 ) -> None:
     """Run a scenario and judge it; the exit code is 0 only if all its expectations hold.
 
+    What `dsr scenario check` finds is told first, with a `!`; the run goes on and is judged as it happens.
+
     Without --lockstep every agent is a process of its own, as on a robot:
     watch it with `dsr top` or `dsr watch` from another terminal.
 
     The run leaves a folder in runs/ with recording, logs and result.json.
     """
+    show_all(scenario, console)
     options = {"seed": seed, "sensor": sensor.value, "policy": policy and policy.value}
     _play(scenario, options, lockstep=lockstep, json=json, viewer=not no_viewer)
 

@@ -1,4 +1,4 @@
-"""What is wrong with the true course of a scenario: things in one another, and moves that overlap in time."""
+"""What is wrong or doubtful in a true course: things in one another, moves that overlap, things put in the air."""
 
 from __future__ import annotations
 
@@ -25,19 +25,24 @@ from agents.scenario.history import History, Sample
 from agents.scenario.layout import TOUCH
 from agents.scenario.model import Scenario
 from agents.scenario.relations import true_relations
+from agents.scenario.true_actions import FALLEN
 from agents.scenario.true_overlaps import TABLE, deepest
+from agents.scenario.true_phases import PAUSE, Phase, phases
 from dsr import quaternions
+from dsr.runtime.toml_lines import Path
 from dsr.transforms import Pose
 
+_STEP = 0.05
+"""s from one sample of the course to the next"""
 DRIVEN_INTO = 0.005
 """m, how deep what is held may be in something else: what it pushes gives way within a few steps of physics"""
 
 
 class Fault(msgspec.Struct, frozen=True):
-    """Something that an event of the file brings about and that cannot be meant."""
+    """Something that the file brings about and that cannot be meant, or is doubtful."""
 
-    event: int
-    """Its number in the file, from 1."""
+    path: Path
+    """What of the file brings it about: `("event", 0)` is the first event."""
     text: str
 
 
@@ -57,22 +62,63 @@ class _Move(msgspec.Struct, frozen=True):
 
 
 def faults(history: History) -> list[Fault]:
-    """All faults of a course that was played without any agent, in the order of the file, one for each event.
+    """What cannot be meant in a course that was played without any agent: one fault for each event, in their order.
 
     Where a robot has something to do, things may be elsewhere when it acts: then only hands are looked at.
     """
     found = [
-        Fault(number, f"{event.__struct_config__.tag}: {why_missing(history, number)}")
+        _of_event(number, f"{event.__struct_config__.tag}: {why_missing(history, number)}")
         for number, event in enumerate(history.scenario.events, start=1)
         if number in history.given_up
     ]
     moves = list(_moves(history))
-    robot_acts = history.scenario.mission is not None or bool(history.scenario.plans)
+    robot_acts = _robot_acts(history.scenario)
     found += _overlaps(moves, hands_only=robot_acts)
     for move in moves if not robot_acts else ():
         found += _of_one_move(move, moves, history)
-    firsts = {fault.event: fault for fault in reversed(found)}
-    return [firsts[number] for number in sorted(firsts)]
+    firsts = {fault.path: fault for fault in reversed(found)}
+    return sorted(firsts.values(), key=lambda fault: fault.path[1])
+
+
+def doubts(history: History) -> list[Fault]:
+    """What may not be meant in a course that was played without any agent: things that fall where they are put.
+
+    Where a robot has something to do, only the start is looked at.
+    """
+    found = list(_falls_at_the_start(history))
+    moves = [] if _robot_acts(history.scenario) else list(_moves(history))
+    for phase in phases(history):
+        if put := [move for move in moves if _puts_down(move, phase)]:
+            how = f"falls {_mm(phase.fell)}: it does not stay where it is put"
+            found.append(_of_event(put[-1].number, f"{put[-1].name}: {phase.object!r} {how}"))
+    return found
+
+
+def _falls_at_the_start(history: History) -> Iterator[Fault]:
+    """Things come to rest before the first sample."""
+    rest = history.samples[0].truth
+    for index, spec in enumerate(history.scenario.objects):
+        fell = spec.position[2] - rest[spec.name].t[2] if spec.name in rest else 0.0
+        if fell > FALLEN:
+            text = f"{spec.name!r} falls {_mm(fell)} before the start: nothing holds it there"
+            yield Fault(("object", index, "position"), text)
+
+
+def _robot_acts(scenario: Scenario) -> bool:
+    """Whether things may be elsewhere than in a course without any agent."""
+    return scenario.mission is not None or bool(scenario.plans)
+
+
+def _of_event(number: int, text: str) -> Fault:
+    """A fault of the event of that number, from 1."""
+    return Fault(("event", number - 1), text)
+
+
+def _puts_down(move: _Move, phase: Phase) -> bool:
+    """Whether an object fell since this move put it down, without a rest in between."""
+    if not isinstance(move.event, Place | Carry) or phase.fell_at is None:
+        return False
+    return phase.object in move.objects and phase.begin <= move.end + PAUSE and move.end <= phase.fell_at + _STEP
 
 
 def _moves(history: History) -> Iterator[_Move]:
@@ -113,7 +159,7 @@ def _overlaps(moves: Sequence[_Move], *, hands_only: bool) -> Iterator[Fault]:
                     f"{later.name}: {who} is still in event {earlier.number} ({earlier.name}, {earlier.begin:.2f} to "
                     f"{earlier.end:.2f} s) when this begins at {later.begin:.2f} s; expected one after the other"
                 )
-                yield Fault(later.number, text)
+                yield _of_event(later.number, text)
 
 
 def _at_once(earlier: _Move, later: _Move) -> bool:
@@ -143,7 +189,7 @@ def _put_into(move: _Move, scenario: Scenario, before: Sample) -> Iterator[Fault
         other, depth = deepest(name, after[name], others, scenario)
         if depth > TOUCH:
             text = f"{move.name}: {name!r} would be {_mm(depth)} inside {other!r} at {move.begin:.2f} s"
-            yield Fault(move.number, f"{text}; expected a free place")
+            yield _of_event(move.number, f"{text}; expected a free place")
 
 
 def _goals(event: Event, scenario: Scenario, truth: dict[str, Pose]) -> dict[str, Pose]:
@@ -187,7 +233,7 @@ def _slid_into(move: _Move, history: History, before: Sample, excused: set[str])
             other, depth = deepest(name, sample.truth[name], standing, scenario)
             if depth > TOUCH and other != TABLE:
                 text = f"slide: {name!r} goes through {other!r}, which stands in its way at {sample.time:.2f} s"
-                yield Fault(move.number, f'{text}; expected a free way, or `pushes = ["{other}"]` if that is meant')
+                yield _of_event(move.number, f'{text}; expected a free way, or `pushes = ["{other}"]` if that is meant')
                 return
 
 
@@ -200,7 +246,7 @@ def _driven_into(move: _Move, history: History) -> Iterator[Fault]:
             other, depth = deepest(name, sample.truth[name], others, scenario)
             if depth > DRIVEN_INTO:
                 text = f"{move.name}: {name!r} is driven {_mm(depth)} into {other!r} at {sample.time:.2f} s"
-                yield Fault(move.number, f"{text}; expected a free way")
+                yield _of_event(move.number, f"{text}; expected a free way")
                 return
 
 

@@ -18,7 +18,7 @@ from typing import Any
 
 import msgspec
 
-from agents.scenario.checks import check_scenario
+from agents.scenario.checks import inconsistencies
 from agents.scenario.conditions import PREDICATES, Condition, Term
 from agents.scenario.events import (
     EVENTS,
@@ -195,9 +195,14 @@ def parse_scenario(text: str, file: str = "<text>") -> Scenario:
     try:
         folder = Path(file).parent
         scenario = with_models(scenario, data, folder)
-        check_scenario(scenario, _PACKAGE_ETC if _PACKAGE_ETC.is_dir() else None, folder)
     except InconsistencyError as error:
         raise value_error(str(error), error.path, text, file) from error
+    etc = _PACKAGE_ETC if _PACKAGE_ETC.is_dir() else None
+    errors = [value_error(str(error), error.path, text, file) for error in inconsistencies(scenario, etc, folder)]
+    if len(errors) > 1:
+        raise ConfigError(f"{len(errors)} errors:\n" + "\n".join(map(str, errors)))
+    if errors:
+        raise errors[0]
     return scenario
 
 

@@ -86,12 +86,13 @@ def _about_actions(history: History) -> list[str]:
 
 
 def _unrecovered(history: History) -> list[str]:
-    return [
-        f"perturbation {number} (event {', '.join(map(str, one.events))}) has no recovery time: "
-        + (unjudged(one, found) or f"{found.last} was never believed where it is")
-        for number, one in enumerate(perturbations(history), start=1)
-        if (found := recovery(history, one, RECOVERED)).seconds == math.inf
-    ]
+    """One line for each reason why perturbations have no recovery time."""
+    reasons: dict[str, list[str]] = {}
+    for number, one in enumerate(perturbations(history), start=1):
+        if (found := recovery(history, one, RECOVERED)).seconds == math.inf:
+            why = unjudged(one, found) or f"{found.last} was never believed within {1000 * RECOVERED:g} mm of the truth"
+            reasons.setdefault(why, []).append(f"{number} (event {', '.join(map(str, one.events))})")
+    return [f"no recovery time of perturbation {', '.join(which)}: {why}" for why, which in reasons.items()]
 
 
 def _object_metrics(history: History, window: list[Sample], name: str) -> dict[str, float]:

@@ -9,6 +9,8 @@ from typing import Literal
 import msgspec
 import numpy as np
 
+from dsr.private_files import write_json
+
 
 class Verdict(msgspec.Struct, frozen=True):
     """The outcome of one expectation."""
@@ -48,5 +50,4 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
 
 def write_result(result: Result, file: Path) -> None:
     """Write `result` as JSON, making the folder if it is missing."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_bytes(msgspec.json.format(msgspec.json.encode(result), indent=2) + b"\n")
+    write_json(result, file)

@@ -13,6 +13,7 @@ from typing import Annotated
 import msgspec
 import typer
 
+from agents.scenario.file_check import show_all
 from agents.scenario.format import find_scenario, load_scenario
 from agents.scenario.options import SensorChoice, check_writable
 from agents.scenario.staging import Policy
@@ -22,6 +23,7 @@ from agents.scenario.sweep_report import SweepBar, show_sweep
 from agents.scenario.sweep_worker import Job
 from dsr.cli.common import console
 from dsr.errors import ConfigError
+from dsr.private_files import write_json
 
 MOST_SEEDS = 100_000
 _INTERRUPTED = 130
@@ -75,6 +77,8 @@ def sweep(
     for file, option in ((json, "--json"), (curves, "--curves")):
         if file:
             check_writable(file, option)
+    for scenario in dict.fromkeys(scenarios):
+        show_all(scenario, console)
     outcomes: list[Outcome] = []
     try:
         with Sweep(plan, jobs or os.cpu_count() or 1, limit) as running, SweepBar(len(plan), console) as bar:
@@ -128,7 +132,7 @@ def make_jobs(scenarios: list[str], seeds: list[int], sensor: str, policies: lis
 
 def write_report(report: Report, file: Path) -> None:
     """Write `report` as JSON."""
-    file.write_bytes(msgspec.json.format(msgspec.json.encode(report), indent=2) + b"\n")
+    write_json(report, file)
 
 
 def write_curves(summaries: Sequence[Summary], file: Path) -> None:

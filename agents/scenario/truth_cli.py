@@ -41,5 +41,6 @@ def truth(
         console.print("The robot does nothing here: what its mission would bring about does not happen.")
     found = faults(history)
     for fault in found:
-        console.print(f"[red]✗[/] event {fault.event}: {escape(fault.text)}")
+        _, index = fault.path
+        console.print(f"[red]✗[/] event {int(index) + 1}: {escape(fault.text)}")
     raise typer.Exit(1 if found else 0)

@@ -16,6 +16,7 @@ from agents.scenario.course import why_missing
 from agents.scenario.history import History, Sample
 from agents.scenario.story import describe
 from agents.scenario.true_phases import STEP_LENGTH, STEP_TURN, Phase, containers, phases, supports
+from dsr.private_files import write_json
 from dsr.quaternions import rotate
 from dsr.transforms import Pose
 
@@ -93,8 +94,7 @@ def truth_report(history: History, seed: int) -> TruthReport:
 
 def write_truth(report: TruthReport, file: Path) -> None:
     """Write the report as JSON, making the folder if it is missing."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    file.write_bytes(msgspec.json.format(msgspec.json.encode(report), indent=1) + b"\n")
+    write_json(report, file)
 
 
 def show_truth(report: TruthReport, console: Console) -> None:

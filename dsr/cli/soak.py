@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
-import msgspec
 import typer
 from rich.table import Table
 
 from dsr.cli.common import console
 from dsr.clock import WALL_CLOCK
 from dsr.errors import ConfigError, suggest
+from dsr.private_files import write_json
 from dsr.soak.chaos import Soak, Tally
 from dsr.soak.faults import FAULTS, NEED_TWO_MACHINES
 from dsr.soak.fleet import Plan
@@ -66,7 +66,7 @@ def soak(
             run = Soak(Path(folder), WALL_CLOCK, plan, rate=rate, faults=names, fault_seconds=lengths)
             result, holds = _soak(run, seconds)
     if json_file is not None:
-        json_file.write_bytes(msgspec.json.format(msgspec.json.encode(result), indent=2) + b"\n")
+        write_json(result, json_file)
     raise typer.Exit(0 if holds else 1)
 
 

@@ -12,7 +12,7 @@ from dsr.errors import ConfigError, TransportError
 from dsr.geometry.cache import DiskCache
 from dsr.persistence.generations import Generations
 from dsr.persistence.keeper import StateKeeper
-from dsr.private_files import lock_file, new_file, private_folder, replacing
+from dsr.private_files import lock_file, new_file, private_folder, replacing, write_json
 from dsr.rendezvous import Registration, members, runtime_dir
 from tests.dsr.conftest import Net
 
@@ -143,3 +143,18 @@ def test_the_mesh_cache_is_closed_to_others(tmp_path: Path) -> None:
     cache.write("0" * 64, b"bytes")
     assert permissions(tmp_path / "meshes") == 0o700
     assert [permissions(file) for file in (tmp_path / "meshes").iterdir()] == [0o600]
+
+
+def test_json_is_written_whole_or_not_at_all(tmp_path: Path) -> None:
+    file = tmp_path / "new" / "result.json"
+    write_json({"a": 1.5}, file)
+    assert file.read_text() == '{\n  "a": 1.5\n}\n'
+    with pytest.raises(TypeError):
+        write_json({"a": object()}, file)
+    assert file.read_text() == '{\n  "a": 1.5\n}\n'
+    assert [path.name for path in file.parent.iterdir()] == ["result.json"]
+    reading, writing = os.pipe()
+    write_json([1], Path(f"/dev/fd/{writing}"))
+    os.close(writing)
+    with os.fdopen(reading) as pipe:
+        assert pipe.read() == "[\n  1\n]\n"

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import random
 from collections import deque
+
+import numpy as np
 
 from benchmarks.attacks.attack import Arena, Attack, Outcome
 from dsr.memory import Memory
@@ -44,8 +45,8 @@ def _replay(arena: Arena) -> Outcome:
     sender.close()
     arena.wait(0.5)
     messages = list(captured) * _TIMES
-    random.Random(1).shuffle(messages)
-    for key, payload in messages:
+    for index in np.random.default_rng(1).permutation(len(messages)):
+        key, payload = messages[index]
         own = f"{key.rpartition('/')[0]}/{attacker.rid}"
         attacker.transport.publish(own if arena.secured else key, payload)
     arena.wait(2.0)

@@ -9,7 +9,8 @@ from msgspec.structs import replace
 from typer.testing import CliRunner
 
 from agents.scenario import cli
-from agents.scenario.format import parse_scenario
+from agents.scenario.file_check import Findings, look_through
+from agents.scenario.format import parse_scenario, scenario_files
 from agents.scenario.true_overlaps import deepest
 from dsr.shapes import Part
 from dsr.transforms import Pose
@@ -158,3 +159,40 @@ def test_a_cylinder_is_no_larger_than_it_is():
     others = {"b": Pose((0.4, 0.0, 0.02))}
     assert deepest("a", at_corner, others, scenario) == ("", 0.0)
     assert deepest("a", beside, others, scenario) == ("b", pytest.approx(0.005, abs=2e-4))
+
+
+def test_what_falls_where_it_is_put_is_told_and_no_error(tmp_path: Path):
+    high = "do = 'place'; object = 'a'; position = [0.2, 0.3, 0.12]; at = 1"
+    code, text = check(tmp_path, high)
+    assert code == 0 and "! " in text
+    assert "x.toml:19: event.1: place: 'a' falls" in text and "it does not stay where it is put" in text
+    over_the_edge = "do = 'carry'; object = 'a'; to = [0.96, 0.0, 0.02]; height = 0.1; at = 1"
+    assert "event.1: carry: 'a' falls" in check(tmp_path, over_the_edge)[1]
+    beside = "do = 'place'; object = 'a'; position = [0.43, 0.0, 0.06]; at = 1"
+    assert "event.1: place: 'a' falls" in check(tmp_path, beside)[1], "half beside what it stands on"
+    assert "event.1" not in check(tmp_path, "do = 'place'; object = 'a'; onto = 'b'; at = 1")[1]
+
+
+def test_what_falls_at_the_start_is_told(tmp_path: Path):
+    base = BASE.replace("position = [0.3, 0.0, 0.02]", "position = [0.3, 0.0, 0.2]")
+    code, text = check(tmp_path, base=base)
+    assert code == 0 and "'a' falls" in text and "before the start: nothing holds it there" in text
+
+
+def test_a_file_that_judges_nothing_or_has_persons_whom_nobody_minds_is_told(tmp_path: Path):
+    assert "there is no [[expect]]: nothing is judged" in check(tmp_path)[1]
+    person = "\n[[person]]\nname = 'anne'\nposition = [1.0, 0.0, 0.5]\nlook_at = [0.3, 0.0, 0.0]\n"
+    assert "nobody keeps what persons believe" in check(tmp_path, base=BASE + person)[1]
+
+
+def test_all_errors_of_a_file_are_told_at_once(tmp_path: Path):
+    slide = "do = 'slide'; object = 'nobody'; by = [0.1, 0]; at = 1"
+    place = "do = 'place'; object = 'a'; onto = 'a'; at = 1"
+    code, text = check(tmp_path, slide, place)
+    assert code == 1 and "2 errors:" in text
+    assert "event.1.object: unknown object 'nobody'" in text and "event.2.onto: an object cannot" in text
+
+
+@pytest.mark.parametrize("file", sorted(scenario_files().values()), ids=lambda file: file.stem)
+def test_nothing_is_found_in_what_comes_along(file: Path):
+    assert look_through(str(file)) == Findings()
