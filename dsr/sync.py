@@ -201,8 +201,10 @@ class Synchroniser:
             self._peers[sender].withdrawn_at = None
         try:
             with collector_paused():
-                piece = self._checked(sender, decode_piece(payload))
-                self._join_reply(sender, piece.as_delta(), physical)
+                piece = decode_piece(payload)
+                delta = piece.as_delta()
+                self._check_piece(sender, piece, delta)
+                self._join_reply(sender, delta, physical)
         except WireError as error:
             self.complaints.drop(sender, error)
             self._note_answer(sender, useful=False)
@@ -223,14 +225,12 @@ class Synchroniser:
         elif self._fetch.begin is None:
             self._finish(self._fetch, physical)
 
-    def _checked(self, sender: str, piece: Piece) -> Piece:
-        """A piece without what nobody can have seen. Raises `WireError` if it speaks in our name."""
-        whole, delta = piece.whole or [], piece.as_delta()
-        claimed = [*delta.context, *piece.examined, *whole]
+    def _check_piece(self, sender: str, piece: Piece, delta: Delta) -> None:
+        """Raise `WireError` if it speaks in our name; leave out of it what nobody can have seen."""
+        claimed = [*piece.examined, *(piece.whole or ())]
         self._check_identity(sender, Delta(delta.adds, delta.writes, context=claimed, live=delta.live))
-        if whole:
-            piece.whole = self.claims.context_part(sender, whole)
-        return piece
+        if piece.whole:
+            piece.whole = self.claims.context_part(sender, piece.whole)
 
     def _join_reply(self, sender: str, delta: Delta, physical: float) -> None:
         if self.impersonation.noticed:  # who was told to have seen what is ours takes it for removed
