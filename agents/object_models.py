@@ -109,7 +109,7 @@ def _size_and_shape(link: ET.Element) -> tuple[Vector3, Shape]:
     shape, _ = centred(parts)
     low, high = bounds(shape)
     x, y, z = (round(b - a, _DIGITS) for a, b in zip(low, high, strict=True))
-    if max(x, y, z) > _LARGEST:
+    if not all(edge <= _LARGEST for edge in (x, y, z)):  # numbers that overflow differ by none
         raise ValueError(f"an object of {x:g} x {y:g} x {z:g} m; expected at most {_LARGEST} m")
     return (x, y, z), () if shape == box((x, y, z)) else shape
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from dsr.private_files import FOLDER_MODE
+
 
 def segments(folder: Path, name: str) -> list[Path]:
     """The files of recording `name` (such as `recording.mcap`) in `folder`, in the order they were written."""
@@ -13,7 +15,7 @@ def segments(folder: Path, name: str) -> list[Path]:
 
 def next_segment(folder: Path, name: str) -> Path:
     """Where a writer that starts now should write; makes `folder` if missing, never names a file that exists."""
-    folder.mkdir(parents=True, exist_ok=True)
+    folder.mkdir(mode=FOLDER_MODE, parents=True, exist_ok=True)
     number = max(_numbered(folder, name), default=0) + 1
     stem, suffix = Path(name).stem, Path(name).suffix
     return folder / (name if number == 1 else f"{stem}-{number}{suffix}")

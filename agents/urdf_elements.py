@@ -14,6 +14,7 @@ from dsr.quaternions import Vector3, from_rotvec, product
 from dsr.transforms import Pose
 
 _MOST_BYTES = 10_000_000
+_LONGEST_TEXT = 500  # characters of an error, which may show what stands in the file
 _ORIGIN: Vector3 = (0.0, 0.0, 0.0)
 
 T = TypeVar("T")
@@ -44,7 +45,7 @@ def parse_urdf(data: bytes, file: str, understand: Callable[[ET.Element], T]) ->
     except ET.ParseError as error:
         raise ConfigError(f"not valid XML: {error}", file=file, line=error.position[0]) from error
     except ValueError as error:
-        raise ConfigError(str(error), file=file) from error
+        raise ConfigError(f"{error!s:.{_LONGEST_TEXT}}", file=file) from error
 
 
 def _outer_element(data: bytes) -> ET.Element:

@@ -75,7 +75,8 @@ def decode_frame(payload: bytes | memoryview) -> Frame:
     body = _body_start(length)
     if length > _MAX_HEADER or body > len(view):
         raise WireError(f"a frame of {len(view)} bytes claims a header of {length} bytes")
-    header = decoded(view[_LENGTH.size : _LENGTH.size + length], "frame header", _decoder.decode)
+    copied = bytes(view[_LENGTH.size : _LENGTH.size + length])  # its writer may change shared memory meanwhile
+    header = decoded(copied, "frame header", _decoder.decode)
     if not math.isfinite(header.stamp):
         raise WireError("frame header: the stamp is not finite")
     return Frame(header.stamp, {entry[0]: _array(view[body:], *entry) for entry in header.arrays}, header.meta)

@@ -27,6 +27,8 @@ import numpy as np
 from dsr.errors import WireError
 
 SLOTS = 32
+MOST_BYTES = 1 << 28
+"""Of one message, with what makes its slot whole: an image of 16 million pixels with colour, depth and more."""
 _KEPT = 3
 """Newest messages that are never overwritten, so that a reader has the time to take hold of one."""
 _MOST_HELD = 4
@@ -61,6 +63,8 @@ class Ring:
         if not hasattr(os, "memfd_create"):
             raise OSError("this system has no memfd_create")
         self.slot_size = -(-capacity // _PAGE) * _PAGE
+        if self.slot_size > MOST_BYTES:
+            raise OSError(f"messages of {self.slot_size} bytes; at most {MOST_BYTES} are shared")
         self._id = secrets.token_bytes(16)
         self._file = _File(os.memfd_create(_NAME, os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING))
         size = _PAGE + SLOTS * self.slot_size  # what is not written to yet takes no memory
@@ -116,6 +120,8 @@ class RingReader:
         self._slot_size = ticket.slot_size
         self._held: set[int] = set()
         path = f"/proc/{ticket.process:d}/fd/{ticket.descriptor:d}"
+        if not 0 < self._slot_size <= MOST_BYTES:
+            raise OSError(f"{path} has slots of {self._slot_size} bytes; expected 1 to {MOST_BYTES}")
         if str(Path(path).readlink()) != _LINK:  # before it is opened: a ticket comes from the network
             raise OSError(f"{path} is no ring")
         self._file = _File(os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK))

@@ -359,6 +359,8 @@ def _settings(listen: str, connect: list[str], routing: bool) -> dict[str, Any]:
         # A stopped peer holds up the others no longer than this; its link is closed, and repaired when it goes on.
         "transport/link/tx/queue/congestion_control/block/wait_before_close": 1_000_000,  # us
         "transport/unicast/open_timeout": 1000,  # ms
+        # Not longer than who opens waits: whoever connects and says nothing holds up newcomers no longer than that.
+        "transport/unicast/accept_timeout": 1000,  # ms
     }
 
 

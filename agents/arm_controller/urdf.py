@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import xml.etree.ElementTree as ET
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -20,6 +21,8 @@ from dsr.quaternions import Vector3, from_rotvec
 from dsr.transforms import Pose
 
 JointKind = Literal["revolute", "continuous", "prismatic", "fixed"]
+MOST_LINKS = 300
+"""Of a robot: three times those of a humanoid with hands. What hangs on what is followed link by link."""
 _KINDS: tuple[str, ...] = get_args(JointKind)
 _ORIGIN: Vector3 = (0.0, 0.0, 0.0)
 _X_AXIS: Vector3 = (1.0, 0.0, 0.0)
@@ -160,8 +163,10 @@ def _robot(root: ET.Element) -> Robot:
 
 def _root_link(links: list[str], joints: tuple[Joint, ...]) -> str:
     """The link that no joint carries; ValueError unless the joints make all links one tree."""
+    if len(links) > MOST_LINKS:
+        raise ValueError(f"{len(links)} links; at most {MOST_LINKS}")
     for kind, names in (("link", links), ("joint", [joint.name for joint in joints])):
-        if twice := {name for name in names if names.count(name) > 1}:
+        if twice := [name for name, count in Counter(names).items() if count > 1]:
             raise ValueError(f"several {kind}s are called {min(twice)!r}")
     carried = {joint.child: joint.parent for joint in joints}
     if unknown := {*carried, *carried.values()} - set(links):

@@ -71,6 +71,7 @@ from dsr.decoding import decoded
 from dsr.errors import ConfigError, suggest
 from dsr.keys import Keys
 from dsr.runtime.toml_lines import Path as ValuePath
+from dsr.runtime.toml_lines import parse_toml
 
 __all__ = [
     "EVENTS",
@@ -179,7 +180,7 @@ def scenario_files() -> dict[str, Path]:
 def parse_scenario(text: str, file: str = "<text>") -> Scenario:
     """The scenario written in `text`; `file` is named in errors. Raises `ConfigError`."""
     try:
-        data = tomllib.loads(text)
+        data = parse_toml(text)
     except tomllib.TOMLDecodeError as error:
         raise syntax_error(error, text, file) from error
     except RecursionError as error:

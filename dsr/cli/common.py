@@ -19,6 +19,7 @@ from dsr.connect import SECURITY, connect
 from dsr.errors import ConfigError, NodeNotFoundError, SchemaError, TransportError, WorldNotFoundError
 from dsr.keys import BASE
 from dsr.memory import Memory
+from dsr.private_files import FOLDER_MODE
 from dsr.rendezvous import endpoints, graphs, running_graph
 from dsr.runtime.access import Access, WriteGuard
 from dsr.runtime.logs import printable
@@ -179,6 +180,6 @@ def new_run_folder(name: str, runs: Path = Path("runs")) -> Path:
     folders = [runs / stem, *(runs / f"{stem}-{number}" for number in range(2, 100))]
     for folder in folders:
         with contextlib.suppress(FileExistsError):
-            folder.mkdir(parents=True)
+            folder.mkdir(mode=FOLDER_MODE, parents=True)
             return folder
     raise ConfigError(f"{folders[-1]} and all before it exist already")

@@ -32,6 +32,8 @@ MOST_WANTED = 10_000
 """Meshes that are asked for at once, or were lately and nobody had them; further ones are not asked for."""
 MOST_AT_ONCE = 4
 """Transfers; others wait."""
+MOST_KEPT = 1000
+"""Transfers on behalf of others, who are about to leave; what they ask for beyond that, they ask for again."""
 SHARED_LIMIT = 1 << 28
 """bytes that other processes may read in place; what was asked for longest ago goes in pieces again"""
 _TICK = 0.05
@@ -88,6 +90,8 @@ class MeshExchange:
         self._counts: Counter[str] = Counter()
         self._transfers: OrderedDict[str, Transfer] = OrderedDict()
         self._begun: set[str] = set()
+        self._for_others: set[str] = set()
+        """Hashes that nobody here wants."""
         self._failures: dict[str, _Failure] = {}
         self._shared: OrderedDict[str, SharedBytes] = OrderedDict()
         self._events: deque[Callable[[], None]] = deque()
@@ -184,6 +188,8 @@ class MeshExchange:
         with self._working:
             for _ in range(len(self._events)):
                 self._events.popleft()()
+            for hash in self._begun:
+                self._transfers[hash].look(self._clock.monotonic())
             self._finish()
             self._begin_waiting()
 
@@ -203,11 +209,14 @@ class MeshExchange:
         """The transfer of this mesh, begun if none is; None for a while after one that failed."""
         with self._lock:
             transfer = self._transfers.get(hash)
+            if hash not in self._begun:
+                self._for_others.discard(hash)
             if transfer is None and not self._stopped.is_set():
                 failure = self._failures.get(hash)
                 if failure and self._clock.monotonic() < failure.at + (AGAIN if awaited else failure.pause):
                     return None
-                if failure is None and len(self._transfers) + len(self._failures) >= MOST_WANTED:
+                wanted = len(self._transfers) - len(self._for_others) + len(self._failures)
+                if failure is None and wanted >= MOST_WANTED:
                     self._failures.clear()
                     return None
                 transfer = self._transfers[hash] = Transfer(hash, self, self._counts)
@@ -215,12 +224,26 @@ class MeshExchange:
         self._arrived.set()
         return transfer
 
+    def _keep(self, hash: str) -> None:
+        """Get a mesh that nobody here wants."""
+        with self._lock:
+            if hash in self._transfers or len(self._for_others) >= MOST_KEPT or self._stopped.is_set():
+                return
+            self._for_others.add(hash)
+            self._transfers[hash] = Transfer(hash, self, self._counts)
+            self._start_thread()
+        self._arrived.set()
+
     def _begin_waiting(self) -> None:
         with self._lock:
-            waiting = [transfer for hash, transfer in self._transfers.items() if hash not in self._begun]
-            waiting = waiting[: MOST_AT_ONCE - len(self._begun)]
-            self._begun.update(transfer.hash for transfer in waiting)
-        for transfer in waiting:
+            waiting = [hash for hash in self._transfers if hash not in self._begun]
+            room = MOST_AT_ONCE - len(self._begun - self._for_others)
+            chosen = [hash for hash in waiting if hash not in self._for_others][:room]
+            if self._begun.isdisjoint(self._for_others):  # one at a time, beside our own
+                chosen += [hash for hash in waiting if hash in self._for_others][:1]
+            self._begun.update(chosen)
+            begun = [self._transfers[hash] for hash in chosen]
+        for transfer in begun:
             transfer.begin()
 
     def _finish(self) -> None:
@@ -233,7 +256,9 @@ class MeshExchange:
                 self._begun.discard(transfer.hash)
                 del self._transfers[transfer.hash]
                 before = self._failures.pop(transfer.hash, None)
-                if transfer.mesh is None:
+                kept_for_others = transfer.hash in self._for_others
+                self._for_others.discard(transfer.hash)
+                if transfer.mesh is None and not kept_for_others:
                     pause = AGAIN if before is None else min(2.0 * before.pause, SELDOM)
                     self._failures[transfer.hash] = _Failure(self._clock.monotonic(), pause)
 
@@ -283,7 +308,7 @@ class MeshExchange:
         mesh = self.store.get(ask.hash)
         if mesh is None:
             if ask.keep:
-                self._transfer(ask.hash)
+                self._keep(ask.hash)
             return None
         if ask.length == 0:
             return encode_offer(Offer(mesh.nbytes, self._place(mesh)))

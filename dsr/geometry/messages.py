@@ -57,8 +57,10 @@ def decode_ask(payload: bytes) -> Ask:
 
 
 def decode_offer(payload: bytes) -> Offer:
-    """Raises `WireError` also for a size that no mesh has."""
+    """Raises `WireError` also for a size that no mesh has, or that its place has not."""
     offer = decoded(payload, "offer of a mesh", _offers.decode)
     if not 0 <= offer.size <= MOST_BYTES:
         raise WireError(f"offer of a mesh of {offer.size} bytes; at most {MOST_BYTES}")
+    if offer.place is not None and offer.place.length != offer.size:
+        raise WireError(f"offer of a mesh of {offer.size} bytes in a place of {offer.place.length}")
     return offer

@@ -1,14 +1,17 @@
-"""One mesh on its way here: who has it, piece by piece from one of them, verified, else from the next. No threads.
+"""One mesh on its way here: who has it, piece by piece, verified; whoever brings it first ends it. No threads.
 
-1. Everybody is asked at once; the first who offers it is the source, the others are kept for later.
+1. Everybody is asked at once; who offers it is a source. Of one agent only a few offers count.
 2. A source on this machine says where its bytes can be read in place. Otherwise they come in pieces, a few at a time.
 3. Bytes that do not have the hash are dropped and counted, and so is a source that falls silent; then comes the next.
-4. Without another source the transfer has failed, as soon as everybody asked has answered or had his time.
+   Agents take turns.
+4. Anybody can claim to have a mesh, so nobody holds up the others: after `PATIENCE` the next source is asked as well.
+5. Without another source the transfer has failed, as soon as everybody asked has answered or had his time.
 """
 
 from __future__ import annotations
 
 import logging
+import math
 import threading
 from collections import Counter, deque
 from collections.abc import Callable
@@ -18,10 +21,16 @@ from dsr.errors import WireError
 from dsr.geometry.mesh import Mesh, hash_of
 from dsr.geometry.messages import MOST_ASKED, Ask, Offer, decode_offer, encode_ask
 from dsr.geometry.shared import read_in_place
+from dsr.keys import agent_of
 
 EVERYBODY = "*"
-_AT_ONCE = 4  # pieces asked for
-_MOST_OFFERS = 32
+PATIENCE = 0.5
+"""s for which sources may keep others waiting: longer than an honest one on one machine takes for the largest mesh."""
+MOST_SOURCES = 4
+"""Sources that send pieces at once; each may take up as much memory as the largest mesh."""
+_AT_ONCE = 4  # pieces asked for of one source
+_MOST_OFFERS = 256
+_MOST_OFFERS_OF_AGENT = 8  # which may have as many replicas here; in a secured graph nobody makes up more agents
 _log = logging.getLogger("dsr.meshes")
 
 
@@ -42,8 +51,23 @@ class Source(NamedTuple):
     offer: Offer
 
 
+class _Pieces:
+    """What came of one source."""
+
+    def __init__(self, source: Source) -> None:
+        self.source = source
+        self.buffer = bytearray(source.offer.size)  # takes memory only where a piece was put
+        self.to_ask = deque(range(0, source.offer.size, MOST_ASKED))
+        self.missing = set(self.to_ask)
+
+    @property
+    def share(self) -> float:
+        """Of the pieces, how many came, 0 to 1."""
+        return 1.0 - len(self.missing) / math.ceil(self.source.offer.size / MOST_ASKED)
+
+
 class Transfer:
-    """Gets the mesh `hash`; `finished` is set when `mesh` is here, or nobody has it.
+    """Gets the mesh `hash`; `finished` is set when `mesh` is here, or nobody has it. Call `look` again and again.
 
     Args:
         hash: of the mesh.
@@ -57,98 +81,107 @@ class Transfer:
         self.finished = threading.Event()
         self._network = network
         self._counts = counts
-        self._offers: deque[Source] = deque()
-        self._offered = 0
+        self._waiting: list[Source] = []
+        self._offers: Counter[str] = Counter()
+        """How many came, by agent."""
+        self._tried: Counter[str] = Counter()
+        """How often sources were turned to, by agent."""
         self._locating = True
-        self._source: Source | None = None
-        self._buffer = bytearray()
-        self._to_ask: deque[int] = deque()
-        self._missing: set[int] = set()
+        self._running: list[_Pieces] = []
+        self._begun_at = -math.inf
+        """When the newest source began to send pieces."""
 
     def begin(self) -> None:
         """Ask who has it."""
         self._network.ask(EVERYBODY, encode_ask(Ask(self.hash)), self._take_offer, self._end_of_offers)
 
+    def look(self, now: float) -> None:
+        """Turn to the sources whose turn it is at monotonic time `now` (s)."""
+        while self._waiting and not self.finished.is_set():
+            if self._running and now < self._begun_at + PATIENCE:
+                return
+            source = min(self._waiting, key=lambda source: self._tried[_agent(source.holder)])
+            self._waiting.remove(source)
+            self._tried[_agent(source.holder)] += 1
+            if source.offer.place is not None:
+                self._read_in_place(source)
+                continue
+            if len(self._running) == MOST_SOURCES:
+                self._running.remove(min(self._running, key=lambda pieces: pieces.share))
+            self._begun_at = now
+            self._begin_pieces(source)
+        if not (self._running or self._waiting or self._locating):
+            self.finished.set()
+
     def _take_offer(self, holder: str, payload: bytes) -> None:
-        self._offered += 1
-        if self.finished.is_set() or self._offered > _MOST_OFFERS:
+        agent = _agent(holder)
+        if self._offers.total() >= _MOST_OFFERS or self._offers[agent] >= _MOST_OFFERS_OF_AGENT:
             return
+        self._offers[agent] += 1
         try:
             offer = decode_offer(payload)
         except WireError as error:
             self._drop(holder, "malformed", str(error))
             return
         if offer.size:
-            self._offers.append(Source(holder, offer))
-            if self._source is None:
-                self._next_source()
+            self._waiting.append(Source(holder, offer))
 
     def _end_of_offers(self) -> None:
         self._locating = False
-        if self._source is None:
-            self._next_source()
 
-    def _next_source(self) -> None:
-        self._source = None
-        while self._source is None and self._offers and not self.finished.is_set():
-            source = self._offers.popleft()
-            if not self._read_in_place(source):
-                self._source = source
-                self._begin_pieces(source)
-        if self._source is None and not self._locating:
-            self.finished.set()
-
-    def _read_in_place(self, source: Source) -> bool:
-        """Whether the mesh could be had so; what does not match may have changed since, and comes in pieces."""
-        if source.offer.place is None:
-            return False
+    def _read_in_place(self, source: Source) -> None:
+        """Have the mesh so, if it can be had; what does not match may have changed since, and comes in pieces."""
+        assert source.offer.place is not None
+        self._waiting.append(Source(source.holder, Offer(source.offer.size)))
         try:
             data = read_in_place(source.offer.place)
         except (OSError, ValueError) as error:
             _log.debug("mesh %s is not read in place: %s", self.hash, error)
-            return False
-        if not self._verify(source, data):
-            return False
-        self._counts["in_place"] += len(data)
-        return True
+            return
+        if self._verify(source, data):
+            self._counts["in_place"] += len(data)
 
     def _begin_pieces(self, source: Source) -> None:
-        self._buffer = bytearray(source.offer.size)
-        self._to_ask = deque(range(0, source.offer.size, MOST_ASKED))
-        self._missing = set(self._to_ask)
-        for _ in range(_AT_ONCE):
-            self._ask_piece(source)
-
-    def _ask_piece(self, source: Source) -> None:
-        if not self._to_ask:
+        try:
+            pieces = _Pieces(source)
+        except MemoryError:
+            self._drop(source.holder, "malformed", f"there is no room for {source.offer.size} bytes")
             return
-        offset = self._to_ask.popleft()
-        length = min(MOST_ASKED, source.offer.size - offset)
+        self._running.append(pieces)
+        for _ in range(_AT_ONCE):
+            self._ask_piece(pieces)
+
+    def _ask_piece(self, pieces: _Pieces) -> None:
+        if not pieces.to_ask:
+            return
+        offset = pieces.to_ask.popleft()
+        length = min(MOST_ASKED, pieces.source.offer.size - offset)
         self._network.ask(
-            source.holder,
+            pieces.source.holder,
             encode_ask(Ask(self.hash, offset, length)),
-            lambda _, payload: self._take_piece(source, offset, length, payload),
-            lambda: self._end_of_piece(source, offset),
+            lambda _, payload: self._take_piece(pieces, offset, length, payload),
+            lambda: self._end_of_piece(pieces, offset),
         )
 
-    def _take_piece(self, source: Source, offset: int, length: int, payload: bytes) -> None:
-        if source is not self._source or offset not in self._missing:
+    def _take_piece(self, pieces: _Pieces, offset: int, length: int, payload: bytes) -> None:
+        if pieces not in self._running or offset not in pieces.missing or self.finished.is_set():
             return
         if len(payload) != length:
-            self._drop(source.holder, "malformed", f"{len(payload)} bytes where {length} were asked for")
-            self._next_source()
+            self._running.remove(pieces)
+            self._drop(pieces.source.holder, "malformed", f"{len(payload)} bytes where {length} were asked for")
             return
-        self._buffer[offset : offset + length] = payload
+        pieces.buffer[offset : offset + length] = payload
         self._counts["received"] += length
-        self._missing.discard(offset)
-        self._ask_piece(source)
-        if not self._missing and not self._verify(source, memoryview(self._buffer).toreadonly()):
-            self._next_source()
+        pieces.missing.discard(offset)
+        self._ask_piece(pieces)
+        if not pieces.missing:
+            self._running.remove(pieces)
+            self._verify(pieces.source, memoryview(pieces.buffer).toreadonly())
 
-    def _end_of_piece(self, source: Source, offset: int) -> None:
-        if source is self._source and offset in self._missing and not self.finished.is_set():
-            self._drop(source.holder, "silent", "it does not answer")
-            self._next_source()
+    def _end_of_piece(self, pieces: _Pieces, offset: int) -> None:
+        if pieces in self._running and offset in pieces.missing and not self.finished.is_set():
+            self._running.remove(pieces)
+            self._drop(pieces.source.holder, "silent", "it does not answer")
 
     def _verify(self, source: Source, data: memoryview) -> bool:
         """Finish with these bytes if they are the mesh."""
@@ -161,9 +194,14 @@ class Transfer:
             self._drop(source.holder, "malformed", str(error))
             return False
         self.finished.set()
+        self._running.clear()
         return True
 
     def _drop(self, holder: str, reason: str, message: str) -> None:
         self._counts[reason] += 1
         if self._counts[reason] == 1:
             _log.warning("mesh %s from %s: %s (further ones are only counted)", self.hash, holder, message)
+
+
+def _agent(holder: str) -> str:
+    return agent_of(holder) or holder

@@ -65,7 +65,7 @@ class Generations:
             records = read_records(file)
             deltas = [decode_kept(payload) for payload in records.payloads]
             problem = records.problem or ("" if deltas and deltas[-1].live is not None else "it is not complete")
-        except (OSError, WireError) as error:
+        except (ConfigError, WireError) as error:
             deltas, problem = [], str(error)
         if problem:
             _log.warning("%s is damaged (%s): restoring from the one before and what was new since", file, problem)

@@ -10,8 +10,12 @@ import zlib
 from pathlib import Path
 from typing import IO, NamedTuple
 
+from dsr.data_files import read_file
+
 HEADER = b"dsr-state 1\n"
 _PREFIX = struct.Struct("<II")
+MOST_BYTES = 1 << 32
+"""Of a file that is read: a million nodes take a tenth."""
 
 
 class Records(NamedTuple):
@@ -29,8 +33,8 @@ def append_record(file: IO[bytes], payload: bytes) -> int:
 
 
 def read_records(file: Path) -> Records:
-    """All records up to the first that is damaged. Raises `OSError` if the file cannot be opened."""
-    data = file.read_bytes()
+    """All records up to the first that is damaged. Raises `ConfigError` if it is no regular file, or cannot be read."""
+    data = read_file(file, MOST_BYTES)
     if not data.startswith(HEADER):
         torn = HEADER.startswith(data)
         return Records([], "" if torn else "it is no state file of this version")

@@ -116,9 +116,16 @@ class WorldKeeper:
 
     def _remove_others(self, wanted: set[Path]) -> None:
         """Deleted worlds leave no files."""
-        for folder in self._folder.glob("*/*"):
-            if folder not in wanted:
-                shutil.rmtree(folder, ignore_errors=True)
-        for folder in self._folder.glob("*"):
+        for world in _own_folders(self._folder):
+            for folder in _own_folders(world):
+                if folder not in wanted:
+                    shutil.rmtree(folder, ignore_errors=True)
             with contextlib.suppress(OSError):
-                folder.rmdir()  # if it is empty
+                world.rmdir()  # if it is empty
+
+
+def _own_folders(folder: Path) -> list[Path]:
+    """The folders in `folder`, if it is one; what lies behind a link is somebody else's, and never removed."""
+    if folder.is_symlink() or not folder.is_dir():
+        return []
+    return [found for found in folder.iterdir() if found.is_dir() and not found.is_symlink()]

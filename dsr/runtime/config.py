@@ -14,7 +14,7 @@ import msgspec
 from dsr.data_files import read_text
 from dsr.errors import ConfigError, suggest
 from dsr.runtime.toml_lines import Path as ValuePath
-from dsr.runtime.toml_lines import line_of
+from dsr.runtime.toml_lines import line_of, parse_toml
 
 T = TypeVar("T")
 
@@ -37,7 +37,7 @@ class TomlFile:
         self._file = str(file)
         self._text = read_text(file)
         try:
-            self.data: dict[str, Any] = tomllib.loads(self._text)
+            self.data: dict[str, Any] = parse_toml(self._text)
         except tomllib.TOMLDecodeError as error:
             found = _AT_LINE.search(str(error))
             line = int(found[1]) if found and found[1] else len(self._text.splitlines()) or None

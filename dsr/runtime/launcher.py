@@ -25,7 +25,7 @@ from dsr.connect import SECURITY, connect
 from dsr.errors import AgentError, TransportError
 from dsr.persistence.content import GraphContent
 from dsr.persistence.world_keeper import WorldKeeper
-from dsr.private_files import lock_file
+from dsr.private_files import FOLDER_MODE, lock_file
 from dsr.rendezvous import claim_file
 from dsr.runtime.status import Heard, State, StatusBoard
 from dsr.runtime.supervised import Supervised
@@ -123,7 +123,7 @@ class Launcher:
         """Claim the graph's name, join its network and start all agents."""
         name = self._resources.enter_context(_claimed_name(self._requested.graph))
         self.system = self._requested.on_graph(name).in_folder(self.folder)
-        self.folder.mkdir(parents=True, exist_ok=True)
+        self.folder.mkdir(mode=FOLDER_MODE, parents=True, exist_ok=True)
         routers = [self._router] if self._router else ()
         self.memory = connect(name, agent="launcher", connect=routers, security=self._security)
         self._resources.callback(self.memory.close)

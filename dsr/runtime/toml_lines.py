@@ -14,6 +14,33 @@ _TOKEN = re.compile(
 )
 
 
+_MOST_PARTS = 32
+"""Of a dotted key; no file here has more than four. The parser takes the square of their number in time."""
+_PART = r"""(?:(?<![\w-])[\w-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+"""
+_LONG_KEY = re.compile(rf"{_PART}(?:\.[ \t]*+{_PART}){{{_MOST_PARTS}}}")
+_LONG_NUMBER = re.compile(r"[0-9a-fA-FxX_]{1000}")
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """The tables of a TOML text.
+
+    Raises `TOMLDecodeError`, also for keys of very many parts and endless numbers, and `RecursionError`.
+    """
+    if found := _LONG_KEY.search(text):
+        raise tomllib.TOMLDecodeError(f"a key of more than {_MOST_PARTS} parts{_at(text, found)}")
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError:
+        raise
+    except ValueError as error:
+        raise tomllib.TOMLDecodeError(f"a number is too long{_at(text, _LONG_NUMBER.search(text))}") from error
+
+
+def _at(text: str, found: re.Match[str] | None) -> str:
+    """A place as the parser itself tells it."""
+    return f" (at line {text.count(chr(10), 0, found.start()) + 1}, column 1)" if found else ""
+
+
 def line_of(text: str, path: Path) -> int | None:
     """The line (from 1) of the value at `path`, or of the closest table around it; None if nothing fits."""
     places = value_lines(text)

@@ -120,3 +120,14 @@ def test_files_that_are_not_there(tmp_path: Path) -> None:
         find_model("cpu", tmp_path)
     with pytest.raises(ConfigError, match="cannot be read"):
         load_model(find_model("mine.urdf", tmp_path))
+
+
+@pytest.mark.parametrize("axis", range(3))
+def test_places_that_overflow_are_refused(axis: int) -> None:
+    place = ["0", "0", "0"]
+    place[axis] = "1e308"
+    assert "at most 5.0 m" in refusal(BALL.replace("1 2 3", " ".join(place)))
+
+
+def test_errors_do_not_show_megabytes_of_the_file() -> None:
+    assert len(refusal(BALL.replace("1 2 3", "1 " * 1_000_000))) < 1000

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import gc
+import mmap
 import os
 import signal
 import subprocess
@@ -25,7 +26,7 @@ from dsr.errors import WireError
 from dsr.frame_reader import FrameReader
 from dsr.keys import Keys
 from dsr.rendezvous import free_port
-from dsr.shared_ring import SLOTS, Ring, RingReader, Ticket
+from dsr.shared_ring import MOST_BYTES, SLOTS, Ring, RingReader, Ticket
 from dsr.transport import Subscription
 from dsr.zenoh_transport import ZenohTransport
 
@@ -382,3 +383,25 @@ def test_frames_of_another_session_are_not_copied(link: tuple[ZenohTransport, Ze
     assert frame is not None and frame.stamp == 9e9 and peak < 100_000
     reader.close()
     assert frames[0].arrays["color"].max() == frames[0].arrays["color"].min() == int(frames[0].stamp) % 251
+
+
+def memfd(size: int, identity: bytes) -> int:
+    descriptor = os.memfd_create("dsr-ring", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
+    os.ftruncate(descriptor, size)
+    if size:
+        os.pwrite(descriptor, identity, 0)
+    fcntl.fcntl(descriptor, fcntl.F_ADD_SEALS, fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SEAL)
+    return descriptor
+
+
+@pytest.mark.parametrize("slot_size", [-mmap.PAGESIZE // SLOTS, 0, -1, MOST_BYTES + 1, 1 << 40], ids=str)
+def test_rings_of_impossible_sizes_are_not_opened(slot_size: int) -> None:
+    descriptor = memfd(mmap.PAGESIZE + SLOTS * slot_size, b"i" * 16)
+    with pytest.raises(OSError, match="slots of"):
+        RingReader(Ticket(os.getpid(), descriptor, b"i" * 16, slot_size, 0, 1, 0))
+    os.close(descriptor)
+
+
+def test_a_message_too_large_to_share_goes_by_copies() -> None:
+    with pytest.raises(OSError, match="at most"):
+        Ring(MOST_BYTES + 1)

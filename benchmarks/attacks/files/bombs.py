@@ -132,6 +132,22 @@ def _toml_large() -> bytes:
     return b"".join(b"k%d = 1\n" % index for index in range(2_000_000))
 
 
+def _toml_key() -> bytes:
+    return b"a" + b".a" * 2_000_000 + b" = 1"
+
+
+def _toml_number() -> bytes:
+    return b"a = " + b"9" * 4_000_000
+
+
+def _urdf_chain() -> bytes:
+    """Each link hangs on the one before."""
+    links = "".join(f'<link name="l{number}"/>' for number in range(30_001))
+    joint = '<joint name="j{0}" type="fixed"><parent link="l{0}"/><child link="l{1}"/></joint>'
+    joints = "".join(joint.format(number, number + 1) for number in range(30_000))
+    return f'<robot name="r">{links}{joints}</robot>'.encode()
+
+
 def _stl_liar() -> bytes:
     return bytes(80) + struct.pack("<I", 0xFFFFFFFF) + bytes(50)
 
@@ -170,6 +186,9 @@ BOMBS = [
     Bomb("elements.urdf", "five million XML elements", lambda: _collada("utf-8", entities=False)),
     Bomb("nested.toml", "100 000 lists inside each other", _toml_nested),
     Bomb("large.toml", "two million keys", _toml_large),
+    Bomb("key.toml", "a key of two million parts", _toml_key),
+    Bomb("number.toml", "a number of four million digits", _toml_number),
+    Bomb("chain.urdf", "a robot of 30 000 links in a row", _urdf_chain),
     Bomb("liar.stl", "four thousand million triangles, it says", _stl_liar),
     Bomb("face.obj", "one face of six million corners", _obj_quads),
     Bomb("image.png", "a camera image of 900 million pixels in 110 KB", lambda: _png(30_000, 30_000)),

@@ -47,9 +47,7 @@ def read(file: Path) -> None:
     elif file.suffix == ".toml":
         _toml(file)
     elif file.suffix == ".urdf":
-        from agents.object_models import load_model as load_object
-
-        load_object(file)
+        _urdf(file)
     elif file.suffix == ".png":
         import numpy as np
 
@@ -73,6 +71,18 @@ def _toml(file: Path) -> None:
         load_system(file)
     except DsrError:
         load_scenario(file)
+
+
+def _urdf(file: Path) -> None:
+    """As a robot and as an object; both must refuse it."""
+    from agents.arm_controller.urdf import load_robot
+    from agents.object_models import load_model as load_object
+    from dsr.errors import DsrError
+
+    try:
+        load_robot(file)
+    except DsrError:
+        load_object(file)
 
 
 if __name__ == "__main__":

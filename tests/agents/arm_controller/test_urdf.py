@@ -140,3 +140,12 @@ def test_a_shape_that_hangs_beside_the_arm_is_refused() -> None:
     chain = Chain(robot.between("base_link", "tool_link"))
     with pytest.raises(ConfigError, match="link 'knuckle' has a collision shape, but is neither a part of the arm"):
         Figure(robot, chain, "base_link", "end_effector_link", "tool_link")
+
+
+def test_endless_rows_of_links_are_refused() -> None:
+    count = 30_000
+    links = "".join(f'<link name="l{number}"/>' for number in range(count + 1))
+    joint = '<joint name="j{0}" type="fixed"><parent link="l{0}"/><child link="l{1}"/></joint>'
+    joints = "".join(joint.format(number, number + 1) for number in range(count))
+    with pytest.raises(ConfigError, match="at most 300"):
+        parse_robot(f'<robot name="r">{links}{joints}</robot>'.encode())

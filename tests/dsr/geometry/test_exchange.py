@@ -16,9 +16,12 @@ import dsr
 from dsr import Faults, LocalNetwork, ManualClock, Memory, MeshError, MeshNotFoundError
 from dsr.errors import WireError
 from dsr.geometry import Mesh
+from dsr.geometry.exchange import MOST_KEPT
+from dsr.geometry.mesh import MOST_BYTES
 from dsr.geometry.messages import MOST_ASKED, Ask, Offer, decode_ask, decode_offer, encode_ask, encode_offer
 from dsr.geometry.shared import Place, SharedBytes, read_in_place
 from dsr.geometry.store import MeshStore
+from dsr.geometry.transfer import PATIENCE
 from dsr.keys import Keys
 from tests.dsr.geometry.shapes import block, cloud
 
@@ -110,7 +113,36 @@ class TestInLockstep:
         net.join("b").put_mesh(mesh)
         reader = net.join("reader")
         assert net.pull(reader, mesh.hash) == mesh
-        assert pieces and reader.meshes.statistics.silent == 1
+        assert pieces and reader.meshes.statistics.received == mesh.nbytes + MOST_ASKED
+
+    def test_a_source_that_falls_silent_is_counted(self, net: Net) -> None:
+        mesh = block()
+        net.liar("a", lambda ask: encode_offer(Offer(mesh.nbytes)) if ask.length == 0 else None)
+        reader = net.join("reader")
+        assert net.pull(reader, mesh.hash) is None
+        assert reader.meshes.statistics.silent >= 1
+
+    def test_sources_that_never_answer_hold_nobody_up(self, net: Net) -> None:
+        mesh = block()
+        for number in range(10):
+            net.liar(f"a-{number}", lambda ask: encode_offer(Offer(MOST_BYTES)) if ask.length == 0 else None)
+        net.join("b-0").put_mesh(mesh)
+        reader = net.join("reader")
+        begin = net.clock.monotonic()
+        assert net.pull(reader, mesh.hash) == mesh
+        assert net.clock.monotonic() - begin <= 8 * PATIENCE + 1.0
+
+    def test_what_others_want_kept_holds_up_nobody_here(self, net: Net) -> None:
+        mesh, reader = block(), net.join("reader")
+        net.liar("a", lambda ask: None)
+        asker = net.network.connect("b")
+        for number in range(2 * MOST_KEPT):
+            payload = encode_ask(Ask(f"{number:064x}", keep=True))
+            asker.request(Keys("g").mesh("reader"), payload, lambda *_: None, lambda: None, 1.0)
+        net.pump()
+        assert len(reader.meshes._transfers) == MOST_KEPT
+        net.join("holder").put_mesh(mesh)
+        assert net.pull(reader, mesh.hash, seconds=3.0) == mesh
 
     @pytest.mark.parametrize("wrong", ["other bytes", "short", "nonsense", "huge"])
     def test_wrong_bytes_are_dropped_and_counted_and_another_is_asked(self, net: Net, wrong: str) -> None:

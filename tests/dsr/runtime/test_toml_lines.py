@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import tomllib
+
 import pytest
 
-from dsr.runtime.toml_lines import Path, line_of
+from dsr.runtime.toml_lines import Path, line_of, parse_toml
 
 TEXT = '''\
 # a = 0
@@ -54,3 +56,19 @@ name = "b"
 )
 def test_line_of_a_value_or_of_the_table_around_it(path: Path, line: int | None):
     assert line_of(TEXT, path) == line
+
+
+@pytest.mark.parametrize("key", ["a" + ".a" * 100, "a" + " . 'b c'" * 100, '"x"' + '."y"' * 100])
+@pytest.mark.parametrize("text", ["b = 1\n{} = 1", "b = 1\n[{}]", "b = 1\nc = {{ {} = 1 }}"])
+def test_keys_of_very_many_parts_are_refused_where_they_stand(text: str, key: str) -> None:
+    with pytest.raises(tomllib.TOMLDecodeError, match=r"parts \(at line 2"):
+        parse_toml(text.format(key))
+
+
+def test_endless_numbers_are_refused_where_they_stand() -> None:
+    with pytest.raises(tomllib.TOMLDecodeError, match=r"too long \(at line 2"):
+        parse_toml("b = 1\na = " + "9" * 10_000)
+
+
+def test_usual_keys_and_long_lists_are_read() -> None:
+    assert parse_toml("a.b.c.d = 1\ne = [" + "1.5, " * 10_000 + "]")["a"] == {"b": {"c": {"d": 1}}}
