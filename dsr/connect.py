@@ -76,8 +76,9 @@ def connect(
         memory = Memory(
             graph, agent, transport=transport, clock=clock, schema=schema, guard=_guard(guard, identity),
             gate=identity.gate() if identity else None, rid=rid, threaded=True,
-            holders=lambda: _holders(graph, rid, registration),
+            holders=lambda: _holders(graph, registration),
         )  # fmt: skip
+        memory.replica.on_new_id = registration.rename
         memory.on_close(resources.pop_all().close)
         atexit.register(memory.close)
         memory.on_close(lambda: atexit.unregister(memory.close))
@@ -134,14 +135,14 @@ class _Both:
         return _Both(guard_in(self.declared, world), self.granted)
 
 
-def _holders(graph: str, rid: str, registration: rendezvous.Registration) -> list[str]:
+def _holders(graph: str, registration: rendezvous.Registration) -> list[str]:
     """Replica ids of all others that hold a memory and live, also of those that came later; none if we are the first.
 
     Those later ones may have learned from elders that died before we did.
     """
     if not any(elder.has_memory for elder in registration.elders):
         return []
-    return [member.rid for member in rendezvous.members(graph) if member.has_memory and member.rid != rid]
+    return [member.rid for member in rendezvous.members(graph) if member.has_memory and member.rid != registration.rid]
 
 
 def open_transport(

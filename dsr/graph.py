@@ -44,7 +44,8 @@ class Graph(Stamping):
         """For people, why it holds nothing."""
         self._unattached: dict[Dot, Entry] = {}
         self._listener: Listener = listener or NoListener()
-        self._counter = 0
+        self.counter = 0
+        """How many dots were issued here under the replica id."""
 
     # ---- reading
 
@@ -72,7 +73,7 @@ class Graph(Stamping):
         """Create a node; if it is visible already, only write the attributes. Raises `SchemaError`."""
         self.schema.check_node(name, type)
         values = self.schema.to_values(attributes)
-        add = None if name in self.nodes else Add(self._new_dot(), name, type)
+        add = None if name in self.nodes else Add(self.new_dot(), name, type)
         return self._commit(name, self._entries_of(name, add), add, values, now)
 
     def add_edge(self, src: str, dst: str, type: str, attributes: Mapping[str, Any], now: float) -> Delta:
@@ -86,7 +87,7 @@ class Graph(Stamping):
         values = self.schema.to_values(attributes)
         ends = [self._ends_at(name) for name in (src, dst)]
         key = (src, dst, type)
-        add = None if key in self.edges else Add(self._new_dot(), key, type, ends[0], ends[1])
+        add = None if key in self.edges else Add(self.new_dot(), key, type, ends[0], ends[1])
         return self._commit(key, self._entries_of(key, add), add, values, now)
 
     def write(self, element: Node | Edge, attributes: Mapping[str, Any], now: float) -> Delta:
@@ -137,9 +138,9 @@ class Graph(Stamping):
         def due(write: Write, passes: int) -> bool:
             return write.writer == self.rid or passes >= patience
 
-        delta = self.store.take_unsettled(due, self._new_dot)
+        delta = self.store.take_unsettled(due, self.new_dot)
         self._apply(delta)
-        self.store.context.add_range(self.rid, 1, self._counter)  # a write that was broken off leaves no hole
+        self.store.context.add_range(self.rid, 1, self.counter)  # a write that was broken off leaves no hole
         return delta
 
     def _ends_at(self, name: str) -> tuple[Dot, ...]:
@@ -156,32 +157,33 @@ class Graph(Stamping):
         """Keys of the edges at a node, visible or not; the graph must be locked."""
         return list(self.incident.get(name, ()))
 
-    def _new_dot(self) -> Dot:
-        self._counter += 1
-        return self.rid, self._counter
+    def new_dot(self) -> Dot:
+        """A dot that was never issued before; it is for a delta that is joined here at once."""
+        self.counter += 1
+        return self.rid, self.counter
 
     def _commit(
         self, key: Key, owners: list[Dot], add: Add | None, values: Mapping[str, Any], now: float
     ) -> Delta:
         """Write `values` into every incarnation in `owners`, so that the removal of one loses none."""
         delta = Delta(adds=[add] if add else [])
-        rid, first = self.rid, self._counter + (0 if add else 1)
+        rid, first = self.rid, self.counter + (0 if add else 1)
         tick = self.hlc.tick(now)
         stamps = [tick if add else self._stamp(key, owners, name, tick) for name in values]
         for (name, value), stamp in zip(values.items(), stamps, strict=True):
             stream = not add and value is not TOMBSTONE and self.schema.attributes[name].stream
             for owner in owners:
-                dot = None if stream else self._new_dot()
+                dot = None if stream else self.new_dot()
                 delta.writes.append(Write(owner, name, stamp, rid, dot, value))
-        if self._counter >= first:
-            delta.context.append((rid, first, self._counter))
+        if self.counter >= first:
+            delta.context.append((rid, first, self.counter))
         self._apply(delta)
         return delta
 
     def _commit_removal(self, dots: list[Dot]) -> Delta:
         delta = Delta()
         delta.removed = dots
-        rid, counter = self._new_dot()
+        rid, counter = self.new_dot()
         delta.context.append((rid, counter, counter))
         self._apply(delta)
         return delta
@@ -197,7 +199,7 @@ class Graph(Stamping):
         """Derive all else from the store's entries again; what peers lack of them, they will ask for."""
         store = self.store
         store.rebuild()
-        store.context.add_range(self.rid, 1, self._counter)
+        store.context.add_range(self.rid, 1, self.counter)
         self._rebuild_indexes()
         for name in dict.fromkeys([*self.nodes, *(key for key in store.by_key if isinstance(key, str))]):
             self._refresh_node(name)

@@ -31,13 +31,13 @@ class Joining:
     """
 
     def __init__(self, rid: str, trusts: Callable[[str], bool]) -> None:
+        self.rid = rid
         self.holders: Sequence[str] = ()
         """Other replicas that are known to hold the graph and to live, whether they can be reached or not."""
         self.others_possible = False
         """Whether there may be others of whom nothing is known: then nobody is known to be the last to ask."""
         self.since = math.inf
         """When it began to ask."""
-        self._rid = rid
         self._trusts = trusts
         self._present: dict[str, None] = {}
         self._unjoined: dict[str, Sequence[str]] = {}
@@ -106,7 +106,7 @@ class Joining:
         silent, unjoined = self.waits_for(), [rid for rid in self.others if rid in self._unjoined]
         reasons = [f"{_listed(silent)}: no answer"] if silent else []
         if unjoined:
-            theirs = dict.fromkeys(rid for other in unjoined for rid in self._unjoined[other] if rid != self._rid)
+            theirs = dict.fromkeys(rid for other in unjoined for rid in self._unjoined[other] if rid != self.rid)
             reasons.append(f"{_listed(unjoined)}: not joined either, waiting for {_listed(list(theirs)) or 'others'}")
         return f"waiting for {waited:.1f} s; {'; '.join(reasons) or 'nobody is there'}"
 

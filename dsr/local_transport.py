@@ -200,12 +200,14 @@ class LocalTransport:
     ) -> None:
         """Ask whoever serves `key`; request and reply each suffer the network's faults."""
         self._check_open()
+        served = False
         for other in self._network.others(self):
             for pattern, handler in list(other._servers):
                 if key_matches(key, pattern) or key_matches(pattern, key):
-                    served = key if "*" in pattern else pattern
-                    self._network.send(self, other, self._exchange(other, handler, served, payload, on_reply))
-        self._network.later(timeout, on_done)
+                    served = True
+                    place = key if "*" in pattern else pattern
+                    self._network.send(self, other, self._exchange(other, handler, place, payload, on_reply))
+        self._network.later(timeout if served else 0.0, on_done)  # as over Zenoh: who asks nobody need not wait
 
     def _exchange(
         self, other: LocalTransport, handler: RequestHandler, key: str, payload: bytes, on_reply: MessageHandler

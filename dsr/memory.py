@@ -62,7 +62,8 @@ class Memory(StampAccess, WorldAccess, BlobAccess):
         schema: the vocabulary; the built-in one if None.
         guard: called before each write, see `Guard`.
         gate: decides what of an arriving message may be joined; everything if None.
-        rid: replica id, made from `agent` if None; never reuse one.
+        rid: replica id, made from `agent` if None; never reuse one. It stays the id of this process; its replica takes
+            another one if somebody else speaks in its name.
         threaded: run threads that merge and send. Without, call `poll` and `flush`.
         holders: tells which other replicas hold the graph and live, whether they can be reached or not.
         meshes: those of the system, if this memory shares them with another one of this process.
@@ -344,7 +345,7 @@ class Memory(StampAccess, WorldAccess, BlobAccess):
 
         if self._replica.wait_for_pieces(complete, timeout):
             return
-        if joining.others and not joining.nobody_has_more and not begin:
+        if sync.is_held_up and not begin:
             why = joining.why(self.clock.monotonic())
             raise TransportError(f"graph {self.graph_name!r}: not complete after {timeout:.1f} s, {why}")
         _log.warning("nobody else gives anything of graph %r within %.1f s: it begins here", self.graph_name, timeout)

@@ -32,4 +32,8 @@ class Renew(NamedTuple):
     """Let the network know again what is listened to here: it has changed, and may have forgotten."""
 
 
-Output = PublishDigest | PublishDelta | Ask | Renew
+class TakeId(NamedTuple):
+    """Go on under another replica id: somebody else speaks in the name of this one."""
+
+
+Output = PublishDigest | PublishDelta | Ask | Renew | TakeId

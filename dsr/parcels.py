@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from dsr.crdt.context import to_ranges
-from dsr.crdt.delta import Delta
+from dsr.crdt.delta import Add, Delta, Write
 from dsr.wire import MAX_STRUCTURE, encode_delta
 
 MAX_PARCEL = MAX_STRUCTURE
@@ -28,13 +28,18 @@ def parcels(delta: Delta) -> Iterator[bytes]:
 
 
 def _parts(delta: Delta, count: int) -> Iterator[Delta]:
-    """At least `count` parts with nearly as many changes each, if there are as many."""
+    """At least `count` parts with nearly as many changes each, if there are as many.
+
+    Changes come in the order in which they were made, so that each part leaves few gaps between the dots.
+    """
     size = max(1, len(delta) // count)
-    for first in range(0, len(delta.adds), size):
-        adds = delta.adds[first : first + size]
-        yield Delta(adds=adds, context=list(to_ranges(add.dot for add in adds)))
-    for first in range(0, len(delta.writes), size):
-        writes = delta.writes[first : first + size]
-        yield Delta(writes=writes, context=list(to_ranges(write.dot for write in writes if write.dot)))
+    durable: list[Add | Write] = [*delta.adds, *(write for write in delta.writes if write.dot)]
+    durable.sort(key=lambda change: change.dot or ("", 0))
+    changes = [*durable, *(write for write in delta.writes if not write.dot)]
+    for first in range(0, len(changes), size):
+        part = changes[first : first + size]
+        adds = [change for change in part if isinstance(change, Add)]
+        writes = [change for change in part if isinstance(change, Write)]
+        yield Delta(adds, writes, context=list(to_ranges(change.dot for change in part if change.dot)))
     for first in range(0, len(delta.removed), size):
         yield Delta(removed=delta.removed[first : first + size])

@@ -64,6 +64,8 @@ class Registration:
                 self.elders = members(graph)
                 """Those who were there before, oldest first."""
                 self._lock = _new_entry(folder, rid)
+                self._path = Path(self._lock.name)
+                self.rid = rid
                 self._lock.write(f"{endpoint} {_WITH_MEMORY if has_memory else _WITHOUT_MEMORY}")
                 self._lock.flush()
         except OSError as error:
@@ -74,9 +76,16 @@ class Registration:
         """Let go of the lock in a forked child: it would keep the entry of a dead parent valid."""
         self._lock.close()
 
+    def rename(self, rid: str) -> None:
+        """Be found under another replica id from now on; harmless if somebody removed the entry."""
+        path = self._path.with_name(f"{rid}{_SUFFIX}")
+        with contextlib.suppress(OSError):
+            self._path.rename(path)
+            self._path, self.rid = path, rid
+
     def close(self) -> None:
         """Take the entry back."""
-        Path(self._lock.name).unlink(missing_ok=True)
+        self._path.unlink(missing_ok=True)
         self._lock.close()
         endpoints(self._graph)
         remove_leftover_claim(self._graph)

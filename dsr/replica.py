@@ -21,10 +21,11 @@ from dsr.crdt.pieces import START, Piece, Place, piece_of, together
 from dsr.graph import Graph
 from dsr.keys import Keys
 from dsr.outbox import Outbox
-from dsr.outputs import Ask, Output, PublishDelta, PublishDigest, Renew
+from dsr.outputs import Ask, Output, PublishDelta, PublishDigest, Renew, TakeId
 from dsr.parcels import parcels
 from dsr.piece_wire import asker_of, encode_piece
 from dsr.polling import Poller
+from dsr.renaming import going_on_as, next_id
 from dsr.sync import REQUEST_TIMEOUT, Gate, Synchroniser
 from dsr.transport import Qos, Subscription, Transport
 from dsr.wire import encode_delta
@@ -59,6 +60,10 @@ class Statistics(NamedTuple):
     """Messages that made no sense, from all senders."""
     far_stamps: int
     """Values that came stamped days ahead of this clock, from all agents."""
+    passed_over: int
+    """Claims beyond what is taken from one sender (dsr/claims.py), and replicas beyond those listened to."""
+    new_ids: int
+    """How often somebody spoke in its name, so that it took another replica id."""
 
 
 class Replica:
@@ -101,10 +106,13 @@ class Replica:
         self._poller: Poller | None = None
         self._sender: threading.Thread | None = None
         self._agent = agent
-        self._declarations = self._declare(agent)
+        self.on_new_id: Callable[[str], None] = lambda rid: None
+        """Called, with no lock held, when this replica has taken another id."""
+        self._listening = self._listen()
+        self._announced = self._announce()
 
-    def _declare(self, agent: str) -> list[Subscription]:
-        rid, keys, transport, sync = self.graph.rid, self._keys, self._transport, self.synchroniser
+    def _listen(self) -> list[Subscription]:
+        keys, transport, sync = self._keys, self._transport, self.synchroniser
 
         def merge(key: str, payload: bytes) -> None:
             self.received += 1
@@ -122,9 +130,15 @@ class Replica:
             transport.subscribe(keys.delta(), merge, newest=NEWEST_DELTAS),
             transport.subscribe(keys.stream(), merge, newest=NEWEST_SAMPLES),
             transport.subscribe(keys.digest(), digest, newest=NEWEST_SAMPLES),
-            transport.serve(keys.sync(rid), self._answer, asker=asker_of),
             transport.watch_presence(keys.presence(), presence),
-            transport.announce(keys.presence(agent, rid)),
+        ]
+
+    def _announce(self) -> list[Subscription]:
+        """Answer under the replica's id, and let others see it."""
+        rid, keys, transport = self.graph.rid, self._keys, self._transport
+        return [
+            transport.serve(keys.sync(rid), self._answer, asker=asker_of),
+            transport.announce(keys.presence(self._agent, rid)),
         ]
 
     # ---- writing
@@ -172,7 +186,10 @@ class Replica:
             if self._holds and not self._stopped.is_set():
                 return
             bundles, samples = self._outbox.take()
-        rid = self.graph.rid
+            rid = self.graph.rid
+        self._publish_as(rid, bundles, samples)
+
+    def _publish_as(self, rid: str, bundles: list[Delta], samples: Delta) -> None:
         self._publish(self._keys.stream(rid), [samples] if samples else [], Qos.STREAM)
         self._publish(self._keys.delta(rid), bundles, Qos.RELIABLE)
         self._sent_at = self._clock.monotonic()
@@ -237,7 +254,7 @@ class Replica:
         if alive:
             self.synchroniser.peer_appeared(rid, self._clock.monotonic())
         else:
-            self.synchroniser.peer_gone(rid)
+            self.synchroniser.peer_gone(rid, self._clock.monotonic())
 
     def _answer(self, key: str, payload: bytes) -> bytes | None:
         with self.lock:
@@ -254,6 +271,8 @@ class Replica:
                 self._transport.publish(self._keys.digest(self.graph.rid), payload, Qos.STREAM)
             case Renew():
                 self._transport.renew()
+            case TakeId():
+                self.take_id()
             case Ask(peer, payload, number):
                 self._transport.request(
                     self._keys.sync(peer),
@@ -296,10 +315,30 @@ class Replica:
     def move(self, keys: Keys) -> None:
         """Meet the peers under other keys from now on; what those there lack, the repair brings them."""
         with self._sending:
-            for declaration in reversed(self._declarations):
-                declaration.close()
+            self._withdraw(self._announced + self._listening)
             self._keys = keys
-            self._declarations = self._declare(self._agent)
+            self._listening = self._listen()
+            self._announced = self._announce()
+
+    def take_id(self) -> None:
+        """Go on under another replica id, with all that is held here; what peers may lack of it is written anew."""
+        with self._sending:
+            with self.lock:
+                bundles, samples = self._outbox.take()
+                old, rid = self.graph.rid, next_id(self.graph.rid)
+                sync = self.synchroniser
+                self.commit(going_on_as(self.graph, rid, sync.confirmed, self._clock.now(), sync.impersonation.forged))
+                sync.id_taken()
+            self._publish_as(old, bundles, samples)
+            withdrawn, self._announced = self._announced, self._announce()
+            self._withdraw(withdrawn)
+        _log.warning("replica %s goes on as %s", old, rid)
+        self.on_new_id(rid)
+        self._written.set()
+
+    def _withdraw(self, declarations: list[Subscription]) -> None:
+        for declaration in declarations:
+            declaration.close()
 
     def close(self) -> None:
         """Send what is left and leave; the transport stays open."""
@@ -312,8 +351,7 @@ class Replica:
             self._sender.join(timeout=2.0)
         if self._poller is not None:
             self._poller.remove(self._poll_guarded)
-        for declaration in reversed(self._declarations):
-            declaration.close()
+        self._withdraw(self._announced + self._listening)
 
     def _send_last(self) -> None:
         """Stream samples too, in a form that no link drops: nobody is left here to repeat them."""
@@ -327,8 +365,9 @@ class Replica:
         sync = self.synchroniser
         malformed, far = (sum(list(counts.values())) for counts in (sync.dropped, self.graph.far.agents))
         return Statistics(
-            sync.repairs, self._outbox.overflowed, self.skipped, self.graph.store.lost_waiting, malformed, far
-        )
+            sync.repairs, self._outbox.overflowed, self.skipped, self.graph.store.lost_waiting, malformed, far,
+            sync.passed_over, sync.new_ids,
+        )  # fmt: skip
 
     def snapshot(self) -> bytes:
         """The whole state as an encoded synchronisation reply; writers get on with their work meanwhile."""

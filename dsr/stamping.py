@@ -38,7 +38,7 @@ class Stamping(Sharing):
     hlc: HybridClock
     far: FarStamps
     """What it has noticed of stamps that no honest clock can have made."""
-    _counter: int
+    counter: int
 
     def live(self, key: Key) -> list[Entry]:
         """See `Graph.live`."""
@@ -55,7 +55,8 @@ class Stamping(Sharing):
         """Creation dots of a node that is seen. Raises `NodeNotFoundError`."""
         raise NotImplementedError
 
-    def _new_dot(self) -> Dot:
+    def new_dot(self) -> Dot:
+        """See `Graph`."""
         raise NotImplementedError
 
     def _apply(self, delta: Delta) -> None:
@@ -108,8 +109,8 @@ class Stamping(Sharing):
         add = None
         if element is None:
             ends = [] if isinstance(key, str) else [self._ends_at(name) for name in key[:2]]
-            add = Add(self._new_dot(), key, type, *ends)
-        first = self._counter + (0 if add else 1)
+            add = Add(self.new_dot(), key, type, *ends)
+        first = self.counter + (0 if add else 1)
         owners = self._entries_of(key, add)
         stamped = list(self._restamped(key, owners, element, writes, now))
         delta = Delta(adds=[add] if add else [])
@@ -117,10 +118,10 @@ class Stamping(Sharing):
             known = self.schema.attributes.get(write.attribute)
             stream = not add and write.value is not TOMBSTONE and known is not None and known.stream
             for owner in owners:
-                dot = None if stream else self._new_dot()
+                dot = None if stream else self.new_dot()
                 delta.writes.append(Write(owner, write.attribute, stamp, self.rid, dot, write.value))
-        if self._counter >= first:
-            delta.context.append((self.rid, first, self._counter))
+        if self.counter >= first:
+            delta.context.append((self.rid, first, self.counter))
         if delta:
             self._apply(delta)
         return delta
@@ -156,26 +157,26 @@ class Stamping(Sharing):
         renewed = self.renewals(key)
         keys: list[Key] = [key, *(self.incident_keys(key) if isinstance(key, str) else ())]
         delta = Delta(removed=[entry.dot for each in keys for entry in self.live(each)])
-        first = self._new_dot()  # that of the removal
+        first = self.new_dot()  # that of the removal
         tick, far = self.hlc.tick(now), stamp_at(now + FAR)
         for element, writes in renewed:
             add = self._again(element, key, delta.adds)
             delta.adds.append(add)
             for write in writes:
                 stamp = write.stamp if write.stamp <= far else tick
-                delta.writes.append(Write(add.dot, write.attribute, stamp, self.rid, self._new_dot(), write.value))
-        delta.context.append((*first, self._counter))
+                delta.writes.append(Write(add.dot, write.attribute, stamp, self.rid, self.new_dot(), write.value))
+        delta.context.append((*first, self.counter))
         self._apply(delta)
         return delta
 
     def _again(self, element: Node | Edge, renewed: Key, made: list[Add]) -> Add:
         """The addition of an element that is there; `made` begins with that of the node `renewed`, if it is one."""
         if isinstance(element, Node):
-            return Add(self._new_dot(), element.name, element.type)
+            return Add(self.new_dot(), element.name, element.type)
         ends = [
             (made[0].dot,) if name == renewed else self._ends_at(name) for name in (element.src, element.dst)
         ]
-        return Add(self._new_dot(), element.key, element.type, *ends)
+        return Add(self.new_dot(), element.key, element.type, *ends)
 
 
 def _present(element: Node | Edge) -> Iterator[Write]:

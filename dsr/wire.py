@@ -5,12 +5,13 @@ Delta:   [version, replica ids, adds, writes, removed, context, live]
   write    [owner replica, owner counter, attribute, stamp, writer, dot replica, dot counter, value]
            dot counter 0: a stream sample; a value of nil: the attribute was taken away
   removed  [replica, counter, ...] flat; context [replica, first, last, ...] flat; live as removed, or nil
-Digest:  [version, replica id, now, context, fingerprint, [replicas whose clock is ahead]]
+Digest:  [version 2, replica id, now, recent, hash, fingerprint, [replicas whose clock is ahead]]
+  recent   [[replica id, first, last, ...], ...]: what was seen of those that changed last; hash: of the whole context
 Replicas are indexes into the list of replica ids. A pose is extension type 1: little-endian doubles
 x y z qx qy qz qw stamp, then, if known, the 36 of the covariance row by row.
 
 Rules for changing this file: a reader must refuse what it does not understand, so every change of the
-layout increments `VERSION`; the golden bytes in tests/dsr/test_wire.py change only together with it.
+layout increments its version; the golden bytes in tests/dsr/test_wire.py change only together with it.
 
 What arrives costs time and memory in proportion to its length, whatever is in it: nothing is built that no message may
 hold. So lists say how long they may be, values are skipped first and then read by their kind, and no error shows them.
@@ -18,6 +19,7 @@ hold. So lists say how long they may be, values are skipped first and then read 
 
 from __future__ import annotations
 
+import itertools
 import math
 import struct
 from collections.abc import Callable, Iterable
@@ -28,12 +30,16 @@ import msgspec
 from dsr.crdt.context import CausalContext, Dot, DotRange
 from dsr.crdt.delta import TOMBSTONE, Add, Delta, Key, Write
 from dsr.crdt.hlc import MAX_STAMP
+from dsr.crdt.summary import LISTED, LISTED_RANGES, Summary
 from dsr.decoding import decoded
 from dsr.errors import WireError
 from dsr.schema import MAX_LENGTH
 from dsr.transforms import Pose
 
 VERSION = 1
+"""Of deltas, replies and requests."""
+DIGEST_VERSION = 2
+"""Of digests: those of version 1 held the whole context."""
 _POSE_CODE = 1
 _POSE = struct.Struct("<8d")
 _POSE_COVARIANCE = struct.Struct("<44d")
@@ -49,6 +55,7 @@ MAX_STRUCTURE = 1 << 20
 Natural = Annotated[int, msgspec.Meta(ge=0)]
 _Counter = Annotated[int, msgspec.Meta(ge=1, le=_MAX_COUNTER)]
 CounterOrZero = Annotated[int, msgspec.Meta(ge=0, le=_MAX_COUNTER)]
+_Hash = Annotated[int, msgspec.Meta(ge=0)]
 _Stamp = Annotated[int, msgspec.Meta(ge=0, le=MAX_STAMP)]
 Name = Annotated[str, msgspec.Meta(min_length=1, max_length=MAX_NAME)]
 
@@ -115,7 +122,24 @@ class _SentDelta(_KeptDelta, array_like=True, gc=False):
     live: Annotated[list[Natural], MOST_NUMBERS] | None
 
 
+class _Listed(msgspec.Struct, array_like=True, gc=False):
+    replica: Name
+    counters: Annotated[list[_Counter], msgspec.Meta(min_length=2, max_length=2 * LISTED_RANGES)]
+
+
 class _Digest(msgspec.Struct, array_like=True, gc=False):
+    version: int
+    replica: Name
+    now: float
+    recent: Annotated[list[_Listed], msgspec.Meta(max_length=LISTED)]
+    hash: _Hash
+    fingerprint: int
+    ahead: list[Name]
+
+
+class _FirstDigest(msgspec.Struct, array_like=True, gc=False):
+    """A digest of version 1, as recordings hold them: all that was seen, in full."""
+
     version: int
     replica: Name
     now: float
@@ -124,13 +148,17 @@ class _Digest(msgspec.Struct, array_like=True, gc=False):
     ahead: list[Name]
 
 
+class _Head(msgspec.Struct, array_like=True, gc=False):
+    version: int
+
+
 class Digest(msgspec.Struct, frozen=True):
     """What a replica has seen and what it thinks of its peers' clocks."""
 
     replica: str
     now: float
     """Physical time of the sender, s."""
-    context: CausalContext
+    seen: Summary
     fingerprint: int
     ahead: tuple[str, ...]
     """Replicas whose physical clock the sender saw too far in its future."""
@@ -164,6 +192,8 @@ _kept_decoder = msgspec.msgpack.Decoder(_KeptDelta)
 _plain_decoder: msgspec.msgpack.Decoder[Any] = msgspec.msgpack.Decoder(_Plain)
 _bytes_decoder = msgspec.msgpack.Decoder(bytes)
 _digest_decoder = msgspec.msgpack.Decoder(_Digest)
+_first_digest_decoder = msgspec.msgpack.Decoder(_FirstDigest)
+_head_decoder = msgspec.msgpack.Decoder(_Head)
 
 
 class Indexes(dict[str, int]):
@@ -240,9 +270,9 @@ def check_structure(payload: bytes, writes: list[ReadWriteRow]) -> None:
         raise ValueError(f"more than {MAX_STRUCTURE} bytes beside the values")
 
 
-def _check_version(version: int) -> None:
-    if version != VERSION:
-        raise ValueError(f"version {version}, this is version {VERSION}")
+def _check_version(version: int, ours: int = VERSION) -> None:
+    if version != ours:
+        raise ValueError(f"version {version}, this is version {ours}")
 
 
 def _to_delta(message: _KeptDelta) -> Delta:
@@ -374,9 +404,10 @@ def _checked_range(rid: str, first: int, last: int) -> DotRange:
 
 def encode_digest(digest: Digest) -> bytes:
     """A digest as bytes."""
-    context = list(digest.context.ranges())
+    recent = [_Listed(rid, [counter for dots in ranges for counter in dots]) for rid, ranges in digest.seen.recent]
+    ahead = list(digest.ahead)
     return encoder.encode(
-        _Digest(VERSION, digest.replica, digest.now, context, digest.fingerprint, list(digest.ahead))
+        _Digest(DIGEST_VERSION, digest.replica, digest.now, recent, digest.seen.hash, digest.fingerprint, ahead)
     )
 
 
@@ -388,11 +419,28 @@ def decode_digest(payload: bytes) -> Digest:
 def _read_digest(payload: bytes) -> Digest:
     if len(payload) > MAX_STRUCTURE:
         raise ValueError(f"more than {MAX_STRUCTURE} bytes")
-    message = _digest_decoder.decode(payload)
-    _check_version(message.version)
+    is_first = _head_decoder.decode(payload).version == 1
+    return _to_digest((_first_digest_decoder if is_first else _digest_decoder).decode(payload))
+
+
+def _to_digest(message: _Digest | _FirstDigest) -> Digest:
     if not math.isfinite(message.now):
         raise ValueError(f"time {message.now}")
-    return Digest(message.replica, message.now, to_context(message.context), message.fingerprint, tuple(message.ahead))
+    if isinstance(message, _FirstDigest):
+        seen = to_context(message.context).summary()
+    else:
+        _check_version(message.version, DIGEST_VERSION)
+        recent = tuple((listed.replica, _pairs(listed.counters)) for listed in message.recent)
+        if len({rid for rid, _ in recent}) < len(recent):
+            raise ValueError("a replica is listed twice")
+        seen = Summary(recent, message.hash)
+    return Digest(message.replica, message.now, seen, message.fingerprint, tuple(message.ahead))
+
+
+def _pairs(counters: list[int]) -> tuple[tuple[int, int], ...]:
+    if len(counters) % 2 or any(a > b for a, b in itertools.pairwise(counters)):
+        raise ValueError("ranges of counters are pairs, in order")
+    return tuple(zip(counters[::2], counters[1::2], strict=True))
 
 
 def to_context(ranges: list[tuple[str, int, int]]) -> CausalContext:

@@ -26,7 +26,8 @@ from dsr.wire import decode_kept
 _MICRO = 1e6
 _LATE = 1.0
 """s before the recording's first message; who had written earlier was at work before, and goes on from that."""
-_SNAPSHOT_RID, _BOUND_RID = "recording-snapshot", "recording-bound"
+_REMOVER = "recording-snapshot"
+"""Stands for the replica that removed what a snapshot does not hold any more."""
 
 
 class Feed:
@@ -94,7 +95,7 @@ class Feed:
             self.memory.poll()
             if bound := self._rebinding.bound(self._live):
                 self._note_alive(bound)
-                yield from _messages(f"d/{_BOUND_RID}", bound)
+                yield from _by_maker(bound)
 
     def _live(self, key: Key) -> list[Dot]:
         """Where the agents that run anew have made an element."""
@@ -112,7 +113,7 @@ class Feed:
     def _filtered(self, record: TimedRecord) -> Iterator[tuple[str, bytes | Chunks]]:
         topic = record.topic
         if topic == SNAPSHOT:
-            yield from _messages(f"d/{_SNAPSHOT_RID}", self._settled(decode_kept(record.payload)))
+            yield from _by_maker(self._settled(decode_kept(record.payload)))
         elif topic.startswith(("d/", "rt/")):
             delta = self._without(decode_kept(record.payload))
             if delta and is_key(topic) and not self._is_theirs(topic):
@@ -188,6 +189,22 @@ class Feeder(Agent):
                 self.bus.publish(key, payload)
             else:
                 self.bus.publish_bulk(key, payload)
+
+
+def _by_maker(delta: Delta) -> Iterator[tuple[str, bytes]]:
+    """What several replicas had made, as each of them would have sent it: all elements first, then their values."""
+    parts: dict[tuple[bool, str], Delta] = {}
+    for add in delta.adds:
+        parts.setdefault((False, add.dot[0]), Delta()).adds.append(add)
+    for write in delta.writes:
+        parts.setdefault((True, write.dot[0] if write.dot else write.writer), Delta()).writes.append(write)
+    for dots in delta.context:
+        parts.setdefault((False, dots[0]), Delta()).context.append(dots)
+    if delta.removed:
+        parts[True, _REMOVER] = Delta(removed=delta.removed)
+    for (_, rid), part in sorted(parts.items(), key=lambda item: item[0][0]):
+        part.context = part.context or [(*add.dot, add.dot[1]) for add in part.adds]
+        yield from _messages(f"d/{rid}", part)
 
 
 def feeder_for(agent: type[Agent], feed: Feed, name: str | None = None) -> type[Feeder]:

@@ -88,12 +88,15 @@ def requests() -> list[bytes]:
     ]
 
 
+def _seen() -> CausalContext:
+    return CausalContext([("arm_controller-5f0c12aa", 1, 9), ("viewer-1", 3, 4), ("viewer-1", 8, 8)])
+
+
 def digests() -> list[bytes]:
-    """Digests."""
-    context = CausalContext([("arm_controller-5f0c12aa", 1, 9), ("viewer-1", 3, 4), ("viewer-1", 8, 8)])
+    """What replicas have seen, in short."""
     return [
-        encode_digest(Digest("peer", NOW, seen, 2**63 + 1, ahead))
-        for seen, ahead in ((CausalContext(), ()), (context, ("arm_controller-5f0c12aa",)))
+        encode_digest(Digest("peer", NOW, seen.summary(), 2**63 + 1, ahead))
+        for seen, ahead in ((CausalContext(), ()), (_seen(), ("arm_controller-5f0c12aa",)))
     ]
 
 

@@ -13,9 +13,10 @@ from benchmarks.fuzz.tally import Tally, measured
 from dsr import LocalNetwork, ManualClock, Memory
 from dsr.crdt.context import CausalContext
 from dsr.errors import WireError
+from dsr.keys import is_key
+from dsr.peers import MAX_PEERS
 from dsr.piece_wire import decode_piece, decode_request
 from dsr.runtime.status import StatusBoard
-from dsr.sync import MAX_PEERS
 from dsr.wire import decode_delta, decode_digest, encode_delta
 
 _BATCH = 200
@@ -93,13 +94,24 @@ def _fuzz_deltas(tally: Tally, messages: int, seed: int) -> Iterator[Tally]:
     mutate = Mutator([*corpus.deltas(), *corpus.replies()], seed)
     durable = "d/" in tally.name
 
-    def key(victim: Victim, rid: str) -> str:
-        return victim.memory.keys.delta(rid) if durable else victim.memory.keys.stream(rid)
+    def key(victim: Victim, rid: str, payload: bytes) -> str:
+        sender = _maker(payload) or rid
+        return victim.memory.keys.delta(sender) if durable else victim.memory.keys.stream(sender)
 
     def is_valid(payload: bytes) -> bool:
         return decode_delta(payload).live is None
 
     yield from _fuzz_key(tally, messages, seed, mutate, is_valid, key)
+
+
+def _maker(payload: bytes) -> str | None:
+    """The replica whose dots a delta accounts for: from anybody else the memory takes none."""
+    try:
+        delta = decode_delta(payload)
+    except WireError:
+        return None
+    rids = [add.dot[0] for add in delta.adds] + [rid for rid, _, _ in delta.context]
+    return next((rid for rid in rids if is_key(rid) and "/" not in rid), None)
 
 
 def _fuzz_digests(tally: Tally, messages: int, seed: int) -> Iterator[Tally]:
@@ -110,7 +122,7 @@ def _fuzz_digests(tally: Tally, messages: int, seed: int) -> Iterator[Tally]:
         decode_digest(payload)
         return True
 
-    yield from _fuzz_key(tally, messages, seed, mutate, is_valid, lambda victim, rid: victim.memory.keys.digest(rid))
+    yield from _fuzz_key(tally, messages, seed, mutate, is_valid, lambda victim, rid, _: victim.memory.keys.digest(rid))
 
 
 def _fuzz_key(
@@ -119,7 +131,7 @@ def _fuzz_key(
     seed: int,
     mutate: Mutator,
     is_valid: Callable[[bytes], bool],
-    key: Callable[[Victim, str], str],
+    key: Callable[[Victim, str, bytes], str],
 ) -> Iterator[Tally]:
     """Send batches of refused and of accepted messages; only the latter may change anything."""
     dice = Dice(seed)
@@ -130,7 +142,7 @@ def _fuzz_key(
             sorted_out: dict[bool, list[tuple[str, bytes]]] = {True: [], False: []}
             for _ in range(_BATCH):
                 payload, rid = mutate(), dice.pick(_STRANGE).format(dice.below(10**6))
-                sorted_out[_judge(tally, payload, is_valid)].append((key(victim, rid), payload))
+                sorted_out[_judge(tally, payload, is_valid)].append((key(victim, rid, payload), payload))
             before, dropped = victim.state(), sum(victim.memory.dropped.values())
             heard = _send(tally, victim, sorted_out[False])
             tally.changes += victim.state() != before

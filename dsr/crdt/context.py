@@ -11,6 +11,8 @@ from bisect import bisect_left, bisect_right
 from collections.abc import Iterable, Iterator
 from operator import itemgetter
 
+from dsr.crdt.summary import Hashes, Summary, hash_of
+
 Dot = tuple[str, int]
 DotRange = tuple[str, int, int]
 """(replica id, first counter, last counter), both included."""
@@ -20,12 +22,14 @@ _first, _last = itemgetter(0), itemgetter(1)
 class CausalContext:
     """A set of dots that only grows."""
 
-    __slots__ = ("cloud", "vector")
+    __slots__ = ("_changed", "_hashes", "cloud", "vector")
 
     def __init__(self, ranges: Iterable[DotRange] = ()) -> None:
         self.vector: dict[str, int] = {}
         self.cloud: dict[str, list[tuple[int, int]]] = {}
         """Ranges of counters with gaps between them, in order."""
+        self._changed: dict[str, None] = {}
+        self._hashes = Hashes()
         for rid, first, last in ranges:
             self.add_range(rid, first, last)
 
@@ -47,6 +51,7 @@ class CausalContext:
         known = self.vector.get(rid, 0)
         if last <= known or last < first:
             return
+        self._changed[rid] = None
         beyond = self.cloud.get(rid)
         if beyond is None and first <= known + 1:
             self.vector[rid] = last
@@ -75,6 +80,48 @@ class CausalContext:
         beyond = self.cloud.get(rid, [])
         place = bisect_left(beyond, start, key=_last)
         return start > last or (place < len(beyond) and beyond[place][0] <= start and last <= beyond[place][1])
+
+    def knows(self, rid: str) -> bool:
+        """Whether any dot of that replica is included."""
+        return rid in self.vector or rid in self.cloud
+
+    def gaps(self, rid: str) -> int:
+        """How many gaps there are among the counters of that replica."""
+        return len(self.cloud.get(rid, ()))
+
+    def close_gaps(self, rid: str, left: int) -> None:
+        """Include the lowest counters that are missing, until no more than `left` gaps are left."""
+        while (beyond := self.cloud.get(rid, [])) and len(beyond) > left:
+            self.add_range(rid, 1, beyond[len(beyond) - left - 1][0])
+
+    @property
+    def size(self) -> int:
+        """How many replicas it tells of."""
+        return len(self.vector) + sum(rid not in self.vector for rid in self.cloud)
+
+    def _ranges_of(self, rid: str) -> list[tuple[int, int]]:
+        last = self.vector.get(rid)
+        return [*([(1, last)] if last else []), *self.cloud.get(rid, ())]
+
+    def summary(self, first: str | None = None) -> Summary:
+        """The same dots in few bytes, however many replicas there were; see `Summary`. `first` is listed if known."""
+        self._refresh()
+        return Summary.of(self._hashes, self._ranges_of, first)
+
+    def compare(self, other: Summary) -> tuple[bool, bool]:
+        """Whether all that `other` lists is included, and whether of all other replicas it has the same dots."""
+        self._refresh()
+        listed = all(self._covers_range(rid, *dots) for rid, ranges in other.recent for dots in ranges)
+        rest = self._hashes.all ^ other.hash
+        for rid, ranges in other.recent:
+            rest ^= self._hashes.by_rid.get(rid, 0) ^ hash_of(rid, ranges)
+        return listed, rest == 0
+
+    def _refresh(self) -> None:
+        if self._changed:
+            for rid in self._changed:
+                self._hashes.put(rid, self._ranges_of(rid))
+            self._changed = {}
 
     def ranges(self) -> Iterator[DotRange]:
         """The dots as ranges: what `CausalContext(ranges)` rebuilds."""

@@ -65,6 +65,9 @@ class Observer:
 class Store:
     """The replicated state of one graph."""
 
+    bounds_gaps = True
+    """Whether gaps among the counters of a replica come from lost messages alone."""
+
     def __init__(self, observer: Observer | None = None) -> None:
         self.context = CausalContext()
         self.entries: MutableMapping[Dot, Entry] = {}

@@ -17,21 +17,23 @@ _PIECE = 200
 class Pending:
     """Everything that was joined since the last `take`; of each attribute only the write that won.
 
-    The dots of the others count as seen with it. The caller holds the replica's lock.
+    The dots of the others count as seen with it. A synchronisation reply accounts for what was there before it and does
+    not hold that, so it stays in its place. The caller holds the replica's lock.
     """
 
     def __init__(self) -> None:
-        self._replies: list[Delta] = []
+        self._before: list[Delta] = []
+        """What was joined up to the last reply, in order."""
         self._news = Delta()
         self._writes: dict[tuple[Dot, str], Write] = {}
 
     def __bool__(self) -> bool:
-        return bool(self._replies or self._writes or self._news)
+        return bool(self._before or self._writes or self._news)
 
     def add(self, delta: Delta) -> None:
         """Take note of a joined delta."""
         if delta.live is not None:
-            self._replies.append(delta)
+            self._before = [*self.take(), delta]
             return
         self._news.adds += delta.adds
         self._news.removed += delta.removed
@@ -42,10 +44,10 @@ class Pending:
                 self._writes[write.owner, write.attribute] = write
 
     def take(self) -> list[Delta]:
-        """What is pending, as deltas to be joined in any order; nothing is pending afterwards."""
+        """What is pending, as deltas to be joined in this order; nothing is pending afterwards."""
         self._news.writes = list(self._writes.values())
-        taken = [*self._replies, *([self._news] if self._news else [])]
-        self._replies, self._news, self._writes = [], Delta(), {}
+        taken = [*self._before, *([self._news] if self._news else [])]
+        self._before, self._news, self._writes = [], Delta(), {}
         return taken
 
 

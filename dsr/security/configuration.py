@@ -89,7 +89,8 @@ def own_keys(agent: str, grant: Grant) -> list[str]:
     states = (keys, _EveryGraph(worlds=True))
     by_replica = [key(replicas) for k in states for key in (k.delta, k.stream, k.digest, k.sync)]
     by_replica.append(keys.mesh(replicas))
-    by_name = [*(k.presence(agent) for k in states), keys.status(agent), keys.log(agent)]
+    by_replica += [k.presence(agent, replicas) for k in states]
+    by_name = [keys.status(agent), keys.log(agent)]
     granted = [f"{keys.root}/{key}" for key in grant.publishes]
     return by_replica + by_name + granted + [ticket_key(key) for key in granted]
 

@@ -19,7 +19,8 @@ import logging
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 
-from dsr.crdt.context import Dot, DotRange, to_ranges
+from dsr.claims import accounted_for
+from dsr.crdt.context import Dot, DotRange
 from dsr.crdt.delta import Add, Delta, Key, Write
 from dsr.crdt.store import Store
 from dsr.errors import AgentError
@@ -92,7 +93,10 @@ class _Screening:
         passed.removed = list(self._removable(self._delta.removed, self._allowed))
         own = [dots for dots in self._delta.context if dots[0] == self._sender]
         judged = all(self._is_known(dot) for dot in self._delta.removed)
-        passed.context = list(_without(own, self._undecided)) if judged else self._accounted_for()
+        if judged:
+            passed.context = list(_without(own, self._undecided))
+        else:
+            passed.context = accounted_for(self._sender, self._delta, self._undecided)
         return passed
 
     def everybodys_changes(self) -> Delta:
@@ -183,12 +187,6 @@ class _Screening:
     def _ends(self, dot: Dot) -> set[Dot]:
         edge = self._store.element(dot) or self._arriving.get(dot)
         return {*edge.sources, *edge.destinations} if edge else set()
-
-    def _accounted_for(self) -> list[DotRange]:
-        """The sender's dots whose additions and writes are here; those of removals that were put off are not."""
-        changes: list[Add | Write] = [*self._delta.adds, *self._delta.writes]
-        own = {change.dot for change in changes if change.dot and change.dot[0] == self._sender}
-        return list(to_ranges(own - set(self._undecided)))
 
     def _allowed(self, rid: str, key: Key, type: str, attributes: Iterable[str] = ()) -> bool:
         objection = self._gate.objection(rid, key, type, attributes)

@@ -35,6 +35,9 @@ class Layer(Store):
         known_below: tells whether it is clear what became of such a dot.
     """
 
+    bounds_gaps = False
+    """Each element of the parent that is hidden may make one."""
+
     def __init__(
         self,
         observer: Observer,

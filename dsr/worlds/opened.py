@@ -207,24 +207,30 @@ class Worlds:
         """List a new world and open it."""
         base = self.base
         info = WorldInfo(info.name, info.parent, info.follows, base.agent, base.clock.now())
-        rid = self._new_rid()
+        rid = self._new_rid(source)
         with self.lock:
             seat = None if source is None or not info.follows else source.seat
             value = to_attribute(info, rid, () if seat is None else seat.record.dots)
             base.add_node(node_name(info.name), "world_record", record=value)
             return self._take_seat(self._record(info.name), source, rid)
 
-    def _new_rid(self) -> str:
-        """A replica id that was not used in any world: unlike the base's, for counters must not be reused."""
-        self._count += 1
-        return f"{self.base.rid}w{self._count}"
+    def _new_rid(self, source: Memory | None) -> str:
+        """A replica id that was not used in any world, and of which nobody claims to have seen anything in `source`.
+
+        It is unlike the base's, for counters must not be reused.
+        """
+        while True:
+            self._count += 1
+            rid = f"{self.base.rid}w{self._count}"
+            if source is None or not source.replica.graph.store.context.knows(rid):
+                return rid
 
     def _take_seat(
         self, record: Record, source: Memory | None, rid: str = "", content: tuple[Delta, ...] = ()
     ) -> Memory:
         from dsr.memory import Memory
 
-        seat = Seat(record, rid or self._new_rid(), self, source, content)
+        seat = Seat(record, rid or self._new_rid(source), self, source, content)
         base = self.base
         with self.lock:
             memory = Memory(

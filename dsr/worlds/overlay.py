@@ -361,7 +361,7 @@ class Overlay(Graph):
 
     def _recover(self) -> None:
         self.store.rebuild()
-        self.store.context.add_range(self.rid, 1, self._counter)
+        self.store.context.add_range(self.rid, 1, self.counter)
         self.incident, self._unattached = {}, {}
         for key in list(self.store.by_key):
             if not isinstance(key, str):

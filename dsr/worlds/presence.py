@@ -6,6 +6,7 @@ from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 from dsr.keys import BASE, Keys
+from dsr.peers import MAX_PEERS
 from dsr.transport import Subscription
 from dsr.worlds.registry import records
 
@@ -57,6 +58,9 @@ class WorldPresence:
         present = self._tokens[world] = set()
 
         def note(token: str, alive: bool) -> None:
-            (present.add if alive else present.discard)(token)
+            if not alive:
+                present.discard(token)
+            elif len(present) < MAX_PEERS:
+                present.add(token)
 
         return self._memory.transport.watch_presence(keys.presence(), note)

@@ -9,6 +9,9 @@ import numpy as np
 import pytest
 
 from dsr import Faults, LocalNetwork, ManualClock, Memory, Pose
+from dsr.crdt.delta import Delta
+from dsr.crdt.pieces import START, Piece
+from dsr.piece_wire import encode_piece
 
 
 class Net:
@@ -36,6 +39,14 @@ class Net:
             self.network.deliver()
             for memory in self.memories:
                 memory.poll()
+
+
+def reply_of(delta: Delta) -> bytes:
+    """A reply in one piece that tells what a delta does: its live dots, of all that it accounts for."""
+    kept = sorted((delta.live or frozenset()).difference(add.dot for add in delta.adds))
+    return encode_piece(
+        Piece(START, None, delta.adds, delta.writes, kept, examined=delta.context, whole=delta.context)
+    )
 
 
 @pytest.fixture

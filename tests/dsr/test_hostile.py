@@ -14,8 +14,9 @@ from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Delta, Write
 from dsr.crdt.store import Store
 from dsr.graph import Graph
+from dsr.peers import MAX_PEERS
 from dsr.schema import MAX_LENGTH
-from dsr.sync import MAX_PEERS, Synchroniser
+from dsr.sync import Synchroniser
 from dsr.wire import Digest, WireError, decode_delta, encode_delta, encode_digest
 from tests.dsr.conftest import Net
 
@@ -26,13 +27,13 @@ def synchroniser() -> Synchroniser:
 
 
 def digest(rid: str, now: float = 0.0, fingerprint: int = 0, seen: CausalContext | None = None) -> bytes:
-    return encode_digest(Digest(rid, now, seen or CausalContext(), fingerprint, ()))
+    return encode_digest(Digest(rid, now, (seen or CausalContext()).summary(), fingerprint, ()))
 
 
 def test_made_up_replicas_take_no_memory(synchroniser: Synchroniser, caplog: pytest.LogCaptureFixture) -> None:
     for number in range(2 * MAX_PEERS):
-        synchroniser.receive_digest(f"peer-{number}", digest(f"peer-{number}", now=99.0), 0.0, 0.0)
-        synchroniser.receive_delta(f"peer-{number}", b"nonsense", 0.0)
+        synchroniser.receive_digest(f"peer{number}-1", digest(f"peer{number}-1", now=99.0), 0.0, 0.0)
+        synchroniser.receive_delta(f"peer{number}-1", b"nonsense", 0.0)
     assert len(synchroniser.peers) == MAX_PEERS
     assert len(synchroniser.dropped) == MAX_PEERS + 1
     assert sum(synchroniser.dropped.values()) == synchroniser.dropped["others"] + MAX_PEERS == 2 * MAX_PEERS

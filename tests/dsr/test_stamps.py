@@ -188,7 +188,7 @@ def test_a_process_whose_clock_is_behind_does_not_clean(net: Net) -> None:
     a = net.join("a")
     tower(a)
     for agent in ("x", "y"):
-        digest = Digest(f"{agent}-1", net.clock.now() + DAY, CausalContext(), 0, ())
+        digest = Digest(f"{agent}-1", net.clock.now() + DAY, CausalContext().summary(), 0, ())
         net.network.connect(agent).publish(a.keys.digest(digest.replica), encode_digest(digest))
     net.pump(0.1)
     assert a.clocks.is_behind

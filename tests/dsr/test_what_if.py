@@ -110,7 +110,14 @@ def test_an_answer_comes_with_what_is_delivered(net: Net) -> None:
     assert pending.answer == ANSWER, "the time-out changes nothing any more"
 
 
-def test_nobody_there_is_a_failure_after_the_time_out(net: Net) -> None:
+def test_nobody_there_is_a_failure_at_once(net: Net) -> None:
+    pending = net.what_if.ask(Question(0.5))
+    net.pass_time(0.1)
+    assert pending.done and pending.answer is None and "does the simulation handler run" in pending.failed
+
+
+def test_no_answer_is_a_failure_after_the_time_out(net: Net) -> None:
+    net.serve(lambda *_: None)
     pending = net.what_if.ask(Question(0.5))
     net.pass_time(1.9)
     assert not pending.done

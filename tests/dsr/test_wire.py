@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import random
 import struct
 
@@ -11,7 +12,13 @@ import pytest
 from dsr import Pose, WireError
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import TOMBSTONE, Add, Delta, Write
-from dsr.wire import Digest, decode_delta, decode_digest, encode_delta, encode_digest
+from dsr.wire import (
+    Digest,
+    decode_delta,
+    decode_digest,
+    encode_delta,
+    encode_digest,
+)
 
 
 def sample() -> Delta:
@@ -52,6 +59,7 @@ GOLDEN = bytes.fromhex(
 
 def as_tuple(delta: Delta) -> tuple[object, ...]:
     return delta.adds, delta.writes, delta.removed, delta.context, delta.live
+GOLDEN_DIGEST = "9702a161cb40290000000000009292a16192010592a162920304cf5c54494706595159cf800000000000000191a163"
 
 
 def test_golden_bytes() -> None:
@@ -80,11 +88,19 @@ def test_covariance_travels() -> None:
 
 
 def test_digest_round_trip() -> None:
-    digest = Digest("a", 12.5, CausalContext([("a", 1, 5), ("b", 3, 4)]), 2**63 + 1, ("c",))
-    again = decode_digest(encode_digest(digest))
-    assert (again.replica, again.now, again.context, again.fingerprint, again.ahead) == (
-        "a", 12.5, digest.context, 2**63 + 1, ("c",),
-    )  # fmt: skip
+    seen = CausalContext([("a", 1, 5), ("b", 3, 4)])
+    digest = Digest("a", 12.5, seen.summary("a"), 2**63 + 1, ("c",))
+    assert decode_digest(encode_digest(digest)) == digest
+    assert encode_digest(digest).hex() == GOLDEN_DIGEST
+
+
+def test_a_digest_of_version_1_is_read_as_recordings_hold_it() -> None:
+    seen = CausalContext([("a", 1, 5), ("b", 3, 4), ("b", 8, 9)])
+    first = msgpack.packb([1, "a", 12.5, list(seen.ranges()), 7, ["c"]])
+    assert decode_digest(first) == Digest("a", 12.5, seen.summary(), 7, ("c",))
+    for wrong in ([3, "a", 12.5, [], 7, []], [1, "a", 12.5, [["b", 4, 3]], 7, []], [1, "a", math.nan, [], 7, []]):
+        with pytest.raises(WireError):
+            decode_digest(msgpack.packb(wrong))
 
 
 def message(**changes: object) -> bytes:
@@ -134,8 +150,11 @@ def test_malformed_deltas_are_refused(payload: bytes) -> None:
 
 @pytest.mark.parametrize(
     "payload",
-    [b"", b"\x00", message(), msgpack.packb([2, "a", 1.0, [], 0, []]), msgpack.packb([1, "a", float("nan"), [], 0, []]),
-     msgpack.packb([1, "a", 1.0, [["a", 2, 2**54]], 0, []]), msgpack.packb([1, "a", 1.0, [["a", 0, 2]], 0, []])],
+    [b"", b"\x00", message(), msgpack.packb([1, "a", 1.0, [], 0, 0, []]),
+     msgpack.packb([2, "a", float("nan"), [], 0, 0, []]), msgpack.packb([2, "a", 1.0, [], -1, 0, []]),
+     *(msgpack.packb([2, "a", 1.0, recent, 0, 0, []]) for recent in (
+         [["a", [1, 2**54]]], [["a", [0, 2]]], [["a", []]], [["a", [1]]], [["a", [3, 2]]], [["a", [3, 5, 4, 6]]],
+         [["a", [1, 2]], ["a", [1, 2]]], [["a", list(range(1, 19))]], [[f"r{n}", [1, 2]] for n in range(33)]))],
 )  # fmt: skip
 def test_malformed_digests_are_refused(payload: bytes) -> None:
     with pytest.raises(WireError):
@@ -144,7 +163,7 @@ def test_malformed_digests_are_refused(payload: bytes) -> None:
 
 def test_mutated_messages_raise_nothing_else() -> None:
     generator = random.Random(5)
-    originals = [encode_delta(sample()), encode_digest(Digest("a", 1.0, CausalContext([("a", 1, 3)]), 5, ()))]
+    originals = [encode_delta(sample()), encode_digest(Digest("a", 1.0, CausalContext([("a", 1, 3)]).summary(), 5, ()))]
     refused = 0
     for _ in range(20_000):
         payload = bytearray(generator.choice(originals))

@@ -22,7 +22,7 @@ def _say(raw: Raw, replicas: int, now: float, ahead: tuple[str, ...]) -> None:
     """Digests of several replicas of one agent, whose clock says `now`, that see others ahead."""
     for number in range(replicas):
         rid = raw.rid if number == 0 else f"{raw.rid.rpartition('-')[0]}-{number:08x}"
-        raw.send_digest(encode_digest(Digest(rid, now, CausalContext(), 0, ahead)), rid)
+        raw.send_digest(encode_digest(Digest(rid, now, CausalContext().summary(), 0, ahead)), rid)
 
 
 def _writes(memory: Memory, value: int) -> bool:

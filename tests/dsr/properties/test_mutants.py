@@ -12,16 +12,22 @@ from hypothesis import Phase, settings
 from hypothesis.stateful import RuleBasedStateMachine, run_state_machine_as_test
 
 from dsr import clock_votes, stamping
+from dsr import replica as replica_module
+from dsr.claims import Claims
 from dsr.clock_votes import Verdict
 from dsr.crdt.context import CausalContext, Dot
 from dsr.crdt.delta import Add, Delta, Write
 from dsr.crdt.hlc import MAX_STAMP, HybridClock
 from dsr.crdt.store import Entry, Store
 from dsr.graph import Graph
-from dsr.sync import Digest, Synchroniser
+from dsr.impersonation import Impersonation
+from dsr.peers import Peer, Peers
+from dsr.sync import Synchroniser
 from dsr.watch import Watch
-from tests.dsr.properties import test_deltas, test_memories
+from dsr.wire import Digest
+from tests.dsr.properties import test_attacked, test_deltas, test_memories
 from tests.dsr.properties.soup import START, Soup
+from tests.dsr.properties.test_attacked import Attacked
 from tests.dsr.properties.test_deltas import Deltas
 from tests.dsr.properties.test_memories import Memories
 from tests.dsr.properties.world import World
@@ -80,6 +86,11 @@ def ignore_whose_counter_it_is(original: Any) -> Any:
 
 def do_nothing(original: Any) -> Any:
     return lambda *arguments, **options: None
+
+
+def never_another_id(original: Any) -> Any:
+    """Counters begin anew under the same id."""
+    return lambda rid: rid
 
 
 def never(original: Any) -> Any:
@@ -171,7 +182,7 @@ def add_twice(original: Any) -> Any:
 def compare_what_is_live_only(original: Any) -> Any:
     """A replica asks only when the live dots differ, not when writes are missing."""
 
-    def is_behind(self: Synchroniser, rid: str, peer: Any, digest: Digest) -> bool:
+    def is_behind(self: Synchroniser, rid: str, peer: Peer, digest: Digest) -> bool:
         return digest.fingerprint != self.graph.store.fingerprint
 
     return is_behind
@@ -264,8 +275,35 @@ def forget_removals(original: Any) -> Any:
     )
 
 
+def count_on_what_somebody_may_never_have_taken(original: Any) -> Any:
+    """A replica with another id writes nothing anew."""
+    return lambda graph, rid, confirmed, now, forged=(): original(graph, rid, graph.counter, now, forged)
+
+
+def believe_claims_for_others(original: Any) -> Any:
+    """A delta may account for anybody's dots."""
+    return lambda self, sender, delta: delta
+
+
+def drop_whose_token_goes(original: Any) -> Any:
+    """A withdrawn token is believed."""
+
+    def withdrawn(self: Peers, rid: str, now: float) -> None:
+        if rid in self:
+            del self[rid]
+
+    return withdrawn
+
+
+def forget_differences_of_the_rest(original: Any) -> Any:
+    """Of a summary only what it lists is compared."""
+    return lambda self, other: (original(self, other)[0], True)
+
+
 edge_without_end = test_deltas.test_an_edge_whose_other_incarnation_never_comes_is_dropped_everywhere
 sample_of_the_dead = test_memories.test_stream_sample_of_a_dead_writer_reaches_everybody
+unlisted_difference = test_attacked.test_a_difference_that_no_digest_lists_is_repaired
+false_token = test_attacked.test_a_false_token_hides_nobody
 
 MUTANTS: list[tuple[Check, Any, str, Mutant]] = [
     (Deltas, Store, "_add", prune_losers),
@@ -299,6 +337,12 @@ MUTANTS: list[tuple[Check, Any, str, Mutant]] = [
     (Deltas, Graph, "renew", keep_far_stamps),
     (sample_of_the_dead, Graph, "settle", keep_samples_of_the_dead),
     (Memories, World, "new_rid", reuse_the_name),
+    (Attacked, Impersonation, "check", do_nothing),
+    (Attacked, Claims, "own_part", believe_claims_for_others),
+    (Attacked, replica_module, "going_on_as", count_on_what_somebody_may_never_have_taken),
+    (Attacked, replica_module, "next_id", never_another_id),
+    (unlisted_difference, CausalContext, "compare", forget_differences_of_the_rest),
+    (false_token, Peers, "withdrawn", drop_whose_token_goes),
 ]
 
 

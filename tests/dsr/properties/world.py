@@ -12,7 +12,8 @@ from dsr import ClockDriftError, CycleError, Faults, LocalNetwork, ManualClock, 
 from dsr.crdt.context import CausalContext, Dot
 from dsr.crdt.delta import Delta, EdgeKey, Write
 from dsr.keys import Keys
-from dsr.sync import FORGET, MAX_DRIFT
+from dsr.peers import FORGET
+from dsr.sync import MAX_DRIFT
 from dsr.transport import Qos
 from dsr.wire import Digest, encode_delta, encode_digest
 from tests.dsr.properties.knowledge import Knowledge, facts_of
@@ -164,7 +165,7 @@ class World:
         self._blamed = True
         victim = self.memory(index).rid
         for number in range(replicas):
-            digest = Digest(f"{FORGER}-{number}", self.clock.now(), CausalContext(), 0, (victim,))
+            digest = Digest(f"{FORGER}-{number}", self.clock.now(), CausalContext().summary(), 0, (victim,))
             self.forger.publish(Keys("g").digest(digest.replica), encode_digest(digest), Qos.STREAM)
 
     def clean(self, index: int) -> None:
@@ -181,12 +182,12 @@ class World:
     def _write(self, index: int, write: Callable[[Memory], object]) -> None:
         """A memory whose clock is ahead refuses, and nothing changes."""
         memory = self.memory(index)
-        before, counter, committed = state(memory._graph), memory._graph._counter, len(self.committed)
+        before, counter, committed = state(memory._graph), memory._graph.counter, len(self.committed)
         try:
             write(memory)
         except ClockDriftError:
             assert max(self._skews) - min(self._skews) > MAX_DRIFT, "nobody's clock was off, and one agent said so"
-            assert state(memory._graph) == before and memory._graph._counter == counter
+            assert state(memory._graph) == before and memory._graph.counter == counter
             assert len(self.committed) == committed
         memory.flush()
 
@@ -253,7 +254,7 @@ class World:
             assert shown(graph) == expected, "the replicas agree on something wrong"
             assert seat.reader.read(graph) == expected, "a reader knows something else"
             assert set(graph.store.context.cloud) <= self.dead, "a hole that is never closed"
-            assert graph.store.context.vector.get(graph.rid, 0) == graph._counter
+            assert graph.store.context.vector.get(graph.rid, 0) == graph.counter
             assert all(r.dot for e in graph.store.entries.values() for r in e.registers.values()), "not durable"
             assert not seat.memory.dropped
         self._check_drift()

@@ -24,9 +24,8 @@ from dsr.runtime.status import State, Status, StatusBoard, encode_status
 from dsr.security.authority import SecurityFolder
 from dsr.security.configuration import zenoh_settings
 from dsr.security.policy import Policy
-from dsr.sync import Digest
 from dsr.transport import Transport
-from dsr.wire import encode_delta, encode_digest
+from dsr.wire import Digest, encode_delta, encode_digest
 from dsr.zenoh_transport import ZenohTransport
 from tests.dsr.security.conftest import DAY, make_folder
 
@@ -294,7 +293,8 @@ def test_a_reader_that_goes_around_the_library_changes_nothing(
     reader.write(rid="scene-0badc0de")
     reader.write(rid=scene.rid)
     reader.transport.publish(KEYS.device("arm/command"), b"go")
-    reader.transport.publish(KEYS.digest(reader.rid), encode_digest(Digest(reader.rid, 1e12, CausalContext(), 0, ())))
+    digest = Digest(reader.rid, 1e12, CausalContext().summary(), 0, ())
+    reader.transport.publish(KEYS.digest(reader.rid), encode_digest(digest))
     wait(2 * A_WHILE)
     for memory in (launcher, scene):
         assert [node.name for node in memory.nodes()] == ["cube"]
@@ -334,7 +334,9 @@ def test_an_agent_cannot_use_the_keys_of_another(join: Join, intrude: Intrude, k
     rogue.transport.publish(KEYS.truth(), b"")
     rogue.transport.publish(KEYS.device("arm/state"), b"")
     rogue.transport.publish(KEYS.device("arm/command"), b"")
-    rogue.declared.append(rogue.transport.announce(KEYS.live("scene", "scene-0badc0de")))
+    for agent in ("arm", "scene"):
+        rogue.declared.append(rogue.transport.announce(KEYS.live(agent, "scene-0badc0de")))
+        rogue.transport.announce(KEYS.live(agent, scene.rid)).close()
     rogue.declared.append(rogue.transport.serve(KEYS.sync(scene.rid), lambda *_: b"forged"))
     assert eventually(lambda: KEYS.device("arm/command") in heard)
     wait()

@@ -1,0 +1,242 @@
+"""A peer that speaks in a replica's name: the replica refuses, takes another id, and loses nothing that it holds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from dsr import Memory, StateKeeper, rendezvous
+from dsr.crdt.context import CausalContext
+from dsr.crdt.delta import TOMBSTONE, Add, Delta, Write
+from dsr.crdt.summary import Summary
+from dsr.impersonation import NEW_ID_PAUSE
+from dsr.keys import agent_of
+from dsr.renaming import next_id
+from dsr.transport import Transport
+from dsr.wire import Digest, encode_delta, encode_digest
+from tests.dsr.conftest import Net, reply_of, tabletop
+
+MOST = 1 << 53
+HEAL = 5.0
+"""s within which replicas are equal again: two digests more than a lost message takes."""
+
+
+def stranger(net: Net) -> Transport:
+    return net.network.connect("stranger")
+
+
+def burn(net: Net, memory: Memory, last: int = MOST) -> None:
+    """Tell all others that they have seen whatever `memory` may ever write."""
+    rid = memory.replica.graph.rid
+    stranger(net).publish(memory.keys.delta(rid), encode_delta(Delta(context=[(rid, 1, last)])))
+
+
+def content(memory: Memory) -> dict[str, object]:
+    nodes = {node.name: (node.type, dict(node)) for node in memory.nodes()}
+    return {**nodes, **{str(edge.key): dict(edge) for edge in memory.edges()}}
+
+
+def check_equal(net: Net, *memories: Memory) -> None:
+    net.pump(HEAL)
+    first = memories[0].replica.graph
+    for memory in memories[1:]:
+        assert content(memory) == content(memories[0])
+        assert memory.replica.graph.store.context == first.store.context
+        assert memory.replica.graph.store.fingerprint == first.store.fingerprint
+
+
+def test_a_claim_to_have_seen_all_that_a_replica_will_write_stops_it_no_longer_than_a_poll(
+    net: Net, caplog: pytest.LogCaptureFixture
+) -> None:
+    victim, other = net.join("victim"), net.join("other")
+    net.pump(2.0)
+    tabletop(victim)
+    net.pump(2.0)
+    old = victim.replica.graph.rid
+    burn(net, victim)
+    net.pump(0.1)
+    victim.add_node("later", "cube", mass=1.0)
+    check_equal(net, victim, other)
+    assert "later" in other and "cube_3" in other
+    new = victim.replica.graph.rid
+    assert new != old and agent_of(new) == "victim" and other.peers == [new] and victim.rid == old
+    assert victim.dropped == {old: 1} and f"in the name of {old}" in caplog.text
+
+
+def test_what_was_written_before_it_was_noticed_is_written_anew(net: Net) -> None:
+    victim, other = net.join("victim"), net.join("other")
+    tabletop(victim)
+    net.pump(2.0)
+    net.network.partition(["other", "stranger"], ["victim"])
+    burn(net, victim)
+    net.pump(0.5)
+    victim.add_node("alone", "cube", mass=1.0)
+    victim.add_node("table_2", "table")
+    victim.add_edge("table_2", "alone", "on", since=1.0)
+    victim.update_node("cube_3", mass=7.0)
+    victim.update_edge("world", "cube_3", "RT", translation=(9.0, 0.0, 0.0), rotation=(0, 0, 0, 1), stamp=9.0)
+    victim.remove_node("table")
+    net.pump(0.5)
+    net.network.heal()
+    check_equal(net, victim, other)
+    assert other.node("alone")["mass"] == 1.0 and other.edge("table_2", "alone", "on")["since"] == 1.0
+    assert other.node("cube_3")["mass"] == 7.0 and other.edge("world", "cube_3", "RT").pose.t[0] == 9.0
+    assert "table" not in other and victim.replica.synchroniser.new_ids == 1
+
+
+def test_samples_that_are_not_durable_yet_are_kept_and_reach_everybody(net: Net) -> None:
+    victim, other = net.join("victim"), net.join("other")
+    tabletop(victim)
+    net.pump(2.0)
+    net.network.partition(["other"], ["victim", "stranger"])
+    burn(net, victim)
+    victim.update_edge("world", "cube_3", "RT", translation=(5.0, 0.0, 0.0), rotation=(0, 0, 0, 1), stamp=7.0)
+    net.pump(0.05)
+    net.network.heal()
+    check_equal(net, victim, other)
+    assert other.edge("world", "cube_3", "RT").pose.t[0] == 5.0
+    registers = [w for e in victim.replica.graph.store.entries.values() for w in e.registers.values()]
+    assert all(write.dot for write in registers)
+
+
+@pytest.mark.parametrize("how", ["removed", "digest", "reply", "add", "write"])
+def test_each_way_to_claim_it_is_noticed(net: Net, how: str) -> None:
+    victim, other = net.join("victim"), net.join("other")
+    tabletop(victim)
+    net.pump(2.0)
+    rid, keys, liar = victim.replica.graph.rid, victim.keys, stranger(net)
+    counter = victim.replica.graph.counter
+    beyond = (rid, counter + 1)
+    if how == "removed":
+        liar.publish(keys.delta("liar-1"), encode_delta(Delta(removed=[beyond], context=[("liar-1", 1, 1)])))
+    elif how == "add":
+        false = Delta(adds=[Add(beyond, "false", "cube")], context=[(*beyond, MOST)])
+        liar.publish(keys.delta(rid), encode_delta(false))
+    elif how == "write":
+        write = Write(next(iter(victim.node("cube_3").created)), "note", 1 << 40, rid, beyond, "false")
+        liar.publish(keys.delta(rid), encode_delta(Delta(writes=[write], context=[(*beyond, counter + 1)])))
+    elif how == "digest":
+        seen = Summary(((rid, ((1, counter + 1),)),), 0)
+        liar.publish(keys.digest("liar-1"), encode_digest(Digest("liar-1", net.clock.now(), seen, 0, ())))
+    else:
+        reply = reply_of(Delta(context=[(rid, 1, MOST)]))
+        liar.serve(keys.sync("liar-1"), lambda key, payload: reply)
+        digest = Digest("liar-1", net.clock.now(), CausalContext([("ghost-1", 1, 1)]).summary(), 0, ())
+        liar.publish(keys.digest("liar-1"), encode_digest(digest))
+    net.pump(1.0)
+    assert victim.replica.graph.rid != rid
+    for number in range(3):
+        victim.add_node(f"later_{number}", "cube")
+    net.pump(HEAL)
+    assert all(f"later_{number}" in memory for number in range(3) for memory in (victim, other))
+
+
+def test_messages_in_its_name_that_claim_nothing_new_are_refused_and_change_no_id(net: Net) -> None:
+    victim, other = net.join("victim"), net.join("other")
+    tabletop(victim)
+    net.pump(2.0)
+    rid = victim.replica.graph.rid
+    false = Delta(adds=[Add((rid, 1), "false", "cube")], context=[(rid, 1, 1)])
+    stranger(net).publish(victim.keys.delta(rid), encode_delta(false))
+    check_equal(net, victim, other)
+    assert "false" not in victim and victim.dropped == {rid: 1} and victim.replica.graph.rid == rid
+
+
+def test_whoever_goes_on_in_its_name_makes_it_take_few_ids(net: Net) -> None:
+    victim, other = net.join("victim"), net.join("other")
+    net.pump(2.0)
+    for number in range(60):
+        burn(net, victim)
+        victim.add_node(f"node_{number}", "cube")
+        net.pump(0.5)
+    assert 2 <= victim.replica.synchroniser.new_ids <= 1 + 30.0 / NEW_ID_PAUSE
+    net.pump(NEW_ID_PAUSE)
+    check_equal(net, victim, other)
+    assert len(other.nodes("cube")) == 60
+
+
+@pytest.mark.parametrize("follow", [True, False])
+def test_replicas_of_worlds_take_another_id_too(net: Net, follow: bool) -> None:
+    victim, other = net.join("victim"), net.join("other")
+    tabletop(victim)
+    net.pump(2.0)
+    mine = victim.fork("dream", follow=follow)
+    net.pump(2.0)
+    theirs = other.world("dream")
+    net.pump(2.0)
+    burn(net, mine)
+    mine.add_node("at_once", "cube")
+    mine.update_node("cube_3", mass=3.0)
+    net.pump(0.5)
+    mine.add_node("later", "cube")
+    net.pump(HEAL)
+    assert "at_once" in theirs and "later" in theirs and theirs.node("cube_3")["mass"] == 3.0
+    assert content(mine) == content(theirs) and victim.replica.synchroniser.new_ids == 0
+    assert mine.replica.synchroniser.new_ids == 1
+
+
+def test_an_id_that_was_claimed_before_it_was_taken_is_not_taken(net: Net) -> None:
+    victim, other = net.join("victim"), net.join("other")
+    net.pump(2.0)
+    liar = stranger(net)
+    for number in range(1, 4):
+        rid = f"{victim.rid}w{number}"
+        liar.publish(victim.keys.delta(rid), encode_delta(Delta(context=[(rid, 1, MOST)])))
+    net.pump(2.0)
+    fork = victim.fork("dream")
+    fork.add_node("x", "cube")
+    net.pump(2.0)
+    theirs = other.world("dream")
+    net.pump(2.0)
+    assert "x" in fork and "x" in theirs
+
+
+def test_a_kept_state_is_whole_after_another_id_was_taken(net: Net, tmp_path: Path) -> None:
+    victim, other = net.join("victim"), net.join("other")
+    net.pump(2.0)
+    keeper = StateKeeper(victim, tmp_path / "state", threaded=False)
+    tabletop(victim)
+    net.pump(2.0)
+    burn(net, victim)
+    victim.update_edge("world", "cube_3", "RT", translation=(5.0, 0.0, 0.0), rotation=(0, 0, 0, 1), stamp=7.0)
+    victim.add_node("at_once", "cube")
+    net.pump(0.5)
+    victim.add_node("later", "cube")
+    keeper.flush()
+    keeper.abandon()  # a crash: the journal is what is left
+    again = Net().join("again")
+    StateKeeper(again, tmp_path / "state", threaded=False)
+    assert content(again) == content(victim) and "later" in again
+    check_equal(net, victim, other)
+
+
+def test_values_taken_away_before_it_was_noticed_stay_away(net: Net) -> None:
+    victim, other = net.join("victim"), net.join("other")
+    tabletop(victim)
+    net.pump(2.0)
+    net.network.partition(["other", "stranger"], ["victim"])
+    burn(net, victim)
+    victim.remove_attribute("cube_3", "mass")
+    net.pump(0.2)
+    net.network.heal()
+    check_equal(net, victim, other)
+    writes = [e.registers["mass"] for e in other.node("cube_3")._entries]
+    assert {write.value for write in writes} == {TOMBSTONE} and "mass" not in other.node("cube_3")
+
+
+def test_a_later_id_of_a_replica_is_the_greater_one_and_of_the_same_agent() -> None:
+    first = "arm-1-5f0c12aa"
+    ids = [first]
+    for _ in range(5):
+        ids.append(next_id(ids[-1]))
+    assert ids == sorted(set(ids)) and {agent_of(rid) for rid in ids} == {"arm-1"}
+    assert len({len(rid) for rid in ids[1:]}) == 1 and all(rid.startswith(first) for rid in ids)
+
+
+def test_a_process_is_found_under_its_new_id() -> None:
+    registration = rendezvous.Registration("g", "a-1", "tcp/127.0.0.1:1", has_memory=True)
+    registration.rename("a-1r000001")
+    assert [member.rid for member in rendezvous.members("g")] == ["a-1r000001"]
+    registration.close()
+    assert rendezvous.members("g") == []

@@ -1,0 +1,101 @@
+"""False liveliness tokens: they hide nobody, hold nothing up, and are bounded."""
+
+from __future__ import annotations
+
+import pytest
+
+from dsr.crdt.context import CausalContext
+from dsr.peers import DEPARTURE, MAX_OF_AGENT, MAX_PEERS, SILENCE, Peers
+from dsr.wire import Digest
+from dsr.worlds.presence import WorldPresence
+from tests.dsr.conftest import Net
+
+
+def test_a_withdrawn_token_of_somebody_who_goes_on_counts_for_nothing(net: Net) -> None:
+    a, b = net.join("a"), net.join("b")
+    net.pump(2.0)
+    stranger = net.network.connect("stranger")
+    missing = 0
+    for _ in range(20):
+        token = stranger.announce(a.keys.presence("b", b.rid))
+        net.pump(0.05)
+        token.close()
+        for _ in range(10):
+            net.pump(0.05)
+            missing += b.rid not in a.peers
+    assert missing == 0
+
+
+def test_who_leaves_or_dies_is_gone_at_once(net: Net) -> None:
+    a, b, c = net.join("a"), net.join("b"), net.join("c")
+    net.pump(2.0)
+    net.memories.remove(b)
+    b.transport.close()
+    net.pump(0.2)
+    assert a.peers == [c.rid]
+    net.memories.remove(c)
+    c.close()
+    net.pump(0.2)
+    assert a.peers == []
+
+
+def test_a_token_without_digests_holds_nothing_up_and_is_forgotten(net: Net) -> None:
+    a, b = net.join("a"), net.join("b")
+    net.pump(2.0)
+    stranger = net.network.connect("stranger")
+    stranger.announce(a.keys.presence("ghost", "ghost-1"))
+    net.pump(1.0)
+    a.add_node("x", "cube")
+    net.pump(1.5)
+    sync = a.replica.synchroniser
+    assert "ghost-1" in a.peers and sync.delivered and sync.heard == [b.rid]
+    net.pump(SILENCE)
+    assert a.peers == [b.rid]
+
+
+def test_a_first_replica_begins_although_there_are_tokens(net: Net) -> None:
+    stranger = net.network.connect("stranger")
+    stranger.announce("dsr/v1/g/live/ghost/ghost-1")
+    memory = net.join("a")
+    net.pump(1.0)
+    memory.wait_joined(0.0)
+    assert memory.joined
+
+
+def test_tokens_are_bounded_for_each_agent_and_in_all(net: Net, caplog: pytest.LogCaptureFixture) -> None:
+    a, b = net.join("a"), net.join("b")
+    net.pump(2.0)
+    stranger = net.network.connect("stranger")
+    presence = WorldPresence(a)
+    for number in range(3000):
+        stranger.announce(a.keys.presence("ghost", f"ghost-{number}"))
+    net.pump(0.1)
+    assert len(a.peers) == MAX_OF_AGENT + 1
+    for number in range(3000):
+        stranger.announce(a.keys.presence(f"ghost{number}", f"ghost{number}-1"))
+    net.pump(0.1)
+    assert len(a.peers) == MAX_PEERS and b.rid in a.peers
+    assert sum(map(len, presence._tokens.values())) <= MAX_PEERS
+    assert sum("more replicas announce themselves" in record.getMessage() for record in caplog.records) == 2
+    late = net.join("late")
+    net.pump(1.0)
+    assert late.rid in a.peers, "who speaks takes the place of a token"
+
+
+def test_who_speaks_takes_the_place_of_a_token_of_its_own_agent_if_those_are_too_many(net: Net) -> None:
+    a = net.join("a")
+    stranger = net.network.connect("stranger")
+    for number in range(2 * MAX_OF_AGENT):
+        stranger.announce(a.keys.presence("late", f"late-{number}"))
+    net.pump(0.1)
+    late = net.join("late")
+    net.pump(1.0)
+    assert late.rid in a.peers and len(a.peers) == MAX_OF_AGENT
+
+
+def test_one_that_neither_answers_nor_speaks_is_gone_in_the_end() -> None:
+    peers = Peers()
+    peers.heard("b-1", Digest("b-1", 0.0, CausalContext().summary(), 0, ()), 1.0)
+    peers.withdrawn("b-1", 1.5)
+    assert not list(peers.forget_gone(1.5 + DEPARTURE)) and list(peers.forget_gone(1.6 + DEPARTURE)) == ["b-1"]
+    assert not peers and not peers._of_agent
