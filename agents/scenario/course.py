@@ -7,6 +7,7 @@ from collections.abc import Callable
 from itertools import pairwise
 from typing import Any
 
+from agents.scenario.events import Kill
 from agents.scenario.expectations import (
     BeliefRecovered,
     Gone,
@@ -41,6 +42,14 @@ def missing_events(history: History) -> list[str]:
         for number, event in numbered
         if (why := why_missing(history, number))
     ]
+
+
+def ready_again(history: History, number: int) -> float:
+    """How many s after a kill, the event of that number, its agent was ready again; infinite if it never was."""
+    event, kill = history.scenario.events[number - 1], history.kills[number]
+    assert isinstance(event, Kill)
+    starts = [time - kill for time, agent in history.agent_starts if agent == event.agent and time > kill]
+    return min(starts, default=math.inf)
 
 
 def why_missing(history: History, number: int) -> str:

@@ -11,7 +11,7 @@ import math
 
 from agents.scenario.accuracy import accuracy, unseen_curves
 from agents.scenario.cameras import camera_metrics
-from agents.scenario.course import missing_events, rises
+from agents.scenario.course import missing_events, ready_again, rises
 from agents.scenario.history import History, Sample, Source
 from agents.scenario.measures import OverlapMeter, belief_gap, drift, height_error, mean_error
 from agents.scenario.perturbations import perturbations, recovery, recovery_in_view, unjudged, wrong_explanations
@@ -61,6 +61,9 @@ def _course_metrics(history: History) -> dict[str, float]:
     if times and max(times) < math.inf:
         found["recovery_time_max_s"] = max(times)
         found["recovery_in_view_max_s"] = max(recovery_in_view(history, one, RECOVERED) for one in over)
+    restarts = [ready_again(history, number) for number in history.kills]
+    if restarts and max(restarts) < math.inf:
+        found["restart_max_s"] = max(restarts)
     everything = {spec.name for spec in scenario.objects}
     found["surprises_raised"] = len(rises(history, 0.0, history.end, everything))
     found["explanations"] = len(history.explanations)

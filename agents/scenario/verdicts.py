@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from agents.scenario.cameras import CAMERAS
-from agents.scenario.course import COURSE, why_missing
+from agents.scenario.course import COURSE, ready_again, why_missing
 from agents.scenario.doings import DOINGS
 from agents.scenario.events import Kill
 from agents.scenario.expectations import (
@@ -189,10 +189,7 @@ def _recovered(check: Recovered, history: History, sample: Sample) -> Finding:
     kills = [number for number, event in numbered if isinstance(event, Kill) and event.agent == check.agent]
     if missing := [number for number in kills if number not in history.kills]:
         return False, f"event {missing[0]} (kill) has not begun"
-    killed = [history.kills[number] for number in kills]
-    starts = [time for time, agent in history.agent_starts if agent == check.agent]
-    after = [min((start - kill for start in starts if start > kill), default=math.inf) for kill in killed]
-    worst = max(after, default=math.inf)
+    worst = max((ready_again(history, number) for number in kills), default=math.inf)
     return worst <= check.within, f"ready after {worst:.1f} s" if worst < math.inf else "not ready again"
 
 

@@ -218,6 +218,7 @@ def test_a_killed_agent_must_come_back_in_time():
     history.agent_starts = [(0.1, "plant"), (4.0, "recorder"), (5.1, "plant")]
     assert judge_check(check, history).actual == "ready after 2.1 s"
     assert not judge_check(check, history).passed
+    assert measure(history)[0]["restart_max_s"] == pytest.approx(2.1)
     history.agent_starts.append((4.9, "plant"))
     assert judge_check(check, history).passed
 
