@@ -35,6 +35,7 @@ _DRAWN_BACK = 0.12  # m that an opening hand may draw back before its fingertips
 _DRIFT = 0.1  # share by which a palm that does not move as its fingertips do is taken to have moved by itself
 _ALONG = 0.15  # m from there, as a palm of poor rotation may be: what is in the air is in that hand, or falls
 _JUMPED = 0.05  # m that a palm seems to have gone from what it holds
+_PASSING = 0.04  # m that a palm must move along what it touches to pass by: more than a hand does while it closes
 _WALL = 0.012  # m into the wall of a container that what its hand moves may seem to be
 _THERE = 0.02  # m from where a hand left it, within which an object is there
 _BLEND = 0.2  # weight of the newest in how a hand holds an object
@@ -63,11 +64,11 @@ class Touching:
 
     @property
     def holds(self) -> Mapping[Relation, HandGrasp]:
-        """What is held, by (hand, object): pinched, covered, or touched and carried by nothing but that hand."""
+        """What may be held, by (hand, object): all that is touched but by hands that pass by."""
         return {
             (hand, thing): grasp
             for (hand, thing), grasp in self.grasps.items()
-            if grasp.grip == PINCH or grasp.covered or self._bodies.objects[thing].hand == hand
+            if not grasp.slipped or self._bodies.objects[thing].hand == hand
         }
 
     def ways(self) -> dict[str, Path]:
@@ -280,6 +281,7 @@ class Touching:
         there = self._hand_from_object(hand, item, now)
         grasp = self._grasps.setdefault(relation, HandGrasp(since, TOUCH, there))
         grasp.covered = False
+        grasp.slipped = not is_pinched and (grasp.slipped or math.dist(there.t, grasp.met) > _PASSING)
         is_seen = now - item.track.last_stamp <= UNSEEN
         grasp.opened = not (is_seen or is_pinched) and (grasp.opened or grasp.grip == PINCH)
         if is_pinched:

@@ -221,7 +221,7 @@ def test_what_a_carried_box_takes_along_is_not_held_by_the_hand_that_touches_bot
     world.hand("box")
     world.tips_from_object["hand_finger_2"] = (0.0, 0.5 * SMALL[1] + 0.008, -0.03)
     world.run(0.8)
-    assert HELD in world.belief._touching.grasps
+    assert HELD in world.belief.grasps()
     for step in range(1, 26):
         world.truths |= {"cup": standing(0.3, 0.0, SMALL, on=WALL + 0.01 * step)}
         world.move("box", standing(0.3, 0.0, BOX, on=0.01 * step), speed=0.1)
