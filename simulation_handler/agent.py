@@ -25,7 +25,7 @@ class SimulationHandler(Agent):
     """Reads percepts (RT edges from cameras), lets physics correct them, and writes what it then believes.
 
     Writes Virtual_RT edges from the world to each object, with covariance, relations `on` from contact and `in`, what
-    human hands touch (`grasping`),
+    human hands hold (`grasping`),
     `plausible`: whether what is perceived of an object is possible by what else is known, and edges `sees`: how much
     of an object each camera should see, and whether it will recognise it. Answers what-if questions (dsr/what_if.py)
     about the belief of its last tick. After a restart it goes on from what the graph says was believed and explained.

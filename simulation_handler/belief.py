@@ -198,8 +198,8 @@ class Belief:
         self._touching.recall(relation, grasp, now)
 
     def grasps(self) -> Mapping[Relation, HandGrasp]:
-        """What human hands touch, by (hand, object)."""
-        return self._touching.grasps
+        """What human hands hold, by (hand, object)."""
+        return self._touching.holds
 
     def explanations(self) -> list[tuple[float, Explanation]]:
         """What was explained since the last call, and when (s)."""

@@ -16,6 +16,7 @@ from dsr.quaternions import Vector3
 from dsr.transforms import Pose
 from simulation_handler.bodies import Bodies
 from simulation_handler.explaining.situation import Look
+from simulation_handler.geometry import Solid
 from simulation_handler.hands import UNSEEN, Hand
 from simulation_handler.objects import BelievedObject
 from simulation_handler.paths import Path, between
@@ -166,7 +167,7 @@ class Covering:
             item
             for item in self._bodies.objects.values()
             if item.name in self._bodies.sim and item.name not in taken and not item.holder and item.hand in ("", name)
-            if self._is_within_reach(hand, item.name)
+            if is_within_reach(hand.path.last, self._bodies.solid(item.name))
         ]
         if not near:
             return ""
@@ -178,14 +179,14 @@ class Covering:
                 hidden.append((self._distance(hand, item.name), item.name))
         return min(hidden)[1] if hidden else ""
 
-    def _is_within_reach(self, hand: Hand, thing: str) -> bool:
-        solid = self._bodies.solid(thing)
-        palm = hand.path.last
-        return any(outwards(solid, (palm @ _point(grip)).t)[0] <= _REACH for grip in _GRIPS)
-
     def _distance(self, hand: Hand, thing: str) -> float:
         place = (hand.path.last.inverse() @ self._bodies.pose(thing)).t
         return min(math.dist(place, grip) for grip in _GRIPS)
+
+
+def is_within_reach(palm: Pose, solid: Solid) -> bool:
+    """Whether a hand, whose palm is there in the world, may have a body in it."""
+    return any(outwards(solid, (palm @ _point(grip)).t)[0] <= _REACH for grip in _GRIPS)
 
 
 def _mean(path: Path) -> Pose:

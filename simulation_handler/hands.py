@@ -57,6 +57,8 @@ class HandGrasp:
     grip: str
     """`TOUCH` or `PINCH`."""
     hand_from_object: Pose
+    slipped: bool = False
+    """The hand has moved along the object that it touches: it passes by, and does not hold the object."""
     presumed: bool = False
     """It is held, very likely: the hand hides it, and so where the finger is that would oppose."""
     opened: bool = False
@@ -73,6 +75,10 @@ class HandGrasp:
     """s, when it was last seen in the air with its hand, or nothing spoke against that."""
     sure: Pose | None = None
     """World_from_object while it is unseen, when fingertips that touch it, or a palm at rest, told that last."""
+
+    def __post_init__(self) -> None:
+        self.met = self.hand_from_object.t
+        """m, where the object was in the frame of the palm when the hand came to touch it."""
 
     def at_fingertips(self, fingertips: Mapping[str, Vector3], rotation: Quaternion) -> Vector3 | None:
         """Where (m) fingertips, which touched the object while that could be seen, have it if it is turned like that.

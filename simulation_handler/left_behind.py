@@ -63,10 +63,20 @@ class LeftBehind:
             unseen.absent_since, unseen.place = now, unseen.place or sure
         return now - unseen.absent_since >= (_ABSENT_IN_PART if may_hide else _ABSENT)
 
-    def place(self, relation: Relation) -> Pose | None:
-        """Where an object was left that should be seen, and is not; None if there is none."""
+    def place(self, relation: Relation, look: Look | None) -> Pose | None:
+        """Where an object was left that should be seen where it is believed to be, and is not; None if there is none.
+
+        A hand that was out of sight with an object may return and be seen to be open: it may have let go at any time.
+        The object is not where it would be in plain sight.
+        """
         unseen = self._unseen.get(relation)
-        return None if unseen is None or unseen.absent_since is None else unseen.place
+        if unseen is None or unseen.place is None:
+            return None
+        if unseen.absent_since is None:
+            item = self._bodies.objects[relation[1]]
+            if look is None or not unseen.was_hidden or self._share(item, item.path.last, look) < _HALF:
+                return None
+        return unseen.place
 
     def _share(self, item: BelievedObject, there: Pose, look: Look) -> float:
         """Of its image, that a camera should see of an object that is there; of the camera that sees most."""

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 
 from dsr.transforms import Pose
 from simulation_handler.bodies import Bodies
+from simulation_handler.carrying import Carrying
 from simulation_handler.contacts import TOUCH_DELAY, Contacts, drops
 from simulation_handler.containment import Containment, with_contents
 from simulation_handler.covering import RESOLVED, Covering
@@ -34,6 +35,7 @@ _DRAWN_BACK = 0.12  # m that an opening hand may draw back before its fingertips
 _DRIFT = 0.1  # share by which a palm that does not move as its fingertips do is taken to have moved by itself
 _ALONG = 0.15  # m from there, as a palm of poor rotation may be: what is in the air is in that hand, or falls
 _JUMPED = 0.05  # m that a palm seems to have gone from what it holds
+_PASSING = 0.04  # m that a palm must move along what it touches to pass by: more than a hand does while it closes
 _WALL = 0.012  # m into the wall of a container that what its hand moves may seem to be
 _THERE = 0.02  # m from where a hand left it, within which an object is there
 _BLEND = 0.2  # weight of the newest in how a hand holds an object
@@ -51,6 +53,7 @@ class Touching:
         self._grasps: dict[Relation, HandGrasp] = {}
         self._contacts = Contacts(bodies, self._hands, self._grasps)
         self._covering = Covering(bodies)
+        self._carrying = Carrying(bodies)
         self._left_behind = LeftBehind(bodies)
         self._recalled: dict[Relation, float] = {}  # s up to which a recalled grasp may wait for its touch
 
@@ -58,6 +61,15 @@ class Touching:
     def grasps(self) -> Mapping[Relation, HandGrasp]:
         """What is touched, and not let go of just now, by (hand, object)."""
         return {relation: grasp for relation, grasp in self._grasps.items() if not grasp.opened}
+
+    @property
+    def holds(self) -> Mapping[Relation, HandGrasp]:
+        """What may be held, by (hand, object): all that is touched but by hands that pass by."""
+        return {
+            (hand, thing): grasp
+            for (hand, thing), grasp in self.grasps.items()
+            if not grasp.slipped or self._bodies.objects[thing].hand == hand
+        }
 
     def ways(self) -> dict[str, Path]:
         """The ways that the fingertips in sight took, by name."""
@@ -118,6 +130,7 @@ class Touching:
         self._contacts.update(now)
         self._update_grasps(now)
         self._update_covered(now)
+        self._update_carried(now)
         holders = self._holders(now)
         for item in self._bodies.objects.values():
             before, item.hand = item.hand, holders.get(item.name, "")
@@ -170,7 +183,7 @@ class Touching:
 
     def _leave_behind(self, item: BelievedObject, hand: str, now: float) -> None:
         """If that hand has come back without an object, that falls, with what is in it, from where it must be."""
-        there, bodies = self._left_behind.place((hand, item.name)), self._bodies
+        there, bodies = self._left_behind.place((hand, item.name), self.look), self._bodies
         if there is None or now - item.track.last_stamp <= UNSEEN:
             return
         if math.dist(there.t, bodies.sim.position(item.name)) < _THERE:
@@ -255,6 +268,12 @@ class Touching:
             grasp.hand_from_object, grasp.presumed = cover.hand_from_object, cover.taken
             grasp.covered, grasp.opened = True, False
 
+    def _update_carried(self, now: float) -> None:
+        """Begin grasps of what hovers and moves with a hand whose fingertips are not all seen."""
+        held = {thing for _, thing in self._grasps} | {thing for thing, _ in self._containment.current()}
+        for relation, (since, hand_from_object) in self._carrying.update(self._hands, held, now).items():
+            self._grasps[relation] = HandGrasp(since, TOUCH, hand_from_object, aloft=now)
+
     def _go_on(self, relation: Relation, since: float, is_pinched: bool, now: float) -> None:
         """A hand in sight touches an object: begin that grasp, or bring it up to date."""
         name, thing = relation
@@ -262,6 +281,7 @@ class Touching:
         there = self._hand_from_object(hand, item, now)
         grasp = self._grasps.setdefault(relation, HandGrasp(since, TOUCH, there))
         grasp.covered = False
+        grasp.slipped = not is_pinched and (grasp.slipped or math.dist(there.t, grasp.met) > _PASSING)
         is_seen = now - item.track.last_stamp <= UNSEEN
         grasp.opened = not (is_seen or is_pinched) and (grasp.opened or grasp.grip == PINCH)
         if is_pinched:

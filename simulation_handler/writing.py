@@ -77,7 +77,7 @@ class Writing:
             self._memory.update_node(name, present=not gone)
 
     def _write_grasps(self) -> None:
-        """Let the edges `grasping` of human hands be what the belief says that they touch."""
+        """Let the edges `grasping` of human hands be what the belief says that they hold."""
         grasps = self._belief.grasps()
         for edge in self._memory.edges("grasping"):
             if edge.get("source") in (CONTACT, EXPLANATION) and (edge.src, edge.dst) not in grasps:

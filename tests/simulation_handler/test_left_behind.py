@@ -69,6 +69,16 @@ def test_what_a_hand_leaves_out_of_sight_is_not_in_it_when_it_comes_back(seed: i
     assert ("cup", "table") in world.belief.supports()
 
 
+def test_what_an_open_hand_comes_back_without_stays_where_both_were_hidden() -> None:
+    world = carried_behind_a_wall()
+    world.look = behind(-0.15)
+    world.tips_from_object = {name: (x, 2.5 * y, z) for name, (x, y, z) in world.tips_from_object.items()}
+    come_back(world, (-0.15, 0.0, 0.1, 0.1, 0.1, 0.1))
+    world.run(0.5)
+    assert world.belief.grasps() == {}
+    assert world.pose("cup").t[:2] == pytest.approx((0.3, -0.3), abs=0.02)
+
+
 def test_what_is_in_it_stays_in_it() -> None:
     world = carried_behind_a_wall(with_cube=True)
     come_back(world)
@@ -211,7 +221,7 @@ def test_what_a_carried_box_takes_along_is_not_held_by_the_hand_that_touches_bot
     world.hand("box")
     world.tips_from_object["hand_finger_2"] = (0.0, 0.5 * SMALL[1] + 0.008, -0.03)
     world.run(0.8)
-    assert ("hand", "cup") in world.belief.grasps()
+    assert HELD in world.belief.grasps()
     for step in range(1, 26):
         world.truths |= {"cup": standing(0.3, 0.0, SMALL, on=WALL + 0.01 * step)}
         world.move("box", standing(0.3, 0.0, BOX, on=0.01 * step), speed=0.1)

@@ -497,3 +497,14 @@ def test_how_far_a_point_is_from_a_body(
 ) -> None:
     assert outwards(solid, point)[0] == pytest.approx(distance)
     assert outwards(solid, point)[1] == pytest.approx(way)
+
+
+def test_a_hand_that_passes_along_what_it_touches_does_not_grasp_it() -> None:
+    world = cup_in_a_hand(0, "touch")
+    assert world.belief.grasps().keys() == {HELD}
+    for _ in range(8):
+        world.palm = Pose((0.008, 0.0, 0.0)) @ world.palm
+        world.tips_from_object = {name: (x - 0.008, y, z) for name, (x, y, z) in world.tips_from_object.items()}
+        world.hand_from_object = Pose((-0.008, 0.0, 0.0)) @ world.hand_from_object
+        world.run(0.1)
+    assert world.belief.grasps() == {}

@@ -1,0 +1,66 @@
+"""What hovers and moves along with a palm is in that hand, even if the fingertips that hold it are hidden."""
+
+from __future__ import annotations
+
+import pytest
+
+from simulation_handler.hands import TOUCH
+from tests.simulation_handler.occluded import SMALL, Occlusion, standing
+
+HELD = ("hand", "cup")
+ALOOF = {f"hand_finger_{k}": (0.03 * k, 0.12, 0.05) for k in (2, 3, 4)}
+"""Fingertips, in the frame of the cup, that do not touch it."""
+
+
+def hand_beside(seed: int) -> Occlusion:
+    """A hand at a cup on the table; of its fingertips only three are seen, which do not touch the cup."""
+    world = Occlusion({"cup": standing(0.3, 0.0, SMALL)}, seed)
+    world.run(2.0)
+    world.hand("cup")
+    world.tips_from_object = dict(ALOOF)
+    world.run(0.8)
+    assert world.belief.grasps() == {}
+    return world
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_a_palm_lifts_is_held(seed: int) -> None:
+    world = hand_beside(seed)
+    world.move("cup", standing(0.3, 0.0, SMALL, on=0.15))
+    world.run(0.4)
+    assert {relation: grasp.grip for relation, grasp in world.belief.grasps().items()} == {HELD: TOUCH}
+    world.move("cup", standing(0.3, 0.2, SMALL, on=0.15))
+    world.run(3.0)
+    assert world.belief.grasps().keys() == {HELD}
+    world.move("cup", standing(0.3, 0.2, SMALL))
+    world.run(1.0)
+    assert world.belief.grasps() == {}
+    assert ("cup", "table") in world.belief.supports()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_somebody_else_lifts_past_a_hand_at_rest_is_not_held_by_it(seed: int) -> None:
+    world = hand_beside(seed)
+    palm = world.palm
+    assert palm is not None
+    for step in range(1, 21):
+        world.truths["cup"] = standing(0.3, 0.0, SMALL, on=0.01 * step)
+        world.palm = palm
+        world.run(0.1)
+        assert world.belief.grasps() == {}
+
+
+def test_a_hand_that_shows_all_fingertips_holds_what_those_touch_and_nothing_else() -> None:
+    world = hand_beside(0)
+    world.tips_from_object |= {"hand_finger_0": (0.1, 0.12, 0.05), "hand_finger_1": (-0.03, 0.12, 0.05)}
+    world.move("cup", standing(0.3, 0.0, SMALL, on=0.15))
+    world.run(0.4)
+    assert world.belief.grasps() == {}
+
+
+def test_what_slides_with_a_hand_on_the_table_is_carried_by_the_table() -> None:
+    world = hand_beside(1)
+    world.move("cup", standing(0.3, 0.15, SMALL))
+    world.run(0.4)
+    assert world.belief.grasps() == {}
+    assert world.pose("cup").distance(standing(0.3, 0.15, SMALL))[0] < 0.02
