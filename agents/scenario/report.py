@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from textwrap import shorten
 from types import TracebackType
+from typing import Self
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
@@ -52,7 +53,7 @@ class ProgressBar:
         self._console = console
         self._next_line = -math.inf
 
-    def __enter__(self) -> ProgressBar:
+    def __enter__(self) -> Self:
         self._progress.start()
         return self
 
