@@ -16,7 +16,7 @@ from dsr import Pose
 from dsr.blobs import Frame, encode_frame
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Delta
-from dsr.crdt.pieces import START, Piece, piece_of
+from dsr.crdt.pieces import START, Piece, piece_of, reply_to
 from dsr.geometry import Mesh
 from dsr.geometry.messages import Ask, Offer, encode_ask, encode_offer
 from dsr.geometry.shared import Place
@@ -67,7 +67,7 @@ def replies() -> list[bytes]:
     """Synchronisation replies: of everything, and of a part."""
     graph, made = a_graph()
     seen = CausalContext(made[0].context)
-    return [encode_delta(graph.store.missing_for(context)) for context in (CausalContext(), seen, graph.store.context)]
+    return [encode_delta(reply_to(graph.store, context)) for context in (CausalContext(), seen, graph.store.context)]
 
 
 def pieces() -> list[bytes]:

@@ -12,6 +12,7 @@ from benchmarks.fuzz.mutations import Dice, Mutator, dump_frame, load_frame
 from benchmarks.fuzz.tally import Tally, measured
 from dsr import LocalNetwork, ManualClock, Memory
 from dsr.crdt.context import CausalContext
+from dsr.crdt.pieces import reply_to
 from dsr.errors import WireError
 from dsr.keys import is_key
 from dsr.peers import MAX_PEERS
@@ -76,7 +77,7 @@ class Victim:
         """Everything that the memory holds, and has seen."""
         store = self.memory._graph.store
         beside = repr((store.fingerprint, len(store._waiting)))
-        return encode_delta(store.missing_for(CausalContext())) + beside.encode()
+        return encode_delta(reply_to(store, CausalContext())) + beside.encode()
 
 
 def fuzz_keys(messages: int, seed: int) -> Iterator[Tally]:

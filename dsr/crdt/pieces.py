@@ -14,15 +14,12 @@ what the answerer had seen before the first piece (`whole`); what it learns whil
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING
 
 import msgspec
 
 from dsr.crdt.context import CausalContext, Dot, DotRange, to_ranges
 from dsr.crdt.delta import Add, Delta, Write
-
-if TYPE_CHECKING:
-    from dsr.crdt.store import Entry, Store
+from dsr.crdt.store import Entry, Store
 
 Place = tuple[str, int, str]
 """Where a piece begins: (replica id, counter) of a creation dot, and an attribute if one element fills several."""
@@ -147,3 +144,8 @@ def together(pieces: Iterable[Piece]) -> Delta:
         reply.examined = [*(reply.examined or ()), *piece.examined]
     reply.context, reply.live = list(carried.ranges()), frozenset(live)
     return reply
+
+
+def reply_to(store: Store, seen: CausalContext) -> Delta:
+    """What a replica that has seen `seen` lacks, plus all live dots: a synchronisation reply in one."""
+    return together(all_pieces(store, seen))

@@ -19,7 +19,6 @@ from msgspec.structs import replace
 from dsr.crdt.context import CausalContext, Dot, to_ranges
 from dsr.crdt.delta import Add, Delta, Key, Write
 from dsr.crdt.dots import OrderedDots
-from dsr.crdt.pieces import all_pieces, together
 
 MAX_WAITING = 10_000
 """Writes for unknown entries that are kept; one with a long value counts for several (see `_weight`)."""
@@ -295,10 +294,6 @@ class Store:
                 if write.dot is None:
                     self.unsettled.setdefault((dot, write.attribute), 0)
         self._waiting_count = sum(_weight(write) for writes in self._waiting.values() for write in writes)
-
-    def missing_for(self, seen: CausalContext) -> Delta:
-        """What a replica that has seen `seen` lacks, plus all live dots: a synchronisation reply."""
-        return together(all_pieces(self, seen))
 
     def take_unsettled(self, due: Callable[[Write, int], bool], new_dot: Callable[[], Dot]) -> Delta:
         """Give a dot to each stream register for which `due(write, times passed over)` holds."""

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from dsr.crdt import store as store_module
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Add, Delta, Write
+from dsr.crdt.pieces import reply_to
 from dsr.crdt.store import Store
 from dsr.graph import Graph
 
@@ -34,12 +35,12 @@ def random_history(seed: int, length: int = 25) -> tuple[list[Graph], list[Delta
         elif action == 4 and "a" in graph.nodes and "b" in graph.nodes:
             deltas.append(graph.add_edge("a", "b", "on", {"since": now}, now))
         elif action == 5:
-            graph.join(generator.choice(graphs).store.missing_for(graph.store.context), now)
+            graph.join(reply_to(generator.choice(graphs).store, graph.store.context), now)
     return graphs, [delta for delta in deltas if delta]
 
 
 def full(store: Store) -> Delta:
-    return store.missing_for(CausalContext())
+    return reply_to(store, CausalContext())
 
 
 def state(store: Store) -> dict[str, Any]:
@@ -113,7 +114,7 @@ def test_answer_to_a_version_vector_equals_a_full_join(seed: int) -> None:
     mine, theirs = graphs[0].store, graphs[1].store
     whole = copy.deepcopy(mine)
     whole.join(full(theirs))
-    mine.join(theirs.missing_for(mine.context))
+    mine.join(reply_to(theirs, mine.context))
     assert state(mine) == state(whole)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dsr.crdt.context import CausalContext
+from dsr.crdt.pieces import reply_to
 from dsr.graph import Graph
 from dsr.persistence.pending import Pending
 
@@ -12,9 +13,9 @@ def test_a_reply_does_not_make_void_what_was_joined_before_it() -> None:
     graph.store.recorder = pending.add
     other.join(graph.add_node("first", "cube", {"mass": 1.0}, 1.0), 1.0)
     other.add_node("second", "cube", {}, 2.0)
-    graph.join(other.store.missing_for(graph.store.context), 2.0)
+    graph.join(reply_to(other.store, graph.store.context), 2.0)
     graph.add_node("third", "cube", {}, 3.0)
-    graph.join(other.store.missing_for(CausalContext()), 3.0)
+    graph.join(reply_to(other.store, CausalContext()), 3.0)
     again = Graph("a-2")
     for delta in pending.take():
         again.join(delta, 3.0)

@@ -13,6 +13,7 @@ from typing import Any
 from dsr.crdt.context import CausalContext, Dot
 from dsr.crdt.delta import TOMBSTONE, Delta, EdgeKey, Key, Write
 from dsr.crdt.hlc import MAX_LEAD, stamp_at
+from dsr.crdt.pieces import reply_to
 from dsr.elements import Edge, Node
 from dsr.errors import NoRoomError
 from dsr.far_stamps import FAR
@@ -248,7 +249,7 @@ class Soup:
     def reply(self, asker: int, asked: int) -> None:
         """One replica asks another; the reply is under way from now on."""
         site, other = self._site(asker)[0], self._site(asked)[0]
-        reply = other.graph.store.missing_for(site.graph.store.context)
+        reply = reply_to(other.graph.store, site.graph.store.context)
         self.messages.append(Message(encode_delta(reply), other.known.passed_on(), site.graph.rid))
 
     def snapshot(self, index: int) -> None:
@@ -443,7 +444,7 @@ def shown(graph: Graph) -> Shown:
 
 def full(graph: Graph) -> Delta:
     """All that a replica holds."""
-    return graph.store.missing_for(CausalContext())
+    return reply_to(graph.store, CausalContext())
 
 
 def state(graph: Graph) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from dsr.crdt import pieces
 from dsr.crdt.context import CausalContext, Dot
 from dsr.crdt.delta import Delta
-from dsr.crdt.pieces import START, Piece, Place, piece_of
+from dsr.crdt.pieces import START, Piece, Place, piece_of, reply_to
 from dsr.fetching import Fetch
 from dsr.graph import Graph
 from dsr.piece_wire import decode_piece, encode_piece
@@ -158,7 +158,7 @@ def test_nothing_is_sent_twice_after_an_interruption() -> None:
             newcomer.join(piece.as_delta(), NOW)
             assert piece.end is not None
             place = piece.end
-    again = graph.store.missing_for(newcomer.store.context)
+    again = reply_to(graph.store, newcomer.store.context)
     assert [len(newcomer.nodes), len(again.adds), len(again.writes)] == [12, 8, 8]
 
 

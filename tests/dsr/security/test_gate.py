@@ -10,6 +10,7 @@ import pytest
 
 from dsr import Memory
 from dsr.crdt.delta import Add, Delta, Write
+from dsr.crdt.pieces import reply_to
 from dsr.graph import Graph
 from dsr.security.gate import Gate
 from dsr.security.policy import Policy
@@ -112,7 +113,7 @@ def test_a_type_is_checked_whatever_arrives_first(policy: Policy) -> None:
         graph, gate = Graph("scene-9"), Gate(policy)
         for sender, delta in order:
             graph.join(gate.delta(sender, decode_delta(encode_delta(delta)), graph.store), 1.0)
-        reply = rogue.store.missing_for(graph.store.context)
+        reply = reply_to(rogue.store, graph.store.context)
         graph.join(gate.reply("arm-2", reply, graph.store), 1.0)
         outcomes.append(({name: dict(node) for name, node in graph.nodes.items()}, graph.store.context.vector))
     expected = {"cube": {"size": (1.0, 1.0, 1.0)}, "gen3": {"status": "fine"}}, {"scene-1": 2, "arm-1": 1, "arm-2": 3}
@@ -131,7 +132,7 @@ def test_a_removal_counts_whatever_arrives_first(policy: Policy) -> None:
         graph, gate = Graph("arm-9"), Gate(policy)
         for sender, delta in order:
             graph.join(gate.delta(sender, decode_delta(encode_delta(delta)), graph.store), 1.0)
-        reply = remover.store.missing_for(graph.store.context)
+        reply = reply_to(remover.store, graph.store.context)
         if not graph.store.context.covers(remover.store.context):
             graph.join(gate.reply("scene-2", reply, graph.store), 1.0)
         assert {name: dict(node) for name, node in graph.nodes.items()} == {"cube": {"mass": 1.0}}

@@ -9,6 +9,7 @@ from typing import Any
 from dsr import Pose
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Delta
+from dsr.crdt.pieces import reply_to
 from dsr.elements import Edge, Node
 from dsr.errors import DsrError
 from dsr.followers import Followers
@@ -87,10 +88,10 @@ class World:
             frames._choose_newest(type, child)
         followers = Telling(frames)
         twin = Side(Graph(f"{rid}twin", SCHEMA, Followers({"RT"})), followers)
-        twin.graph.join(self.twin.graph.store.missing_for(CausalContext()), 1.0)
+        twin.graph.join(reply_to(self.twin.graph.store, CausalContext()), 1.0)
         twin.graph._listener = followers
         remote = Graph(f"{rid}remote", SCHEMA)
-        remote.join(it.graph.store.missing_for(CausalContext()), 1.0)
+        remote.join(reply_to(it.graph.store, CausalContext()), 1.0)
         return World(it, twin, remote)
 
     def join(self, delta: Delta) -> None:
@@ -177,7 +178,7 @@ def fill(world: World) -> None:
     for src, dst in ((0, 1), (1, 2), (0, 3), (3, 4)):
         for stamp in (0, 2, 4):
             act(world, 4, src, dst, stamp)
-    world.remote.join(world.it.graph.store.missing_for(world.remote.store.context), 1.0)
+    world.remote.join(reply_to(world.it.graph.store, world.remote.store.context), 1.0)
 
 
 def act(world: World, action: int, a: int, b: int, value: int) -> None:  # noqa: PLR0912
@@ -208,7 +209,7 @@ def act(world: World, action: int, a: int, b: int, value: int) -> None:  # noqa:
     elif action == 8:
         world.remote.remove_node(name)
     elif action == 9:
-        world.join(world.remote.store.missing_for(graph.store.context))
+        world.join(reply_to(world.remote.store, graph.store.context))
     elif action == 10:
         world.commit(graph.settle())
         world.twin.graph.store.unsettled.clear()

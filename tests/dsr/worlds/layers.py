@@ -7,6 +7,7 @@ from typing import Any
 from dsr import Pose
 from dsr.crdt.context import Dot
 from dsr.crdt.delta import TOMBSTONE, Delta, Write
+from dsr.crdt.pieces import reply_to
 from dsr.crdt.store import Entry
 from dsr.elements import Edge, Node
 from dsr.errors import DsrError
@@ -162,7 +163,7 @@ class Network:
     def reply(self, where: int, *, upper: bool) -> None:
         to, sender = self.places[where], self.places[1 - where]
         theirs, ours = (sender.overlay, to.overlay) if upper else (sender.base, to.base)
-        ours.join(theirs.store.missing_for(ours.store.context), 1.0)
+        ours.join(reply_to(theirs.store, ours.store.context), 1.0)
 
     def settle(self) -> None:
         for place in self.places:
