@@ -43,6 +43,7 @@ from dsr.persistence.files import read_graph, write_graph
 from dsr.persistence.keeper import StateKeeper
 from dsr.replica import Statistics
 from dsr.runtime.access import Access
+from dsr.runtime.agent_process import main
 from dsr.schema import AttributeType, Schema
 from dsr.transforms import Pose
 from dsr.watch import Change, Watch
@@ -93,6 +94,7 @@ __all__ = [
     "WorldInfo",
     "WorldNotFoundError",
     "connect",
+    "main",
     "read_graph",
     "write_graph",
 ]

@@ -1,4 +1,4 @@
-"""An agent: declared reads and writes, setup, tick, teardown. Subclass `Agent`; `main` makes it a program.
+"""An agent: declared reads and writes, setup, tick, teardown. Subclass `Agent`; `dsr.main` makes it a program.
 
 The same class runs as a process on the wall clock (`main`) and in lockstep with others on a manual clock, see
 dsr/runtime/. It must therefore start no threads and never block: everything happens in `tick`.
@@ -24,7 +24,7 @@ from dsr.transport import Transport
 if TYPE_CHECKING:
     from dsr.memory import Memory
 
-__all__ = ["Access", "Agent", "NoConfig", "main", "make_agent"]
+__all__ = ["Access", "Agent", "NoConfig", "make_agent"]
 
 
 class NoConfig(msgspec.Struct, frozen=True):
@@ -117,10 +117,3 @@ def make_agent(
 def _mix(seed: int, name: str) -> int:
     """A seed of its own for each agent, so that no two draw the same noise."""
     return int(np.random.SeedSequence([seed, zlib.crc32(name.encode())]).generate_state(1)[0])
-
-
-def main(kind: type[Agent]) -> None:
-    """Run an agent of class `kind` as this process, with the command line's arguments; does not return."""
-    from dsr.runtime.agent_process import run_command_line
-
-    raise SystemExit(run_command_line(kind))

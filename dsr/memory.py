@@ -28,7 +28,7 @@ from dsr.geometry.exchange import MeshExchange
 from dsr.graph import Graph
 from dsr.keys import Keys, check_name
 from dsr.replica import Replica, Statistics
-from dsr.runtime.access import Guard
+from dsr.runtime.access import Guard, guard_in
 from dsr.schema import WORLD_RECORD, Schema, checked_names, with_pose
 from dsr.stamp_access import StampAccess
 from dsr.sync import Gate
@@ -51,7 +51,7 @@ def new_rid(agent: str) -> str:
     return f"{check_name('agent name', agent)}-{secrets.token_hex(4)}"
 
 
-class Memory(StampAccess, WorldAccess, BlobAccess):
+class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
     """One process's replica of a working memory: of its base world, or of another (see `world`, `fork`).
 
     Args:
@@ -104,7 +104,7 @@ class Memory(StampAccess, WorldAccess, BlobAccess):
             self._closing.callback(self.meshes.close)
         lock = _seat.worlds.lock if _seat else threading.RLock()
         self.replica = self._replica = Replica(self._graph, transport, clock, self.keys, agent, gate, lock)
-        self._worlds = _seat.worlds if _seat else Worlds(self, threaded=threaded, lock=lock)
+        self._worlds = _seat.worlds if _seat else Worlds(self, self._seated, threaded=threaded, lock=lock)
         if _seat is None:
             self._replica.after_poll = self._worlds.sweep
         self._holders = holders
@@ -113,6 +113,14 @@ class Memory(StampAccess, WorldAccess, BlobAccess):
         if threaded:
             sys.setswitchinterval(min(sys.getswitchinterval(), _SWITCH_INTERVAL))
             self._replica.start(self._worlds.poller)
+
+    def _seated(self, seat: Seat) -> Memory:
+        """The memory of another world, beside this one of the base."""
+        return Memory(
+            self.graph_name, self.agent, transport=self.transport, clock=self.clock, schema=self.schema,
+            guard=guard_in(self._guard, seat.record.info.name), gate=self.replica.synchroniser.gate, rid=seat.rid,
+            threaded=seat.worlds.threaded, meshes=self.meshes, _seat=seat,
+        )  # fmt: skip
 
     def __enter__(self) -> Memory:
         return self

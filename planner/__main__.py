@@ -1,6 +1,6 @@
 """Runs the planner as a process."""
 
-from dsr.agent import main
+from dsr import main
 from planner.agent import Planner
 
 main(Planner)

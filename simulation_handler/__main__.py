@@ -1,6 +1,6 @@
 """Runs the simulation handler as a process."""
 
-from dsr.agent import main
+from dsr import main
 from simulation_handler.agent import SimulationHandler
 
 main(SimulationHandler)

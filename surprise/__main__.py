@@ -1,6 +1,6 @@
 """Runs the surprise detector as a process."""
 
-from dsr.agent import main
+from dsr import main
 from surprise.agent import SurpriseDetector
 
 main(SurpriseDetector)

@@ -1,6 +1,6 @@
 """Runs the inference of actions as a process."""
 
 from agents.action_inference.agent import ActionInference
-from dsr.agent import main
+from dsr import main
 
 main(ActionInference)

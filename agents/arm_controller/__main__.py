@@ -1,6 +1,6 @@
 """Runs the arm controller as a process."""
 
 from agents.arm_controller.agent import ArmController
-from dsr.agent import main
+from dsr import main
 
 main(ArmController)

@@ -1,6 +1,6 @@
 """Runs the calibrator as a process."""
 
 from agents.calibrator.agent import Calibrator
-from dsr.agent import main
+from dsr import main
 
 main(Calibrator)

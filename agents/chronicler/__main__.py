@@ -1,6 +1,6 @@
 """Runs the chronicler as a process."""
 
 from agents.chronicler.agent import Chronicler
-from dsr.agent import main
+from dsr import main
 
 main(Chronicler)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from fnmatch import fnmatchcase
 
-from dsr.agent import main
+from dsr import main
 from dsr.elements import Node
 from dsr.worlds import Filter, FilterConfig
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dsr.agent import main
+from dsr import main
 from dsr.elements import Node
 from dsr.worlds import Filter, FilterConfig
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from dsr.agent import main
+from dsr import main
 from dsr.elements import Node
 from dsr.geometry import volume
 from dsr.worlds import Filter, FilterConfig

@@ -1,6 +1,6 @@
 """Runs the camera as a process."""
 
 from agents.fixed_camera.agent import FixedCamera
-from dsr.agent import main
+from dsr import main
 
 main(FixedCamera)

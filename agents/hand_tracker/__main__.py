@@ -1,6 +1,6 @@
 """Runs the hand tracker as a process."""
 
 from agents.hand_tracker.agent import HandTracker
-from dsr.agent import main
+from dsr import main
 
 main(HandTracker)

@@ -1,6 +1,6 @@
 """Runs the imagination as a process."""
 
 from agents.imagination.agent import Imagination
-from dsr.agent import main
+from dsr import main
 
 main(Imagination)

@@ -1,6 +1,6 @@
 """Runs the mission as a process."""
 
 from agents.mission.agent import Mission
-from dsr.agent import main
+from dsr import main
 
 main(Mission)

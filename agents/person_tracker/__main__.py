@@ -1,6 +1,6 @@
 """Runs the person tracker as a process."""
 
 from agents.person_tracker.agent import PersonTracker
-from dsr.agent import main
+from dsr import main
 
 main(PersonTracker)

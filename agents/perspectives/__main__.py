@@ -1,6 +1,6 @@
 """Runs the perspective filter as a process."""
 
 from agents.perspectives.agent import Perspectives
-from dsr.agent import main
+from dsr import main
 
 main(Perspectives)

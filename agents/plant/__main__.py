@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from agents.plant.plant import Plant
-from dsr.agent import main
+from dsr import main
 
 if __name__ == "__main__":
     main(Plant)

@@ -1,6 +1,6 @@
 """The recorder as a process."""
 
 from agents.recorder.agent import Recorder
-from dsr.agent import main
+from dsr import main
 
 main(Recorder)

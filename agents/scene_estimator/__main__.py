@@ -1,6 +1,6 @@
 """Runs the scene estimator as a process."""
 
 from agents.scene_estimator.agent import SceneEstimator
-from dsr.agent import main
+from dsr import main
 
 main(SceneEstimator)

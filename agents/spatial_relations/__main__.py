@@ -1,6 +1,6 @@
 """Runs the agent for spatial relations as a process."""
 
 from agents.spatial_relations.agent import SpatialRelations
-from dsr.agent import main
+from dsr import main
 
 main(SpatialRelations)

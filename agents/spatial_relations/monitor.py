@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from agents.spatial_relations.agent import SpatialRelations
-from dsr.agent import main
+from dsr import main
 from dsr.worlds.hosting import Hosted
 
 

@@ -1,6 +1,6 @@
 """The viewer as a process."""
 
 from agents.viewer.agent import Viewer
-from dsr.agent import main
+from dsr import main
 
 main(Viewer)

@@ -52,6 +52,11 @@ class Stop(threading.Event):
         self.bell.set()
 
 
+def main(kind: type[Agent]) -> None:
+    """Run an agent of class `kind` as this process, with the command line's arguments; does not return."""
+    raise SystemExit(run_command_line(kind))
+
+
 def run_command_line(kind: type[Agent], arguments: Sequence[str] | None = None) -> int:
     """Run an agent with command line `arguments` until a signal; returns the exit code."""
     options = _parser(kind).parse_args(arguments)

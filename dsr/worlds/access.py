@@ -3,52 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any, Generic
 
 from msgspec.structs import replace
 
-from dsr.clock import Clock
 from dsr.crdt.context import Dot
 from dsr.crdt.delta import TOMBSTONE, Delta, Write
 from dsr.elements import Edge, Node
-from dsr.followers import Followers
 from dsr.frames import FrameTree
 from dsr.geometry.exchange import MeshExchange
 from dsr.graph import Graph
 from dsr.keys import BASE, Keys, agent_of
 from dsr.replica import Replica
-from dsr.schema import Schema
-from dsr.worlds.opened import Seat, Worlds
+from dsr.worlds.opened import OpenWorld, World, Worlds
 from dsr.worlds.registry import VIA, WorldInfo
-
-if TYPE_CHECKING:
-    from dsr.memory import Memory
 
 TIMEOUT = 5.0
 """s that others get to hand on a world that is opened."""
 _NOBODY: Dot = ("", 0)
 
 
-class WorldAccess:
+class WorldAccess(OpenWorld, Generic[World]):
     """Base of `Memory`: each memory is one of a world, and leads to all others."""
 
-    _worlds: Worlds
+    _worlds: Worlds[World]
     _replica: Replica
     _graph: Graph
-    _followers: Followers
-    _frames: FrameTree
     _closed: bool
     meshes: MeshExchange
     keys: Keys
-    agent: str
-    clock: Clock
-    schema: Schema
-    seat: Seat | None
-    """What makes it a memory of another world than the base; None for the base."""
-
-    def close(self) -> None:
-        """See `Memory.close`."""
-        raise NotImplementedError
 
     def _check_write(self, element: str, type: str, attributes: Iterable[str]) -> None:
         raise NotImplementedError
@@ -65,11 +48,11 @@ class WorldAccess:
         """All worlds of the system: the base first, the others by name."""
         return self._worlds.list()
 
-    def opened_worlds(self) -> list[Memory]:
+    def opened_worlds(self) -> list[World]:
         """The base and all other worlds that are open in this process."""
         return [self._worlds.base, *self._worlds.opened()]
 
-    def world(self, name: str, *, timeout: float = TIMEOUT) -> Memory:
+    def world(self, name: str, *, timeout: float = TIMEOUT) -> World:
         """The world `name`, complete; the same memory as long as it is open. It closes with the base's.
 
         Without threads and with slow messages it may be complete only after further polls: see `joined`.
@@ -80,7 +63,7 @@ class WorldAccess:
         """
         return self._worlds.open(name, timeout)
 
-    def create_world(self, name: str, *, exist_ok: bool = False, timeout: float = TIMEOUT) -> Memory:
+    def create_world(self, name: str, *, exist_ok: bool = False, timeout: float = TIMEOUT) -> World:
         """A new world that holds nothing but the root node `world`.
 
         With `exist_ok`, the one of that name if there is one, as it is; if nobody holds it any more, it begins anew.
@@ -93,7 +76,7 @@ class WorldAccess:
         """
         return self._worlds.create(name, exist_ok=exist_ok, timeout=timeout)
 
-    def fork(self, name: str, of: str | None = None, *, follow: bool = False, timeout: float = TIMEOUT) -> Memory:
+    def fork(self, name: str, of: str | None = None, *, follow: bool = False, timeout: float = TIMEOUT) -> World:
         """A new world that begins as the world `of` (by default this one) is here and now.
 
         From then on the two go their own ways. Nodes and edges keep their identity: the same names, and the same
@@ -108,7 +91,7 @@ class WorldAccess:
         """
         return self._worlds.fork(name, of or self.world_name, follow=follow, timeout=timeout)
 
-    def hold_world(self, name: str, *, content: Iterable[Delta] = (), timeout: float = TIMEOUT) -> Memory:
+    def hold_world(self, name: str, *, content: Iterable[Delta] = (), timeout: float = TIMEOUT) -> World:
         """The world `name`, with nothing in it if nobody holds it any more: for whoever has kept its state.
 
         With `content`, what was kept of it, the world has that from the first moment, and nobody is waited for.

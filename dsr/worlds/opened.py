@@ -7,16 +7,20 @@ import logging
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Any, Generic, TypeVar
 
+from dsr.clock import Clock
 from dsr.crdt.delta import Delta
+from dsr.elements import Node
 from dsr.errors import TransportError, WorldError, WorldNotFoundError, suggest
 from dsr.followers import Followers
 from dsr.frames import FrameTree
 from dsr.graph import Graph
 from dsr.keys import BASE, Keys, check_name
 from dsr.polling import Poller
-from dsr.runtime.access import guard_in
+from dsr.replica import Replica
+from dsr.schema import Schema
+from dsr.transport import Transport
 from dsr.worlds.fork import ForkedGraph
 from dsr.worlds.fork_frames import ForkedFrames
 from dsr.worlds.overlay import Overlay
@@ -35,9 +39,6 @@ from dsr.worlds.registry import (
     to_attribute,
 )
 
-if TYPE_CHECKING:
-    from dsr.memory import Memory
-
 HOLDER_PATIENCE = 1.0
 """s to wait for a sign of anybody who holds a world."""
 _ROUNDS = 3
@@ -46,14 +47,61 @@ _ROUNDS = 3
 _log = logging.getLogger("dsr.worlds")
 
 
+class OpenWorld:
+    """What the list of worlds needs of the memory of one world; the base of `Memory`."""
+
+    graph_name: str
+    agent: str
+    rid: str
+    clock: Clock
+    transport: Transport
+    schema: Schema
+    replica: Replica
+    seat: Seat | None
+    """What makes it a memory of another world than the base; None for the base."""
+    _frames: FrameTree
+    _followers: Followers
+
+    def add_node(self, name: str, type: str, /, **attributes: Any) -> Node:
+        """See `Memory.add_node`."""
+        raise NotImplementedError
+
+    def remove_node(self, name: str) -> bool:
+        """See `Memory.remove_node`."""
+        raise NotImplementedError
+
+    def poll(self) -> None:
+        """See `WorldAccess.poll`."""
+        raise NotImplementedError
+
+    def flush(self) -> None:
+        """See `WorldAccess.flush`."""
+        raise NotImplementedError
+
+    def close(self) -> None:
+        """See `Memory.close`."""
+        raise NotImplementedError
+
+    def drop(self) -> None:
+        """See `WorldAccess.drop`."""
+        raise NotImplementedError
+
+    def move(self, keys: Keys) -> None:
+        """See `WorldAccess.move`."""
+        raise NotImplementedError
+
+
+World = TypeVar("World", bound=OpenWorld)
+
+
 @dataclass
 class Seat:
     """What makes a `Memory` one of a world other than the base."""
 
     record: Record
     rid: str
-    worlds: Worlds
-    source: Memory | None
+    worlds: Worlds[Any]
+    source: OpenWorld | None
     """The world that it begins as; None for an empty one."""
     content: tuple[Delta, ...] = ()
     """What was kept of it, with which it begins, too."""
@@ -95,22 +143,26 @@ class Seat:
         return graph
 
 
-class Worlds:
+class Worlds(Generic[World]):
     """All worlds of one memory, which is the one of the base.
 
     Args:
         base: the memory of the base.
+        seated: makes the memory of another world.
         threaded: whether replicas run threads of their own.
         lock: held while any graph of the memory is changed.
     """
 
-    def __init__(self, base: Memory, *, threaded: bool, lock: threading.RLock) -> None:
+    def __init__(
+        self, base: World, seated: Callable[[Seat], World], *, threaded: bool, lock: threading.RLock
+    ) -> None:
         self.base = base
+        self._seated = seated
         self.threaded = threaded
         self.lock = lock
         self.poller = Poller(base.clock)
         """Does what is due in all of them, if they are threaded."""
-        self._open: dict[str, Memory] = {}
+        self._open: dict[str, World] = {}
         self._opening = threading.RLock()
         self._count = 0
 
@@ -133,7 +185,7 @@ class Worlds:
         """Names of all worlds but the base, with the channels on which their replicas meet."""
         return {record.info.name: record.channel for record in records(self.base.replica.graph)}
 
-    def hold(self, name: str, timeout: float, content: tuple[Delta, ...] = ()) -> Memory:
+    def hold(self, name: str, timeout: float, content: tuple[Delta, ...] = ()) -> World:
         """See `Memory.hold_world`."""
         with self._opening:
             if not content or name in self._open:
@@ -147,7 +199,7 @@ class Worlds:
             memory.replica.synchroniser.nobody_there()
             return memory
 
-    def open(self, name: str, timeout: float) -> Memory:
+    def open(self, name: str, timeout: float) -> World:
         """See `Memory.world`."""
         if name == BASE:
             return self.base
@@ -163,7 +215,7 @@ class Worlds:
                 raise
             return memory
 
-    def _join(self, name: str, timeout: float, content: tuple[Delta, ...] = ()) -> Memory:
+    def _join(self, name: str, timeout: float, content: tuple[Delta, ...] = ()) -> World:
         """Take part in a world that is listed; its parent, too, if it looks through to that."""
         record = self._record(name)
         info, graph = record.info, self.base.replica.graph
@@ -174,7 +226,7 @@ class Worlds:
         below = self.hold(info.parent, timeout) if info.follows and info.parent is not None else None
         return self._take_seat(record, below, content=content)
 
-    def create(self, name: str, *, exist_ok: bool, timeout: float) -> Memory:
+    def create(self, name: str, *, exist_ok: bool, timeout: float) -> World:
         """See `Memory.create_world`."""
         with self._opening:
             if self._is_known(name):
@@ -189,7 +241,7 @@ class Worlds:
             memory.add_node(ROOT, ROOT)
             return memory
 
-    def fork(self, name: str, of: str, *, follow: bool, timeout: float) -> Memory:
+    def fork(self, name: str, of: str, *, follow: bool, timeout: float) -> World:
         """See `Memory.fork`."""
         with self._opening:
             if self._is_known(name):
@@ -203,7 +255,7 @@ class Worlds:
         check_name("world name", name)
         return name == BASE or find_record(self.base.replica.graph, name) is not None
 
-    def _make(self, info: WorldInfo, source: Memory | None) -> Memory:
+    def _make(self, info: WorldInfo, source: World | None) -> World:
         """List a new world and open it."""
         base = self.base
         info = WorldInfo(info.name, info.parent, info.follows, base.agent, base.clock.now())
@@ -214,7 +266,7 @@ class Worlds:
             base.add_node(node_name(info.name), "world_record", record=value)
             return self._take_seat(self._record(info.name), source, rid)
 
-    def _new_rid(self, source: Memory | None) -> str:
+    def _new_rid(self, source: World | None) -> str:
         """A replica id that was not used in any world, and of which nobody claims to have seen anything in `source`.
 
         It is unlike the base's, for counters must not be reused.
@@ -226,23 +278,15 @@ class Worlds:
                 return rid
 
     def _take_seat(
-        self, record: Record, source: Memory | None, rid: str = "", content: tuple[Delta, ...] = ()
-    ) -> Memory:
-        from dsr.memory import Memory
-
+        self, record: Record, source: World | None, rid: str = "", content: tuple[Delta, ...] = ()
+    ) -> World:
         seat = Seat(record, rid or self._new_rid(source), self, source, content)
-        base = self.base
         with self.lock:
-            memory = Memory(
-                base.graph_name, base.agent, transport=base.transport, clock=base.clock, schema=base.schema,
-                guard=guard_in(base._guard, record.info.name), gate=base.replica.synchroniser.gate, rid=seat.rid,
-                threaded=self.threaded,
-                meshes=base.meshes, _seat=seat,
-            )  # fmt: skip
+            memory = self._seated(seat)
             self._open = {**self._open, record.info.name: memory}
         return memory
 
-    def _wait_joined(self, memory: Memory, name: str, timeout: float) -> None:
+    def _wait_joined(self, memory: World, name: str, timeout: float) -> None:
         replica, sync = memory.replica, memory.replica.synchroniser
         if self.threaded:
             sync.joining.others_possible = True
@@ -289,7 +333,7 @@ class Worlds:
         finally:
             self._opening.release()
 
-    def _follow_list(self, name: str, memory: Memory) -> None:
+    def _follow_list(self, name: str, memory: World) -> None:
         seat = memory.seat
         assert seat is not None
         record = find_record(self.base.replica.graph, name)
@@ -309,16 +353,16 @@ class Worlds:
         if moved:
             memory.move(seat.keys(memory.graph_name))
 
-    def forget(self, memory: Memory) -> None:
+    def forget(self, memory: World) -> None:
         """Called by a memory that closes."""
         with self.lock:
             self._open = {name: other for name, other in self._open.items() if other is not memory}
 
-    def opened(self) -> tuple[Memory, ...]:
+    def opened(self) -> tuple[World, ...]:
         """The worlds beside the base that are open."""
         return tuple(self._open.values())
 
-    def each(self, act: Callable[[Memory], None]) -> None:
+    def each(self, act: Callable[[World], None]) -> None:
         """Do something with every open world."""
         for memory in list(self._open.values()):
             act(memory)

@@ -65,7 +65,7 @@ def test_public_names() -> None:
         "Memory", "Mesh", "MeshError", "MeshNotFoundError", "NoPathError", "Node",
         "NodeNotFoundError", "Pose", "Schema", "SchemaError", "StateKeeper", "Statistics", "TransformError",
         "TransportError", "WallClock", "Watch", "WireError", "WorldError", "WorldInfo", "WorldNotFoundError", "connect",
-        "read_graph", "write_graph",
+        "main", "read_graph", "write_graph",
     }  # fmt: skip
     assert all(hasattr(dsr, name) for name in dsr.__all__)
 

@@ -22,7 +22,7 @@ from dsr.runtime.system import AgentSpec, System, load_class, load_system
 
 SYSTEMS = Path(__file__).parent / "systems"
 TWINS = """
-from dsr.agent import Access, Agent, main
+from dsr import Access, Agent, main
 
 class One(Agent):
     writes = Access(nodes=("cube",))

@@ -88,7 +88,7 @@ def test_the_folder_of_the_run_is_filled_in() -> None:
 
 def test_a_class_that_is_no_agent_is_refused() -> None:
     with pytest.raises(ConfigError, match=r"no dsr\.agent\.Agent"):
-        load_class("dsr.agent:main")
+        load_class("dsr.agent:make_agent")
 
 
 @pytest.mark.parametrize("file", sorted(Path("etc/systems").glob("*.toml")), ids=str)

@@ -7,7 +7,8 @@ from pathlib import Path
 
 import msgspec
 
-from dsr.agent import Agent, main
+from dsr import main
+from dsr.agent import Agent
 from dsr.runtime.access import Access
 from dsr.transforms import Pose
 

@@ -2,7 +2,7 @@
 
 from toy_agents import Broken
 
-from dsr.agent import main
+from dsr import main
 
 __all__ = ["Broken"]
 

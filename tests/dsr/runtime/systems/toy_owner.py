@@ -2,7 +2,7 @@
 
 from toy_agents import Owner
 
-from dsr.agent import main
+from dsr import main
 
 __all__ = ["Owner"]
 

@@ -2,7 +2,7 @@
 
 from toy_agents import Sleepy
 
-from dsr.agent import main
+from dsr import main
 
 __all__ = ["Sleepy"]
 
