@@ -21,7 +21,7 @@ import numpy as np
 from rich.console import Console
 from rich.progress import track
 
-from agents.calibrator.calibrate import METHODS, calibrate
+from agents.calibrator.calibrate import calibrate
 from agents.scenario.staging import Sensor
 from benchmarks.calibration_runs import (
     EVENT_AT,
@@ -40,6 +40,7 @@ from benchmarks.calibration_scene import LAYOUTS
 from benchmarks.calibration_survey import SurveyConfig, Surveyor
 from benchmarks.calibration_synthetic import SUCCESS, processor_time
 from benchmarks.calibration_tables import PARTS, Row, cases, draw, holds, report
+from dsr.calibration import method_names
 from dsr.clock import WALL_CLOCK
 from dsr.runtime.system import AgentSpec
 from dsr.transforms import Pose, log
@@ -148,7 +149,7 @@ def _trial(rng: np.random.Generator, case: str, seed: int, sensor: Sensor) -> Ro
     if found.before is None:  # it was not even doubted
         return row | {"methods": {}}
     truth, methods = found.before @ moved, {}
-    for method in METHODS:
+    for method in method_names():
         started = processor_time()
         solution = calibrate(found.sightings, found.before, method)
         methods[method] = {

@@ -23,10 +23,10 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from agents.calibrator.calibrate import METHODS, calibrate
+from agents.calibrator.calibrate import calibrate
 from agents.calibrator.solution import Solution
 from benchmarks.calibration_scene import DEPTH, LAYOUTS, MEASURED_BY_HAND, Trial, make_trial, scattered, square
-from dsr.calibration import DEFAULT_METHOD
+from dsr.calibration import DEFAULT_METHOD, method_names
 from dsr.transforms import log
 
 SUCCESS = (0.003, math.radians(0.3))
@@ -72,14 +72,15 @@ def measure(trials: int, seed: int) -> dict[str, Any]:
     four = square(0.10)
     return {
         "trials": trials,
-        "methods": [row(method, lambda rng: make_trial(rng, four), trials, seed, method) for method in METHODS],
+        "methods": [row(method, lambda rng: make_trial(rng, four), trials, seed, method) for method in method_names()],
         "deep": [
-            row(method, lambda rng: make_trial(rng, four, depth=DEPTH), trials, seed, method) for method in METHODS
+            row(method, lambda rng: make_trial(rng, four, depth=DEPTH), trials, seed, method)
+            for method in method_names()
         ],
         "flipped": [
             row(f"{method}, {count} cubes", _flipped(count), trials, seed, method)
             for count in (3, 6)
-            for method in METHODS
+            for method in method_names()
         ],
         "cubes": [row(str(count), _by_hand(count), trials, seed) for count in CUBES],
         "layouts": [row(name, _in_square(half), trials, seed) for name, half in LAYOUTS.items()],

@@ -13,10 +13,9 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from agents.calibrator.calibrate import METHODS
 from benchmarks.calibration_scene import LAYOUTS
 from benchmarks.calibration_synthetic import SUCCESS, TARGET, histories
-from dsr.calibration import DEFAULT_METHOD
+from dsr.calibration import DEFAULT_METHOD, method_names
 
 PARTS = ("trials", "cubes", "layouts", "mixed")
 CASES = ("one_moved", "two_moved", "one_flipped", "bumped_and_one_moved", "all_moved_alike")
@@ -86,7 +85,7 @@ def _trials_table(rows: Sequence[Row]) -> _Figures:
         right = f"{sum(row['success'] for row in trials)}/{len(trials)}"
         adopted = sum(row["times"] == 1 for row in trials)
         lines.append(["the system", right, str(adopted), "", *_spread(errors), text])
-    for method in METHODS:
+    for method in method_names():
         found = [row["methods"][method] for row in trials if row["methods"]]
         if found:
             errors = np.array([one["distance"] for one in found])
@@ -162,7 +161,7 @@ def _figures(rows: Sequence[Row]) -> dict[str, list[Row]]:
             "history": histories([one[method]["history"] for one in trials]),
             "errors": [one[method]["error"] for one in trials],
         }
-        for method in (METHODS if trials else ())
+        for method in (method_names() if trials else ())
     ]
     return {"methods": methods, **{part: _elsewhere(rows, part) for part in ("cubes", "layouts")}}
 

@@ -14,14 +14,16 @@ import msgspec
 import numpy as np
 
 from dsr.elements import Node
-from dsr.errors import ConfigError, suggest
+from dsr.errors import ConfigError
 from dsr.intentions import MIND
 from dsr.memory import Memory
+from dsr.runtime.plugins import CALIBRATION_METHODS, checked_name, provided
 from dsr.transforms import Pose
 
 CALIBRATION = "calibration"
 """Node type of a request."""
-METHODS = ("robust", "closed_form", "powell")
+METHODS = ("robust", "closed_form")
+"""Those that come along; packages may provide others."""
 DEFAULT_METHOD = "robust"
 LOOKING, ADOPTED, REFUSED = "looking", "adopted", "refused"
 """Words of `status`: it still collects views; the pose is written; it is not, and `explanation` says why."""
@@ -106,7 +108,7 @@ def request_calibration(
     Args:
         memory: where to.
         camera: its node; empty for the only one there is, or that sees objects.
-        method: one of `METHODS`.
+        method: one of `method_names()`.
         force: adopt the pose also if geometry or agreement speak against it.
         views: from how many poses of the camera's parent the objects are to be seen before the answer.
         move: have the arm that carries the camera go to the other ones, and come back; otherwise somebody else does.
@@ -180,6 +182,9 @@ def pose_of(numbers: Sequence[float], covariance: Sequence[float] = ()) -> Pose:
 
 def checked_method(name: str) -> str:
     """The name of a method. Raises `ConfigError` for an unknown one."""
-    if name not in METHODS:
-        raise ConfigError(f"unknown method {name!r}; {suggest(name, METHODS)}")
-    return name
+    return checked_name(CALIBRATION_METHODS, name, METHODS)
+
+
+def method_names() -> list[str]:
+    """Names of all methods that there are."""
+    return [*METHODS, *provided(CALIBRATION_METHODS)]

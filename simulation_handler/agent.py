@@ -5,12 +5,12 @@ from __future__ import annotations
 from dsr.agent import Access, Agent
 from dsr.calibration import CALIBRATION
 from dsr.intrinsics import INTRINSICS
+from dsr.runtime.plugins import REASONERS, load
 from dsr.timeline import WRITTEN_ATTRIBUTES, WRITTEN_EDGES, WRITTEN_NODES
 from simulation_handler.belief import Belief
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining import make_policy
 from simulation_handler.meshes import Forms
-from simulation_handler.published.reasoner import PublishedReasoner
 from simulation_handler.reading import FIXTURES, OBJECTS, Reading
 from simulation_handler.reasoner import Reasoner
 from simulation_handler.seeing import SEEN, Seeing
@@ -66,8 +66,9 @@ class SimulationHandler(Agent):
         self._what_if = WhatIfService(self.bus, self.keys, self.clock)
 
     def _make_reasoner(self) -> Reasoner:
-        if self.config.reasoner == "published":
-            return PublishedReasoner(self.config)
+        if self.config.reasoner != "belief":
+            reasoner: Reasoner = load(REASONERS, self.config.reasoner)(self.config)
+            return reasoner
         return Belief(self.config, make_policy(self.config, self.clock))
 
     def tick(self, now: float) -> None:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import msgspec
 
-from simulation_handler.published.parameters import PublishedConfig
+from dsr.runtime.plugins import EXPLAINERS, REASONERS, checked_name
 
 
 class BeliefConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -68,13 +66,13 @@ class BeliefConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     explain_sigmas: float = 1.7
     """Standard deviations of its height by which the height of what is put beneath may miss it."""
 
-    reasoner: Literal["belief", "published"] = "belief"
-    """What keeps the belief: all that this configures, or Algorithms 1 and 2 of Sallami et al. with `published`."""
-    published: PublishedConfig = PublishedConfig()
-    """Parameters of the published reasoner."""
+    reasoner: str = "belief"
+    """What keeps the belief: all that this configures, or what a package provides under another name."""
+    parameters: dict[str, float] = {}
+    """Parameters of a reasoner that a package provides, by name."""
 
-    policy: Literal["hypotheses", "algorithm1"] = "hypotheses"
-    """How surprises are explained: by simulated hypotheses, or by Algorithm 1 of the CORTEX paper."""
+    policy: str = "hypotheses"
+    """How surprises are explained: by simulated hypotheses, or by what a package provides under another name."""
     surprise_distance: float = 0.010
     """m between percept and belief from which that is not noise but needs an explanation."""
     surprise_angle: float = 0.2
@@ -110,3 +108,7 @@ class BeliefConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """kg, of an object whose node has no mass."""
     default_friction: float = 0.7
     """Coulomb coefficient of a body whose node has none."""
+
+    def __post_init__(self) -> None:
+        checked_name(REASONERS, self.reasoner, ("belief",))
+        checked_name(EXPLAINERS, self.policy, ("hypotheses",))

@@ -1,4 +1,4 @@
-"""What the agent needs of a belief, whichever method keeps it: `Belief`, or the published one."""
+"""What the agent needs of a belief, whichever method keeps it: `Belief`, or one that a package provides."""
 
 from __future__ import annotations
 

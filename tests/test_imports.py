@@ -70,12 +70,32 @@ def is_in(name: str, package: str) -> bool:
 
 @pytest.mark.parametrize("file", FILES, ids=str)
 def test_dependencies_point_towards_dsr(file: Path) -> None:
-    foreign = [name for name in imports(file) if any(is_in(name, package) for package in PACKAGES)]
+    foreign = [name for name in imports(file) if any(is_in(name, package) for package in (*PACKAGES, "benchmarks"))]
     own = group(file).replace("/", ".")
     allowed = [own] if own == "dsr" else [own, "dsr"]
     if file.parts[0] == "agents":
         allowed += SHARED_BY_AGENTS
     assert [name for name in foreign if not any(is_in(name, package) for package in allowed)] == []
+
+
+def module(file: Path) -> str:
+    """Its full name: of a package, the one of its folder."""
+    return ".".join((file.parent if file.name == "__init__.py" else file.with_suffix("")).parts)
+
+
+def test_no_module_imports_another_in_a_circle() -> None:
+    """Wherever in a file the import stands, also where it is only for types."""
+    modules = {module(file): file for file in FILES}
+    left = {
+        name: {found if found in modules else found.rpartition(".")[0] for found in imports(file)} & modules.keys()
+        for name, file in modules.items()
+    }
+    while leaves := [name for name, imported in left.items() if not imported]:
+        for name in leaves:
+            del left[name]
+        for imported in left.values():
+            imported.difference_update(leaves)
+    assert left == {}
 
 
 @pytest.mark.parametrize("file", FILES + MEASURED, ids=str)

@@ -1,6 +1,6 @@
 """Infers who has picked up, put down or let go of what: docs/actions.md.
 
-In the order of the data: `reading` (graph to `observation`), one of the policies `published` and `attributed`, `agent`.
+In the order of the data: `reading` (graph to `observation`), the policy `attributed` or another one, `agent`.
 """
 
 from agents.action_inference.agent import ActionInference

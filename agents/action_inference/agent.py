@@ -5,11 +5,11 @@ from __future__ import annotations
 from agents.action_inference.attributed import AttributedPolicy
 from agents.action_inference.config import ActionInferenceConfig
 from agents.action_inference.policy import Inference, Policy
-from agents.action_inference.published import PublishedPolicy
 from agents.action_inference.reading import HOLDERS, Reading
 from dsr.agent import Access, Agent
 from dsr.observed_actions import KINDS, Action
 from dsr.relations import SURFACES, THINGS
+from dsr.runtime.plugins import ACTION_POLICIES, load
 from dsr.timeline import WRITTEN_ATTRIBUTES, WRITTEN_EDGES, WRITTEN_NODES, Chronicle, Entry
 
 
@@ -34,10 +34,10 @@ class ActionInference(Agent):
     def setup(self) -> None:
         """Choose the policy."""
         self._policy: Policy = (
-            PublishedPolicy(self.config.published)
-            if self.config.policy == "published"
-            else AttributedPolicy(self.config)
-        )  # fmt: skip
+            AttributedPolicy(self.config)
+            if self.config.policy == "attributed"
+            else load(ACTION_POLICIES, self.config.policy)(self.config.parameters)
+        )
         self._reading = Reading(self.memory)
         self._chronicle = Chronicle(self.memory, self.name)
         self._has_recalled = False

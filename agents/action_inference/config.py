@@ -2,34 +2,24 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated
 
 import msgspec
 from msgspec import Meta
+
+from dsr.runtime.plugins import ACTION_POLICIES, checked_name
 
 _Positive = Annotated[float, Meta(gt=0.0)]
 _Share = Annotated[float, Meta(ge=0.0, le=1.0)]
 
 
-class PublishedMachine(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Parameters of the published state machine."""
-
-    threshold: _Share = 0.85
-    """Confidence beyond which an action is inferred."""
-    gain: _Positive = 1.85
-    """By which a confidence is multiplied at each update at which the condition of its action holds."""
-    loss: _Share = 0.15
-    """Likewise, when it does not hold."""
-    floor: _Share = 0.1
-    """Least confidence."""
-
-
 class ActionInferenceConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Configuration of the agent `action_inference`."""
 
-    policy: Literal["attributed", "published"] = "attributed"
-    """Which method infers: ours, or the state machine of Sallami et al."""
-    published: PublishedMachine = PublishedMachine()
+    policy: str = "attributed"
+    """Which method infers: ours, or what a package provides under another name."""
+    parameters: dict[str, float] = {}
+    """Parameters of a method that a package provides, by name."""
 
     lifted: _Positive = 0.015
     """m that a thing must be seen, or believed while it is held, above where it lay, before it has been picked"""
@@ -43,3 +33,6 @@ class ActionInferenceConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=T
     """s for which a thing must rest on something, untouched, before it has been placed"""
     reach: _Positive = 0.1
     """m between a hand and the surface of a thing up to which the hand may have done it, if no edge `grasping` tells"""
+
+    def __post_init__(self) -> None:
+        checked_name(ACTION_POLICIES, self.policy, ("attributed",))

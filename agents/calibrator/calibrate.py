@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from agents.calibrator import closed_form, powell, robust
+from agents.calibrator import closed_form, robust
 from agents.calibrator.estimate import Method
 from agents.calibrator.problem import Problem, Sighting
 from agents.calibrator.solution import Solution, judged
 from dsr.calibration import DEFAULT_METHOD, checked_method
+from dsr.runtime.plugins import CALIBRATION_METHODS, load
 from dsr.transforms import Pose
 
-METHODS: Mapping[str, Method] = {
-    "robust": robust.solve, "closed_form": closed_form.solve, "powell": powell.solve,
-}  # fmt: skip
+METHODS: Mapping[str, Method] = {"robust": robust.solve, "closed_form": closed_form.solve}
 """By name, those of `dsr.calibration.METHODS`."""
 
 
@@ -23,12 +22,12 @@ def calibrate(sightings: Sequence[Sighting], before: Pose, method: str = DEFAULT
     Args:
         sightings: of any number of objects, in one or many views.
         before: parent_from_camera as it is believed.
-        method: one of `METHODS`.
+        method: one of `dsr.calibration.method_names()`.
 
     Raises:
         ConfigError: for an unknown method.
         ValueError: without sightings, or for a percept without covariance.
     """
-    solve = METHODS[checked_method(method)]
+    solve: Method = METHODS.get(checked_method(method)) or load(CALIBRATION_METHODS, method)
     problem = Problem(sightings)
     return judged(method, problem, before, solve(problem, before.matrix))

@@ -17,9 +17,9 @@ from agents.replay.source import ReplayedGraph
 from dsr.calibration import (
     ANSWERED,
     DEFAULT_METHOD,
-    METHODS,
     Report,
     checked_method,
+    method_names,
     read_report,
     request_calibration,
     request_undo,
@@ -57,7 +57,7 @@ def calibrate(
     camera: Annotated[
         str, typer.Option("--camera", metavar="NAME", help="Its node; default: the only one that sees objects.")
     ] = "",
-    method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = DEFAULT_METHOD,
+    method: Annotated[str, typer.Option(help=f"One of {', '.join(method_names())}.")] = DEFAULT_METHOD,
     force: Annotated[bool, typer.Option("--force", help="Adopt the pose also if it is not well determined.")] = False,
     views: Annotated[
         int, typer.Option(min=1, metavar="N", help="From how many poses of the arm to look; you move it, or --move.")

@@ -29,7 +29,7 @@ class CalibratorConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     keep: float = 600.0
     """s after which an answered request is removed"""
     method: str = DEFAULT_METHOD
-    """by which a camera in doubt is calibrated, one of `dsr.calibration.METHODS`"""
+    """by which a camera in doubt is calibrated, one of `dsr.calibration.method_names()`"""
     by_itself: bool = True
     """Look into it when all that is seen seems displaced alike."""
     lookback: float = 1.5

@@ -32,7 +32,7 @@ def calibrate_recorded(
     Args:
         source: the recording.
         camera: its node; empty for the only one.
-        method: one of `dsr.calibration.METHODS`.
+        method: one of `dsr.calibration.method_names()`.
         begin: s since the recording's first message, from when on views count: after the camera moved.
         end: s, until when; None for the recording's end.
         force: call the pose adopted whatever speaks against it.

@@ -23,7 +23,6 @@ from dsr.cli import (
     relations,
     run,
     security,
-    soak,
     stamps,
     top,
     topology,
@@ -45,7 +44,7 @@ app = typer.Typer(
     help="Working memory for robots. Start with `dsr demo`; look into what runs with `dsr ls`, `dsr tree`, `dsr top`.",
 )
 for module in (
-    run, inspect, relations, visibility, worlds, watch, top, topology, diff, what_if, persist, load, hub, stamps, soak,
+    run, inspect, relations, visibility, worlds, watch, top, topology, diff, what_if, persist, load, hub, stamps,
     doctor,
 ):  # fmt: skip
     app.add_typer(module.app)

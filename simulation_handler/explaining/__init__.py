@@ -1,14 +1,14 @@
-"""Explanations of what is surprising: two methods behind one interface.
+"""Explanations of what is surprising, by the method that the configuration names.
 
 Read `situation` (what is known), `hypotheses` (what may have happened), `drafting` (where things would be),
-`scoring` (how well that explains what is seen), `search`, and the policies `by_hypotheses` and `algorithm1`.
+`scoring` (how well that explains what is seen), `search`, and the policy `by_hypotheses`.
 """
 
 from __future__ import annotations
 
 from dsr.clock import WALL_CLOCK, Clock, ManualClock
+from dsr.runtime.plugins import EXPLAINERS, load
 from simulation_handler.config import BeliefConfig
-from simulation_handler.explaining.algorithm1 import Algorithm1
 from simulation_handler.explaining.by_hypotheses import ByHypotheses
 from simulation_handler.explaining.policy import Explanation, Policy
 from simulation_handler.explaining.situation import Look
@@ -22,7 +22,8 @@ def make_policy(config: BeliefConfig, clock: Clock = WALL_CLOCK) -> Policy:
 
     On a manual clock no time passes while they do: everything is simulated right here then.
     """
-    if config.policy == "algorithm1":
-        return Algorithm1()
+    if config.policy != "hypotheses":
+        policy: Policy = load(EXPLAINERS, config.policy)()
+        return policy
     workers = 0 if isinstance(clock, ManualClock) else config.workers
     return ByHypotheses(Pool(workers, clock=clock), clock)

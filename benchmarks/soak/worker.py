@@ -16,14 +16,14 @@ from typing import Any
 import msgspec
 import numpy as np
 
+from benchmarks.soak import races
+from benchmarks.soak.journal import JournalWriter
+from benchmarks.soak.workload import Workload
 from dsr.clock import WALL_CLOCK, WallClock
 from dsr.connect import connect
 from dsr.elements import Edge, Node
 from dsr.errors import DsrError
 from dsr.memory import Memory
-from dsr.soak import races
-from dsr.soak.journal import JournalWriter
-from dsr.soak.workload import Workload
 from dsr.transforms import Pose
 
 _PAUSE = threading.Event()
@@ -123,11 +123,11 @@ class Worker:
         self._writer.burst(count)
 
     def prepare_race(self, race: str, names: list[str]) -> None:
-        """See `dsr.soak.races.prepare`."""
+        """See `benchmarks.soak.races.prepare`."""
         races.prepare(self._memory, race, names)
 
     def run_race(self, race: str, names: list[str], role: int, times: list[float]) -> list[float]:
-        """See `dsr.soak.races.run`."""
+        """See `benchmarks.soak.races.run`."""
         return races.run(self._memory, race, names, role, times)
 
     def tidy(self) -> None:

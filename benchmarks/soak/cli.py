@@ -10,22 +10,22 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
+from benchmarks.soak.chaos import Soak, Tally
+from benchmarks.soak.faults import FAULTS, NEED_TWO_MACHINES
+from benchmarks.soak.fleet import Plan
+from benchmarks.soak.races import RACES, run_races
 from dsr.cli.common import console
 from dsr.clock import WALL_CLOCK
 from dsr.errors import ConfigError, suggest
 from dsr.private_files import write_json
-from dsr.soak.chaos import Soak, Tally
-from dsr.soak.faults import FAULTS, NEED_TWO_MACHINES
-from dsr.soak.fleet import Plan
-from dsr.soak.races import RACES, run_races
 
-app = typer.Typer()
+app = typer.Typer(name="soak", invoke_without_command=True, subcommand_metavar="")
 
 _SHIFTS = (0.0, 0.15, -0.15)
 """s by which the workers' clocks are wrong, in turn; less than what counts as drift."""
 
 
-@app.command()
+@app.callback()
 def soak(
     seconds: Annotated[float, typer.Option(min=1.0, help="How long to go on; the last fault is finished.")] = 60.0,
     processes: Annotated[int, typer.Option(min=2, max=16, help="How many write.")] = 4,

@@ -6,8 +6,7 @@ import math
 
 import pytest
 
-from agents.action_inference.config import PublishedMachine
-from agents.action_inference.published import Machine, PublishedPolicy, State
+from benchmarks.baselines.action_machine import Machine, PublishedMachine, PublishedPolicy, State
 from dsr.observed_actions import PICK, PLACE, RELEASE, Action
 from tests.agents.action_inference.stage import Stage
 

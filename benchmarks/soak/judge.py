@@ -6,14 +6,14 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from dsr.soak.journal import Kind, Record
-from dsr.soak.workload import NODE_EVERY, SHARED_REGISTERS, own_name, shared_name
+from benchmarks.soak.journal import Kind, Record
+from benchmarks.soak.workload import NODE_EVERY, SHARED_REGISTERS, own_name, shared_name
 
 KILL_WINDOW = 0.25
 """s before `kill -9` in which a write may never have left its process."""
 
 State = Mapping[str, Mapping[str, Any]]
-"""What a replica shows, by name, see `dsr.soak.worker.content`."""
+"""What a replica shows, by name, see `benchmarks.soak.worker.content`."""
 
 
 @dataclass

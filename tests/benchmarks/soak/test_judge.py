@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from dsr.soak.journal import JournalWriter, Kind, Record, take_records
-from dsr.soak.judge import KILL_WINDOW, Judge
+from benchmarks.soak.journal import JournalWriter, Kind, Record, take_records
+from benchmarks.soak.judge import KILL_WINDOW, Judge
 
 
 def record(kind: Kind, number: int, at: float = 1.0) -> Record:

@@ -10,13 +10,13 @@ from typing import Any
 
 import pytest
 
+from benchmarks.soak.chaos import Soak
+from benchmarks.soak.fleet import Fleet, Plan
+from benchmarks.soak.journal import take_records
+from benchmarks.soak.judge import Judge
+from benchmarks.soak.process import in_parallel
+from benchmarks.soak.races import RACES, run_races
 from dsr.clock import WALL_CLOCK
-from dsr.soak.chaos import Soak
-from dsr.soak.fleet import Fleet, Plan
-from dsr.soak.journal import take_records
-from dsr.soak.judge import Judge
-from dsr.soak.process import in_parallel
-from dsr.soak.races import RACES, run_races
 
 HEALED = 20.0
 """s"""

@@ -3,12 +3,33 @@
 from __future__ import annotations
 
 import enum
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Annotated
 
-from agents.action_inference.config import PublishedMachine
+import msgspec
+from msgspec import Meta
+
 from agents.action_inference.observation import Snapshot, Thing
 from agents.action_inference.policy import Inference
 from dsr.observed_actions import KINDS, PICK, PLACE, RELEASE, Action
+from dsr.runtime.config import convert
+
+_Positive = Annotated[float, Meta(gt=0.0)]
+_Share = Annotated[float, Meta(ge=0.0, le=1.0)]
+
+
+class PublishedMachine(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Parameters of the published state machine."""
+
+    threshold: _Share = 0.85
+    """Confidence beyond which an action is inferred."""
+    gain: _Positive = 1.85
+    """By which a confidence is multiplied at each update at which the condition of its action holds."""
+    loss: _Share = 0.15
+    """Likewise, when it does not hold."""
+    floor: _Share = 0.1
+    """Least confidence."""
 
 
 class State(enum.Enum):
@@ -60,8 +81,9 @@ class PublishedPolicy:
 
     name = "published"
 
-    def __init__(self, parameters: PublishedMachine | None = None) -> None:
-        self._parameters = parameters or PublishedMachine()
+    def __init__(self, parameters: Mapping[str, float] | None = None) -> None:
+        """Raise `ConfigError` for parameters that `PublishedMachine` does not have, or that make no sense."""
+        self._parameters = convert(dict(parameters or {}), PublishedMachine, "parameters")
         self._machines: dict[str, Machine] = {}
 
     def update(self, snapshot: Snapshot) -> list[Inference]:

@@ -8,10 +8,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from benchmarks.soak.journal import JournalWriter, Kind, Record
 from dsr.clock import Clock
 from dsr.errors import GraphError
 from dsr.memory import Memory
-from dsr.soak.journal import JournalWriter, Kind, Record
 from dsr.transforms import Pose
 
 OWN_NODES = 20

@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dsr.soak.fleet import Fleet
-from dsr.soak.journal import take_records
-from dsr.soak.judge import Judge
-from dsr.soak.process import Worker
+from benchmarks.soak.fleet import Fleet
+from benchmarks.soak.journal import take_records
+from benchmarks.soak.judge import Judge
+from benchmarks.soak.process import Worker
 
 _PAUSE = threading.Event()
 _SLOW_RUN, _SLOW_STOP = 0.01, 0.09

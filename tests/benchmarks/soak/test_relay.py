@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from dsr.soak.relay import Relay
+from benchmarks.soak.relay import Relay
 
 
 @pytest.fixture

@@ -53,7 +53,7 @@ class Process:
 
 
 class Worker(Process):
-    """A `dsr.soak.worker`: one command at a time is sent and answered.
+    """A `benchmarks.soak.worker`: one command at a time is sent and answered.
 
     Args:
         graph: that it joins.
@@ -61,14 +61,14 @@ class Worker(Process):
         journal: of its writes.
         clock: for time-outs.
         environment: tells it which machine it is on.
-        options: further arguments of `dsr.soak.worker`.
+        options: further arguments of `benchmarks.soak.worker`.
     """
 
     def __init__(
         self, graph: str, slot: str, journal: Path, clock: Clock, environment: Mapping[str, str],
         options: Sequence[str] = (),
     ) -> None:  # fmt: skip
-        command = ["-m", "dsr.soak.worker", graph, slot, str(journal), *options]
+        command = ["-m", "benchmarks.soak.worker", graph, slot, str(journal), *options]
         super().__init__(command, environment, journal.with_suffix(".log"))
         self.slot = slot
         self.journal = journal

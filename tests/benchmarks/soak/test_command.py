@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from dsr.cli.main import app
+from benchmarks.soak.cli import app
 from dsr.errors import ConfigError
 
 
 def run(*arguments: str) -> int:
-    return CliRunner().invoke(app, ["soak", *arguments], catch_exceptions=False).exit_code
+    return CliRunner().invoke(app, arguments, catch_exceptions=False).exit_code
 
 
 def test_a_soak_of_15_s_writes_its_result(tmp_path: Path) -> None:

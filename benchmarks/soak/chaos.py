@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.soak.faults import FAULTS, NEED_TWO_MACHINES, Scene
+from benchmarks.soak.fleet import Fleet, Plan
+from benchmarks.soak.journal import Record, take_records
+from benchmarks.soak.judge import Judge
+from benchmarks.soak.process import WorkerError
 from dsr.clock import Clock
 from dsr.replica import Statistics
-from dsr.soak.faults import FAULTS, NEED_TWO_MACHINES, Scene
-from dsr.soak.fleet import Fleet, Plan
-from dsr.soak.journal import Record, take_records
-from dsr.soak.judge import Judge
-from dsr.soak.process import WorkerError
 
 HEAL_TIMEOUT = 60.0
 """s after which replicas that still differ count as diverged."""

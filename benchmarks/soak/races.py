@@ -10,11 +10,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from benchmarks.soak.fleet import Fleet, Plan
+from benchmarks.soak.process import in_parallel
 from dsr.clock import WALL_CLOCK, Clock
 from dsr.errors import GraphError
 from dsr.memory import Memory
-from dsr.soak.fleet import Fleet, Plan
-from dsr.soak.process import in_parallel
 from dsr.transforms import Pose
 
 SPACING = 0.02

@@ -6,8 +6,11 @@ import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
+from benchmarks.baselines.physics_reasoner.boxes import BoxRelations, WorldBox, world_box
+from benchmarks.baselines.physics_reasoner.parameters import PublishedConfig
 from dsr.errors import suggest
 from dsr.quaternions import Vector3
+from dsr.runtime.config import convert
 from dsr.shapes import Shape
 from dsr.transforms import Pose
 from simulation_handler.config import BeliefConfig
@@ -15,7 +18,6 @@ from simulation_handler.explaining import Explanation, Look
 from simulation_handler.geometry import Solid
 from simulation_handler.hands import HandGrasp, HandPercept
 from simulation_handler.holding import Grasp
-from simulation_handler.published.boxes import BoxRelations, WorldBox, world_box
 from simulation_handler.relations import BOUNDS, Relation
 from simulation_handler.rollouts.scene import Body, Scene
 from simulation_handler.simulator import SimulationError, Simulator
@@ -56,12 +58,12 @@ class PublishedReasoner:
     not used.
 
     Args:
-        config: the parameters are in its field `published`.
+        config: its field `parameters` are those of `PublishedConfig`, by name.
     """
 
     def __init__(self, config: BeliefConfig | None = None) -> None:
         self.config = config or BeliefConfig()
-        self._parameters = self.config.published
+        self._parameters = convert(self.config.parameters, PublishedConfig, "parameters")
         self._sim = Simulator()
         self._objects: dict[str, _Object] = {}
         self._fixtures: dict[str, Body] = {}

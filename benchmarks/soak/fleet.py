@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from benchmarks.soak.process import Process, Worker, in_parallel
+from benchmarks.soak.relay import Relay
 from dsr.clock import Clock
 from dsr.errors import TransportError
 from dsr.rendezvous import free_port
-from dsr.soak.process import Process, Worker, in_parallel
-from dsr.soak.relay import Relay
 
 GRAPH = "soak"
 _HUB_TIMEOUT = 30.0
@@ -52,7 +52,7 @@ class Hub:
 
     def start(self) -> None:
         """Start it, and return when it can be reached."""
-        command = ["-m", "dsr.soak.hub", f"tcp/127.0.0.1:{self.port}"]
+        command = ["-m", "benchmarks.soak.hub", f"tcp/127.0.0.1:{self.port}"]
         self._process = Process(command, {}, self._log)
         deadline = self._clock.monotonic() + _HUB_TIMEOUT
         while True:

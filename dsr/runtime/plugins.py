@@ -1,0 +1,41 @@
+"""Methods that other packages provide: found by name among the entry points of the packages that are installed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from importlib.metadata import entry_points
+from typing import Any
+
+from dsr.errors import ConfigError, suggest
+
+REASONERS = "dsr.reasoners"
+"""Group of those who keep the belief: callables of a `BeliefConfig`, which give a `Reasoner` (simulation_handler)."""
+EXPLAINERS = "dsr.explainers"
+"""Group of methods that explain surprises: callables without arguments, which give a `Policy` (simulation_handler)."""
+ACTION_POLICIES = "dsr.action_policies"
+"""Group of methods that infer actions: callables of a dict of parameters, which give a `Policy` (action_inference)."""
+CALIBRATION_METHODS = "dsr.calibration_methods"
+"""Group of methods that find a camera's pose: functions of a problem and a pose to start from (agents/calibrator)."""
+
+
+def provided(group: str) -> list[str]:
+    """Names of all that packages provide in a group, sorted."""
+    return sorted(entry_points(group=group).names)
+
+
+def checked_name(group: str, name: str, own: Iterable[str]) -> str:
+    """The name of a method, either one of `own` or provided in `group`. Raises `ConfigError` for an unknown one."""
+    own = tuple(own)
+    if name not in own and name not in (known := provided(group)):
+        raise ConfigError(f"unknown method {name!r}; {suggest(name, [*own, *known])}")
+    return name
+
+
+def load(group: str, name: str) -> Any:
+    """What is provided under that name. Raises `ConfigError` if there is nothing, or it cannot be imported."""
+    checked_name(group, name, ())
+    (entry_point, *_) = entry_points(group=group, name=name)
+    try:
+        return entry_point.load()
+    except (ImportError, AttributeError) as error:
+        raise ConfigError(f"method {name!r} ({entry_point.value}) cannot be loaded: {error}") from error
