@@ -12,11 +12,11 @@ from typing import Any, Literal, Protocol
 
 import msgspec
 
-from dsr.blobs import Frame
 from dsr.errors import ConfigError
-from dsr.intrinsics import Intrinsics
-from dsr.keys import Keys
-from dsr.transport import Transport
+from dsr.images.blobs import Frame
+from dsr.network.keys import Keys
+from dsr.network.transport import Transport
+from dsr.vocabulary.intrinsics import Intrinsics
 
 
 class ArmState(msgspec.Struct, frozen=True):

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from dsr.clock import Clock
-from dsr.transport import Transport
+from dsr.network.transport import Transport
 
 
 class Message(NamedTuple):

@@ -15,9 +15,9 @@ from typing import NamedTuple, cast
 
 from agents.urdf_elements import attribute, number, origin, parse_urdf, read_urdf, vector
 from dsr.errors import ConfigError, suggest
-from dsr.quaternions import Vector3
-from dsr.relations import THINGS
-from dsr.shapes import MOST_PARTS, Part, PartKind, Shape, bounds, box, centred
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.shapes import MOST_PARTS, Part, PartKind, Shape, bounds, box, centred
+from dsr.vocabulary.relations import THINGS
 
 DEFAULT_FRICTION = 0.6
 """Coulomb coefficient of what does not say."""
@@ -35,7 +35,7 @@ class ObjectModel(NamedTuple):
     """What a description says of an object."""
 
     type: str
-    """One of `dsr.relations.THINGS`."""
+    """One of `dsr.vocabulary.relations.THINGS`."""
     size: Vector3
     """Edge lengths of the bounding box, m."""
     shape: Shape

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from dsr.private_files import FOLDER_MODE
+from dsr.files.private_files import FOLDER_MODE
 
 
 def segments(folder: Path, name: str) -> list[Path]:

@@ -8,10 +8,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TypeVar
 
-from dsr.data_files import read_file
 from dsr.errors import ConfigError
-from dsr.quaternions import Vector3, from_rotvec, product
-from dsr.transforms import Pose
+from dsr.files.data_files import read_file
+from dsr.math3d.quaternions import Vector3, from_rotvec, product
+from dsr.math3d.transforms import Pose
 
 _MOST_BYTES = 10_000_000
 _LONGEST_TEXT = 500  # characters of an error, which may show what stands in the file

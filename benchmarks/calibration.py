@@ -40,10 +40,10 @@ from benchmarks.calibration_scene import LAYOUTS
 from benchmarks.calibration_survey import SurveyConfig, Surveyor
 from benchmarks.calibration_synthetic import SUCCESS, processor_time
 from benchmarks.calibration_tables import PARTS, Row, cases, draw, holds, report
-from dsr.calibration import method_names
 from dsr.clock import WALL_CLOCK
+from dsr.math3d.transforms import Pose, log
 from dsr.runtime.system import AgentSpec
-from dsr.transforms import Pose, log
+from dsr.vocabulary.calibration import method_names
 
 MIDDLE = (0.36, 0.0)
 HALF = 0.08

@@ -24,9 +24,9 @@ from agents.scenario.model import RobotSpec
 from agents.scenario.result import Result
 from agents.scenario.runner import run_system
 from agents.scenario.staging import Sensor, make_run, staged_system, without
-from dsr.intrinsics import Intrinsics
+from dsr.math3d.transforms import Array, Pose
 from dsr.runtime.system import AgentSpec, System
-from dsr.transforms import Array, Pose
+from dsr.vocabulary.intrinsics import Intrinsics
 
 SIZE = 0.04
 """m, of the cubes"""

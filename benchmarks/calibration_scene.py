@@ -11,7 +11,7 @@ from agents.calibrator.config import CalibratorConfig
 from agents.calibrator.fusing import fuse
 from agents.calibrator.problem import Sighting
 from agents.plant.poses import DISTANCES, SIGMA_ROTATION, SIGMA_TRANSLATION
-from dsr.transforms import Array, Pose
+from dsr.math3d.transforms import Array, Pose
 
 FRAMES = 10
 """Percepts of each cube in a view: a second of a camera"""

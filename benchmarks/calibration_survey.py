@@ -11,9 +11,9 @@ import numpy as np
 
 from benchmarks.calibration_scene import EVALUATED_FROM
 from dsr.agent import Access, Agent
-from dsr.calibration import ANSWERED, CALIBRATION, request_calibration
-from dsr.intentions import DONE, ENDED, PLANNED, RUN
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
+from dsr.vocabulary.calibration import ANSWERED, CALIBRATION, request_calibration
+from dsr.vocabulary.intentions import DONE, ENDED, PLANNED, RUN
 
 _LOOK = 1.0  # s at each pose
 _CAMERA, _GRIPPER = "camera_wrist", "gripper"

@@ -26,8 +26,8 @@ from rich.table import Table
 from agents.calibrator.calibrate import calibrate
 from agents.calibrator.solution import Solution
 from benchmarks.calibration_scene import DEPTH, LAYOUTS, MEASURED_BY_HAND, Trial, make_trial, scattered, square
-from dsr.calibration import DEFAULT_METHOD, method_names
-from dsr.transforms import log
+from dsr.math3d.transforms import log
+from dsr.vocabulary.calibration import DEFAULT_METHOD, method_names
 
 SUCCESS = (0.003, math.radians(0.3))
 """m, rad"""

@@ -15,7 +15,7 @@ from rich.table import Table
 
 from benchmarks.calibration_scene import LAYOUTS
 from benchmarks.calibration_synthetic import SUCCESS, TARGET, histories
-from dsr.calibration import DEFAULT_METHOD, method_names
+from dsr.vocabulary.calibration import DEFAULT_METHOD, method_names
 
 PARTS = ("trials", "cubes", "layouts", "mixed")
 CASES = ("one_moved", "two_moved", "one_flipped", "bumped_and_one_moved", "all_moved_alike")

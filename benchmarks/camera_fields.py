@@ -21,8 +21,8 @@ from agents.arm_controller.kinematics import Chain, UnreachableError
 from agents.arm_controller.urdf import load_robot
 from agents.plant.config import PlantConfig
 from agents.scenario.format import CameraSpec, RobotSpec, Scenario, TableSpec, load_scenario
-from dsr.intrinsics import Intrinsics
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
+from dsr.vocabulary.intrinsics import Intrinsics
 
 Array = NDArray[np.float64]
 ROBOT = Path(__file__).resolve().parents[1] / "etc" / "robots" / "gen3.urdf"

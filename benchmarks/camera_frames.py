@@ -25,7 +25,7 @@ from benchmarks.peers.zenoh_frames import ZenohFrameLink
 from benchmarks.rows import Peer, Spec
 from benchmarks.timing import percentile
 from benchmarks.workers import BenchmarkError, Worker, commands
-from dsr.rendezvous import free_port
+from dsr.network.rendezvous import free_port
 
 _WHAT = "RGB-D 640x480 at 30 Hz to five readers"
 _ABOUT = "put_frame to FrameReader.wait; peer: put of a shared buffer until the callback has its bytes"

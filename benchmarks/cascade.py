@@ -26,8 +26,8 @@ from benchmarks.peers.zenoh_link import ZenohLink, forward
 from benchmarks.rows import Peer, Spec
 from benchmarks.timing import percentile, sleep
 from benchmarks.workers import Worker, commands
-from dsr.rendezvous import free_port
-from dsr.watch import Change
+from dsr.graph.watch import Change
+from dsr.network.rendezvous import free_port
 
 _ABOUT = "1000 nodes x 5 attributes in each graph; peer: bytes forwarded in callbacks"
 SPECS = {

@@ -16,7 +16,7 @@ from benchmarks.session import Findings
 from benchmarks.workers import BenchmarkError
 from dsr.cli.common import console, errors
 from dsr.errors import ConfigError
-from dsr.private_files import write_json
+from dsr.files.private_files import write_json
 
 _INTERRUPTED = 130
 _QUIET = 0.5

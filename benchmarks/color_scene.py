@@ -16,10 +16,10 @@ from agents.plant.renderer import Renderer
 from agents.plant.world import World
 from agents.scenario.format import ObjectSpec, SensorSpec, TableSpec
 from agents.scene_estimator.colored import ColoredObject
-from dsr.blobs import Frame
-from dsr.intrinsics import Intrinsics
-from dsr.quaternions import Vector3
-from dsr.transforms import Pose
+from dsr.images.blobs import Frame
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.transforms import Pose
+from dsr.vocabulary.intrinsics import Intrinsics
 
 AWAY = Pose((0.0, 0.0, -20.0))
 """Where nothing is seen."""

@@ -38,9 +38,9 @@ from agents.plant.hand_sensor import landmarks_in_view
 from agents.plant.reality import Reality
 from agents.plant.world import RATE_HZ, STEP
 from agents.scenario.format import Event, HandEnter, HandGrasp, HandMove, ObjectSpec, Scenario
-from dsr.blobs import Frame
 from dsr.clock import WALL_CLOCK
-from dsr.transforms import Pose
+from dsr.images.blobs import Frame
+from dsr.math3d.transforms import Pose
 
 SECONDS = 8.0
 CAMERA_EVERY = RATE_HZ // 10

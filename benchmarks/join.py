@@ -18,7 +18,7 @@ from benchmarks.peers import documents, zenoh_query
 from benchmarks.rows import Peer, Spec
 from benchmarks.timing import duration, monotonic, sleep
 from benchmarks.workers import BenchmarkError, Worker, commands
-from dsr.rendezvous import free_port
+from dsr.network.rendezvous import free_port
 
 _ABOUT = "nodes with 5 attributes each; from dsr.connect to complete"
 SPECS = {

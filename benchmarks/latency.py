@@ -20,7 +20,7 @@ from benchmarks.peers.tcp_link import TcpLink
 from benchmarks.peers.zenoh_link import ZenohLink
 from benchmarks.rows import Peer, Spec
 from benchmarks.timing import percentile
-from dsr.rendezvous import free_port
+from dsr.network.rendezvous import free_port
 
 _BETWEEN = "update between two processes, 100 Hz, one way, written to readable"
 _BUSY = "the same while the reader's main thread is busy in Python"

@@ -14,7 +14,7 @@ import msgspec
 import dsr
 from benchmarks import workload
 from benchmarks.observer import on_each_change
-from dsr.elements import Edge, Node
+from dsr.graph.elements import Edge, Node
 
 Received = Callable[[int], None]
 """Called with the number of a message as soon as the reading process has it."""

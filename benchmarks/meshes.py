@@ -23,7 +23,7 @@ from benchmarks.peers import zenoh_query
 from benchmarks.rows import Peer, Spec
 from benchmarks.timing import monotonic
 from benchmarks.workers import Worker, all_of, commands
-from dsr.rendezvous import free_port
+from dsr.network.rendezvous import free_port
 
 _WHAT = "mesh of 100 000 vertices"
 _ABOUT = (

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from dsr import Edge, Memory, Node
-from dsr.watch import ChangeKind
+from dsr.graph.watch import ChangeKind
 
 
 def on_each_change(memory: Memory, seen: Callable[[Node | Edge, str | None], None]) -> None:

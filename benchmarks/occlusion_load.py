@@ -25,11 +25,11 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from dsr.quaternions import Vector3
-from dsr.shapes import Part, Shape
-from dsr.transforms import Pose
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.shapes import Part, Shape
+from dsr.math3d.transforms import Pose
 from simulation_handler.belief import Belief
-from simulation_handler.hands import HandPercept
+from simulation_handler.hands.state import HandPercept
 
 TICK = 0.05
 """s, between two steps"""

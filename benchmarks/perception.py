@@ -44,9 +44,9 @@ from agents.scene_estimator.sighting import FrameReader
 from agents.scene_estimator.turning import nearest_alike, order
 from benchmarks.color_scene import ColorScene, looking_at
 from benchmarks.tag_camera import DICTIONARY, Camera, facing
-from dsr.blobs import Frame
 from dsr.clock import WALL_CLOCK
-from dsr.transforms import Pose
+from dsr.images.blobs import Frame
+from dsr.math3d.transforms import Pose
 
 SIZE = 0.04
 TAG_RATIO = 0.8

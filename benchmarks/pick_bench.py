@@ -15,10 +15,10 @@ from agents.arm_controller import ArmController
 from agents.plant import Plant
 from agents.plant.messages import Truth
 from agents.scene_setup import SceneSetup
-from dsr.quaternions import Vector3
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.transforms import Pose
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec
-from dsr.transforms import Pose
 
 CUBE = 0.04
 """m"""

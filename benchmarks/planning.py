@@ -19,8 +19,8 @@ from benchmarks.rows import Peer, Spec, number
 from benchmarks.timing import duration, percentile, sleep
 from dsr import Memory, Pose
 from dsr.clock import WALL_CLOCK
-from dsr.goals import Goal
-from dsr.relations import Relation
+from dsr.vocabulary.goals import Goal
+from dsr.vocabulary.relations import Relation
 from planner.config import PlannerConfig
 from planner.making import PlanMaker
 from planner.pddl import DOMAIN, problem

@@ -23,7 +23,7 @@ from agents.scenario.runner import run_live
 from agents.scenario.staging import make_run
 from agents.scenario.story import Line, Topic
 from benchmarks.workers import BenchmarkError, Worker, all_of
-from dsr.private_files import write_json
+from dsr.files.private_files import write_json
 
 BURNERS = (0, 4, 8)
 LIMIT = 3.0

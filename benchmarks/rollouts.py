@@ -23,8 +23,8 @@ from rich.console import Console
 from rich.table import Table
 
 from dsr.clock import WALL_CLOCK
-from simulation_handler.rollouts import Body, Placing, Pool, Scene
-from simulation_handler.simulator import TIME_STEP, Simulator
+from simulation_handler.physics.rollouts import Body, Placing, Pool, Scene
+from simulation_handler.physics.simulator import TIME_STEP, Simulator
 
 _PATIENCE = 600.0  # s
 _UPRIGHT = (0.0, 0.0, 0.0, 1.0)

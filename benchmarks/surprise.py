@@ -27,8 +27,8 @@ from rich.table import Table
 
 from agents.scenario.staging import make_run, staged_system, without
 from benchmarks.surprise_scene import PERIOD, SIX, SurpriseScene, moved
+from dsr.math3d.transforms import Pose
 from dsr.runtime.lockstep import Lockstep
-from dsr.transforms import Pose
 
 Change = Callable[[Pose, float], Pose]
 """What a trial does to a cube, given its pose and a direction at random (rad)."""

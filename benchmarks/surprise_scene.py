@@ -20,10 +20,10 @@ from agents.scene_estimator.sighting import read_sensor
 from benchmarks.timing import duration
 from dsr.agent import make_agent
 from dsr.clock import ManualClock
-from dsr.keys import Keys
-from dsr.local_transport import LocalNetwork
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.transforms import Pose
+from dsr.network.keys import Keys
+from dsr.network.local_transport import LocalNetwork
 from surprise import SurpriseDetector
 
 CAMERA = "camera_overhead"

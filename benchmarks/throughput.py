@@ -23,7 +23,7 @@ from benchmarks.peers.zenoh_link import ZenohLink
 from benchmarks.rows import Peer, Spec, number
 from benchmarks.timing import monotonic, rate, sleep
 from benchmarks.workers import Worker, commands
-from dsr.rendezvous import free_port
+from dsr.network.rendezvous import free_port
 
 _ABOUT = "register changes applied in each reader; peers: messages of the same size"
 ATTRIBUTES = Spec("saturated updates delivered and merged, attributes, one reader", "per s", 100_000, "higher", _ABOUT)

@@ -24,9 +24,9 @@ import numpy as np
 from benchmarks.group import Group, Run
 from benchmarks.rows import Peer, Spec
 from benchmarks.visibility_scene import TABLE, looking, random_things, shares
-from dsr.intrinsics import Intrinsics
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 from dsr.visibility import LEAST_SHARE, Body, Picture
+from dsr.vocabulary.intrinsics import Intrinsics
 
 THINGS, PERSPECTIVES = 50, 5
 LENS = Intrinsics.from_fov(320, 240, 1.05)

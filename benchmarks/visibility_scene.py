@@ -6,12 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dsr.intrinsics import Intrinsics
-from dsr.shapes import Part, Shape, box
-from dsr.surfaces import crossings
-from dsr.transforms import Pose
+from dsr.math3d.shapes import Part, Shape, box
+from dsr.math3d.surfaces import crossings
+from dsr.math3d.transforms import Pose
 from dsr.visibility import Body, placed
 from dsr.visibility.picture import NEAREST
+from dsr.vocabulary.intrinsics import Intrinsics
 
 _CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 LENS = Intrinsics.from_fov(80, 60, 1.05)

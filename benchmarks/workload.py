@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from dsr import LocalNetwork, Memory, Pose, WallClock
-from dsr.schema import Value
+from dsr.graph.schema import Value
 
 NODES = 1000
 ATTRIBUTES = ("order", "mass", "visible", "note", "size")

@@ -29,7 +29,7 @@ from benchmarks.rows import Peer, Spec
 from benchmarks.timing import percentile, sleep
 from benchmarks.workers import Worker, all_of, commands
 from dsr.errors import DsrError
-from dsr.rendezvous import free_port
+from dsr.network.rendezvous import free_port
 from dsr.runtime.agent_process import Stop, run_process
 
 NODES = 100

@@ -7,10 +7,8 @@
 """
 
 from dsr.agent import Agent
-from dsr.blobs import Frame
 from dsr.clock import Clock, ManualClock, WallClock
 from dsr.connect import connect
-from dsr.elements import Edge, Node
 from dsr.errors import (
     AgentError,
     ClockDriftError,
@@ -34,19 +32,21 @@ from dsr.errors import (
     WorldError,
     WorldNotFoundError,
 )
-from dsr.frame_reader import FrameReader
 from dsr.geometry.mesh import Mesh
-from dsr.local_transport import Faults, LocalNetwork
+from dsr.graph.access import Access
+from dsr.graph.elements import Edge, Node
+from dsr.graph.schema import AttributeType, Schema
+from dsr.graph.watch import Change, Watch
+from dsr.images.blobs import Frame
+from dsr.images.frame_reader import FrameReader
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
+from dsr.network.local_transport import Faults, LocalNetwork
 from dsr.persistence.content import GraphContent
 from dsr.persistence.files import read_graph, write_graph
 from dsr.persistence.keeper import StateKeeper
-from dsr.replica import Statistics
-from dsr.runtime.access import Access
+from dsr.replication.replica import Statistics
 from dsr.runtime.agent_process import main
-from dsr.schema import AttributeType, Schema
-from dsr.transforms import Pose
-from dsr.watch import Change, Watch
 from dsr.worlds.registry import WorldInfo
 
 __all__ = [

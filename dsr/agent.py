@@ -15,11 +15,11 @@ import msgspec
 import numpy as np
 
 from dsr.clock import Clock
+from dsr.config.toml import convert
 from dsr.errors import AgentError
-from dsr.keys import BASE, Keys, check_name
-from dsr.runtime.access import Access
-from dsr.runtime.config import convert
-from dsr.transport import Transport
+from dsr.graph.access import Access
+from dsr.network.keys import BASE, Keys, check_name
+from dsr.network.transport import Transport
 
 if TYPE_CHECKING:
     from dsr.memory import Memory

@@ -10,14 +10,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dsr import rendezvous
 from dsr.clock import WALL_CLOCK, Clock
 from dsr.errors import ConfigError, ListenError, TransportError
-from dsr.keys import Keys
+from dsr.graph.access import Guard, guard_in
+from dsr.graph.schema import Schema
 from dsr.memory import Memory, new_rid
-from dsr.runtime.access import Guard, guard_in
-from dsr.schema import Schema
-from dsr.transport import Transport
+from dsr.network import rendezvous
+from dsr.network.keys import Keys
+from dsr.network.transport import Transport
 
 if TYPE_CHECKING:
     from dsr.security.identity import Identity
@@ -168,8 +168,8 @@ def open_transport(
 def _open_at_free_port(
     graph: str, rid: str, connect: list[str], has_memory: bool, identity: Identity | None
 ) -> tuple[Transport, rendezvous.Registration]:
+    from dsr.network.zenoh_transport import ZenohTransport
     from dsr.security.renewal import watch_certificate
-    from dsr.zenoh_transport import ZenohTransport
 
     protocol = "tls" if identity else "tcp"
     endpoint = f"{protocol}/127.0.0.1:{rendezvous.free_port()}"

@@ -15,27 +15,27 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import TracebackType
 from typing import Any
 
-from dsr.blob_access import BlobAccess
 from dsr.clock import WALL_CLOCK, Clock
 from dsr.crdt.delta import Delta, EdgeKey
-from dsr.cycles import check_new_edge
-from dsr.elements import Edge, Node
 from dsr.errors import ClockDriftError, TransportError
-from dsr.followers import Followers
 from dsr.forking import leave_to_parent
-from dsr.frames import Types
+from dsr.frames.tree import Types
 from dsr.geometry.exchange import MeshExchange
-from dsr.graph import Graph
-from dsr.keys import Keys, check_name
-from dsr.replica import Replica, Statistics
-from dsr.runtime.access import Guard, guard_in
-from dsr.schema import WORLD_RECORD, Schema, checked_names, with_pose
-from dsr.stamp_access import StampAccess
-from dsr.sync import Gate
-from dsr.transforms import Array, Pose
-from dsr.transport import Transport
-from dsr.watch import Filter, Watch
-from dsr.wire import decode_kept
+from dsr.graph.access import Guard, guard_in
+from dsr.graph.cycles import check_new_edge
+from dsr.graph.elements import Edge, Node
+from dsr.graph.followers import Followers
+from dsr.graph.graph import Graph
+from dsr.graph.schema import WORLD_RECORD, Schema, checked_names, with_pose
+from dsr.graph.watch import Filter, Watch
+from dsr.images.blob_access import BlobAccess
+from dsr.math3d.transforms import Array, Pose
+from dsr.network.keys import Keys, check_name
+from dsr.network.transport import Transport
+from dsr.replication.replica import Replica, Statistics
+from dsr.replication.stamp_access import StampAccess
+from dsr.replication.sync import Gate
+from dsr.replication.wire import decode_kept
 from dsr.worlds.access import WorldAccess
 from dsr.worlds.opened import Seat, Worlds
 

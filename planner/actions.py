@@ -5,10 +5,10 @@ from __future__ import annotations
 import contextlib
 from typing import Any, NamedTuple
 
-from dsr.elements import Node
 from dsr.errors import GraphError
-from dsr.intentions import ENDED, FAILED, MIND, PLANNED, PREFIX, RUN, RUNNING
+from dsr.graph.elements import Node
 from dsr.memory import Memory
+from dsr.vocabulary.intentions import ENDED, FAILED, MIND, PLANNED, PREFIX, RUN, RUNNING
 from planner.grounding import Skill
 
 _SOURCE = "planner"

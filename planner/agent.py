@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 from dsr.agent import Access, Agent
 from dsr.errors import GoalError
-from dsr.goals import Goal, parse_goal
-from dsr.intentions import ACTIVE, FAILED, HALT, INVALID, MAINTAINED, REACHED, UNSOLVABLE, WANTED
-from dsr.intrinsics import INTRINSICS
-from dsr.relations import SURFACES, THINGS, Relations, read_relations
-from dsr.what_if import WhatIf
+from dsr.vocabulary.goals import Goal, parse_goal
+from dsr.vocabulary.intentions import ACTIVE, FAILED, HALT, INVALID, MAINTAINED, REACHED, UNSOLVABLE, WANTED
+from dsr.vocabulary.intrinsics import INTRINSICS
+from dsr.vocabulary.relations import SURFACES, THINGS, Relations, read_relations
+from dsr.vocabulary.what_if import WhatIf
 from planner.actions import is_under_way, own_actions
 from planner.arm import Script
 from planner.config import PlannerConfig

@@ -6,11 +6,11 @@ import logging
 from collections.abc import Callable, Generator, Iterable
 from typing import Protocol
 
-from dsr.elements import Edge
-from dsr.intentions import ENDED, EXECUTING, FAILED, HALT, HALTED, PLANNED, RUN, WAITING
-from dsr.keys import agent_of
+from dsr.graph.elements import Edge
 from dsr.memory import Memory
-from dsr.relations import read_relations
+from dsr.network.keys import agent_of
+from dsr.vocabulary.intentions import ENDED, EXECUTING, FAILED, HALT, HALTED, PLANNED, RUN, WAITING
+from dsr.vocabulary.relations import read_relations
 from planner.actions import Actions, Progress, is_under_way, other_action
 from planner.config import PlannerConfig
 from planner.errors import Failure, Interruption, Setback

@@ -26,9 +26,9 @@ from dsr.cli.common import (
 )
 from dsr.clock import WALL_CLOCK
 from dsr.errors import ConfigError, suggest
-from dsr.goals import Goal, parse_goal
-from dsr.intentions import DONE, FAILED, FULFILLED, GIVEN_UP, HALTED, RUNNING, add_intention, nobody_pursues
 from dsr.memory import Memory
+from dsr.vocabulary.goals import Goal, parse_goal
+from dsr.vocabulary.intentions import DONE, FAILED, FULFILLED, GIVEN_UP, HALTED, RUNNING, add_intention, nobody_pursues
 from planner.config import PlannerConfig
 from planner.intentions import read_intentions
 from planner.waiting import known_names, may_appear, running_agents

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import combinations
 from typing import NamedTuple
 
-from dsr.goals import Goal
-from dsr.relations import Relation, Relations
+from dsr.vocabulary.goals import Goal
+from dsr.vocabulary.relations import Relation, Relations
 from planner.config import PlannerConfig
 from planner.state import FLAT, WorldState
 

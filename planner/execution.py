@@ -10,8 +10,9 @@ from collections.abc import Callable, Generator, Iterable, Mapping
 from dataclasses import dataclass, field
 
 from dsr.errors import GoalError
-from dsr.goals import Goal, parse_goal
-from dsr.intentions import (
+from dsr.memory import Memory
+from dsr.vocabulary.goals import Goal, parse_goal
+from dsr.vocabulary.intentions import (
     DONE,
     FAILED,
     INVALID,
@@ -23,8 +24,7 @@ from dsr.intentions import (
     WAITING,
     WANTED,
 )
-from dsr.memory import Memory
-from dsr.relations import SURFACES, THINGS, Relation, Relations, read_relations
+from dsr.vocabulary.relations import SURFACES, THINGS, Relation, Relations, read_relations
 from planner.arm import Arm, Script
 from planner.config import PlannerConfig
 from planner.contradictions import by_meaning, by_state, searched

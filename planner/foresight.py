@@ -6,8 +6,8 @@ import logging
 from collections.abc import Callable, Generator
 
 from dsr.errors import TransportError
-from dsr.transforms import Pose
-from dsr.what_if import Answer, Change, Pending, Question, WhatIf
+from dsr.math3d.transforms import Pose
+from dsr.vocabulary.what_if import Answer, Change, Pending, Question, WhatIf
 from planner.config import PlannerConfig
 
 

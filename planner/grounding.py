@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dsr import quaternions
-from dsr.transforms import Array, Pose
+from dsr.math3d import quaternions
+from dsr.math3d.transforms import Array, Pose
 from planner.config import PlannerConfig
 from planner.errors import NoPlace
 from planner.plan import Step

@@ -5,10 +5,10 @@ from __future__ import annotations
 import contextlib
 from dataclasses import dataclass
 
-from dsr.elements import Node
 from dsr.errors import GraphError
-from dsr.intentions import PREFIX, WANTED
+from dsr.graph.elements import Node
 from dsr.memory import Memory
+from dsr.vocabulary.intentions import PREFIX, WANTED
 
 
 @dataclass(frozen=True)

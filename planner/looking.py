@@ -6,11 +6,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from dsr.intentions import DONE
-from dsr.intrinsics import Intrinsics, read_intrinsics
+from dsr.math3d.transforms import Array, Pose
 from dsr.memory import Memory
-from dsr.relations import read_relations
-from dsr.transforms import Array, Pose
+from dsr.vocabulary.intentions import DONE
+from dsr.vocabulary.intrinsics import Intrinsics, read_intrinsics
+from dsr.vocabulary.relations import read_relations
 from planner.actions import other_action
 from planner.arm import Arm, Script
 from planner.config import PlannerConfig

@@ -6,9 +6,9 @@ import logging
 from collections.abc import Collection, Generator
 
 from dsr.clock import Clock
-from dsr.goals import Goal
-from dsr.relations import Relation
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
+from dsr.vocabulary.goals import Goal
+from dsr.vocabulary.relations import Relation
 from planner.config import PlannerConfig
 from planner.errors import NoPlace, SolverFailed, Unsolvable
 from planner.grounding import Place, Skill, ground, is_free, place_on_table

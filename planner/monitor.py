@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from dsr.calibration import IN_DOUBT
+from dsr.math3d.quaternions import Vector3
 from dsr.memory import Memory
-from dsr.quaternions import Vector3
-from dsr.relations import THINGS, Relations
+from dsr.vocabulary.calibration import IN_DOUBT
+from dsr.vocabulary.relations import THINGS, Relations
 from planner.config import PlannerConfig
 from planner.plan import Step
 

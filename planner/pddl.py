@@ -6,8 +6,8 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-from dsr.goals import Goal
-from dsr.relations import Relation
+from dsr.vocabulary.goals import Goal
+from dsr.vocabulary.relations import Relation
 from planner.errors import GoalNotPossible
 from planner.state import WorldState
 

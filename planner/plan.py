@@ -6,7 +6,7 @@ import re
 from dataclasses import replace
 from typing import NamedTuple
 
-from dsr.relations import Relation, Relations
+from dsr.vocabulary.relations import Relation, Relations
 from planner.errors import SolverFailed
 from planner.pddl import Names
 

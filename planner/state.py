@@ -11,10 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsr.errors import TransformError
-from dsr.intrinsics import Intrinsics, read_intrinsics
+from dsr.math3d.transforms import Array, Pose
 from dsr.memory import Memory
-from dsr.relations import Relations, read_relations
-from dsr.transforms import Array, Pose
+from dsr.vocabulary.intrinsics import Intrinsics, read_intrinsics
+from dsr.vocabulary.relations import Relations, read_relations
 from planner.config import PlannerConfig
 
 _BELIEVED = ("Virtual_RT", "RT")

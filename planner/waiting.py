@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 from dsr.errors import suggest
-from dsr.goals import Goal
-from dsr.intentions import FAILED, INVALID, WAITING
-from dsr.keys import agent_of
 from dsr.memory import Memory
-from dsr.relations import SURFACES, THINGS, read_relations
-from dsr.tags import tag_of
+from dsr.network.keys import agent_of
+from dsr.vocabulary.goals import Goal
+from dsr.vocabulary.intentions import FAILED, INVALID, WAITING
+from dsr.vocabulary.relations import SURFACES, THINGS, read_relations
+from dsr.vocabulary.tags import tag_of
 from planner.arm import Script, Tell
 from planner.config import PlannerConfig
 from planner.errors import GivingUp

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 from dsr.agent import Access, Agent
-from dsr.calibration import CALIBRATION
-from dsr.intrinsics import INTRINSICS
 from dsr.runtime.plugins import REASONERS, load
 from dsr.timeline import WRITTEN_ATTRIBUTES, WRITTEN_EDGES, WRITTEN_NODES
+from dsr.vocabulary.calibration import CALIBRATION
+from dsr.vocabulary.intrinsics import INTRINSICS
 from simulation_handler.belief import Belief
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining import make_policy
-from simulation_handler.meshes import Forms
-from simulation_handler.reading import FIXTURES, OBJECTS, Reading
+from simulation_handler.graph_io.reading import FIXTURES, OBJECTS, Reading
+from simulation_handler.graph_io.seeing import SEEN, Seeing
+from simulation_handler.graph_io.views import PARTS
+from simulation_handler.graph_io.what_if import KEY, WhatIfService
+from simulation_handler.graph_io.writing import Writing
 from simulation_handler.reasoner import Reasoner
-from simulation_handler.seeing import SEEN, Seeing
-from simulation_handler.views import PARTS
-from simulation_handler.what_if import KEY, WhatIfService
-from simulation_handler.writing import Writing
+from simulation_handler.shapes.meshes import Forms
 
 _MOST_PROBLEMS = 3  # told in its status
 
@@ -27,8 +27,9 @@ class SimulationHandler(Agent):
     Writes Virtual_RT edges from the world to each object, with covariance, relations `on` from contact and `in`, what
     human hands hold (`grasping`),
     `plausible`: whether what is perceived of an object is possible by what else is known, and edges `sees`: how much
-    of an object each camera should see, and whether it will recognise it. Answers what-if questions (dsr/what_if.py)
-    about the belief of its last tick. After a restart it goes on from what the graph says was believed and explained.
+    of an object each camera should see, and whether it will recognise it. Answers what-if questions
+    (`dsr.vocabulary.what_if`) about the belief of its last tick. After a restart it goes on from what the graph says
+    was believed and explained.
     """
 
     name = "simulation_handler"

@@ -11,26 +11,26 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping
 
-from dsr.quaternions import Vector3
-from dsr.shapes import Shape
-from dsr.transforms import Pose
-from simulation_handler.bodies import FLOOR, Bodies
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.shapes import Shape
+from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
-from simulation_handler.containment import Containment
-from simulation_handler.correction import Correction
-from simulation_handler.driving import Driving
-from simulation_handler.explainer import Explainer
+from simulation_handler.contact.containment import Containment
+from simulation_handler.contact.relations import Relation, Relations, resting
 from simulation_handler.explaining import Explanation, Look, Policy, make_policy
-from simulation_handler.fingers import Fingers
-from simulation_handler.geometry import Solid
-from simulation_handler.hands import HandGrasp, HandPercept
-from simulation_handler.holding import Grasp, Holding
-from simulation_handler.percepts import make_percept
-from simulation_handler.relations import Relation, Relations, resting
-from simulation_handler.rollouts.scene import Scene
-from simulation_handler.simulator import TIME_STEP
-from simulation_handler.spilling import Spilling
-from simulation_handler.touching import Touching
+from simulation_handler.explaining.explainer import Explainer
+from simulation_handler.hands.fingers import Fingers
+from simulation_handler.hands.state import HandGrasp, HandPercept
+from simulation_handler.hands.touching import Touching
+from simulation_handler.motion.correction import Correction
+from simulation_handler.motion.driving import Driving
+from simulation_handler.motion.holding import Grasp, Holding
+from simulation_handler.motion.spilling import Spilling
+from simulation_handler.perception.percepts import make_percept
+from simulation_handler.physics.rollouts.scene import Scene
+from simulation_handler.physics.simulator import TIME_STEP
+from simulation_handler.shapes.geometry import Solid
+from simulation_handler.state.bodies import FLOOR, Bodies
 
 _MOST_STEPS = 48  # of physics in one step of the belief; time beyond is lost
 

@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from typing import Protocol
 
-from dsr.quaternions import Vector3
-from dsr.shapes import Shape
-from dsr.transforms import Pose
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.shapes import Shape
+from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
+from simulation_handler.contact.relations import Relation
 from simulation_handler.explaining import Explanation, Look
-from simulation_handler.geometry import Solid
-from simulation_handler.hands import HandGrasp, HandPercept
-from simulation_handler.holding import Grasp
-from simulation_handler.relations import Relation
-from simulation_handler.rollouts.scene import Scene
+from simulation_handler.hands.state import HandGrasp, HandPercept
+from simulation_handler.motion.holding import Grasp
+from simulation_handler.physics.rollouts.scene import Scene
+from simulation_handler.shapes.geometry import Solid
 
 
 class Reasoner(Protocol):

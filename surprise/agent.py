@@ -6,9 +6,9 @@ from collections import Counter
 from collections.abc import Iterable
 
 from dsr.agent import Access, Agent
-from dsr.elements import Node
 from dsr.errors import DsrError
-from dsr.relations import THINGS
+from dsr.graph.elements import Node
+from dsr.vocabulary.relations import THINGS
 from surprise.config import SurpriseConfig
 from surprise.evidence import Reason, Track
 from surprise.expectation import Expectations

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dsr import quaternions
-from dsr.quaternions import Vector3
-from dsr.transforms import Pose
+from dsr.math3d import quaternions
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.transforms import Pose
 from surprise.config import SurpriseConfig
 
 Array = NDArray[np.float64]

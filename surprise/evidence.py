@@ -10,8 +10,8 @@ from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from dsr.quaternions import Vector3
-from dsr.transforms import Pose
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.transforms import Pose
 from surprise.config import SurpriseConfig
 from surprise.deviation import Deviation, compare
 from surprise.limits import WAYS, Way, are_alike, describe, disagrees, exceeds, extent, vector

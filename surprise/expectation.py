@@ -7,11 +7,11 @@ from collections import deque
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 
-from dsr.elements import Edge
 from dsr.errors import TransformError
+from dsr.graph.elements import Edge
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.relations import THINGS
-from dsr.transforms import Pose
+from dsr.vocabulary.relations import THINGS
 from surprise.config import SurpriseConfig
 from surprise.evidence import Reason
 from surprise.reading import WORLD, Percept

@@ -7,7 +7,7 @@ import statistics
 from collections.abc import Sequence
 from typing import Literal
 
-from dsr.quaternions import Vector3
+from dsr.math3d.quaternions import Vector3
 from surprise.config import SurpriseConfig
 from surprise.deviation import Deviation
 

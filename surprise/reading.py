@@ -6,12 +6,12 @@ from collections import Counter, deque
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from dsr.elements import Edge, Node
 from dsr.errors import DsrError, ExtrapolationError
+from dsr.graph.elements import Edge, Node
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.transforms import Pose, interpolate
 from dsr.memory import Memory
-from dsr.quaternions import Vector3
-from dsr.relations import THINGS
-from dsr.transforms import Pose, interpolate
+from dsr.vocabulary.relations import THINGS
 
 WORLD = "world"
 

@@ -7,10 +7,10 @@ from agents.action_inference.config import ActionInferenceConfig
 from agents.action_inference.policy import Inference, Policy
 from agents.action_inference.reading import HOLDERS, Reading
 from dsr.agent import Access, Agent
-from dsr.observed_actions import KINDS, Action
-from dsr.relations import SURFACES, THINGS
 from dsr.runtime.plugins import ACTION_POLICIES, load
 from dsr.timeline import WRITTEN_ATTRIBUTES, WRITTEN_EDGES, WRITTEN_NODES, Chronicle, Entry
+from dsr.vocabulary.observed_actions import KINDS, Action
+from dsr.vocabulary.relations import SURFACES, THINGS
 
 
 class ActionInference(Agent):

@@ -18,8 +18,8 @@ from agents.action_inference.heights import Height, Heights
 from agents.action_inference.observation import Snapshot, Thing
 from agents.action_inference.policy import Inference
 from agents.action_inference.track import Track
-from dsr import quaternions
-from dsr.observed_actions import PICK, PLACE, RELEASE, UNKNOWN, Action
+from dsr.math3d import quaternions
+from dsr.vocabulary.observed_actions import PICK, PLACE, RELEASE, UNKNOWN, Action
 
 _SURE, _LIKELY, _GUESSED = 0.95, 0.85, 0.7
 """Confidences: something holds it; a hand is near, or it is seen to rest; nothing but its motion tells."""

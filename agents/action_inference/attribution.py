@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from agents.action_inference.observation import Holder, Snapshot, Thing
-from dsr.observed_actions import UNKNOWN
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
+from dsr.vocabulary.observed_actions import UNKNOWN
 
 REMEMBERED = 1.0
 """s for which it is known where a hand was"""

@@ -7,8 +7,8 @@ from collections import deque
 from collections.abc import Iterator
 
 from agents.action_inference.observation import Snapshot, Thing
-from dsr.quaternions import Vector3
-from dsr.transforms import Pose
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.transforms import Pose
 
 _BEFORE = 1.2  # s in which a thing must have lain still before it seemed to move
 _STILL = 0.01  # m within which it did

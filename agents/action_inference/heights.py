@@ -7,8 +7,8 @@ from collections import deque
 from itertools import pairwise
 from typing import NamedTuple
 
-from dsr.quaternions import Vector3
-from dsr.transforms import Pose
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.transforms import Pose
 
 _KEPT = 40  # samples
 _ADAPT = 0.1  # share by which where it lies follows a sample

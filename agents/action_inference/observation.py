@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from dsr import quaternions
-from dsr.quaternions import Vector3
-from dsr.transforms import Pose
+from dsr.math3d import quaternions
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.transforms import Pose
 
 
 class Grasp(NamedTuple):

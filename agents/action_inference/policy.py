@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple, Protocol
 
 from agents.action_inference.observation import Snapshot
-from dsr.observed_actions import Action
+from dsr.vocabulary.observed_actions import Action
 
 
 class Inference(NamedTuple):

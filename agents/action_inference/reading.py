@@ -7,14 +7,14 @@ from collections import Counter
 from collections.abc import Iterable
 
 from agents.action_inference.observation import Grasp, Holder, Snapshot, Thing
-from dsr.calibration import IN_DOUBT
-from dsr.elements import Node
 from dsr.errors import DsrError
+from dsr.graph.elements import Node
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.perceived import is_perceived
-from dsr.quaternions import Vector3
-from dsr.relations import SURFACES, THINGS
-from dsr.transforms import Pose
+from dsr.vocabulary.calibration import IN_DOUBT
+from dsr.vocabulary.perceived import is_perceived
+from dsr.vocabulary.relations import SURFACES, THINGS
 
 WORLD = "world"
 HOLDERS = ("hand", "gripper")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from agents.action_inference.heights import Height, Heights
-from dsr.observed_actions import UNKNOWN
+from dsr.vocabulary.observed_actions import UNKNOWN
 
 
 @dataclass

@@ -25,8 +25,8 @@ from agents.camera_feed import CameraFeed
 from agents.drivers import ArmDriver, ArmState, make_driver
 from dsr.agent import Access, Agent
 from dsr.errors import ConfigError
-from dsr.intrinsics import INTRINSICS
-from dsr.relations import MODELLED, THINGS
+from dsr.vocabulary.intrinsics import INTRINSICS
+from dsr.vocabulary.relations import MODELLED, THINGS
 
 OBJECTS = (*THINGS, "hand", "finger")
 """Types of nodes that may be in the way or in the gripper."""

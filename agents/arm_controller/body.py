@@ -11,7 +11,7 @@ from agents.arm_controller.shapes import bounds
 from agents.arm_controller.urdf import Joint, Robot
 from dsr import Memory
 from dsr.errors import ConfigError, suggest
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 
 STILL = 1e-4
 """rad or m; a joint that moved less stands still"""

@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 
 from dsr.errors import ConfigError
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 
 
 class Mount(msgspec.Struct, frozen=True):

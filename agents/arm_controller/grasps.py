@@ -16,7 +16,7 @@ from agents.arm_controller.overlap import Array
 from agents.arm_controller.room import Room
 from agents.arm_controller.scene import Thing
 from dsr.errors import DsrError
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 
 MOST_TILT = 0.26
 """rad that an object may lean and still be grasped from above or stood upon"""

@@ -12,7 +12,7 @@ from agents.arm_controller.joints import Joints
 from agents.arm_controller.scene import Scene, Thing
 from dsr import Memory
 from dsr.errors import TransformError
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 
 LOST_AFTER = 0.1
 """s without contact after which an object counts as lost"""

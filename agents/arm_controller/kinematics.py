@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from agents.arm_controller.urdf import Joint
 from dsr.errors import DsrError
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from agents.arm_controller.figure import Figure
 from agents.arm_controller.overlap import Array, Boxes, room, stacked
 from agents.arm_controller.scene import Thing
 from agents.arm_controller.shapes import Box
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 
 MARGIN = 0.01
 """m that the arm and what it carries keep away from things"""

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dsr.quaternions import Vector3
-from dsr.transforms import Pose
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.transforms import Pose
 
 Array = NDArray[np.float64]
 _PARALLEL = 1e-6  # below which the cross product of two edges gives no axis

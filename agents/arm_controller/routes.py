@@ -12,7 +12,7 @@ from agents.arm_controller.obstacles import ITSELF, Load, Obstacles
 from agents.arm_controller.overlap import Array
 from agents.arm_controller.trajectory import SPACING, Trajectory, resampled, rounded, timed
 from dsr.errors import DsrError
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 
 _LINE_STEP = 0.02  # m between two solved poses on a straight line
 _LEAST_LINE = 0.002  # m; less is no line

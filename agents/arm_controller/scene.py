@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from dsr import Memory, Node
 from dsr.errors import TransformError
 from dsr.geometry import own_bounds
-from dsr.quaternions import Vector3
-from dsr.relations import MODELLED
-from dsr.transforms import Pose
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.transforms import Pose
+from dsr.vocabulary.relations import MODELLED
 
 Array = NDArray[np.float64]
 WORLD = "world"

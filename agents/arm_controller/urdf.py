@@ -17,8 +17,8 @@ from typing import Literal, cast, get_args
 from agents.arm_controller.shapes import Box, read_boxes
 from agents.urdf_elements import attribute, number, origin, parse_urdf, read_urdf, vector
 from dsr.errors import ConfigError, suggest
-from dsr.quaternions import Vector3, from_rotvec
-from dsr.transforms import Pose
+from dsr.math3d.quaternions import Vector3, from_rotvec
+from dsr.math3d.transforms import Pose
 
 JointKind = Literal["revolute", "continuous", "prismatic", "fixed"]
 MOST_LINKS = 300

@@ -13,7 +13,10 @@ from agents.calibrator.undoing import taken_back
 from agents.calibrator.views import WORLD, Views, only_camera
 from agents.calibrator.watch import Watch
 from dsr.agent import Access, Agent
-from dsr.calibration import (
+from dsr.errors import ConfigError
+from dsr.graph.elements import Node
+from dsr.timeline import WRITTEN_ATTRIBUTES, WRITTEN_EDGES, WRITTEN_NODES, Chronicle
+from dsr.vocabulary.calibration import (
     ADOPTED,
     ANSWERED,
     CALIBRATION,
@@ -25,16 +28,13 @@ from dsr.calibration import (
     checked_method,
     pose_of,
 )
-from dsr.elements import Node
-from dsr.errors import ConfigError
-from dsr.relations import THINGS
-from dsr.timeline import WRITTEN_ATTRIBUTES, WRITTEN_EDGES, WRITTEN_NODES, Chronicle
+from dsr.vocabulary.relations import THINGS
 
 _MOST_VIEWS = 32
 
 
 class Calibrator(Agent):
-    """Calibrates cameras, those that an arm carries and those on a stand, on request (`dsr.calibration`).
+    """Calibrates cameras, those that an arm carries and those on a stand, on request (`dsr.vocabulary.calibration`).
 
     What a request's camera sees from now on is compared with the belief. The pose of the camera that makes them agree
     is written as its RT edge, with covariance and without a stamp: it holds at all times. Where the geometry is weak,

@@ -8,12 +8,12 @@ from agents.calibrator import closed_form, robust
 from agents.calibrator.estimate import Method
 from agents.calibrator.problem import Problem, Sighting
 from agents.calibrator.solution import Solution, judged
-from dsr.calibration import DEFAULT_METHOD, checked_method
+from dsr.math3d.transforms import Pose
 from dsr.runtime.plugins import CALIBRATION_METHODS, load
-from dsr.transforms import Pose
+from dsr.vocabulary.calibration import DEFAULT_METHOD, checked_method
 
 METHODS: Mapping[str, Method] = {"robust": robust.solve, "closed_form": closed_form.solve}
-"""By name, those of `dsr.calibration.METHODS`."""
+"""By name, those of `dsr.vocabulary.calibration.METHODS`."""
 
 
 def calibrate(sightings: Sequence[Sighting], before: Pose, method: str = DEFAULT_METHOD) -> Solution:
@@ -22,7 +22,7 @@ def calibrate(sightings: Sequence[Sighting], before: Pose, method: str = DEFAULT
     Args:
         sightings: of any number of objects, in one or many views.
         before: parent_from_camera as it is believed.
-        method: one of `dsr.calibration.method_names()`.
+        method: one of `dsr.vocabulary.calibration.method_names()`.
 
     Raises:
         ConfigError: for an unknown method.

@@ -14,16 +14,6 @@ from rich.table import Table
 
 from agents.calibrator.recorded import calibrate_recorded
 from agents.replay.source import ReplayedGraph
-from dsr.calibration import (
-    ANSWERED,
-    DEFAULT_METHOD,
-    Report,
-    checked_method,
-    method_names,
-    read_report,
-    request_calibration,
-    request_undo,
-)
 from dsr.cli.common import (
     GraphOption,
     JsonOption,
@@ -38,6 +28,16 @@ from dsr.cli.common import (
 from dsr.clock import WALL_CLOCK
 from dsr.errors import ConfigError, DsrError, suggest
 from dsr.memory import Memory
+from dsr.vocabulary.calibration import (
+    ANSWERED,
+    DEFAULT_METHOD,
+    Report,
+    checked_method,
+    method_names,
+    read_report,
+    request_calibration,
+    request_undo,
+)
 
 _PERIOD = 0.1  # s between two looks
 _UNANSWERED = 5.0  # s after which nobody seems to calibrate

@@ -10,7 +10,7 @@ import numpy as np
 
 from agents.calibrator.estimate import Estimate, equation_1
 from agents.calibrator.problem import Problem
-from dsr.transforms import Array
+from dsr.math3d.transforms import Array
 
 SCALE = 12.6
 """Squared Mahalanobis distance from which on a sighting counts less: the 95 % quantile of its distribution"""

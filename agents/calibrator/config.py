@@ -6,7 +6,7 @@ import math
 
 import msgspec
 
-from dsr.calibration import DEFAULT_METHOD, checked_method
+from dsr.vocabulary.calibration import DEFAULT_METHOD, checked_method
 
 
 class CalibratorConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -29,7 +29,7 @@ class CalibratorConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     keep: float = 600.0
     """s after which an answered request is removed"""
     method: str = DEFAULT_METHOD
-    """by which a camera in doubt is calibrated, one of `dsr.calibration.method_names()`"""
+    """by which a camera in doubt is calibrated, one of `dsr.vocabulary.calibration.method_names()`"""
     by_itself: bool = True
     """Look into it when all that is seen seems displaced alike."""
     lookback: float = 1.5

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from agents.calibrator.problem import Problem, Sighting
 from agents.calibrator.robust import OUTLIER
 from agents.calibrator.solution import Solution
-from dsr.transforms import Array, Pose
+from dsr.math3d.transforms import Array, Pose
 
 FEWEST = 3
 """Objects that must agree on where the camera is now."""

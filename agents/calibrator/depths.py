@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from dsr.errors import TransformError
+from dsr.math3d.transforms import Array, Pose
 from dsr.memory import Memory
-from dsr.relations import THINGS
-from dsr.transforms import Array, Pose
+from dsr.vocabulary.relations import THINGS
 
 WORLD = "world"
 _SHARE = 0.1  # of the newest percept in the average

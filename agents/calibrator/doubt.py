@@ -15,9 +15,9 @@ from agents.calibrator.problem import Sighting
 from agents.calibrator.solution import Solution
 from agents.calibrator.steps import carried_things
 from agents.calibrator.views import Views
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.quaternions import Vector3
-from dsr.transforms import Pose
 
 WORLD = "world"
 ENOUGH = 8

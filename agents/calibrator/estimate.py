@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agents.calibrator.problem import Problem
-from dsr.transforms import Array
+from dsr.math3d.transforms import Array
 
 
 class Estimate(NamedTuple):

@@ -9,7 +9,7 @@ import numpy as np
 
 from agents.calibrator import se3
 from agents.calibrator.robust import OUTLIER
-from dsr.transforms import Array, Pose
+from dsr.math3d.transforms import Array, Pose
 
 MOST_INDEPENDENT = 4
 """Percepts from one place share errors: of the tag, the lens and the surface. No more of them than this count.

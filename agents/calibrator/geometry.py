@@ -9,7 +9,7 @@ import numpy as np
 
 from agents.calibrator import se3
 from agents.calibrator.problem import Problem
-from dsr.transforms import Array
+from dsr.math3d.transforms import Array
 
 ARM = 0.01
 """m, what an object's orientation counts for: as much as points that far from its centre, known as well as that"""

@@ -8,11 +8,11 @@ from itertools import count
 
 from agents.calibrator.config import CalibratorConfig
 from dsr.errors import DsrError
-from dsr.intentions import DONE, ENDED, HALT, PLANNED, RUN, RUNNING
-from dsr.keys import agent_of
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.quaternions import Vector3
-from dsr.transforms import Pose
+from dsr.network.keys import agent_of
+from dsr.vocabulary.intentions import DONE, ENDED, HALT, PLANNED, RUN, RUNNING
 
 Script = Generator[None, None, None]
 

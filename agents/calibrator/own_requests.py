@@ -6,7 +6,8 @@ import msgspec
 
 from agents.calibrator.doubt import Doubt
 from agents.calibrator.reporting import encoded, make_report
-from dsr.calibration import (
+from dsr.memory import Memory
+from dsr.vocabulary.calibration import (
     ADOPTED,
     ANSWERED,
     CALIBRATION,
@@ -17,7 +18,6 @@ from dsr.calibration import (
     read_report,
     request_calibration,
 )
-from dsr.memory import Memory
 
 
 class OwnRequests:

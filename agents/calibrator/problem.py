@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.calibrator import se3
-from dsr.transforms import Array, Pose
+from dsr.math3d.transforms import Array, Pose
 
 _LEAST_VARIANCES = np.array([1e-4**2] * 3 + [2e-4**2] * 3)  # m^2, rad^2: nothing is known better
 

@@ -9,10 +9,10 @@ from agents.calibrator.config import CalibratorConfig
 from agents.calibrator.reporting import make_report, refusal
 from agents.calibrator.views import Views, only_camera
 from agents.replay.source import ReplayedGraph
-from dsr.calibration import Report
 from dsr.errors import ConfigError
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.transforms import Pose
+from dsr.vocabulary.calibration import Report
 
 _STEP = 0.05  # s between two looks at the recording
 _SAME = 1e-6  # m, rad
@@ -32,7 +32,7 @@ def calibrate_recorded(
     Args:
         source: the recording.
         camera: its node; empty for the only one.
-        method: one of `dsr.calibration.method_names()`.
+        method: one of `dsr.vocabulary.calibration.method_names()`.
         begin: s since the recording's first message, from when on views count: after the camera moved.
         end: s, until when; None for the recording's end.
         force: call the pose adopted whatever speaks against it.

@@ -10,9 +10,9 @@ from agents.calibrator.config import CalibratorConfig
 from agents.calibrator.doubt import ENOUGH, Doubt
 from agents.calibrator.reporting import make_report, tell
 from agents.calibrator.views import WORLD, Views
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.timeline import Chronicle
-from dsr.transforms import Pose
 
 _LASTS = 30.0  # s after the adoption
 _SAME = 1e-6  # m, rad

@@ -9,8 +9,8 @@ import msgspec
 import numpy as np
 
 from agents.calibrator.solution import Solution
-from dsr.calibration import CALIBRATED, ObjectReport, Report
 from dsr.timeline import Chronicle
+from dsr.vocabulary.calibration import CALIBRATED, ObjectReport, Report
 
 
 def make_report(camera: str, parent: str, solution: Solution, *, adopted: bool, unchanged: bool = False) -> Report:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from agents.calibrator import closed_form, se3
 from agents.calibrator.estimate import Estimate, equation_1
 from agents.calibrator.problem import Problem, solved
-from dsr.transforms import Array
+from dsr.math3d.transforms import Array
 
 OUTLIER = 22.5
 """Squared Mahalanobis distance beyond which a sighting is an outlier: the 99.9 % quantile of its distribution"""

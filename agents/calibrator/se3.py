@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dsr import transforms
-from dsr.transforms import Array
+from dsr.math3d import transforms
+from dsr.math3d.transforms import Array
 
 _SMALL_ANGLE = 1e-4  # rad
 _NEARLY_PI = -0.9  # cosine of the angle from which on the sine tells it badly

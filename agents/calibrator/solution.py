@@ -12,7 +12,7 @@ from agents.calibrator.geometry import Geometry, geometry_of
 from agents.calibrator.problem import Problem, solved
 from agents.calibrator.robust import OUTLIER
 from agents.calibrator.se3 import inverses, logs
-from dsr.transforms import Array, Pose
+from dsr.math3d.transforms import Array, Pose
 
 _UNFINISHED = 4.7  # standard deviations: the 99.9 % quantile of six numbers
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from agents.calibrator.decision import FEWEST
 from dsr.errors import TransformError
+from dsr.math3d.transforms import Array, Pose
 from dsr.memory import Memory
-from dsr.relations import THINGS
-from dsr.transforms import Array, Pose
+from dsr.vocabulary.relations import THINGS
 
 WORLD = "world"
 REACH = 2.0

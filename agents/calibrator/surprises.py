@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from dsr.memory import Memory
-from dsr.relations import THINGS
 from dsr.timeline import EXPLAINED, Chronicle, Entry
+from dsr.vocabulary.relations import THINGS
 
 CALM = 2.0
 """s without anything surprising after which nothing is in doubt any more"""

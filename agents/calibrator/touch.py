@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 
 from agents.calibrator.decision import Decision
-from dsr.intentions import DONE, FAILED, NOTHING_GRASPED
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.transforms import Pose
+from dsr.vocabulary.intentions import DONE, FAILED, NOTHING_GRASPED
 
 _FAR = 0.025  # m that an object would be elsewhere, for a grasp of it to tell
 

@@ -7,10 +7,10 @@ from collections.abc import Iterable
 import msgspec
 
 from agents.calibrator.views import parent_of
-from dsr.calibration import CALIBRATED, ObjectReport, Report, pose_of, read_report
 from dsr.errors import ConfigError
 from dsr.memory import Memory
 from dsr.timeline import Chronicle
+from dsr.vocabulary.calibration import CALIBRATED, ObjectReport, Report, pose_of, read_report
 
 _SAME = 1e-6  # m, rad
 

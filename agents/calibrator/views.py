@@ -13,10 +13,10 @@ from agents.calibrator.depths import DepthError, without_error
 from agents.calibrator.fusing import fuse
 from agents.calibrator.problem import Sighting
 from dsr.errors import ConfigError, TransformError, suggest
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.quaternions import Vector3
-from dsr.relations import THINGS
-from dsr.transforms import Pose
+from dsr.vocabulary.relations import THINGS
 
 WORLD = "world"
 _MOST_PERCEPTS = 30

@@ -21,7 +21,11 @@ from agents.calibrator.surprises import CALM, Surprises
 from agents.calibrator.touch import Touch
 from agents.calibrator.undoing import turned_round
 from agents.calibrator.views import Views
-from dsr.calibration import (
+from dsr.errors import ConfigError, DsrError
+from dsr.math3d.transforms import Pose
+from dsr.memory import Memory
+from dsr.timeline import Chronicle, Entry
+from dsr.vocabulary.calibration import (
     ADOPTED,
     CALIBRATED,
     CAMERA_MOVED,
@@ -33,10 +37,6 @@ from dsr.calibration import (
     pose_of,
     provisional,
 )
-from dsr.errors import ConfigError, DsrError
-from dsr.memory import Memory
-from dsr.timeline import Chronicle, Entry
-from dsr.transforms import Pose
 
 _FRESH = 1.0  # s for which a camera sees what it saw
 _SAME = 1e-6  # m, rad

@@ -12,8 +12,8 @@ from agents.chronicler.facts import describe_status, ending, participants_of, re
 from agents.chronicler.keeping import Keeper, newest_status
 from agents.inbox import Inbox
 from dsr.agent import Access, Agent
-from dsr.elements import Node
 from dsr.errors import WireError
+from dsr.graph.elements import Node
 from dsr.runtime.status import State, Status, decode_status
 from dsr.timeline import (
     ACTION,

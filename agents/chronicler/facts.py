@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
-from dsr.elements import Edge, Node
-from dsr.intentions import ACTIVE, RUNNING
+from dsr.graph.elements import Edge, Node
 from dsr.memory import Memory
 from dsr.timeline import ACTION, INTENTION, OBJECTS, PRESENT, SURPRISING, Entry
+from dsr.vocabulary.intentions import ACTIVE, RUNNING
 
 
 class Fact(NamedTuple):

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from fnmatch import fnmatchcase
 
 from dsr import main
-from dsr.elements import Node
+from dsr.graph.elements import Node
 from dsr.worlds import Filter, FilterConfig
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dsr import main
-from dsr.elements import Node
+from dsr.graph.elements import Node
 from dsr.worlds import Filter, FilterConfig
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 from dsr import main
-from dsr.elements import Node
 from dsr.geometry import volume
+from dsr.graph.elements import Node
 from dsr.worlds import Filter, FilterConfig
 
 

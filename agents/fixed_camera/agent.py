@@ -11,7 +11,7 @@ from agents.drivers import CameraDriver, make_driver
 from agents.scenario.format import CameraSpec, load_scenario
 from dsr.agent import Access, Agent
 from dsr.errors import ConfigError
-from dsr.intrinsics import INTRINSICS
+from dsr.vocabulary.intrinsics import INTRINSICS
 
 _WORLD = "world"
 

@@ -18,9 +18,9 @@ from agents.hand_tracker.skin import SkinFinder
 from agents.hand_tracker.tracks import Tracks
 from agents.stillness import stood_still
 from dsr.agent import Access, Agent
-from dsr.blobs import Frame
 from dsr.errors import ConfigError, TransformError, WireError
-from dsr.transforms import Pose
+from dsr.images.blobs import Frame
+from dsr.math3d.transforms import Pose
 
 
 class _Look(NamedTuple):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dsr.blobs import Frame
 from dsr.errors import WireError
-from dsr.intrinsics import Intrinsics
+from dsr.images.blobs import Frame
+from dsr.vocabulary.intrinsics import Intrinsics
 
 Array = NDArray[np.float64]
 Depth = NDArray[np.float32]

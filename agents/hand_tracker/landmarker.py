@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from agents.hand_tracker.config import HandTrackerConfig
 from agents.hand_tracker.depth import Color, Depth, behind_surface, depth_at, images
 from agents.hand_tracker.sighting import LANDMARKS, TIPS, SeenHand, Side, Source, hand_of_landmarks
-from dsr.blobs import Frame
 from dsr.errors import ConfigError
-from dsr.intrinsics import Intrinsics
+from dsr.images.blobs import Frame
+from dsr.vocabulary.intrinsics import Intrinsics
 
 Array = NDArray[np.float64]
 

@@ -9,10 +9,10 @@ import numpy as np
 from agents.hand_tracker.config import HandTrackerConfig
 from agents.hand_tracker.sighting import Side
 from agents.hand_tracker.tracks import HANDS, Track
-from dsr.elements import Node
 from dsr.errors import TransformError
+from dsr.graph.elements import Node
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.transforms import Pose
 
 _NAME = re.compile(r"human_hand_(\d)")
 _FINGER = re.compile(r"human_hand_\d_finger_(\d)")

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from dsr.blobs import Frame
-from dsr.quaternions import Quaternion
-from dsr.transforms import Pose
+from dsr.images.blobs import Frame
+from dsr.math3d.quaternions import Quaternion
+from dsr.math3d.transforms import Pose
 
 Array = NDArray[np.float64]
 Side = Literal["left", "right", "unknown"]

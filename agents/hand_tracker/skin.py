@@ -17,11 +17,11 @@ from agents.hand_tracker.depth import Color, Depth, behind_surface, depth_at, im
 from agents.hand_tracker.fingertips import Patch, Tip, fingertips
 from agents.hand_tracker.sighting import SeenHand, Source
 from agents.hand_tracker.wrist import away_from, find_wrist
-from dsr import quaternions
-from dsr.blobs import Frame
-from dsr.intrinsics import Intrinsics
-from dsr.quaternions import Quaternion
-from dsr.transforms import Pose
+from dsr.images.blobs import Frame
+from dsr.math3d import quaternions
+from dsr.math3d.quaternions import Quaternion
+from dsr.math3d.transforms import Pose
+from dsr.vocabulary.intrinsics import Intrinsics
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

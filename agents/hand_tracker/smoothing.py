@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.hand_tracker.config import Smoothing
-from dsr import quaternions
-from dsr.quaternions import Quaternion
+from dsr.math3d import quaternions
+from dsr.math3d.quaternions import Quaternion
 
 Array = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from scipy.optimize import linear_sum_assignment
 from agents.hand_tracker.config import HandTrackerConfig
 from agents.hand_tracker.sighting import SeenHand, Side, Source
 from agents.hand_tracker.smoothing import PointFilter, TurnFilter
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 
 Array = NDArray[np.float64]
 

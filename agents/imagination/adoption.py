@@ -5,7 +5,7 @@ from __future__ import annotations
 from agents.imagination.agent import ADOPTED, PREFIX
 from dsr.agent import Access, Agent
 from dsr.errors import DsrError
-from dsr.intentions import add_intention
+from dsr.vocabulary.intentions import add_intention
 from dsr.worlds import ROOT
 
 

@@ -8,15 +8,15 @@ import msgspec
 
 from dsr.agent import Access, Agent
 from dsr.errors import DsrError, WorldError, WorldNotFoundError
-from dsr.goals import parse_goal
+from dsr.graph.access import EVERYTHING
+from dsr.graph.schema import WORLD_RECORD
 from dsr.imagining import Outcome, Thinking, best, carried_out, parse_step
-from dsr.keys import check_name
 from dsr.memory import Memory
-from dsr.relations import SURFACES, THINGS, read_relations
-from dsr.runtime.access import EVERYTHING
-from dsr.schema import WORLD_RECORD
+from dsr.network.keys import check_name
 from dsr.timeline import WRITTEN_ATTRIBUTES, WRITTEN_EDGES, WRITTEN_NODES, Chronicle
-from dsr.what_if import WhatIf
+from dsr.vocabulary.goals import parse_goal
+from dsr.vocabulary.relations import SURFACES, THINGS, read_relations
+from dsr.vocabulary.what_if import WhatIf
 from dsr.worlds import ROOT
 
 PREFIX = "plan_"

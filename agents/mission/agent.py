@@ -5,8 +5,8 @@ from __future__ import annotations
 import msgspec
 
 from dsr.agent import Access, Agent
-from dsr.goals import parse_goal
-from dsr.intentions import ACTIVE, add_intention, nobody_pursues
+from dsr.vocabulary.goals import parse_goal
+from dsr.vocabulary.intentions import ACTIVE, add_intention, nobody_pursues
 
 
 class MissionConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -11,7 +11,7 @@ import numpy as np
 from agents.drivers import PersonDriver, PersonReading, make_driver
 from dsr.agent import Access, Agent
 from dsr.errors import SchemaError
-from dsr.transforms import Pose, interpolate
+from dsr.math3d.transforms import Pose, interpolate
 from dsr.visibility import PERSON
 
 _LEAST = 1e-4  # m and rad, of a standard deviation

@@ -9,13 +9,13 @@ import msgspec
 from agents.perspectives.view import KINDS, LOOKS, RELATIONS, PersonalView
 from dsr.agent import Access, Agent
 from dsr.errors import DsrError, suggest
-from dsr.keys import BASE, check_name
+from dsr.graph.access import EVERYTHING
+from dsr.graph.schema import WORLD_RECORD
 from dsr.memory import Memory
-from dsr.relations import SURFACES
-from dsr.runtime.access import EVERYTHING
-from dsr.schema import WORLD_RECORD
+from dsr.network.keys import BASE, check_name
 from dsr.timeline import WRITTEN_ATTRIBUTES, WRITTEN_EDGES, WRITTEN_NODES
 from dsr.visibility import BAND, LEAST_SHARE, PERSON, PERSPECTIVES, WIDTH, VisibilityMonitor
+from dsr.vocabulary.relations import SURFACES
 
 PREFIX = "view_of_"
 """Before the name of a person in that of their world."""

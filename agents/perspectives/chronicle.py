@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from dsr.elements import Node
+from dsr.graph.elements import Node
 from dsr.memory import Memory
 from dsr.timeline import PRESENT, Chronicle
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dsr.elements import Node
+from dsr.graph.elements import Node
+from dsr.math3d.surfaces import Solids
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.spatial import Box, box_at
-from dsr.surfaces import Solids
-from dsr.transforms import Pose
 from dsr.visibility import shape_of_thing
 
 _HOLLOW = ("container", "cup")

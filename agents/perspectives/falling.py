@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from dsr.elements import Node
+from dsr.graph.elements import Node
+from dsr.math3d.surfaces import room_below, underside
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.surfaces import room_below, underside
-from dsr.transforms import Pose
 from dsr.visibility import bodies_of, read_posed, shape_of_thing
 
 

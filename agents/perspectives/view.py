@@ -8,11 +8,10 @@ from typing import Any
 from agents.perspectives.chronicle import PersonalTimeline
 from agents.perspectives.containment import carried, covers
 from agents.perspectives.falling import fallen
-from dsr.elements import Node
 from dsr.errors import TransformError
+from dsr.graph.elements import Node
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.relations import MODELLED, SURFACES, THINGS
-from dsr.transforms import Pose
 from dsr.visibility import (
     LEAST_PIXELS,
     PERSON,
@@ -21,6 +20,7 @@ from dsr.visibility import (
     VisibilityMonitor,
     body_at,
 )
+from dsr.vocabulary.relations import MODELLED, SURFACES, THINGS
 
 KINDS = (*THINGS, *MODELLED)
 """Types of what is seen and remembered."""

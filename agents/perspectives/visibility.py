@@ -7,8 +7,8 @@ from typing import Annotated, Any, ClassVar
 import msgspec
 
 from dsr.agent import Access
-from dsr.elements import Edge
-from dsr.keys import BASE
+from dsr.graph.elements import Edge
+from dsr.network.keys import BASE
 from dsr.visibility import BAND, LEAST_SHARE, PERSON, PERSPECTIVES, WIDTH, VisibilityMonitor
 from dsr.worlds import Monitor, WorldsConfig
 

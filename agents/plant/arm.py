@@ -14,7 +14,7 @@ from agents.plant.bullet import Bullet
 from agents.plant.ramp import Ramp
 from agents.plant.world import STEP, World
 from dsr.errors import ConfigError, suggest
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 
 CAMERA_LINK = "camera_wrist_link"
 """Link of the URDF that is the optical frame of the wrist camera."""

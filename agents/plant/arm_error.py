@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from agents.plant.arm import Arm
-from dsr.quaternions import Vector3
+from dsr.math3d.quaternions import Vector3
 
 TOOL_LINK = "tool_link"
 """Link of the URDF whose place the error is about."""

@@ -7,8 +7,8 @@ from typing import Any
 
 import pybullet
 
+from dsr.math3d.transforms import Pose
 from dsr.runtime.native_output import silenced
-from dsr.transforms import Pose
 
 
 class Bullet:

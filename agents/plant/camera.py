@@ -11,10 +11,10 @@ import numpy as np
 from agents.plant.noise import Color, Depth, SensorModel, shift_bodies
 from agents.plant.renderer import Renderer
 from agents.plant.world import World
-from dsr.blobs import Frame
-from dsr.intrinsics import Intrinsics
-from dsr.quaternions import Quaternion, Vector3, product
-from dsr.transforms import Pose
+from dsr.images.blobs import Frame
+from dsr.math3d.quaternions import Quaternion, Vector3, product
+from dsr.math3d.transforms import Pose
+from dsr.vocabulary.intrinsics import Intrinsics
 
 OVERHEAD = Pose((0.35, 0.0, 0.65), (math.sqrt(0.5), -math.sqrt(0.5), 0.0, 0.0))
 """world_from_camera of the overhead camera's optical frame: looking straight down, the image's right is world -y and

@@ -26,11 +26,11 @@ from agents.plant.messages import (
     persons_key,
     readings_key,
 )
-from dsr.blobs import Frame
 from dsr.errors import WireError
-from dsr.frame_reader import FrameReader
-from dsr.keys import Keys
-from dsr.transport import Qos, Transport
+from dsr.images.blobs import Frame
+from dsr.images.frame_reader import FrameReader
+from dsr.network.keys import Keys
+from dsr.network.transport import Qos, Transport
 
 log = logging.getLogger("agents.plant.driver")
 

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.plant.world import upright
-from dsr import quaternions
-from dsr.quaternions import Vector3
-from dsr.transforms import Pose
+from dsr.math3d import quaternions
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.transforms import Pose
 
 Side = Literal["left", "right"]
 Array = NDArray[np.float64]

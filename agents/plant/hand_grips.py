@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from agents.plant.hand_figure import TIP_RADIUS, palm_pose, relaxed
 from agents.plant.hands import Hand, Style
 from agents.plant.world import World
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 
 Array = NDArray[np.float64]
 

@@ -30,8 +30,8 @@ from agents.scenario.format import (
     Topple,
 )
 from dsr.errors import ConfigError
-from dsr.quaternions import Vector3
-from dsr.transforms import Pose, interpolate
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.transforms import Pose, interpolate
 
 COMES_FROM = 0.35
 """m, from where a hand first shows itself to where it goes"""

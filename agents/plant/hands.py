@@ -28,7 +28,7 @@ from agents.plant.hand_figure import (
     radius,
     relaxed,
 )
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 
 Array = NDArray[np.float64]
 Style = Literal["pinch", "touch"]

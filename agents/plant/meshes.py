@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.plant.tags import tagged_face
-from dsr import quaternions
-from dsr.shapes import Part, Shape
+from dsr.math3d import quaternions
+from dsr.math3d.shapes import Part, Shape
 
 Color = tuple[float, ...]
 """Red, green and blue, 0 to 1."""

@@ -11,11 +11,11 @@ import msgspec
 from msgspec import Meta
 
 from agents.drivers import ArmState, HandReadings, PersonReadings, TagReadings
-from dsr.decoding import decoded
 from dsr.errors import WireError
-from dsr.intrinsics import Intrinsics
-from dsr.keys import Keys
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
+from dsr.network.decoding import decoded
+from dsr.network.keys import Keys
+from dsr.vocabulary.intrinsics import Intrinsics
 
 MOST_HANDS = 16
 """In one message."""
@@ -241,7 +241,7 @@ def arm_command_key(keys: Keys) -> str:
 
 
 def frame_key(keys: Keys, camera: str) -> str:
-    """Where a camera sends frames (`dsr.blobs.Frame`)."""
+    """Where a camera sends frames (`dsr.images.blobs.Frame`)."""
     return keys.device(f"camera/{camera}")
 
 

@@ -27,9 +27,9 @@ from agents.scenario.format import (
     Swap,
     Tilt,
 )
-from dsr import quaternions
 from dsr.errors import ConfigError
-from dsr.transforms import Pose, interpolate
+from dsr.math3d import quaternions
+from dsr.math3d.transforms import Pose, interpolate
 
 TURN_SPEED = 2.0
 """rad/s, when an object is turned on its way"""

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.scenario.format import SensorSpec
-from dsr.intrinsics import Intrinsics
+from dsr.vocabulary.intrinsics import Intrinsics
 
 BASELINE = 0.055
 """m, between the two infrared cameras of a RealSense D415"""

@@ -10,7 +10,7 @@ from agents.plant.stage import Stage
 from agents.plant.world import STEP
 from agents.scenario.format import Event, PersonEnter, PersonLeave, PersonTurn, PersonWalk
 from dsr.errors import ConfigError
-from dsr.transforms import Pose, interpolate
+from dsr.math3d.transforms import Pose, interpolate
 
 _TURN_SPEED = 2.0  # rad/s, of a head on a walk
 

@@ -12,9 +12,9 @@ import numpy as np
 
 from agents.drivers import PersonReading, PersonReadings
 from agents.scenario.format import PersonSpec
-from dsr import quaternions
-from dsr.quaternions import Vector3
-from dsr.transforms import Pose
+from dsr.math3d import quaternions
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.transforms import Pose
 
 SIGMA_TRANSLATION = 0.005
 """m, standard deviation of each coordinate of the eyes"""

@@ -21,9 +21,9 @@ from agents.plant.reality import Reality
 from agents.plant.world import RATE_HZ, STEP
 from agents.scenario.format import decode_start, load_scenario, start_key
 from dsr.agent import Agent
-from dsr.blobs import frame_chunks
 from dsr.errors import WireError
-from dsr.transport import Qos, Subscription
+from dsr.images.blobs import frame_chunks
+from dsr.network.transport import Qos, Subscription
 
 MOST_STEPS = RATE_HZ // 4
 """Steps in one tick; a plant that is later than that lets its world wait."""

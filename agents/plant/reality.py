@@ -26,9 +26,9 @@ from agents.plant.renderer import Renderer
 from agents.plant.stage import Stage
 from agents.plant.world import World
 from agents.scenario.format import CameraSpec, Scenario, start_poses
-from dsr.blobs import Frame
-from dsr.intrinsics import Intrinsics
-from dsr.transforms import Pose
+from dsr.images.blobs import Frame
+from dsr.math3d.transforms import Pose
+from dsr.vocabulary.intrinsics import Intrinsics
 
 
 class Reality:

@@ -15,9 +15,9 @@ import pybullet
 from numpy.typing import NDArray
 
 from agents.plant.bullet import Bullet
-from dsr.intrinsics import Intrinsics
+from dsr.math3d.transforms import Pose
 from dsr.runtime.native_output import silenced
-from dsr.transforms import Pose
+from dsr.vocabulary.intrinsics import Intrinsics
 
 log = logging.getLogger("agents.plant.renderer")
 

@@ -8,7 +8,7 @@ import pybullet
 
 from agents.plant.bullet import Bullet
 from agents.plant.meshes import Color, Size, write_box, write_shape
-from dsr.shapes import Shape
+from dsr.math3d.shapes import Shape
 
 _KINDS = {"box": pybullet.GEOM_BOX, "cylinder": pybullet.GEOM_CYLINDER, "sphere": pybullet.GEOM_SPHERE}
 

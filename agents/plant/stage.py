@@ -10,9 +10,9 @@ from agents.plant.hands import Hands
 from agents.plant.no_arm import NoArm
 from agents.plant.persons import Persons
 from agents.plant.world import GRAVITY, STEP, World
-from dsr import quaternions
-from dsr.quaternions import Vector3
-from dsr.transforms import Pose
+from dsr.math3d import quaternions
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.transforms import Pose
 
 
 class Grip:

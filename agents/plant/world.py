@@ -15,10 +15,10 @@ from agents.plant.bullet import Bullet
 from agents.plant.meshes import Color, Size
 from agents.plant.solids import collision_shape, visual_shape
 from agents.scenario.format import ObjectSpec, TableSpec
-from dsr import quaternions
 from dsr.errors import ConfigError, suggest
-from dsr.quaternions import Vector3
-from dsr.transforms import Pose
+from dsr.math3d import quaternions
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.transforms import Pose
 
 RATE_HZ = 240
 """Physics steps a second."""

@@ -16,8 +16,8 @@ from agents.recorder.meshes import MeshRecorder
 from agents.recorder.reader import FILE_NAME
 from agents.segments import next_segment
 from dsr.agent import Access, Agent
-from dsr.blobs import decode_frame, encode_frame
 from dsr.errors import ConfigError, WireError
+from dsr.images.blobs import decode_frame, encode_frame
 
 ABOUT = "agents"
 """Name of the metadata that hold the configurations of the agents of the run, as JSON by agent."""

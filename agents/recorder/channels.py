@@ -27,11 +27,11 @@ _DELTA = """MessagePack array [version, replica ids, adds, writes, removed, cont
   write    [owner replica, owner counter, attribute, stamp, writer, dot replica, dot counter, value]
   removed  [replica, counter, ...]; context [replica, first, last, ...]; live as removed, or nil
 Replicas are indexes into the list of replica ids. Extension type 1 is a pose: little-endian doubles
-x y z (m) qx qy qz qw stamp (s), then, if known, a 6 x 6 covariance row by row. See dsr/wire.py.
+x y z (m) qx qy qz qw stamp (s), then, if known, a 6 x 6 covariance row by row. See dsr/replication/wire.py.
 """
 
 _FRAME = """4 bytes little-endian header length; the header, a MessagePack array [stamp (s), meta, entries] with entries
-[name, dtype, shape, offset]; zero bytes up to a multiple of 8; the arrays at their offsets. See dsr/blobs.py.
+[name, dtype, shape, offset]; zero bytes up to a multiple of 8; the arrays at their offsets. See dsr/images/blobs.py.
 Images are packed as uint8 arrays:
   color.jpeg  the colour image (height, width, 3) as a JPEG file
   depth.png   the depth image (height, width) as a 16-bit PNG file in units of meta["depth_unit"] m, 0 where unknown

@@ -13,7 +13,7 @@ from agents.recorder.reader import FILE_NAME, read_recording
 from agents.segments import segments
 from dsr.cli.common import GraphOption, RouterOption, console, new_run_folder, shown
 from dsr.errors import ConfigError
-from dsr.rendezvous import endpoints, graphs, running_graph
+from dsr.network.rendezvous import endpoints, graphs, running_graph
 from dsr.runtime.agent_process import Stop, run_process
 from dsr.runtime.signals import set_on_signals
 

@@ -15,9 +15,9 @@ from agents.replay.feed import Feed, feeder_for
 from agents.replay.source import ReplayedGraph
 from dsr.clock import ManualClock
 from dsr.errors import ConfigError, suggest
+from dsr.graph.schema import Schema
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec, load_system
-from dsr.schema import Schema
 
 DEFAULT_SYSTEM = "tabletop"
 _ROUNDING = 1e-6  # s; stamps in a file are rounded

@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from agents.recorder.index import RecordingIndex
 from dsr.crdt.hlc import physical_time
 from dsr.errors import WireError
-from dsr.keys import agent_of
+from dsr.network.keys import agent_of
+from dsr.replication.wire import decode_kept
 from dsr.runtime.status import State, Status, decode_status
-from dsr.wire import decode_kept
 
 _ROUNDING = 1e-4  # s
 _LOOKED_THROUGH = 60.0  # s of a recording in which an agent's first tick is looked for

@@ -19,8 +19,8 @@ from agents.replay.source import ReplayedGraph
 from dsr.cli.common import JsonOption, RouterOption, SecurityOption, console, errors, print_json, reading, shown
 from dsr.connect import connect
 from dsr.errors import ConfigError
-from dsr.keys import check_name
-from dsr.rendezvous import endpoints
+from dsr.network.keys import check_name
+from dsr.network.rendezvous import endpoints
 from dsr.runtime.native_output import silenced
 
 Settings = dict[str, dict[str, object]]

@@ -6,10 +6,10 @@ from collections.abc import Collection, Iterable
 
 import msgspec
 
+from dsr.graph.watch import Watch
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.timeline import OBJECTS, RELATIONS, Event, Timeline
-from dsr.transforms import Pose
-from dsr.watch import Watch
 
 EdgeId = tuple[str, str, str]
 """(type, source, destination)"""

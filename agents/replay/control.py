@@ -11,10 +11,10 @@ import msgspec
 
 from agents.replay.player import Player
 from dsr.clock import WALL_CLOCK
-from dsr.decoding import decoded
 from dsr.errors import ConfigError, TransportError, WireError
-from dsr.keys import Keys
-from dsr.transport import Transport
+from dsr.network.decoding import decoded
+from dsr.network.keys import Keys
+from dsr.network.transport import Transport
 
 SERVICE = "replay"
 Action = Literal["pause", "resume", "seek", "speed", "quit", "state"]

@@ -17,11 +17,11 @@ from dsr.crdt.context import CausalContext, Dot
 from dsr.crdt.delta import Delta, Key
 from dsr.crdt.hlc import physical_time
 from dsr.errors import WireError
-from dsr.keys import agent_of, is_key
 from dsr.memory import Memory
-from dsr.parcels import parcels
-from dsr.transport import Chunks, key_matches
-from dsr.wire import decode_kept
+from dsr.network.keys import agent_of, is_key
+from dsr.network.transport import Chunks, key_matches
+from dsr.replication.parcels import parcels
+from dsr.replication.wire import decode_kept
 
 _MICRO = 1e6
 _LATE = 1.0

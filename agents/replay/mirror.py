@@ -7,12 +7,12 @@ from collections.abc import Iterable, Iterator
 from typing import TypeVar
 
 from dsr.crdt.delta import EdgeKey
-from dsr.elements import Edge, Node
 from dsr.errors import DsrError
+from dsr.graph.elements import Edge, Node
+from dsr.graph.schema import AttributeType, Schema
+from dsr.graph.watch import Change
 from dsr.memory import Memory
 from dsr.persistence.content import kind_of
-from dsr.schema import AttributeType, Schema
-from dsr.watch import Change
 
 T = TypeVar("T")
 _CHUNK = 500

@@ -9,8 +9,8 @@ from agents.replay.meshes import MeshCheck
 from agents.replay.mirror import Mirror
 from agents.replay.source import ReplayedGraph
 from agents.replay.traffic import Traffic
+from dsr.graph.watch import Watch
 from dsr.memory import Memory
-from dsr.watch import Watch
 
 STEP = 0.02
 """s between two steps; what is recorded closer together becomes visible together."""

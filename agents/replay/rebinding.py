@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from dsr.crdt.context import Dot, DotRange
 from dsr.crdt.delta import Add, Delta, Key, Write
-from dsr.keys import agent_of
+from dsr.network.keys import agent_of
 
 LiveDots = Callable[[Key], list[Dot]]
 """The creation dots under which an element lives now, of all its makers."""

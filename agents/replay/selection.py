@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterable
 
-from dsr.calibration import CALIBRATED
 from dsr.errors import ConfigError, closest, suggest
-from dsr.observed_actions import KINDS as ACTIONS
 from dsr.timeline import DERIVED, EVENT_KINDS, RELATIONS, SURPRISING, Event
+from dsr.vocabulary.calibration import CALIBRATED
+from dsr.vocabulary.observed_actions import KINDS as ACTIONS
 
 KNOWN_KINDS = (*EVENT_KINDS, *ACTIONS, CALIBRATED, *sorted(DERIVED.difference(EVENT_KINDS)))
 """Kinds that this system has; agents may have their own."""

@@ -9,10 +9,10 @@ from agents.recorder.channels import SNAPSHOT
 from agents.recorder.index import RecordingIndex, TimedRecord
 from dsr.clock import ManualClock
 from dsr.errors import ConfigError, DsrError, WireError
-from dsr.keys import check_name
-from dsr.local_transport import LocalNetwork
+from dsr.graph.watch import Change
 from dsr.memory import Memory
-from dsr.watch import Change
+from dsr.network.keys import check_name
+from dsr.network.local_transport import LocalNetwork
 
 RID = "replay"
 _UNNAMED = "recording"

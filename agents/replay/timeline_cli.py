@@ -32,8 +32,8 @@ from dsr.cli.common import (
 )
 from dsr.clock import WALL_CLOCK
 from dsr.errors import ConfigError
-from dsr.keys import BASE, agent_of
 from dsr.memory import Memory
+from dsr.network.keys import BASE, agent_of
 from dsr.runtime.logs import printable
 from dsr.timeline import ALLEN, EVENT, SITUATION, Event, query, tell
 

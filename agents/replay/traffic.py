@@ -9,12 +9,12 @@ from msgspec.structs import replace
 
 from agents.recorder.images import unpack
 from agents.recorder.index import TimedRecord
-from dsr.blobs import decode_frame, frame_chunks
 from dsr.clock import Clock
 from dsr.errors import WireError
-from dsr.keys import Keys, is_key
+from dsr.images.blobs import decode_frame, frame_chunks
+from dsr.network.keys import Keys, is_key
+from dsr.network.transport import Chunks, Qos, Transport
 from dsr.runtime.status import decode_status, encode_status
-from dsr.transport import Chunks, Qos, Transport
 
 _PLAIN = ("log/", "truth", "device/")
 """Topics that are published as they were."""

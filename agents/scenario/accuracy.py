@@ -14,7 +14,7 @@ from agents.scenario.measures import pose_error
 from agents.scenario.model import Scenario
 from agents.scenario.relations import true_contents, true_relations
 from agents.scenario.true_actions import compare
-from dsr.observed_actions import KINDS, UNKNOWN
+from dsr.vocabulary.observed_actions import KINDS, UNKNOWN
 
 PERIOD = 0.1
 """s between two moments at which relations are compared"""

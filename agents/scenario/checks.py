@@ -48,11 +48,11 @@ from agents.scenario.model import NO_ROBOT, CameraSpec, ObjectSpec, RobotSpec, S
 from agents.scenario.motion import check_motion
 from agents.scenario.naming import taken_names
 from agents.scenario.relations import GROUND
+from dsr.config.toml_lines import Path
 from dsr.errors import ConfigError, GoalError, suggest
-from dsr.goals import parse_goal
-from dsr.observed_actions import parse_pattern
 from dsr.runtime.system import agent_names, find_system
-from dsr.runtime.toml_lines import Path
+from dsr.vocabulary.goals import parse_goal
+from dsr.vocabulary.observed_actions import parse_pattern
 
 
 def inconsistencies(scenario: Scenario, etc: FilePath | None, folder: FilePath) -> list[InconsistencyError]:

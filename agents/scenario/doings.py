@@ -8,7 +8,7 @@ from typing import Any
 from agents.scenario.expectations import Actions, Inside
 from agents.scenario.findings import Finding, begin_of, pairs
 from agents.scenario.history import History, Sample
-from dsr.observed_actions import Action, parse_pattern
+from dsr.vocabulary.observed_actions import Action, parse_pattern
 
 _SLACK = 1e-6  # s
 

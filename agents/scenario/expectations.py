@@ -12,7 +12,7 @@ import msgspec
 from msgspec import Meta
 
 from agents.scenario.units import Count, Noise, Seconds, Share, Turn, Vector3
-from dsr.keys import BASE
+from dsr.network.keys import BASE
 
 
 class Expectation(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="check"):

@@ -21,8 +21,8 @@ from agents.scenario.model import (
     TableSpec,
 )
 from agents.scenario.units import UNITS
+from dsr.config.toml_lines import Path, line_of
 from dsr.errors import ConfigError, suggest
-from dsr.runtime.toml_lines import Path, line_of
 
 _AT = re.compile(r" - at `\$(?P<path>.*)`$")
 _STEP = re.compile(r"\.(\w+)|\[(\d+)\]")

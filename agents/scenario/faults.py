@@ -28,9 +28,9 @@ from agents.scenario.relations import true_relations
 from agents.scenario.true_actions import FALLEN
 from agents.scenario.true_overlaps import TABLE, deepest
 from agents.scenario.true_phases import PAUSE, Phase, phases
-from dsr import quaternions
-from dsr.runtime.toml_lines import Path
-from dsr.transforms import Pose
+from dsr.config.toml_lines import Path
+from dsr.math3d import quaternions
+from dsr.math3d.transforms import Pose
 
 _STEP = 0.05
 """s from one sample of the course to the next"""

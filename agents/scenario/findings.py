@@ -21,7 +21,7 @@ from agents.scenario.expectations import (
 )
 from agents.scenario.history import History, Sample
 from agents.scenario.perturbations import event_end
-from dsr.keys import BASE
+from dsr.network.keys import BASE
 
 WithWindow = Windowed | BeliefError | Edges | Surprises | Inside | Actions | KnownIn | Worlds
 Finding = tuple[bool, str]

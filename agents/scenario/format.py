@@ -66,12 +66,12 @@ from agents.scenario.model import (
     TableSpec,
 )
 from agents.scenario.models import with_models
-from dsr.data_files import read_text
-from dsr.decoding import decoded
+from dsr.config.toml_lines import Path as ValuePath
+from dsr.config.toml_lines import parse_toml
 from dsr.errors import ConfigError, suggest
-from dsr.keys import Keys
-from dsr.runtime.toml_lines import Path as ValuePath
-from dsr.runtime.toml_lines import parse_toml
+from dsr.files.data_files import read_text
+from dsr.network.decoding import decoded
+from dsr.network.keys import Keys
 
 __all__ = [
     "EVENTS",

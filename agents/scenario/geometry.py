@@ -10,11 +10,11 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from dsr import quaternions
-from dsr.quaternions import Vector3
-from dsr.shapes import Shape, box
-from dsr.surfaces import Solids, room_below, underside
-from dsr.transforms import Pose
+from dsr.math3d import quaternions
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.shapes import Shape, box
+from dsr.math3d.surfaces import Solids, room_below, underside
+from dsr.math3d.transforms import Pose
 
 Array = NDArray[np.float64]
 

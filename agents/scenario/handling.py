@@ -6,9 +6,9 @@ from agents.scenario.events import Event, HandEvent, HandGrasp, HandLeave, HandM
 from agents.scenario.inconsistency import require
 from agents.scenario.model import Scenario
 from agents.scenario.naming import of_own_system
+from dsr.config.toml_lines import Path
 from dsr.errors import suggest
-from dsr.observed_actions import UNKNOWN
-from dsr.runtime.toml_lines import Path
+from dsr.vocabulary.observed_actions import UNKNOWN
 
 _NEEDS_HAND = HandMove | HandRelease | HandLeave
 """Moves of a hand that must be there already; all others with a hand bring it."""

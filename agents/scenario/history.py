@@ -9,8 +9,8 @@ from typing import Any, Literal
 import msgspec
 
 from agents.scenario.model import Scenario
-from dsr.observed_actions import Action
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
+from dsr.vocabulary.observed_actions import Action
 
 Source = Literal["percept", "belief"]
 

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from dsr.config.toml_lines import Path
 from dsr.errors import ConfigError
-from dsr.keys import check_name
-from dsr.runtime.toml_lines import Path
+from dsr.network.keys import check_name
 
 
 class InconsistencyError(ConfigError):

@@ -16,16 +16,16 @@ from agents.scenario.result import Result
 from agents.scenario.truth import Truth, decode_truth
 from agents.scenario.verdicts import judge_check
 from agents.scenario.worlds import WorldWatch
-from dsr.calibration import CALIBRATED
-from dsr.elements import Node
 from dsr.errors import TransformError, WireError
-from dsr.intentions import FULFILLED, GIVEN_UP
-from dsr.keys import BASE, Keys
+from dsr.graph.elements import Node
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.observed_actions import read_action
+from dsr.network.keys import BASE, Keys
+from dsr.network.transport import Transport
 from dsr.runtime.status import State, decode_status
-from dsr.transforms import Pose
-from dsr.transport import Transport
+from dsr.vocabulary.calibration import CALIBRATED
+from dsr.vocabulary.intentions import FULFILLED, GIVEN_UP
+from dsr.vocabulary.observed_actions import read_action
 
 _log = logging.getLogger("scenario.judge")
 

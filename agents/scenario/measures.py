@@ -11,7 +11,7 @@ from agents.scenario.geometry import Ball, Body, Box, gap_below, overlap, pieces
 from agents.scenario.history import Error, Sample, Source
 from agents.scenario.layout import table_box
 from agents.scenario.model import Scenario, TableSpec
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 
 Piece = Box | Ball
 

@@ -9,12 +9,12 @@ from agents.scenario.expectations import Attribute, Check, Edges, Inside, KnownI
 from agents.scenario.inconsistency import require
 from agents.scenario.model import Scenario
 from agents.scenario.naming import node_names, of_own_system
-from dsr.calibration import CONFIRMED, IN_DOUBT, PROVISIONAL, STEADY
+from dsr.config.toml_lines import Path
 from dsr.errors import suggest
-from dsr.intentions import ACTIVE, ENDED, FULFILLED, GIVEN_UP, HALT, PLANNED, RUN, RUNNING
-from dsr.keys import BASE
-from dsr.runtime.toml_lines import Path
-from dsr.schema import Schema
+from dsr.graph.schema import Schema
+from dsr.network.keys import BASE
+from dsr.vocabulary.calibration import CONFIRMED, IN_DOUBT, PROVISIONAL, STEADY
+from dsr.vocabulary.intentions import ACTIVE, ENDED, FULFILLED, GIVEN_UP, HALT, PLANNED, RUN, RUNNING
 
 _SCHEMA = Schema()
 _INTENDED = re.compile(r"intention_\d+|action_\d+_\d+")

@@ -16,7 +16,7 @@ from agents.scenario.history import History, Sample, Source
 from agents.scenario.measures import OverlapMeter, belief_gap, drift, height_error, mean_error
 from agents.scenario.perturbations import perturbations, recovery, recovery_in_view, unjudged, wrong_explanations
 from agents.scenario.true_actions import compare
-from dsr.intentions import FULFILLED
+from dsr.vocabulary.intentions import FULFILLED
 
 RECOVERED = 0.005
 """m from the truth, within which a belief has recovered"""

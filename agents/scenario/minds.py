@@ -8,11 +8,11 @@ from agents.scenario.inconsistency import InconsistencyError, check_given_name, 
 from agents.scenario.model import Scenario
 from agents.scenario.naming import taken_names
 from agents.scenario.relations import GROUND
+from dsr.config.toml_lines import Path
 from dsr.errors import ConfigError, GoalError, suggest
-from dsr.goals import parse_goal
 from dsr.imagining import parse_step
 from dsr.runtime.system import agent_names, find_system
-from dsr.runtime.toml_lines import Path
+from dsr.vocabulary.goals import parse_goal
 
 
 def check_persons(scenario: Scenario, folder: FilePath) -> None:

@@ -13,9 +13,9 @@ from agents.object_models import HEAVIEST, LIGHTEST
 from agents.scenario.events import Event
 from agents.scenario.expectations import Check
 from agents.scenario.units import Bias, Noise, Radians, Seconds, Size, Vector3
-from dsr import tags
-from dsr.shapes import Shape
-from dsr.transforms import Pose
+from dsr.math3d.shapes import Shape
+from dsr.math3d.transforms import Pose
+from dsr.vocabulary import tags
 
 NO_ROBOT = "none"
 """The model of a robot that is not there."""

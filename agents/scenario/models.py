@@ -10,8 +10,8 @@ import msgspec
 from agents.object_models import ObjectModel, find_model, load_model
 from agents.scenario.inconsistency import InconsistencyError
 from agents.scenario.model import ObjectSpec, Scenario
+from dsr.config.toml_lines import Path
 from dsr.errors import ConfigError
-from dsr.runtime.toml_lines import Path
 
 _SOLID = ("cube", "box")
 

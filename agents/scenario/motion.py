@@ -7,7 +7,7 @@ import math
 from agents.scenario.events import Push, Roll, SetInMotion
 from agents.scenario.inconsistency import require
 from agents.scenario.model import ObjectSpec, Scenario
-from dsr.runtime.toml_lines import Path
+from dsr.config.toml_lines import Path
 
 FASTEST = 5.0
 """m/s, what an impulse may change an object's velocity by: as much as a velocity may be"""

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path as FilePath
 
 from agents.scenario.model import Scenario
-from dsr.observed_actions import UNKNOWN
 from dsr.runtime.system import agent_names, find_system
 from dsr.timeline import TIMELINE
+from dsr.vocabulary.observed_actions import UNKNOWN
 
 HANDS = frozenset(
     f"human_hand_{hand}{part}" for hand in range(2) for part in ("", *(f"_finger_{finger}" for finger in range(5)))

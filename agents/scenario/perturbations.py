@@ -10,7 +10,7 @@ import msgspec
 
 from agents.scenario.history import Explained, History, Sample
 from agents.scenario.relations import true_relations
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 
 DISTURBED = 0.002
 """m that a true object must move to count as moved"""

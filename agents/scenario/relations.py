@@ -13,8 +13,8 @@ from agents.scenario.geometry import Box, footprint_overlap, overlap
 from agents.scenario.layout import table_box
 from agents.scenario.measures import Piece, pose_pieces
 from agents.scenario.model import Scenario
-from dsr.polygons import Polygon, area, hull, intersection
-from dsr.transforms import Pose
+from dsr.math3d.polygons import Polygon, area, hull, intersection
+from dsr.math3d.transforms import Pose
 
 GROUND = ("table",)
 """What else things rest on, as a node of the working memory; the floor has none."""

@@ -9,7 +9,7 @@ from typing import Literal
 import msgspec
 import numpy as np
 
-from dsr.private_files import write_json
+from dsr.files.private_files import write_json
 
 
 class Verdict(msgspec.Struct, frozen=True):

@@ -19,13 +19,13 @@ from agents.scenario.result import Result
 from agents.scenario.staging import Run, plant_alone, staged_system, without
 from agents.scenario.story import Line, Story
 from dsr.errors import AgentError
-from dsr.keys import Keys
 from dsr.memory import Memory
+from dsr.network.keys import Keys
+from dsr.network.transport import Transport
 from dsr.runtime.launcher import POLL_PERIOD, AgentRow, Launcher
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.status import State
 from dsr.runtime.system import System
-from dsr.transport import Transport
 
 LEAD = 0.5
 """s between all agents being ready and the start"""

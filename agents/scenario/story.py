@@ -9,9 +9,12 @@ from typing import NamedTuple
 import msgspec
 
 from agents.scenario.format import Event
-from dsr.calibration import CALIBRATED, IN_DOUBT, STEADY
-from dsr.elements import Node
-from dsr.intentions import (
+from dsr.graph.elements import Node
+from dsr.memory import Memory
+from dsr.runtime.logs import printable
+from dsr.timeline import explanations
+from dsr.vocabulary.calibration import CALIBRATED, IN_DOUBT, STEADY
+from dsr.vocabulary.intentions import (
     ACTIVE,
     EXECUTING,
     FAILED,
@@ -25,9 +28,6 @@ from dsr.intentions import (
     describe_action,
     nobody_pursues,
 )
-from dsr.memory import Memory
-from dsr.runtime.logs import printable
-from dsr.timeline import explanations
 
 _TO_DO = (PLANNED, RUNNING)
 _NO_PLAN = ("", "observe", "look")

@@ -23,7 +23,7 @@ from agents.scenario.sweep_report import SweepBar, show_sweep
 from agents.scenario.sweep_worker import Job
 from dsr.cli.common import console
 from dsr.errors import ConfigError
-from dsr.private_files import write_json
+from dsr.files.private_files import write_json
 
 MOST_SEEDS = 100_000
 _INTERRUPTED = 130

@@ -9,7 +9,7 @@ import msgspec
 
 from agents.scenario.events import Place, Remove, Swap
 from agents.scenario.history import History, Inferred, Sample
-from dsr.observed_actions import PICK, PLACE, RELEASE, Action
+from dsr.vocabulary.observed_actions import PICK, PLACE, RELEASE, Action
 
 LIFTED = 0.010
 """m that a thing must rise while it is held to have been picked"""

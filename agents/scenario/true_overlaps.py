@@ -10,9 +10,9 @@ from agents.scenario.geometry import Box, overlap, pieces
 from agents.scenario.layout import table_box
 from agents.scenario.measures import Piece
 from agents.scenario.model import Scenario
-from dsr import quaternions
-from dsr.shapes import Part, Shape
-from dsr.transforms import Pose
+from dsr.math3d import quaternions
+from dsr.math3d.shapes import Part, Shape
+from dsr.math3d.transforms import Pose
 
 TABLE = "table"
 _TURNS = 4  # squares within a circle, turned against each other, whose union is 0.98 of it and never more

@@ -12,7 +12,7 @@ from agents.scenario.layout import table_box
 from agents.scenario.model import Scenario
 from agents.scenario.relations import true_contents, true_relations
 from agents.scenario.true_actions import FALLEN
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 
 STEP_LENGTH = 0.0005
 """m from one sample (1/20 s) to the next, by which an object that is not called moving yet has moved: 10 mm/s"""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import msgspec
 
-from dsr.decoding import decoded
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
+from dsr.network.decoding import decoded
 
 _Seven = tuple[float, float, float, float, float, float, float]
 

@@ -16,9 +16,9 @@ from agents.scenario.course import why_missing
 from agents.scenario.history import History, Sample
 from agents.scenario.story import describe
 from agents.scenario.true_phases import STEP_LENGTH, STEP_TURN, Phase, containers, phases, supports
-from dsr.private_files import write_json
-from dsr.quaternions import rotate
-from dsr.transforms import Pose
+from dsr.files.private_files import write_json
+from dsr.math3d.quaternions import rotate
+from dsr.math3d.transforms import Pose
 
 TOLD_TURN = math.radians(5)
 """rad, the smallest turn of an object on its way that the table tells"""

@@ -39,7 +39,7 @@ from agents.scenario.history import Error, History, Sample
 from agents.scenario.measures import OverlapMeter, belief_gap, drift, height_error, mean_error, pose_error
 from agents.scenario.result import Verdict
 from agents.scenario.worlds import WORLDS, edges_in_world
-from dsr.keys import BASE
+from dsr.network.keys import BASE
 
 STILL = 1.0
 """s that a belief must not have moved to count as resting"""

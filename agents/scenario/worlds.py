@@ -10,9 +10,9 @@ from agents.scenario.findings import Finding, begin_of, each, mm, pairs
 from agents.scenario.history import History, Sample, WorldSample
 from agents.scenario.model import Scenario
 from dsr.errors import TransformError, TransportError, WorldNotFoundError
-from dsr.keys import BASE
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.transforms import Pose
+from dsr.network.keys import BASE
 
 _BELIEVED = ("Virtual_RT", "RT")
 

@@ -16,11 +16,11 @@ from agents.scene_estimator.objects import TaggedObjects
 from agents.scene_estimator.sighting import FrameReader, Outlines, Sighting, read_sensor
 from agents.stillness import stood_still
 from dsr.agent import Access, Agent
-from dsr.blobs import Frame
 from dsr.errors import TransformError, WireError
-from dsr.intrinsics import INTRINSICS, Intrinsics
-from dsr.relations import THINGS
-from dsr.transforms import Pose
+from dsr.images.blobs import Frame
+from dsr.math3d.transforms import Pose
+from dsr.vocabulary.intrinsics import INTRINSICS, Intrinsics
+from dsr.vocabulary.relations import THINGS
 
 Seen = tuple[list[Sighting], list[ColorSighting]]
 """What a camera shows: what was recognised by tags, and by colours."""

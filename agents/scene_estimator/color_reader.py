@@ -12,8 +12,8 @@ from agents.scene_estimator.placing import Guess, Placed, place
 from agents.scene_estimator.pose import NoiseModel
 from agents.scene_estimator.segmentation import ColorImage
 from agents.scene_estimator.sighting import images
-from dsr.blobs import Frame
-from dsr.transforms import Pose
+from dsr.images.blobs import Frame
+from dsr.math3d.transforms import Pose
 
 _PATIENCE = 10
 """Frames after which a shape that fits with no yaw is tried with all of them again."""

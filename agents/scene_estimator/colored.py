@@ -12,14 +12,14 @@ from agents.drivers import ColorReading, TagReadings
 from agents.scene_estimator.geometry import Array
 from agents.scene_estimator.pose import NoiseModel
 from agents.scene_estimator.turning import ROUND, nearest_turn, order
-from dsr import quaternions
-from dsr.elements import Node
 from dsr.errors import SchemaError, WireError
+from dsr.graph.elements import Node
+from dsr.math3d import quaternions
+from dsr.math3d.quaternions import Quaternion, Vector3
+from dsr.math3d.shapes import Shape, from_numbers
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.quaternions import Quaternion, Vector3
-from dsr.relations import THINGS
-from dsr.shapes import Shape, from_numbers
-from dsr.transforms import Pose
+from dsr.vocabulary.relations import THINGS
 
 ANY_ROTATION = math.pi
 """rad, standard deviation about each axis of an orientation that nobody measured"""

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from agents.scene_estimator.geometry import Array, Intrinsics
 from agents.scene_estimator.segmentation import Mask
-from dsr.quaternions import Vector3
-from dsr.shapes import Shape
-from dsr.surfaces import distances, seen_alone
-from dsr.transforms import Pose
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.shapes import Shape
+from dsr.math3d.surfaces import distances, seen_alone
+from dsr.math3d.transforms import Pose
 
 SMALLEST = 8
 """px, the width of the smallest spot that is used"""

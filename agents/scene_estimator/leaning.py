@@ -14,10 +14,10 @@ import numpy as np
 
 from agents.scene_estimator.fitting import ROUGH, ROUGH_POINTS, Fit, Scene, fit, judged
 from agents.scene_estimator.geometry import Array
-from dsr import quaternions
-from dsr.quaternions import Quaternion, Vector3
-from dsr.shapes import Shape
-from dsr.surfaces import signed_distances
+from dsr.math3d import quaternions
+from dsr.math3d.quaternions import Quaternion, Vector3
+from dsr.math3d.shapes import Shape
+from dsr.math3d.surfaces import signed_distances
 
 _STEPS = 15
 _SHARE = 300  # points at which the surface is looked for

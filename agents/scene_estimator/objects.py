@@ -6,11 +6,11 @@ import logging
 
 from agents.scene_estimator.config import SceneEstimatorConfig
 from agents.scene_estimator.sighting import Sighting, Size
-from dsr.elements import Node
+from dsr.graph.elements import Node
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.relations import THINGS
-from dsr.tags import name_of
-from dsr.transforms import Pose
+from dsr.vocabulary.relations import THINGS
+from dsr.vocabulary.tags import name_of
 
 
 class TaggedObjects:

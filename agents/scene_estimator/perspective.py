@@ -13,7 +13,7 @@ import numpy as np
 
 from agents.scene_estimator.detection import Tag
 from agents.scene_estimator.geometry import Array, Intrinsics, skew, tag_corners
-from dsr.transforms import Pose, log
+from dsr.math3d.transforms import Pose, log
 
 _CERTAIN = 50.0  # log odds
 

@@ -17,9 +17,9 @@ from agents.scene_estimator.geometry import Array
 from agents.scene_estimator.leaning import is_unlike_fallen, lean, leaning, tilt, turned
 from agents.scene_estimator.segmentation import Mask
 from agents.scene_estimator.turning import ROUND, nearest_alike, order
-from dsr import quaternions
-from dsr.quaternions import Quaternion, Vector3
-from dsr.shapes import Shape
+from dsr.math3d import quaternions
+from dsr.math3d.quaternions import Quaternion, Vector3
+from dsr.math3d.shapes import Shape
 
 LEAST_SHARE = 0.35
 """Of the image of an object, had it no others before it, that must be seen"""

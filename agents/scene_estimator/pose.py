@@ -18,8 +18,8 @@ from agents.scene_estimator.depth_plane import DepthPlane, fit_depth_plane
 from agents.scene_estimator.detection import Tag
 from agents.scene_estimator.geometry import Array, Intrinsics, skew, tag_corners
 from agents.scene_estimator.perspective import pose_from_perspective
-from dsr import quaternions
-from dsr.transforms import Pose
+from dsr.math3d import quaternions
+from dsr.math3d.transforms import Pose
 
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NotNegative = Annotated[float, msgspec.Meta(ge=0)]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.colors import DARKEST, TOLERANCE
-from dsr.quaternions import Vector3
+from dsr.math3d.quaternions import Vector3
 
 Mask = NDArray[np.bool_]
 

@@ -12,10 +12,10 @@ from agents.drivers import TagReading, TagReadings
 from agents.scene_estimator.detection import TagDetector
 from agents.scene_estimator.geometry import Intrinsics
 from agents.scene_estimator.pose import NoiseModel, estimate_tag_pose
-from dsr import tags
-from dsr.blobs import Frame
 from dsr.errors import WireError
-from dsr.transforms import Pose
+from dsr.images.blobs import Frame
+from dsr.math3d.transforms import Pose
+from dsr.vocabulary import tags
 
 Size = tuple[float, float, float]
 

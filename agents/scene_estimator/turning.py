@@ -7,10 +7,10 @@ import math
 
 import numpy as np
 
-from dsr import quaternions
-from dsr.quaternions import Quaternion, Vector3
-from dsr.shapes import Shape
-from dsr.surfaces import distances, surface
+from dsr.math3d import quaternions
+from dsr.math3d.quaternions import Quaternion, Vector3
+from dsr.math3d.shapes import Shape
+from dsr.math3d.surfaces import distances, surface
 
 ROUND = 0
 """The order of what looks alike however it is turned"""

@@ -8,9 +8,9 @@ import msgspec
 
 from agents.scenario.format import ObjectSpec, TableSpec, load_scenario
 from dsr.agent import Access, Agent
-from dsr.relations import THINGS
-from dsr.shapes import to_numbers
-from dsr.transforms import Pose
+from dsr.math3d.shapes import to_numbers
+from dsr.math3d.transforms import Pose
+from dsr.vocabulary.relations import THINGS
 
 
 class SceneSetupConfig(msgspec.Struct, frozen=True):

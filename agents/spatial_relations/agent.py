@@ -10,7 +10,6 @@ import msgspec
 from agents.spatial_relations.wishes import Wish, make_wish, read_wish
 from dsr.agent import Access, Agent
 from dsr.errors import ConfigError, DsrError, suggest
-from dsr.relations import MODELLED, SURFACES, THINGS
 from dsr.spatial import (
     EDGE_TYPES,
     EGOCENTRIC,
@@ -25,6 +24,7 @@ from dsr.spatial import (
     read_scene,
     read_view,
 )
+from dsr.vocabulary.relations import MODELLED, SURFACES, THINGS
 
 Seen = tuple[Fact, str]
 """A relation, and the viewpoint from which it is so; empty for none."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from dsr.elements import Node
 from dsr.errors import ConfigError
+from dsr.graph.elements import Node
 from dsr.spatial import SPATIAL, checked_relations
 from dsr.spatial.scene import check_no_view
 from dsr.timeline.entries import split_names

@@ -13,8 +13,8 @@ from agents.viewer.model import WORLD, Camera, Place, place_of
 from agents.viewer.scene import ENTITY, pinhole, transform
 from agents.viewer.texts import markdown
 from dsr import Change, Memory, Pose, TransformError
-from dsr.calibration import CALIBRATED, CALIBRATION, STEADY, Report, read_report
 from dsr.timeline import EVENT, read_entry
+from dsr.vocabulary.calibration import CALIBRATED, CALIBRATION, STEADY, Report, read_report
 
 PAGE = "mind/calibrations"
 RESIDUALS = "series/residual_mm"

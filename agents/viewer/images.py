@@ -16,7 +16,7 @@ from agents.viewer import palette
 from agents.viewer.model import Camera
 from agents.viewer.scene import camera_entity
 from dsr import Frame, FrameReader, Memory
-from dsr.keys import is_key
+from dsr.network.keys import is_key
 
 _LABEL_BELOW = 8.0  # px
 _LONGEST_SIDE = 65_500  # px, that a JPEG can have

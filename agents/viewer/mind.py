@@ -9,8 +9,8 @@ import rerun as rr
 
 from agents.viewer.texts import markdown
 from dsr import Memory, Node
-from dsr.intentions import RUNNING, WANTED, describe_action
 from dsr.timeline import explanations
+from dsr.vocabulary.intentions import RUNNING, WANTED, describe_action
 
 PLAN = "mind/plan"
 EXPLANATIONS = "mind/explanations"

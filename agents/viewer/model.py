@@ -7,8 +7,8 @@ from collections.abc import Iterable
 import msgspec
 
 from dsr import Memory, Node, Pose, TransformError
-from dsr.intrinsics import Intrinsics, read_intrinsics
-from dsr.relations import THINGS
+from dsr.vocabulary.intrinsics import Intrinsics, read_intrinsics
+from dsr.vocabulary.relations import THINGS
 
 WORLD = "world"
 OBJECT_TYPES = (*THINGS, "hand", "finger")

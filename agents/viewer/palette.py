@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dsr.relations import THINGS
+from dsr.vocabulary.relations import THINGS
 
 Color = tuple[int, int, int]
 """Red, green, blue from 0 to 255"""

@@ -10,10 +10,10 @@ from agents.viewer import palette
 from agents.viewer.model import BELIEF_FIRST, WORLD, Place, Solid, moved, place_of
 from agents.viewer.scene import ENTITY
 from dsr import Memory, TransformError
-from dsr.perceived import is_perceived
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 from dsr.visibility import PERSON
 from dsr.visibility.persons import HEAD, TRUNK, upright
+from dsr.vocabulary.perceived import is_perceived
 
 PERSONS = f"{ENTITY}/persons"
 _GAZE = 0.3  # m

@@ -14,7 +14,7 @@ from agents.viewer import palette
 from agents.viewer.model import Camera, Gripper, Place, Scene, Solid, Vector, moved
 from agents.viewer.palette import Color
 from dsr import Pose
-from dsr.intrinsics import Intrinsics
+from dsr.vocabulary.intrinsics import Intrinsics
 
 ENTITY = "world"
 _LINK_RADIUS = 0.038  # m, as all lengths below

@@ -14,7 +14,7 @@ from agents.viewer.model import Scene, Solid, Vector
 from agents.viewer.palette import Color
 from agents.viewer.texts import drawable
 from dsr import WireError
-from dsr.decoding import decoded
+from dsr.network.decoding import decoded
 from dsr.runtime.status import decode_status
 
 DISTANCES = "series/percept_to_belief_mm"

@@ -13,7 +13,7 @@ from agents.viewer.palette import Color
 from agents.viewer.texts import drawable
 from dsr import Memory, WireError
 from dsr.runtime.status import Status, decode_status
-from dsr.worlds.topology import Topology, topology
+from dsr.runtime.topology import Topology, topology
 
 ENTITY = "worlds"
 _COLUMN, _ROW = 220.0, 70.0

@@ -11,16 +11,17 @@ from pathlib import Path
 
 import dsr
 from benchmarks.attacks.attack import GRAPH, Raw
-from dsr import LocalNetwork, ManualClock, Memory, rendezvous
+from dsr import LocalNetwork, ManualClock, Memory
 from dsr.clock import WALL_CLOCK
-from dsr.keys import Keys
+from dsr.graph.access import WriteGuard
 from dsr.memory import new_rid
-from dsr.runtime.access import WriteGuard
+from dsr.network import rendezvous
+from dsr.network.keys import Keys
+from dsr.network.zenoh_transport import ZenohTransport
 from dsr.security.authority import SecurityFolder
 from dsr.security.configuration import zenoh_settings
 from dsr.security.gate import Gate
 from dsr.security.policy import Grant, checked, read_policy, write_policy
-from dsr.zenoh_transport import ZenohTransport
 
 JOIN_PATIENCE = 20.0
 """s that a memory may take to join; machines that run attacks may be busy."""

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field
 from typing import Protocol
 
 from dsr.crdt.delta import Delta
-from dsr.keys import Keys
 from dsr.memory import Memory
+from dsr.network.keys import Keys
+from dsr.network.transport import Qos, Transport
+from dsr.replication.wire import encode_delta
 from dsr.security.policy import Grant
-from dsr.transport import Qos, Transport
-from dsr.wire import encode_delta
 
 GRAPH = "attacked"
 """Name of the graph in which attacks run."""

@@ -12,8 +12,8 @@ from msgspec import Meta
 
 from agents.action_inference.observation import Snapshot, Thing
 from agents.action_inference.policy import Inference
-from dsr.observed_actions import KINDS, PICK, PLACE, RELEASE, Action
-from dsr.runtime.config import convert
+from dsr.config.toml import convert
+from dsr.vocabulary.observed_actions import KINDS, PICK, PLACE, RELEASE, Action
 
 _Positive = Annotated[float, Meta(gt=0.0)]
 _Share = Annotated[float, Meta(ge=0.0, le=1.0)]

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from agents.calibrator.estimate import Estimate, equation_1
 from agents.calibrator.problem import Problem
-from dsr.transforms import Array
+from dsr.math3d.transforms import Array
 
 Values = np.ndarray[tuple[int], np.dtype[np.float64]]
 

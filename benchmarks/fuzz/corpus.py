@@ -13,21 +13,21 @@ from agents.drivers import ArmState, TagReading, TagReadings
 from agents.plant.messages import Follow, MoveGripper, MoveJoints, Stop, Truth
 from agents.scenario.format import Start
 from dsr import Pose
-from dsr.blobs import Frame, encode_frame
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Delta
 from dsr.crdt.pieces import START, Piece, piece_of, reply_to
 from dsr.geometry import Mesh
 from dsr.geometry.messages import Ask, Offer, encode_ask, encode_offer
 from dsr.geometry.shared import Place
-from dsr.graph import Graph
-from dsr.intrinsics import Intrinsics
-from dsr.piece_wire import Request, encode_piece, encode_request
+from dsr.graph.graph import Graph
+from dsr.images.blobs import Frame, encode_frame
+from dsr.network.shared_ring import Ticket
+from dsr.replication.piece_wire import Request, encode_piece, encode_request
+from dsr.replication.wire import Digest, encode_delta, encode_digest
 from dsr.runtime.logs import LogRecord
 from dsr.runtime.status import State, Status, encode_status
-from dsr.shared_ring import Ticket
-from dsr.what_if import Answer, Change, Question, encode_answer, encode_question
-from dsr.wire import Digest, encode_delta, encode_digest
+from dsr.vocabulary.intrinsics import Intrinsics
+from dsr.vocabulary.what_if import Answer, Change, Question, encode_answer, encode_question
 
 NOW = 1_000_000_000.0
 JOINTS = 7

@@ -19,20 +19,20 @@ from agents.scenario.truth import decode_truth
 from benchmarks.fuzz import corpus
 from benchmarks.fuzz.mutations import Dump, Load, Mutator, dump_frame, dump_json, load_frame, load_messagepack
 from benchmarks.fuzz.tally import Tally, measured, write_file
-from dsr.blobs import decode_frame
-from dsr.bulk import decode_ticket
 from dsr.crdt.delta import Delta
 from dsr.errors import DsrError
 from dsr.geometry import Mesh
 from dsr.geometry.messages import decode_ask, decode_offer
+from dsr.images.blobs import decode_frame
+from dsr.network.bulk import decode_ticket
+from dsr.network.rendezvous import members
 from dsr.persistence.files import read_graph
 from dsr.persistence.records import HEADER, append_record, read_records
-from dsr.piece_wire import decode_piece, decode_request
-from dsr.rendezvous import members
+from dsr.replication.piece_wire import decode_piece, decode_request
+from dsr.replication.wire import decode_delta, decode_digest, encode_delta
 from dsr.runtime.logs import decode_log
 from dsr.runtime.status import decode_status
-from dsr.what_if import decode_answer, decode_question
-from dsr.wire import decode_delta, decode_digest, encode_delta
+from dsr.vocabulary.what_if import decode_answer, decode_question
 
 _LOOK_EVERY = 500
 """messages"""

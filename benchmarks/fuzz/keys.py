@@ -14,11 +14,11 @@ from dsr import LocalNetwork, ManualClock, Memory
 from dsr.crdt.context import CausalContext
 from dsr.crdt.pieces import reply_to
 from dsr.errors import WireError
-from dsr.keys import is_key
-from dsr.peers import MAX_PEERS
-from dsr.piece_wire import decode_piece, decode_request
+from dsr.network.keys import is_key
+from dsr.replication.peers import MAX_PEERS
+from dsr.replication.piece_wire import decode_piece, decode_request
+from dsr.replication.wire import decode_delta, decode_digest, encode_delta
 from dsr.runtime.status import StatusBoard
-from dsr.wire import decode_delta, decode_digest, encode_delta
 
 _BATCH = 200
 """messages between two looks at the state"""

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 import pybullet
 
-from dsr import quaternions
-from dsr.intrinsics import Intrinsics
-from dsr.transforms import Pose
+from dsr.math3d import quaternions
+from dsr.math3d.transforms import Pose
 from dsr.visibility import Body
+from dsr.vocabulary.intrinsics import Intrinsics
 
 _NEAR, _FAR = 0.01, 10.0  # m
 _GEOMETRIES = (pybullet.GEOM_BOX, pybullet.GEOM_CYLINDER, pybullet.GEOM_SPHERE)

@@ -17,7 +17,7 @@ from benchmarks.soak.races import RACES, run_races
 from dsr.cli.common import console
 from dsr.clock import WALL_CLOCK
 from dsr.errors import ConfigError, suggest
-from dsr.private_files import write_json
+from dsr.files.private_files import write_json
 
 app = typer.Typer(name="soak", invoke_without_command=True, subcommand_metavar="")
 

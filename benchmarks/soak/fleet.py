@@ -13,7 +13,7 @@ from benchmarks.soak.process import Process, Worker, in_parallel
 from benchmarks.soak.relay import Relay
 from dsr.clock import Clock
 from dsr.errors import TransportError
-from dsr.rendezvous import free_port
+from dsr.network.rendezvous import free_port
 
 GRAPH = "soak"
 _HUB_TIMEOUT = 30.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-from dsr.zenoh_transport import ZenohTransport
+from dsr.network.zenoh_transport import ZenohTransport
 
 
 def main() -> None:

@@ -14,8 +14,8 @@ from benchmarks.soak.fleet import Fleet, Plan
 from benchmarks.soak.process import in_parallel
 from dsr.clock import WALL_CLOCK, Clock
 from dsr.errors import GraphError
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.transforms import Pose
 
 SPACING = 0.02
 """s between two rounds."""

@@ -21,10 +21,10 @@ from benchmarks.soak.journal import JournalWriter
 from benchmarks.soak.workload import Workload
 from dsr.clock import WALL_CLOCK, WallClock
 from dsr.connect import connect
-from dsr.elements import Edge, Node
 from dsr.errors import DsrError
+from dsr.graph.elements import Edge, Node
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.transforms import Pose
 
 _PAUSE = threading.Event()
 

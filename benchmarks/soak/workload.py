@@ -11,8 +11,8 @@ import numpy as np
 from benchmarks.soak.journal import JournalWriter, Kind, Record
 from dsr.clock import Clock
 from dsr.errors import GraphError
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.transforms import Pose
 
 OWN_NODES = 20
 """Nodes that a worker keeps; with each new one it removes its oldest."""

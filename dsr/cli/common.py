@@ -17,13 +17,13 @@ from rich.markup import escape
 from dsr.clock import WALL_CLOCK
 from dsr.connect import SECURITY, connect
 from dsr.errors import ConfigError, NodeNotFoundError, SchemaError, TransportError, WorldNotFoundError
-from dsr.keys import BASE
+from dsr.files.private_files import FOLDER_MODE
+from dsr.graph.access import Access, WriteGuard
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.private_files import FOLDER_MODE
-from dsr.rendezvous import endpoints, graphs, running_graph
-from dsr.runtime.access import Access, WriteGuard
+from dsr.network.keys import BASE
+from dsr.network.rendezvous import endpoints, graphs, running_graph
 from dsr.runtime.logs import printable
-from dsr.transforms import Pose
 
 GraphOption = Annotated[
     str | None, typer.Option("--graph", "-g", help="Which graph; default: the only one that runs on this machine.")

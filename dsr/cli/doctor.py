@@ -22,9 +22,9 @@ from dsr.cli.common import JsonOption, console, print_json
 from dsr.clock import WALL_CLOCK
 from dsr.connect import open_transport
 from dsr.errors import DsrError
-from dsr.keys import Keys
-from dsr.rendezvous import runtime_dir
-from dsr.shared_ring import Ring, RingReader
+from dsr.network.keys import Keys
+from dsr.network.rendezvous import runtime_dir
+from dsr.network.shared_ring import Ring, RingReader
 
 app = typer.Typer()
 

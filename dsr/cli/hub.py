@@ -10,8 +10,8 @@ import typer
 from dsr.cli.common import SecurityOption, console, shown
 from dsr.connect import identity_of
 from dsr.errors import ConfigError
+from dsr.network.zenoh_transport import ZenohTransport
 from dsr.security.renewal import watch_certificate
-from dsr.zenoh_transport import ZenohTransport
 
 app = typer.Typer()
 NAME = "hub"

@@ -23,10 +23,10 @@ from dsr.cli.common import (
     reading,
     shown,
 )
-from dsr.elements import Edge, Node
 from dsr.errors import TransformError
-from dsr.keys import BASE
+from dsr.graph.elements import Edge, Node
 from dsr.memory import Memory
+from dsr.network.keys import BASE
 from dsr.timeline import TIMELINE
 
 app = typer.Typer()

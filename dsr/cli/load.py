@@ -23,10 +23,10 @@ from dsr.errors import ConfigError
 from dsr.geometry.files import READERS, Up, load_model
 from dsr.geometry.mesh import mesh_hashes
 from dsr.geometry.placing import OBJECT, put_model
-from dsr.keys import BASE
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
+from dsr.network.keys import BASE
 from dsr.persistence.files import read_graph
-from dsr.transforms import Pose
 
 app = typer.Typer()
 

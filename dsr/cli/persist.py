@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from dsr.cli.common import GraphOption, RouterOption, SecurityOption, WorldOption, console, errors, reading
-from dsr.keys import BASE
+from dsr.network.keys import BASE
 from dsr.persistence.content import GraphContent
 from dsr.persistence.files import read_graph, write_graph
 from dsr.runtime.logs import printable

@@ -22,7 +22,7 @@ from dsr.cli.common import (
     shown,
 )
 from dsr.errors import ConfigError, suggest
-from dsr.keys import BASE
+from dsr.network.keys import BASE
 from dsr.spatial import SPATIAL, checked_relations, read_scene, read_view
 from dsr.spatial.scene import check_no_view
 

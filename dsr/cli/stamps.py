@@ -22,9 +22,9 @@ from dsr.cli.common import (
     writing,
 )
 from dsr.crdt.delta import Key
-from dsr.far_stamps import FarStamp
-from dsr.keys import BASE, agent_of
+from dsr.graph.far_stamps import FarStamp
 from dsr.memory import Memory
+from dsr.network.keys import BASE, agent_of
 
 app = typer.Typer()
 

@@ -12,7 +12,7 @@ from rich.text import Text
 from dsr.cli.common import GraphOption, JsonOption, RouterOption, SecurityOption, console, print_json, reading
 from dsr.cli.status_table import status_json, status_table
 from dsr.clock import WALL_CLOCK
-from dsr.far_stamps import by_agent
+from dsr.graph.far_stamps import by_agent
 from dsr.memory import Memory
 from dsr.runtime.launcher import AgentRow
 from dsr.runtime.logs import printable

@@ -15,7 +15,7 @@ from dsr.cli.common import GraphOption, JsonOption, RouterOption, SecurityOption
 from dsr.clock import WALL_CLOCK
 from dsr.runtime.activity import WorldUse
 from dsr.runtime.status import PERIOD
-from dsr.worlds.topology import WAITED_FOR, ClientInfo, Topology, TopologyObserver, WorldEntry
+from dsr.runtime.topology import WAITED_FOR, ClientInfo, Topology, TopologyObserver, WorldEntry
 
 app = typer.Typer()
 

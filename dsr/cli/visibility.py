@@ -18,7 +18,7 @@ from dsr.cli.common import (
     reading,
     shown,
 )
-from dsr.keys import BASE
+from dsr.network.keys import BASE
 from dsr.visibility import LEAST_SHARE, WIDTH, is_seen, visibility
 from dsr.visibility.perspectives import MOST_WIDTH
 

@@ -11,12 +11,12 @@ import typer
 
 from dsr.cli.common import GraphOption, RouterOption, SecurityOption, WorldOption, naming, plain, readable, reading
 from dsr.clock import WALL_CLOCK
-from dsr.elements import Edge, Node
 from dsr.errors import WorldNotFoundError
-from dsr.keys import BASE
+from dsr.graph.elements import Edge, Node
+from dsr.graph.watch import Change
 from dsr.memory import Memory
+from dsr.network.keys import BASE
 from dsr.runtime.logs import printable
-from dsr.watch import Change
 
 Names = list[str] | None
 

@@ -24,9 +24,9 @@ from dsr.cli.common import (
 )
 from dsr.errors import ConfigError
 from dsr.imagining import differences
-from dsr.keys import BASE
-from dsr.transforms import Pose
-from dsr.what_if import MAX_SECONDS, TIMEOUT, Answer, Change, Question, WhatIf
+from dsr.math3d.transforms import Pose
+from dsr.network.keys import BASE
+from dsr.vocabulary.what_if import MAX_SECONDS, TIMEOUT, Answer, Change, Question, WhatIf
 
 app = typer.Typer()
 

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from dsr.elements import Node
 from dsr.errors import SchemaError, TransformError
-from dsr.frames import Types
+from dsr.frames.tree import Types
 from dsr.geometry.mesh import Bounds, joined_bounds, mesh_hashes
-from dsr.transforms import Pose
+from dsr.graph.elements import Node
+from dsr.math3d.transforms import Pose
 
 if TYPE_CHECKING:
     from dsr.memory import Memory

@@ -7,8 +7,8 @@ import logging
 import os
 from pathlib import Path
 
+from dsr.files.private_files import private_folder, replacing
 from dsr.geometry.mesh import MOST_BYTES, hash_of
-from dsr.private_files import private_folder, replacing
 
 DISK_LIMIT = 2 << 30
 """bytes of all files together"""

@@ -19,8 +19,8 @@ from dsr.geometry.messages import Ask, Offer, decode_ask, encode_ask, encode_off
 from dsr.geometry.shared import Place, SharedBytes
 from dsr.geometry.store import MeshStore
 from dsr.geometry.transfer import EVERYBODY, Transfer
-from dsr.keys import Keys
-from dsr.transport import Transport
+from dsr.network.keys import Keys
+from dsr.network.transport import Transport
 
 ANSWER_TIMEOUT = 5.0
 """s that whoever is asked for a mesh, or a piece of one, has to answer."""

@@ -15,8 +15,8 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from dsr.data_files import read_file
 from dsr.errors import ConfigError, DsrError, MeshError
+from dsr.files.data_files import read_file
 from dsr.geometry.model import Array, Geometry, Model, RawNode, to_model
 
 MOST_FILE_BYTES = 1 << 28

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dsr.errors import MeshError, SchemaError, WireError
-from dsr.quaternions import Vector3
+from dsr.math3d.quaternions import Vector3
 
 MOST_BYTES = 1 << 28
 """Of one mesh: about 9 million vertices."""

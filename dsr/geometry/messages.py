@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import msgspec
 
-from dsr.decoding import decoded
 from dsr.errors import WireError
 from dsr.geometry.mesh import MOST_BYTES, is_hash
 from dsr.geometry.shared import Place
+from dsr.network.decoding import decoded
 
 MOST_ASKED = 1 << 20
 """Bytes of one piece."""

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from dsr.errors import MeshError
 from dsr.geometry.mesh import Bounds, Mesh, joined_bounds
-from dsr.quaternions import Vector3
-from dsr.transforms import Pose
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.transforms import Pose
 
 Array = NDArray[np.float64]
 

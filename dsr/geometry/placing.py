@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from dsr.errors import ConfigError
 from dsr.geometry.mesh import MOST_AT_NODE, Bounds
 from dsr.geometry.model import Model, ModelNode
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 
 if TYPE_CHECKING:
     from dsr.memory import Memory
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 ROOT = "world"
 """The outermost frame, and its type."""
 OBJECT, GROUP = "object", "group"
-_CENTRED = ("cube", "box", "container", "cup", "ball")  # as `dsr.relations.THINGS`
+_CENTRED = ("cube", "box", "container", "cup", "ball")  # as `dsr.vocabulary.relations.THINGS`
 _ON_TOP = ("table",)
 
 

@@ -21,7 +21,7 @@ from dsr.errors import WireError
 from dsr.geometry.mesh import Mesh, hash_of
 from dsr.geometry.messages import MOST_ASKED, Ask, Offer, decode_offer, encode_ask
 from dsr.geometry.shared import read_in_place
-from dsr.keys import agent_of
+from dsr.network.keys import agent_of
 
 EVERYBODY = "*"
 PATIENCE = 0.5

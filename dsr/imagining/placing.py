@@ -8,14 +8,14 @@ from collections.abc import Iterator, Mapping
 from dsr.errors import ConfigError, ImaginationError, TransformError, suggest
 from dsr.imagining.scenes import BELIEVED, IMPRECISE, WORLD, differences, keep, place_of, surface_below
 from dsr.imagining.thinking import Thought
+from dsr.math3d.quaternions import from_rotvec, rotate
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.quaternions import from_rotvec, rotate
-from dsr.relations import MODELLED, SURFACES
 from dsr.spatial import EGOCENTRIC, Box, View, margin, read_scene, read_view
 from dsr.spatial.boxes import overlap
-from dsr.transforms import Pose
 from dsr.visibility import PERSON, PERSPECTIVES
-from dsr.what_if import Answer, Question
+from dsr.vocabulary.relations import MODELLED, SURFACES
+from dsr.vocabulary.what_if import Answer, Question
 
 PLACEABLE = ("in_front_of", "behind", "left_of", "right_of", "next_to", "close_to", "above", "on_top", "in")
 """Relations by which a thing can be put somewhere."""

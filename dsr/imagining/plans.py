@@ -6,16 +6,16 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from dsr.elements import Node
 from dsr.errors import ConfigError
+from dsr.graph.elements import Node
 from dsr.imagining.scenes import IMPRECISE, differences, keep, place_of, surface_below
 from dsr.imagining.thinking import Thought
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.relations import SURFACES, THINGS
 from dsr.spatial import Box
 from dsr.timeline import Chronicle
-from dsr.transforms import Pose
-from dsr.what_if import Answer, Question
+from dsr.vocabulary.relations import SURFACES, THINGS
+from dsr.vocabulary.what_if import Answer, Question
 
 _STEP = re.compile(r"(?P<skill>pick|place|remove)\s+(?P<target>\S+)(?:\s+(?P<how>on|at)\s+(?P<where>.+))?\s*")
 _SECONDS = 1.0  # simulated after each step

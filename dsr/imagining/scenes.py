@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
-from dsr.elements import Node
 from dsr.errors import SchemaError, TransformError
+from dsr.graph.elements import Node
+from dsr.math3d.shapes import from_numbers
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.relations import SURFACES, THINGS
-from dsr.shapes import from_numbers
-from dsr.transforms import Pose
-from dsr.what_if import Answer, Change
+from dsr.vocabulary.relations import SURFACES, THINGS
+from dsr.vocabulary.what_if import Answer, Change
 
 WORLD = "world"
 IMAGINED = "imagination"

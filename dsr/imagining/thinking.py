@@ -9,7 +9,7 @@ from collections.abc import Generator
 from typing import Generic, TypeVar
 
 from dsr.errors import DsrError, TransportError
-from dsr.what_if import Answer, Pending, Question, WhatIf
+from dsr.vocabulary.what_if import Answer, Pending, Question, WhatIf
 
 T = TypeVar("T")
 Thought = Generator[Question, Answer, T]

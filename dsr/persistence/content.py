@@ -7,12 +7,12 @@ from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 from dsr.crdt.delta import EdgeKey
-from dsr.cycles import check_edges
-from dsr.elements import Edge, Node
 from dsr.errors import ConfigError, SchemaError
+from dsr.graph.cycles import check_edges
+from dsr.graph.elements import Edge, Node
+from dsr.graph.schema import AttributeType, Kind, Schema, Value
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.schema import AttributeType, Kind, Schema, Value
-from dsr.transforms import Pose
 
 _CHUNK = 500
 """Nodes or edges that are written together: a replica's outbox is bounded."""

@@ -19,7 +19,9 @@ from typing import Any, NamedTuple
 
 import msgspec
 
+from dsr.config.toml import MisfitError, convert
 from dsr.errors import SchemaError, suggest
+from dsr.graph.schema import MAX_LENGTH, POSE_FIELDS, AttributeType, Kind, Schema, Value
 from dsr.persistence.content import GraphContent, NodeContent
 from dsr.persistence.cortex_poses import POSE_CODES, ROTATION, TRANSLATION, pose_of
 from dsr.persistence.cortex_values import (
@@ -31,8 +33,6 @@ from dsr.persistence.cortex_values import (
     to_ours,
 )
 from dsr.persistence.json_text import JsonFile, Problems, ValuePath, dotted
-from dsr.runtime.config import MisfitError, convert
-from dsr.schema import MAX_LENGTH, POSE_FIELDS, AttributeType, Kind, Schema, Value
 
 DERIVED = ("level", "parent")
 """Attributes of nodes that follow from the RT links."""

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
+from dsr.graph.schema import Value
+from dsr.math3d.transforms import Pose
 from dsr.persistence.content import GraphContent
 from dsr.persistence.cortex_poses import pose_attributes
 from dsr.persistence.cortex_values import (
@@ -15,8 +17,6 @@ from dsr.persistence.cortex_values import (
     to_theirs,
 )
 from dsr.persistence.json_text import to_text
-from dsr.schema import Value
-from dsr.transforms import Pose
 
 
 def to_cortex(content: GraphContent) -> str:

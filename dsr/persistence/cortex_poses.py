@@ -7,10 +7,10 @@ import warnings
 from decimal import Decimal
 from typing import Any
 
+from dsr.graph.schema import Value
+from dsr.math3d.quaternions import Quaternion, Vector3
+from dsr.math3d.transforms import Pose
 from dsr.persistence.cortex_values import DOUBLE, FLOATS, Note, Origin, to_ours, to_theirs
-from dsr.quaternions import Quaternion, Vector3
-from dsr.schema import Value
-from dsr.transforms import Pose
 
 TRANSLATION, ROTATION = "rt_translation", "rt_rotation_euler_xyz"
 """mm; rad, about the moving axes x, y, z in turn"""

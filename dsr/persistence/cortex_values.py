@@ -10,8 +10,8 @@ from typing import Any
 
 import msgspec
 
-from dsr.schema import Kind, Value
-from dsr.transforms import Pose
+from dsr.graph.schema import Kind, Value
+from dsr.math3d.transforms import Pose
 
 STRING, INT32, FLOAT, FLOATS, BOOL, BYTES, UINT32, UINT64, DOUBLE, UINT64S = range(10)
 _INTEGERS = (INT32, UINT32, UINT64)

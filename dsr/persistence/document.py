@@ -19,12 +19,12 @@ from typing import Any, TypeVar
 import msgspec
 import numpy as np
 
+from dsr.config.toml import MisfitError, convert
 from dsr.errors import SchemaError, suggest
+from dsr.graph.schema import AttributeType, Schema, Value
+from dsr.math3d.transforms import Pose
 from dsr.persistence.content import GraphContent, NodeContent
 from dsr.persistence.json_text import JsonFile, Problems, ValuePath, dotted, to_text
-from dsr.runtime.config import MisfitError, convert
-from dsr.schema import AttributeType, Schema, Value
-from dsr.transforms import Pose
 
 T = TypeVar("T")
 

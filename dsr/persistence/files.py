@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Literal
 
 from dsr.errors import ConfigError
+from dsr.files.private_files import replacing
 from dsr.persistence.content import GraphContent
 from dsr.persistence.cortex import from_cortex
 from dsr.persistence.cortex_export import to_cortex
 from dsr.persistence.document import from_document, to_document
 from dsr.persistence.json_text import JsonFile
-from dsr.private_files import replacing
 
 FileFormat = Literal["dsr", "cortex"]
 _READABLE = 0o666

@@ -13,9 +13,9 @@ from typing import IO
 
 from dsr.crdt.delta import Delta
 from dsr.errors import ConfigError, WireError
+from dsr.files.private_files import DRAFT_SUFFIX, new_file, replacing, sync_folder
 from dsr.persistence.records import HEADER, append_record, read_records
-from dsr.private_files import DRAFT_SUFFIX, new_file, replacing, sync_folder
-from dsr.wire import decode_kept, encode_delta
+from dsr.replication.wire import decode_kept, encode_delta
 
 _log = logging.getLogger("dsr.persistence")
 

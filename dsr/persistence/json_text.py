@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from dsr.data_files import read_text
 from dsr.errors import ConfigError
-from dsr.schema import is_text
+from dsr.files.data_files import read_text
+from dsr.graph.schema import is_text
 
 ValuePath = tuple[str | int, ...]
 """Keys and indexes from the root, e.g. `("nodes", 2, "name")`."""

@@ -20,16 +20,16 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import IO
 
-from dsr.collector import collector_paused
 from dsr.crdt.delta import Delta
 from dsr.errors import ConfigError
+from dsr.files.private_files import lock_file, private_folder
 from dsr.forking import leave_to_parent
 from dsr.memory import Memory
 from dsr.persistence.generations import Generations
 from dsr.persistence.pending import Pending, pieces
 from dsr.persistence.records import append_record
-from dsr.private_files import lock_file, private_folder
-from dsr.wire import encode_delta
+from dsr.replication.collector import collector_paused
+from dsr.replication.wire import encode_delta
 
 PERIOD = 0.25
 """s between two looks at what is new."""

@@ -10,7 +10,7 @@ import zlib
 from pathlib import Path
 from typing import IO, NamedTuple
 
-from dsr.data_files import read_file
+from dsr.files.data_files import read_file
 
 HEADER = b"dsr-state 1\n"
 _PREFIX = struct.Struct("<II")

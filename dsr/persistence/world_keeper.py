@@ -15,12 +15,12 @@ import threading
 from collections.abc import Collection
 from pathlib import Path
 
-from dsr.collector import collector_paused
 from dsr.errors import DsrError
-from dsr.keys import BASE
 from dsr.memory import Memory
+from dsr.network.keys import BASE
 from dsr.persistence.generations import Generations
 from dsr.persistence.keeper import StateKeeper
+from dsr.replication.collector import collector_paused
 
 PERIOD = 0.25
 """s between two looks at the list of worlds."""

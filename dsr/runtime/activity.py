@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import msgspec
 
-from dsr.keys import BASE
+from dsr.network.keys import BASE
 
 if TYPE_CHECKING:
     from dsr.agent import Agent
-    from dsr.replica import Replica
+    from dsr.replication.replica import Replica
 
 _WINDOW = 0.9
 """s over which rates are taken at least."""

@@ -17,20 +17,20 @@ import msgspec
 
 from dsr.agent import Agent, make_agent
 from dsr.clock import WALL_CLOCK
+from dsr.config.toml import TomlFile
 from dsr.connect import connect, identity_of, open_transport
-from dsr.data_files import read_text
 from dsr.errors import ConfigError, DsrError
-from dsr.keys import Keys
+from dsr.files.data_files import read_text
+from dsr.graph.access import WriteGuard
 from dsr.memory import Memory, new_rid
-from dsr.rendezvous import running_graph
-from dsr.runtime.access import WriteGuard
-from dsr.runtime.config import TomlFile
+from dsr.network.keys import Keys
+from dsr.network.rendezvous import running_graph
+from dsr.network.transport import Transport
 from dsr.runtime.lifeline import LAUNCHED, clear_up_after_launcher, follow_launcher
 from dsr.runtime.logs import BusLogHandler, log_to_terminal
 from dsr.runtime.resources import shortage
 from dsr.runtime.runner import Runner, Schedule
 from dsr.runtime.signals import set_on_signals
-from dsr.transport import Transport
 
 EXIT_FAILED = 1
 EXIT_USAGE = 2

@@ -23,10 +23,10 @@ import msgspec
 from dsr.clock import WALL_CLOCK
 from dsr.connect import SECURITY, connect
 from dsr.errors import AgentError, TransportError
+from dsr.files.private_files import FOLDER_MODE, lock_file
+from dsr.network.rendezvous import claim_file
 from dsr.persistence.content import GraphContent
 from dsr.persistence.world_keeper import WorldKeeper
-from dsr.private_files import FOLDER_MODE, lock_file
-from dsr.rendezvous import claim_file
 from dsr.runtime.status import Heard, State, StatusBoard
 from dsr.runtime.supervised import Supervised
 from dsr.runtime.system import AgentSpec, System

@@ -15,7 +15,7 @@ import threading
 from collections.abc import Mapping
 
 from dsr.clock import WALL_CLOCK
-from dsr.rendezvous import remove_leftover_claim
+from dsr.network.rendezvous import remove_leftover_claim
 
 LAUNCHED = "DSR_LAUNCHED"
 """Environment variable of a launched process: its standard input is its lifeline; how often it was started before."""

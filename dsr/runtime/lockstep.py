@@ -17,13 +17,13 @@ from types import TracebackType
 from dsr.agent import make_agent
 from dsr.clock import ManualClock
 from dsr.errors import AgentError, ConfigError, DsrError, suggest
-from dsr.keys import Keys
-from dsr.local_transport import LocalNetwork
+from dsr.graph.access import WriteGuard, check_writers
 from dsr.memory import Memory
-from dsr.runtime.access import WriteGuard, check_writers
+from dsr.network.keys import Keys
+from dsr.network.local_transport import LocalNetwork
+from dsr.network.transport import Transport
 from dsr.runtime.runner import Runner, Schedule
 from dsr.runtime.system import AgentSpec
-from dsr.transport import Transport
 
 _ROUNDS = 3
 """Exchanges that a newcomer needs: who is there, request and reply, merge."""

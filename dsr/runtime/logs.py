@@ -8,9 +8,9 @@ import threading
 import msgspec
 
 from dsr.clock import Clock
-from dsr.decoding import decoded
-from dsr.keys import Keys
-from dsr.transport import Qos, Transport
+from dsr.network.decoding import decoded
+from dsr.network.keys import Keys
+from dsr.network.transport import Qos, Transport
 
 _MOST_TEXT = 2000
 

@@ -9,10 +9,10 @@ from collections import deque
 
 from dsr.agent import Agent
 from dsr.errors import AgentError, ConfigError, DsrError
-from dsr.keys import agent_of
+from dsr.network.keys import agent_of
+from dsr.network.transport import Qos
 from dsr.runtime.activity import Activity
 from dsr.runtime.status import PERIOD, State, Status, encode_status
-from dsr.transport import Qos
 
 _SAMPLES = 200
 _RATE_WINDOW = 3.0  # s

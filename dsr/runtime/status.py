@@ -10,11 +10,11 @@ from typing import NamedTuple
 import msgspec
 
 from dsr.clock import Clock
-from dsr.decoding import decoded
 from dsr.errors import WireError
-from dsr.keys import Keys
+from dsr.network.decoding import decoded
+from dsr.network.keys import Keys
+from dsr.network.transport import Transport
 from dsr.runtime.activity import WorldUse
-from dsr.transport import Transport
 
 PERIOD = 1.0
 """s between two statuses of an agent."""

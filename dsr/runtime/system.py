@@ -15,10 +15,10 @@ from typing import Any
 import msgspec
 
 from dsr.agent import Agent
+from dsr.config.toml import TomlFile, convert
 from dsr.errors import ConfigError, DsrError, suggest
-from dsr.keys import check_name
-from dsr.runtime.access import check_writers
-from dsr.runtime.config import TomlFile, convert
+from dsr.graph.access import check_writers
+from dsr.network.keys import check_name
 from dsr.runtime.native_output import silenced
 
 RUN_FOLDER = "{run}"

@@ -22,8 +22,8 @@ from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from dsr.errors import ConfigError
-from dsr.keys import check_name
-from dsr.private_files import private_folder, replacing
+from dsr.files.private_files import private_folder, replacing
+from dsr.network.keys import check_name
 
 AUTHORITY_DAYS = 3650
 CERTIFICATE_DAYS = 365

@@ -10,7 +10,7 @@ from typing import Any
 
 import msgspec
 
-from dsr.keys import PROTOCOL, Keys, ticket_key
+from dsr.network.keys import PROTOCOL, Keys, ticket_key
 from dsr.security.authority import SecurityFolder
 from dsr.security.policy import Grant, Policy
 

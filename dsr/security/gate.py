@@ -19,19 +19,19 @@ import logging
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 
-from dsr.claims import accounted_for
 from dsr.crdt.context import Dot, DotRange
 from dsr.crdt.delta import Add, Delta, Key, Write
 from dsr.crdt.store import Store
 from dsr.errors import AgentError
-from dsr.keys import agent_of
+from dsr.network.keys import agent_of
+from dsr.replication.claims import accounted_for
 from dsr.security.policy import Policy
 
 _log = logging.getLogger("dsr.security")
 
 
 class Gate:
-    """The door of one replica; implements `dsr.sync.Gate`."""
+    """The door of one replica; implements `dsr.replication.sync.Gate`."""
 
     def __init__(self, policy: Policy) -> None:
         self.refused: Counter[str] = Counter()

@@ -9,14 +9,14 @@ from typing import Any
 
 from dsr.clock import WALL_CLOCK, Clock
 from dsr.errors import AgentError
-from dsr.keys import Keys, agent_of
-from dsr.runtime.access import WriteGuard
+from dsr.graph.access import WriteGuard
+from dsr.network.keys import Keys, agent_of
+from dsr.network.transport import Transport
 from dsr.security.authority import SecurityFolder
 from dsr.security.configuration import zenoh_settings
 from dsr.security.gate import Gate
 from dsr.security.policy import Grant, Policy, read_policy
 from dsr.security.silent_transport import SilentTransport
-from dsr.transport import Transport
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,11 @@ from pathlib import Path
 import msgspec
 
 from dsr.agent import Agent
-from dsr.data_files import read_text
+from dsr.config.toml import convert
 from dsr.errors import ConfigError, suggest
-from dsr.keys import check_name
-from dsr.runtime.access import Access, WriteGuard
-from dsr.runtime.config import convert
+from dsr.files.data_files import read_text
+from dsr.graph.access import Access, WriteGuard
+from dsr.network.keys import check_name
 from dsr.runtime.system import System
 
 LAUNCHER = "launcher"

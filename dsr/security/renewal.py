@@ -20,7 +20,7 @@ _log = logging.getLogger("dsr.security")
 
 
 class Reopening(Protocol):
-    """A transport that can begin a new session; see `dsr.zenoh_transport.ZenohTransport`."""
+    """A transport that can begin a new session; see `dsr.network.zenoh_transport.ZenohTransport`."""
 
     trouble: str
     closing: threading.Event

@@ -5,8 +5,17 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from dsr.errors import TransportError
-from dsr.keys import Keys
-from dsr.transport import Chunks, Mailbox, MessageHandler, PresenceHandler, Qos, RequestHandler, Subscription, Transport
+from dsr.network.keys import Keys
+from dsr.network.transport import (
+    Chunks,
+    Mailbox,
+    MessageHandler,
+    PresenceHandler,
+    Qos,
+    RequestHandler,
+    Subscription,
+    Transport,
+)
 
 
 class _Nothing:

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from dsr.polygons import Point, hull
-from dsr.quaternions import Rows3, Vector3, to_matrix
-from dsr.transforms import Pose
+from dsr.math3d.polygons import Point, hull
+from dsr.math3d.quaternions import Rows3, Vector3, to_matrix
+from dsr.math3d.transforms import Pose
 
 
 @dataclass(frozen=True)

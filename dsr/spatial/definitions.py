@@ -12,9 +12,9 @@ import math
 from collections.abc import Callable
 from typing import NamedTuple
 
-from dsr.quaternions import Vector3, to_matrix
+from dsr.math3d.quaternions import Vector3, to_matrix
+from dsr.math3d.transforms import Pose
 from dsr.spatial.boxes import Box, gap, inclusion, overlap
-from dsr.transforms import Pose
 
 EPSILON = 0.015
 """m, by which boxes may reach into each other, or be apart, where they touch."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from itertools import count
 
-from dsr.intentions import MIND
 from dsr.memory import Memory
 from dsr.spatial.definitions import SPATIAL
 from dsr.spatial.scene import check_no_view, checked_relations
 from dsr.timeline.entries import joined_names
+from dsr.vocabulary.intentions import MIND
 
 QUERY = "query"
 """Node type of a request."""

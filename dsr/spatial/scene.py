@@ -6,15 +6,15 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from dsr.elements import Node
 from dsr.errors import ConfigError, TransformError, suggest
 from dsr.geometry import own_bounds
+from dsr.graph.elements import Node
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.quaternions import Vector3
-from dsr.relations import MODELLED, SURFACES, THINGS
 from dsr.spatial.boxes import Box
 from dsr.spatial.definitions import ALLOCENTRIC, EGOCENTRIC, SPATIAL, View, margin
-from dsr.transforms import Pose
+from dsr.vocabulary.relations import MODELLED, SURFACES, THINGS
 
 WORLD = "world"
 _BELIEVED = ("Virtual_RT", "RT")

@@ -10,13 +10,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from dsr.elements import Edge, Node
+from dsr.graph.elements import Edge, Node
+from dsr.graph.watch import Change
 from dsr.memory import Memory
 from dsr.runtime.status import SILENT_AFTER, State, Status
 from dsr.timeline.entries import EVENT, EXPLAINED, SITUATION, kind_of, read_entry
 from dsr.timeline.kinds import DERIVED, OBJECTS, RELATIONS
 from dsr.timeline.telling import Event, tell
-from dsr.watch import Change
 
 EVENT_KINDS = ("explained", "surprised", "calmed", "began", "ended", "appeared", "gone", "intention", "action", "agent")
 """Kinds of the events that are read off changes; agents add their own, such as `Pick`, on the timeline in the graph."""

@@ -11,13 +11,13 @@ from numbers import Real
 from typing import Any
 
 from dsr.errors import SchemaError
-from dsr.intentions import MIND
-from dsr.keys import agent_of
 from dsr.memory import Memory
+from dsr.network.keys import agent_of
 from dsr.timeline.allen import AllenRelation
 from dsr.timeline.entries import EVENT, SITUATION, TIMELINE, Entry, joined_names, read_entry
 from dsr.timeline.queries import Time, query
 from dsr.timeline.retention import Orphans, Retention, read_all, written_by
+from dsr.vocabulary.intentions import MIND
 
 WRITTEN_NODES = (TIMELINE, EVENT, SITUATION)
 """Node types that an agent with a `Chronicle` declares to write (`Access.nodes`). Exclusive for nobody."""

@@ -8,9 +8,9 @@ from typing import Any
 
 import msgspec
 
-from dsr.elements import Node
-from dsr.keys import agent_of
+from dsr.graph.elements import Node
 from dsr.memory import Memory
+from dsr.network.keys import agent_of
 from dsr.timeline.allen import Interval
 
 TIMELINE = "timeline"

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dsr.relations import THINGS
 from dsr.timeline.entries import EXPLAINED
+from dsr.vocabulary.relations import THINGS
 
 RELATIONS = ("on", "in", "grasping")
 """Edge types whose coming and going is told; as kinds of situations they have participants (source, destination)."""

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterable
 from numbers import Real
 
-from dsr.elements import Node
 from dsr.errors import ConfigError, suggest
+from dsr.graph.elements import Node
 from dsr.memory import Memory
 from dsr.timeline.allen import ALLEN, WITHIN, AllenRelation, Interval, holds
 from dsr.timeline.entries import EVENT, SITUATION, Entry, kind_of, read_entry, split_names

@@ -14,8 +14,8 @@ from collections.abc import Collection
 import msgspec
 
 from dsr.errors import ConfigError
-from dsr.keys import agent_of
 from dsr.memory import Memory
+from dsr.network.keys import agent_of
 from dsr.timeline.entries import EVENT, SITUATION, Entry, read_entry
 
 RECENT = 60.0

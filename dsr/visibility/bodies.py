@@ -10,20 +10,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsr.elements import Node
 from dsr.errors import DsrError, SchemaError
 from dsr.geometry import own_bounds
+from dsr.graph.elements import Node
+from dsr.graph.schema import WORLD_RECORD
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.shapes import Part, Shape, box, from_numbers
+from dsr.math3d.surfaces import Solids
+from dsr.math3d.transforms import Array, Pose
 from dsr.memory import Memory
-from dsr.perceived import is_perceived
-from dsr.quaternions import Vector3
-from dsr.relations import MODELLED, SURFACES, THINGS
-from dsr.schema import WORLD_RECORD
-from dsr.shapes import Part, Shape, box, from_numbers
-from dsr.surfaces import Solids
-from dsr.transforms import Array, Pose
 from dsr.visibility.persons import HEAD, TRUNK, upright
 from dsr.visibility.perspectives import BELIEVED, PERSON
 from dsr.visibility.picture import Body
+from dsr.vocabulary.perceived import is_perceived
+from dsr.vocabulary.relations import MODELLED, SURFACES, THINGS
 
 _WORLD = "world"
 _FARTHEST = 1e4  # m from the world's origin, or across: what is said to be beyond is nowhere

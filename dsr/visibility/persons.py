@@ -6,8 +6,8 @@ import math
 
 import numpy as np
 
-from dsr.shapes import Part, Shape
-from dsr.transforms import Array
+from dsr.math3d.shapes import Part, Shape
+from dsr.math3d.transforms import Array
 
 HEAD: Shape = (Part("box", (0.2, 0.16, 0.25), (-0.09, 0.0, 0.0)),)
 """In the person's frame, which is between the eyes."""

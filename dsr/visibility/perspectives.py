@@ -11,12 +11,12 @@ import math
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from dsr.elements import Node
 from dsr.errors import ConfigError, TransformError, suggest
-from dsr.intrinsics import Intrinsics, read_intrinsics
+from dsr.graph.elements import Node
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.perceived import is_perceived
-from dsr.transforms import Pose
+from dsr.vocabulary.intrinsics import Intrinsics, read_intrinsics
+from dsr.vocabulary.perceived import is_perceived
 
 _log = logging.getLogger("dsr.visibility")
 

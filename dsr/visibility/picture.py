@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dsr.intrinsics import Intrinsics
-from dsr.surfaces import Solids, crossings
-from dsr.transforms import Pose
+from dsr.math3d.surfaces import Solids, crossings
+from dsr.math3d.transforms import Pose
 from dsr.visibility.triangles import draw_triangles
+from dsr.vocabulary.intrinsics import Intrinsics
 
 Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]

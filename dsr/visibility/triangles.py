@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from dsr.intrinsics import Intrinsics
+from dsr.vocabulary.intrinsics import Intrinsics
 
 Array = NDArray[np.float64]
 Edges = tuple[int, int, int, int]

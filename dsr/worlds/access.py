@@ -9,12 +9,12 @@ from msgspec.structs import replace
 
 from dsr.crdt.context import Dot
 from dsr.crdt.delta import TOMBSTONE, Delta, Write
-from dsr.elements import Edge, Node
-from dsr.frames import FrameTree
+from dsr.frames.tree import FrameTree
 from dsr.geometry.exchange import MeshExchange
-from dsr.graph import Graph
-from dsr.keys import BASE, Keys, agent_of
-from dsr.replica import Replica
+from dsr.graph.elements import Edge, Node
+from dsr.graph.graph import Graph
+from dsr.network.keys import BASE, Keys, agent_of
+from dsr.replication.replica import Replica
 from dsr.worlds.opened import OpenWorld, World, Worlds
 from dsr.worlds.registry import VIA, WorldInfo
 

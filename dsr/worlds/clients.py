@@ -9,10 +9,10 @@ import msgspec
 
 from dsr.agent import Agent
 from dsr.errors import ConfigError, TransportError, WorldNotFoundError
-from dsr.keys import BASE, check_name
-from dsr.runtime.access import EVERYTHING, Access
-from dsr.schema import WORLD_RECORD
-from dsr.watch import Change
+from dsr.graph.access import EVERYTHING, Access
+from dsr.graph.schema import WORLD_RECORD
+from dsr.graph.watch import Change
+from dsr.network.keys import BASE, check_name
 from dsr.worlds.source import Source
 
 if TYPE_CHECKING:

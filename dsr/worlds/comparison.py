@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from dsr.elements import Edge, Node
 from dsr.errors import TransformError
-from dsr.frames import Types
-from dsr.transforms import Pose
+from dsr.frames.tree import Types
+from dsr.graph.elements import Edge, Node
+from dsr.math3d.transforms import Pose
 from dsr.worlds.registry import ROOT, VIA
 
 if TYPE_CHECKING:

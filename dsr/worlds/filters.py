@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from dsr.elements import Edge, Node
+from dsr.graph.elements import Edge, Node
 from dsr.worlds.clients import Client, WorldsConfig
 from dsr.worlds.mirror import Conflict, Mirror
 

@@ -13,9 +13,9 @@ from typing import Any
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import EdgeKey, Key
 from dsr.crdt.store import Entry
-from dsr.elements import Edge, Node
-from dsr.graph import Graph
-from dsr.listener import Listener
+from dsr.graph.elements import Edge, Node
+from dsr.graph.graph import Graph
+from dsr.graph.listener import Listener
 from dsr.worlds.handles import SharedEdge, SharedNode
 from dsr.worlds.tables import ByKey, Elements, Entries, Groups, Taken
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Sequence
 
-from dsr.frame_chain import Link, Links, Newest
-from dsr.frames import FrameTree, Types
-from dsr.pose_history import PoseHistory
-from dsr.transforms import Pose
+from dsr.frames.frame_chain import Link, Links, Newest
+from dsr.frames.pose_history import PoseHistory
+from dsr.frames.tree import FrameTree, Types
+from dsr.math3d.transforms import Pose
 
 _Key = tuple[str, str]
 """(edge type, child)"""

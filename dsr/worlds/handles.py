@@ -7,9 +7,9 @@ from typing import Any, NamedTuple, Protocol
 
 from dsr.crdt.delta import TOMBSTONE, EdgeKey, Write
 from dsr.crdt.store import Entry
-from dsr.elements import Edge, Node, stored, type_of, write_in
-from dsr.schema import POSE_FIELDS
-from dsr.transforms import Pose
+from dsr.graph.elements import Edge, Node, stored, type_of, write_in
+from dsr.graph.schema import POSE_FIELDS
+from dsr.math3d.transforms import Pose
 
 Entries = tuple[Entry, ...]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import weakref
 from typing import Protocol
 
-from dsr.elements import Edge, Node
-from dsr.watch import ChangeKind
+from dsr.graph.elements import Edge, Node
+from dsr.graph.watch import ChangeKind
 
 
 class LooksThrough(Protocol):

@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 from dsr.crdt.delta import EdgeKey, Key, Write
-from dsr.elements import Edge, Node
 from dsr.errors import NodeNotFoundError
-from dsr.schema import WORLD_RECORD
-from dsr.watch import Change
+from dsr.graph.elements import Edge, Node
+from dsr.graph.schema import WORLD_RECORD
+from dsr.graph.watch import Change
 from dsr.worlds.registry import ROOT, VIA
 from dsr.worlds.reparenting import Reparenting
 

@@ -11,16 +11,16 @@ from typing import Any, Generic, TypeVar
 
 from dsr.clock import Clock
 from dsr.crdt.delta import Delta
-from dsr.elements import Node
 from dsr.errors import TransportError, WorldError, WorldNotFoundError, suggest
-from dsr.followers import Followers
-from dsr.frames import FrameTree
-from dsr.graph import Graph
-from dsr.keys import BASE, Keys, check_name
-from dsr.polling import Poller
-from dsr.replica import Replica
-from dsr.schema import Schema
-from dsr.transport import Transport
+from dsr.frames.tree import FrameTree
+from dsr.graph.elements import Node
+from dsr.graph.followers import Followers
+from dsr.graph.graph import Graph
+from dsr.graph.schema import Schema
+from dsr.network.keys import BASE, Keys, check_name
+from dsr.network.transport import Transport
+from dsr.replication.polling import Poller
+from dsr.replication.replica import Replica
 from dsr.worlds.fork import ForkedGraph
 from dsr.worlds.fork_frames import ForkedFrames
 from dsr.worlds.overlay import Overlay

@@ -15,9 +15,9 @@ from typing import Any
 from dsr.crdt.context import Dot
 from dsr.crdt.delta import Add, Delta, EdgeKey, Key
 from dsr.crdt.store import Entry
-from dsr.elements import Edge, Node, key_of
-from dsr.followers import Followers
-from dsr.graph import Graph
+from dsr.graph.elements import Edge, Node, key_of
+from dsr.graph.followers import Followers
+from dsr.graph.graph import Graph
 from dsr.worlds.handles import LayeredEdge, LayeredNode, LiveEdge, LiveNode
 from dsr.worlds.layer import Layer
 from dsr.worlds.link import Link

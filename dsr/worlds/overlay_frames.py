@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from dsr.frame_chain import Dependency, Link, Links, Newest
-from dsr.frames import FrameTree, Types
-from dsr.transforms import Pose
+from dsr.frames.frame_chain import Dependency, Link, Links, Newest
+from dsr.frames.tree import FrameTree, Types
+from dsr.math3d.transforms import Pose
 from dsr.worlds.fork_frames import SharedHistories
 
 _TAKEN = Link("", "", None)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import TYPE_CHECKING
 
-from dsr.keys import BASE, Keys
-from dsr.peers import MAX_PEERS
-from dsr.transport import Subscription
+from dsr.network.keys import BASE, Keys
+from dsr.network.transport import Subscription
+from dsr.replication.peers import MAX_PEERS
 from dsr.worlds.registry import records
 
 if TYPE_CHECKING:

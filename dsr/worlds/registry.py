@@ -13,11 +13,11 @@ from collections.abc import Iterable, Iterator
 import msgspec
 
 from dsr.crdt.context import Dot
-from dsr.elements import Node
 from dsr.errors import ConfigError
-from dsr.graph import Graph
-from dsr.keys import BASE, check_name
-from dsr.schema import WORLD_RECORD
+from dsr.graph.elements import Node
+from dsr.graph.graph import Graph
+from dsr.graph.schema import WORLD_RECORD
+from dsr.network.keys import BASE, check_name
 
 ROOT = "world"
 """Name and type of the root node that a new world has."""

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
 from dsr.crdt.delta import EdgeKey
-from dsr.elements import Edge, Node
 from dsr.errors import CycleError, NodeNotFoundError, TransformError
-from dsr.transforms import Pose
+from dsr.graph.elements import Edge, Node
+from dsr.math3d.transforms import Pose
 from dsr.worlds.registry import VIA
 
 if TYPE_CHECKING:

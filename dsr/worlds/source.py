@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from dsr.errors import WorldNotFoundError
-from dsr.watch import Change, Watch
+from dsr.graph.watch import Change, Watch
 
 if TYPE_CHECKING:
     from dsr.memory import Memory

@@ -12,7 +12,7 @@ from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.by_hypotheses import ByHypotheses
 from simulation_handler.explaining.policy import Explanation, Policy
 from simulation_handler.explaining.situation import Look
-from simulation_handler.rollouts.pool import Pool
+from simulation_handler.physics.rollouts.pool import Pool
 
 __all__ = ["Explanation", "Look", "Policy", "make_policy"]
 

@@ -14,10 +14,10 @@ from simulation_handler.explaining.search import Candidate, search
 from simulation_handler.explaining.situation import Situation
 from simulation_handler.explaining.typical import with_typical_fall
 from simulation_handler.explaining.wording import describe
-from simulation_handler.geometry import Solid
-from simulation_handler.rollouts import Body, Scene
-from simulation_handler.rollouts.pool import Pool
-from simulation_handler.rollouts.scene import STILL
+from simulation_handler.physics.rollouts import Body, Scene
+from simulation_handler.physics.rollouts.pool import Pool
+from simulation_handler.physics.rollouts.scene import STILL
+from simulation_handler.shapes.geometry import Solid
 
 _TOO_LATE = 1.5
 """s of evidence after which even an incomplete search must do: half of the 3 s in which a surprise is to be explained

@@ -10,11 +10,11 @@ from itertools import combinations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dsr.quaternions import Quaternion
+from dsr.math3d.quaternions import Quaternion
 from simulation_handler.explaining.hypotheses import Hypothesis
 from simulation_handler.explaining.situation import Seen, Situation
-from simulation_handler.geometry import Solid
-from simulation_handler.percepts import Array
+from simulation_handler.perception.percepts import Array
+from simulation_handler.shapes.geometry import Solid
 
 FEWEST = 2
 """Objects that must be explained by one motion of the camera, for that to be told from moved objects."""

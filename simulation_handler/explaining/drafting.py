@@ -8,14 +8,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dsr import quaternions
-from simulation_handler.clearing import cleared
+from dsr.math3d import quaternions
+from simulation_handler.contact.clearing import cleared
+from simulation_handler.contact.placement import Placement, place, separate
 from simulation_handler.explaining.glimpses import Motion
 from simulation_handler.explaining.hypotheses import FALLS, FROM_GLIMPSE, Hypothesis, Move
 from simulation_handler.explaining.situation import Situation
-from simulation_handler.geometry import Solid
-from simulation_handler.percepts import Array
-from simulation_handler.placement import Placement, place, separate
+from simulation_handler.perception.percepts import Array
+from simulation_handler.shapes.geometry import Solid
 
 _UNSEEN_COVARIANCE: Array = np.diag((1e-6, 1e-6, 1e-4))  # m^2: free in height only
 _SOFT = 2.5e-5  # m^2, how easily what is not seen gives way

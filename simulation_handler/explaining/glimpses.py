@@ -11,10 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsr import quaternions
-from dsr.quaternions import Vector3
-from simulation_handler.geometry import Solid
-from simulation_handler.percepts import Array, Percept
+from dsr.math3d import quaternions
+from dsr.math3d.quaternions import Vector3
+from simulation_handler.perception.percepts import Array, Percept
+from simulation_handler.shapes.geometry import Solid
 
 WAYS = 12
 """In which an object may have gone on from where it was last seen."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 
-from dsr.quaternions import Vector3
+from dsr.math3d.quaternions import Vector3
+from simulation_handler.contact.placement import find_support
+from simulation_handler.contact.supports import stacks_of
 from simulation_handler.explaining.situation import Situation
-from simulation_handler.geometry import Solid
-from simulation_handler.placement import find_support
-from simulation_handler.supports import stacks_of
+from simulation_handler.shapes.geometry import Solid
 
 _MOST_PILES = 3
 

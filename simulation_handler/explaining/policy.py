@@ -6,10 +6,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from simulation_handler.contact.placement import Placement
 from simulation_handler.explaining.hypotheses import Hypothesis
 from simulation_handler.explaining.situation import Situation
-from simulation_handler.geometry import Solid
-from simulation_handler.placement import Placement
+from simulation_handler.shapes.geometry import Solid
 
 
 @dataclass(frozen=True)

@@ -16,8 +16,8 @@ from simulation_handler.explaining.camera import corrected
 from simulation_handler.explaining.drafting import Draft
 from simulation_handler.explaining.hypotheses import FROM_GLIMPSE, Hypothesis, Move
 from simulation_handler.explaining.situation import THIS_FRAME, Seen, Situation, as_pose
-from simulation_handler.geometry import Solid
-from simulation_handler.sight import Glance
+from simulation_handler.perception.sight import Glance
+from simulation_handler.shapes.geometry import Solid
 
 # Nats that are charged for each assumption.
 MOVED = 3.0

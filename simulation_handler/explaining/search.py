@@ -18,7 +18,7 @@ from simulation_handler.explaining.hypotheses import FALLS, FROM_GLIMPSE, Hypoth
 from simulation_handler.explaining.piles import piles_beneath
 from simulation_handler.explaining.scoring import Score, displaced, prior, score
 from simulation_handler.explaining.situation import Situation
-from simulation_handler.geometry import Solid
+from simulation_handler.shapes.geometry import Solid
 
 Simulate = Callable[[Situation, Sequence[Draft]], Sequence[Mapping[str, Solid] | None]]
 """Where everything is some time after each of the drafts; None for what could not be simulated in time."""

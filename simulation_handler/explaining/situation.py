@@ -8,17 +8,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dsr import quaternions
-from dsr.quaternions import Quaternion, Vector3
-from dsr.shapes import Shape
-from dsr.transforms import Pose
+from dsr.math3d import quaternions
+from dsr.math3d.quaternions import Quaternion, Vector3
+from dsr.math3d.shapes import Shape
+from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.glimpses import Glimpse
 from simulation_handler.explaining.hypotheses import FALLS
-from simulation_handler.geometry import Solid
-from simulation_handler.objects import BelievedObject
-from simulation_handler.percepts import Array
-from simulation_handler.sight import Glance
+from simulation_handler.perception.percepts import Array
+from simulation_handler.perception.sight import Glance
+from simulation_handler.shapes.geometry import Solid
+from simulation_handler.state.objects import BelievedObject
 
 THIS_FRAME = 0.25
 """s up to which a percept is of things as they are now"""

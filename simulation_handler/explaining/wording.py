@@ -6,12 +6,12 @@ import math
 import re
 from collections.abc import Mapping
 
-from dsr.calibration import CAMERA_MOVED
+from dsr.vocabulary.calibration import CAMERA_MOVED
 from simulation_handler.explaining.camera import corrected
 from simulation_handler.explaining.hypotheses import Hypothesis, Move
 from simulation_handler.explaining.search import Candidate
 from simulation_handler.explaining.situation import Situation
-from simulation_handler.geometry import Solid
+from simulation_handler.shapes.geometry import Solid
 
 LASTING = ("false_percept", "nothing_changed")
 """Words of explanations that leave the belief as it is, so that what they explain goes on."""

@@ -10,10 +10,10 @@ from agents.scenario.truth import decode_truth
 from benchmarks.fuzz import corpus
 from benchmarks.fuzz.mutations import Mutator
 from dsr.errors import WireError
+from dsr.replication.wire import decode_delta, decode_digest
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.logs import decode_log
 from dsr.runtime.status import decode_status
-from dsr.wire import decode_delta, decode_digest
 
 SECONDS = 4.0
 PER_STEP = 3

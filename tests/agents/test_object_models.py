@@ -8,8 +8,8 @@ import pytest
 
 from agents.object_models import find_model, load_model, model_files, parse_model
 from dsr.errors import ConfigError
-from dsr.relations import THINGS
-from dsr.shapes import bounds
+from dsr.math3d.shapes import bounds
+from dsr.vocabulary.relations import THINGS
 
 BALL = """<?xml version="1.0"?>
 <robot name="ball">

@@ -14,11 +14,11 @@ from benchmarks.attacks import __main__ as command
 from benchmarks.attacks.arenas import LocalArena, zenoh_arena
 from benchmarks.attacks.attack import Attack, Outcome
 from benchmarks.attacks.registry import attacks
-from dsr import clock_votes
-from dsr.clock_votes import Verdict
 from dsr.crdt.delta import Delta
 from dsr.crdt.hlc import HybridClock
-from dsr.graph import Graph
+from dsr.graph.graph import Graph
+from dsr.replication import clock_votes
+from dsr.replication.clock_votes import Verdict
 
 CASES = [(attack, graph) for attack in attacks().values() for graph in attack.settings]
 

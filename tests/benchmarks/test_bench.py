@@ -25,7 +25,7 @@ from benchmarks.rows import Peer, Row, Spec, judged, median_row, number
 from benchmarks.session import Findings
 from benchmarks.workers import BenchmarkError, Worker
 from dsr.errors import ConfigError
-from dsr.rendezvous import free_port
+from dsr.network.rendezvous import free_port
 
 ROOT = Path(__file__).parents[2]
 KEYS = {"row", "value", "unit", "target", "peer", "ratio", "meets", "note"}

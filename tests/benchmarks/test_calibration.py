@@ -17,7 +17,7 @@ from benchmarks import calibration_survey as survey
 from benchmarks import calibration_tables as tables
 from benchmarks.calibration_runs import EVENT_AT, bump, in_view, name_of, observing, on_table, play, put, scene, spread
 from benchmarks.calibration_scene import EVALUATED_FROM
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 
 
 def test_a_session_in_which_one_cube_was_moved_is_decided_rightly() -> None:

@@ -10,8 +10,8 @@ import pytest
 from agents.plant.camera import OVERHEAD
 from agents.scenario.format import CameraSpec
 from benchmarks.camera_fields import FARTHEST, footprint, main
-from dsr.intrinsics import Intrinsics
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
+from dsr.vocabulary.intrinsics import Intrinsics
 
 ROOT = Path(__file__).parents[2]
 LENS = Intrinsics.from_fov(640, 480, 0.98)

@@ -14,8 +14,8 @@ from benchmarks.fuzz.__main__ import fuzz
 from benchmarks.fuzz.decoders import Target, fuzz_decoder
 from benchmarks.fuzz.tally import Tally
 from dsr.errors import WireError
+from dsr.replication.sync import Synchroniser
 from dsr.runtime.status import Status
-from dsr.sync import Synchroniser
 
 
 def test_nothing_gets_through_and_nothing_grows(monkeypatch: pytest.MonkeyPatch) -> None:

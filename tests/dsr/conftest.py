@@ -11,7 +11,7 @@ import pytest
 from dsr import Faults, LocalNetwork, ManualClock, Memory, Pose
 from dsr.crdt.delta import Delta
 from dsr.crdt.pieces import START, Piece
-from dsr.piece_wire import encode_piece
+from dsr.replication.piece_wire import encode_piece
 
 
 class Net:

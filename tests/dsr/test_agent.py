@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from dsr import LocalNetwork, ManualClock, Memory
 from dsr.agent import Agent, make_agent
 from dsr.errors import AgentError, ConfigError
-from dsr.keys import Keys
-from dsr.runtime.access import Access, WriteGuard, check_writers
+from dsr.graph.access import Access, WriteGuard, check_writers
+from dsr.graph.schema import Schema
+from dsr.network.keys import Keys
 from dsr.runtime.runner import Runner, Schedule
 from dsr.runtime.status import State, Status, decode_status
-from dsr.schema import Schema
 
 
 class FlakyConfig(msgspec.Struct, frozen=True):

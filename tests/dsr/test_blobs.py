@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from dsr import Frame, WireError
-from dsr.blobs import decode_frame, encode_frame
+from dsr.images.blobs import decode_frame, encode_frame
 from tests.dsr.conftest import Net
 
 

@@ -10,9 +10,9 @@ import msgpack
 import pytest
 
 from dsr.errors import WireError
-from dsr.piece_wire import decode_piece, decode_request
-from dsr.schema import MAX_LENGTH
-from dsr.wire import MAX_MESSAGE, MAX_STRUCTURE, decode_delta, decode_digest
+from dsr.graph.schema import MAX_LENGTH
+from dsr.replication.piece_wire import decode_piece, decode_request
+from dsr.replication.wire import MAX_MESSAGE, MAX_STRUCTURE, decode_delta, decode_digest
 from tests.dsr.test_wire import message, written
 
 SIZE = 1 << 20

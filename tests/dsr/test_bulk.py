@@ -19,21 +19,21 @@ import numpy as np
 import pytest
 
 import dsr
-from dsr.blobs import frame_chunks
-from dsr.bulk import BulkReader, BulkWriter, Handler
 from dsr.clock import WALL_CLOCK
 from dsr.errors import WireError
-from dsr.frame_reader import FrameReader
-from dsr.keys import Keys
-from dsr.rendezvous import free_port
-from dsr.shared_ring import MOST_BYTES, SLOTS, Ring, RingReader, Ticket
-from dsr.transport import Subscription
-from dsr.zenoh_transport import ZenohTransport
+from dsr.images.blobs import frame_chunks
+from dsr.images.frame_reader import FrameReader
+from dsr.network.bulk import BulkReader, BulkWriter, Handler
+from dsr.network.keys import Keys
+from dsr.network.rendezvous import free_port
+from dsr.network.shared_ring import MOST_BYTES, SLOTS, Ring, RingReader, Ticket
+from dsr.network.transport import Subscription
+from dsr.network.zenoh_transport import ZenohTransport
 
 PATIENCE = 20.0  # s
 HOLDER = """
 import sys, msgspec
-from dsr.shared_ring import RingReader, Ticket
+from dsr.network.shared_ring import RingReader, Ticket
 ticket = msgspec.msgpack.decode(bytes.fromhex(sys.argv[1]), type=Ticket)
 held = RingReader(ticket).view(ticket)
 print(held[:5].tobytes().decode(), flush=True)
@@ -41,7 +41,7 @@ sys.stdin.read()
 """
 WRITER = """
 import sys, msgspec
-from dsr.shared_ring import Ring
+from dsr.network.shared_ring import Ring
 ring = Ring(100)
 print(msgspec.msgpack.encode(ring.write([b"hello"])).hex(), flush=True)
 sys.stdin.read()
@@ -290,7 +290,7 @@ class TestBulk:
             pair.writer.put([b"%d" % i])
             assert here.take() == b"%d" % i
             with monkeypatch.context() as patch:
-                patch.setattr("dsr.bulk.RingReader", elsewhere)
+                patch.setattr("dsr.network.bulk.RingReader", elsewhere)
                 assert there.take() == b"%d" % i
 
     def test_readers_that_hoard_make_the_others_wait_for_copies_and_not_the_writer(self, pair: Pair) -> None:

@@ -6,7 +6,8 @@ import msgspec
 import pytest
 
 from dsr import LocalNetwork, ManualClock, Memory
-from dsr.calibration import (
+from dsr.errors import ConfigError
+from dsr.vocabulary.calibration import (
     CONFIRMED,
     PROVISIONAL,
     STEADY,
@@ -18,8 +19,7 @@ from dsr.calibration import (
     request_calibration,
     request_undo,
 )
-from dsr.errors import ConfigError
-from dsr.intentions import MIND
+from dsr.vocabulary.intentions import MIND
 
 BEFORE, AFTER = (0.3, 0.0, 0.5, 0.0, 0.0, 0.0, 1.0), (0.3, 0.1, 0.5, 0.0, 0.0, 0.0, 1.0)
 SURE = Report("camera", "world", "robust", True, "why", BEFORE, AFTER, (), 0.1, 0.0, 9.0, False, 1, 4, 4, ())

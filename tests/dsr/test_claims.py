@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import pytest
 
-from dsr import Memory, claims
-from dsr.claims import MAX_EARLY, MAX_GAPS, MAX_NEWCOMERS
+from dsr import Memory
 from dsr.crdt import pieces
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Add, Delta
 from dsr.crdt.pieces import START
 from dsr.crdt.summary import LISTED
-from dsr.piece_wire import Request, decode_request, encode_piece, encode_request
-from dsr.transport import Transport
-from dsr.wire import Digest, encode_delta, encode_digest
+from dsr.network.transport import Transport
+from dsr.replication import claims
+from dsr.replication.claims import MAX_EARLY, MAX_GAPS, MAX_NEWCOMERS
+from dsr.replication.piece_wire import Request, decode_request, encode_piece, encode_request
+from dsr.replication.wire import Digest, encode_delta, encode_digest
 from tests.dsr.conftest import Net, reply_of
 
 HEAL = 5.0

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dsr.clock_votes import Voice, verdict
+from dsr.replication.clock_votes import Voice, verdict
 
 
 def voices(*said: tuple[str, bool, bool]) -> list[Voice]:

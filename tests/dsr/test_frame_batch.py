@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from dsr.errors import TransformError
-from dsr.frames import FrameTree
-from dsr.transforms import Pose
+from dsr.frames.tree import FrameTree
+from dsr.math3d.transforms import Pose
 from tests.dsr.conftest import Net
 
 FRAMES = tuple("abcdefgh")

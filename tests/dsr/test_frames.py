@@ -15,8 +15,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dsr.errors import CycleError, ExtrapolationError, NoPathError
-from dsr.frames import FrameTree
-from dsr.transforms import Pose, interpolate
+from dsr.frames.tree import FrameTree
+from dsr.math3d.transforms import Pose, interpolate
 
 BELIEF_FIRST = ("Virtual_RT", "RT")
 

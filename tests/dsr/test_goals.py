@@ -7,9 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dsr import ConfigError, GoalError, LocalNetwork, ManualClock, Memory, Pose
-from dsr.goals import Goal, parse_goal
-from dsr.intentions import add_intention
-from dsr.relations import ARITY, Relation, Relations, read_relations
+from dsr.vocabulary.goals import Goal, parse_goal
+from dsr.vocabulary.intentions import add_intention
+from dsr.vocabulary.relations import ARITY, Relation, Relations, read_relations
 
 names = st.text("abcXYZ012_.-", min_size=1, max_size=8).filter(lambda name: name.lower() not in ("and", "or", "not"))
 spaces = st.text(" \t\n", max_size=2)

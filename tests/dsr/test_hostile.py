@@ -13,11 +13,11 @@ from dsr.crdt import store as store_module
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Delta, Write
 from dsr.crdt.store import Store
-from dsr.graph import Graph
-from dsr.peers import MAX_PEERS
-from dsr.schema import MAX_LENGTH
-from dsr.sync import Synchroniser
-from dsr.wire import Digest, WireError, decode_delta, encode_delta, encode_digest
+from dsr.graph.graph import Graph
+from dsr.graph.schema import MAX_LENGTH
+from dsr.replication.peers import MAX_PEERS
+from dsr.replication.sync import Synchroniser
+from dsr.replication.wire import Digest, WireError, decode_delta, encode_delta, encode_digest
 from tests.dsr.conftest import Net
 
 

@@ -6,15 +6,16 @@ from pathlib import Path
 
 import pytest
 
-from dsr import Memory, StateKeeper, rendezvous
+from dsr import Memory, StateKeeper
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import TOMBSTONE, Add, Delta, Write
 from dsr.crdt.summary import Summary
-from dsr.impersonation import NEW_ID_PAUSE
-from dsr.keys import agent_of
-from dsr.renaming import next_id
-from dsr.transport import Transport
-from dsr.wire import Digest, encode_delta, encode_digest
+from dsr.network import rendezvous
+from dsr.network.keys import agent_of
+from dsr.network.transport import Transport
+from dsr.replication.impersonation import NEW_ID_PAUSE
+from dsr.replication.renaming import next_id
+from dsr.replication.wire import Digest, encode_delta, encode_digest
 from tests.dsr.conftest import Net, reply_of, tabletop
 
 MOST = 1 << 53

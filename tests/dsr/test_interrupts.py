@@ -11,8 +11,8 @@ import pytest
 
 from dsr import Memory, Pose
 from dsr.crdt.store import dot_hash
-from dsr.graph import Graph
-from dsr.replica import Replica
+from dsr.graph.graph import Graph
+from dsr.replication.replica import Replica
 from tests.dsr.conftest import Net
 
 Action = Callable[[Memory], object]

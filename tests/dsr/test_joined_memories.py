@@ -6,16 +6,10 @@ from unittest import mock
 
 import pytest
 
-from dsr import (
-    ClockDriftError,
-    Faults,
-    ManualClock,
-    Pose,
-    TransportError,
-)
+from dsr import ClockDriftError, Faults, ManualClock, Pose, TransportError
 from dsr.crdt.delta import Delta, Write
-from dsr.transport import Qos
-from dsr.wire import decode_delta, encode_delta
+from dsr.network.transport import Qos
+from dsr.replication.wire import decode_delta, encode_delta
 from tests.dsr.conftest import Net, tabletop
 
 
@@ -189,7 +183,7 @@ def test_a_batch_is_whole_whoever_flushes(net: Net) -> None:
 
 
 def test_a_batch_of_any_size_is_one_message(net: Net, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("dsr.outbox.BUNDLE", 3)
+    monkeypatch.setattr("dsr.replication.outbox.BUNDLE", 3)
     a = net.join("a")
     messages: list[bytes] = []
     net.network.connect("tap").subscribe("dsr/v1/g/d/*", lambda key, payload: messages.append(payload))
@@ -201,8 +195,8 @@ def test_a_batch_of_any_size_is_one_message(net: Net, monkeypatch: pytest.Monkey
 
 
 def test_what_waits_for_the_network_is_bounded_by_the_graph(net: Net, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("dsr.outbox.BUNDLE", 10)
-    monkeypatch.setattr("dsr.outbox.MAX_BUNDLES", 3)
+    monkeypatch.setattr("dsr.replication.outbox.BUNDLE", 10)
+    monkeypatch.setattr("dsr.replication.outbox.MAX_BUNDLES", 3)
     a, b = net.join("a"), net.join("b")
     a.add_node("x", "cube")
     net.pump()
@@ -216,7 +210,7 @@ def test_what_waits_for_the_network_is_bounded_by_the_graph(net: Net, monkeypatc
 
 
 def test_merging_that_cannot_keep_up_catches_up_by_repair(net: Net, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("dsr.replica.MAX_INBOX", 3)
+    monkeypatch.setattr("dsr.replication.replica.MAX_INBOX", 3)
     a, b = net.join("a"), net.join("b")
     net.pump(0.5)
     for index in range(20):
@@ -318,7 +312,7 @@ def test_a_write_that_meets_a_close_is_sent_or_refused(net: Net) -> None:
 
 
 def test_a_batch_larger_than_a_message_travels_in_several(net: Net, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("dsr.parcels.MAX_PARCEL", 1000)
+    monkeypatch.setattr("dsr.replication.parcels.MAX_PARCEL", 1000)
     a, b = net.join("a"), net.join("b")
     a.add_node("old", "ball")
     net.pump(0.5)
@@ -335,7 +329,7 @@ def test_a_batch_larger_than_a_message_travels_in_several(net: Net, monkeypatch:
 
 
 def test_a_part_of_a_batch_that_is_lost_is_asked_for(net: Net, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("dsr.parcels.MAX_PARCEL", 1000)
+    monkeypatch.setattr("dsr.replication.parcels.MAX_PARCEL", 1000)
     a, b = net.join("a"), net.join("b")
     net.pump(0.5)
     with a.batch():
@@ -356,7 +350,7 @@ def test_a_removal_of_more_than_a_message_holds_is_complete_in_the_end(
         a.add_node(f"x{index}", "cube")
         a.add_edge("hub", f"x{index}", "on")
     net.pump(0.5)
-    monkeypatch.setattr("dsr.parcels.MAX_PARCEL", 200)
+    monkeypatch.setattr("dsr.replication.parcels.MAX_PARCEL", 200)
     a.remove_node("hub")
     net.pump(0.05, Faults(loss=0.5))
     net.pump(2.0)

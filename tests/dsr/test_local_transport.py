@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dsr import Faults, LocalNetwork, ManualClock
-from dsr.transport import key_matches
+from dsr.network.transport import key_matches
 
 
 def receive(network: LocalNetwork, faults: Faults, seconds: float = 10.0) -> list[bytes]:

@@ -23,7 +23,7 @@ from dsr import (
     TransportError,
     WireError,
 )
-from dsr.schema import MAX_LENGTH
+from dsr.graph.schema import MAX_LENGTH
 from tests.dsr.conftest import Net, tabletop
 
 

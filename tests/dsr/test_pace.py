@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dsr.pace import FIRST_PATIENCE, LAST_PATIENCE, Pace
+from dsr.replication.pace import FIRST_PATIENCE, LAST_PATIENCE, Pace
 
 
 def digests(pace: Pace, begin: float, end: float) -> list[float]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dsr.perceived import is_perceived
+from dsr.vocabulary.perceived import is_perceived
 from tests.dsr.conftest import Net
 
 

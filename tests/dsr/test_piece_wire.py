@@ -9,7 +9,7 @@ from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Add, Write
 from dsr.crdt.pieces import START, Piece
 from dsr.errors import WireError
-from dsr.piece_wire import Request, asker_of, decode_piece, decode_request, encode_piece, encode_request
+from dsr.replication.piece_wire import Request, asker_of, decode_piece, decode_request, encode_piece, encode_request
 
 PIECE = Piece(
     ("a", 3, ""),

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from dsr.clock import WALL_CLOCK, WallClock
-from dsr.polling import Poller
+from dsr.replication.polling import Poller
 
 PATIENCE = 20.0  # s
 

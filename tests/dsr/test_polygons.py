@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
-from dsr.polygons import area, contains, hull
+from dsr.math3d.polygons import area, contains, hull
 
 COORDINATE = st.floats(-1.0, 1.0)
 

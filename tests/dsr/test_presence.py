@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from dsr.crdt.context import CausalContext
-from dsr.peers import DEPARTURE, MAX_OF_AGENT, MAX_PEERS, SILENCE, Peers
-from dsr.wire import Digest
+from dsr.replication.peers import DEPARTURE, MAX_OF_AGENT, MAX_PEERS, SILENCE, Peers
+from dsr.replication.wire import Digest
 from dsr.worlds.presence import WorldPresence
 from tests.dsr.conftest import Net
 

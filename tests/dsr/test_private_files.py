@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from dsr.errors import ConfigError, TransportError
+from dsr.files.private_files import lock_file, new_file, private_folder, replacing, write_json
 from dsr.geometry.cache import DiskCache
+from dsr.network.rendezvous import Registration, members, runtime_dir
 from dsr.persistence.generations import Generations
 from dsr.persistence.keeper import StateKeeper
-from dsr.private_files import lock_file, new_file, private_folder, replacing, write_json
-from dsr.rendezvous import Registration, members, runtime_dir
 from tests.dsr.conftest import Net
 
 

@@ -15,19 +15,21 @@ MODULES = {
         "Bounds", "Mesh", "Model", "ModelNode", "bounding_box", "load_model", "mesh_hashes", "own_bounds", "put_model",
         "volume",
     },
-    "dsr.goals": {"Goal", "parse_goal"},
+    "dsr.vocabulary.goals": {"Goal", "parse_goal"},
     "dsr.imagining": {
         "Outcome", "PLACEABLE", "Step", "Thinking", "Thought", "best", "carried_out", "differences", "keep",
         "parse_step", "placed", "think",
     },
-    "dsr.intentions": {
+    "dsr.vocabulary.intentions": {
         "ACTIVE", "DONE", "ENDED", "EXECUTING", "FAILED", "FULFILLED", "GIVEN_UP", "HALT", "HALTED", "INVALID",
         "MAINTAINED", "MIND", "NOTHING_GRASPED", "NO_SOLVER", "PLANNED", "PLANNING", "PREFIX", "REACHED", "RUN",
         "RUNNING", "UNSOLVABLE", "WAITING", "WANTED", "add_intention", "describe_action",
         "nobody_pursues",
     },
-    "dsr.intrinsics": {"INTRINSICS", "Intrinsics", "read_intrinsics"},
-    "dsr.relations": {"ARITY", "MODELLED", "SURFACES", "THINGS", "Pair", "Relation", "Relations", "read_relations"},
+    "dsr.vocabulary.intrinsics": {"INTRINSICS", "Intrinsics", "read_intrinsics"},
+    "dsr.vocabulary.relations": {
+        "ARITY", "MODELLED", "SURFACES", "THINGS", "Pair", "Relation", "Relations", "read_relations",
+    },
     "dsr.spatial": {
         "ALLOCENTRIC", "Box", "EDGE_TYPES", "EGOCENTRIC", "EPSILON", "Fact", "Hysteresis", "MIRRORED", "QUERY",
         "SOURCE", "SPATIAL", "Scene", "View", "WRITTEN", "above", "behind", "below", "box_at", "checked_relations",
@@ -45,7 +47,7 @@ MODULES = {
         "Perspective", "Picture", "Posed", "Scene", "SightChange", "VisibilityMonitor", "WIDTH", "bodies_of", "body_at",
         "is_enough", "is_seen", "lens_of", "placed", "read_perspectives", "read_posed", "shape_of_thing", "visibility",
     },
-    "dsr.what_if": {
+    "dsr.vocabulary.what_if": {
         "Action", "Answer", "Change", "MAX_CHANGES", "MAX_SECONDS", "Numbers", "Pending", "Question", "SERVICE",
         "TIMEOUT", "WhatIf", "decode_answer", "decode_question", "encode_answer", "encode_question",
     },

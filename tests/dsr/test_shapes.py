@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dsr.errors import SchemaError
-from dsr.quaternions import from_rotvec
-from dsr.shapes import Part, bounds, box, centred, from_numbers, to_numbers
+from dsr.math3d.quaternions import from_rotvec
+from dsr.math3d.shapes import Part, bounds, box, centred, from_numbers, to_numbers
 
 EDGE = st.floats(0.01, 1.0)
 SIZE = st.tuples(EDGE, EDGE, EDGE)

@@ -8,9 +8,9 @@ from dsr import AgentError, ClockDriftError, Memory, Pose
 from dsr.crdt.context import CausalContext, Dot
 from dsr.crdt.delta import TOMBSTONE, Delta, Write
 from dsr.crdt.hlc import MAX_LEAD, MAX_STAMP, stamp_at
-from dsr.elements import Edge, Node
-from dsr.runtime.access import Access, WriteGuard
-from dsr.wire import Digest, WireError, decode_delta, encode_delta, encode_digest
+from dsr.graph.access import Access, WriteGuard
+from dsr.graph.elements import Edge, Node
+from dsr.replication.wire import Digest, WireError, decode_delta, encode_delta, encode_digest
 from tests.dsr.conftest import Net
 
 DAY = 86_400.0

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from dsr import quaternions
-from dsr.shapes import Part, Shape, box
-from dsr.surfaces import (
+from dsr.math3d import quaternions
+from dsr.math3d.shapes import Part, Shape, box
+from dsr.math3d.surfaces import (
     Solids,
     crossings,
     distances,
@@ -19,7 +19,7 @@ from dsr.surfaces import (
     surface,
     underside,
 )
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 
 HALF_TURN = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))
 OPEN_BOX: Shape = (

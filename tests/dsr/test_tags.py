@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dsr.tags import COUNT, name_of, tag_of
+from dsr.vocabulary.tags import COUNT, name_of, tag_of
 
 
 def test_names_and_tags_belong_together() -> None:

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 from scipy.spatial.transform import Rotation
 
-from dsr.quaternions import about_z, from_rotvec, product
-from dsr.transforms import Pose, exp, interpolate, log
+from dsr.math3d.quaternions import about_z, from_rotvec, product
+from dsr.math3d.transforms import Pose, exp, interpolate, log
 
 coordinates = st.floats(-10.0, 10.0)
 vectors = st.tuples(coordinates, coordinates, coordinates)

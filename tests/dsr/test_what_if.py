@@ -9,9 +9,9 @@ import msgspec
 import pytest
 
 from dsr import LocalNetwork, ManualClock, Pose, TransportError, WireError
-from dsr.keys import Keys
-from dsr.transport import RequestHandler
-from dsr.what_if import (
+from dsr.network.keys import Keys
+from dsr.network.transport import RequestHandler
+from dsr.vocabulary.what_if import (
     MAX_CHANGES,
     Answer,
     Change,

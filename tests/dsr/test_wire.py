@@ -12,7 +12,7 @@ import pytest
 from dsr import Pose, WireError
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import TOMBSTONE, Add, Delta, Write
-from dsr.wire import (
+from dsr.replication.wire import (
     Digest,
     decode_delta,
     decode_digest,

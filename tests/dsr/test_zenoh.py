@@ -16,10 +16,10 @@ from typing import Any
 import pytest
 
 import dsr
-from dsr import rendezvous
 from dsr.clock import WALL_CLOCK
 from dsr.connect import open_transport
-from dsr.zenoh_transport import ZenohTransport
+from dsr.network import rendezvous
+from dsr.network.zenoh_transport import ZenohTransport
 
 ROOT = Path(__file__).parents[2]
 PATIENCE = 20.0

@@ -8,10 +8,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from dsr import Access, Agent, GraphError, Memory, Pose
-from dsr.elements import Node
-from dsr.intentions import add_intention
+from dsr.graph.elements import Node
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec
+from dsr.vocabulary.intentions import add_intention
 from planner import Planner
 
 SIDE = 0.04

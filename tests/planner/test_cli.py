@@ -17,7 +17,7 @@ from dsr import Memory
 from dsr.agent import Agent, make_agent
 from dsr.clock import WALL_CLOCK
 from dsr.errors import ConfigError
-from dsr.intentions import add_intention
+from dsr.vocabulary.intentions import add_intention
 from planner import Planner, cli
 from tests.planner.table import TOWERS, FakeArm, set_table, supports
 

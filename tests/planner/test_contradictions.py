@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from dsr import Pose
-from dsr.goals import parse_goal
-from dsr.intentions import UNSOLVABLE
+from dsr.vocabulary.goals import parse_goal
+from dsr.vocabulary.intentions import UNSOLVABLE
 from planner.config import PlannerConfig
 from planner.contradictions import by_meaning, by_state
 from planner.state import read_state

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dsr.what_if import SERVICE, Answer, decode_question, encode_answer
+from dsr.vocabulary.what_if import SERVICE, Answer, decode_question, encode_answer
 from planner import foresight
 from planner.config import PlannerConfig
 from tests.planner.table import Run, add_cube, supports

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dsr import LocalNetwork, ManualClock, Memory, Pose
-from dsr.intrinsics import Intrinsics
-from dsr.relations import Relations
+from dsr.vocabulary.intrinsics import Intrinsics
+from dsr.vocabulary.relations import Relations
 from planner.config import PlannerConfig
 from planner.errors import NoPlace
 from planner.grounding import ground, is_free, place_on_table, stacked

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dsr import Pose
-from dsr.intrinsics import Intrinsics
+from dsr.vocabulary.intrinsics import Intrinsics
 from planner.config import PlannerConfig
 from planner.looking import viewpoints
 from planner.state import read_state

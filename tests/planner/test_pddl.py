@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from dsr import Pose
 from dsr.clock import WALL_CLOCK
-from dsr.goals import Goal, parse_goal
-from dsr.relations import Relation, Relations
+from dsr.vocabulary.goals import Goal, parse_goal
+from dsr.vocabulary.relations import Relation, Relations
 from planner.errors import GoalNotPossible, SolverFailed, Unsolvable
 from planner.pddl import DOMAIN, Names, names_of, problem
 from planner.plan import Step, leads_to, read_plan

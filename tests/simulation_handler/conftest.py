@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from simulation_handler.simulator import Simulator
+from simulation_handler.physics.simulator import Simulator
 
 
 @pytest.fixture

@@ -7,13 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsr.quaternions import Vector3
-from dsr.shapes import Shape
-from dsr.transforms import Pose, interpolate
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.shapes import Shape
+from dsr.math3d.transforms import Pose, interpolate
 from simulation_handler.belief import Belief
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining import Look
-from simulation_handler.hands import HandPercept
+from simulation_handler.hands.state import HandPercept
 from tests.simulation_handler.worlds import BALL, CAMERA, CUBE, PERIOD, ROUND, TABLE, beaker, container
 
 BOX: Vector3 = (0.17, 0.17, 0.15)

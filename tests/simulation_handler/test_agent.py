@@ -8,16 +8,16 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from dsr.calibration import IN_DOUBT, STEADY
-from dsr.elements import Edge
+from dsr.graph.elements import Edge
+from dsr.math3d.shapes import Part, to_numbers
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec
-from dsr.shapes import Part, to_numbers
-from dsr.transforms import Pose
+from dsr.vocabulary.calibration import IN_DOUBT, STEADY
 from simulation_handler import SimulationHandler
-from simulation_handler.rollouts.scene import Scene
-from simulation_handler.what_if import WhatIfService
+from simulation_handler.graph_io.what_if import WhatIfService
+from simulation_handler.physics.rollouts.scene import Scene
 from tests.simulation_handler.worlds import CUBE, TABLE, SyntheticCamera, cube_at
 
 NAME = "simulation_handler"

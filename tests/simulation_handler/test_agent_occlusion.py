@@ -7,9 +7,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from dsr.quaternions import Vector3
-from dsr.shapes import to_numbers
-from dsr.transforms import Pose
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.shapes import to_numbers
+from dsr.math3d.transforms import Pose
 from simulation_handler import SimulationHandler
 from tests.simulation_handler.occluded import BOX, standing
 from tests.simulation_handler.test_agent import NAME, Table

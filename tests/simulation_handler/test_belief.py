@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 from simulation_handler.belief import Belief
-from simulation_handler.simulator import SimulationError
+from simulation_handler.physics.simulator import SimulationError
 from tests.simulation_handler.worlds import CUBE, PERIOD, TABLE, World, cube_at
 
 

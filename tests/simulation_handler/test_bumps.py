@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dsr.transforms import Pose, interpolate
+from dsr.math3d.transforms import Pose, interpolate
 from tests.simulation_handler.occluded import BOX, SMALL, Occlusion, standing
 
 PLACES = {"cup_1": (0.2, -0.2), "cup_2": (0.55, -0.1), "cup_3": (0.25, 0.25), "cup_4": (0.5, 0.3)}

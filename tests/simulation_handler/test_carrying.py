@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from simulation_handler.hands import TOUCH
+from simulation_handler.hands.state import TOUCH
 from tests.simulation_handler.occluded import SMALL, Occlusion, standing
 
 HELD = ("hand", "cup")

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dsr import quaternions
-from simulation_handler.clearing import cleared
-from simulation_handler.geometry import Solid
+from dsr.math3d import quaternions
+from simulation_handler.contact.clearing import cleared
+from simulation_handler.shapes.geometry import Solid
 from tests.simulation_handler.worlds import CUBE
 
 UP = np.array((0.0, 0.0, 1.0))

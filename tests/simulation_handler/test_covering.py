@@ -7,9 +7,9 @@ from collections.abc import Mapping, Sequence
 
 import pytest
 
-from dsr.transforms import Pose
-from simulation_handler.geometry import Solid
-from simulation_handler.sight import Glance
+from dsr.math3d.transforms import Pose
+from simulation_handler.perception.sight import Glance
+from simulation_handler.shapes.geometry import Solid
 from tests.simulation_handler.occluded import Occlusion, standing
 from tests.simulation_handler.worlds import CUBE
 

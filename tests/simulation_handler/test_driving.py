@@ -6,8 +6,8 @@ import math
 
 import pytest
 
-from dsr.transforms import Pose
-from simulation_handler.sight import Glance
+from dsr.math3d.transforms import Pose
+from simulation_handler.perception.sight import Glance
 from tests.simulation_handler.occluded import BOX, FLAT, SMALL, Occlusion, standing
 from tests.simulation_handler.worlds import BALL, CUBE, WALL
 

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from dsr.transforms import Pose
-from simulation_handler.simulator import FINGER_RADIUS, Simulator
+from dsr.math3d.transforms import Pose
+from simulation_handler.physics.simulator import FINGER_RADIUS, Simulator
 from tests.simulation_handler.occluded import BOX, KINDS, SMALL, Occlusion, standing
 from tests.simulation_handler.worlds import CUBE, PERIOD, WALL
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from simulation_handler.fingertips import TIP_RADIUS, Gaps, is_opposed, meet
-from simulation_handler.geometry import Solid
+from simulation_handler.hands.fingertips import TIP_RADIUS, Gaps, is_opposed, meet
+from simulation_handler.shapes.geometry import Solid
 from tests.simulation_handler.worlds import container
 
 CUBE = Solid("cube", (0.04, 0.04, 0.04), (0.0, 0.0, 0.02))

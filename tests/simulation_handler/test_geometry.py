@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dsr import quaternions
-from dsr.polygons import area, contains, intersection, overlap
-from dsr.quaternions import Quaternion
-from dsr.shapes import Part
-from dsr.transforms import Pose
-from simulation_handler.faces import faces
-from simulation_handler.geometry import Solid, face_down
+from dsr.math3d import quaternions
+from dsr.math3d.polygons import area, contains, intersection, overlap
+from dsr.math3d.quaternions import Quaternion
+from dsr.math3d.shapes import Part
+from dsr.math3d.transforms import Pose
+from simulation_handler.shapes.faces import faces
+from simulation_handler.shapes.geometry import Solid, face_down
 from tests.simulation_handler.worlds import beaker, container
 
 COORDINATE = st.floats(-1.0, 1.0)

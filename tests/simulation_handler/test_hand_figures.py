@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from dsr.transforms import Pose
-from simulation_handler.geometry import Solid
-from simulation_handler.hand_figures import hand_solid
+from dsr.math3d.transforms import Pose
+from simulation_handler.hands.figures import hand_solid
+from simulation_handler.shapes.geometry import Solid
 
 ELSEWHERE = Pose.from_rotvec((0.3, -0.1, 0.2), (0.2, 0.6, 1.0))
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from dsr.transforms import Pose
-from simulation_handler.holding import Grasp
+from dsr.math3d.transforms import Pose
+from simulation_handler.motion.holding import Grasp
 from tests.simulation_handler.worlds import World, cube_at
 
 GRIPPER = Pose.from_rotvec((0.4, 0.1, 0.14), (3.14159, 0.0, 0.0))

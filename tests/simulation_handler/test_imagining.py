@@ -21,13 +21,13 @@ from dsr.imagining import (
     placed,
     think,
 )
-from dsr.keys import Keys
-from dsr.shapes import Part
+from dsr.math3d.shapes import Part
+from dsr.network.keys import Keys
 from dsr.spatial import View, margin, read_scene
 from dsr.timeline import query
-from dsr.what_if import Change, Question, WhatIf, encode_question
-from simulation_handler.rollouts.scene import Body
-from simulation_handler.what_if import WhatIfService
+from dsr.vocabulary.what_if import Change, Question, WhatIf, encode_question
+from simulation_handler.graph_io.what_if import WhatIfService
+from simulation_handler.physics.rollouts.scene import Body
 from tests.simulation_handler.rollouts.scenes import cube, scene_of
 
 T = TypeVar("T")

@@ -6,11 +6,11 @@ from collections.abc import Collection
 
 import pytest
 
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 from simulation_handler.explaining import Look
-from simulation_handler.geometry import Solid
-from simulation_handler.hands import PINCH
-from simulation_handler.sight import Glance
+from simulation_handler.hands.state import PINCH
+from simulation_handler.perception.sight import Glance
+from simulation_handler.shapes.geometry import Solid
 from tests.simulation_handler.occluded import BOX, SMALL, Occlusion, standing
 from tests.simulation_handler.worlds import CUBE, WALL
 

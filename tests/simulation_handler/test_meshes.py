@@ -14,18 +14,18 @@ from scipy.spatial import ConvexHull
 import dsr
 from dsr.clock import WALL_CLOCK
 from dsr.geometry import Mesh
+from dsr.math3d.shapes import MOST_PARTS, bounds
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec
-from dsr.shapes import MOST_PARTS, bounds
-from dsr.transforms import Pose
 from simulation_handler import SimulationHandler
-from simulation_handler.decomposing import decomposed
-from simulation_handler.meshes import Forms, form_of
-from simulation_handler.rollouts import Body, Scene
-from simulation_handler.rollouts.engine import Engine
-from simulation_handler.rollouts.messages import Job, _encoder, _jobs
-from simulation_handler.simulator import Simulator
+from simulation_handler.physics.rollouts import Body, Scene
+from simulation_handler.physics.rollouts.engine import Engine
+from simulation_handler.physics.rollouts.messages import Job, _encoder, _jobs
+from simulation_handler.physics.simulator import Simulator
+from simulation_handler.shapes.decomposing import decomposed
+from simulation_handler.shapes.meshes import Forms, form_of
 from tests.dsr.geometry.shapes import CORNERS, FACES
 from tests.simulation_handler.worlds import CUBE
 
@@ -82,7 +82,7 @@ class TestForms:
         assert len(form_of([soup]).shape) == 1
 
     def test_too_many_pieces_are_one_for_each_mesh_or_one_for_all(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr("simulation_handler.meshes.decomposed", lambda *_: None)
+        monkeypatch.setattr("simulation_handler.shapes.meshes.decomposed", lambda *_: None)
         many = [block((0.01, 0.01, 0.01), (0.1 * k, 0.0, 0.0)) for k in range(MOST_PARTS + 1)]
         assert len(form_of([together(*many)]).shape) == 1
         assert len(form_of([together(*many[:9]), together(*many[9:])]).shape) == 2
@@ -106,7 +106,7 @@ class TestForms:
 
     @pytest.mark.parametrize("wall", [0.001, 0.006, 0.02])
     def test_however_thin_its_walls_it_is_found_hollow(self, wall: float, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr("simulation_handler.meshes.decomposed", lambda *_: None)
+        monkeypatch.setattr("simulation_handler.shapes.meshes.decomposed", lambda *_: None)
         assert not form_of([cup(wall)]).is_true
 
     def test_what_is_convex_is_so_however_its_triangles_turn(self) -> None:
@@ -117,13 +117,13 @@ class TestForms:
         assert len(form.shape) == 1 and form.is_true
 
     def test_what_cannot_be_divided_is_told(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr("simulation_handler.meshes.decomposed", lambda *_: None)
+        monkeypatch.setattr("simulation_handler.shapes.meshes.decomposed", lambda *_: None)
         form = form_of([cup()])
         assert len(form.shape) == 1 and not form.is_true
         assert form_of([block((1.0, 1.0, 1.0))]).is_true
 
     def test_a_program_that_fails_divides_nothing(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr("simulation_handler.decomposing.sys.executable", "/bin/false")
+        monkeypatch.setattr("simulation_handler.shapes.decomposing.sys.executable", "/bin/false")
         assert decomposed(np.eye(3), np.array([[0, 1, 2]]), 16) is None
 
 
@@ -230,7 +230,7 @@ def test_a_cube_falls_into_a_cup_and_stays_there(table: Simulator) -> None:
 def test_what_cannot_be_divided_is_left_out_and_told(
     room: Room, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("simulation_handler.meshes.decomposed", lambda *_: None)
+    monkeypatch.setattr("simulation_handler.shapes.meshes.decomposed", lambda *_: None)
     room.memory.update_node("step", mesh=room.memory.put_mesh(cup()))
     room.lockstep.run_for(1.0)
     assert "too hollow" in caplog.text

@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dsr.polygons import overlap
-from dsr.quaternions import Vector3
-from dsr.transforms import Pose
+from dsr.math3d.polygons import overlap
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
-from simulation_handler.geometry import Solid
-from simulation_handler.placement import find_support, place, separate
+from simulation_handler.contact.placement import find_support, place, separate
+from simulation_handler.shapes.geometry import Solid
 from tests.simulation_handler.worlds import BALL, CAMERA, CUBE, ROUND, WALL, container
 
 CONFIG = BeliefConfig()

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from simulation_handler.relations import Relations, resting
-from simulation_handler.simulator import Contact
+from simulation_handler.contact.relations import Relations, resting
+from simulation_handler.physics.simulator import Contact
 
 ON = ("cube", "table")
 

@@ -14,7 +14,7 @@ from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.by_hypotheses import ByHypotheses
 from simulation_handler.explaining.policy import Explanation
 from simulation_handler.explaining.situation import Situation
-from simulation_handler.rollouts import Pool
+from simulation_handler.physics.rollouts import Pool
 from tests.simulation_handler.rollouts.slowed import slow_down
 from tests.simulation_handler.test_agent import NAME, Table
 from tests.simulation_handler.test_seeing import LENS

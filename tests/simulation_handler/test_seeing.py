@@ -9,13 +9,13 @@ import pytest
 from msgspec.json import encode
 
 from agents.perspectives import Visibility
-from dsr.calibration import PROVISIONAL, STEADY, SURPRISE, Report, request_calibration
+from dsr.math3d.transforms import Pose
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec
-from dsr.transforms import Pose
 from dsr.visibility import is_seen, visibility
+from dsr.vocabulary.calibration import PROVISIONAL, STEADY, SURPRISE, Report, request_calibration
 from simulation_handler import SimulationHandler
-from simulation_handler.views import obstacles, views
+from simulation_handler.graph_io.views import obstacles, views
 from tests.simulation_handler.test_agent import NAME, OVERHEAD, Table
 from tests.simulation_handler.worlds import CUBE, cube_at
 

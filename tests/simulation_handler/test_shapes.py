@@ -7,16 +7,16 @@ import math
 import numpy as np
 import pytest
 
-from dsr.quaternions import Vector3
-from dsr.shapes import Part, Shape
-from dsr.transforms import Pose
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.shapes import Part, Shape
+from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
-from simulation_handler.geometry import Solid
-from simulation_handler.placement import find_support, place, separate
-from simulation_handler.rollouts import Body, Scene
-from simulation_handler.rollouts.engine import Engine
-from simulation_handler.rollouts.messages import Job, _encoder, _jobs
-from simulation_handler.simulator import SimulationError, Simulator
+from simulation_handler.contact.placement import find_support, place, separate
+from simulation_handler.physics.rollouts import Body, Scene
+from simulation_handler.physics.rollouts.engine import Engine
+from simulation_handler.physics.rollouts.messages import Job, _encoder, _jobs
+from simulation_handler.physics.simulator import SimulationError, Simulator
+from simulation_handler.shapes.geometry import Solid
 from tests.simulation_handler.worlds import BALL, CUBE, ROUND, container
 
 TABLE = Solid("table", (1.2, 1.2, 0.04), (0.0, 0.0, -0.02), fixed=True)

@@ -18,10 +18,10 @@ from agents.plant.poses import _sees
 from agents.plant.renderer import Renderer
 from agents.plant.world import World
 from agents.scenario.format import ObjectSpec, SensorSpec, TableSpec
-from dsr.intrinsics import Intrinsics
-from dsr.transforms import Pose
-from simulation_handler.geometry import Solid
-from simulation_handler.sight import Glance, Sight, View
+from dsr.math3d.transforms import Pose
+from dsr.vocabulary.intrinsics import Intrinsics
+from simulation_handler.perception.sight import Glance, Sight, View
+from simulation_handler.shapes.geometry import Solid
 
 CUBE = (0.04, 0.04, 0.04)
 LENS = Intrinsics.from_fov(640, 480, 0.98)

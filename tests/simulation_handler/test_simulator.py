@@ -8,7 +8,7 @@ import math
 import pybullet
 import pytest
 
-from simulation_handler.simulator import SimulationError, Simulator
+from simulation_handler.physics.simulator import SimulationError, Simulator
 from tests.simulation_handler.worlds import container
 
 CUBE = (0.04, 0.04, 0.04)

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 
 import pytest
 
-from dsr.transforms import Pose
-from simulation_handler.bodies import Bodies
+from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
-from simulation_handler.spilling import Spilling
+from simulation_handler.motion.spilling import Spilling
+from simulation_handler.state.bodies import Bodies
 from tests.simulation_handler.worlds import BALL, CUBE, ROUND, container
 
 BOX = (0.15, 0.15, 0.12)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dsr.quaternions import Vector3
-from simulation_handler.geometry import Solid
-from simulation_handler.supports import UNKNOWN, Beneath, find_beneath
+from dsr.math3d.quaternions import Vector3
+from simulation_handler.contact.supports import UNKNOWN, Beneath, find_beneath
+from simulation_handler.shapes.geometry import Solid
 from tests.simulation_handler.worlds import CUBE
 
 TABLE = Solid("table", (1.2, 1.2, 0.04), (0.35, 0.0, -0.02), fixed=True)

@@ -8,15 +8,15 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
-from dsr import quaternions
-from dsr.quaternions import Quaternion
-from dsr.transforms import Pose
+from dsr.math3d import quaternions
+from dsr.math3d.quaternions import Quaternion
+from dsr.math3d.transforms import Pose
 from simulation_handler.explaining import Look
-from simulation_handler.geometry import Solid
-from simulation_handler.hands import PINCH, TOUCH, HandPercept
-from simulation_handler.leaning import levelled, without_yaw
-from simulation_handler.sight import Glance
-from simulation_handler.surfaces import outwards
+from simulation_handler.hands.leaning import levelled, without_yaw
+from simulation_handler.hands.state import PINCH, TOUCH, HandPercept
+from simulation_handler.perception.sight import Glance
+from simulation_handler.shapes.geometry import Solid
+from simulation_handler.shapes.surfaces import outwards
 from tests.simulation_handler.occluded import BOX, SMALL, Occlusion, standing
 from tests.simulation_handler.worlds import BALL, CUBE, ROUND, WALL, container
 

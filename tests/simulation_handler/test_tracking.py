@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
-from simulation_handler.percepts import Percept, make_percept
-from simulation_handler.tracking import Track
+from simulation_handler.perception.percepts import Percept, make_percept
+from simulation_handler.perception.tracking import Track
 from tests.simulation_handler.worlds import CAMERA, SyntheticCamera, cube_at
 
 CONFIG = BeliefConfig()

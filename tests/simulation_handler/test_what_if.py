@@ -27,17 +27,26 @@ from dsr.cli.main import app
 from dsr.clock import WALL_CLOCK
 from dsr.connect import SECURITY
 from dsr.errors import ConfigError, TransportError
-from dsr.keys import Keys
+from dsr.network.keys import Keys
 from dsr.runtime.launcher import Launcher
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec, System
 from dsr.security.authority import SecurityFolder
 from dsr.security.policy import Grant, checked, grant_for, standard_grants, write_policy
-from dsr.what_if import Answer, Change, Pending, Question, WhatIf, decode_answer, encode_answer, encode_question
+from dsr.vocabulary.what_if import (
+    Answer,
+    Change,
+    Pending,
+    Question,
+    WhatIf,
+    decode_answer,
+    encode_answer,
+    encode_question,
+)
 from simulation_handler import SimulationHandler
-from simulation_handler.rollouts.engine import Engine
-from simulation_handler.rollouts.scene import Scene
-from simulation_handler.what_if import WhatIfService
+from simulation_handler.graph_io.what_if import WhatIfService
+from simulation_handler.physics.rollouts.engine import Engine
+from simulation_handler.physics.rollouts.scene import Scene
 from tests.simulation_handler.rollouts.scenes import cube, scene_of
 
 STACK = scene_of(cube("cube_1", 0.3, 0.0), cube("cube_2", 0.3, 0.0, 0.06), cube("cube_3", 0.0, 0.2))

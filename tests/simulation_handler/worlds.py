@@ -7,15 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from dsr import quaternions
-from dsr.intrinsics import Intrinsics
-from dsr.quaternions import Vector3
-from dsr.shapes import Part, Shape
-from dsr.transforms import Pose
+from dsr.math3d import quaternions
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.shapes import Part, Shape
+from dsr.math3d.transforms import Pose
+from dsr.vocabulary.intrinsics import Intrinsics
 from simulation_handler.belief import Belief
 from simulation_handler.config import BeliefConfig
-from simulation_handler.geometry import Solid
-from simulation_handler.sight import Sight, View
+from simulation_handler.perception.sight import Sight, View
+from simulation_handler.shapes.geometry import Solid
 
 CAMERA = (0.35, 0.0, 0.65)
 CUBE = (0.04, 0.04, 0.04)

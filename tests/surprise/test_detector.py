@@ -9,7 +9,7 @@ import pytest
 
 from benchmarks.surprise_scene import CAMERA, PERIOD, SIX, SurpriseScene, moved, upright
 from dsr.clock import ManualClock
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 
 
 def test_a_static_noisy_scene_raises_no_alarm() -> None:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 from surprise.config import SurpriseConfig
 from surprise.deviation import compare
 from surprise.limits import are_alike, describe, disagrees, exceeds

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from benchmarks.surprise_scene import CAMERA, SIX, SurpriseScene
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 from surprise.reading import Beliefs, Percepts
 
 

@@ -13,7 +13,7 @@ from agents.arm_controller.skills.pick import pick
 from agents.arm_controller.skills.place import place
 from dsr import Memory, Node
 from dsr.errors import DsrError, suggest
-from dsr.intentions import DONE, ENDED, FAILED, HALT, HALTED, RUN, RUNNING
+from dsr.vocabulary.intentions import DONE, ENDED, FAILED, HALT, HALTED, RUN, RUNNING
 
 _SKILLS: dict[str, Callable[[Manipulator, Node], Steps[None]]] = {
     "pick": lambda arm, node: pick(arm, _needed(node, "target")),

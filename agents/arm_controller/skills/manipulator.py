@@ -22,7 +22,7 @@ from agents.arm_controller.shapes import Box
 from agents.arm_controller.trajectory import Trajectory
 from agents.drivers import ArmDriver
 from dsr.errors import DsrError
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 
 T = TypeVar("T")
 Steps = Generator[str, None, T]

@@ -10,7 +10,7 @@ import numpy as np
 
 from agents.arm_controller.routes import Goal
 from agents.arm_controller.skills.manipulator import Manipulator, SkillError, Steps, first_free
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 
 _TURNS = 8
 """Ways in which a camera is turned about its axis for the same look, evenly spaced"""

@@ -10,7 +10,7 @@ from agents.arm_controller.routes import Goal
 from agents.arm_controller.scene import Thing
 from agents.arm_controller.skills.manipulator import ImpossibleError, Manipulator, SkillError, Steps, first_free
 from agents.arm_controller.trajectory import Trajectory
-from dsr.intentions import NOTHING_GRASPED
+from dsr.vocabulary.intentions import NOTHING_GRASPED
 
 MOVED = 0.005
 """m by which a target must have moved to aim again"""

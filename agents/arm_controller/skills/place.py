@@ -9,7 +9,7 @@ from agents.arm_controller.routes import Goal
 from agents.arm_controller.scene import Thing
 from agents.arm_controller.skills.manipulator import Manipulator, SkillError, Steps, StuckError, first_free
 from agents.arm_controller.trajectory import Trajectory
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 
 GAP = 0.001
 """m between the held object and its support when it is let go"""

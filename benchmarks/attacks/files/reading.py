@@ -52,7 +52,7 @@ def read(file: Path) -> None:
         import numpy as np
 
         from agents.recorder.images import unpack
-        from dsr.blobs import Frame
+        from dsr.images.blobs import Frame
 
         unpack(Frame(0.0, {"depth.png": np.frombuffer(file.read_bytes(), np.uint8)}, {}))
     else:

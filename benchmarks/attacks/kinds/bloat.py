@@ -6,14 +6,14 @@ import time
 from collections.abc import Callable
 
 from benchmarks.attacks.attack import Arena, Attack, Outcome, Raw
-from dsr.claims import MAX_EARLY, MAX_GAPS, MAX_NEWCOMERS, MAX_STRANGERS
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Delta
 from dsr.crdt.pieces import START, Piece
 from dsr.memory import Memory
-from dsr.piece_wire import encode_piece
+from dsr.replication.claims import MAX_EARLY, MAX_GAPS, MAX_NEWCOMERS, MAX_STRANGERS
+from dsr.replication.piece_wire import encode_piece
+from dsr.replication.wire import Digest, encode_digest
 from dsr.security.policy import Grant
-from dsr.wire import Digest, encode_digest
 
 _GHOSTS = 100_000
 _GHOSTS_OF_A_REPLY = 40_000

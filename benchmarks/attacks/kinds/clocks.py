@@ -6,8 +6,8 @@ from benchmarks.attacks.attack import Arena, Attack, Outcome, Raw
 from dsr.crdt.context import CausalContext
 from dsr.errors import ClockDriftError
 from dsr.memory import Memory
+from dsr.replication.wire import Digest, encode_digest
 from dsr.security.policy import Grant
-from dsr.wire import Digest, encode_digest
 
 _ROUNDS, _PERIOD = 20, 0.2
 """Digests of each replica, and the time between two of them, s."""

@@ -8,7 +8,7 @@ from benchmarks.attacks.attack import Arena, Attack, Outcome, Raw
 from dsr.crdt.delta import Delta
 from dsr.crdt.summary import Summary
 from dsr.memory import Memory
-from dsr.wire import Digest, encode_digest
+from dsr.replication.wire import Digest, encode_digest
 
 _ALL = 1 << 53
 """The highest counter that a message may name."""

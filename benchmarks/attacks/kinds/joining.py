@@ -6,7 +6,7 @@ from benchmarks.attacks.attack import Arena, Attack, Outcome
 from benchmarks.timing import monotonic
 from dsr.crdt.context import CausalContext
 from dsr.crdt.pieces import START, Piece
-from dsr.piece_wire import Request, encode_piece, encode_request
+from dsr.replication.piece_wire import Request, encode_piece, encode_request
 from dsr.security.policy import Grant
 
 _NODES = 3000

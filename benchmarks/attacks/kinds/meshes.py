@@ -16,8 +16,8 @@ from dsr.geometry.mesh import MOST_BYTES
 from dsr.geometry.messages import Ask, Offer, decode_ask, encode_ask, encode_offer
 from dsr.geometry.shared import Place
 from dsr.memory import new_rid
+from dsr.network.zenoh_transport import ZenohTransport
 from dsr.security.policy import Grant
-from dsr.zenoh_transport import ZenohTransport
 
 _PATIENCE = 20.0
 """s for a mesh that comes in 0.1 s otherwise; a machine that runs attacks may be busy."""

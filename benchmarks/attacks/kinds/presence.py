@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from benchmarks.attacks.attack import Arena, Attack, Outcome
-from dsr.peers import MAX_PEERS
+from dsr.replication.peers import MAX_PEERS
 from dsr.security.policy import Grant
 
 _ROUNDS = 20

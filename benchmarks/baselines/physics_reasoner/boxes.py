@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from dsr.quaternions import Vector3, to_matrix
-from dsr.transforms import Pose
+from dsr.math3d.quaternions import Vector3, to_matrix
+from dsr.math3d.transforms import Pose
 
 EPSILON = 0.015
 """m by which a bound may be missed (published)"""

@@ -8,7 +8,7 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from simulation_handler.simulator import GRAVITY, TIME_STEP
+from simulation_handler.physics.simulator import GRAVITY, TIME_STEP
 
 _Positive = Annotated[float, Meta(gt=0.0)]
 

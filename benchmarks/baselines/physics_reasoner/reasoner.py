@@ -8,19 +8,19 @@ from dataclasses import dataclass
 
 from benchmarks.baselines.physics_reasoner.boxes import BoxRelations, WorldBox, world_box
 from benchmarks.baselines.physics_reasoner.parameters import PublishedConfig
+from dsr.config.toml import convert
 from dsr.errors import suggest
-from dsr.quaternions import Vector3
-from dsr.runtime.config import convert
-from dsr.shapes import Shape
-from dsr.transforms import Pose
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.shapes import Shape
+from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
+from simulation_handler.contact.relations import BOUNDS, Relation
 from simulation_handler.explaining import Explanation, Look
-from simulation_handler.geometry import Solid
-from simulation_handler.hands import HandGrasp, HandPercept
-from simulation_handler.holding import Grasp
-from simulation_handler.relations import BOUNDS, Relation
-from simulation_handler.rollouts.scene import Body, Scene
-from simulation_handler.simulator import SimulationError, Simulator
+from simulation_handler.hands.state import HandGrasp, HandPercept
+from simulation_handler.motion.holding import Grasp
+from simulation_handler.physics.rollouts.scene import Body, Scene
+from simulation_handler.physics.simulator import SimulationError, Simulator
+from simulation_handler.shapes.geometry import Solid
 
 _FLOOR = "_floor"
 _FLOOR_SIZE = (20.0, 20.0, 0.2)

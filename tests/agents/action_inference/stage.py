@@ -8,9 +8,9 @@ import numpy as np
 
 from agents.action_inference.observation import Grasp, Holder, Snapshot, Thing
 from agents.action_inference.policy import Policy
-from dsr.observed_actions import Action
-from dsr.quaternions import Vector3
-from dsr.transforms import Pose
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.transforms import Pose
+from dsr.vocabulary.observed_actions import Action
 
 TICK = 0.05
 PERCEPT = 0.1

@@ -7,12 +7,12 @@ from collections.abc import Iterator
 import pytest
 
 from agents.action_inference import ActionInference
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.observed_actions import read_action
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec
 from dsr.timeline import EVENT
-from dsr.transforms import Pose
+from dsr.vocabulary.observed_actions import read_action
 
 NAME = "action_inference"
 OVERHEAD = Pose((0.3, 0.0, 0.65), (1.0, 0.0, 0.0, 0.0))

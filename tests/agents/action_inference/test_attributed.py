@@ -8,8 +8,8 @@ import pytest
 
 from agents.action_inference.attributed import AttributedPolicy
 from agents.action_inference.observation import Holder
-from dsr.observed_actions import PICK, PLACE, RELEASE, Action
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
+from dsr.vocabulary.observed_actions import PICK, PLACE, RELEASE, Action
 from tests.agents.action_inference.stage import TICK, Stage
 
 UP, DOWN, ASIDE = (0.0, 0.0, 0.2), (0.0, 0.0, -0.2), (0.2, 0.0, 0.0)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from agents.action_inference.heights import Height, Heights
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 
 
 def percepts(sigma: float, *bottoms: float) -> Heights:

@@ -15,8 +15,8 @@ from agents.arm_controller.urdf import load_robot
 from agents.drivers import ArmState
 from dsr import Frame, LocalNetwork, ManualClock, Memory, Pose
 from dsr.agent import make_agent
-from dsr.keys import Keys
-from dsr.runtime.access import WriteGuard
+from dsr.graph.access import WriteGuard
+from dsr.network.keys import Keys
 from dsr.runtime.runner import Runner
 
 CUBE = (0.04, 0.04, 0.04)

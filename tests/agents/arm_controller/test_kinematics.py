@@ -13,8 +13,8 @@ import pytest
 
 from agents.arm_controller.kinematics import Chain, UnreachableError
 from agents.arm_controller.urdf import load_robot, parse_robot
-from dsr import transforms
-from dsr.transforms import Pose
+from dsr.math3d import transforms
+from dsr.math3d.transforms import Pose
 
 ETC = Path(__file__).parents[3] / "etc"
 OBSERVE = np.array((0.0, 0.0, math.pi, -0.96, 0.0, -2.1, math.pi / 2))

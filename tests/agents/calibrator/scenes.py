@@ -12,9 +12,9 @@ import numpy as np
 from agents.calibrator import Calibrator
 from agents.calibrator.problem import Sighting
 from agents.recorder.agent import Recorder
+from dsr.math3d.transforms import Pose
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec
-from dsr.transforms import Pose
 
 DOWN = Pose((0.35, 0.0, 0.65), (math.sqrt(0.5), -math.sqrt(0.5), 0.0, 0.0))
 """world_from_camera, looking straight down"""

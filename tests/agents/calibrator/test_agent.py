@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dsr.calibration import (
+from dsr.math3d.transforms import Pose
+from dsr.timeline import Chronicle
+from dsr.vocabulary.calibration import (
     ADOPTED,
     CALIBRATED,
     LOOKING,
@@ -19,8 +21,6 @@ from dsr.calibration import (
     request_calibration,
     request_undo,
 )
-from dsr.timeline import Chronicle
-from dsr.transforms import Pose
 from tests.agents.calibrator.scenes import BUMP, CLUSTER, DOWN, FLIP, WIDE, Stage, cubes
 
 SetUp = Callable[..., Stage]

@@ -12,9 +12,9 @@ from typer.testing import CliRunner
 
 import dsr
 from agents.calibrator.cli import app
-from dsr.calibration import ADOPTED, CALIBRATION, LOOKING, REFUSED, Report
 from dsr.cli.common import console
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
+from dsr.vocabulary.calibration import ADOPTED, CALIBRATION, LOOKING, REFUSED, Report
 from tests.agents.calibrator.scenes import CLUSTER, DOWN, Stage, cubes
 
 NOWHERE = (0.0,) * 6 + (1.0,)

@@ -8,7 +8,7 @@ import pytest
 from agents.calibrator.calibrate import calibrate
 from agents.calibrator.decision import Decision, alike, decide, decide_elsewhere
 from agents.calibrator.problem import Sighting
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 from tests.agents.calibrator.scenes import BUMP, CLUSTER, DOWN, FLIP, cubes, sightings
 
 MOVED = Pose((0.05, 0.03, 0.0))

@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping
 
 import pytest
 
-from dsr.calibration import ADOPTED, CALIBRATION, STEADY
+from dsr.math3d.transforms import Pose
 from dsr.timeline import EXPLAINED, Chronicle
-from dsr.transforms import Pose
+from dsr.vocabulary.calibration import ADOPTED, CALIBRATION, STEADY
 from tests.agents.calibrator.scenes import BUMP, DOWN, Stage
 
 

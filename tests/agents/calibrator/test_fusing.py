@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from agents.calibrator.fusing import CORNERS, MOST_INDEPENDENT, fuse
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 from tests.agents.calibrator.scenes import FLIP, SIGMAS
 
 TRUE = Pose.from_rotvec((0.1, 0.05, 0.6), (3.0, 0.2, 0.1))

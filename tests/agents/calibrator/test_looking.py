@@ -10,10 +10,10 @@ import pytest
 from agents.calibrator.config import CalibratorConfig
 from agents.calibrator.looking import Looking, can_look
 from dsr.clock import ManualClock
-from dsr.intentions import DONE, FAILED, PLANNED, RUN, RUNNING
-from dsr.local_transport import LocalNetwork
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.transforms import Pose
+from dsr.network.local_transport import LocalNetwork
+from dsr.vocabulary.intentions import DONE, FAILED, PLANNED, RUN, RUNNING
 
 HOME = Pose((0.27, 0.0, 0.6), (1.0, 0.0, 0.0, 0.0))
 MIDDLE = (0.35, 0.0, 0.02)

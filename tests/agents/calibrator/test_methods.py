@@ -13,9 +13,9 @@ from agents.calibrator.calibrate import METHODS, calibrate
 from agents.calibrator.estimate import Estimate, equation_1
 from agents.calibrator.problem import Problem, Sighting
 from agents.calibrator.solution import judged
-from dsr import calibration
 from dsr.errors import ConfigError
-from dsr.transforms import Pose, exp
+from dsr.math3d.transforms import Pose, exp
+from dsr.vocabulary import calibration
 from tests.agents.calibrator.scenes import BUMP, CLUSTER, DOWN, FLIP, SIGMAS, WIDE, cubes, sightings
 
 GOOD = ("robust", "closed_form")

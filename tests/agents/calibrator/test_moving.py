@@ -6,9 +6,9 @@ import pytest
 
 from benchmarks.calibration_runs import bump, on_table, play, scene
 from dsr.agent import Access, Agent
-from dsr.calibration import ANSWERED, CALIBRATION, read_report, request_calibration
+from dsr.math3d.transforms import Pose
 from dsr.runtime.system import AgentSpec
-from dsr.transforms import Pose
+from dsr.vocabulary.calibration import ANSWERED, CALIBRATION, read_report, request_calibration
 
 
 class Asker(Agent):

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from dsr.calibration import CALIBRATED, CAMERA_MOVED, STEADY
+from dsr.math3d.transforms import Pose
 from dsr.timeline import EXPLAINED, Chronicle
-from dsr.transforms import Pose
+from dsr.vocabulary.calibration import CALIBRATED, CAMERA_MOVED, STEADY
 from tests.agents.calibrator.scenes import BUMP, DOWN, Stage, cubes
 
 HIDDEN = ("cube_4", "cube_5", "cube_6")

@@ -1,4 +1,4 @@
-"""Many transforms at once, as `dsr.transforms` does them one by one."""
+"""Many transforms at once, as `dsr.math3d.transforms` does them one by one."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from agents.calibrator import se3
-from dsr import transforms
-from dsr.transforms import Array, Pose
+from dsr.math3d import transforms
+from dsr.math3d.transforms import Array, Pose
 
 
 def poses(angle: float, count: int = 50) -> list[Pose]:

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from dsr.calibration import ADOPTED, CALIBRATION, CONFIRMED, IN_DOUBT, PROVISIONAL, STEADY
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
+from dsr.vocabulary.calibration import ADOPTED, CALIBRATION, CONFIRMED, IN_DOUBT, PROVISIONAL, STEADY
 from tests.agents.calibrator.scenes import DOWN, Stage
 
 SMALL = Pose.from_rotvec((0.002, 0.0, 0.0), (0.008, 0.0, 0.005))

@@ -8,7 +8,9 @@ from typing import Any
 
 import pytest
 
-from dsr.calibration import (
+from dsr.math3d.transforms import Pose
+from dsr.timeline import EXPLAINED, Chronicle
+from dsr.vocabulary.calibration import (
     ADOPTED,
     CALIBRATED,
     CALIBRATION,
@@ -23,9 +25,7 @@ from dsr.calibration import (
     request_calibration,
     request_undo,
 )
-from dsr.intentions import DONE, FAILED, NOTHING_GRASPED
-from dsr.timeline import EXPLAINED, Chronicle
-from dsr.transforms import Pose
+from dsr.vocabulary.intentions import DONE, FAILED, NOTHING_GRASPED
 from tests.agents.calibrator.scenes import BUMP, CLUSTER, DOWN, Stage, cubes
 
 SetUp = Callable[..., Stage]

@@ -11,7 +11,7 @@ from agents.filters.by_type import ByType
 from agents.filters.by_volume import ByVolume
 from agents.filters.pass_through import PassThrough
 from dsr import Agent, ConfigError, Memory, Mesh, Pose, SchemaError
-from dsr.runtime.config import convert
+from dsr.config.toml import convert
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec
 

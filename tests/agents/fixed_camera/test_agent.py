@@ -11,9 +11,9 @@ from agents.fixed_camera import FixedCamera
 from dsr import Frame, LocalNetwork, ManualClock, Memory, Pose
 from dsr.agent import make_agent
 from dsr.errors import ConfigError
-from dsr.frame_reader import FrameReader
-from dsr.keys import Keys
-from dsr.runtime.access import WriteGuard
+from dsr.graph.access import WriteGuard
+from dsr.images.frame_reader import FrameReader
+from dsr.network.keys import Keys
 
 MOUNT = {"position": [-0.9, 0.0, 1.5], "look_at": [0.0, 0.0, 0.72]}
 

@@ -25,10 +25,10 @@ from agents.plant.world import RATE_HZ, STEP
 from agents.scenario.format import Scenario
 from dsr import Frame, LocalNetwork, ManualClock, Memory, Pose
 from dsr.agent import make_agent
-from dsr.keys import Keys
-from dsr.runtime.access import WriteGuard
+from dsr.graph.access import WriteGuard
+from dsr.network.keys import Keys
+from dsr.network.transport import Qos
 from dsr.runtime.runner import Runner
-from dsr.transport import Qos
 
 PERIOD = 0.05
 SENSORS = {"camera_overhead": {"driver": "agents.plant.driver:PlantHands"}}

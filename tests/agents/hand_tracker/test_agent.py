@@ -16,8 +16,8 @@ from agents.plant.reality import Reality
 from agents.scenario.format import HandEnter, ObjectSpec
 from dsr import Frame, Pose
 from dsr.errors import AgentError
-from dsr.keys import Keys
-from dsr.transport import Qos
+from dsr.network.keys import Keys
+from dsr.network.transport import Qos
 
 from .conftest import FLAT_HAND, Bench, in_world, palm_of, reading, tips_of
 
@@ -201,7 +201,7 @@ def test_only_the_tracker_writes_hands() -> None:
     from agents.hand_tracker import HandTracker
     from dsr.agent import Access
     from dsr.errors import ConfigError
-    from dsr.runtime.access import check_writers
+    from dsr.graph.access import check_writers
 
     with pytest.raises(ConfigError, match="hand_tracker"):
         check_writers({"hand_tracker": HandTracker.writes, "other": Access(nodes=("hand",))})

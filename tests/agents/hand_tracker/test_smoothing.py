@@ -10,7 +10,7 @@ import pytest
 from agents.hand_tracker.config import Smoothing
 from agents.hand_tracker.sighting import hand_of_landmarks
 from agents.hand_tracker.smoothing import PointFilter, TurnFilter, weight
-from dsr import quaternions
+from dsr.math3d import quaternions
 
 PERIOD = 0.1
 

@@ -10,7 +10,7 @@ from agents.hand_tracker.fingertips import Patch, Tip
 from agents.hand_tracker.sighting import SeenHand
 from agents.hand_tracker.tracks import Track, Tracks
 from agents.hand_tracker.wrist import away_from, find_wrist
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 
 FOCAL, DISTANCE = 600.0, 0.9
 METRE = FOCAL / DISTANCE  # px

@@ -8,8 +8,8 @@ from agents.drivers import PersonReading, PersonReadings
 from agents.person_tracker import PersonTracker
 from dsr import LocalNetwork, ManualClock, Memory
 from dsr.agent import make_agent
-from dsr.keys import Keys
-from dsr.runtime.access import WriteGuard
+from dsr.graph.access import WriteGuard
+from dsr.network.keys import Keys
 
 NEXT: list[PersonReadings] = []
 

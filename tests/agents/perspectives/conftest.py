@@ -9,9 +9,9 @@ import pytest
 
 from agents.perspectives import Perspectives, Visibility
 from dsr import Memory, Pose
+from dsr.math3d.shapes import Part, to_numbers
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec
-from dsr.shapes import Part, to_numbers
 
 TURNED = (0.0, 0.0, 1.0, 0.0)
 COVER = to_numbers(

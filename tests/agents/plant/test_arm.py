@@ -12,7 +12,7 @@ from agents.plant.reality import Reality
 from agents.plant.world import World
 from agents.scenario.format import ObjectSpec, RobotSpec
 from dsr.errors import ConfigError
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 
 MakeReality = Callable[..., Reality]
 MakeCube = Callable[..., ObjectSpec]

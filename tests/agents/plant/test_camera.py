@@ -14,7 +14,7 @@ from agents.plant.camera import OVERHEAD
 from agents.plant.reality import Reality
 from agents.plant.renderer import Renderer, egl_works
 from agents.scenario.format import ObjectSpec, SensorSpec
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 
 MakeReality = Callable[..., Reality]
 MakeCube = Callable[..., ObjectSpec]

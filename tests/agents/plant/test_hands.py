@@ -43,7 +43,7 @@ from agents.scenario.format import (
     parse_scenario,
 )
 from dsr.errors import WireError
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 
 MakeReality = Callable[..., Reality]
 MakeCube = Callable[..., ObjectSpec]

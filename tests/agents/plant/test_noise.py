@@ -7,7 +7,7 @@ import pytest
 
 from agents.plant.noise import BASELINE, DISPARITY_NOISE, FARTHEST, SensorModel, shift_bodies
 from agents.scenario.format import SensorSpec
-from dsr.intrinsics import Intrinsics
+from dsr.vocabulary.intrinsics import Intrinsics
 
 LENS = Intrinsics.from_fov(160, 120, 0.98)
 

@@ -23,8 +23,8 @@ from agents.scenario.format import Start, start_key
 from dsr.agent import make_agent
 from dsr.clock import ManualClock
 from dsr.errors import ConfigError
-from dsr.keys import Keys
-from dsr.local_transport import LocalNetwork
+from dsr.network.keys import Keys
+from dsr.network.local_transport import LocalNetwork
 
 SCENARIO = """
 name = "test"

@@ -10,7 +10,7 @@ import pytest
 
 from agents.plant.reality import Reality
 from agents.scenario.format import ObjectSpec, SensorSpec
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 
 MakeReality = Callable[..., Reality]
 MakeCube = Callable[..., ObjectSpec]

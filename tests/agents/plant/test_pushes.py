@@ -10,7 +10,7 @@ import pytest
 
 from agents.plant.reality import Reality
 from agents.scenario.format import HandEnter, Lift, ObjectSpec, Push, Remove, Roll, Slide
-from dsr.shapes import Part
+from dsr.math3d.shapes import Part
 
 MakeReality = Callable[..., Reality]
 MakeCube = Callable[..., ObjectSpec]

@@ -18,8 +18,8 @@ from agents.plant.reality import Reality
 from agents.plant.renderer import Renderer, RendererName
 from agents.plant.world import RATE_HZ, World, upright
 from agents.scenario.format import Carry, Lift, ObjectSpec, Place, Slide, TableSpec, Tilt
-from dsr.intrinsics import Intrinsics
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
+from dsr.vocabulary.intrinsics import Intrinsics
 
 MakeWorld = Callable[..., World]
 MakeReality = Callable[..., Reality]

@@ -14,8 +14,8 @@ from agents.plant.renderer import Renderer, RendererName
 from agents.plant.world import FLOOR_BELOW_TABLE, RATE_HZ, World, upright, yaw_of
 from agents.scenario.format import ObjectSpec, TableSpec
 from dsr.errors import ConfigError
-from dsr.intrinsics import Intrinsics
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
+from dsr.vocabulary.intrinsics import Intrinsics
 
 MakeWorld = Callable[..., World]
 MakeCube = Callable[..., ObjectSpec]

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from agents.recorder.images import DEPTH_UNIT, pack, unpack
-from dsr.blobs import Frame, decode_frame, encode_frame
 from dsr.errors import WireError
+from dsr.images.blobs import Frame, decode_frame, encode_frame
 
 
 @pytest.fixture

@@ -18,12 +18,12 @@ from agents.recorder.index import RecordingIndex
 from agents.recorder.reader import Record, read_recording
 from dsr import Frame, Memory, Mesh, Pose
 from dsr.agent import make_agent
-from dsr.blobs import decode_frame
 from dsr.clock import ManualClock
 from dsr.errors import ConfigError
-from dsr.keys import Keys
-from dsr.local_transport import LocalNetwork
-from dsr.wire import decode_delta
+from dsr.images.blobs import decode_frame
+from dsr.network.keys import Keys
+from dsr.network.local_transport import LocalNetwork
+from dsr.replication.wire import decode_delta
 
 KEYS = Keys("tabletop")
 

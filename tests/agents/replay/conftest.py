@@ -14,8 +14,8 @@ from agents.scenario.staging import make_run
 from dsr import Memory
 from dsr.agent import make_agent
 from dsr.clock import ManualClock
-from dsr.keys import Keys
-from dsr.local_transport import LocalNetwork
+from dsr.network.keys import Keys
+from dsr.network.local_transport import LocalNetwork
 
 KEYS = Keys("tabletop")
 STEP = 0.05

@@ -25,9 +25,9 @@ from agents.scenario.staging import make_run
 from dsr import Memory
 from dsr.clock import ManualClock
 from dsr.errors import ConfigError
-from dsr.graph import Graph
-from dsr.local_transport import LocalNetwork
-from dsr.wire import decode_delta
+from dsr.graph.graph import Graph
+from dsr.network.local_transport import LocalNetwork
+from dsr.replication.wire import decode_delta
 from simulation_handler import SimulationHandler
 from tests.agents.replay.conftest import STEP, Studio
 

@@ -10,8 +10,8 @@ from agents.recorder.index import RecordingIndex
 from agents.recorder.mcap_file import Record, RecordingWriter
 from agents.replay.beginnings import beginnings
 from dsr.crdt.delta import Delta, Write
+from dsr.replication.wire import encode_delta
 from dsr.runtime.status import State, Status, encode_status
-from dsr.wire import encode_delta
 
 RATES = {"x": 20.0}
 

@@ -27,8 +27,8 @@ from agents.replay.keyboard import split_keys
 from agents.replay.timeline_cli import app as timeline_app
 from dsr.clock import WALL_CLOCK
 from dsr.errors import ConfigError
-from dsr.keys import Keys
-from dsr.rendezvous import graphs
+from dsr.network.keys import Keys
+from dsr.network.rendezvous import graphs
 from dsr.timeline import Chronicle
 from tests.agents.replay.conftest import state
 

@@ -14,8 +14,8 @@ from agents.replay.mirror import Mirror
 from agents.replay.player import Player
 from dsr import AttributeType, Frame, Memory, Mesh, Pose, Schema
 from dsr.clock import ManualClock
-from dsr.keys import Keys
-from dsr.local_transport import LocalNetwork
+from dsr.network.keys import Keys
+from dsr.network.local_transport import LocalNetwork
 from dsr.runtime.status import State, Status, StatusBoard, encode_status
 from tests.agents.replay.conftest import KEYS, Studio, state
 

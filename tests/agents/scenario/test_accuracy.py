@@ -12,8 +12,8 @@ from agents.scenario.history import History, Inferred, Sample
 from agents.scenario.metrics import measure
 from agents.scenario.relations import true_contents, true_relations
 from agents.scenario.true_actions import compare, true_actions
-from dsr.observed_actions import PICK, PLACE, RELEASE, Action
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
+from dsr.vocabulary.observed_actions import PICK, PLACE, RELEASE, Action
 
 FILE = """
 name = "grips"

@@ -10,7 +10,7 @@ from agents.scenario.cameras import camera_metrics
 from agents.scenario.format import parse_scenario
 from agents.scenario.history import Error, History, Sample
 from agents.scenario.verdicts import judge_check
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 
 FILE = """
 name = "bump"

@@ -14,7 +14,7 @@ from agents.scenario.metrics import measure
 from agents.scenario.perturbations import perturbations, recovery, wrong_explanations
 from agents.scenario.relations import true_relations
 from agents.scenario.verdicts import judge_check
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 
 FILE = """
 name = "tower"

@@ -8,7 +8,7 @@ from agents.scenario.format import parse_scenario
 from agents.scenario.history import History, Inferred, Sample
 from agents.scenario.verdicts import judge_check
 from dsr.errors import ConfigError
-from dsr.observed_actions import PICK, PLACE, Action
+from dsr.vocabulary.observed_actions import PICK, PLACE, Action
 from tests.agents.scenario.test_judge import FILE, TRUE, run, scenario_with
 
 INFERRED = [

@@ -9,9 +9,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from agents.scenario.geometry import Body, Box, footprint_overlap, gap_below, penetration, upright_box
-from dsr.quaternions import Vector3
-from dsr.shapes import Part
-from dsr.transforms import Pose
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.shapes import Part
+from dsr.math3d.transforms import Pose
 
 CUBE = (0.04, 0.04, 0.04)
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)

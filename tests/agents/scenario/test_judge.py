@@ -17,11 +17,11 @@ from agents.scenario.metrics import measure
 from agents.scenario.result import Result, write_result
 from agents.scenario.verdicts import judge_check
 from dsr.clock import ManualClock
-from dsr.keys import Keys
-from dsr.local_transport import LocalNetwork
+from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
+from dsr.network.keys import Keys
+from dsr.network.local_transport import LocalNetwork
 from dsr.runtime.status import State, Status, encode_status
-from dsr.transforms import Pose
 
 FILE = """
 name = "pair"

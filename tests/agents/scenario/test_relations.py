@@ -8,7 +8,7 @@ from pathlib import Path
 from agents.scenario.format import load_scenario
 from agents.scenario.model import Scenario
 from agents.scenario.relations import true_contents, true_relations
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 
 BIN = Path(__file__).parents[3] / "etc" / "scenarios" / "bin.urdf"
 FILE = """

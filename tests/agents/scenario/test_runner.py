@@ -16,8 +16,8 @@ from agents.scenario.runner import run_lockstep
 from agents.scenario.staging import Run
 from dsr.agent import Access, Agent
 from dsr.errors import AgentError
+from dsr.math3d.transforms import Pose
 from dsr.runtime.system import AgentSpec, System
-from dsr.transforms import Pose
 
 SCENARIO = """
 name = "short"

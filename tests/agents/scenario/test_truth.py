@@ -15,7 +15,7 @@ from agents.scenario.runner import true_course
 from agents.scenario.staging import make_run
 from agents.scenario.true_phases import phases
 from agents.scenario.truth_report import truth_report
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 from tests.agents.scenario.test_format import BASE
 
 STAGE = """\

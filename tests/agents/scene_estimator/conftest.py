@@ -16,8 +16,8 @@ from agents.scene_estimator.sighting import FrameReader
 from benchmarks.tag_camera import Camera, facing
 from dsr import Frame, LocalNetwork, ManualClock, Memory, Pose
 from dsr.agent import make_agent
-from dsr.keys import Keys
-from dsr.runtime.access import WriteGuard
+from dsr.graph.access import WriteGuard
+from dsr.network.keys import Keys
 from dsr.runtime.runner import Runner
 
 PERIOD = 0.05

@@ -13,8 +13,8 @@ from agents.drivers import TagReading, TagReadings
 from agents.scene_estimator import SceneEstimator
 from dsr import Frame, Pose
 from dsr.errors import AgentError, ConfigError
-from dsr.intrinsics import Intrinsics
-from dsr.transport import Qos
+from dsr.network.transport import Qos
+from dsr.vocabulary.intrinsics import Intrinsics
 
 from .conftest import AGE, MARKER, OVERHEAD, PERIOD, SENSORS, Bench, FakeSensor, covariance
 

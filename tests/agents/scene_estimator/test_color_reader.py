@@ -19,7 +19,7 @@ from agents.scene_estimator.segmentation import ColorImage
 from agents.scene_estimator.turning import nearest_alike
 from benchmarks.color_scene import AWAY, ColorScene, looking_at
 from dsr import Pose
-from dsr.shapes import to_numbers
+from dsr.math3d.shapes import to_numbers
 
 from .conftest import AGE, PERIOD, Bench
 

@@ -11,7 +11,7 @@ import pytest
 from agents.drivers import ColorReading, TagReadings
 from agents.scene_estimator.colored import LEANING, TURNED
 from dsr import Pose
-from dsr.shapes import Part, to_numbers
+from dsr.math3d.shapes import Part, to_numbers
 
 from .conftest import AGE, PERIOD, SENSORS, Bench, FakeSensor, covariance
 

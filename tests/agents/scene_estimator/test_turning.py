@@ -9,8 +9,8 @@ import pytest
 
 from agents.object_models import find_model, load_model
 from agents.scene_estimator.turning import ROUND, nearest_alike, nearest_turn, order
-from dsr import quaternions
-from dsr.shapes import Part
+from dsr.math3d import quaternions
+from dsr.math3d.shapes import Part
 
 CORNER = (Part("box", (0.1, 0.02, 0.04), (0.0, -0.04, 0.0)), Part("box", (0.02, 0.1, 0.04), (-0.04, 0.0, 0.0)))
 

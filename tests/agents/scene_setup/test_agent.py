@@ -10,8 +10,8 @@ from agents.scene_setup import SceneSetup
 from dsr import LocalNetwork, ManualClock, Memory, Pose
 from dsr.agent import make_agent
 from dsr.errors import ConfigError
-from dsr.keys import Keys
-from dsr.runtime.access import WriteGuard
+from dsr.graph.access import WriteGuard
+from dsr.network.keys import Keys
 
 SCENE = """
 name = "scene"

@@ -13,7 +13,7 @@ from rerun.chunk import RrdReader
 from agents.viewer.agent import Viewer
 from dsr import LocalNetwork, ManualClock, Memory, Pose
 from dsr.agent import make_agent
-from dsr.keys import Keys
+from dsr.network.keys import Keys
 
 
 class Stage:

@@ -11,8 +11,8 @@ from agents.calibrator.reporting import tell
 from agents.calibrator.undoing import turned_round
 from agents.viewer.calibrations import calibrations_page
 from dsr import Pose
-from dsr.calibration import ObjectReport, Report
 from dsr.timeline import Chronicle
+from dsr.vocabulary.calibration import ObjectReport, Report
 
 BEFORE, AFTER = (0.1, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0), (0.12, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0)
 OBJECTS = (

@@ -6,7 +6,7 @@ from agents.viewer.topology_view import arrange
 from dsr import WorldInfo
 from dsr.runtime.activity import WorldUse
 from dsr.runtime.status import State, Status
-from dsr.worlds.topology import topology
+from dsr.runtime.topology import topology
 
 
 def status(agent: str, reads: str = "", writes: str = "", hz: float = 5.0) -> Status:

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from benchmarks.baselines.action_machine import Machine, PublishedMachine, PublishedPolicy, State
-from dsr.observed_actions import PICK, PLACE, RELEASE, Action
+from dsr.vocabulary.observed_actions import PICK, PLACE, RELEASE, Action
 from tests.agents.action_inference.stage import Stage
 
 NEEDED = math.ceil(math.log(0.85 / 0.1) / math.log(1.85))

@@ -13,9 +13,9 @@ from dsr.cli.common import console, errors, shown
 from dsr.cli.main import main
 from dsr.cli.status_table import status_table
 from dsr.crdt.delta import Add, Delta, Write
+from dsr.replication.wire import encode_delta
 from dsr.runtime.launcher import AgentRow
 from dsr.runtime.logs import PlainFormatter
-from dsr.wire import encode_delta
 
 EVIL = "\x1b]0;owned\x07\x1b[2J[bold red]x[/]\x9b31m\u202e"
 NAME = f"cube{EVIL}"

@@ -8,12 +8,13 @@ from collections.abc import Callable
 import pytest
 from typer.testing import CliRunner
 
-from dsr import Memory, WallClock, rendezvous
+from dsr import Memory, WallClock
 from dsr.cli.main import app
 from dsr.crdt.delta import Delta, Write
 from dsr.crdt.hlc import MAX_STAMP
-from dsr.wire import encode_delta
-from dsr.zenoh_transport import ZenohTransport
+from dsr.network import rendezvous
+from dsr.network.zenoh_transport import ZenohTransport
+from dsr.replication.wire import encode_delta
 
 PATIENCE = 10.0
 

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from dsr import Memory, WallClock
+from dsr.network.transport import Qos
 from dsr.runtime.status import State, Status, encode_status
-from dsr.transport import Qos
 
 
 @pytest.fixture

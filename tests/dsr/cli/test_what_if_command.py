@@ -10,7 +10,7 @@ import pytest
 from dsr import Memory, Pose
 from dsr.cli.what_if import parsed_placing
 from dsr.errors import ConfigError
-from dsr.what_if import SERVICE, Answer, Change, decode_question, encode_answer
+from dsr.vocabulary.what_if import SERVICE, Answer, Change, decode_question, encode_answer
 
 
 @pytest.mark.parametrize("text", ["cube_3", "=1,2,3", "cube_3=0.3,0.1", "cube_3=0.3,x,0.1", "cube_3=1,2,3,4,5"])

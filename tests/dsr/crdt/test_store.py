@@ -14,7 +14,7 @@ from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Add, Delta, Write
 from dsr.crdt.pieces import reply_to
 from dsr.crdt.store import Store
-from dsr.graph import Graph
+from dsr.graph.graph import Graph
 
 
 def random_history(seed: int, length: int = 25) -> tuple[list[Graph], list[Delta]]:

@@ -22,7 +22,7 @@ from dsr.geometry.messages import MOST_ASKED, Ask, Offer, decode_ask, decode_off
 from dsr.geometry.shared import Place, SharedBytes, read_in_place
 from dsr.geometry.store import MeshStore
 from dsr.geometry.transfer import PATIENCE
-from dsr.keys import Keys
+from dsr.network.keys import Keys
 from tests.dsr.geometry.shapes import block, cloud
 
 LARGE = 120_000  # vertices: several pieces

@@ -6,9 +6,9 @@ from typing import Any
 
 from hypothesis import strategies as st
 
+from dsr.graph.schema import AttributeType, Schema
+from dsr.math3d.transforms import Pose
 from dsr.persistence.content import GraphContent, NodeContent
-from dsr.schema import AttributeType, Schema
-from dsr.transforms import Pose
 
 NUMBERS = st.floats(allow_nan=False, allow_infinity=False)
 NAMES = st.from_regex(r"[A-Za-z0-9_.\-]{1,20}", fullmatch=True)

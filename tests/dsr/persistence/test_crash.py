@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from dsr import Memory, StateKeeper
-from dsr.rendezvous import graphs
+from dsr.network.rendezvous import graphs
 from dsr.runtime.launcher import Launcher
 from dsr.runtime.system import load_system
 from tests.dsr.conftest import Net

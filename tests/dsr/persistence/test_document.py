@@ -12,11 +12,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 
 from dsr import ConfigError, Memory, Pose
+from dsr.graph.schema import AttributeType
 from dsr.persistence.content import GraphContent
 from dsr.persistence.document import to_document
 from dsr.persistence.files import read_graph, write_graph
 from dsr.persistence.json_text import MAX_BYTES
-from dsr.schema import AttributeType
 from tests.dsr.conftest import Net
 from tests.dsr.persistence.graphs import contents
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dsr.crdt.context import CausalContext
 from dsr.crdt.pieces import reply_to
-from dsr.graph import Graph
+from dsr.graph.graph import Graph
 from dsr.persistence.pending import Pending
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from dsr.crdt.delta import Key
-from dsr.graph import Graph
-from dsr.watch import Change, Watch
+from dsr.graph.graph import Graph
+from dsr.graph.watch import Change, Watch
 from tests.dsr.properties.knowledge import Shown
 
 

@@ -14,13 +14,13 @@ from dsr.crdt.context import CausalContext, Dot
 from dsr.crdt.delta import TOMBSTONE, Delta, EdgeKey, Key, Write
 from dsr.crdt.hlc import MAX_LEAD, stamp_at
 from dsr.crdt.pieces import reply_to
-from dsr.elements import Edge, Node
 from dsr.errors import NoRoomError
-from dsr.far_stamps import FAR
-from dsr.graph import Graph
-from dsr.outbox import Outbox
-from dsr.watch import Filter, Watch
-from dsr.wire import decode_delta, encode_delta
+from dsr.graph.elements import Edge, Node
+from dsr.graph.far_stamps import FAR
+from dsr.graph.graph import Graph
+from dsr.graph.watch import Filter, Watch
+from dsr.replication.outbox import Outbox
+from dsr.replication.wire import decode_delta, encode_delta
 from tests.dsr.properties.knowledge import Fact, Knowledge, Shown, facts_of
 from tests.dsr.properties.readers import Reader
 

@@ -9,11 +9,11 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition,
 from dsr import LocalNetwork, ManualClock, Memory, Pose
 from dsr.crdt.delta import Add, Delta
 from dsr.crdt.summary import LISTED, Summary
-from dsr.impersonation import NEW_ID_PAUSE
-from dsr.local_transport import LocalTransport
-from dsr.peers import FORGET
-from dsr.transport import Subscription
-from dsr.wire import Digest, encode_delta, encode_digest
+from dsr.network.local_transport import LocalTransport
+from dsr.network.transport import Subscription
+from dsr.replication.impersonation import NEW_ID_PAUSE
+from dsr.replication.peers import FORGET
+from dsr.replication.wire import Digest, encode_delta, encode_digest
 from tests.dsr.conftest import reply_of
 
 CATCH_UP = max(2 * NEW_ID_PAUSE, FORGET) + 5.0

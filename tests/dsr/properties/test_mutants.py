@@ -11,20 +11,21 @@ import pytest
 from hypothesis import Phase, settings
 from hypothesis.stateful import RuleBasedStateMachine, run_state_machine_as_test
 
-from dsr import clock_votes, stamping
-from dsr import replica as replica_module
-from dsr.claims import Claims
-from dsr.clock_votes import Verdict
 from dsr.crdt.context import CausalContext, Dot
 from dsr.crdt.delta import Add, Delta, Write
 from dsr.crdt.hlc import MAX_STAMP, HybridClock
 from dsr.crdt.store import Entry, Store
-from dsr.graph import Graph
-from dsr.impersonation import Impersonation
-from dsr.peers import Peer, Peers
-from dsr.sync import Synchroniser
-from dsr.watch import Watch
-from dsr.wire import Digest
+from dsr.graph import stamping
+from dsr.graph.graph import Graph
+from dsr.graph.watch import Watch
+from dsr.replication import clock_votes
+from dsr.replication import replica as replica_module
+from dsr.replication.claims import Claims
+from dsr.replication.clock_votes import Verdict
+from dsr.replication.impersonation import Impersonation
+from dsr.replication.peers import Peer, Peers
+from dsr.replication.sync import Synchroniser
+from dsr.replication.wire import Digest
 from tests.dsr.properties import test_attacked, test_deltas, test_memories
 from tests.dsr.properties.soup import START, Soup
 from tests.dsr.properties.test_attacked import Attacked

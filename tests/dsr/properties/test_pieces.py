@@ -13,9 +13,9 @@ from dsr.crdt import pieces
 from dsr.crdt.context import CausalContext, Dot
 from dsr.crdt.delta import Delta
 from dsr.crdt.pieces import START, Piece, Place, piece_of, reply_to
-from dsr.fetching import Fetch
-from dsr.graph import Graph
-from dsr.piece_wire import decode_piece, encode_piece
+from dsr.graph.graph import Graph
+from dsr.replication.fetching import Fetch
+from dsr.replication.piece_wire import decode_piece, encode_piece
 from tests.dsr.properties.soup import START as NOW
 from tests.dsr.properties.soup import state
 

@@ -25,8 +25,8 @@ from dsr import (
     WorldError,
     WorldNotFoundError,
 )
-from dsr.keys import Keys
-from dsr.local_transport import LocalTransport
+from dsr.network.keys import Keys
+from dsr.network.local_transport import LocalTransport
 from dsr.worlds.registry import records
 from tests.dsr.properties.soup import shown, state
 from tests.dsr.properties.test_deltas import choices, numbers

@@ -11,11 +11,11 @@ from dataclasses import dataclass, field
 from dsr import ClockDriftError, CycleError, Faults, LocalNetwork, ManualClock, Memory, Pose
 from dsr.crdt.context import CausalContext, Dot
 from dsr.crdt.delta import Delta, EdgeKey, Write
-from dsr.keys import Keys
-from dsr.peers import FORGET
-from dsr.sync import MAX_DRIFT
-from dsr.transport import Qos
-from dsr.wire import Digest, encode_delta, encode_digest
+from dsr.network.keys import Keys
+from dsr.network.transport import Qos
+from dsr.replication.peers import FORGET
+from dsr.replication.sync import MAX_DRIFT
+from dsr.replication.wire import Digest, encode_delta, encode_digest
 from tests.dsr.properties.knowledge import Knowledge, facts_of
 from tests.dsr.properties.readers import Reader
 from tests.dsr.properties.soup import shown, state

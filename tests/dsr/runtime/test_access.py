@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from dsr.errors import AgentError, ConfigError
-from dsr.keys import BASE
-from dsr.runtime.access import Access, WriteGuard, check_writers
+from dsr.graph.access import Access, WriteGuard, check_writers
+from dsr.network.keys import BASE
 
 
 @pytest.mark.parametrize(

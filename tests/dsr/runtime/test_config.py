@@ -8,8 +8,8 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from dsr.config.toml import MisfitError, TomlFile, convert
 from dsr.errors import ConfigError
-from dsr.runtime.config import MisfitError, TomlFile, convert
 
 
 class Wheel(msgspec.Struct, frozen=True):

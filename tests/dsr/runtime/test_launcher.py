@@ -15,7 +15,7 @@ import pytest
 
 from dsr import ManualClock, WallClock
 from dsr.errors import AgentError
-from dsr.rendezvous import graphs
+from dsr.network.rendezvous import graphs
 from dsr.runtime.launcher import Launcher
 from dsr.runtime.supervised import Supervised
 from dsr.runtime.system import AgentSpec, System, load_class, load_system

@@ -8,7 +8,7 @@ import pytest
 from dsr import ManualClock, Pose
 from dsr.agent import Agent
 from dsr.errors import AgentError, ConfigError
-from dsr.runtime.access import Access
+from dsr.graph.access import Access
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec
 

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from dsr import LocalNetwork, ManualClock, WireError
-from dsr.keys import Keys
+from dsr.network.keys import Keys
 from dsr.runtime.logs import BusLogHandler, LogRecord, decode_log
 
 KEYS = Keys("test")
@@ -64,7 +64,7 @@ def test_a_flood_is_cut_and_says_so(line: Line) -> None:
 
 
 def test_the_transports_own_records_are_not_sent(line: Line) -> None:
-    line.handler.handle(logging.makeLogRecord({"name": "dsr.zenoh_transport", "msg": "x", "levelno": 40}))
+    line.handler.handle(logging.makeLogRecord({"name": "dsr.network.zenoh_transport", "msg": "x", "levelno": 40}))
     assert line.texts() == []
 
 

@@ -8,7 +8,7 @@ import msgpack
 import pytest
 
 from dsr import LocalNetwork, ManualClock, WireError
-from dsr.keys import Keys
+from dsr.network.keys import Keys
 from dsr.runtime.status import SILENT_AFTER, State, Status, StatusBoard, decode_status, encode_status
 
 KEYS = Keys("test")

@@ -6,7 +6,7 @@ import tomllib
 
 import pytest
 
-from dsr.runtime.toml_lines import Path, line_of, parse_toml
+from dsr.config.toml_lines import Path, line_of, parse_toml
 
 TEXT = '''\
 # a = 0

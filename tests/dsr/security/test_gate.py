@@ -11,10 +11,10 @@ import pytest
 from dsr import Memory
 from dsr.crdt.delta import Add, Delta, Write
 from dsr.crdt.pieces import reply_to
-from dsr.graph import Graph
+from dsr.graph.graph import Graph
+from dsr.replication.wire import decode_delta, encode_delta
 from dsr.security.gate import Gate
 from dsr.security.policy import Policy
-from dsr.wire import decode_delta, encode_delta
 from tests.dsr.conftest import Net
 
 Join = Callable[..., Memory]

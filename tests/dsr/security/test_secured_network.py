@@ -12,21 +12,22 @@ import numpy as np
 import pytest
 
 import dsr
-from dsr import AgentError, ConfigError, Frame, Memory, Mesh, MeshNotFoundError, TransportError, rendezvous
+from dsr import AgentError, ConfigError, Frame, Memory, Mesh, MeshNotFoundError, TransportError
 from dsr.clock import WALL_CLOCK
 from dsr.connect import open_transport
 from dsr.crdt.context import CausalContext
 from dsr.crdt.pieces import START
-from dsr.graph import Graph
-from dsr.keys import Keys, ticket_key
-from dsr.piece_wire import Request, encode_request
+from dsr.graph.graph import Graph
+from dsr.network import rendezvous
+from dsr.network.keys import Keys, ticket_key
+from dsr.network.transport import Transport
+from dsr.network.zenoh_transport import ZenohTransport
+from dsr.replication.piece_wire import Request, encode_request
+from dsr.replication.wire import Digest, encode_delta, encode_digest
 from dsr.runtime.status import State, Status, StatusBoard, encode_status
 from dsr.security.authority import SecurityFolder
 from dsr.security.configuration import zenoh_settings
 from dsr.security.policy import Policy
-from dsr.transport import Transport
-from dsr.wire import Digest, encode_delta, encode_digest
-from dsr.zenoh_transport import ZenohTransport
 from tests.dsr.security.conftest import DAY, make_folder
 
 KEYS = Keys("g")

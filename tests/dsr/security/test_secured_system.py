@@ -17,10 +17,10 @@ import pytest
 from typer.testing import CliRunner
 
 import dsr
-from dsr import rendezvous
 from dsr.cli.common import console
 from dsr.cli.main import app
 from dsr.connect import SECURITY
+from dsr.network import rendezvous
 from dsr.runtime.launcher import Launcher
 from dsr.runtime.system import load_system
 from dsr.security.authority import SecurityFolder

@@ -12,7 +12,7 @@ from agents.filters.by_type import ByType
 from dsr import Access, AgentError, Memory, Pose
 from dsr.clock import WALL_CLOCK
 from dsr.connect import connect
-from dsr.runtime.access import EVERYTHING
+from dsr.graph.access import EVERYTHING
 from dsr.runtime.launcher import Launcher
 from dsr.runtime.system import load_system
 from dsr.security.authority import SecurityFolder

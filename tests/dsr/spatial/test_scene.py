@@ -7,7 +7,7 @@ import pytest
 
 import dsr
 from dsr import ConfigError, ManualClock, Memory, NodeNotFoundError, Pose
-from dsr.local_transport import LocalNetwork
+from dsr.network.local_transport import LocalNetwork
 from dsr.spatial import ALLOCENTRIC, SPATIAL, Fact, Hysteresis, Scene, read_scene, read_view, request_relations
 
 CUBE = (0.04, 0.04, 0.04)

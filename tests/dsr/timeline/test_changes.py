@@ -6,7 +6,7 @@ import pytest
 
 from dsr import Memory
 from dsr.clock import ManualClock
-from dsr.local_transport import LocalNetwork
+from dsr.network.local_transport import LocalNetwork
 from dsr.runtime.status import State, Status
 from dsr.timeline import Event, Timeline
 

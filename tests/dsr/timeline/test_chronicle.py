@@ -9,8 +9,8 @@ import pytest
 
 from dsr import Access, AgentError, ConfigError, Memory, SchemaError
 from dsr.clock import ManualClock
-from dsr.local_transport import LocalNetwork
-from dsr.runtime.access import WriteGuard, check_writers
+from dsr.graph.access import WriteGuard, check_writers
+from dsr.network.local_transport import LocalNetwork
 from dsr.timeline import (
     WRITTEN_ATTRIBUTES,
     WRITTEN_EDGES,

@@ -7,9 +7,9 @@ import pytest
 import trimesh
 
 from benchmarks.visibility_scene import LENS, TABLE, cast, looking, random_things
-from dsr.shapes import Part, box
-from dsr.surfaces import Solids
-from dsr.transforms import Array, Pose
+from dsr.math3d.shapes import Part, box
+from dsr.math3d.surfaces import Solids
+from dsr.math3d.transforms import Array, Pose
 from dsr.visibility import Body, Picture, placed
 from dsr.visibility.picture import NEAREST
 

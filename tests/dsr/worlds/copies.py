@@ -10,12 +10,12 @@ from dsr import Pose
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Delta
 from dsr.crdt.pieces import reply_to
-from dsr.elements import Edge, Node
 from dsr.errors import DsrError
-from dsr.followers import Followers
-from dsr.frames import FrameTree
-from dsr.graph import Graph
-from dsr.schema import Schema
+from dsr.frames.tree import FrameTree
+from dsr.graph.elements import Edge, Node
+from dsr.graph.followers import Followers
+from dsr.graph.graph import Graph
+from dsr.graph.schema import Schema
 from dsr.worlds.fork import ForkedGraph
 from dsr.worlds.fork_frames import ForkedFrames
 

@@ -9,11 +9,11 @@ from dsr.crdt.context import Dot
 from dsr.crdt.delta import TOMBSTONE, Delta, Write
 from dsr.crdt.pieces import reply_to
 from dsr.crdt.store import Entry
-from dsr.elements import Edge, Node
 from dsr.errors import DsrError
-from dsr.followers import Followers
-from dsr.frames import FrameTree
-from dsr.graph import Graph
+from dsr.frames.tree import FrameTree
+from dsr.graph.elements import Edge, Node
+from dsr.graph.followers import Followers
+from dsr.graph.graph import Graph
 from dsr.worlds.overlay import Overlay
 from dsr.worlds.overlay_frames import OverlayFrames
 from tests.dsr.worlds.copies import EDGE_TYPES, NAMES, NODE_TYPES, SCHEMA, indexes, key_of, shown

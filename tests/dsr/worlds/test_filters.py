@@ -12,10 +12,10 @@ import pytest
 
 from dsr import Access, AgentError, Edge, LocalNetwork, ManualClock, Memory, Node, Pose
 from dsr.agent import make_agent
-from dsr.local_transport import LocalTransport
+from dsr.network.local_transport import LocalTransport
+from dsr.network.transport import Qos
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec
-from dsr.transport import Qos
 from dsr.worlds.clients import Reader
 from dsr.worlds.filters import Filter
 

@@ -9,8 +9,8 @@ import pytest
 
 import dsr
 from dsr.clock import WALL_CLOCK
-from dsr.transforms import Pose
-from dsr.transport import Qos
+from dsr.math3d.transforms import Pose
+from dsr.network.transport import Qos
 
 
 def eventually(holds: Callable[[], object], seconds: float = 5.0) -> bool:

@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import run_state_machine_as_test
 
+from dsr.graph.sharing import Sharing
 from dsr.memory import Memory
-from dsr.sharing import Sharing
 from dsr.worlds import opened
 from dsr.worlds.fork import ForkedGraph
 from dsr.worlds.fork_frames import ForkedFrames

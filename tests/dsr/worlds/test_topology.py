@@ -9,8 +9,8 @@ from dsr.runtime.activity import WorldUse
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.status import State, Status
 from dsr.runtime.system import AgentSpec
+from dsr.runtime.topology import TopologyObserver, WorldEntry, topology
 from dsr.worlds import Filter
-from dsr.worlds.topology import TopologyObserver, WorldEntry, topology
 
 
 class Talker(Agent):

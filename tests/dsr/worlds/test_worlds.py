@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import pytest
 
 from dsr import AgentError, ConfigError, Memory, NodeNotFoundError, Pose, WorldError, WorldInfo, WorldNotFoundError
-from dsr.runtime.access import Access, WriteGuard
+from dsr.graph.access import Access, WriteGuard
 from tests.dsr.conftest import Net, tabletop
 
 

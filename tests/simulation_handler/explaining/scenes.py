@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 from tests.simulation_handler.worlds import PERIOD, World, cube_at
 
 CLOSE = 0.005

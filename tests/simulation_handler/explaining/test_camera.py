@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 from tests.simulation_handler.explaining.scenes import after, errors, shift
 from tests.simulation_handler.worlds import World, cube_at
 

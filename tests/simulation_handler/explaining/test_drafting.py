@@ -9,7 +9,7 @@ from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.drafting import draft
 from simulation_handler.explaining.hypotheses import Hypothesis, Move
 from simulation_handler.explaining.situation import Properties, Seen, Situation
-from simulation_handler.geometry import Solid
+from simulation_handler.shapes.geometry import Solid
 
 CUBE = (0.04, 0.04, 0.04)
 TABLE = Solid("table", (1.2, 1.2, 0.04), (0.35, 0.0, -0.02), fixed=True)

@@ -6,8 +6,8 @@ import math
 
 import pytest
 
-from dsr.transforms import Pose
-from simulation_handler.simulator import TIME_STEP, Simulator
+from dsr.math3d.transforms import Pose
+from simulation_handler.physics.simulator import TIME_STEP, Simulator
 from tests.simulation_handler.explaining.scenes import tower
 from tests.simulation_handler.worlds import CUBE, TABLE, World
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.glimpses import WAYS, Glimpse, glimpse_of
-from simulation_handler.geometry import Solid
-from simulation_handler.percepts import Percept, make_percept
+from simulation_handler.perception.percepts import Percept, make_percept
+from simulation_handler.shapes.geometry import Solid
 from tests.simulation_handler.worlds import CUBE
 
 CONFIG = BeliefConfig()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from dsr.clock import ManualClock
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.by_hypotheses import ByHypotheses
 from simulation_handler.explaining.camera import explained_by_camera
@@ -20,9 +20,9 @@ from simulation_handler.explaining.piles import piles_beneath
 from simulation_handler.explaining.scoring import Score, score
 from simulation_handler.explaining.search import Candidate
 from simulation_handler.explaining.situation import Properties, Seen, Situation
-from simulation_handler.geometry import Solid
-from simulation_handler.rollouts import Pool
-from simulation_handler.sight import Glance
+from simulation_handler.perception.sight import Glance
+from simulation_handler.physics.rollouts import Pool
+from simulation_handler.shapes.geometry import Solid
 from tests.simulation_handler.worlds import CUBE
 
 TABLE = Solid("table", (2.0, 2.0, 0.04), (0.0, 0.0, -0.02), fixed=True)

@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 import pytest
 
-from dsr.transforms import Pose
-from simulation_handler.holding import Grasp
+from dsr.math3d.transforms import Pose
+from simulation_handler.motion.holding import Grasp
 from tests.simulation_handler.explaining.scenes import after, errors, shift, tower, two_towers
 from tests.simulation_handler.worlds import CUBE, World, cube_at
 

@@ -10,7 +10,7 @@ from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.hypotheses import Hypothesis, Move
 from simulation_handler.explaining.scoring import prior
 from simulation_handler.explaining.situation import Properties, Seen, Situation
-from simulation_handler.geometry import Solid
+from simulation_handler.shapes.geometry import Solid
 from tests.simulation_handler.worlds import CUBE
 
 TOP, BELOW = Solid("top", CUBE, (0.3, 0.0, 0.06)), Solid("below", CUBE, (0.3, 0.0, 0.02))

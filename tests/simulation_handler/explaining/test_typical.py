@@ -7,7 +7,7 @@ from simulation_handler.explaining.hypotheses import FROM_GLIMPSE, Hypothesis
 from simulation_handler.explaining.scoring import Score
 from simulation_handler.explaining.search import Candidate
 from simulation_handler.explaining.typical import with_typical_fall
-from simulation_handler.geometry import Solid
+from simulation_handler.shapes.geometry import Solid
 from tests.simulation_handler.worlds import CUBE
 
 REMOVED = Hypothesis().with_removed(["a"])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulation_handler.rollouts.scene import Body, Scene
+from simulation_handler.physics.rollouts.scene import Body, Scene
 
 CUBE = (0.04, 0.04, 0.04)
 FLOOR = Body("_floor", (20.0, 20.0, 0.2), (0.0, 0.0, -0.8), fixed=True)

@@ -9,7 +9,7 @@ from typing import Literal
 
 import pytest
 
-from simulation_handler.rollouts import process as process_module
+from simulation_handler.physics.rollouts import process as process_module
 
 _WORKER = """#!{python}
 import os, pathlib, sys, threading
@@ -20,8 +20,8 @@ def wait():
 
 if {starts}:
     wait()
-from simulation_handler.rollouts import worker
-from simulation_handler.rollouts.engine import Engine
+from simulation_handler.physics.rollouts import worker
+from simulation_handler.physics.rollouts.engine import Engine
 
 run = Engine.run
 

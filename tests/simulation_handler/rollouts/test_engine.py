@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from dsr import quaternions
-from simulation_handler.rollouts import engine as engine_module
-from simulation_handler.rollouts.engine import Engine, Outcome
-from simulation_handler.rollouts.scene import Body, Scene
-from simulation_handler.simulator import SimulationError
+from dsr.math3d import quaternions
+from simulation_handler.physics.rollouts import engine as engine_module
+from simulation_handler.physics.rollouts.engine import Engine, Outcome
+from simulation_handler.physics.rollouts.scene import Body, Scene
+from simulation_handler.physics.simulator import SimulationError
 from tests.simulation_handler.rollouts.scenes import CUBE, cube, random_scene, scene_of
 
 

@@ -15,10 +15,10 @@ import psutil
 import pytest
 
 from dsr.clock import WALL_CLOCK
-from simulation_handler.rollouts import pool as pool_module
-from simulation_handler.rollouts import process as process_module
-from simulation_handler.rollouts.pool import Pool
-from simulation_handler.simulator import SimulationError
+from simulation_handler.physics.rollouts import pool as pool_module
+from simulation_handler.physics.rollouts import process as process_module
+from simulation_handler.physics.rollouts.pool import Pool
+from simulation_handler.physics.simulator import SimulationError
 from tests.simulation_handler.rollouts.scenes import cube, random_scene, scene_of
 from tests.simulation_handler.rollouts.slowed import slow_down
 
@@ -195,7 +195,7 @@ def test_closing_ends_the_workers_and_leaves_no_descriptor():
 
 USER = """
 import signal, sys
-from simulation_handler.rollouts import Pool
+from simulation_handler.physics.rollouts import Pool
 from tests.simulation_handler.rollouts.scenes import random_scene
 pool = Pool(2, 1000.0)
 pool.run([random_scene(seed) for seed in range(4)], 0.1)

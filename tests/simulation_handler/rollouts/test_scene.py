@@ -6,9 +6,9 @@ import pickle
 
 import pytest
 
-from simulation_handler.geometry import Solid
-from simulation_handler.rollouts.scene import Scene
-from simulation_handler.simulator import SimulationError
+from simulation_handler.physics.rollouts.scene import Scene
+from simulation_handler.physics.simulator import SimulationError
+from simulation_handler.shapes.geometry import Solid
 from tests.simulation_handler.rollouts.scenes import CUBE, TABLE, cube, random_scene, scene_of
 from tests.simulation_handler.worlds import World, cube_at
 

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from benchmarks.baselines.physics_reasoner.boxes import BoxRelations, WorldBox, is_in, is_on_top, world_box
-from dsr.transforms import Pose
+from dsr.math3d.transforms import Pose
 
 CUBE = (0.04, 0.04, 0.04)
 BOX = (0.2, 0.2, 0.1)

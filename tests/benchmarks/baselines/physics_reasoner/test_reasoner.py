@@ -9,9 +9,9 @@ import pytest
 
 from benchmarks.baselines.physics_reasoner.parameters import PublishedConfig
 from benchmarks.baselines.physics_reasoner.reasoner import PublishedReasoner
-from dsr.quaternions import Vector3
-from dsr.shapes import Shape
-from dsr.transforms import Pose
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.shapes import Shape
+from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
 from tests.simulation_handler.worlds import BALL, CUBE, ROUND, container
 

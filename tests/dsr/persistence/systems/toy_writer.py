@@ -9,8 +9,8 @@ import msgspec
 
 from dsr import main
 from dsr.agent import Agent
-from dsr.runtime.access import Access
-from dsr.transforms import Pose
+from dsr.graph.access import Access
+from dsr.math3d.transforms import Pose
 
 
 class WriterConfig(msgspec.Struct, frozen=True):

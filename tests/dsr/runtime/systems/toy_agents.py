@@ -8,7 +8,7 @@ import subprocess
 import msgspec
 
 from dsr.agent import Agent
-from dsr.runtime.access import Access
+from dsr.graph.access import Access
 
 
 class CounterConfig(msgspec.Struct, frozen=True):

@@ -1,0 +1,1 @@
+"""Configuration: plain data and TOML files checked against types."""

@@ -1,0 +1,1 @@
+"""Files that may come from anywhere, and files that belong to one user alone."""

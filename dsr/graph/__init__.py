@@ -1,0 +1,1 @@
+"""The replicated graph of one process: nodes, edges, their schema, and what follows their changes."""

@@ -1,0 +1,130 @@
+"""What an agent says it reads and writes; a guard that holds it to that, and a check over a whole system."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Mapping
+from dataclasses import dataclass, field
+
+from dsr.errors import AgentError, ConfigError, suggest
+from dsr.graph.schema import POSE_FIELDS, WORLD_RECORD, Schema
+from dsr.network.keys import BASE
+
+EVERYTHING = "*"
+"""In a declaration: every name."""
+Guard = Callable[[str, str, Iterable[str]], None]
+"""Called with ("node" or "edge", type, attributes) before each write; raises to refuse it."""
+_POSE = frozenset({"pose", *POSE_FIELDS})
+
+
+@dataclass(frozen=True)
+class Access:
+    """Types and attributes that an agent reads, or writes.
+
+    Args:
+        nodes: node types.
+        edges: edge types; the pose of a geometric edge needs no further declaration.
+        attributes: attributes of those nodes and edges.
+        exclusive: those of the names above that no other agent of the system may write.
+        worlds: the worlds to which this applies, `view_of_*` for all that begin so; all of them if None. The list of
+            worlds, nodes of type `world_record`, belongs to none of them.
+
+    Raises:
+        AgentError: if `exclusive` holds a name that is not declared.
+    """
+
+    nodes: Collection[str] = ()
+    edges: Collection[str] = ()
+    attributes: Collection[str] = ()
+    exclusive: Collection[str] = field(default=(), kw_only=True)
+    worlds: Collection[str] | None = field(default=None, kw_only=True)
+
+    def __post_init__(self) -> None:
+        undeclared = [name for name in self.exclusive if not self.includes(name)]
+        if undeclared:
+            raise AgentError(f"exclusive names {undeclared} are not among the nodes, edges and attributes")
+
+    def includes(self, name: str) -> bool:
+        """Whether `name` is declared as a node type, an edge type or an attribute."""
+        return any(name in names or EVERYTHING in names for names in (self.nodes, self.edges, self.attributes))
+
+    def includes_world(self, name: str) -> bool:
+        """Whether this applies to the world `name`."""
+        return self.worlds is None or any(_overlap(name, world) for world in self.worlds)
+
+    def meets(self, other: Access) -> bool:
+        """Whether both apply to the same world; who says nothing about worlds is at work in the base."""
+        mine, theirs = ((BASE,) if access.worlds is None else access.worlds for access in (self, other))
+        return any(_overlap(one, another) for one in mine for another in theirs)
+
+    def check_names(self, schema: Schema) -> None:
+        """Raise `AgentError` for a declared name that `schema` does not know."""
+        known = ((self.nodes, schema.node_types), (self.edges, schema.edge_types), (self.attributes, schema.attributes))
+        for declared, valid in known:
+            for name in declared:
+                if name != EVERYTHING and name not in valid:
+                    raise AgentError(f"declared name {name!r} is not in the schema; {suggest(name, valid)}")
+
+
+def _overlap(one: str, other: str) -> bool:
+    """Whether names of worlds, or beginnings of names (`view_of_*`), may mean the same one."""
+    stem, other_stem = one.removesuffix(EVERYTHING), other.removesuffix(EVERYTHING)
+    if stem != one and other_stem != other:
+        return stem.startswith(other_stem) or other_stem.startswith(stem)
+    return (
+        one == other or (stem != one and other.startswith(stem)) or (other_stem != other and one.startswith(other_stem))
+    )
+
+
+class WriteGuard:
+    """Called with every write that an agent is about to make; refuses what it did not declare."""
+
+    def __init__(self, agent: str, writes: Access, world: str = BASE) -> None:
+        self._agent = agent
+        self._writes = writes
+        self._world = world
+        self._types = {"node": frozenset(writes.nodes), "edge": frozenset(writes.edges)}
+        self._attributes = frozenset(writes.attributes)
+
+    def in_world(self, world: str) -> WriteGuard:
+        """The guard of the same agent in another world."""
+        return WriteGuard(self._agent, self._writes, world)
+
+    def __call__(self, element: str, kind: str, attributes: Iterable[str]) -> None:
+        """Raise `AgentError` unless writing these attributes of a "node" or an "edge" of type `kind` is declared."""
+        if kind != WORLD_RECORD and not self._writes.includes_world(self._world):
+            raise AgentError(
+                f"agent {self._agent!r} writes into world {self._world!r}, which it does not declare; "
+                f"declared: {', '.join(self._writes.worlds or ()) or 'none'}"
+            )
+        types = self._types[element]
+        if kind not in types and EVERYTHING not in types:
+            raise AgentError(
+                f"agent {self._agent!r} writes {element}s of type {kind!r}, which it does not declare; "
+                f"declared: {', '.join(sorted(types)) or 'none'}"
+            )
+        if EVERYTHING in self._attributes or kind == WORLD_RECORD:
+            return
+        for name in attributes:
+            if name not in self._attributes and not (element == "edge" and name in _POSE):
+                raise AgentError(
+                    f"agent {self._agent!r} writes attribute {name!r} of a {kind}, which it does not declare; "
+                    f"declared: {', '.join(sorted(self._attributes)) or 'none'}"
+                )
+
+
+def guard_in(guard: Guard | None, world: str) -> Guard | None:
+    """The guard of writes in a world, given that of the base: one that minds worlds has one for each."""
+    in_world: Callable[[str], Guard | None] | None = getattr(guard, "in_world", None)
+    return guard if in_world is None else in_world(world)
+
+
+def check_writers(writes: Mapping[str, Access]) -> None:
+    """Raise `ConfigError` if an agent writes what another one (both by name) claims for itself alone."""
+    for owner, access in writes.items():
+        for name in access.exclusive:
+            for other, theirs in writes.items():
+                if other != owner and theirs.includes(name) and access.meets(theirs):
+                    raise ConfigError(
+                        f"agents {owner!r} and {other!r} cannot run together: {owner!r} must be the only writer "
+                        f"of {name!r}, and {other!r} writes it too"
+                    )

@@ -1,0 +1,375 @@
+"""The graph: the replicated store plus schema, visibility and indexes; each mutation returns its delta.
+
+Nodes are identified by name. An edge is visible while one of the incarnations that it was bound to is
+alive at both ends. Nothing here does I/O or reads a clock; callers serialise mutations and joins.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, MutableMapping
+from typing import Any
+
+from dsr.crdt.context import Dot
+from dsr.crdt.delta import TOMBSTONE, Add, Delta, EdgeKey, Key, Write
+from dsr.crdt.hlc import HybridClock
+from dsr.crdt.store import Entry, Store
+from dsr.errors import EdgeNotFoundError, NodeNotFoundError, suggest
+from dsr.graph.elements import Edge, Node, key_of, type_of
+from dsr.graph.far_stamps import FarStamps
+from dsr.graph.listener import Listener, NoListener
+from dsr.graph.schema import WORLD_RECORD, Schema
+from dsr.graph.sharing import Groups
+from dsr.graph.stamping import Stamping
+
+
+class Graph(Stamping):
+    """One replica of a graph."""
+
+    def __init__(self, rid: str, schema: Schema | None = None, listener: Listener | None = None) -> None:
+        super().__init__()
+        self.rid = rid
+        self.schema = schema or Schema()
+        self.store = Store(self)
+        self.hlc = HybridClock()
+        self.far = FarStamps()
+        self.nodes: MutableMapping[str, Node] = {}
+        self.edges: MutableMapping[EdgeKey, Edge] = {}
+        self.nodes_by_type: Groups[str, Node] = {}
+        self.edges_by_type: Groups[EdgeKey, Edge] = {}
+        self.edges_out: Groups[EdgeKey, Edge] = {}
+        self.edges_in: Groups[EdgeKey, Edge] = {}
+        self.incident: Groups[EdgeKey, None] = {}  # not sets: runs of one seed are identical
+        """Keys of edges by the names of their ends, visible or not."""
+        self.why_empty = ""
+        """For people, why it holds nothing."""
+        self._unattached: dict[Dot, Entry] = {}
+        self._listener: Listener = listener or NoListener()
+        self.counter = 0
+        """How many dots were issued here under the replica id."""
+
+    # ---- reading
+
+    def node(self, name: str) -> Node:
+        """The node `name`. Raises `NodeNotFoundError`."""
+        try:
+            return self.nodes[name]
+        except KeyError:
+            names = self.nodes.keys() - self.nodes_by_type.get(WORLD_RECORD, {}).keys()
+            raise NodeNotFoundError(f"no node {name!r}; {self.why_empty or suggest(name, names)}") from None
+
+    def edge(self, src: str, dst: str, type: str) -> Edge:
+        """The edge of this type from `src` to `dst`. Raises `EdgeNotFoundError`."""
+        try:
+            return self.edges[(src, dst, type)]
+        except KeyError:
+            from_here = [f"{e.type} to {e.dst}" for e in list(self.edges_out.get(src, {}).values())]
+            raise EdgeNotFoundError(
+                f"no {type} edge from {src!r} to {dst!r}; from {src!r}: {', '.join(from_here) or 'none'}"
+            ) from None
+
+    # ---- local mutations
+
+    def add_node(self, name: str, type: str, attributes: Mapping[str, Any], now: float) -> Delta:
+        """Create a node; if it is visible already, only write the attributes. Raises `SchemaError`."""
+        self.schema.check_node(name, type)
+        values = self.schema.to_values(attributes)
+        add = None if name in self.nodes else Add(self.new_dot(), name, type)
+        return self._commit(name, self._entries_of(name, add), add, values, now)
+
+    def add_edge(self, src: str, dst: str, type: str, attributes: Mapping[str, Any], now: float) -> Delta:
+        """Create an edge; if it is visible already, only write the attributes.
+
+        Raises:
+            SchemaError: for unknown names or wrong values.
+            NodeNotFoundError: if an endpoint is missing.
+        """
+        self.schema.check_edge_type(type)
+        values = self.schema.to_values(attributes)
+        ends = [self._ends_at(name) for name in (src, dst)]
+        key = (src, dst, type)
+        add = None if key in self.edges else Add(self.new_dot(), key, type, ends[0], ends[1])
+        return self._commit(key, self._entries_of(key, add), add, values, now)
+
+    def write(self, element: Node | Edge, attributes: Mapping[str, Any], now: float) -> Delta:
+        """Write attributes of a visible element. Raises `SchemaError`."""
+        owners = [entry.dot for entry in element._entries]
+        return self._commit(key_of(element), owners, None, self.schema.to_values(attributes), now)
+
+    def remove_attribute(self, element: Node | Edge, attribute: str, now: float) -> Delta:
+        """Take an attribute away; an empty delta if it is not set."""
+        self.schema.attribute(attribute)
+        if attribute not in element:
+            return Delta()
+        owners = [entry.dot for entry in element._entries]
+        return self._commit(key_of(element), owners, None, {attribute: TOMBSTONE}, now)
+
+    def remove_node(self, name: str) -> Delta:
+        """Remove a node and the edges at it, as seen here; an empty delta if it is not visible."""
+        if name not in self.nodes:
+            return Delta()
+        keys: list[Key] = [name, *self.incident_keys(name)]
+        return self._commit_removal([entry.dot for key in keys for entry in self.live(key)])
+
+    def remove_edge(self, key: EdgeKey) -> Delta:
+        """Remove an edge as seen here; an empty delta if it is not visible."""
+        return self._commit_removal([e.dot for e in self.live(key)]) if key in self.edges else Delta()
+
+    def withdraw(self, key: Key, mine: Callable[[str], bool]) -> Delta:
+        """Remove the incarnations of an element that were created by replicas for whose id `mine` holds."""
+        dots = [dot for dot in self.store.by_key.get(key, ()) if mine(dot[0])]
+        return self._commit_removal(dots) if dots else Delta()
+
+    def join(self, delta: Delta, now: float) -> None:
+        """Join what another replica sent, at physical time `now` (s)."""
+        if delta.writes:
+            self._heed(delta.writes, now)
+        self._apply(delta)
+        if self._unattached and (delta.context or delta.removed):  # samples of streams decide nothing
+            self._attach_or_bury()
+
+    def settle(self, patience: int = 3) -> Delta:
+        """Make stream samples durable; to be called about once a second.
+
+        Own samples at once; those of another replica only after `patience` calls without news, which
+        catches the last samples of a writer that died before it could do so itself. The dots of the
+        delta returned are seen here when it is joined.
+        """
+
+        def due(write: Write, passes: int) -> bool:
+            return write.writer == self.rid or passes >= patience
+
+        delta = self.store.take_unsettled(due, self.new_dot)
+        self._apply(delta)
+        self.store.context.add_range(self.rid, 1, self.counter)  # a write that was broken off leaves no hole
+        return delta
+
+    def _ends_at(self, name: str) -> tuple[Dot, ...]:
+        return tuple(entry.dot for entry in self.node(name)._entries)
+
+    def _entries_of(self, key: Key, add: Add | None) -> list[Dot]:
+        return [add.dot] if add else [entry.dot for entry in self.live(key)]
+
+    def live(self, key: Key) -> list[Entry]:
+        """All incarnations of an element that live; the graph must be locked."""
+        return list(self.store.by_key.get(key, {}).values())
+
+    def incident_keys(self, name: str) -> list[EdgeKey]:
+        """Keys of the edges at a node, visible or not; the graph must be locked."""
+        return list(self.incident.get(name, ()))
+
+    def new_dot(self) -> Dot:
+        """A dot that was never issued before; it is for a delta that is joined here at once."""
+        self.counter += 1
+        return self.rid, self.counter
+
+    def _commit(
+        self, key: Key, owners: list[Dot], add: Add | None, values: Mapping[str, Any], now: float
+    ) -> Delta:
+        """Write `values` into every incarnation in `owners`, so that the removal of one loses none."""
+        delta = Delta(adds=[add] if add else [])
+        rid, first = self.rid, self.counter + (0 if add else 1)
+        tick = self.hlc.tick(now)
+        stamps = [tick if add else self._stamp(key, owners, name, tick) for name in values]
+        for (name, value), stamp in zip(values.items(), stamps, strict=True):
+            stream = not add and value is not TOMBSTONE and self.schema.attributes[name].stream
+            for owner in owners:
+                dot = None if stream else self.new_dot()
+                delta.writes.append(Write(owner, name, stamp, rid, dot, value))
+        if self.counter >= first:
+            delta.context.append((rid, first, self.counter))
+        self._apply(delta)
+        return delta
+
+    def _commit_removal(self, dots: list[Dot]) -> Delta:
+        delta = Delta()
+        delta.removed = dots
+        rid, counter = self.new_dot()
+        delta.context.append((rid, counter, counter))
+        self._apply(delta)
+        return delta
+
+    def _apply(self, delta: Delta) -> None:
+        try:
+            self.store.join(delta)
+        except BaseException:  # most often KeyboardInterrupt, at any place
+            self._recover()
+            raise
+
+    def _recover(self) -> None:
+        """Derive all else from the store's entries again; what peers lack of them, they will ask for."""
+        store = self.store
+        store.rebuild()
+        store.context.add_range(self.rid, 1, self.counter)
+        self._rebuild_indexes()
+        for name in dict.fromkeys([*self.nodes, *(key for key in store.by_key if isinstance(key, str))]):
+            self._refresh_node(name)
+        for key in dict.fromkeys([*self.edges, *(key for key in store.by_key if not isinstance(key, str))]):
+            self._refresh_edge(key)
+        self._detach_or_bury([entry for entry in store.entries.values() if not isinstance(entry.key, str)])
+        elements: list[Node | Edge] = [*self.nodes.values(), *self.edges.values()]
+        for element in elements:
+            for attribute in element:
+                self._listener.updated(element, attribute)
+
+    def _rebuild_indexes(self) -> None:
+        self.incident, self._unattached = {}, {}
+        for key in self.store.by_key:
+            if not isinstance(key, str):
+                self._note_incident(key)
+        self.nodes_by_type, self.edges_by_type, self.edges_out, self.edges_in = {}, {}, {}, {}
+        for node in self.nodes.values():
+            self.nodes_by_type.setdefault(node.type, {})[node.name] = node
+        for edge in self.edges.values():
+            for index, name in self._edge_indexes(edge.key):
+                index.setdefault(name, {})[edge.key] = edge
+
+    def clear(self) -> None:
+        """Hold nothing any more, unless another one still reads from here; the graph must be locked."""
+        if any(fork() is not None for fork in self._forks) or any(overlay() is not None for overlay in self.overlays):
+            return
+        self.store = Store(self)
+        self.nodes, self.edges = {}, {}
+        self._rebuild_indexes()
+
+    # ---- what the store reports: keep the visible elements and the indexes
+
+    def entry_added(self, entry: Entry) -> None:
+        """Show the new incarnation and what depends on it."""
+        if isinstance(entry.key, str):
+            self._refresh_node(entry.key)
+            self._refresh_edges_at(entry.key)
+            return
+        self._note_incident(entry.key)
+        if self._has_ends(entry):
+            self._refresh_edge(entry.key)
+        elif self._is_dead(entry):
+            self._bury([entry])
+        else:
+            self._unattached[entry.dot] = entry
+
+    def _note_incident(self, key: EdgeKey) -> None:
+        for name in key[:2]:
+            self.incident.setdefault(name, {})[key] = None
+
+    def entry_removed(self, entry: Entry) -> None:
+        """Hide the incarnation and what depended on it."""
+        if isinstance(entry.key, str):
+            self._refresh_edges_at(entry.key)
+            self._refresh_node(entry.key)
+            at_node = list(self.incident.get(entry.key, ()))
+            self._detach_or_bury([e for key in at_node for e in self.store.by_key.get(key, {}).values()])
+            return
+        if entry.key not in self.store.by_key:
+            for name in entry.key[:2]:
+                keys = self.incident.get(name)
+                if keys is not None:
+                    keys.pop(entry.key, None)
+                    if not keys:
+                        del self.incident[name]
+        self._refresh_edge(entry.key)
+
+    def register_changed(self, entry: Entry, attribute: str) -> None:
+        """Pass on a change of a visible element."""
+        element = self._visible(entry.key)
+        if element is not None and entry in element._entries:
+            self._listener.updated(element, attribute)
+
+    def _refresh_node(self, name: str) -> None:
+        entries = tuple(self.store.by_key.get(name, {}).values())
+        if self.store.mine is not None:
+            self.before_change(name)
+        old = self.nodes.get(name)
+        if old is not None and entries:
+            self._change_node(old, entries)
+        elif old is not None:
+            del self.nodes[name]
+            del self.nodes_by_type[old.type][name]
+            self._listener.removed(old)
+        elif entries:
+            node = self.nodes[name] = Node(name, entries)
+            self.nodes_by_type.setdefault(node.type, {})[name] = node
+            self._listener.added(node)
+
+    def _change_node(self, node: Node, entries: tuple[Entry, ...]) -> None:
+        """Another incarnation came or went; for the listener, a node of another type is another node."""
+        type = type_of(entries)
+        if type == node.type:
+            self._change_incarnations(node, entries)
+            return
+        del self.nodes_by_type[node.type][node.name]
+        self._listener.removed(node)
+        node._entries = entries
+        self.nodes_by_type.setdefault(type, {})[node.name] = node
+        self._listener.added(node)
+
+    def _change_incarnations(self, element: Node | Edge, entries: tuple[Entry, ...]) -> None:
+        """Another incarnation of a visible element came or went: its values may be others now."""
+        before = dict(element)
+        others = element._entries != entries
+        element._entries = entries
+        if others and self.overlays:
+            self.incarnations_changed(element)
+        for attribute in before.keys() | set(element):
+            if before.get(attribute) is not element.get(attribute):
+                self._listener.updated(element, attribute)
+
+    def _refresh_edges_at(self, name: str) -> None:
+        for key in list(self.incident.get(name, ())):
+            self._refresh_edge(key)
+
+    def _refresh_edge(self, key: EdgeKey) -> None:
+        entries = tuple(e for e in self.store.by_key.get(key, {}).values() if self._has_ends(e))
+        old = self.edges.get(key)
+        if self.store.mine is not None and entries != (old._entries if old else ()):
+            self.before_change(key)
+            old = self.edges.get(key)
+        if old is not None and entries:
+            self._change_incarnations(old, entries)
+        elif old is not None:
+            for index, name in self._edge_indexes(key):
+                del index[name][key]
+                if not index[name]:
+                    del index[name]
+            del self.edges[key]
+            self._listener.removed(old)
+        elif entries:
+            edge = self.edges[key] = Edge(key, entries)
+            for index, name in self._edge_indexes(key):
+                index.setdefault(name, {})[key] = edge
+            self._listener.added(edge)
+
+    def _edge_indexes(self, key: EdgeKey) -> list[tuple[Groups[EdgeKey, Edge], str]]:
+        return [(self.edges_out, key[0]), (self.edges_in, key[1]), (self.edges_by_type, key[2])]
+
+    def _has_ends(self, entry: Entry) -> bool:
+        live = self.store.entries.keys()
+        return not live.isdisjoint(entry.sources) and not live.isdisjoint(entry.destinations)
+
+    def _is_dead(self, entry: Entry) -> bool:
+        """Whether an end was removed for good: then the edge can never be seen again."""
+        live, seen = self.store.entries, self.store.context
+        return any(
+            all(dot in seen and dot not in live for dot in ends) for ends in (entry.sources, entry.destinations)
+        )
+
+    def _detach_or_bury(self, entries: list[Entry]) -> None:
+        """Look again at edges that have lost an end: another incarnation of it may be still to come."""
+        for entry in entries:
+            if not self._has_ends(entry):
+                self._unattached[entry.dot] = entry
+        self._attach_or_bury()
+
+    def _attach_or_bury(self) -> None:
+        """Look again at edges that came before their ends: an end may have come, or turn out to be removed."""
+        for dot, entry in list(self._unattached.items()):
+            if self._has_ends(entry) or dot not in self.store.entries:
+                del self._unattached[dot]
+            elif self._is_dead(entry):
+                del self._unattached[dot]
+                self._bury([entry])
+
+    def _bury(self, dead: list[Entry]) -> None:
+        """Drop edges that no replica can ever show again, so that state does not grow with history."""
+        delta = Delta()
+        delta.removed = [entry.dot for entry in dead]
+        self.store.join(delta)

@@ -1,0 +1,320 @@
+"""Names, types and units of everything the graph may hold; users register their own."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import re
+from collections.abc import Iterable, Mapping
+from typing import Any, Literal
+
+import msgspec
+import numpy as np
+
+from dsr.errors import SchemaError, suggest
+from dsr.math3d.transforms import Pose
+
+Kind = Literal["bool", "int", "float", "str", "bytes", "vector", "pose"]
+Value = bool | int | float | str | bytes | tuple[float, ...] | Pose
+
+_NAME = re.compile(r"[A-Za-z0-9_.\-]{1,128}")
+_INT_LIMIT = 1 << 63
+MAX_LENGTH = 1 << 20
+"""Characters, bytes or numbers in one value; what is larger does not belong in a graph (see `dsr.images.blobs`)."""
+POSE_FIELDS = ("translation", "rotation", "stamp", "covariance")
+_POSE_FIELDS = frozenset(POSE_FIELDS)
+
+WORLD_RECORD = "world_record"
+"""Type of the nodes that list the worlds of a system (dsr/worlds/registry.py); never shown among its things."""
+
+
+class AttributeType(msgspec.Struct, frozen=True):
+    """What an attribute means and which values it takes."""
+
+    kind: Kind
+    unit: str = ""
+    """SI unit of a number or of each component of a vector."""
+    meaning: str = ""
+    length: int | None = None
+    """Number of components of a vector; None for any."""
+    stream: bool = False
+    """Written many times a second: samples may be dropped on the way, the last one never is."""
+
+
+class Schema:
+    """The vocabulary of a graph: node types, edge types and attributes."""
+
+    def __init__(self) -> None:
+        self.node_types: dict[str, str] = dict(_NODE_TYPES)
+        self.edge_types: dict[str, str] = dict(_EDGE_TYPES)
+        self.geometric: set[str] = {"RT", "Virtual_RT"}
+        self.attributes: dict[str, AttributeType] = dict(_ATTRIBUTES)
+
+    def register_node_type(self, name: str, meaning: str) -> None:
+        """Allow nodes of type `name`."""
+        self.node_types[_checked_name("node type", name)] = meaning
+
+    def register_edge_type(self, name: str, meaning: str, *, geometric: bool = False) -> None:
+        """Allow edges of type `name`; a geometric edge carries a `pose` and takes part in frame chains."""
+        self.edge_types[_checked_name("edge type", name)] = meaning
+        if geometric:
+            self.geometric.add(name)
+
+    def register_attribute(self, name: str, attribute: AttributeType) -> None:
+        """Allow attribute `name`; registering another kind under a known name is an error."""
+        known = self.attributes.get(name)
+        if known is not None and known.kind != attribute.kind:
+            raise SchemaError(f"attribute {name!r} is already a {known.kind}, not a {attribute.kind}")
+        self.attributes[_checked_name("attribute", name)] = attribute
+
+    def check_node(self, name: str, type: str) -> None:
+        """Raise `SchemaError` unless a node `name` of `type` may exist."""
+        _checked_name("node", name)
+        if type not in self.node_types:
+            raise SchemaError(f"node {name!r}: unknown node type {type!r}; {suggest(type, self.node_types)}")
+
+    def check_edge_type(self, type: str) -> None:
+        """Raise `SchemaError` for an unknown edge type."""
+        if type not in self.edge_types:
+            raise SchemaError(f"unknown edge type {type!r}; {suggest(type, self.edge_types)}")
+
+    def attribute(self, name: str) -> AttributeType:
+        """The type of attribute `name`. Raises `SchemaError` if there is none."""
+        try:
+            return self.attributes[name]
+        except KeyError:
+            raise SchemaError(f"unknown attribute {name!r}; {suggest(name, self.attributes)}") from None
+
+    def to_value(self, name: str, value: Any) -> Value:
+        """`value` in the form in which attribute `name` is stored. Raises `SchemaError` if it does not fit."""
+        return self.to_values({name: value})[name]
+
+    def to_values(self, attributes: Mapping[str, Any]) -> dict[str, Value]:
+        """The same for several attributes at once."""
+        values: dict[str, Value] = {}
+        for name, value in attributes.items():
+            attribute = self.attributes.get(name) or self.attribute(name)
+            stored = _CONVERTERS[attribute.kind](value)
+            if stored is None or (attribute.length is not None and len(stored) != attribute.length):
+                raise SchemaError(f"attribute {name!r}: expected a finite {_described(attribute)}, got {value!r:.200}")
+            values[name] = stored
+        return values
+
+
+def _described(attribute: AttributeType) -> str:
+    length = "" if attribute.length is None else f" of {attribute.length}"
+    return f"{attribute.kind}{length}{f' in {attribute.unit}' if attribute.unit else ''}"
+
+
+def with_pose(attributes: dict[str, Any]) -> dict[str, Any]:
+    """`attributes` with the parts of a pose, if they were given one by one, joined. Raises `SchemaError`."""
+    if _POSE_FIELDS.isdisjoint(attributes):
+        return attributes
+    parts = {name: attributes[name] for name in POSE_FIELDS if name in attributes}
+    others = {name: value for name, value in attributes.items() if name not in parts}
+    if "pose" in others or "translation" not in parts:
+        raise SchemaError(f"give either pose, or translation with rotation, not {', '.join(sorted(attributes))}")
+    try:
+        return {**others, "pose": Pose(**parts)}
+    except ValueError as error:
+        raise SchemaError(str(error)) from error
+
+
+def checked_names(given: str | Iterable[str] | None, valid: Iterable[str], what: str) -> frozenset[str] | None:
+    """The names asked for. Raises `SchemaError` for one that is not valid; a remote schema may know more names."""
+    if given is None:
+        return None
+    names = frozenset([given] if isinstance(given, str) else given)
+    for name in names:
+        if name not in valid:
+            raise SchemaError(f"unknown {what} {name!r}; {suggest(name, valid)}")
+    return names
+
+
+def _checked_name(what: str, name: str) -> str:
+    if not isinstance(name, str) or not _NAME.fullmatch(name):
+        raise SchemaError(f"{what} name {name!r}: expected 1 to 128 letters, digits, '_', '.' or '-'")
+    return name
+
+
+def _bool(value: Any) -> bool | None:
+    return bool(value) if isinstance(value, bool | np.bool_) else None
+
+
+def _int(value: Any) -> int | None:
+    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+        return None
+    return int(value) if -_INT_LIMIT <= value < _INT_LIMIT else None
+
+
+def _float(value: Any) -> float | None:
+    if type(value) is float:
+        return value if math.isfinite(value) else None
+    if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+        return None
+    with contextlib.suppress(OverflowError):
+        number = float(value)
+        return number if math.isfinite(number) else None
+    return None
+
+
+def _str(value: Any) -> str | None:
+    """Half of a surrogate pair is no text: it could not be sent."""
+    if not isinstance(value, str) or len(value) > MAX_LENGTH:
+        return None
+    return str(value) if value.isascii() or is_text(value) else None
+
+
+def is_text(value: str) -> bool:
+    """Whether `value` can be written as UTF-8: no half of a surrogate pair."""
+    return not any("\ud800" <= character <= "\udfff" for character in value)
+
+
+def _bytes(value: Any) -> bytes | None:
+    return bytes(value) if isinstance(value, bytes | bytearray) and len(value) <= MAX_LENGTH else None
+
+
+def _vector(value: Any) -> tuple[float, ...] | None:
+    if isinstance(value, np.ndarray):
+        value = value.tolist() if value.ndim == 1 else None
+    if not isinstance(value, list | tuple) or len(value) > MAX_LENGTH:
+        return None
+    numbers = tuple(map(_float, value))
+    return None if None in numbers else numbers  # type: ignore[return-value]
+
+
+def _pose(value: Any) -> Pose | None:
+    """A product of poses is not checked, and may have overflowed; peers refuse such numbers."""
+    if not isinstance(value, Pose) or not math.isfinite(sum(value.t)):
+        return None
+    return value if value.cov is None or math.isfinite(sum(value.cov)) else None
+
+
+_CONVERTERS: dict[str, Any] = {
+    "bool": _bool, "int": _int, "float": _float, "str": _str, "bytes": _bytes, "vector": _vector, "pose": _pose,
+}  # fmt: skip
+
+_NODE_TYPES = {
+    "world": "root of all frames",
+    WORLD_RECORD: "an entry of the list of worlds, see dsr.worlds",
+    "robot": "the robot's base",
+    "body": "a part of the robot's body",
+    "mind": "where intentions hang",
+    "arm": "base of an arm",
+    "gripper": "the arm's end effector",
+    "camera": "a camera; its frame is the optical one (z forward, x right, y down)",
+    "table": "a table; its frame is at the centre of the top surface",
+    "cube": "a cube; its frame is at the centre",
+    "box": "a closed box",
+    "container": "a box open at the top",
+    "cup": "a cup",
+    "ball": "a ball",
+    "object": "what does not move by itself, in the form of its mesh",
+    "group": "a frame under which the parts of something are",
+    "person": "a human; the frame is between the eyes: x along the gaze, y left, z up",
+    "hand": "a human hand",
+    "finger": "a fingertip",
+    "intention": "a goal that the robot pursues",
+    "action": "a step of a plan",
+    "agent": "a process that takes part",
+    "timeline": "where events and situations hang, see dsr.timeline",
+    "event": "something that happened at an instant",
+    "situation": "something that holds, or held, for a time",
+    "query": "a request for edges of spatial relations, see dsr.spatial",
+    "calibration": "a request to calibrate a camera, see dsr.vocabulary.calibration",
+}
+
+_EDGE_TYPES = {
+    "RT": "pose of the destination in the source, perceived or measured",
+    "Virtual_RT": "pose of the destination in the source, believed by the simulation",
+    "has": "structure",
+    "next": "plan order",
+    "on": "the source rests on the destination",
+    "in": "the source is inside the destination",
+    "grasping": "the source holds the destination",
+    "sees": "how much of the destination there is to be seen from the source, by what is believed",
+    "above": "over the destination, touching or not (this and what follows: see dsr.spatial)",
+    "below": "the destination is above the source",
+    "on_top": "at the top of the destination, by the boxes around them; `on` is by contact",
+    "inside": "the source is in the destination, by the boxes around them; `in` is by contact",
+    "next_to": "beside the destination, with no room between them",
+    "close_to": "within twice the size of the destination",
+    "in_front_of": "nearer to the viewer than the destination",
+    "behind": "farther from the viewer than the destination",
+    "left_of": "on the left of the destination, as the viewer sees it",
+    "right_of": "on the right of the destination, as the viewer sees it",
+}
+
+
+def _attributes(kind: Kind, unit: str, meanings: dict[str, str], **options: Any) -> Iterable[tuple[str, AttributeType]]:
+    return [(name, AttributeType(kind, unit, meaning, **options)) for name, meaning in meanings.items()]
+
+
+_ATTRIBUTES: dict[str, AttributeType] = dict([
+    *_attributes("pose", "m, rad", {"pose": "the geometry of an RT or Virtual_RT edge"}, stream=True),
+    *_attributes("pose", "m, rad", {"target_pose": "where the tool point shall go, in the world frame",
+                                    "held_at": "gripper_from_object of what a gripper holds, or hand_from_object",
+                                    "seen_at": "world_from_object where somebody last saw it"}),
+    *_attributes("vector", "m", {"size": "extent along x, y, z"}, length=3),
+    *_attributes("vector", "m", {"bounds": "box around a part, in its frame: least, then greatest x, y, z"}, length=6),
+    *_attributes("vector", "", {"color": "red, green, blue from 0 to 1"}, length=3),
+    *_attributes("vector", "m", {"shape": "parts of a body that is no box: 11 numbers each, see dsr.math3d.shapes"}),
+    *_attributes("vector", "rad", {"fov": "field of view of a camera or a person: horizontal, vertical"}, length=2),
+    *_attributes("vector", "rad", {"target_joints": "where the joints shall go"}),
+    *_attributes("vector", "rad", {"joint_positions": "measured"}, stream=True),
+    *_attributes("vector", "rad/s", {"joint_velocities": "measured"}, stream=True),
+    *_attributes("float", "kg", {"mass": "mass"}),
+    *_attributes("float", "", {"friction": "Coulomb coefficient", "target_speed": "0 to 1 of the limits"}),
+    *_attributes("float", "m", {"rolling_friction": "lever arm of the resistance to rolling"}),
+    *_attributes("float", "m", {"target_opening": "wanted distance between the finger pads"}),
+    *_attributes("float", "m", {"opening": "distance between the finger pads"}, stream=True),
+    *_attributes("float", "s", {"since": "when it began", "time": "when it happened", "begin": "when a situation began",
+                                "end": "when a situation ended; absent while it lasts"}),
+    *_attributes("float", "", {"confidence": "that it is so, 0 to 1"}),
+    *_attributes("str", "", {"kind": "of an event", "participants": "comma-separated nodes that an event is about"}),
+    *_attributes("float", "", {"share": "of the image that it would have alone, how much is seen from there, 0 to 1",
+                               "detectable": "share of what a camera recognises it by (tag or colour), 0 to 1",
+                               "score": "how badly an explanation fits: minus its log-likelihood, up to a constant"}),
+    *_attributes("float", "", {"confidence": "how sure it is that it is so, 0 to 1"}),
+    *_attributes("float", "s", {"last_seen": "when a camera, or whoever has this view, last saw it"}, stream=True),
+    *_attributes("float", "px", {"fx": "focal length", "fy": "focal length", "cx": "principal point",
+                                 "cy": "principal point"}),
+    *_attributes("int", "px", {"width": "of the image", "height": "of the image"}),
+    *_attributes("int", "", {"marker_id": "AprilTag 36h11 id", "seen": "how many", "pid": "process id",
+                             "priority": "greater is more urgent", "order": "position in a plan",
+                             "replans": "how often a new plan was made",
+                             "views": "from how many poses of its parent a camera is to look"}),
+    *_attributes("bool", "", {"perceived": "a camera sees it now", "plausible": "the percept obeys physics",
+                              "surprising": "percept and belief disagree", "contact": "both pads touch something",
+                              "visible": "enough of it (`share`) is there to be seen",
+                              "present": "believed to be in the scene",
+                              "maintain": "the goal is watched after it was reached",
+                              "hopeless": "the action will fail again while what is believed stays as it is",
+                              "forced": "it shall be done whatever speaks against it",
+                              "moves_arm": "an arm shall be moved for it",
+                              "undo": "the pose from before the last calibration shall be taken back"}),
+    *_attributes("str", "", {"status": "what it is doing", "explanation": "why", "stream": "name of a blob stream",
+                             "source": "what says so", "model": "which product", "joint_names": "comma-separated",
+                             "goal": "what is wanted", "target": "what the action is about",
+                             "destination": "where an action puts its target",
+                             "skill": "of the arm: pick, place, move, look, observe or stop",
+                             "request": "what the planner asks of an action: run or halt",
+                             "surprise": "why it is surprising",
+                             "grip": "how a hand has hold of it: touch (one side) or pinch (two opposite ones)",
+                             "side": "of the body: left, right or unknown",
+                             "hidden_by": "what hides most of it from there",
+                             "covered_by": "what hides most of what a camera recognises it by",
+                             "policy": "which method explained it",
+                             "alternatives": "explanations that were rejected, with their scores",
+                             "kind": "of an event or a situation", "participants": "names, comma-separated",
+                             "text": "in a line, for people", "outcome": "how it ended",
+                             "relations": "wanted edge types, comma-separated", "things": "names, comma-separated",
+                             "others": "names, comma-separated", "viewpoint": "the frame from which it is so",
+                             "method": "by which a camera is calibrated",
+                             "mount": "of a camera, whether it is where it was: see dsr.vocabulary.calibration",
+                             "report": "what came of a calibration, JSON, see dsr.vocabulary.calibration",
+                             "mesh": "hashes of its meshes, comma-separated, see dsr.geometry",
+                             "via": "worlds through which it came, comma-separated, see dsr.worlds",
+                             "record": "what is known of a world, JSON, see dsr.worlds",
+                             "note": "free text"}),
+])  # fmt: skip

@@ -1,0 +1,103 @@
+"""What a graph does for its forks: they keep what it is about to change (dsr/worlds/fork.py)."""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import MutableMapping
+from typing import Protocol, TypeVar
+
+from dsr.crdt.context import Dot
+from dsr.crdt.delta import EdgeKey, Key
+from dsr.crdt.store import Entry, Observer, Store
+from dsr.graph.elements import Edge, Node
+
+_HANDLES_LAST = 200
+"""Polls (10 s of threads) for which forks and overlays keep what they made to be read."""
+
+K = TypeVar("K")
+V = TypeVar("V")
+Groups = MutableMapping[str, MutableMapping[K, V]]
+"""Some of the elements by a name that they share."""
+
+
+class Fork(Protocol):
+    """A graph that began as another one and still reads from it."""
+
+    def take_over(self, key: Key) -> None:
+        """The other graph is about to change this element: keep it as it is."""
+
+
+class LooksThrough(Protocol):
+    """A graph that shows another one's elements, live."""
+
+    def below_has_others(self, element: Node | Edge) -> None:
+        """Other incarnations of an element of the other graph are seen there now."""
+
+
+class Sharing(Observer):
+    """Base of `Graph`."""
+
+    store: Store
+    nodes: MutableMapping[str, Node]
+    edges: MutableMapping[EdgeKey, Edge]
+
+    def __init__(self) -> None:
+        self._forks: list[weakref.ref[Fork]] = []
+        self.overlays: list[weakref.ref[LooksThrough]] = []
+        """Graphs that look through to this one, live."""
+        self._polls = 0
+
+    def share_with(self, fork: Fork) -> None:
+        """Let `fork` read what is here now, and keep from it what changes later; the graph must be locked."""
+        self._forks = [other for other in self._forks if other() is not None] + [weakref.ref(fork)]
+        self.store.mine = set()
+
+    def release(self, fork: Fork | None) -> None:
+        """Tell `fork` about nothing any more; the graph must be locked."""
+        self._forks = [other for other in self._forks if other() not in (None, fork)]
+        if not self._forks:
+            self.store.mine = None
+
+    def element(self, dot: Dot) -> Entry | None:
+        """What lives under a creation dot, here or below."""
+        return self.store.entries.get(dot)
+
+    def is_known(self, dot: Dot) -> bool:
+        """Whether it is clear what became of what was created under `dot`."""
+        return dot in self.store.context
+
+    def incarnations_changed(self, element: Node | Edge) -> None:
+        """Tell the overlays."""
+        for reference in self.overlays:
+            overlay = reference()
+            if overlay is not None:
+                overlay.below_has_others(element)
+
+    def forget_handles(self) -> None:
+        """Give back what only makes reading again faster."""
+
+    def tidy(self) -> None:
+        """Give back what is not needed any more; called at each poll, the graph must be locked."""
+        self._polls += 1
+        if self._polls % _HANDLES_LAST == 0:
+            self.forget_handles()
+        if self._forks and any(fork() is None for fork in self._forks):
+            self.release(None)
+        if self.overlays and any(overlay() is None for overlay in self.overlays):
+            self.overlays = [overlay for overlay in self.overlays if overlay() is not None]
+
+    def before_change(self, key: Key) -> None:
+        """Let the forks keep what is about to change."""
+        for reference in self._forks:
+            fork = reference()
+            if fork is not None:
+                fork.take_over(key)
+
+    def entry_copied(self, old: Entry, new: Entry) -> None:
+        """Show the copy, which is about to change, in the place of the one that forks read."""
+        element = self._visible(new.key)
+        if element is not None:
+            element._entries = tuple(new if entry is old else entry for entry in element._entries)
+
+    def _visible(self, key: Key) -> Node | Edge | None:
+        return self.nodes.get(key) if isinstance(key, str) else self.edges.get(key)

@@ -1,0 +1,1 @@
+"""Camera frames as streams of binary blobs."""

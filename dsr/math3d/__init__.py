@@ -1,0 +1,1 @@
+"""Geometry without a graph: rotations, rigid transforms, polygons, shapes and their surfaces."""

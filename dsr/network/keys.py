@@ -1,0 +1,105 @@
+"""The keys under which everything of one graph and its worlds travels (PROTOCOL: `dsr/v1/<graph>/...`)."""
+
+from __future__ import annotations
+
+import re
+
+from dsr.errors import ConfigError
+
+PROTOCOL = "dsr/v1"
+BASE = "base"
+"""The world that a system is launched with: its graph."""
+_NAME = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9_.-]{0,63}")
+
+_KEY = re.compile(r"[A-Za-z0-9_.-]{1,256}(/[A-Za-z0-9_.-]{1,256}){0,8}")
+
+
+def check_name(kind: str, name: str) -> str:
+    """Return `name` if it can be a part of a key, else raise `ConfigError`."""
+    if not isinstance(name, str) or not _NAME.fullmatch(name):
+        raise ConfigError(f"{kind} {name!r}: expected 1 to 64 letters, digits, '_', '-' or '.', the first not a '.'")
+    return name
+
+
+def is_key(text: str) -> bool:
+    """Whether `text`, which may come from anywhere, names one key: parts between slashes, no wildcards."""
+    return _KEY.fullmatch(text) is not None
+
+
+def agent_of(rid: str) -> str:
+    """The agent whose replica has the id `rid`: what is before the boot nonce."""
+    return rid.rpartition("-")[0]
+
+
+def ticket_key(key: str) -> str:
+    """Where tickets for large messages of `key` travel (`bulk.py`); no wildcard matches a part that begins with @."""
+    return f"{key}/@shm"
+
+
+class Keys:
+    """Key builder of one graph; each method names one kind of traffic.
+
+    Args:
+        graph: name of the graph.
+        world: which of its worlds; only the keys of replicas depend on it, all else belongs to the whole system.
+        channel: where replicas of that world meet (see dsr/worlds/registry.py); nothing for the base.
+    """
+
+    def __init__(self, graph: str, world: str = BASE, channel: str = "") -> None:
+        self.graph = check_name("graph name", graph)
+        self.world = check_name("world name", world)
+        self.root = f"{PROTOCOL}/{graph}"
+        self.state = self.root if world == BASE else f"{self.root}/world/{world}/{check_name('channel', channel)}"
+        """Root of what replicas tell each other."""
+
+    def delta(self, rid: str = "*") -> str:
+        """Durable changes of replica `rid`."""
+        return f"{self.state}/d/{rid}"
+
+    def stream(self, rid: str = "*") -> str:
+        """Bundles of high-rate values of replica `rid`."""
+        return f"{self.state}/rt/{rid}"
+
+    def digest(self, rid: str = "*") -> str:
+        """What replica `rid` has seen."""
+        return f"{self.state}/dig/{rid}"
+
+    def sync(self, rid: str = "*") -> str:
+        """Where replica `rid` answers requests for what is missing."""
+        return f"{self.state}/sync/{rid}"
+
+    def presence(self, agent: str = "*", rid: str = "*") -> str:
+        """Liveliness token of a replica of this world; in the base, that of the process."""
+        return f"{self.state}/live/{agent}/{rid}"
+
+    def blob(self, name: str) -> str:
+        """Frames named `name` (may contain slashes)."""
+        return f"{self.root}/blob/{name}"
+
+    def mesh(self, rid: str = "*") -> str:
+        """Where replica `rid` answers requests for meshes."""
+        return f"{self.root}/mesh/{rid}"
+
+    def live(self, agent: str = "*", rid: str = "*") -> str:
+        """Liveliness token of a process: of its replica of the base."""
+        return f"{self.root}/live/{agent}/{rid}"
+
+    def status(self, agent: str = "*") -> str:
+        """State, rate, latency and last error of an agent, at 1 Hz."""
+        return f"{self.root}/status/{agent}"
+
+    def log(self, agent: str = "*") -> str:
+        """Log records of an agent."""
+        return f"{self.root}/log/{agent}"
+
+    def device(self, name: str) -> str:
+        """Traffic between a driver and its device, e.g. `arm/state` (outside the graph)."""
+        return f"{self.root}/device/{name}"
+
+    def service(self, name: str) -> str:
+        """Where requests of the service `name` are answered, e.g. `what_if`."""
+        return f"{self.root}/service/{name}"
+
+    def truth(self) -> str:
+        """Ground truth of a simulated reality: for judges and recordings, never for agents."""
+        return f"{self.root}/truth"

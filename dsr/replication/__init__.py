@@ -1,0 +1,1 @@
+"""How replicas stay equal: messages, synchronisation, and what a sender may claim."""

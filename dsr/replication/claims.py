@@ -1,0 +1,221 @@
+"""What a sender may claim to have seen: bounds that honest replicas never meet, so that lies cost little and end.
+
+A context only grows, and everybody keeps what anybody claims. Therefore:
+
+1. A delta accounts for dots of its sender alone, and for removals of what has arrived. A removal may come before what
+   it removes; `MAX_EARLY` such removals are taken, others are holes that the repair fills.
+2. Gaps between the counters of one replica, and newcomers in a while, are bounded; what is beyond is passed over, and
+   the repair brings it. In a reply the replier's own counters have no gaps, and of nobody's more than `MAX_GAPS` are
+   taken over.
+3. A reply may name replicas of which nothing is left: a newcomer must learn of them. Others take over `MAX_STRANGERS`
+   of them with each reply, and nobody any beyond `MAX_REPLICAS`. That changes nothing that anybody holds.
+4. Nobody can have seen more of us than we have written.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+
+from dsr.crdt.context import CausalContext, Dot, DotRange, to_ranges
+from dsr.crdt.delta import Delta
+from dsr.errors import WireError
+from dsr.graph.graph import Graph
+
+MAX_GAPS = 1000
+"""Gaps among the counters of one replica: as many messages lost one by one as wait for a slow reader."""
+MAX_EARLY = 1000
+"""Removals that came before what they remove: a race of milliseconds between two senders."""
+MAX_NEWCOMERS = 1000
+"""Replicas that may begin to write within `WHILE`: as many as are listened to."""
+WHILE = 60.0
+"""s"""
+MAX_REPLICAS = 1 << 14
+"""Replica ids in a context after which none is taken over of which nothing is left: those of eleven days with a restart
+a minute. A request has 500 kB then, and takes 20 ms to read."""
+MAX_STRANGERS = 1000
+"""Of these, those that one reply may bring to who has joined: after a partition, replies of some seconds bring all."""
+
+
+class Claims:
+    """Watches over what is claimed to one replica."""
+
+    def __init__(self, graph: Graph) -> None:
+        self.passed_over = 0
+        """Deltas that were left to the repair, removals too, and replicas that were not taken over."""
+        self._graph = graph
+        self._early: dict[str, set[int]] = {}
+        """Counters of what was removed before it came, by who is to have made it; until that one accounts for them."""
+        self._newcomers: set[str] = set()
+        self._while_ends = 0.0
+
+    def look(self, now: float) -> None:
+        """To be called often with the monotonic time, s."""
+        if now >= self._while_ends:
+            self._newcomers.clear()
+            self._while_ends = now + WHILE
+
+    def own_part(self, sender: str, delta: Delta) -> Delta:
+        """Of a delta what may be joined. Raises `WireError` if it accounts for dots that are not its sender's."""
+        other = _other_than(sender, delta)
+        if other is not None:
+            raise WireError(f"dots of {other} in a delta of another replica")
+        if delta.removed and not self._may_remove(delta.removed):
+            self.passed_over += 1
+            known = [dot for dot in delta.removed if self._graph.store.is_known(dot)]
+            return Delta(delta.adds, delta.writes, known, accounted_for(sender, delta))
+        return delta
+
+    def may_grow(self, sender: str, delta: Delta, *, fetching: bool) -> bool:
+        """Whether a delta keeps the bounds on newcomers and gaps; if not, it is passed over.
+
+        While pieces of an answer come (`fetching`), gaps are those between the pieces, and not judged.
+        """
+        context = self._graph.store.context
+        if _follows(context.vector.get(sender), delta) and sender not in self._early:
+            return True
+        if not context.knows(sender) and sender not in self._newcomers:
+            if len(self._newcomers) >= MAX_NEWCOMERS:
+                self.passed_over += 1
+                return False
+            self._newcomers.add(sender)
+        next_one = context.vector.get(sender, 0) + 1
+        apart = sum(first > next_one for _, first, _ in delta.context) + _unaccounted(delta)
+        there = 0 if fetching else context.gaps(sender)
+        if apart and apart + there > MAX_GAPS:
+            self.passed_over += 1
+            return False
+        self._note_made(sender, delta.context)
+        return True
+
+    def context_part(self, sender: str, context: list[DotRange]) -> list[DotRange]:
+        """Of what a replier has seen, what may be believed: `MAX_GAPS` gaps of each replica, the lowest ones.
+
+        Who has not got all pieces of an answer itself has more gaps than messages were lost. Raises `WireError` if
+        nobody honest can have sent it.
+        """
+        ranges: Counter[str] = Counter()
+        kept: list[DotRange] = []
+        for dots in context:
+            rid, first, _ = dots
+            ranges[rid] += 1
+            if rid == sender and first > 1:
+                raise WireError("gaps among the counters of the replier itself")
+            if ranges[rid] <= MAX_GAPS + 1 or not self._graph.store.bounds_gaps:
+                kept.append(dots)
+        self.passed_over += len(context) - len(kept)
+        return kept
+
+    def reply_part(self, reply: Delta, *, joining: bool) -> Delta:
+        """Of the end of a reply what may be joined, by a newcomer or not."""
+        room = MAX_REPLICAS - self._graph.store.context.size
+        rids = dict.fromkeys(rid for rid, _, _ in reply.context)
+        return self._without_strangers(reply, rids, room if joining else min(room, MAX_STRANGERS))
+
+    def _without_strangers(self, reply: Delta, ranges: Iterable[str], room: int) -> Delta:
+        """Leave out replicas of which nothing is left, but for so many."""
+        context = self._graph.store.context
+        strangers = [rid for rid in ranges if not context.knows(rid)]
+        if len(strangers) <= room:
+            return reply
+        named = {dot[0] for dot in dots_of(reply, ranges=False)}
+        left_out = set([rid for rid in sorted(strangers) if rid not in named][max(room, 0) :])
+        self.passed_over += len(left_out)
+        kept = [dots for dots in reply.context if dots[0] not in left_out]
+        return Delta(reply.adds, reply.writes, reply.removed, kept, reply.live, reply.examined)
+
+    def tidy(self, sender: str, reply: Delta) -> bool:
+        """After a reply was joined: close the lowest gaps of a replica that has too many; whether there were any.
+
+        Two replicas may lack different messages of a third one that is gone. What nobody brought then is given up.
+        """
+        self._note_made(sender, reply.context)
+        context = self._graph.store.context
+        crowded = {rid for rid, _, _ in reply.context if context.gaps(rid) > MAX_GAPS and self._graph.store.bounds_gaps}
+        for rid in crowded:
+            context.close_gaps(rid, MAX_GAPS)
+        return bool(crowded)
+
+    def _may_remove(self, dots: Iterable[Dot]) -> bool:
+        """Whether removals of what has not arrived are few; they are noted then."""
+        unknown = [dot for dot in dots if not self._graph.store.is_known(dot)]
+        if unknown and len(unknown) + sum(map(len, self._early.values())) > MAX_EARLY:
+            return False
+        for rid, counter in unknown:
+            self._early.setdefault(rid, set()).add(counter)
+        return True
+
+    def _note_made(self, sender: str, context: Iterable[DotRange]) -> None:
+        """What was removed early has come, from who made it."""
+        early = self._early.get(sender)
+        if early is None:
+            return
+        for rid, first, last in context:
+            if rid == sender:
+                early.difference_update([counter for counter in early if first <= counter <= last])
+        if not early:
+            del self._early[sender]
+
+
+def dots_of(delta: Delta, *, ranges: bool = True) -> Iterable[Dot]:
+    """The dots of additions and durable writes, and the last ones of the ranges that a delta accounts for."""
+    yield from (add.dot for add in delta.adds)
+    yield from (write.dot for write in delta.writes if write.dot)
+    if ranges:
+        yield from ((rid, last) for rid, _, last in delta.context)
+
+
+def _other_than(sender: str, delta: Delta) -> str | None:
+    """Somebody else whose dots a delta accounts for."""
+    for add in delta.adds:
+        if add.dot[0] != sender:
+            return add.dot[0]
+    for write in delta.writes:
+        if write.dot is not None and write.dot[0] != sender:
+            return write.dot[0]
+    for rid, _, _ in delta.context:
+        if rid != sender:
+            return rid
+    return None
+
+
+def _follows(known: int | None, delta: Delta) -> bool:
+    """Whether a delta goes on where its sender's counters ended, as nearly all do, or accounts for nothing."""
+    if not delta.context:
+        return not delta.adds
+    if known is None or len(delta.context) > 1:
+        return False
+    _, first, last = delta.context[0]
+    return first <= known + 1 and all(first <= add.dot[1] <= last for add in delta.adds)
+
+
+def _unaccounted(delta: Delta) -> int:
+    """Additions whose dots the delta does not account for, as honest ones do."""
+    if not delta.adds:
+        return 0
+    told = CausalContext(delta.context)
+    return sum(add.dot not in told for add in delta.adds)
+
+
+def accounted_for(sender: str, delta: Delta, put_off: Iterable[Dot] = ()) -> list[DotRange]:
+    """The sender's dots whose additions and writes are here, but those put off; those of removals are not known."""
+    return list(to_ranges({dot for dot in dots_of(delta, ranges=False) if dot[0] == sender}.difference(put_off)))
+
+
+def without_word_of(rid: str, reply: Delta) -> Delta:
+    """A reply that neither adds nor removes anything that replica `rid` made."""
+    return Delta(
+        [add for add in reply.adds if add.dot[0] != rid],
+        [write for write in reply.writes if write.dot is None or write.dot[0] != rid],
+        [dot for dot in reply.removed if dot[0] != rid],
+        [dots for dots in reply.context if dots[0] != rid],
+        reply.live,
+        None if reply.examined is None else [dots for dots in reply.examined if dots[0] != rid],
+    )
+
+
+def goes_beyond(rid: str, counter: int, delta: Delta, *, removals_only: bool = False) -> bool:
+    """Whether somebody claims to have seen more of replica `rid` than the `counter` changes that it has made."""
+    if any(owner == rid and number > counter for owner, number in delta.removed):
+        return True
+    return not removals_only and any(owner == rid and last > counter for owner, last in dots_of(delta))

@@ -1,0 +1,78 @@
+"""What one replica gets of another one: piece by piece, each asked for when the one before has come.
+
+A fetch that is broken off has lost nothing: what came is joined, and the next fetch, of whomever, asks for the rest.
+"""
+
+from __future__ import annotations
+
+from dsr.crdt.context import CausalContext, Dot, DotRange
+from dsr.crdt.delta import Delta
+from dsr.crdt.pieces import START, Piece, Place
+from dsr.replication.piece_wire import Request, encode_request
+
+
+class Fetch:
+    """One answer under way.
+
+    Args:
+        peer: who is asked.
+        seen: what need not be sent; it is not changed, and must not be.
+        insists: see `Request`.
+    """
+
+    def __init__(self, peer: str, seen: CausalContext, *, insists: bool) -> None:
+        self.peer = peer
+        self.joined = False
+        """Whether the peer had joined when it began to answer."""
+        self.begin: Place | None = START
+        """Of the piece to ask for; None if all have come."""
+        self._seen = seen
+        self._insists = insists
+        self._whole: list[DotRange] = []
+        self._held_back: set[Dot] = set()
+
+    def request(self, rid: str) -> bytes:
+        """The question for the next piece, of replica `rid`."""
+        assert self.begin is not None
+        return encode_request(Request(rid, self._seen, self.begin, self._insists))
+
+    def take(self, piece: Piece, known: CausalContext) -> bool:
+        """Note that the piece was joined into a replica that now knows `known`; false if it is not the one asked for.
+
+        Changes that wait for others, or may not be judged yet, must not count as seen in the end.
+        """
+        if piece.begin != self.begin or (piece.begin == START and piece.whole is None):
+            return False
+        if piece.begin == START:
+            self._whole, self.joined = piece.whole or [], piece.joined
+        self._held_back.update(w.dot for w in piece.writes if w.dot is not None and w.dot not in known)
+        self.begin = piece.end
+        return True
+
+    def rest(self) -> Delta:
+        """What may be joined in the end: all that the peer had seen when it began to answer."""
+        whole = list(without(self._whole, self._held_back))
+        return Delta(context=whole, live=frozenset(), examined=[])
+
+
+def is_refusal(piece: Piece) -> bool:
+    """Whether the peer only says that it has not joined."""
+    return not piece.joined and piece.begin == START and piece.whole is None
+
+
+def without(ranges: list[DotRange], dots: set[Dot]) -> list[DotRange]:
+    """The ranges with these dots taken out."""
+    holes: dict[str, list[int]] = {}
+    for rid, counter in sorted(dots):
+        holes.setdefault(rid, []).append(counter)
+    left: list[DotRange] = []
+    for rid, first, last in ranges:
+        start = first
+        for hole in holes.get(rid, ()):
+            if first <= hole <= last:
+                if start < hole:
+                    left.append((rid, start, hole - 1))
+                start = hole + 1
+        if start <= last:
+            left.append((rid, start, last))
+    return left

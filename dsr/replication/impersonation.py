@@ -1,0 +1,66 @@
+"""How a replica notices that somebody else speaks in its name, and when it takes another id for that."""
+
+from __future__ import annotations
+
+import logging
+import math
+
+from dsr.crdt.context import Dot
+from dsr.crdt.delta import Delta
+from dsr.errors import WireError
+from dsr.graph.graph import Graph
+from dsr.replication.claims import MAX_EARLY, goes_beyond
+from dsr.replication.complaints import Complaints
+
+NEW_ID_PAUSE = 10.0
+"""s between two new ids of a replica: each stays in all contexts, and whoever speaks in its name may go on doing so."""
+
+
+class Impersonation:
+    """Watches over what is said in the name of one replica."""
+
+    def __init__(self, graph: Graph, complaints: Complaints) -> None:
+        self.noticed = False
+        """Whether peers may believe somebody else who spoke in our name, and no other id was taken since."""
+        self.forged: dict[Dot, None] = {}
+        """Creation dots under which somebody else added something in our name."""
+        self._graph = graph
+        self._complaints = complaints
+        self._new_id_at = -math.inf
+
+    def check(self, sender: str, delta: Delta, confirmed: int, *, gated: bool) -> None:
+        """Raise `WireError` if it speaks in our name; and if peers may have believed that, take note.
+
+        Args:
+            sender: who sent it.
+            delta: a delta, or a reply with all that it tells to have been seen.
+            confirmed: the counter up to which all peers have seen what is ours.
+            gated: whether peers check what others may remove.
+        """
+        rid, is_reply = self._graph.rid, delta.live is not None
+        if sender != rid and not is_reply and not delta.removed:
+            return
+        believed = sender == rid or is_reply
+        known = confirmed if sender == rid else self._graph.counter  # others may have had it before what is ours
+        beyond = goes_beyond(rid, known, delta, removals_only=not believed)
+        if beyond and (believed or not gated):
+            self.notice(sender)
+            added = [add.dot for add in delta.adds if add.dot[0] == rid and add.dot[1] > known]
+            self.forged.update(dict.fromkeys(added[: MAX_EARLY - len(self.forged)]))
+        if beyond or sender == rid:
+            raise WireError(f"it speaks in the name of {rid}, this replica")
+
+    def notice(self, sender: str) -> None:
+        """A peer told that it has seen more of us than there is."""
+        self.noticed = True
+        self._complaints.say(
+            self._graph.rid, "somebody speaks in the name of %s (told by %s): taking another id", sender,
+            level=logging.ERROR,
+        )  # fmt: skip
+
+    def is_new_id_due(self, now: float) -> bool:
+        """Whether to take another id at monotonic time `now` (s); if so it counts as taken."""
+        if not self.noticed or now - self._new_id_at < NEW_ID_PAUSE:
+            return False
+        self.noticed, self._new_id_at = False, now
+        return True

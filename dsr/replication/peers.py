@@ -1,0 +1,143 @@
+"""The replicas that can be reached: who announced itself, who is heard, who left; bounded, whoever claims what.
+
+A liveliness token is a claim that anybody can make where nothing ties keys to certificates. So what counts is that a
+replica speaks, once a second: a token without digests is forgotten, and a withdrawn one of a replica that still answers
+or speaks counts for nothing. For one that is gone nobody answers, so that is known at once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from dsr.network.keys import agent_of
+from dsr.replication.wire import Digest
+
+MAX_PEERS = 1000
+"""Replicas that are listened to, and senders told apart when they err: made-up names must take no memory."""
+MAX_OF_AGENT = 100
+"""Replicas of one agent's name that are listened to: processes that run at once, so a fraction of `MAX_PEERS`."""
+SILENCE = 5.0
+"""s after which a peer's last digest counts no more, and a token of which no digest came counts for nothing."""
+FORGET = 30.0
+"""s after which a silent peer counts as gone; its next digest brings it back."""
+DEPARTURE = 1.5
+"""s after the token of a peer was withdrawn until it counts as gone if it neither answers nor speaks."""
+FIRST_PAUSE, LAST_PAUSE = 0.5, 32.0
+"""s until a peer is asked again whose answer changed nothing; each such answer doubles it, up to the last."""
+
+
+@dataclass
+class Peer:
+    """What is known of another replica; times on the monotonic clock."""
+
+    appeared_at: float
+    digest: Digest | None = None
+    covered: Digest | None = None
+    """The last digest that told nothing that is not known here."""
+    rest_known: bool = False
+    """Whether, when its digest came, there was no difference beyond what that lists."""
+    heard_at: float = -math.inf
+    ahead: bool = False
+    """Its physical clock was more than MAX_DRIFT in our future."""
+    asked: int = 0
+    """How often it was asked for something."""
+    asked_at: float = -math.inf
+    in_vain: int = 0
+    """How many of its answers changed nothing, one after the other."""
+    acknowledged: int = 0
+    """The highest counter of ours that it told to have seen."""
+    withdrawn_at: float | None = None
+    """When its token went, if it has neither spoken nor answered since."""
+
+    @property
+    def is_leaving(self) -> bool:
+        """Whether its token went, and it was not asked since whether it is still there."""
+        return self.withdrawn_at is not None and self.asked_at <= self.withdrawn_at
+
+    @property
+    def pause(self) -> float:
+        """Time that must pass between two requests to it, s."""
+        return min(FIRST_PAUSE * 2.0 ** min(self.in_vain - 1, 10), LAST_PAUSE) if self.in_vain else 0.0
+
+    def is_gone(self, now: float) -> bool:
+        """Whether nothing is to be expected of it any more."""
+        if self.withdrawn_at is not None and now - self.withdrawn_at > DEPARTURE:
+            return True
+        if self.digest is None:
+            return now - self.appeared_at > SILENCE
+        return now - self.heard_at > FORGET
+
+
+class Peers(dict[str, Peer]):
+    """Peers by replica id."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.refused = 0
+        """Replicas that were not listened to because there were too many."""
+        self._of_agent: Counter[str] = Counter()
+
+    def __delitem__(self, rid: str) -> None:
+        super().__delitem__(rid)
+        agent = agent_of(rid)
+        self._of_agent[agent] -= 1
+        if not self._of_agent[agent]:
+            del self._of_agent[agent]
+
+    def appeared(self, rid: str, now: float) -> bool:
+        """A token of it came; whether it is listened to."""
+        if rid in self:
+            self[rid].withdrawn_at = None
+            return True
+        return self._take_in(rid, now)
+
+    def heard(self, rid: str, digest: Digest, now: float) -> Peer | None:
+        """It spoke; None if it is not listened to. Who speaks takes the place of a token of which nothing was heard."""
+        if rid not in self and not self._take_in(rid, now):
+            silent = self._silent(agent_of(rid))
+            if silent is None:
+                return None
+            del self[silent]
+            self._take_in(rid, now)
+        peer = self[rid]
+        peer.digest, peer.heard_at = digest, now
+        if peer.withdrawn_at is not None and now > peer.withdrawn_at:
+            peer.withdrawn_at = None
+        return peer
+
+    def withdrawn(self, rid: str, now: float) -> None:
+        """Its token went: so does it, unless it goes on speaking."""
+        peer = self.get(rid)
+        if peer is not None and (peer.digest is None or now - peer.heard_at > SILENCE):
+            del self[rid]
+        elif peer is not None:
+            peer.withdrawn_at = now
+
+    def unanswered(self, rid: str) -> None:
+        """No answer came, and none will: it is gone if its token is."""
+        if rid in self and self[rid].withdrawn_at is not None:
+            del self[rid]
+
+    def forget_gone(self, now: float) -> Iterator[str]:
+        """Drop those of whom nothing is to be expected any more, and name them."""
+        for rid in [rid for rid, peer in self.items() if peer.is_gone(now)]:
+            del self[rid]
+            yield rid
+
+    def _take_in(self, rid: str, now: float) -> bool:
+        agent = agent_of(rid)
+        if len(self) >= MAX_PEERS or self._of_agent[agent] >= MAX_OF_AGENT:
+            self.refused += 1
+            return False
+        self._of_agent[agent] += 1
+        self[rid] = Peer(now)
+        return True
+
+    def _silent(self, agent: str) -> str | None:
+        """A token of which nothing was heard, of this agent if there are too many of it."""
+        crowded = self._of_agent[agent] >= MAX_OF_AGENT
+        found = (rid for rid, peer in self.items() if peer.digest is None and (not crowded or agent_of(rid) == agent))
+        return next(found, None)

@@ -1,0 +1,67 @@
+"""How a replica goes on under another id, after somebody spoke in the name of the one it had.
+
+Peers that believed the lie take for seen what the replica adds from then on, so only another id helps. What it had
+added and they may not have taken it adds anew; then an element may have two incarnations, as when two create one name.
+"""
+
+from __future__ import annotations
+
+import re
+import secrets
+from collections.abc import Iterable
+
+from dsr.crdt.context import Dot
+from dsr.crdt.delta import Add, Delta, Write
+from dsr.graph.graph import Graph
+
+_TAKEN = re.compile(r"(?P<first>.+)r(?P<number>[0-9]{6})[0-9a-f]{8}")
+
+
+def next_id(rid: str) -> str:
+    """An id that nobody can know, of the same agent and process; of two ids of one replica the later is the greater."""
+    found = _TAKEN.fullmatch(rid)
+    first, number = (found["first"], int(found["number"])) if found else (rid, 0)
+    return f"{first}r{number + 1:06}{secrets.token_hex(4)}"
+
+
+def going_on_as(graph: Graph, rid: str, confirmed: int, now: float, forged: Iterable[Dot] = ()) -> Delta:
+    """Give the graph another replica id, and write anew, as one delta, what peers may not have taken under the old one.
+
+    That is what was added or written since counter `confirmed`, and samples of streams that are not durable yet. Values
+    keep their stamps. What somebody else had added under the dots `forged` is removed. The graph must be locked.
+    """
+    old, store = graph.rid, graph.store
+    graph.rid, graph.counter = rid, 0
+    delta = Delta()
+    found = [entry for dot in store.written_dots() if (entry := store.find(dot))]
+    lost = [entry for entry in found if entry.dot in store.entries and _is_lost(entry.dot, old, confirmed)]
+    anew: dict[Dot, Dot] = {}
+    for entry in sorted(lost, key=lambda entry: not isinstance(entry.key, str)):  # nodes first: edges name their dots
+        dot = anew[entry.dot] = graph.new_dot()
+        ends = ((*dots, *(anew[end] for end in dots if end in anew)) for dots in (entry.sources, entry.destinations))
+        delta.adds.append(Add(dot, entry.key, entry.type, *ends))
+        delta.writes += [_again(write, dot, rid, graph.new_dot()) for write in entry.registers.values()]
+    for entry in found:
+        own = [write for write in entry.registers.values() if _is_unsure(write, old, confirmed)]
+        delta.writes += [_again(write, entry.dot, rid, graph.new_dot()) for write in own]
+    delta.removed = list(forged)
+    if delta.removed:
+        graph.new_dot()
+    if graph.counter:
+        delta.context = [(rid, 1, graph.counter)]
+    graph.join(delta, now)
+    return delta
+
+
+def _is_lost(dot: Dot, old: str, confirmed: int) -> bool:
+    return dot[0] == old and dot[1] > confirmed
+
+
+def _is_unsure(write: Write, old: str, confirmed: int) -> bool:
+    if write.dot is None:
+        return write.writer == old
+    return _is_lost(write.dot, old, confirmed)
+
+
+def _again(write: Write, owner: Dot, rid: str, dot: Dot) -> Write:
+    return Write(owner, write.attribute, write.stamp, rid, dot, write.value)

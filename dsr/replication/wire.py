@@ -1,0 +1,448 @@
+"""The versioned encoding of messages between replicas: MessagePack, so that any language can read it.
+
+Delta:   [version, replica ids, adds, writes, removed, context, live]
+  add      [replica, counter, key, type, sources, destinations]   key: name, or [source, destination, type]
+  write    [owner replica, owner counter, attribute, stamp, writer, dot replica, dot counter, value]
+           dot counter 0: a stream sample; a value of nil: the attribute was taken away
+  removed  [replica, counter, ...] flat; context [replica, first, last, ...] flat; live as removed, or nil
+Digest:  [version 2, replica id, now, recent, hash, fingerprint, [replicas whose clock is ahead]]
+  recent   [[replica id, first, last, ...], ...]: what was seen of those that changed last; hash: of the whole context
+Replicas are indexes into the list of replica ids. A pose is extension type 1: little-endian doubles
+x y z qx qy qz qw stamp, then, if known, the 36 of the covariance row by row.
+
+Rules for changing this file: a reader must refuse what it does not understand, so every change of the
+layout increments its version; the golden bytes in tests/dsr/test_wire.py change only together with it.
+
+What arrives costs time and memory in proportion to its length, whatever is in it: nothing is built that no message may
+hold. So lists say how long they may be, values are skipped first and then read by their kind, and no error shows them.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+import struct
+from collections.abc import Callable, Iterable
+from typing import Annotated, Any
+
+import msgspec
+
+from dsr.crdt.context import CausalContext, Dot, DotRange
+from dsr.crdt.delta import TOMBSTONE, Add, Delta, Key, Write
+from dsr.crdt.hlc import MAX_STAMP
+from dsr.crdt.summary import LISTED, LISTED_RANGES, Summary
+from dsr.errors import WireError
+from dsr.graph.schema import MAX_LENGTH
+from dsr.math3d.transforms import Pose
+from dsr.network.decoding import decoded
+
+VERSION = 1
+"""Of deltas, replies and requests."""
+DIGEST_VERSION = 2
+"""Of digests: those of version 1 held the whole context."""
+_POSE_CODE = 1
+_POSE = struct.Struct("<8d")
+_POSE_COVARIANCE = struct.Struct("<44d")
+_UNIT_TOLERANCE = 1e-12
+"""Rounding of a unit quaternion: within it the sender's numbers are taken as they are."""
+MAX_NAME = 256
+_MAX_COUNTER = 1 << 53
+MAX_MESSAGE = 1 << 24
+"""Bytes of a message: one value of the greatest length fits. What is larger travels in several."""
+MAX_STRUCTURE = 1 << 20
+"""Bytes of a message without its values: what lists of changes and dots may take."""
+
+Natural = Annotated[int, msgspec.Meta(ge=0)]
+_Counter = Annotated[int, msgspec.Meta(ge=1, le=_MAX_COUNTER)]
+CounterOrZero = Annotated[int, msgspec.Meta(ge=0, le=_MAX_COUNTER)]
+_Hash = Annotated[int, msgspec.Meta(ge=0)]
+_Stamp = Annotated[int, msgspec.Meta(ge=0, le=MAX_STAMP)]
+Name = Annotated[str, msgspec.Meta(min_length=1, max_length=MAX_NAME)]
+
+
+class AddRow(msgspec.Struct, array_like=True, gc=False):
+    """An addition in a message."""
+
+    replica: Natural
+    counter: _Counter
+    key: str | tuple[str, str, str]  # a union of constrained strings and tuples is beyond msgspec 0.22
+    type: Name
+    sources: list[Natural]
+    destinations: list[Natural]
+
+
+class WriteRow(msgspec.Struct, array_like=True, gc=False):
+    """A write in a message."""
+
+    replica: Natural
+    counter: _Counter
+    attribute: Name
+    stamp: _Stamp
+    writer: Natural
+    dot_replica: Natural
+    dot_counter: CounterOrZero
+    value: Any
+
+
+class ReadWriteRow(WriteRow, array_like=True, gc=False):
+    """A write as it is read, its value still in bytes."""
+
+    value: msgspec.Raw
+
+
+class _Delta(msgspec.Struct, array_like=True, gc=False):
+    version: int
+    replicas: list[Name]
+    adds: list[AddRow]
+    writes: list[WriteRow]
+    removed: list[Natural]
+    context: list[Natural]
+    live: list[Natural] | None
+
+
+class _KeptDelta(_Delta, array_like=True, gc=False):
+    """A delta as it is read from a file: as long as the file."""
+
+    writes: list[ReadWriteRow]  # type: ignore[assignment]
+
+
+MOST_CHANGES = msgspec.Meta(max_length=MAX_STRUCTURE // 8)
+"""Each takes 8 bytes or more."""
+MOST_NUMBERS = msgspec.Meta(max_length=MAX_STRUCTURE)
+
+
+class _SentDelta(_KeptDelta, array_like=True, gc=False):
+    """A delta as it is read from the network."""
+
+    replicas: Annotated[list[Name], MOST_CHANGES]
+    adds: Annotated[list[AddRow], MOST_CHANGES]
+    writes: Annotated[list[ReadWriteRow], MOST_CHANGES]
+    removed: Annotated[list[Natural], MOST_NUMBERS]
+    context: Annotated[list[Natural], MOST_NUMBERS]
+    live: Annotated[list[Natural], MOST_NUMBERS] | None
+
+
+class _Listed(msgspec.Struct, array_like=True, gc=False):
+    replica: Name
+    counters: Annotated[list[_Counter], msgspec.Meta(min_length=2, max_length=2 * LISTED_RANGES)]
+
+
+class _Digest(msgspec.Struct, array_like=True, gc=False):
+    version: int
+    replica: Name
+    now: float
+    recent: Annotated[list[_Listed], msgspec.Meta(max_length=LISTED)]
+    hash: _Hash
+    fingerprint: int
+    ahead: list[Name]
+
+
+class _FirstDigest(msgspec.Struct, array_like=True, gc=False):
+    """A digest of version 1, as recordings hold them: all that was seen, in full."""
+
+    version: int
+    replica: Name
+    now: float
+    context: list[tuple[Name, _Counter, _Counter]]
+    fingerprint: int
+    ahead: list[Name]
+
+
+class _Head(msgspec.Struct, array_like=True, gc=False):
+    version: int
+
+
+class Digest(msgspec.Struct, frozen=True):
+    """What a replica has seen and what it thinks of its peers' clocks."""
+
+    replica: str
+    now: float
+    """Physical time of the sender, s."""
+    seen: Summary
+    fingerprint: int
+    ahead: tuple[str, ...]
+    """Replicas whose physical clock the sender saw too far in its future."""
+
+
+def _encode_extension(value: Any) -> Any:
+    if isinstance(value, Pose):
+        numbers = (*value.t, *value.q, value.stamp)
+        if value.cov is None:
+            return msgspec.msgpack.Ext(_POSE_CODE, _POSE.pack(*numbers))
+        return msgspec.msgpack.Ext(_POSE_CODE, _POSE_COVARIANCE.pack(*numbers, *value.cov))
+    raise TypeError(f"{type(value).__name__} cannot be sent")
+
+
+def _decode_extension(code: int, data: bytes | bytearray | memoryview) -> Pose:
+    if code == _POSE_CODE and len(data) == _POSE.size:
+        tx, ty, tz, x, y, z, w, stamp = _POSE.unpack(data)
+        if abs(x * x + y * y + z * z + w * w - 1.0) < _UNIT_TOLERANCE and math.isfinite(tx + ty + tz + stamp):
+            return Pose.unchecked((tx, ty, tz), (x, y, z, w), stamp)
+        return Pose((tx, ty, tz), (x, y, z, w), stamp)
+    if code == _POSE_CODE and len(data) == _POSE_COVARIANCE.size:
+        numbers = _POSE_COVARIANCE.unpack(data)
+        return Pose(numbers[:3], numbers[3:7], numbers[7], numbers[8:])
+    raise WireError(f"extension {code} of {len(data)} bytes")
+
+
+_Plain = None | bool | int | float | str | list[float] | msgspec.msgpack.Ext
+encoder = msgspec.msgpack.Encoder(enc_hook=_encode_extension)
+_sent_decoder = msgspec.msgpack.Decoder(_SentDelta)
+_kept_decoder = msgspec.msgpack.Decoder(_KeptDelta)
+_plain_decoder: msgspec.msgpack.Decoder[Any] = msgspec.msgpack.Decoder(_Plain)
+_bytes_decoder = msgspec.msgpack.Decoder(bytes)
+_digest_decoder = msgspec.msgpack.Decoder(_Digest)
+_first_digest_decoder = msgspec.msgpack.Decoder(_FirstDigest)
+_head_decoder = msgspec.msgpack.Decoder(_Head)
+
+
+class Indexes(dict[str, int]):
+    """Replica ids in order of first use, and their indexes."""
+
+    def __missing__(self, rid: str) -> int:
+        self[rid] = index = len(self)
+        return index
+
+    def flat(self, dots: Iterable[Dot]) -> list[int]:
+        """Dots as pairs of an index and a counter, one after the other."""
+        return [number for rid, counter in dots for number in (self[rid], counter)]
+
+    def flat_ranges(self, ranges: Iterable[DotRange]) -> list[int]:
+        """Ranges likewise, as triples."""
+        return [number for rid, first, last in ranges for number in (self[rid], first, last)]
+
+
+def encode_delta(delta: Delta) -> bytes:
+    """A delta or synchronisation reply as bytes."""
+    index = Indexes()
+    adds = add_rows(index, delta.adds)
+    writes = [write_row(index, write) for write in delta.writes]
+    removed = index.flat(delta.removed)
+    context = index.flat_ranges(delta.context)
+    live = None if delta.live is None else index.flat(sorted(delta.live))
+    return encoder.encode(_Delta(VERSION, list(index), adds, writes, removed, context, live))
+
+
+def add_rows(index: Indexes, adds: Iterable[Add]) -> list[AddRow]:
+    """Additions as they are sent."""
+    return [
+        AddRow(index[a.dot[0]], a.dot[1], a.key, a.type, index.flat(a.sources), index.flat(a.destinations))
+        for a in adds
+    ]
+
+
+def write_row(index: Indexes, write: Write) -> WriteRow:
+    """A write as it is sent."""
+    rid, counter = write.owner
+    dot_rid, dot_counter = write.dot or (write.writer, 0)
+    value = None if write.value is TOMBSTONE else write.value
+    return WriteRow(
+        index[rid], counter, write.attribute, write.stamp, index[write.writer], index[dot_rid], dot_counter, value
+    )
+
+
+def decode_delta(payload: bytes) -> Delta:
+    """The delta in `payload`, which came over the network. Raises `WireError` unless all of it is valid."""
+    return decoded(payload, f"delta of {len(payload)} bytes", _read_sent)
+
+
+def decode_kept(payload: bytes) -> Delta:
+    """The delta or snapshot in `payload`, which was read from a file; it may be of any length. Raises `WireError`."""
+    return decoded(payload, f"delta of {len(payload)} bytes", lambda kept: _to_delta(_kept_decoder.decode(kept)))
+
+
+def _read_sent(payload: bytes) -> Delta:
+    check_length(payload)
+    message = _sent_decoder.decode(payload)
+    check_structure(payload, message.writes)
+    return _to_delta(message)
+
+
+def check_length(payload: bytes) -> None:
+    """Raise `ValueError` for a message longer than any may be."""
+    if len(payload) > MAX_MESSAGE:
+        raise ValueError(f"more than {MAX_MESSAGE} bytes")
+
+
+def check_structure(payload: bytes, writes: list[ReadWriteRow]) -> None:
+    """Raise `ValueError` for a long message that is not long for its values."""
+    if len(payload) > MAX_STRUCTURE and len(payload) - sum(len(write.value) for write in writes) > MAX_STRUCTURE:
+        raise ValueError(f"more than {MAX_STRUCTURE} bytes beside the values")
+
+
+def _check_version(version: int, ours: int = VERSION) -> None:
+    if version != ours:
+        raise ValueError(f"version {version}, this is version {ours}")
+
+
+def _to_delta(message: _KeptDelta) -> Delta:
+    _check_version(message.version)
+    names = message.replicas
+    delta = Delta(to_adds(names, message.adds), to_writes(names, message.writes))
+    delta.removed = to_dots(names, message.removed)
+    delta.context = to_ranges(names, message.context)
+    delta.live = None if message.live is None else frozenset(to_dots(names, message.live))
+    return delta
+
+
+def to_adds(names: list[str], rows: list[AddRow]) -> list[Add]:
+    """Additions as they were received; raises `ValueError`, `IndexError`."""
+    adds = []
+    for row in rows:
+        ends = (tuple(to_dots(names, row.sources)), tuple(to_dots(names, row.destinations))) if row.sources else ()
+        adds.append(Add((names[row.replica], row.counter), _to_key(row), row.type, *ends))
+    return adds
+
+
+def to_writes(names: list[str], rows: list[ReadWriteRow]) -> list[Write]:
+    """Writes as they were received; raises `ValueError`, `IndexError`, and what msgspec raises for their values."""
+    return [_to_write(names, row) for row in rows]
+
+
+def _to_key(add: AddRow) -> Key:
+    key = add.key
+    if type(key) is str:
+        if not _is_name(key):
+            raise ValueError(f"a node's name of {len(key)} characters")
+        if add.sources or add.destinations:
+            raise ValueError("a node with endpoints")
+        return key
+    if not (_is_name(key[0]) and _is_name(key[1]) and _is_name(key[2])):
+        raise ValueError(f"an edge's key with a name of none or more than {MAX_NAME} characters")
+    if not add.sources or not add.destinations:
+        raise ValueError("an edge without creation dots at both ends")
+    return key
+
+
+def _is_name(value: str) -> bool:
+    return 0 < len(value) <= MAX_NAME
+
+
+def _to_write(names: list[str], write: ReadWriteRow) -> Write:
+    writer = names[write.writer]
+    dot = (names[write.dot_replica], write.dot_counter) if write.dot_counter else None
+    return Write(
+        (names[write.replica], write.counter), write.attribute, write.stamp, writer, dot, _to_value(write.value)
+    )
+
+
+_SHORTEST_NUMBER = 5
+"""Bytes of a float of 32 bits."""
+_LONG = 1 << 10
+"""Bytes of a value above which its numbers are counted before they are read."""
+_LENGTHS = {0xDC: struct.Struct(">xH"), 0xDD: struct.Struct(">xI")}
+"""How arrays of MessagePack that are not short tell their length, by first byte."""
+
+
+def _to_value(raw: msgspec.Raw) -> Any:
+    """The value in MessagePack; raises `ValueError` if no attribute may have it."""
+    if len(raw) > _LONG:
+        _check_numbers(memoryview(raw))
+    try:
+        value = _plain_decoder.decode(raw)
+    except msgspec.ValidationError:  # one type for both text and bytes is beyond msgspec 0.22
+        value = _bytes_decoder.decode(raw)
+    kind = type(value)
+    if kind is msgspec.msgpack.Ext:
+        return _decode_extension(value.code, value.data)
+    if not _IS_ALLOWED[kind](value):
+        raise ValueError(f"a {kind.__name__} that no attribute may have")
+    return tuple(value) if kind is list else value if value is not None else TOMBSTONE
+
+
+def _is_short(value: str | bytes) -> bool:
+    return len(value) <= MAX_LENGTH
+
+
+_IS_ALLOWED: dict[type, Callable[[Any], bool]] = {
+    float: math.isfinite,
+    bool: lambda _: True,
+    type(None): lambda _: True,
+    int: lambda value: -(1 << 63) <= value < (1 << 63),
+    str: _is_short,
+    bytes: _is_short,
+    list: lambda value: len(value) <= MAX_LENGTH and all(map(math.isfinite, value)),
+}
+
+
+def _check_numbers(raw: memoryview) -> None:
+    """Raise `ValueError` for a long array that holds something smaller than floats: as such it would grow."""
+    length = _LENGTHS.get(raw[0])
+    if length is not None and _SHORTEST_NUMBER * length.unpack_from(raw)[0] > len(raw):
+        raise ValueError("an array of something else than floats")
+
+
+def _positive(counter: int) -> int:
+    if counter < 1:
+        raise ValueError(f"counter {counter}: counters start at 1")
+    return counter
+
+
+def to_dots(names: list[str], flat: list[int]) -> list[Dot]:
+    """Dots as they were received; raises `ValueError`, `IndexError`."""
+    if len(flat) == 2:
+        return [(names[flat[0]], _positive(flat[1]))]
+    if len(flat) % 2:
+        raise ValueError("dots are pairs of a replica's index and a counter")
+    counters = flat[1::2]
+    _positive(min(counters, default=1))
+    return list(zip(map(names.__getitem__, flat[::2]), counters, strict=True))
+
+
+def to_ranges(names: list[str], flat: list[int]) -> list[DotRange]:
+    """Ranges as they were received; raises `ValueError`, `IndexError`."""
+    if len(flat) % 3:
+        raise ValueError("a context is triples of a replica's index, first and last counter")
+    return [_checked_range(names[flat[i]], flat[i + 1], flat[i + 2]) for i in range(0, len(flat), 3)]
+
+
+def _checked_range(rid: str, first: int, last: int) -> DotRange:
+    if not 1 <= first <= last <= _MAX_COUNTER:
+        raise ValueError(f"dots {first} to {last}")
+    return rid, first, last
+
+
+def encode_digest(digest: Digest) -> bytes:
+    """A digest as bytes."""
+    recent = [_Listed(rid, [counter for dots in ranges for counter in dots]) for rid, ranges in digest.seen.recent]
+    ahead = list(digest.ahead)
+    return encoder.encode(
+        _Digest(DIGEST_VERSION, digest.replica, digest.now, recent, digest.seen.hash, digest.fingerprint, ahead)
+    )
+
+
+def decode_digest(payload: bytes) -> Digest:
+    """The digest in `payload`. Raises `WireError` unless all of it is valid."""
+    return decoded(payload, f"digest of {len(payload)} bytes", _read_digest)
+
+
+def _read_digest(payload: bytes) -> Digest:
+    if len(payload) > MAX_STRUCTURE:
+        raise ValueError(f"more than {MAX_STRUCTURE} bytes")
+    is_first = _head_decoder.decode(payload).version == 1
+    return _to_digest((_first_digest_decoder if is_first else _digest_decoder).decode(payload))
+
+
+def _to_digest(message: _Digest | _FirstDigest) -> Digest:
+    if not math.isfinite(message.now):
+        raise ValueError(f"time {message.now}")
+    if isinstance(message, _FirstDigest):
+        seen = to_context(message.context).summary()
+    else:
+        _check_version(message.version, DIGEST_VERSION)
+        recent = tuple((listed.replica, _pairs(listed.counters)) for listed in message.recent)
+        if len({rid for rid, _ in recent}) < len(recent):
+            raise ValueError("a replica is listed twice")
+        seen = Summary(recent, message.hash)
+    return Digest(message.replica, message.now, seen, message.fingerprint, tuple(message.ahead))
+
+
+def _pairs(counters: list[int]) -> tuple[tuple[int, int], ...]:
+    if len(counters) % 2 or any(a > b for a, b in itertools.pairwise(counters)):
+        raise ValueError("ranges of counters are pairs, in order")
+    return tuple(zip(counters[::2], counters[1::2], strict=True))
+
+
+def to_context(ranges: list[tuple[str, int, int]]) -> CausalContext:
+    """A context as it was received; raises `ValueError`."""
+    return CausalContext(_checked_range(*dots) for dots in ranges)

@@ -1,0 +1,1 @@
+"""Words that agents share: relations, goals, intentions, actions, requests, and how nodes say them."""

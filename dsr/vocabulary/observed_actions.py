@@ -1,0 +1,74 @@
+"""Actions of hands and grippers as they are inferred: their names, and the patterns that texts tell them by.
+
+They are events of the kinds `Pick`, `Place` and `Release` (Sallami et al., Sec. IV-A), whose participants are the thing
+and who did it. The actions of a plan are something else: see `dsr.vocabulary.intentions`.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from dsr.errors import GoalError, suggest
+from dsr.graph.elements import Node
+
+PICK, PLACE, RELEASE = "Pick", "Place", "Release"
+KINDS = (PICK, PLACE, RELEASE)
+"""Taken from where it lay; put down so that it lies; let go of so that it falls, or is gone."""
+UNKNOWN = "unknown"
+"""Who did it, where nobody can tell."""
+
+_PATTERN = re.compile(r"\s*(\w+)\s*(?:\(\s*([\w.\-]+)\s*(?:,\s*([\w.\-]+)\s*)?\)\s*)?")
+
+
+class Action(NamedTuple):
+    """Something that was done to a thing."""
+
+    time: float
+    """s, when it happened"""
+    kind: str
+    """One of `KINDS`."""
+    thing: str
+    by: str = UNKNOWN
+    """Node of a hand or gripper, or `UNKNOWN`."""
+
+    def __str__(self) -> str:
+        return f"{self.kind}({self.thing})" if self.by == UNKNOWN else f"{self.kind}({self.thing}, {self.by})"
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """Which actions are meant: `Pick(cup)`, `Pick(cup, human_hand_0)`, or `Release` for one of anything."""
+
+    kind: str
+    thing: str | None = None
+    by: str | None = None
+
+    def fits(self, action: Action) -> bool:
+        """Whether an action is meant; what the pattern leaves open does not matter."""
+        return (
+            action.kind == self.kind
+            and self.thing in (None, action.thing)
+            and self.by in (None, action.by)
+        )  # fmt: skip
+
+
+def parse_pattern(text: str) -> Pattern:
+    """The pattern that `text` describes. Raises `GoalError`, which points at what is wrong."""
+    match = _PATTERN.fullmatch(text)
+    if match is None:
+        raise GoalError(text, 0, "expected an action such as Pick(cup), Pick(cup, human_hand_0) or Release")
+    if match[1] not in KINDS:
+        raise GoalError(text, match.start(1), f"unknown action {match[1]!r}; {suggest(match[1], KINDS)}")
+    return Pattern(match[1], match[2], match[3])
+
+
+def read_action(event: Node) -> Action | None:
+    """The action that an event tells; None for other events."""
+    kind, time = event.get("kind"), event.get("time")
+    thing, _, by = str(event.get("participants", "")).partition(",")
+    if kind not in KINDS or not isinstance(time, float) or not math.isfinite(time) or not thing:
+        return None
+    return Action(time, kind, thing.strip(), by.strip() or UNKNOWN)

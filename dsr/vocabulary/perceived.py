@@ -1,0 +1,22 @@
+"""Whether somebody perceives a thing or a hand now: its node says so, and said so lately.
+
+What writes `perceived` may have died since, and then nobody takes it back.
+"""
+
+from __future__ import annotations
+
+from dsr.graph.elements import Node
+
+MOST_SILENT = 1.0
+"""s since `last_seen`, from which what a node says of being perceived counts no more: longer than writers wait."""
+
+
+def is_perceived(node: Node, now: float) -> bool:
+    """Whether a node's `perceived` is not false, and its `last_seen`, if it has one, not too old at `now` (s)."""
+    return node.get("perceived") is not False and seconds_unseen(node, now) <= MOST_SILENT
+
+
+def seconds_unseen(node: Node, now: float) -> float:
+    """S from `last_seen` to `now` (s); 0 if the node does not say when that was."""
+    last_seen: float = node.get("last_seen", now)
+    return now - last_seen

@@ -1,0 +1,219 @@
+"""What if? Any agent asks the belief's simulator what would become of the objects, and disturbs nothing by it.
+
+A question says what to change of the scene as it is believed to be now, and how many seconds to simulate; the answer
+says where everything is then and what rests on what. Both are MessagePack maps with the field names below, on
+`Keys.service("what_if")`. Everything is in the world frame, in m, rad and s, quaternions (x, y, z, w).
+"""
+
+from __future__ import annotations
+
+import threading
+from typing import Annotated, Literal
+
+import msgspec
+
+from dsr.clock import Clock
+from dsr.errors import TransportError, WireError
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.shapes import MOST_PARTS, Shape, to_numbers
+from dsr.math3d.transforms import Pose
+from dsr.network.decoding import decoded
+from dsr.network.keys import Keys
+from dsr.network.transport import Transport
+
+SERVICE = "what_if"
+"""Name of the service, see `Keys.service`."""
+MAX_SECONDS = 10.0
+MAX_CHANGES = 1000
+_MOST_NUMBERS = 11 * MOST_PARTS  # of the shape of what is added
+TIMEOUT = 5.0
+"""s to wait for an answer, unless told otherwise."""
+
+Numbers = tuple[float, float, float, float, float, float, float]
+"""A pose as it travels: translation x y z, then the quaternion x y z w."""
+Action = Literal["place", "hold", "remove", "add"]
+
+
+class Change(msgspec.Struct, frozen=True, omit_defaults=True):
+    """Something that is different from what is believed; `place`, `hold`, `remove` and `add` make one."""
+
+    object: str
+    """Name of an object or a fixture (a table)."""
+    action: Action
+    pose: Numbers | None = None
+    """world_from_object, of the centre of its box; of a held one, None is where it is."""
+    size: tuple[float, float, float] | None = None
+    """m, of what is added: edge lengths of the box around it"""
+    shape: Annotated[tuple[float, ...], msgspec.Meta(max_length=_MOST_NUMBERS)] = ()
+    """Its parts, as in the attribute `shape` of a node; none for a solid box."""
+    mass: float = 0.1
+    """kg"""
+    friction: float = 0.5
+    """Coulomb coefficient"""
+
+    @staticmethod
+    def place(name: str, pose: Pose) -> Change:
+        """Let it be at `pose` (world_from_object), at rest, and free to move from there."""
+        return Change(name, "place", (*pose.t, *pose.q))
+
+    @staticmethod
+    def hold(name: str, pose: Pose | None = None) -> Change:
+        """Hold it at `pose` or where it is, whatever pushes it."""
+        return Change(name, "hold", None if pose is None else (*pose.t, *pose.q))
+
+    @staticmethod
+    def add(
+        name: str, pose: Pose, size: Vector3, shape: Shape = (), mass: float = 0.1, friction: float = 0.5
+    ) -> Change:
+        """Let there be one more object at `pose`, which nobody believes in, at rest and free to move from there."""
+        numbers = to_numbers(shape) if shape else ()
+        return Change(name, "add", (*pose.t, *pose.q), size, numbers, mass, friction)
+
+    @staticmethod
+    def remove(name: str) -> Change:
+        """Let it be gone."""
+        return Change(name, "remove")
+
+
+class Question(msgspec.Struct, frozen=True, omit_defaults=True):
+    """What would be after some time, with these changes made now, one after the other?"""
+
+    seconds: Annotated[float, msgspec.Meta(ge=0.0, le=MAX_SECONDS)]
+    """s to simulate; everything begins at rest."""
+    changes: Annotated[tuple[Change, ...], msgspec.Meta(max_length=MAX_CHANGES)] = ()
+    expires: float = 0.0
+    """s, when nobody waits for the answer any more, on the asker's clock; 0 for never. `WhatIf` fills it in."""
+
+
+class Answer(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True):
+    """What would be. Only of objects, not of what never moves, in all but `rests_on` and `touches`."""
+
+    refused: str = ""
+    """Why there is no answer, for people; then all else is empty."""
+    stamp: float = 0.0
+    """s, time of the belief that the simulation began with."""
+    seconds: float = 0.0
+    """s that were simulated; less than asked for if everything came to rest before."""
+    at_rest: bool = False
+    """Whether nothing moves any more."""
+    poses: dict[str, Numbers] = {}
+    """world_from_object at the end."""
+    moved: dict[str, float] = {}
+    """m from where each object was after the changes: how far physics took it."""
+    turned: dict[str, float] = {}
+    """rad, likewise."""
+    rests_on: dict[str, tuple[str, ...]] = {}
+    """What carries each object: nothing for one in the air, and for one on the floor, which has no name."""
+    touches: tuple[tuple[str, str], ...] = ()
+    """All pairs that are in contact, sorted, each in the order of the alphabet."""
+    on_floor: tuple[str, ...] = ()
+    """Objects on the floor beneath the tables."""
+
+    def pose(self, name: str) -> Pose:
+        """world_from_object of an object at the end. Raises `KeyError`."""
+        numbers = self.poses[name]
+        return Pose(numbers[:3], numbers[3:], self.stamp + self.seconds)
+
+
+_encoder = msgspec.msgpack.Encoder()
+_questions = msgspec.msgpack.Decoder(Question)
+_answers = msgspec.msgpack.Decoder(Answer)
+
+
+def encode_question(question: Question) -> bytes:
+    """The question as a message."""
+    return _encoder.encode(question)
+
+
+def decode_question(payload: bytes) -> Question:
+    """The question of a message, of the right form and with a time within bounds; raises `WireError`."""
+    question = decoded(payload, "what-if question", _questions.decode)
+    if not 0.0 <= question.seconds <= MAX_SECONDS:
+        raise WireError(f"malformed what-if question: seconds {question.seconds}, expected 0 to {MAX_SECONDS}")
+    return question
+
+
+def encode_answer(answer: Answer) -> bytes:
+    """The answer as a message."""
+    return _encoder.encode(answer)
+
+
+def decode_answer(payload: bytes) -> Answer:
+    """The answer of a message; raises `WireError`."""
+    return decoded(payload, "what-if answer", _answers.decode)
+
+
+class Pending:
+    """A question that was asked; look again until it is `done`."""
+
+    def __init__(self) -> None:
+        self.answer: Answer | None = None
+        """What was answered."""
+        self.failed = ""
+        """Why there is no answer and will be none: refused, nobody there, not in time, malformed."""
+        self.finished = threading.Event()
+        """Set when it is done: for those that may wait."""
+
+    @property
+    def done(self) -> bool:
+        """Whether there is an answer, or a failure."""
+        return self.finished.is_set()
+
+    def finish(self, answer: Answer | None, failed: str) -> None:
+        """Take what came first."""
+        if not self.finished.is_set():
+            self.answer, self.failed = answer, failed
+            self.finished.set()
+
+
+class WhatIf:
+    """Asks the simulation handler of a graph.
+
+    Args:
+        bus: an agent's `bus`, or a memory's `transport`.
+        keys: of the graph.
+        clock: the agent's.
+        timeout: s to wait for an answer.
+    """
+
+    def __init__(self, bus: Transport, keys: Keys, clock: Clock, timeout: float = TIMEOUT) -> None:
+        self._bus = bus
+        self._key = keys.service(SERVICE)
+        self._clock = clock
+        self._timeout = timeout
+
+    def ask(self, question: Question) -> Pending:
+        """Ask and return at once: for ticks. The answer comes with what the network delivers later.
+
+        In an agent, keep the `Pending` and look at it at the next ticks; it is done when the time-out is over at the
+        latest. Raises `TransportError` if the network was left.
+        """
+        pending = Pending()
+        expires = question.expires or self._clock.now() + self._timeout
+        payload = encode_question(msgspec.structs.replace(question, expires=expires))
+
+        def on_reply(_key: str, payload: bytes) -> None:
+            try:
+                answer = decode_answer(payload)
+            except WireError as error:
+                pending.finish(None, str(error))
+            else:
+                pending.finish(None if answer.refused else answer, answer.refused)
+
+        def on_done() -> None:
+            pending.finish(None, "nobody answered: does the simulation handler run, and is it not overloaded?")
+
+        self._bus.request(self._key, payload, on_reply, on_done, self._timeout)
+        return pending
+
+    def ask_and_wait(self, question: Question) -> Answer:
+        """Ask and wait for the answer: for scripts. Not for agents, which must never block.
+
+        Raises:
+            TransportError: if there is none, and why.
+        """
+        pending = self.ask(question)
+        self._clock.wait(pending.finished, 2.0 * self._timeout)
+        if pending.answer is None:
+            raise TransportError(f"what if? {pending.failed or 'no answer in time'}")
+        return pending.answer

@@ -1,0 +1,1 @@
+"""What touches, rests on and contains what, and poses that physics allows."""

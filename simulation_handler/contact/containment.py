@@ -1,0 +1,87 @@
+"""Which object is inside which, from where they are, with hysteresis."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+
+from simulation_handler.contact.relations import Relation, Relations
+from simulation_handler.shapes.geometry import Solid
+
+_FARTHEST_OUT = 0.010  # m that the centre of what is inside may get out of the container before it counts as outside
+
+
+class Containment:
+    """Relations `in` that begin when an object's centre has been within a hollow one for some time.
+
+    A container counts upside down too: what it covers is in it. (isIn of Sallami et al., on the container's own
+    bounding box, so that one that is tilted holds what is in it.)
+    """
+
+    def __init__(self, delay: float) -> None:
+        """`delay`: s that something must be inside, or outside."""
+        self._relations = Relations(delay)
+        self._found: set[Relation] = set()
+        self.left: set[Relation] = set()
+        """(object, container) that have just got out, in the last step; the relation may still hold for a moment."""
+
+    def update(self, solids: Iterable[Solid], now: float) -> None:
+        """Take in where all objects are at time `now` (s)."""
+        known = self._relations.current().keys()
+        before, self._found = self._found, inside(list(solids), known)
+        self.left = {relation for relation in before - self._found if relation in known}
+        self._relations.update(self._found, now)
+
+    def recall(self, relation: Relation, since: float, now: float) -> None:
+        """Take over a relation that held before."""
+        self._relations.recall(relation, since, now)
+
+    def forget(self, name: str) -> None:
+        """End all relations of an object that is no more."""
+        self._relations.forget(name)
+
+    def current(self) -> dict[Relation, float]:
+        """(object, container) and since when (s), sorted."""
+        return self._relations.current()
+
+
+def inside(solids: Collection[Solid], known: Collection[Relation] = ()) -> set[Relation]:
+    """(object, container) of all that is inside another one; what is `known` to be stays so within the hysteresis."""
+    return {
+        (solid.name, hollow.name)
+        for hollow in solids
+        if hollow.is_hollow
+        for solid in solids
+        if solid.radius < hollow.radius and solid.name != hollow.name
+        if hollow.reaches_around(solid.position, _FARTHEST_OUT if (solid.name, hollow.name) in known else 0.0)
+    }
+
+
+def carried_by(leaders: Iterable[str], relations: Iterable[Relation]) -> set[str]:
+    """All that goes along, directly and indirectly, with what moves: (what, with what)."""
+    with_each: dict[str, set[str]] = {}
+    for upper, lower in relations:
+        with_each.setdefault(lower, set()).add(upper)
+    found: set[str] = set()
+    level = set(leaders)
+    while level := {upper for lower in level for upper in with_each.get(lower, ())} - found:
+        found |= level
+    return found - set(leaders)
+
+
+def with_contents(
+    moved: Mapping[str, Solid], solids: Mapping[str, Solid], stay: Collection[str] = ()
+) -> dict[str, Solid]:
+    """Where the contents of objects come to be that are put elsewhere, if they go along rigidly.
+
+    Args:
+        moved: where the containers are put.
+        solids: everything where it was until now.
+        stay: contents that do not go along.
+    """
+    there: dict[str, Solid] = {}
+    before = [solid for solid in solids.values() if not solid.fixed]
+    for name, container in sorted(inside(before)):
+        if container in moved and name not in moved and name not in stay:
+            shift = moved[container].pose @ solids[container].pose.inverse() @ solids[name].pose
+            there[name] = solids[name].at(shift.t, shift.q)
+    return there

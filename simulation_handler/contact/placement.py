@@ -1,0 +1,231 @@
+"""From a noisy estimate to a pose that physics allows: face down, on its support, beside its neighbours.
+
+A percept that hovers or intersects by no more than its noise is put onto the support under it before it
+enters the simulation: interpenetrating bodies would be thrown apart, hovering ones would fall.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsr.math3d.polygons import Point, area, contains, hull, intersection, overlap
+from dsr.math3d.quaternions import Vector3
+from simulation_handler.config import BeliefConfig
+from simulation_handler.perception.percepts import Array
+from simulation_handler.shapes.geometry import Solid
+
+_LEVEL = 0.002  # m, tops that differ by less carry an object together
+_GAP = 5e-5  # m left between bodies that were pushed apart
+_SIDE_BY_SIDE = 0.25  # share of the lower one's height above which two bodies are neighbours, not a stack
+_SLIVER = 0.1  # share of the smaller footprint below which an overlap does not carry
+_ASKEW = 0.003  # rad, from which the floor of a container seems to be beside what lies on it
+_SWEEPS = 25
+_HEIGHT_STD = 0.0003  # m, what is left of the height's uncertainty on a support
+
+_Pair = tuple[str, str, list[tuple[int, int]]]  # two names, and which parts of the two are side by side
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where an object is believed to be, given what was perceived."""
+
+    solid: Solid
+    supports: tuple[str, ...]
+    """Names of the bodies it rests on; empty if nothing within reach carries it."""
+    covariance: Array
+    """(3, 3) m^2 of the position, given its support"""
+
+    @property
+    def rests(self) -> bool:
+        """Whether something carries it."""
+        return bool(self.supports)
+
+
+def place(percept: Solid, covariance: Array, others: Sequence[Solid], config: BeliefConfig) -> Placement:
+    """The physically plausible pose nearest to an estimate.
+
+    Args:
+        percept: the object as it is perceived.
+        covariance: (3, 3) m^2 of its position, longest along the viewing ray.
+        others: all other solids at their believed poses.
+        config: tolerances.
+
+    Tilt within the tolerance is removed and yaw kept. The height is that of the highest support within reach;
+    the rest of the position follows by conditioning the Gaussian estimate on this height,
+    x' = x + S_xz / S_zz (z' - z), so that the depth error is undone along the viewing ray.
+    An object that nothing can carry stays as it is perceived, only not inside what is below it.
+    """
+    flat, tilt = percept.face_down()
+    upright = tilt <= config.tilt_tolerance
+    solid = posed = flat if upright else percept
+    for _ in range(2):  # the support is looked for where the object is once its height is right
+        supports, level = find_support(solid, posed.bottom, others, config.hover_tolerance)
+        if level is not None:
+            solid = posed.moved(given_height(posed.position, covariance, level + posed.half_height))
+    if level is None:
+        return Placement(_above(percept, covariance, others), (), covariance)
+    return Placement(solid, supports if upright else (), _covariance_given_height(covariance))
+
+
+def find_support(
+    solid: Solid, bottom: float, others: Iterable[Solid], reach: float
+) -> tuple[tuple[str, ...], float | None]:
+    """What carries `solid` if its lowest point is perceived at height `bottom` (m), and the height of that.
+
+    Of all tops within `reach` of its bottom (or, of fixed solids, inside which it cannot be), the highest
+    level that is under its centre of mass: within the hull of the areas in which it touches that level.
+    Slivers do not carry: they come from sideways noise.
+    """
+    touching = [
+        (lower.top - above, lower.name, shared)
+        for other in _near(solid, others)
+        for part, lower in itertools.product(solid.parts, other.parts)
+        if lower.position[2] <= part.position[2] or not _is_content(other, solid)
+        for above in [part.bottom - solid.bottom]
+        if (shared := _common(part, bottom + above, lower, reach))
+    ]
+    touching.sort(reverse=True)
+    while touching:
+        level = touching[0][0]
+        carrying = [entry for entry in touching if level - entry[0] <= _LEVEL]
+        carried = hull([point for entry in carrying for point in entry[2]])
+        if contains(carried, solid.position[:2]):
+            return tuple(sorted({entry[1] for entry in carrying})), level
+        touching = touching[len(carrying) :]
+    return (), None
+
+
+def _common(solid: Solid, bottom: float, other: Solid, reach: float) -> Sequence[Point]:
+    """The area in which `solid` would touch the top of `other`; empty if that is out of reach."""
+    gap = bottom - other.top
+    inside_fixed = other.fixed and gap < 0.0 and bottom + solid.half_height > other.bottom
+    if not (abs(gap) <= reach or inside_fixed) or not _near(solid, (other,)):
+        return ()
+    common = intersection(solid.footprint, other.footprint)
+    return common if area(common) >= _SLIVER * min(area(solid.footprint), area(other.footprint)) else ()
+
+
+def _is_content(other: Solid, solid: Solid) -> bool:
+    return solid.is_hollow and solid.reaches_around(other.position)
+
+
+def _above(solid: Solid, covariance: Array, others: Iterable[Solid]) -> Solid:
+    """An unsupported solid, moved along the viewing ray until it does not reach into what it partly is above."""
+    levels = [
+        lower.top - (part.bottom - solid.bottom)
+        for other in _near(solid, others)
+        for part, lower in itertools.product(solid.parts, other.parts)
+        if _reaches_into(part, lower)
+    ]
+    level = max(levels, default=solid.bottom)
+    if level <= solid.bottom:
+        return solid
+    return solid.moved(given_height(solid.position, covariance, level + solid.half_height))
+
+
+def _reaches_into(solid: Solid, lower: Solid) -> bool:
+    """Whether the bottom of `solid` is inside the upper part of `lower`."""
+    is_lower = lower.top > solid.bottom and lower.position[2] < solid.position[2]
+    if not is_lower or not _near(solid, (lower,)) or _are_side_by_side(solid, lower):
+        return False
+    return area(intersection(solid.footprint, lower.footprint)) > 0.0
+
+
+def _near(solid: Solid, others: Iterable[Solid]) -> list[Solid]:
+    """Those whose footprints can overlap with that of `solid` at all."""
+    (x, y, _), radius = solid.position, solid.radius
+    return [
+        other
+        for other in others
+        if abs(other.position[0] - x) <= radius + other.radius and abs(other.position[1] - y) <= radius + other.radius
+    ]
+
+
+def given_height(position: Vector3, covariance: Array, height: float) -> Vector3:
+    """Mean of a Gaussian position (3,) m, once its height is known to be `height` m."""
+    x, y, z = (position + covariance[:, 2] / covariance[2, 2] * (height - position[2])).tolist()
+    return x, y, z
+
+
+def _covariance_given_height(covariance: Array) -> Array:
+    column = covariance[:, 2]
+    rest: Array = covariance - np.outer(column, column) / column[2]
+    rest[2, 2] += _HEIGHT_STD**2
+    return rest
+
+
+def separate(solids: Sequence[Solid], weights: Mapping[str, float]) -> dict[str, Vector3]:
+    """Push apart what overlaps sideways: new positions of the solids that had to give way.
+
+    Args:
+        solids: at their desired poses.
+        weights: how easily each gives way, by name, relative to the others; 0 for never.
+    """
+    placed = {solid.name: solid for solid in solids}
+    pairs = _neighbours(solids, weights)
+    moved: set[str] = set()
+    for _ in range(_SWEEPS):
+        pushed = [pair for pair in pairs if _push_apart(placed, pair, weights)]
+        if not pushed:
+            break
+        moved.update(name for a, b, _ in pushed for name in (a, b))
+    return {name: placed[name].position for name in sorted(moved) if weights.get(name, 0.0) > 0.0}
+
+
+def _neighbours(solids: Sequence[Solid], weights: Mapping[str, float]) -> list[_Pair]:
+    """Pairs of which parts share a height and are, or could soon be, in each other's way."""
+    near = (
+        (a, b)
+        for i, a in enumerate(solids)
+        for b in _near(a, solids[i + 1 :])
+        if weights.get(a.name, 0.0) + weights.get(b.name, 0.0) > 0.0
+        if not (_is_askew(a) or _is_askew(b))
+    )
+    pairs = ((a.name, b.name, _side_by_side_parts(a, b)) for a, b in near)
+    return [pair for pair in pairs if pair[2]]
+
+
+def _is_askew(solid: Solid) -> bool:
+    """Whether it is of several parts that lean: what they are beside is then not to be seen from above."""
+    return solid.kind is None and solid.face_down()[1] > _ASKEW
+
+
+def _side_by_side_parts(a: Solid, b: Solid) -> list[tuple[int, int]]:
+    """By their numbers; the floor of a container is not beside what is in it."""
+    return [
+        (i, j)
+        for i, p in enumerate(a.parts)
+        for j, q in enumerate(b.parts)
+        if _are_side_by_side(p, q) and not (_is_floor(a, p, b) or _is_floor(b, q, a))
+    ]
+
+
+def _is_floor(container: Solid, part: Solid, solid: Solid) -> bool:
+    """Whether a part of a container is beneath the centre of what is in it, which may reach into it a little."""
+    return (
+        _is_content(solid, container)
+        and part.top < solid.position[2]
+        and contains(part.footprint, solid.position[:2])
+    )  # fmt: skip
+
+
+def _are_side_by_side(a: Solid, b: Solid) -> bool:
+    common = min(a.top, b.top) - max(a.bottom, b.bottom)
+    return common > _SIDE_BY_SIDE * 2.0 * min(a.half_height, b.half_height)
+
+
+def _push_apart(placed: dict[str, Solid], pair: _Pair, weights: Mapping[str, float]) -> bool:
+    """Move the two so that the parts that overlap most do not; false if none did."""
+    a, b = placed[pair[0]], placed[pair[1]]
+    depth, (x, y) = max(overlap(a.parts[i].footprint, b.parts[j].footprint) for i, j in pair[2])
+    if depth <= 0.0:
+        return False
+    share = weights.get(a.name, 0.0) / (weights.get(a.name, 0.0) + weights.get(b.name, 0.0))
+    for solid, push in ((a, share * (depth + _GAP)), (b, (share - 1.0) * (depth + _GAP))):
+        px, py, pz = solid.position
+        placed[solid.name] = solid.moved((px + push * x, py + push * y, pz))
+    return True

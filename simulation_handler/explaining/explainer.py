@@ -1,0 +1,299 @@
+"""Lets a policy explain what is surprising, and makes the belief what the explanation says."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Collection, Iterable
+from dataclasses import replace
+
+from dsr.math3d.transforms import Pose
+from dsr.vocabulary.calibration import CAMERA_MOVED
+from simulation_handler.config import BeliefConfig
+from simulation_handler.contact.containment import Containment
+from simulation_handler.contact.relations import Relation, Relations
+from simulation_handler.explaining.glimpses import Glimpse, glimpse_of
+from simulation_handler.explaining.noticing import Noticing
+from simulation_handler.explaining.policy import Explanation, Policy
+from simulation_handler.explaining.situation import THIS_FRAME, Look, Properties, Situation, as_pose, seen_now
+from simulation_handler.explaining.wording import is_lasting, moved_together
+from simulation_handler.state.bodies import Bodies
+from simulation_handler.state.objects import BelievedObject
+
+EXPLANATION = "explanation"
+"""Source of relations that hold because of an explanation."""
+_MOST_WAITING = 64
+_REMEMBERED = 10.0  # s for which it is known what was beneath an object
+_PAUSE = 0.09  # s until a better look at what is not clear yet: the next frame of the camera
+_AFTER_DOUBT = 0.7  # s until what is seen is seen from where the camera is now known to be
+_TOGETHER = 3.0  # s for which what moved together is taken to go on doing so
+_STEP = 0.0005  # m that an object must have moved for its riders to follow
+
+
+class Explainer:
+    """Watches a belief for surprises and explains them.
+
+    Args:
+        bodies: what is believed.
+        relations: what rests on what.
+        policy: explains.
+        config: when to explain.
+        containment: what is in what.
+    """
+
+    def __init__(
+        self, bodies: Bodies, relations: Relations, policy: Policy, config: BeliefConfig, containment: Containment
+    ) -> None:
+        self.flagged: frozenset[str] = frozenset()
+        """Objects that the working memory says are surprising."""
+        self.planned: frozenset[tuple[str, str]] = frozenset()
+        """(object, support): where a plan has just put something."""
+        self.look: Look | None = None
+        """What cameras should see; None without one."""
+        self.take: Callable[[str, float], str] = lambda name, now: ""
+        """Lets a hand have, at a time (s), what is missing where it covered it; names the hand, or nothing."""
+        self.cameras_in_doubt: frozenset[str] = frozenset()
+        """Somebody finds out whether these have moved."""
+        self.cameras_standing: frozenset[str] = frozenset()
+        """It is known that these have not moved."""
+        self._bodies = bodies
+        self._relations = relations
+        self._policy = policy
+        self._config = config
+        self._containment = containment
+        self._noticing = Noticing(bodies, config)
+        self._planned: dict[tuple[str, str], float] = {}  # until when it counts
+        self._companions: dict[str, tuple[float, frozenset[str]]] = {}  # until when, what moves with an object
+        self._riders: dict[str, dict[str, Pose]] = {}  # leader_from_rider of what moves with a followed object
+        self._former: dict[tuple[str, str], tuple[float, Pose]] = {}  # (upper, lower) -> until when, upper_from_lower
+        self._news: list[tuple[float, Explanation]] = []
+        self._moved: set[str] = set()
+        self._doubted_until: dict[str, float] = {}  # by camera
+        self._look_again_at = -math.inf
+        self._told = ("", -math.inf)  # the last explanation, and until when the same one is no news
+
+    @property
+    def waiting(self) -> Collection[str]:
+        """Objects that perception must not move by itself."""
+        return self._noticing.displaced
+
+    def missing(self, now: float) -> Collection[str]:
+        """Objects that should be seen where they are believed to be, and are not."""
+        return self._noticing.missing_for(now).keys()
+
+    def in_doubt(self, now: float) -> frozenset[str]:
+        """Objects of which only cameras tell, or should tell, that may have moved."""
+        return self._noticing.told_only_by(self._doubted(now), now)
+
+    def sure(self, now: float) -> frozenset[str]:
+        """Objects that a camera sees that is known not to have moved."""
+        items = self._bodies.objects.items()
+        return frozenset(name for name, item in items if item.cameras_at(now) & self.cameras_standing)
+
+    def notice(self, now: float) -> None:
+        """Compare percepts with beliefs at time `now` (s)."""
+        self._planned |= dict.fromkeys(self.planned, now + _REMEMBERED)
+        self._noticing.update(now, self.look)
+        for name, item in self._bodies.objects.items():
+            is_seen = now - item.track.last_stamp < THIS_FRAME and item.track.estimate is not None
+            if is_seen and name in self._bodies.sim and name not in self.waiting and not item.holder:
+                item.confirmed = self._bodies.solid(name)
+
+    def _doubted(self, now: float) -> frozenset[str]:
+        """Cameras that are in doubt, or were until what they saw meanwhile counts no more."""
+        self._doubted_until |= dict.fromkeys(self.cameras_in_doubt, now + _AFTER_DOUBT)
+        return frozenset(camera for camera, until in self._doubted_until.items() if now < until)
+
+    def drag(self, now: float) -> None:
+        """Let what moved with an object that goes on moving go on with it."""
+        noticing, bodies = self._noticing, self._bodies
+        self._riders = {name: riders for name, riders in self._riders.items() if noticing.is_followed(name, now)}
+        for leader, riders in self._riders.items():
+            for rider, leader_from_rider in riders.items():
+                if leader not in bodies.sim or not self._may_be_dragged(rider, now):
+                    continue
+                there = bodies.pose(leader) @ leader_from_rider
+                if bodies.pose(rider).distance(there)[0] > _STEP:
+                    bodies.put(bodies.object(rider), there.t, there.q)
+                    noticing.follow([leader], now)
+
+    def _may_be_dragged(self, name: str, now: float) -> bool:
+        """Whether an object still goes where its leader goes: nothing holds it, and it has not been seen since."""
+        if name not in self._bodies.sim:
+            return False
+        item = self._bodies.object(name)
+        return not item.is_led and item.estimate_at(now) is None
+
+    def explain(self, now: float) -> None:
+        """Explain what is due at time `now` (s), and adopt that."""
+        doubted = self._doubted(now)
+        withheld = self._noticing.told_only_by(doubted, now)
+        due = self._noticing.due(now, self.flagged, withheld)
+        if not due or now < self._look_again_at:
+            return
+        explanation = self._policy.explain(self._situation(now, due, doubted, withheld))
+        if explanation is None:
+            self._look_again_at = now + _PAUSE
+            return
+        explanation = self._with_hands(explanation, now)
+        if explanation.changes_belief:
+            self._adopt(explanation, now)
+            self._noticing.update(now, self.look)
+        else:
+            self._look_again_at = now + self._config.look_again_after
+        text, until = self._told
+        is_news = explanation.text != text or now > until
+        if is_news:  # what only goes on is told once
+            self._news = [*self._news, (now, explanation)][-_MOST_WAITING:]
+        if is_news or CAMERA_MOVED not in explanation.text:  # that is told again until somebody did something about it
+            self._told = (explanation.text, now + 2.0 * self._config.follow_for)
+
+    def _with_hands(self, explanation: Explanation, now: float) -> Explanation:
+        """The same, but what was removed where a hand covered it is in that hand."""
+        taken = {name: hand for name in sorted(explanation.removed) if (hand := self.take(name, now))}
+        text = explanation.text
+        for name, hand in taken.items():
+            text = text.replace(f"removed({name})", f"taken_along({name}; {hand})")
+        return replace(explanation, text=text, removed=explanation.removed - taken.keys())
+
+    def recall(self, text: str, time: float, now: float) -> None:
+        """Know, at `now` (s), what an earlier run explained at another `time` (s); the last call has the newest.
+
+        What moved together goes on doing so; and what left the belief as it was is no news if it only goes on.
+        """
+        self._companions |= {name: (time + _TOGETHER, riders) for name, riders in moved_together(text).items()}
+        self._told = (text, (now if is_lasting(text) else time) + 2.0 * self._config.follow_for)
+
+    def settle_relations(self, now: float) -> None:
+        """After physics: let the relations of what was put elsewhere be those of its contacts."""
+        if self._moved:
+            self._relations.settle(self._moved, self._bodies.sim.contacts(), now, EXPLANATION)
+            self._moved.clear()
+
+    def take_news(self) -> list[tuple[float, Explanation]]:
+        """Explanations that were given since the last call, with when (s)."""
+        news, self._news = self._news, []
+        return news
+
+    def close(self) -> None:
+        """Release what the policy uses."""
+        self._policy.close()
+
+    def _situation(
+        self, now: float, due: tuple[str, ...], doubted: frozenset[str], withheld: frozenset[str]
+    ) -> Situation:
+        """As all cameras but those `doubted` tell it: of the objects `withheld` nothing is known now."""
+        bodies, config = self._bodies, self._config
+        placed = {name: bodies.solid(name) for name in bodies.objects if name in bodies.sim}
+        objects = bodies.objects
+        told = {name: item for name, item in objects.items() if name not in withheld}
+        return Situation(
+            now=now,
+            config=config,
+            fixtures=dict(bodies.fixtures),
+            believed=placed,
+            properties={
+                **{name: Properties(0.0, config.default_friction) for name in bodies.fixtures},
+                **{
+                    name: Properties(item.mass, item.friction, item.shape, item.rolling_friction)
+                    for name, item in objects.items()
+                },
+            },
+            seen={
+                name: seen_now(item, config, now)
+                for name, item in told.items()
+                if not item.is_led and item.estimate_at(now) is not None
+            },
+            surprising=due,
+            beneath=_by_first(self._relations.current()),
+            inside=_by_first(self._containment.current()),
+            former=self._remembered(now),
+            companions={name: riders for name, (until, riders) in self._companions.items() if now <= until},
+            unplaced=bodies.unplaced(),
+            held=frozenset(name for name, item in objects.items() if item.is_led and name in placed),
+            planned=frozenset(pair for pair, until in self._planned.items() if now <= until),
+            confirmed={name: solid for name in placed if (solid := objects[name].confirmed) is not None},
+            glimpsed={name: seen for name in placed if (seen := self._glimpse(objects[name], now)) is not None},
+            missing_for=self._noticing.missing_for(now),
+            evidence=self._noticing.evidence(now, withheld),
+            look=self._look_without(doubted, withheld),
+            sure=self.sure(now) - withheld,
+        )
+
+    def _look_without(self, cameras: frozenset[str], names: frozenset[str]) -> Look | None:
+        """What cameras should see, without some of them and without some objects."""
+        look = self.look
+        if look is None or not cameras:
+            return look
+        return lambda solids: {
+            key: glance for key, glance in look(solids).items() if key[0] not in cameras and key[1] not in names
+        }
+
+    def _glimpse(self, item: BelievedObject, now: float) -> Glimpse | None:
+        """How an unseen object was last seen, if that was not where it is believed to be."""
+        if not item.track.trail or item.track.is_fresh(now) or item.holder:
+            return None
+        config, believed = self._config, self._bodies.solid(item.name)
+        bias_std = config.depth_bias if item.bias is None else config.learned_bias
+        glimpse = glimpse_of(believed, item.track.trail, item.bias or 0.0, bias_std)
+        metres, radians = as_pose(glimpse.solid).distance(as_pose(believed))
+        is_off = metres > config.hover_tolerance or radians > config.tilt_tolerance
+        return glimpse if is_off or item.track.is_restless else None
+
+    def _remembered(self, now: float) -> dict[str, dict[str, Pose]]:
+        """What was beneath each object until lately, and how."""
+        self._former = {pair: entry for pair, entry in self._former.items() if now <= entry[0]}
+        former: dict[str, dict[str, Pose]] = {}
+        for (upper, lower), (_, upper_from_lower) in self._former.items():
+            former.setdefault(upper, {})[lower] = upper_from_lower
+        return former
+
+    def _remember(self, now: float) -> None:
+        """Keep in mind how things stand, before that changes."""
+        sim = self._bodies.sim
+        for upper, lower in self._relations.current():
+            if upper in self._bodies.objects and lower in self._bodies.objects and upper in sim and lower in sim:
+                upper_from_lower = self._bodies.pose(upper).inverse() @ self._bodies.pose(lower)
+                self._former[upper, lower] = (now + _REMEMBERED, upper_from_lower)
+
+    def _adopt(self, explanation: Explanation, now: float) -> None:
+        """Make the belief what the explanation says."""
+        bodies = self._bodies
+        self._remember(now)
+        for name in sorted(explanation.removed):
+            bodies.take_away(bodies.object(name))
+            self._relations.forget(name)
+        for name, solid in explanation.solids.items():
+            item = bodies.object(name)
+            bodies.put(item, solid.position, solid.rotation)
+            if name in explanation.placements:
+                item.settle(explanation.placements[name], solid, now)
+            else:
+                item.leave_to_physics()
+        for name, item in bodies.objects.items():
+            if name in explanation.solids or (item.pinned and not item.holder and item.estimate_at(now) is None):
+                bodies.set_pinned(item, name in explanation.held or item.strikes >= self._config.strikes)
+        for relation in explanation.ended:
+            self._relations.end(relation)
+        self._moved |= explanation.solids.keys()
+        self._noticing.follow(explanation.placements.keys(), now)
+        self._note_riders(explanation, now)
+
+    def _note_riders(self, explanation: Explanation, now: float) -> None:
+        """Keep in mind what moves with which object, as long as that goes on moving."""
+        moves = explanation.hypothesis.moves if explanation.hypothesis else ()
+        self._companions |= {move.name: (now + _TOGETHER, frozenset((*move.riders, *move.beneath))) for move in moves}
+        self._riders |= {
+            move.name: {
+                rider: self._bodies.pose(move.name).inverse() @ self._bodies.pose(rider)
+                for rider in (*move.riders, *move.beneath)
+            }
+            for move in moves
+        }
+
+
+def _by_first(relations: Iterable[Relation]) -> dict[str, tuple[str, ...]]:
+    """What each is related to."""
+    found: dict[str, tuple[str, ...]] = {}
+    for first, second in relations:
+        found[first] = (*found.get(first, ()), second)
+    return found

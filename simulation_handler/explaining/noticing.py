@@ -1,0 +1,111 @@
+"""What the belief cannot go on with: what is seen elsewhere than believed, and what should be seen and is not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+
+from simulation_handler.config import BeliefConfig
+from simulation_handler.explaining.scoring import SURE, is_displaced, is_far
+from simulation_handler.explaining.situation import Look, seen_now, shown_now
+from simulation_handler.state.bodies import Bodies
+from simulation_handler.state.objects import BelievedObject
+
+_GATHERING = 0.1  # s in which others that were moved at the same time may show
+_CONFIRMING = 0.2  # s that percepts have disagreed before that is confirmed
+
+
+class Noticing:
+    """Keeps count of since when objects disagree with what is seen."""
+
+    def __init__(self, bodies: Bodies, config: BeliefConfig) -> None:
+        self._bodies = bodies
+        self._config = config
+        self._displaced_since: dict[str, float] = {}
+        self._expected_since: dict[str, float] = {}
+        self._expected_by: dict[str, frozenset[str]] = {}
+        self._follow_until: dict[str, float] = {}
+
+    @property
+    def displaced(self) -> Collection[str]:
+        """Objects that are seen elsewhere than believed."""
+        return self._displaced_since.keys()
+
+    def update(self, now: float, look: Look | None) -> None:
+        """Compare percepts with beliefs at time `now` (s)."""
+        off = [item.name for item in self._bodies.objects.values() if self._is_displaced(item, now)]
+        self._displaced_since = {name: self._displaced_since.get(name, now) for name in off}
+        self._expected_by = self._expected(look) if look is not None else {}
+        blind = not any(item.estimate_at(now) for item in self._bodies.objects.values())
+        since = {} if blind else self._expected_since  # a camera that shows nothing is covered
+        self._expected_since = {name: since.get(name, now) for name in sorted(self._expected_by)}
+
+    def missing_for(self, now: float) -> dict[str, float]:
+        """How long each object that should be seen was not, in s."""
+        objects = self._bodies.objects
+        return {
+            name: now - max(since, objects[name].track.last_stamp)
+            for name, since in self._expected_since.items()
+            if name in objects and objects[name].estimate_at(now) is None and now > since
+        }
+
+    def told_only_by(self, cameras: frozenset[str], now: float) -> frozenset[str]:
+        """Objects that only some of these cameras see or, if none does, should see."""
+        by = {name: item.cameras_at(now) for name, item in self._bodies.objects.items()}
+        by = {name: seeing or self._expected_by.get(name, frozenset()) for name, seeing in by.items()}
+        return frozenset(name for name, telling in by.items() if telling and telling <= cameras)
+
+    def due(self, now: float, flagged: Collection[str], withheld: Collection[str]) -> tuple[str, ...]:
+        """Objects that must be explained now, but for those `withheld`, sorted; empty as long as that can wait.
+
+        It can wait until all that are displaced were flagged as surprising, or one has been off for too long, or goes
+        on moving.
+        """
+        config, displaced = self._config, self._displaced_but(withheld)
+        missing = {name: s for name, s in self._missing_but(withheld, now).items() if s >= config.missing_after}
+        late = [name for name, since in displaced.items() if now - since >= config.unflagged_after]
+        late += [name for name, seconds in missing.items() if seconds >= config.missing_after + config.unflagged_after]
+        late += [name for name in displaced if self.is_followed(name, now)]
+        open_ = displaced.keys() | missing.keys()
+        newest = max(displaced.values(), default=-math.inf)
+        if now - newest < _GATHERING and not late:
+            return ()
+        is_flagged = not open_.isdisjoint(flagged) and displaced.keys() <= set(flagged)
+        return tuple(sorted(open_)) if late or is_flagged else ()
+
+    def evidence(self, now: float, withheld: Collection[str]) -> float:
+        """How long things have been seen as they are now, but for those `withheld`, in s."""
+        if displaced := self._displaced_but(withheld):
+            return now - min(displaced.values()) + _CONFIRMING
+        return max(self._missing_but(withheld, now).values(), default=0.0)
+
+    def _displaced_but(self, withheld: Collection[str]) -> dict[str, float]:
+        return {name: since for name, since in self._displaced_since.items() if name not in withheld}
+
+    def _missing_but(self, withheld: Collection[str], now: float) -> dict[str, float]:
+        return {name: seconds for name, seconds in self.missing_for(now).items() if name not in withheld}
+
+    def follow(self, names: Collection[str], now: float) -> None:
+        """Let objects that were just explained go on moving without a new flag."""
+        self._follow_until |= dict.fromkeys(names, now + self._config.follow_for)
+
+    def is_followed(self, name: str, now: float) -> bool:
+        """Whether an object may go on moving."""
+        return now <= self._follow_until.get(name, -math.inf)
+
+    def _is_displaced(self, item: BelievedObject, now: float) -> bool:
+        if item.is_led or item.name not in self._bodies.sim or item.estimate_at(now) is None:
+            return False
+        believed, config = self._bodies.solid(item.name), self._config
+        is_apart = is_far(shown_now(item, config)[0], believed, config)  # of most nothing more must be worked out
+        return is_apart and is_displaced(seen_now(item, config, now), believed, config)
+
+    def _expected(self, look: Look) -> dict[str, frozenset[str]]:
+        """Objects at rest, for what falls is not there any more when a frame comes, that some cameras should see."""
+        bodies, in_motion = self._bodies, self._bodies.in_motion()
+        solids = [bodies.solid(name) for name, item in bodies.objects.items() if name in bodies.sim]
+        expected: dict[str, frozenset[str]] = {}
+        for (camera, name), glance in look(solids).items():
+            if glance.share >= SURE and not bodies.objects[name].is_led and name not in in_motion:
+                expected[name] = expected.get(name, frozenset()) | {camera}
+        return expected

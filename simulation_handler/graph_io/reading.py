@@ -1,0 +1,258 @@
+"""From the graph to the belief: which objects there are, and what was perceived of them since the last look."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import math
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from typing import Any
+
+import numpy as np
+
+from dsr.errors import DsrError, SchemaError
+from dsr.graph.elements import Edge, Node
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.shapes import MOST_PARTS, Shape, bounds, from_numbers
+from dsr.math3d.transforms import Pose
+from dsr.memory import Memory
+from dsr.vocabulary.calibration import CONFIRMED, IN_DOUBT
+from dsr.vocabulary.intentions import RUNNING
+from dsr.vocabulary.perceived import is_perceived
+from dsr.vocabulary.relations import SURFACES, THINGS
+from simulation_handler.graph_io.recalling import WORLD, Recalling
+from simulation_handler.hands.state import HandPercept
+from simulation_handler.motion.holding import Grasp
+from simulation_handler.reasoner import Reasoner
+from simulation_handler.shapes.meshes import Forms
+
+MODELLED = "object"
+"""Node type of what never moves by itself and has the form of its mesh."""
+FIXTURES = (*SURFACES, MODELLED)
+"""Node types of what never moves by itself."""
+OBJECTS = THINGS
+"""Node types of what the belief follows."""
+EXPLAINED = ("cube",)
+"""Those of them whose moves are always explained: they may have been part of a tower that nobody sees."""
+_MOST_OFF = 0.001  # m that the bounds of a shape may differ from the size
+_FARTHEST = 100.0  # m from the world's origin that a hand may be
+_MOST_AHEAD = 0.5  # s that a percept's stamp may be ahead of this machine's clock
+
+Properties = tuple[Vector3, float | None, float | None, float | None, Shape]
+"""Size (m), mass (kg), friction, rolling friction (m) and shape of an object; None where its node does not say."""
+
+
+class Reading:
+    """Keeps a belief in step with the graph's nodes and percepts. What cannot be used is counted, and logged once."""
+
+    def __init__(self, memory: Memory, belief: Reasoner, log: logging.Logger, forms: Forms | None = None) -> None:
+        self._memory = memory
+        self._belief = belief
+        self._log = log
+        self._forms = forms or Forms(memory)
+        self._known: dict[str, Properties] = {}
+        self._fixed: set[str] = set()
+        self._used: dict[tuple[str, str], float] = {}  # (camera, object) -> stamp of the newest percept taken in
+        self._recalling: Recalling | None = None
+        self._recalled: dict[str, float] = {}  # object -> s, until when an earlier run has taken in its percepts
+        self.skipped: Counter[str] = Counter()
+        """How often something of a node could not be used, by its name."""
+        self.problems: dict[str, str] = {}
+        """Why, in the last update."""
+
+    def update(self, now: float) -> None:
+        """Take in what the graph holds at time `now` (s)."""
+        self.problems.clear()
+        if self._recalling is None:
+            self._recalling = Recalling(self._memory, self._belief)
+            self._recalling.recall_explanations(now)
+        fixtures = {node.name: node for node in self._nodes(FIXTURES)}
+        present = {node.name: node for node in self._nodes(OBJECTS)}
+        for name in sorted((self._known.keys() | self._fixed) - present.keys() - fixtures.keys()):
+            self._forget(name)
+        for name, node in fixtures.items():
+            with self._skipping(name):
+                self._note_fixture(node)
+        for name, node in present.items():
+            with self._skipping(name):
+                self._note_object(node, now)
+        for name in sorted(self._known):
+            for edge in self._memory.edges("RT", dst=name):
+                with self._skipping(name):
+                    self._note_percept(edge, now)
+        self._belief.flag({name for name in self._known if present[name].get("surprising") is True})
+        mounts = {node.name: node.get("mount") for node in self._memory.nodes("camera")}
+        in_doubt, standing = ({n for n, mount in mounts.items() if mount == word} for word in (IN_DOUBT, CONFIRMED))
+        self._belief.doubt_cameras(in_doubt, standing=standing)
+        self._belief.plan(self._planned())
+        self._belief.hold(self._grasps())
+        self._belief.touch(self._hands(now))
+
+    def _planned(self) -> set[tuple[str, str]]:
+        """(object, support) of what an arm is putting down now."""
+        actions = (node for node in self._memory.nodes("action") if node.get("skill") == "place")
+        return {
+            (node.get("target", ""), node.get("destination", "")) for node in actions if node.get("status") == RUNNING
+        }
+
+    def _grasps(self) -> dict[str, Grasp]:
+        """The objects that are held, and how."""
+        grasps = {}
+        for edge in self._memory.edges("grasping"):
+            gripper = self._memory.get_node(edge.src)
+            if edge.dst in self._known and gripper is not None and gripper.type == "gripper":
+                with self._skipping(edge.src):
+                    world_from_gripper = self._memory.transform(WORLD, edge.src)
+                    grasps[edge.dst] = Grasp(edge.src, world_from_gripper, edge.get("held_at"))
+        return grasps
+
+    def _hands(self, now: float) -> dict[str, HandPercept]:
+        """The human hands whose place is known."""
+        fingers = {node.name: node for node in self._nodes(("finger",))}
+        hands: dict[str, HandPercept] = {}
+        for node in self._nodes(("hand",)):
+            with self._skipping(node.name):
+                pose = self._placed(node)
+                tips = {
+                    edge.dst: tip
+                    for edge in self._memory.edges("has", src=node.name)
+                    if edge.dst in fingers and (tip := self._placed(fingers[edge.dst])) is not None
+                }
+                if pose is not None:
+                    hands[node.name] = HandPercept(pose, tips, is_perceived(node, now))
+        return hands
+
+    def _placed(self, node: Node) -> Pose | None:
+        """Where a part of a hand was when it was last seen, with stamp; None if that is not known."""
+        edge = self._memory.get_edge(WORLD, node.name, "RT")
+        pose = None if edge is None else edge.get("pose")
+        if pose is None or (node.type == "finger" and node.get("perceived") is False):
+            return None
+        if math.hypot(*pose.t) > _FARTHEST:
+            raise SchemaError(f"{node}: {math.hypot(*pose.t):.3g} m from the world's origin; at most {_FARTHEST}")
+        checked: Pose = pose
+        return checked
+
+    def _nodes(self, types: Iterable[str]) -> list[Node]:
+        return sorted((node for type in types for node in self._memory.nodes(type)), key=lambda node: node.name)
+
+    def _note_fixture(self, node: Node) -> None:
+        """Put a table where its node says: the frame is at the centre of its top; what has a mesh once that is here."""
+        if node.type == MODELLED:
+            self._note_modelled(node)
+            return
+        size = _size(node)
+        top = self._memory.transform(WORLD, node.name)
+        self._belief.set_fixture(node.name, size, top @ Pose((0.0, 0.0, -0.5 * size[2])))
+        self._fixed.add(node.name)
+
+    def _note_modelled(self, node: Node) -> None:
+        form = self._forms.of(node)
+        if form is None:
+            return
+        if not form.is_true:
+            raise SchemaError(f"{node}: its mesh is too hollow for {MOST_PARTS} convex parts; give it as several nodes")
+        pose = self._memory.transform(WORLD, node.name) @ Pose(form.centre)
+        self._belief.set_fixture(node.name, form.size, pose, form.shape)
+        self._fixed.add(node.name)
+
+    def _note_object(self, node: Node, now: float) -> None:
+        """Let an object take part in the belief, or change what it is like."""
+        name, properties = node.name, _properties(node, self._forms)
+        known = self._known.get(name)
+        if properties == known:
+            return
+        pose = self._belief.pose(name) if known else None
+        if known:
+            self._belief.remove(name)
+        size, mass, friction, rolling_friction, shape = properties
+        drivable = node.type not in EXPLAINED
+        self._belief.add_object(
+            name, size, mass=mass, friction=friction, rolling_friction=rolling_friction, shape=shape, drivable=drivable
+        )
+        self._known[name] = properties
+        if pose is not None:
+            self._belief.recall(name, pose)
+        elif not known and self._recalling is not None:
+            self._recalled[name] = self._recalling.recall(node, now)
+
+    def _note_percept(self, edge: Edge, now: float) -> None:
+        """Take in the pose of an RT edge from a camera, unless it was taken in before, also by an earlier run.
+
+        A stamp of 0 means "always": such an edge is a percept of this moment, whenever that is.
+        """
+        pose = edge.get("pose")
+        if pose is None:
+            return
+        stamp, key = pose.stamp or now, (edge.src, edge.dst)
+        if stamp <= self._used.get(key, -math.inf):
+            return
+        if stamp > now + _MOST_AHEAD:
+            raise SchemaError(f"percept of {edge.dst!r} from {edge.src!r} is stamped {stamp - now:.1f} s ahead")
+        world_from_camera = self._memory.transform(WORLD, edge.src, at=pose.stamp or None)
+        self._used[key] = stamp
+        if stamp <= self._recalled.get(edge.dst, -math.inf):
+            self._belief.recall_seen(edge.dst, world_from_camera @ pose, stamp, edge.src)
+            return
+        self._belief.observe(edge.dst, world_from_camera @ pose, stamp, world_from_camera.t, edge.src)
+
+    def _forget(self, name: str) -> None:
+        self._belief.remove(name)
+        self._known.pop(name, None)
+        self._recalled.pop(name, None)
+        self._fixed.discard(name)
+        for key in [key for key in self._used if key[1] == name]:
+            del self._used[key]
+
+    @contextlib.contextmanager
+    def _skipping(self, name: str) -> Iterator[None]:
+        """Skip what cannot be used of the node `name`."""
+        try:
+            yield
+        except (DsrError, ValueError, np.linalg.LinAlgError) as error:
+            self.problems[name] = str(error)
+            self.skipped[name] += 1
+            if self.skipped[name] == 1:
+                self._log.warning("%s cannot be used (logged once): %s", name, error)
+
+
+def _properties(node: Node, forms: Forms) -> Properties:
+    mass, friction = _number(node, "mass"), _number(node, "friction")
+    if mass == 0.0:
+        raise SchemaError(f"{node}: mass 0 kg; expected more")
+    size = _size(node)
+    return size, mass, friction, _number(node, "rolling_friction"), _shape(node, size, forms)
+
+
+def _size(node: Node) -> Vector3:
+    size: Any = node.get("size")
+    if not isinstance(size, tuple) or len(size) != 3 or not all(0.0 < edge < math.inf for edge in size):
+        raise SchemaError(f"{node}: size {size}; expected three positive lengths in m")
+    return size
+
+
+def _shape(node: Node, size: Vector3, forms: Forms) -> Shape:
+    """Its pieces, within a box of that size; none if it is a box, or its mesh is not here yet."""
+    numbers: Any = node.get("shape")
+    if numbers is not None:
+        shape = from_numbers(numbers)
+    elif (form := forms.of(node)) is not None:
+        shape = form.shape
+    else:
+        return ()
+    if any(
+        abs(edge + sign * 2.0 * end) > 2.0 * _MOST_OFF
+        for sign, ends in zip((1.0, -1.0), bounds(shape), strict=True)
+        for edge, end in zip(size, ends, strict=True)
+    ):
+        raise SchemaError(f"{node}: shape from {bounds(shape)[0]} to {bounds(shape)[1]} m; its size is {size}")
+    return shape
+
+
+def _number(node: Node, attribute: str) -> float | None:
+    """A value that cannot be negative; None if the node has none."""
+    value: float | None = node.get(attribute)
+    if value is not None and not 0.0 <= value < math.inf:
+        raise SchemaError(f"{node}: {attribute} {value}; expected a number of at least 0")
+    return value

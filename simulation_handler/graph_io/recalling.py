@@ -1,0 +1,63 @@
+"""Takes up from the graph what an earlier run of this agent believed, and what it had explained already."""
+
+from __future__ import annotations
+
+import math
+
+from dsr.graph.elements import Node
+from dsr.memory import Memory
+from dsr.timeline import EXPLAINED, query
+from simulation_handler.contact.relations import BOUNDS, CONTACT
+from simulation_handler.explaining.explainer import EXPLANATION
+from simulation_handler.hands.state import TOUCH, HandGrasp
+from simulation_handler.reasoner import Reasoner
+
+WORLD = "world"
+SOURCES = (CONTACT, EXPLANATION, BOUNDS)
+"""Of the relations that the belief writes."""
+
+
+class Recalling:
+    """What an earlier run left in the graph; to be made before this one writes anything."""
+
+    def __init__(self, memory: Memory, belief: Reasoner) -> None:
+        self._memory = memory
+        self._belief = belief
+        poses = (edge.get("pose") for edge in memory.edges("Virtual_RT", src=WORLD))
+        self._lived_until = max((pose.stamp for pose in poses if pose is not None), default=-math.inf)
+
+    def recall_explanations(self, now: float) -> None:
+        """Know at time `now` (s) what was explained: what only goes on is not explained anew."""
+        for entry in query(self._memory, kind=EXPLAINED):
+            self._belief.recall_explanation(entry.text, entry.begin, now)
+
+    def recall(self, node: Node, now: float) -> float:
+        """Believe of an object what was believed before.
+
+        Returns:
+            Until when (s) its percepts have been taken in, for the belief is what became of them; minus infinity if
+            nothing was believed of it.
+        """
+        edge = self._memory.get_edge(WORLD, node.name, "Virtual_RT")
+        if edge is not None and edge.get("pose") is not None:
+            self._belief.recall(node.name, edge.pose, held=node.get("plausible") is False)
+            self._recall_relations(node, now)
+            return max(self._lived_until, edge.pose.stamp)
+        if node.get("present") is False:
+            self._belief.recall_gone(node.name)
+            return self._lived_until
+        return -math.inf
+
+    def _recall_relations(self, node: Node, now: float) -> None:
+        for edge in self._memory.edges("on", src=node.name):
+            source = edge.get("source")
+            if source in SOURCES:
+                self._belief.recall_support((edge.src, edge.dst), edge.get("since", now), now, source)
+        for edge in self._memory.edges("grasping", dst=node.name):
+            held_at, source = edge.get("held_at"), edge.get("source")
+            if source in (CONTACT, EXPLANATION) and held_at is not None:
+                since, covered = edge.get("since", now), source == EXPLANATION
+                grasp = HandGrasp(since, edge.get("grip", TOUCH), held_at, covered=covered)
+                self._belief.recall_grasp((edge.src, edge.dst), grasp, now)
+        for edge in self._memory.edges("in", src=node.name):
+            self._belief.recall_contents((edge.src, edge.dst), edge.get("since", now), now)

@@ -1,0 +1,91 @@
+"""From the belief to the graph: what each camera should see of each object, as edges `sees`."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import numpy as np
+
+from dsr.errors import DsrError
+from dsr.graph.elements import Edge
+from dsr.memory import Memory
+from dsr.visibility import LEAST_SHARE, is_enough
+from simulation_handler.explaining import Look
+from simulation_handler.graph_io.views import by_color, hands, modelled, obstacles, persons, views
+from simulation_handler.perception.sight import Glance, Sight
+from simulation_handler.reasoner import Reasoner
+from simulation_handler.shapes.meshes import Forms
+
+SEEN = ("share", "visible", "hidden_by", "detectable", "covered_by")
+"""Attributes of the edges."""
+_LIMITS = {"share": (LEAST_SHARE,), "detectable": (0.05, 0.5, 0.95)}
+"""What is news at any step: what counts as seen; what surely cannot be recognised, likely can be, and surely should."""
+
+_PERIOD = 0.1  # s between two looks
+_SLACK = 1e-3  # s by which a tick may be early
+_STEP = 0.1  # of the share, that is news
+
+
+class Seeing:
+    """Keeps edges `sees` from cameras to objects in step with a belief.
+
+    `share`, `visible` and `hidden_by` are about the whole image of an object, as in all edges `sees`; `detectable` and
+    `covered_by` are about what it is recognised by, of which only this agent tells.
+    """
+
+    def __init__(self, memory: Memory, belief: Reasoner, forms: Forms | None = None) -> None:
+        self._forms = forms or Forms(memory)
+        self._memory = memory
+        self._belief = belief
+        self._last = -math.inf
+        self.look: Look | None = None
+        """What the cameras should see by the last look; None without a camera."""
+
+    def update(self, now: float) -> None:
+        """Look with each camera at the belief of time `now` (s), at most ten times a second, and write what is news."""
+        if self._last <= now < self._last + _PERIOD - _SLACK:
+            return
+        self._last = now
+        with contextlib.suppress(np.linalg.LinAlgError):
+            cameras, memory = views(self._memory), self._memory
+            hiding = [*obstacles(memory), *modelled(memory, self._forms), *hands(memory, now), *persons(memory, now)]
+            sight = Sight(cameras, hiding, by_color(memory))
+            self.look = sight.glances if cameras else None
+            solids = self._belief.solids()
+            whole = Sight(cameras, hiding, whole=True).glances(solids)
+            self._write({key: (whole[key], glance) for key, glance in sight.glances(solids).items()})
+
+    def _write(self, glances: Mapping[tuple[str, str], tuple[Glance, Glance]]) -> None:
+        """Of the whole of each object, and of what it is recognised by."""
+        cameras = {node.name for node in self._memory.nodes("camera")}
+        for edge in self._memory.edges("sees"):
+            if edge.src in cameras and "detectable" in edge and (edge.src, edge.dst) not in glances:
+                self._memory.remove_edge(edge.src, edge.dst, "sees")
+        for (camera, name), (whole, tag) in glances.items():
+            written = self._memory.get_edge(camera, name, "sees")
+            values = {
+                "share": whole.share,
+                "visible": is_enough(whole.share, written is not None and written.get("visible") is True),
+                "hidden_by": whole.hidden_by,
+                "detectable": tag.share,
+                "covered_by": tag.hidden_by,
+            }
+            if written is None or _is_news(written, values):
+                with contextlib.suppress(DsrError):  # an end may be gone meanwhile
+                    self._memory.add_edge(camera, name, "sees", **values)
+
+
+def _is_news(written: Edge, values: Mapping[str, Any]) -> bool:
+    if any(written.get(name) != values[name] for name in ("visible", "hidden_by", "covered_by")):
+        return True
+    return any(_differs(written.get(name), values[name], limits) for name, limits in _LIMITS.items())
+
+
+def _differs(before: float | None, share: float, limits: Iterable[float]) -> bool:
+    """Whether a share is another one than before, or on the other side of a limit."""
+    if before is None or abs(share - before) > _STEP:
+        return True
+    return any((share >= limit) != (before >= limit) for limit in limits)

@@ -1,0 +1,195 @@
+"""Answers what-if questions (dsr/vocabulary/what_if.py) by simulating a copy of the believed scene."""
+
+from __future__ import annotations
+
+import logging
+import math
+import threading
+from collections.abc import Collection
+
+from dsr.clock import Clock
+from dsr.errors import DsrError, SchemaError, suggest
+from dsr.math3d.polygons import overlap
+from dsr.math3d.quaternions import conjugate, product
+from dsr.math3d.shapes import from_numbers
+from dsr.math3d.transforms import Pose
+from dsr.network.keys import Keys
+from dsr.network.transport import Transport
+from dsr.vocabulary.what_if import SERVICE, Answer, Change, Question, decode_question, encode_answer
+from simulation_handler.contact.relations import STEEP
+from simulation_handler.physics.rollouts.engine import Engine, Outcome
+from simulation_handler.physics.rollouts.scene import Body, Placing, Scene
+from simulation_handler.shapes.geometry import Solid
+from simulation_handler.state.bodies import FLOOR
+
+KEY = f"service/{SERVICE}"
+"""Where it answers, below the graph's root: what a secured graph must grant."""
+_DEEPEST = 0.005  # m that an object may be placed into another: physics pushes it out, but does not throw it
+_MOST_WAITING = 16
+_LEAST_SIZE = 1e-3  # m, of what is added
+_HEAVIEST = 1e3  # kg
+_FARTHEST = 100.0  # m from the world's origin that something may be put
+
+_log = logging.getLogger("simulation_handler.graph_io.what_if")
+
+
+class RefusedError(DsrError):
+    """A question that has no answer; says why."""
+
+
+class WhatIfService:
+    """Serves a graph; knows the scene that was offered last, and never touches the belief.
+
+    Whatever comes in, the caller gets an answer, if only a refusal. Questions are simulated one at a time; beyond
+    16 that wait, or when the asker has stopped waiting, they are refused, which costs nothing.
+    """
+
+    def __init__(self, bus: Transport, keys: Keys, clock: Clock) -> None:
+        self._clock = clock
+        self._offered: tuple[Scene, float] | None = None
+        self._engine: Engine | None = None
+        self._closed = False
+        self._one_at_a_time = threading.Lock()
+        self._seats = threading.BoundedSemaphore(_MOST_WAITING)
+        self._subscription = bus.serve(keys.service(SERVICE), lambda _, payload: encode_answer(self.answer(payload)))
+
+    def offer(self, scene: Scene, now: float) -> None:
+        """Answer from this scene, as it is at `now` (s), from now on."""
+        self._offered = (scene, now)
+
+    def close(self) -> None:
+        """Answer no more and free the simulation; harmless when repeated."""
+        self._subscription.close()
+        with self._one_at_a_time:
+            self._closed = True
+            if self._engine is not None:
+                self._engine.close()
+
+    def answer(self, payload: bytes) -> Answer:
+        """What to reply to a message, from any thread; never raises."""
+        try:
+            return self._answer(decode_question(payload))
+        except DsrError as error:
+            return Answer(refused=str(error))
+        except Exception as error:
+            _log.exception("a what-if question could not be answered")
+            return Answer(refused=f"the simulation handler failed: {error!r}")
+
+    def _answer(self, question: Question) -> Answer:
+        if not self._seats.acquire(blocking=False):
+            raise RefusedError(f"{_MOST_WAITING} questions wait already; ask again later")
+        try:
+            with self._one_at_a_time:
+                return self._simulated(question)
+        finally:
+            self._seats.release()
+
+    def _simulated(self, question: Question) -> Answer:
+        late = self._clock.now() - question.expires
+        if question.expires and late > 0.0:
+            raise RefusedError(
+                f"nobody waits for this answer any more, for {late:.1f} s; too many questions, or clocks apart"
+            )
+        if self._offered is None or self._closed:
+            raise RefusedError("the simulation handler holds no scene; it has just started, or ends")
+        scene, now = self._offered
+        for change in question.changes:
+            scene = changed(scene, change)
+        check_room(scene, {change.object for change in question.changes if change.pose is not None})
+        self._engine = self._engine or Engine()
+        return _described(scene, self._engine.run(scene, question.seconds), now)
+
+
+def changed(scene: Scene, change: Change) -> Scene:
+    """The scene with a change made. Raises `RefusedError` for one that makes no sense."""
+    name = change.object
+    if change.action == "add":
+        return Scene((*scene.bodies, added(scene, change)))
+    known = [body for body in scene.names if body != FLOOR]
+    if name not in known:
+        raise RefusedError(f"no object {name!r} has a place in the belief; {suggest(name, known)}")
+    if change.action == "remove":
+        return scene.without([name])
+    if change.pose is not None:
+        scene = scene.moved({name: _placing(name, change.pose)})
+    elif change.action == "place":
+        raise RefusedError(f"change of {name!r}: to place it needs a pose")
+    return scene.held([name]) if change.action == "hold" else scene.released([name])
+
+
+def added(scene: Scene, change: Change) -> Body:
+    """One more body. Raises `RefusedError` if it cannot be, or is there already."""
+    name, size = change.object, change.size
+    if name in scene:
+        raise RefusedError(f"{name!r} is there already; place it elsewhere instead")
+    if change.pose is None or size is None:
+        raise RefusedError(f"to add {name!r} takes a pose and a size")
+    if not (_LEAST_SIZE <= min(size) <= max(size) <= _FARTHEST):
+        raise RefusedError(f"size of {name!r}: {size}; expected {_LEAST_SIZE} to {_FARTHEST} m along each axis")
+    if not (0.0 < change.mass <= _HEAVIEST and 0.0 <= change.friction <= _HEAVIEST):
+        raise RefusedError(f"mass {change.mass} kg, friction {change.friction} of {name!r}: expected 0 to {_HEAVIEST}")
+    try:
+        shape = from_numbers(change.shape) if change.shape else ()
+    except SchemaError as error:
+        raise RefusedError(str(error)) from error
+    position, rotation = _placing(name, change.pose)
+    return Body(name, size, position, rotation, change.mass, change.friction, shape=shape)
+
+
+def check_room(scene: Scene, placed: Collection[str]) -> None:
+    """Raise `RefusedError` if one of the objects that were `placed` would be inside another body."""
+    for name in sorted(placed):
+        solid = scene[name].solid
+        for body in scene.bodies:
+            depth = 0.0 if body.name == name else _depth(solid, body.solid)
+            if depth > _DEEPEST:
+                raise RefusedError(f"{name!r} would be {1e3 * depth:.0f} mm inside {body.name!r} there")
+
+
+def _depth(a: Solid, b: Solid) -> float:
+    """How far two bodies would have to be moved apart, m; zero or less if they do not overlap."""
+    return max(_part_depth(p, q) for p in a.parts for q in b.parts)
+
+
+def _part_depth(a: Solid, b: Solid) -> float:
+    level = min(a.top, b.top) - max(a.bottom, b.bottom)
+    return level if level <= 0.0 else min(level, overlap(a.footprint, b.footprint)[0])
+
+
+def _placing(name: str, numbers: tuple[float, ...]) -> Placing:
+    try:
+        pose = Pose(numbers[:3], numbers[3:])
+    except ValueError as error:
+        raise RefusedError(f"pose of {name!r}: {error}") from error
+    if math.hypot(*pose.t) > _FARTHEST:
+        raise RefusedError(
+            f"pose of {name!r}: {math.hypot(*pose.t):.3g} m from the world's origin; at most {_FARTHEST}"
+        )
+    return pose.t, pose.q
+
+
+def _described(scene: Scene, outcome: Outcome, now: float) -> Answer:
+    objects = [body for body in scene.bodies if body.mass > 0.0]
+    contacts = [contact for contact in outcome.contacts if FLOOR not in contact[:2]]
+    rests_on: dict[str, list[str]] = {body.name: [] for body in objects}
+    for contact in contacts:
+        if contact.steepness >= STEEP and contact.upper in rests_on:
+            rests_on[contact.upper].append(contact.lower)
+    pairs = {(min(contact[:2]), max(contact[:2])) for contact in contacts}
+    return Answer(
+        stamp=now,
+        seconds=outcome.seconds,
+        at_rest=outcome.at_rest,
+        poses={body.name: (*outcome.poses[body.name][0], *outcome.poses[body.name][1]) for body in objects},
+        moved={body.name: outcome.drift[body.name] for body in objects},
+        turned={body.name: _angle(body, outcome) for body in objects},
+        rests_on={name: tuple(supports) for name, supports in rests_on.items()},
+        touches=tuple(sorted(pairs)),
+        on_floor=tuple(c.upper for c in outcome.contacts if c.lower == FLOOR and c.upper in rests_on),
+    )
+
+
+def _angle(body: Body, outcome: Outcome) -> float:
+    """Between the rotation at the beginning and at the end, rad."""
+    x, y, z, w = product(conjugate(body.rotation), outcome.poses[body.name][1])
+    return 2.0 * math.atan2(math.hypot(x, y, z), abs(w))

@@ -1,0 +1,112 @@
+"""From the belief to the graph: believed poses, relations from contact, plausibility; only what changed."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+from collections.abc import Mapping
+
+from dsr.errors import GraphError
+from dsr.graph.elements import Edge
+from dsr.math3d.transforms import Pose
+from dsr.memory import Memory
+from simulation_handler.contact.relations import CONTACT, Relation
+from simulation_handler.explaining.explainer import EXPLANATION
+from simulation_handler.graph_io.events import Events
+from simulation_handler.graph_io.recalling import SOURCES, WORLD
+from simulation_handler.hands.state import HandGrasp
+from simulation_handler.reasoner import Reasoner
+
+_REFRESH = 1.0  # s after which a pose is written again, unchanged
+_SHIFT = 5e-5  # m that a body must have moved since its pose was written
+_TURN = 5e-4  # rad, likewise
+_GRASP_SHIFT = 0.005  # m that an object must have moved in a hand since that was written
+_GRASP_TURN = 0.1  # rad, likewise
+
+
+class Writing:
+    """Keeps the graph in step with a belief."""
+
+    def __init__(self, memory: Memory, belief: Reasoner, log: logging.Logger) -> None:
+        self._memory = memory
+        self._belief = belief
+        self._written: dict[str, Pose] = {}
+        self._events = Events(memory, belief.config.policy, log)
+
+    def update(self, now: float) -> None:
+        """Write what changed up to time `now` (s). A node that is gone meanwhile is left out."""
+        if WORLD not in self._memory:
+            return
+        self._written = {name: pose for name, pose in self._written.items() if name in self._belief}
+        for name in self._belief.names:
+            with contextlib.suppress(GraphError):
+                self._write_pose(name, now)
+                self._write_plausible(name)
+                self._write_present(name)
+        self._write_relations("on", self._belief.supports())
+        self._write_relations("in", self._belief.contents())
+        self._write_grasps()
+        for time, explanation in self._belief.explanations():
+            self._events.record(time, explanation)
+
+    def _write_pose(self, name: str, now: float) -> None:
+        pose = self._belief.pose(name)
+        if pose is not None and self._is_news(name, pose, now):
+            self._memory.add_edge(WORLD, name, "Virtual_RT", pose=pose)
+            self._written[name] = pose
+
+    def _is_news(self, name: str, pose: Pose, now: float) -> bool:
+        written = self._written.get(name)
+        if written is None or now - written.stamp >= _REFRESH:
+            return True
+        metres, radians = written.distance(pose)
+        return metres > _SHIFT or radians > _TURN
+
+    def _write_plausible(self, name: str) -> None:
+        plausible = self._belief.plausible(name)
+        if self._belief.pose(name) is not None and self._memory.node(name).get("plausible") is not plausible:
+            self._memory.update_node(name, plausible=plausible)
+
+    def _write_present(self, name: str) -> None:
+        """Take the pose of what is gone out of the graph, and say so."""
+        gone, before = self._belief.is_gone(name), self._memory.node(name).get("present")
+        if gone and self._belief.pose(name) is None:
+            self._memory.remove_edge(WORLD, name, "Virtual_RT")
+            self._written.pop(name, None)
+        if before is not (not gone) and (gone or before is not None):
+            self._memory.update_node(name, present=not gone)
+
+    def _write_grasps(self) -> None:
+        """Let the edges `grasping` of human hands be what the belief says that they hold."""
+        grasps = self._belief.grasps()
+        for edge in self._memory.edges("grasping"):
+            if edge.get("source") in (CONTACT, EXPLANATION) and (edge.src, edge.dst) not in grasps:
+                self._memory.remove_edge(edge.src, edge.dst, "grasping")
+        for (hand, name), grasp in grasps.items():
+            written = self._memory.get_edge(hand, name, "grasping")
+            values = {"source": EXPLANATION if grasp.covered else CONTACT, "since": grasp.since, "grip": grasp.grip}
+            told = () if written is None else (written.get("grip"), written.get("source"))
+            if told != (values["grip"], values["source"]) or (written and _is_regrasped(written, grasp)):
+                with contextlib.suppress(GraphError):
+                    self._memory.add_edge(hand, name, "grasping", held_at=grasp.hand_from_object, **values)
+
+    def _write_relations(self, kind: str, relations: Mapping[Relation, float]) -> None:
+        """Let the edges of a kind that the belief wrote be those that it has."""
+        for edge in self._memory.edges(kind):
+            if edge.get("source") in SOURCES and (edge.src, edge.dst) not in relations:
+                self._memory.remove_edge(edge.src, edge.dst, kind)
+        for relation, since in relations.items():
+            values = {"source": self._belief.source(relation), "since": since}
+            written = self._memory.get_edge(*relation, kind)
+            if written is None or any(written.get(name) != value for name, value in values.items()):
+                with contextlib.suppress(GraphError):
+                    self._memory.add_edge(*relation, kind, **values)
+
+
+def _is_regrasped(written: Edge, grasp: HandGrasp) -> bool:
+    """Whether a hand holds an object otherwise than it was written."""
+    before = written.get("held_at")
+    if before is None:
+        return True
+    metres, radians = before.distance(grasp.hand_from_object)
+    return bool(metres > _GRASP_SHIFT or radians > _GRASP_TURN)

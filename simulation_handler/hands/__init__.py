@@ -1,0 +1,1 @@
+"""Human hands: what they touch, cover, carry and leave behind."""

@@ -1,0 +1,78 @@
+"""What hovers and moves rigidly with a palm is held by that hand, whatever the fingertips in sight show."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+from typing import NamedTuple
+
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.transforms import Pose
+from simulation_handler.contact.relations import Relation
+from simulation_handler.hands.covering import is_within_reach
+from simulation_handler.hands.state import UNSEEN, Hand
+from simulation_handler.state.bodies import Bodies
+from simulation_handler.state.objects import BelievedObject
+
+_FINGERS = 5
+_WAY = 0.04
+"""m that an object must go with a palm: farther than a palm, of which a part is hidden, seems to go by itself."""
+_RIGID = 0.25
+"""Share of the way by which the palm may seem to go elsewhere: a hand that only passes by goes its own way."""
+
+
+class _Start(NamedTuple):
+    """Where an object was that has hovered near a hand ever since."""
+
+    time: float
+    """s"""
+    position: Vector3
+    """m, in the world"""
+    hand_from_object: Pose
+
+
+class Carrying:
+    """Finds objects in hands of which some fingertips are hidden: nothing else can hold an object in the air."""
+
+    def __init__(self, bodies: Bodies) -> None:
+        self._bodies = bodies
+        self._starts: dict[Relation, _Start] = {}
+
+    def update(
+        self, hands: Mapping[str, Hand], held: Collection[str], now: float
+    ) -> dict[Relation, tuple[float, Pose]]:
+        """Since when (s) hands have carried objects that are seen, and hand_from_object, by (hand, object).
+
+        Args:
+            hands: all that are known.
+            held: objects that something is known to hold or contain.
+            now: s.
+        """
+        starts: dict[Relation, _Start] = {}
+        carried: dict[Relation, tuple[float, Pose]] = {}
+        for item in self._bodies.objects.values():
+            if item.name in held or not _hovers(item, now):
+                continue
+            for name, hand in hands.items():
+                if not hand.perceived or hand.measured >= _FINGERS:
+                    continue
+                stamp = min(hand.path.newest, item.path.newest)
+                palm, there = hand.path.at(stamp), item.path.at(stamp)
+                if not is_within_reach(palm, self._bodies.solid(item.name)):
+                    continue
+                relation, hand_from_object = (name, item.name), palm.inverse() @ there
+                start = self._starts.get(relation, _Start(stamp, there.t, hand_from_object))
+                way = math.dist(there.t, start.position)
+                if way >= _WAY:
+                    if math.dist(hand_from_object.t, start.hand_from_object.t) <= _RIGID * way:
+                        carried[relation] = start.time, hand_from_object
+                    start = _Start(stamp, there.t, hand_from_object)
+                starts[relation] = start
+        self._starts = starts
+        return carried
+
+
+def _hovers(item: BelievedObject, now: float) -> bool:
+    """Whether an object is seen in the air, and neither falls nor is in a gripper."""
+    is_seen = now - item.track.last_stamp <= UNSEEN
+    return is_seen and item.hovering_since is not None and not item.holder and not item.path.is_falling

@@ -1,0 +1,153 @@
+"""Which fingertips touch which objects, and which hands pinch them, as far as what is seen of both tells.
+
+Contact is looked for where hand and object were seen at the same time, for the bodies of the simulation are a little
+late. Where the object is not seen it is looked for about the body, and about where the hand that holds it has it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+
+from simulation_handler.contact.relations import Relation, Relations
+from simulation_handler.hands.fingertips import Gaps, Met, is_opposed, meet, within
+from simulation_handler.hands.state import UNSEEN, Hand, HandGrasp
+from simulation_handler.shapes.geometry import Solid
+from simulation_handler.state.bodies import Bodies
+from simulation_handler.state.objects import BelievedObject
+
+TOUCH_DELAY = 0.2
+"""s that a touch must last, or be gone"""
+
+
+class Contacts:
+    """Keeps track of touches and pinches, with hysteresis.
+
+    Args:
+        bodies: of the belief.
+        hands: all that are known, as they are at any time.
+        grasps: likewise what they hold, by (hand, object).
+    """
+
+    def __init__(self, bodies: Bodies, hands: Mapping[str, Hand], grasps: Mapping[Relation, HandGrasp]) -> None:
+        self._bodies = bodies
+        self._hands = hands
+        self._grasps = grasps
+        self._touches = Relations(TOUCH_DELAY)
+        self._pinches = Relations(TOUCH_DELAY)
+        self._gaps = Gaps()
+        self._now: tuple[set[Relation], set[Relation]] = set(), set()  # without delay
+
+    @property
+    def touches(self) -> Mapping[Relation, float]:
+        """(fingertip, object) and since when, s."""
+        return self._touches.current()
+
+    @property
+    def pinches(self) -> Mapping[Relation, float]:
+        """(hand, object) and since when, s."""
+        return self._pinches.current()
+
+    def since(self) -> dict[Relation, float]:
+        """Since when (s) hands have touched objects: (hand, object); the hand is empty if it is known no more."""
+        owners = {tip: name for name, hand in self._hands.items() for tip in hand.tips}
+        touched: dict[Relation, float] = {}
+        for (tip, item), since in self.touches.items():
+            relation = (owners.get(tip, ""), item)
+            touched[relation] = min(since, touched.get(relation, since))
+        return touched
+
+    def recall_pinch(self, relation: Relation, since: float, now: float) -> None:
+        """Take over a pinch that held before."""
+        self._pinches.recall(relation, since, now)
+
+    def end(self, relation: Relation) -> None:
+        """A hand holds an object no more, whatever seemed to touch."""
+        hand, thing = relation
+        self._pinches.end(relation)
+        for tip in self._hands[hand].tips if hand in self._hands else ():
+            self._touches.end((tip, thing))
+
+    def forget(self, name: str) -> None:
+        """Of an object that is no more."""
+        self._touches.forget(name)
+        self._pinches.forget(name)
+
+    def update(self, now: float) -> None:
+        """Look for contact at time `now` (s)."""
+        self._now = touching, opposed = self._found(now)
+        self._touches.update(touching, now)
+        self._pinches.update(opposed, now)
+
+    def opens(self, relation: Relation) -> bool:
+        """Whether a hand that holds an object may be letting go of it just now."""
+        (touching, opposed), (hand, thing) = self._now, relation
+        was_pinched = relation in self.pinches and relation not in opposed
+        return was_pinched or not any((tip, thing) in touching for tip in self._hands[hand].tips)
+
+    def seen_at(self, hand: Hand, item: BelievedObject, now: float) -> tuple[float, Solid]:
+        """A time (s) for which both are known, and where the object was then."""
+        if now - item.track.last_stamp > UNSEEN:
+            return hand.path.newest, self._bodies.solid(item.name)
+        stamp = min(hand.path.newest, item.path.newest)
+        pose = item.path.at(stamp)
+        return stamp, item.solid(pose.t, pose.q)
+
+    def _found(self, now: float) -> tuple[set[Relation], set[Relation]]:
+        """(fingertip, object) and (hand, object) that touch, and pinch, as far as can be told."""
+        touching: set[Relation] = set()
+        opposed: set[Relation] = set()
+        known = self.touches.keys()
+        for name, hand in self._hands.items():
+            for item in self._bodies.objects.values():
+                if item.name not in self._bodies.sim or item.holder or drops(hand, item):
+                    continue
+                if not hand.perceived:
+                    touching |= known & {(tip, item.name) for tip in hand.tips}
+                    opposed |= {(name, item.name)} & self.pinches.keys()
+                    continue
+                touched = self._touched(hand, item, known, now)
+                touching |= {(tip, item.name) for tip in touched}
+                if is_opposed(touched):
+                    if not self._was_put_down((name, item.name), now):
+                        opposed.add((name, item.name))
+                elif sum(met is not None for met in touched.values()) < 2 <= len(touched):
+                    opposed |= {(name, item.name)} & self.pinches.keys()
+        return touching, opposed
+
+    def _was_put_down(self, relation: Relation, now: float) -> bool:
+        """Whether a hand was seen to open about what rested, which is not seen now, so that it looks pinched again."""
+        grasp, item = self._grasps.get(relation), self._bodies.objects[relation[1]]
+        return grasp is not None and grasp.put_down and now - item.track.last_stamp > UNSEEN
+
+    def _touched(
+        self, hand: Hand, item: BelievedObject, known: Collection[Relation], now: float
+    ) -> dict[str, Met | None]:
+        """Fingertips that touch an object; None for one that is not measured now."""
+        is_seen = now - item.track.last_stamp <= UNSEEN
+        stamp, solid = self.seen_at(hand, item, now)
+        solids = [solid]
+        touching = {tip: path.at(stamp).t for tip, path in hand.tips.items() if hand.measures(path)}
+        if item.hand and hand is self._hands.get(item.hand) and not is_seen:
+            grasp = self._grasps[item.hand, item.name]  # its body comes later
+            there = hand.path.last @ grasp.hand_from_object
+            solids.append(item.solid(there.t, there.q))
+            holding = {tip: point for tip, point in touching.items() if (tip, item.name) in known}
+            place = grasp.at_fingertips(holding, solid.rotation) if len(holding) > 1 else None
+            solids += [] if place is None else [item.solid(place, solid.rotation)]
+        found: dict[str, Met | None] = {}
+        for solid in solids:
+            near = meet(solid, touching)
+            gaps = {(tip, item.name): met.gap for tip, met in near.items()}
+            touch = self._gaps.touching(gaps, known, now) if is_seen else within(gaps, known)
+            met: dict[str, Met | None] = {tip: near[tip] for tip, _ in sorted(touch)}
+            if (is_opposed(met), len(met)) > (is_opposed(found), len(found)):
+                found = met
+        touched = {tip for tip in hand.tips if (tip, item.name) in known}
+        if not found and touched & touching.keys():  # seen away: so are those, very likely, that are hidden
+            return {}
+        return found | dict.fromkeys(touched - touching.keys())
+
+
+def drops(hand: Hand, item: BelievedObject) -> bool:
+    """Whether an object was falling when it was last seen, and the hand was not."""
+    return item.path.is_falling and not hand.path.is_falling

@@ -1,0 +1,103 @@
+"""Where fingertips meet objects: whether one touches, goes on touching, and whether two are opposed."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+from itertools import combinations
+from typing import NamedTuple
+
+from dsr.math3d.quaternions import Vector3
+from simulation_handler.contact.relations import Relation
+from simulation_handler.shapes.geometry import Solid
+from simulation_handler.shapes.surfaces import outwards
+
+TIP_RADIUS = 0.008
+"""m, of a fingertip"""
+NEAR = 0.010
+"""m between surfaces up to which a touch begins: what hands and percepts are off"""
+FAR = 0.018
+"""m up to which it goes on, at most"""
+WITHDRAWN = 0.010
+"""m by which a fingertip that touches no more is further away than it was while it touched"""
+
+_SOON, _LATE = 0.4, 0.1  # weights of the newest gap in what it is now, and in what it was while it touched
+_LEAST = -0.002  # m, as which less than that counts: fingertips are not in objects
+_FORGOTTEN = 0.5  # s
+_REACH = 0.040  # m, further than which no fingertip is at an object
+_DEEPEST = -0.020  # m, deeper than which no fingertip is in an object: it is in front of it or behind
+_OPPOSED = -0.5  # cosine between the ways out of the object at two fingertips
+
+
+class Met(NamedTuple):
+    """A fingertip at an object."""
+
+    gap: float
+    """m between the surfaces"""
+    way: Vector3
+    """The way out of the object there."""
+    point: Vector3
+    """Where its centre is, m."""
+
+
+class Gaps:
+    """How far from objects fingertips are seen, now and while they touched: what is seen of both is off by as much."""
+
+    def __init__(self) -> None:
+        self._gaps: dict[Relation, tuple[float, float, float]] = {}  # now and while it touched, m; when, s
+
+    def touching(self, gaps: Mapping[Relation, float], known: Collection[Relation], now: float) -> set[Relation]:
+        """Which (fingertip, object), at `gaps` (m) at time `now` (s), touch, where `known` ones did.
+
+        Those that were not near enough to have a gap for some time are forgotten: they come to touch anew.
+        """
+        self._gaps = {relation: gap for relation, gap in self._gaps.items() if gap[2] >= now - _FORGOTTEN}
+        found = set()
+        for relation, gap in gaps.items():
+            here, touched, _ = self._gaps.get(relation, (gap, math.inf, now))
+            here = gap if math.isinf(touched) else here + _SOON * (gap - here)
+            most = min(FAR, touched + WITHDRAWN) if relation in known else min(NEAR, touched + 0.5 * WITHDRAWN)
+            if here <= most:
+                found.add(relation)
+                if gap <= touched + 0.5 * WITHDRAWN:
+                    touched = gap if math.isinf(touched) else touched + _LATE * (gap - touched)
+            self._gaps[relation] = here, max(touched, _LEAST), now
+        return found
+
+
+def within(gaps: Mapping[Relation, float], known: Collection[Relation]) -> set[Relation]:
+    """Likewise of what is not seen, so that nothing is known of its gaps before."""
+    return {relation for relation, gap in gaps.items() if gap <= (FAR if relation in known else NEAR)}
+
+
+def meet(solid: Solid, points: Mapping[str, Vector3]) -> dict[str, Met]:
+    """Fingertips around an object, by name.
+
+    Args:
+        solid: the object.
+        points: centres of the fingertips, m, by name.
+    """
+    return {tip: near for tip, point in points.items() if (near := _near(solid, point)) is not None}
+
+
+def _near(solid: Solid, point: Vector3) -> Met | None:
+    """A fingertip at an object; None if it is far from it."""
+    if math.dist(point, solid.position) > solid.radius + TIP_RADIUS + _REACH:
+        return None
+    distance, way = outwards(solid, point)
+    return Met(distance - TIP_RADIUS, way, point) if _DEEPEST <= distance - TIP_RADIUS <= _REACH else None
+
+
+def is_opposed(fingertips: Mapping[str, Met | None]) -> bool:
+    """Whether two fingertips, of those of which that is known, are on opposite sides with something between them.
+
+    Two that are spread in a container press on its walls the opposite ways, too, but from within.
+    """
+    known = [met for met in fingertips.values() if met is not None]
+    return any(
+        _dot(a.way, b.way) < _OPPOSED and _dot(a.way, a.point) > _dot(a.way, b.point) for a, b in combinations(known, 2)
+    )
+
+
+def _dot(a: Vector3, b: Vector3) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]

@@ -1,0 +1,96 @@
+"""What is seen of each human hand, the ways that its palm and its fingertips took, and what it grasps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from dsr.math3d import quaternions
+from dsr.math3d.quaternions import Quaternion, Vector3
+from dsr.math3d.transforms import Pose
+from simulation_handler.perception.paths import Path
+
+TOUCH, PINCH = "touch", "pinch"
+"""Grips: fingertips on one side, or on two opposite ones."""
+UNSEEN = 0.25
+"""s after its last percept, from which an object is where its hand has it, or pushes it."""
+_MEASURED = 0.15  # s up to which a fingertip is known
+
+
+class HandPercept(NamedTuple):
+    """What is seen of a hand."""
+
+    pose: Pose
+    """world_from_hand, with stamp"""
+    tips: Mapping[str, Pose]
+    """Fingertips in the world by name, with stamps; their rotations say nothing."""
+    perceived: bool
+    """Whether the hand is in sight now."""
+
+
+@dataclass
+class Hand:
+    """A hand and the ways it took."""
+
+    perceived: bool = False
+    path: Path = field(default_factory=Path)
+    tips: dict[str, Path] = field(default_factory=dict)
+
+    def measures(self, tip: Path) -> bool:
+        """Whether one of its fingertips is known as lately as its palm."""
+        return tip.newest >= self.path.newest - _MEASURED
+
+    @property
+    def measured(self) -> int:
+        """How many of its fingertips are."""
+        return sum(self.measures(tip) for tip in self.tips.values())
+
+
+@dataclass
+class HandGrasp:
+    """An object that a hand touches."""
+
+    since: float
+    """s"""
+    grip: str
+    """`TOUCH` or `PINCH`."""
+    hand_from_object: Pose
+    slipped: bool = False
+    """The hand has moved along the object that it touches: it passes by, and does not hold the object."""
+    presumed: bool = False
+    """It is held, very likely: the hand hides it, and so where the finger is that would oppose."""
+    opened: bool = False
+    """It was a pinch until its fingertips were seen apart, and the object was not seen since: it is held no more."""
+    put_down: bool = False
+    """It was a pinch until the hand was seen to open about what rested."""
+    stopped: bool = False
+    """While it is unseen, its palm would have taken it through a wall: it stays where it is, for all that is known."""
+    places: dict[str, Vector3] = field(default_factory=dict)
+    """Of the fingertips that touched it while that could be seen, in its frame, m."""
+    covered: bool = False
+    """The hand covered it: that it touches it is presumed, not seen."""
+    aloft: float = -math.inf
+    """s, when it was last seen in the air with its hand, or nothing spoke against that."""
+    sure: Pose | None = None
+    """World_from_object while it is unseen, when fingertips that touch it, or a palm at rest, told that last."""
+
+    def __post_init__(self) -> None:
+        self.met = self.hand_from_object.t
+        """m, where the object was in the frame of the palm when the hand came to touch it."""
+
+    def at_fingertips(self, fingertips: Mapping[str, Vector3], rotation: Quaternion) -> Vector3 | None:
+        """Where (m) fingertips, which touched the object while that could be seen, have it if it is turned like that.
+
+        None if none of them did. No rotation of the palm is needed, which is poor of a hand that is hidden in part.
+        """
+        shifts = [
+            tuple(a - b for a, b in zip(point, quaternions.rotate(rotation, self.places[tip]), strict=True))
+            for tip, point in fingertips.items()
+            if tip in self.places
+        ]
+        if not shifts:
+            return None
+        x, y, z = (sum(values) / len(shifts) for values in zip(*shifts, strict=True))
+        return x, y, z

@@ -1,0 +1,413 @@
+"""Hands: which object they touch, how, and what goes with them where nobody sees it.
+
+What is seen of an object counts more than what is seen of the hand that holds it; while it is unseen, it is where
+the hand has it; while neither is seen, nothing changes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from dsr.math3d.transforms import Pose
+from simulation_handler.contact.containment import Containment, with_contents
+from simulation_handler.contact.placement import separate
+from simulation_handler.contact.relations import Relation
+from simulation_handler.explaining.situation import Look
+from simulation_handler.hands.carrying import Carrying
+from simulation_handler.hands.contacts import TOUCH_DELAY, Contacts, drops
+from simulation_handler.hands.covering import RESOLVED, Covering
+from simulation_handler.hands.leaning import levelled, without_yaw
+from simulation_handler.hands.left_behind import LeftBehind
+from simulation_handler.hands.state import PINCH, TOUCH, UNSEEN, Hand, HandGrasp, HandPercept
+from simulation_handler.perception.paths import Path, between
+from simulation_handler.perception.sight import Glance
+from simulation_handler.state.bodies import Bodies
+from simulation_handler.state.objects import BelievedObject
+
+_HIDDEN = 0.6  # s for which a fingertip that touched what is seen may be hidden while its palm is in sight
+_ELSEWHERE = 0.05  # m from where its hand would have it, from which an object at rest is not held
+_PRESUMED = 0.3  # s that a hand must touch what it hides, to be presumed to hold it
+_HALF = 0.5  # of what there is to see of an object
+_FINGERS = 5
+_AT_REST = (0.4, 0.015, math.pi)  # s, m and rad: a palm that moved less than that has not opened, nor drawn back
+_DRAWN_BACK = 0.12  # m that an opening hand may draw back before its fingertips are seen
+_DRIFT = 0.1  # share by which a palm that does not move as its fingertips do is taken to have moved by itself
+_ALONG = 0.15  # m from there, as a palm of poor rotation may be: what is in the air is in that hand, or falls
+_JUMPED = 0.05  # m that a palm seems to have gone from what it holds
+_PASSING = 0.04  # m that a palm must move along what it touches to pass by: more than a hand does while it closes
+_WALL = 0.012  # m into the wall of a container that what its hand moves may seem to be
+_THERE = 0.02  # m from where a hand left it, within which an object is there
+_BLEND = 0.2  # weight of the newest in how a hand holds an object
+
+
+class Touching:
+    """Keeps track of hands and of what they hold."""
+
+    def __init__(self, bodies: Bodies, containment: Containment) -> None:
+        self.look: Look | None = None
+        """What cameras should see; None without one."""
+        self._bodies = bodies
+        self._containment = containment
+        self._hands: dict[str, Hand] = {}
+        self._grasps: dict[Relation, HandGrasp] = {}
+        self._contacts = Contacts(bodies, self._hands, self._grasps)
+        self._covering = Covering(bodies)
+        self._carrying = Carrying(bodies)
+        self._left_behind = LeftBehind(bodies)
+        self._recalled: dict[Relation, float] = {}  # s up to which a recalled grasp may wait for its touch
+
+    @property
+    def grasps(self) -> Mapping[Relation, HandGrasp]:
+        """What is touched, and not let go of just now, by (hand, object)."""
+        return {relation: grasp for relation, grasp in self._grasps.items() if not grasp.opened}
+
+    @property
+    def holds(self) -> Mapping[Relation, HandGrasp]:
+        """What may be held, by (hand, object): all that is touched but by hands that pass by."""
+        return {
+            (hand, thing): grasp
+            for (hand, thing), grasp in self.grasps.items()
+            if not grasp.slipped or self._bodies.objects[thing].hand == hand
+        }
+
+    def ways(self) -> dict[str, Path]:
+        """The ways that the fingertips in sight took, by name."""
+        return {
+            name: path
+            for hand in self._hands.values()
+            if hand.perceived
+            for name, path in sorted(hand.tips.items())
+            if hand.measures(path)
+        }
+
+    def observe(self, hands: Mapping[str, HandPercept]) -> None:
+        """Take in what is seen of all hands; those that are not among them are gone."""
+        for name in self._hands.keys() - hands.keys():
+            del self._hands[name]
+        for name, percept in hands.items():
+            hand = self._hands.setdefault(name, Hand())
+            hand.perceived = percept.perceived
+            if not percept.perceived:
+                continue
+            hand.path.add(percept.pose)
+            for tip in hand.tips.keys() - percept.tips.keys():
+                if not self._may_touch_hidden(tip, hand):
+                    del hand.tips[tip]
+            for tip, pose in percept.tips.items():
+                hand.tips.setdefault(tip, Path()).add(pose)
+
+    def _may_touch_hidden(self, tip: str, hand: Hand) -> bool:
+        """Whether a fingertip that is hidden goes on touching: what is hidden with it, or anything for a short time."""
+        now = hand.path.newest
+        touched = [self._bodies.objects[thing] for name, thing in self._contacts.touches if name == tip]
+        is_short = now - hand.tips[tip].newest <= _HIDDEN
+        return any(is_short or now - item.track.last_stamp > UNSEEN for item in touched)
+
+    def recall(self, relation: Relation, grasp: HandGrasp, now: float) -> None:
+        """Take over a grasp that held before."""
+        if grasp.covered:
+            self._covering.recall(relation, grasp.hand_from_object, grasp.since)
+            return
+        self._grasps[relation] = grasp
+        self._recalled[relation] = math.inf
+        if grasp.grip == PINCH:
+            self._contacts.recall_pinch(relation, grasp.since, now)
+
+    def forget(self, name: str) -> None:
+        """Of an object that is no more."""
+        for relation in [relation for relation in self._grasps if name in relation]:
+            del self._grasps[relation]
+        self._contacts.forget(name)
+        self._covering.forget(name)
+
+    def take(self, name: str, now: float) -> str:
+        """The hand that must have taken what is missing, and has it from now on; empty if none covered it."""
+        return self._covering.take(name, now)
+
+    def update(self, now: float) -> None:
+        """Decide at time `now` (s) what is touched and held, and let what is unseen and held go with its hand."""
+        self._contacts.update(now)
+        self._update_grasps(now)
+        self._update_covered(now)
+        self._update_carried(now)
+        holders = self._holders(now)
+        for item in self._bodies.objects.values():
+            before, item.hand = item.hand, holders.get(item.name, "")
+            item.turned_by_hand = item.place_by_hand = None
+            if before and not item.hand:
+                item.let_go_at = now
+                self._leave_behind(item, before, now)
+        held = [item for item in self._bodies.objects.values() if item.hand]
+        self._left_behind.keep({(item.hand, item.name) for item in held if now - item.track.last_stamp > UNSEEN})
+        for item in held:
+            if self._hands[item.hand].perceived:
+                self._follow_hand(item, now)
+            elif now - item.track.last_stamp > UNSEEN:
+                self._left_behind.hide((item.hand, item.name))
+
+    def _follow_hand(self, item: BelievedObject, now: float) -> None:
+        """An object is held by a hand in sight: it leans as that says, and goes with it while it is not seen."""
+        pose, relation = self._hands[item.hand].path.last, (item.hand, item.name)
+        grasp = self._grasps[relation]
+        there = self._covering.place(*relation) if grasp.covered else pose @ grasp.hand_from_object
+        leaning = without_yaw(levelled(item.solid(there.t, there.q)))
+        is_seen = now - item.track.last_stamp <= UNSEEN
+        if not is_seen and not grasp.covered:
+            sure = grasp.sure or item.path.at(item.track.last_stamp)
+            is_absent = self._left_behind.is_absent(relation, there, sure, self.look, now)
+            if is_absent is not None:
+                if is_absent:
+                    self._contacts.end(relation)
+                    del self._grasps[relation]
+                    item.hand, item.let_go_at = "", now
+                    self._leave_behind(item, relation[0], now)
+                return
+        if not is_seen or math.dist(there.t, item.path.last.t) < _JUMPED:  # else the palm is not where it seems
+            item.turned_by_hand, item.place_by_hand = leaning, there.t
+        if not is_seen:
+            turned = there.q if item.shows_rotation else leaning
+            grasp.stopped = grasp.stopped or self._is_through_wall(item, there)
+            if grasp.covered or not (grasp.stopped or self._contacts.opens(relation)):
+                item.path.add(self._in_fingers(item, Pose.unchecked(there.t, turned), pose))
+            elif (left := self._left(item)) is not None:
+                item.path.add(left.with_stamp(pose.stamp))
+
+    def _goes_on_hiding(self, relation: Relation, now: float) -> bool:
+        """Whether a hand is presumed to hold what it hides, if only in part, with the fingertips that would tell."""
+        (name, thing), hand = relation, self._hands.get(relation[0])
+        is_seen = now - self._bodies.objects[thing].track.last_stamp <= UNSEEN
+        if is_seen or not self._grasps[relation].presumed or hand is None or hand.measured >= _FINGERS:
+            return False
+        return any(glance.hidden_by == name for glance in self._glances(thing))
+
+    def _leave_behind(self, item: BelievedObject, hand: str, now: float) -> None:
+        """If that hand has come back without an object, that falls, with what is in it, from where it must be."""
+        there, bodies = self._left_behind.place((hand, item.name), self.look), self._bodies
+        if there is None or now - item.track.last_stamp <= UNSEEN:
+            return
+        if math.dist(there.t, bodies.sim.position(item.name)) < _THERE:
+            return
+        moved = {item.name: item.solid(there.t, there.q).face_down()[0]}
+        for solid in (moved | with_contents(moved, bodies.scene(leaving_out=()))).values():
+            bodies.put(bodies.objects[solid.name], solid.position, solid.rotation)
+        item.path.add(there.with_stamp(now))
+
+    def _in_fingers(self, item: BelievedObject, there: Pose, palm: Pose) -> Pose:
+        """Where an unseen object is that by the palm of its hand is `there`: it moves only if its fingertips do, too.
+
+        A palm of which little is in sight seems to move, and so does a fingertip that opens.
+        """
+        grasp, hand = self._grasps[item.hand, item.name], self._hands[item.hand]
+        touching = {
+            tip: path.last.t
+            for tip, path in hand.tips.items()
+            if (tip, item.name) in self._contacts.touches and hand.measures(path)
+        }
+        by_fingertips = grasp.at_fingertips(touching, there.q)
+        if by_fingertips is None:
+            known = grasp.sure or item.path.at(item.track.last_stamp)
+            rest = item.path.at(palm.stamp - 0.5 * _AT_REST[0])
+            has_gone_on = math.dist(known.t, rest.t) > _DRAWN_BACK
+            grasp.sure = rest if has_gone_on and hand.path.is_still(*_AT_REST) else known
+            return Pose.unchecked(there.t, there.q, palm.stamp)
+        before = item.path.last.t
+        position = min(there.t, by_fingertips, key=lambda place: math.dist(place, before))
+        held = Pose.unchecked(position, there.q, palm.stamp)
+        grasp.hand_from_object = between(grasp.hand_from_object, palm.inverse() @ held, _DRIFT)
+        grasp.sure = held
+        return held
+
+    def _is_through_wall(self, item: BelievedObject, there: Pose) -> bool:
+        """Whether an object that is `there` would be through a wall of what it is in: its hand has left it behind."""
+        hollows = [hollow for inner, hollow in self._containment.current() if inner == item.name]
+        solids = [self._bodies.solid(hollow).face_down()[0] for hollow in hollows if hollow in self._bodies.sim]
+        solid = item.solid(there.t, there.q).face_down()[0]
+        moved = separate([*solids, solid], {item.name: 1.0}).get(item.name, there.t)
+        return math.dist(moved, there.t) > _WALL
+
+    def _left(self, item: BelievedObject) -> Pose | None:
+        """Where a hand that is seen to have opened let go of an unseen object, before it drew back; None if unknown."""
+        left = self._grasps[item.hand, item.name].sure
+        is_near = left is not None and math.dist(left.t, item.path.last.t) <= _DRAWN_BACK
+        return left if is_near else None
+
+    def _update_grasps(self, now: float) -> None:
+        """Begin, go on and end."""
+        for relation, until in list(self._recalled.items()):
+            if relation not in self._grasps or now > until:
+                del self._recalled[relation]
+            elif (seen := self._hands.get(relation[0])) is not None and seen.perceived:
+                self._recalled[relation] = min(until, now + 2.0 * TOUCH_DELAY)
+        touched, pinched = self._contacts.since(), self._contacts.pinches
+        for relation in [relation for relation, grasp in self._grasps.items() if not grasp.covered]:
+            is_touched = relation in touched or self._is_aloft(relation, now) or self._goes_on_hiding(relation, now)
+            if self._is_over(relation, is_touched) or self._is_elsewhere(relation, now):
+                self._contacts.end(relation)
+                del self._grasps[relation]
+        for relation, since in self._contacts.since().items():
+            name, thing = relation
+            is_covered = relation in self._grasps and self._grasps[relation].covered and relation not in pinched
+            if name in self._hands and thing in self._bodies.sim and self._hands[name].perceived and not is_covered:
+                self._go_on(relation, since, relation in pinched, now)
+
+    def _update_covered(self, now: float) -> None:
+        """The grasps of hands that cover what they touch: those of which fingertips say nothing."""
+        busy = {
+            relation
+            for relation, grasp in self._grasps.items()
+            if not grasp.covered and (grasp.grip == PINCH or self._hands[relation[0]].measured >= RESOLVED)
+        }
+        self._covering.update(self._hands, busy, self.look, now)
+        covers = self._covering.covers
+        for relation in [relation for relation, grasp in self._grasps.items() if grasp.covered]:
+            if relation not in covers:
+                del self._grasps[relation]
+        for relation, cover in covers.items():
+            grasp = self._grasps.setdefault(relation, HandGrasp(cover.since, TOUCH, cover.hand_from_object))
+            grasp.hand_from_object, grasp.presumed = cover.hand_from_object, cover.taken
+            grasp.covered, grasp.opened = True, False
+
+    def _update_carried(self, now: float) -> None:
+        """Begin grasps of what hovers and moves with a hand whose fingertips are not all seen."""
+        held = {thing for _, thing in self._grasps} | {thing for thing, _ in self._containment.current()}
+        for relation, (since, hand_from_object) in self._carrying.update(self._hands, held, now).items():
+            self._grasps[relation] = HandGrasp(since, TOUCH, hand_from_object, aloft=now)
+
+    def _go_on(self, relation: Relation, since: float, is_pinched: bool, now: float) -> None:
+        """A hand in sight touches an object: begin that grasp, or bring it up to date."""
+        name, thing = relation
+        item, hand = self._bodies.objects[thing], self._hands[name]
+        there = self._hand_from_object(hand, item, now)
+        grasp = self._grasps.setdefault(relation, HandGrasp(since, TOUCH, there))
+        grasp.covered = False
+        grasp.slipped = not is_pinched and (grasp.slipped or math.dist(there.t, grasp.met) > _PASSING)
+        is_seen = now - item.track.last_stamp <= UNSEEN
+        grasp.opened = not (is_seen or is_pinched) and (grasp.opened or grasp.grip == PINCH)
+        if is_pinched:
+            grasp.put_down = False
+        elif is_seen and grasp.grip == PINCH:
+            grasp.put_down = item.hovering_since is None
+        grasp.grip = PINCH if is_pinched else TOUCH
+        if is_seen:
+            grasp.presumed = grasp.stopped = False
+            grasp.sure = None
+        elif not is_pinched and not grasp.presumed and not grasp.opened:
+            grasp.presumed = since < now - _PRESUMED and self._hides(name, thing)
+        if is_seen or not item.hand:
+            before = grasp.hand_from_object
+            if not item.shows_tilt:
+                there = Pose.unchecked(there.t, before.q)
+            grasp.hand_from_object = between(before, there, _BLEND)
+            self._note_places(grasp, hand, item, now)
+
+    def _hides(self, name: str, thing: str) -> bool:
+        """Whether a hand hides an object that it touches, and some of its own fingertips are hidden, too."""
+        hand = self._hands[name]
+        if self.look is None or hand.measured >= _FINGERS:
+            return False
+        glances = self._glances(thing)
+        return all(glance.share < _HALF for glance in glances) and any(glance.hidden_by == name for glance in glances)
+
+    def _glances(self, thing: str) -> list[Glance]:
+        """What each camera should see of an object."""
+        if self.look is None or thing not in self._bodies.sim:
+            return []
+        solids = [self._bodies.solid(other) for other in self._bodies.objects if other in self._bodies.sim]
+        return [glance for (_, seen), glance in self.look(solids).items() if seen == thing]
+
+    def _is_over(self, relation: Relation, is_touched: bool) -> bool:
+        """Whether an object is touched no more, as far as that can be known."""
+        hand = self._hands.get(relation[0])
+        if hand is None:
+            return True
+        is_known = hand.perceived or drops(hand, self._bodies.objects[relation[1]])
+        return is_known and not is_touched and relation not in self._recalled
+
+    def _is_aloft(self, relation: Relation, now: float) -> bool:
+        """Whether a hand carries an object in the air, or did until that was hidden a moment before the hand."""
+        grasp, hand = self._grasps[relation], self._hands.get(relation[0])
+        is_seen = now - self._bodies.objects[relation[1]].track.last_stamp <= UNSEEN
+        goes_on = now - grasp.aloft <= (TOUCH_DELAY if is_seen else _HIDDEN)
+        if (goes_on and hand is not None and not hand.perceived) or self._carries(relation, now):
+            grasp.aloft = now
+        return goes_on or grasp.aloft == now
+
+    def _carries(self, relation: Relation, now: float) -> bool:
+        """Whether an object that a hand held is seen in the air where that would have it: nothing else can hold it."""
+        name, thing = relation
+        item, hand = self._bodies.objects[thing], self._hands.get(name)
+        hovers = item.pinned or item.hovering_since is not None
+        is_alone = sum(held == thing for _, held in self._grasps) == 1
+        if hand is None or item.hand != name or not hovers or not is_alone or item.path.is_falling:
+            return False
+        stamp, solid = self._contacts.seen_at(hand, item, now)
+        there = hand.path.at(stamp) @ self._grasps[relation].hand_from_object
+        return now - item.track.last_stamp <= UNSEEN and math.dist(there.t, solid.position) < _ALONG
+
+    def _hand_from_object(self, hand: Hand, item: BelievedObject, now: float) -> Pose:
+        stamp, solid = self._contacts.seen_at(hand, item, now)
+        return hand.path.at(stamp).inverse() @ solid.pose
+
+    def _note_places(self, grasp: HandGrasp, hand: Hand, item: BelievedObject, now: float) -> None:
+        """Keep in mind where fingertips touch an object."""
+        stamp, solid = self._contacts.seen_at(hand, item, now)
+        object_from_world = solid.pose.inverse()
+        for tip, path in hand.tips.items():
+            if (tip, item.name) in self._contacts.touches and hand.measures(path):
+                place = object_from_world @ path.at(stamp)
+                before = grasp.places.get(tip, place.t)
+                x, y, z = (a + _BLEND * (b - a) for a, b in zip(before, place.t, strict=True))
+                grasp.places[tip] = (x, y, z)
+
+    def _is_elsewhere(self, relation: Relation, now: float) -> bool:
+        """Whether an object is seen where the hand, whose touching fingertips are unseen, cannot have it.
+
+        That is, at rest elsewhere; or far from where a hand out of sight was, in another hand.
+        """
+        name, thing = relation
+        item, hand = self._bodies.objects[thing], self._hands.get(name)
+        if hand is None or thing not in self._bodies.sim or item.estimate_at(now) is None:
+            return False
+        if hand.perceived and hand.measured:
+            return False
+        there = hand.path.last @ self._grasps[relation].hand_from_object if hand.path.newest > -math.inf else None
+        away = math.inf if there is None else math.dist(there.t, self._bodies.sim.position(thing))
+        rests = not item.driven and item.placement is not None and item.placement.rests
+        return (rests and away > _ELSEWHERE) or (not hand.perceived and away > _ALONG and self._pinches(thing, name))
+
+    def _pinches(self, thing: str, besides: str) -> bool:
+        """Whether a hand in sight pinches an object, besides the one of that name."""
+        return any(
+            held == thing and name != besides and grasp.grip == PINCH and self._hands[name].perceived
+            for (name, held), grasp in self._grasps.items()
+            if name in self._hands
+        )
+
+    def _holders(self, now: float) -> dict[str, str]:
+        """The hand that holds each object: pinches it, or touches what nothing else carries.
+
+        What is in something that it holds goes along, unless it pinched that before.
+        """
+        holders: dict[str, str] = {}
+        carried: dict[str, str] = {}
+        for (hand, thing), grasp in sorted(self._grasps.items(), key=lambda entry: (entry[1].since, entry[0])):
+            item = self._bodies.objects[thing]
+            hovers = item.pinned or item.hovering_since is not None
+            was_left = grasp.put_down and now - item.track.last_stamp > UNSEEN
+            if grasp.grip == PINCH or grasp.presumed:
+                holders.setdefault(thing, hand)
+            elif (hovers or (item.hand == hand and not was_left)) and not grasp.opened:
+                carried.setdefault(thing, hand)
+        held = carried | holders
+        inside = [pair for pair in self._containment.current() if held.get(pair[0]) == held.get(pair[1])]
+        goes_along = {
+            thing for thing, hollow in inside if thing not in holders or self._held_longer(hollow, thing, held)
+        }
+        return {thing: hand for thing, hand in held.items() if thing not in goes_along}
+
+    def _held_longer(self, hollow: str, thing: str, held: Mapping[str, str]) -> bool:
+        """Whether a hand that seems to hold a container and what is in it held the container first."""
+        hand = held.get(hollow, "")
+        older, newer = (self._grasps.get((hand, name)) for name in (hollow, thing))
+        return older is not None and newer is not None and older.since < newer.since

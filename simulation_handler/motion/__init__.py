@@ -1,0 +1,1 @@
+"""Bodies that move: driven, carried along, held, spilled, and corrected by perception."""

@@ -1,0 +1,199 @@
+"""Perception corrects the simulation: bodies are moved to the plausible pose nearest to what is perceived."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from dsr.math3d.transforms import Pose
+from simulation_handler.config import BeliefConfig
+from simulation_handler.contact.containment import with_contents
+from simulation_handler.contact.placement import Placement, place, separate
+from simulation_handler.contact.supports import find_beneath
+from simulation_handler.shapes.geometry import Solid
+from simulation_handler.state.bodies import Bodies
+from simulation_handler.state.objects import BelievedObject
+
+_UNSEEN_VARIANCE = 2.5e-5  # m^2, sideways, of an object left to physics: it gives way to what is seen
+
+Scene = dict[str, Solid]
+"""Solids at their poses of this moment, by name."""
+
+
+class Correction:
+    """Keeps the bodies where perception has them, as far as physics allows."""
+
+    def __init__(self, bodies: Bodies, config: BeliefConfig) -> None:
+        self._bodies = bodies
+        self._config = config
+
+    def leave_to_physics(self, now: float, let_go: Collection[str]) -> None:
+        """Of unseen objects that physics has moved, earlier percepts say nothing any more.
+
+        What was on its way when it was last seen is let go; what hovered steadily is still held by something. Of what
+        was seen to be moved by somebody, that is known better: it is let go if that is known, or it was falling.
+        """
+        for item in self._bodies.objects.values():
+            if item.is_led or item.hand or item.track.estimate is None or item.track.is_fresh(now):
+                continue
+            if item.pinned and self._is_let_go(item, let_go):
+                self._bodies.set_pinned(item, False)
+            if self._bodies.has_left(item):
+                item.track.forget()
+                item.placement = item.put = None
+
+    def _is_let_go(self, item: BelievedObject, let_go: Collection[str]) -> bool:
+        if item.drivable:
+            return item.name in let_go or item.path.is_falling or (not item.hand and item.vanished_when_let_go)
+        return self._was_on_its_way(item)
+
+    def _was_on_its_way(self, item: BelievedObject) -> bool:
+        """Whether nothing carried an object when it was last seen, nor had it hovered there for long."""
+        if item.placement is None or item.placement.rests:
+            return False
+        since, last = item.hovering_since, item.track.last_stamp
+        return since is None or last - since < self._config.explain_after
+
+    def follow_perception(self, now: float, waiting: Collection[str] = ()) -> None:
+        """Move the bodies of objects that are perceived elsewhere than they are believed to be.
+
+        They are placed from the lowest up, so that each finds its support at its final height. Those that are
+        `waiting` for an explanation stay.
+        """
+        free = [item for item in self._bodies.objects.values() if not item.is_led and item.name not in waiting]
+        led = [item for item in free if self._is_led_by_perception(item, now)]
+        changed = [item for item in led if item.track.take_change()]
+        if not changed:
+            return
+        scene = self._bodies.scene(leaving_out={item.name for item in changed})
+        by_height = sorted(changed, key=lambda item: (self._height(item), item.name))
+        moving = [item for item in by_height if self._reconsider(item, scene, now)]
+        self._realise(moving, scene, now)
+
+    def _height(self, item: BelievedObject) -> float:
+        """Height (m) of the bottom of a perceived object: where its body is, if that is near, for that has no noise."""
+        percept = item.percept()
+        if item.name not in self._bodies.sim:
+            return percept.bottom
+        body = self._bodies.solid(item.name)
+        is_near = math.dist(body.position, percept.position) <= self._config.hover_tolerance
+        return body.bottom if is_near else percept.bottom
+
+    def _is_led_by_perception(self, item: BelievedObject, now: float) -> bool:
+        """Whether it is seen; of one without a place even an old percept says the most."""
+        has_place = item.name in self._bodies.sim
+        return (item.estimate_at(now) if has_place else item.track.estimate) is not None
+
+    def _reconsider(self, item: BelievedObject, scene: Scene, now: float) -> bool:
+        """Find the plausible pose of a perceived object and put it into the scene; whether its body must move."""
+        item.notice_restart()
+        is_astray = self._bodies.has_left(item)
+        if is_astray:
+            item.strike(now)
+        placement = self._placed(item, scene)
+        if self._is_unexplained(item, placement, now) and self._find_beneath(item, scene):
+            placement = self._placed(item, scene)
+        is_new = item.placement is None or self._differs(item, item.placement, placement)
+        if is_new:
+            item.adopt(self._confirmed(item, placement))
+        item.learn_bias(placement)
+        must_move = is_new or is_astray or self._may_return(item)
+        believed = item.placement.solid if item.placement and (must_move or item.pinned) else None
+        scene[item.name] = believed or self._bodies.solid(item.name)
+        return must_move
+
+    def _may_return(self, item: BelievedObject) -> bool:
+        """Whether it was put beside its placement because of something that is not in its way any more."""
+        if item.pinned or item.placement is None or item.put is None:
+            return False
+        solid = item.placement.solid
+        if math.dist(item.put.t, solid.position) <= self._config.divergence:
+            return False
+        scene = self._bodies.scene(leaving_out={item.name})
+        return not separate([*scene.values(), solid], {item.name: 1.0})
+
+    def _placed(self, item: BelievedObject, scene: Scene) -> Placement:
+        percept = item.percept()
+        above = self._bodies.above(item, percept.position)
+        others = [solid for name, solid in scene.items() if name not in above]
+        if item.prop is not None:
+            others.append(item.prop)
+        return place(percept, item.percept_covariance(self._config), others, self._config)
+
+    def _is_unexplained(self, item: BelievedObject, placement: Placement, now: float) -> bool:
+        """Whether the object has hovered for so long that something must be beneath it."""
+        if placement.rests or item.track.moving:
+            item.hovering_since = None
+        elif item.hovering_since is None:
+            item.hovering_since = now
+        if item.drivable:  # somebody lifted it: that was seen
+            return False
+        return item.hovering_since is not None and now - item.hovering_since >= self._config.explain_after
+
+    def _find_beneath(self, item: BelievedObject, scene: Scene) -> bool:
+        """Put beneath a hovering object what can explain it; false if nothing can."""
+        percept = item.percept()
+        flat, tilt = percept.face_down()
+        if tilt > self._config.tilt_tolerance:
+            return False
+        beneath = find_beneath(
+            flat,
+            item.percept_covariance(self._config),
+            self._bodies.unplaced(),
+            scene.values(),
+            self._config.explain_sigmas,
+        )
+        if beneath is None:
+            return False
+        for solid in beneath.stack:
+            self._bodies.put(self._bodies.object(solid.name), solid.position, solid.rotation)
+            self._bodies.object(solid.name).track.forget()
+            scene[solid.name] = solid
+        item.prop = beneath.prop
+        return True
+
+    def _differs(self, item: BelievedObject, old: Placement, new: Placement) -> bool:
+        """Whether a placement changed by more than the dead band."""
+        return old.supports != new.supports or self._is_apart(item, old.solid, new.solid)
+
+    def _confirmed(self, item: BelievedObject, placement: Placement) -> Placement:
+        """The first placement after a recall: at the pose recalled, which was averaged for longer, if that is near."""
+        if item.placement is None and item.name in self._bodies.sim:
+            body = self._bodies.solid(item.name)
+            if not self._is_apart(item, body, placement.solid):
+                return replace(placement, solid=body)
+        return placement
+
+    def _is_apart(self, item: BelievedObject, old: Solid, new: Solid) -> bool:
+        """Whether two poses differ by more than the dead band, or than the estimate's noise while that is more."""
+        config, estimate = self._config, item.track.estimate
+        assert estimate is not None
+        metres, radians = Pose.unchecked(old.position, old.rotation).distance(
+            Pose.unchecked(new.position, new.rotation)
+        )
+        sideways, yaw = estimate.standard_deviations()
+        return metres > max(config.dead_band, config.dead_sigmas * sideways) or radians > max(
+            config.dead_band_angle, config.dead_sigmas * yaw
+        )
+
+    def _realise(self, moving: Iterable[BelievedObject], scene: Scene, now: float) -> None:
+        """Put bodies where they are believed to be, and out of each other's way."""
+        items = {item.name: item for item in moving}
+        before, in_motion = self._bodies.scene(leaving_out=()), self._bodies.in_motion()
+        scene |= with_contents({name: scene[name] for name in items if name in before}, before, stay=items)
+        softness = {name: self._softness(item, now) for name, item in self._bodies.objects.items() if not item.is_led}
+        pushed = separate([solid for name, solid in scene.items() if name in items or name not in in_motion], softness)
+        for name in sorted(items.keys() | pushed.keys()):
+            solid = scene[name]
+            self._bodies.put(self._bodies.object(name), pushed.get(name, solid.position), solid.rotation)
+        for item in items.values():
+            self._bodies.set_pinned(item, item.strikes >= self._config.strikes or not item.is_carried())
+
+    def _softness(self, item: BelievedObject, now: float) -> float:
+        """Sideways variance of a body's position, m^2: how easily it gives way to others."""
+        if item.placement is None or item.estimate_at(now) is None:
+            return _UNSEEN_VARIANCE
+        return float(np.trace(item.placement.covariance[:2, :2]))

@@ -1,0 +1,393 @@
+"""Drives the bodies of objects that are seen to move along the way that they were seen to take.
+
+A body that is put elsewhere leaves behind what is in it and goes through what is in its way. One that is driven moves
+at a velocity that is set anew at each step of physics, so that contact takes along what is in it, on it, or pushed by
+it, however deep, and whatever way it is tilted.
+
+The way is played a little late, smoothed, so that noise shakes nothing and no body overshoots where it comes to rest.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass
+from itertools import combinations, pairwise
+
+import msgspec
+import numpy as np
+
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.transforms import Pose
+from simulation_handler.config import BeliefConfig
+from simulation_handler.contact.containment import Containment
+from simulation_handler.contact.placement import Placement, place
+from simulation_handler.contact.relations import Relation, Relations
+from simulation_handler.contact.supports import UNKNOWN
+from simulation_handler.explaining.scoring import is_displaced
+from simulation_handler.explaining.situation import seen_now
+from simulation_handler.hands.state import UNSEEN
+from simulation_handler.motion.bumps import seem_bumped
+from simulation_handler.motion.loads import HALTED, Loads, Twist, only_base
+from simulation_handler.perception.paths import Path, between, turn_between
+from simulation_handler.perception.percepts import Array
+from simulation_handler.physics.simulator import GRAVITY, TIME_STEP
+from simulation_handler.shapes.geometry import Solid
+from simulation_handler.state.bodies import Bodies
+from simulation_handler.state.objects import BelievedObject
+
+_LAG = 0.05  # s by which a body is behind what is seen
+_HURRY = 2.0  # how much faster than it was seen to a body may move to catch up
+_LEFT = 0.020  # m from where it was believed to be, from which an object has left there
+_CATCHING_UP = 0.25  # m/s by which a body is faster than what it follows at most: what is in it is not thrown up
+_CAUGHT_UP = 0.15  # s in which it catches up what is more than that
+_REACTION = 0.03  # s in which a body makes up for being off its way
+_FASTEST = 1.5  # m/s
+_FASTEST_TURN = 8.0  # rad/s
+_STILL = 0.6  # s that an object must be seen to stay where it is
+_AT_REST = 0.25  # s of that, at the end, in which it surely was where it is
+_SHORTEST = 0.3  # s of a drive: what sets out slowly has been seen to stay for a while
+_STILL_METRES = 0.012
+_STILL_RADIANS = 0.2
+_ASTRAY = 0.012  # m from where it was, and
+_SURELY = 2.5  # times the noise, from which two percepts tell that an object is on its way
+_LIKELY = 1.5  # times the noise, from which three tell that, each of which is farther away
+_ASTRAY_BOTH = 0.008  # m, likewise, from which an object and the hand that holds it tell that
+_THE_SAME_WAY = 0.7  # cosine
+_ARRIVED = 0.004  # m
+_STUCK = 1.0  # s after which a body that cannot get where it is seen is driven no more
+_VAGUE: Array = np.diag((1e-5, 1e-5, 1e-4))  # m^2, of what is unseen in a hand
+_NEARER = 0.015  # m that a stand must be nearer to what is seen than a lean that a hand tells, to be believed
+_ALIKE = 0.5  # of the way that a load was seen to take, by which that of what it stands on is another one
+_SURELY_APART = 0.03  # m of its way, from which a load is seen to leave what it stands on
+_BESIDE = 0.02  # m of height that both bodies share, from which neither stands on the other
+_LATELY = 0.3  # s in which the speed of what is seen is measured
+_JUST = 0.15  # s for which a percept tells where what moves is
+_LOST = 0.06  # m from where it is seen, beyond which what is in or on a driven object does not ride with it
+
+
+@dataclass
+class _Drive:
+    """How far a body is on its way."""
+
+    begun: float
+    """s"""
+    played: float
+    """s, up to which it has followed the way"""
+    begin: Pose
+    """World_from_object where this step of the belief begins"""
+    end: Pose
+    """Likewise where it ends"""
+    origin: Pose
+    """Likewise where it has set out"""
+    supports: tuple[str, ...] | None = None
+    """What carries it there; None while that is not known"""
+    by_hand: bool = False
+    """A hand has held it since it rested"""
+    still_since: float | None = None
+    """s"""
+    velocity: Twist = HALTED
+    """m/s and rad/s, in the last step of physics"""
+    speed: float = 0.0
+    """m/s, as it was seen to move lately; what it pushes is not faster"""
+
+    @property
+    def rests(self) -> bool:
+        """Whether something carries it there, as far as that is known."""
+        return self.supports is None or bool(self.supports)
+
+
+class Driving:
+    """Decides which bodies are driven, and drives them."""
+
+    def __init__(self, bodies: Bodies, relations: Relations, containment: Containment, config: BeliefConfig) -> None:
+        self._bodies = bodies
+        self._loads = Loads(bodies, relations, containment)
+        self._config = config
+        self._lifted = msgspec.structs.replace(config, hover_tolerance=min(_ASTRAY_BOTH, config.hover_tolerance))
+        self._drives: dict[str, _Drive] = {}
+        self._now = -math.inf
+
+    def update(self, now: float, unmoved: Set[str] = frozenset(), in_doubt: Set[str] = frozenset()) -> None:
+        """Begin, go on and end at time `now` (s).
+
+        Args:
+            now: s
+            unmoved: objects that no hand touches, and that only cameras see that may have been bumped.
+            in_doubt: objects of which only cameras tell that probably were: those set out in a hand alone.
+        """
+        seconds, self._now = max(now - self._now, 0.0), now
+        for name in [name for name in self._drives if not self._may_go_on(name)]:
+            del self._drives[name]
+        before, starts = set(self._drives), dict[str, float]()
+        for item in self._bodies.objects.values():
+            if item.name in self._drives:
+                self._go_on(item, self._drives[item.name], now, seconds)
+            elif (start := self._start(item, now)) is not None:
+                starts[item.name] = start
+        stay = self._seem_bumped(starts, unmoved) | in_doubt
+        for name, start in starts.items():
+            if name not in stay or self._bodies.objects[name].hand:
+                self._begin(self._bodies.objects[name], start)
+        self._lead_from_below(self._drives.keys() - before, now)
+        self._let_pass(now)
+        riders = self._loads.riders(self._drives)
+        for item in self._bodies.objects.values():
+            item.driven = item.name in self._drives
+            item.rides = item.name in riders and not self._is_lost(item, now)
+
+    def _seem_bumped(self, starts: Mapping[str, float], unmoved: Set[str]) -> frozenset[str]:
+        """What rests, as the camera may show all of it elsewhere; what of that has just set out is put back first."""
+        objects, now = self._bodies.objects, self._now
+        new = {n for n, drive in self._drives.items() if now - drive.begun <= _SHORTEST and not objects[n].hand}
+        if not new and all(objects[name].hand for name in starts):
+            return frozenset()
+        rested, beneath, moving = dict[str, Solid](), self._loads.beneath(), self._bodies.in_motion()
+        for name in sorted(unmoved & objects.keys() - (self._drives.keys() | moving) | new & unmoved):
+            item = objects[name]
+            if item.estimate_at(now) is None or item.hand or item.holder or item.rides or name not in self._bodies.sim:
+                continue
+            if objects.keys().isdisjoint(beneath.get(name, ())):
+                origin = self._drives[name].origin if name in new else self._bodies.pose(name)
+                rested[name] = item.solid(origin.t, origin.q)
+        alike = seem_bumped(objects, rested, self._config, now)
+        for name in sorted(new & alike):
+            self._put_back(name)
+        return alike
+
+    def _put_back(self, name: str) -> None:
+        """Let an object and its load be where it has set out, and be driven no more."""
+        back = self._drives.pop(name).origin @ self._bodies.pose(name).inverse()
+        for other in sorted({name, *self._loads.riders([name])}):
+            if other in self._bodies.objects and other in self._bodies.sim:
+                pose = back @ self._bodies.pose(other)
+                self._bodies.put(self._bodies.objects[other], pose.t, pose.q)
+
+    def _lead_from_below(self, new: Set[str], now: float) -> None:
+        """What stands on an object that is on its way goes with that.
+
+        If it sets out first, that comes along, or it waits until it is sure that they part.
+        """
+        beneath = self._loads.beneath()
+        for name in sorted(new & beneath.keys()):
+            load, start = self._bodies.objects[name], self._drives[name].played
+            for base in sorted(beneath[name] & self._bodies.objects.keys() - self._drives.keys()):
+                item = self._bodies.objects[base]
+                if not item.drivable or item.holder or load.hand or item.estimate_at(now) is None:
+                    continue
+                way, other = self._way(item), self._way(load)
+                if float(np.linalg.norm(way - other)) < _ALIKE * float(np.linalg.norm(other)):
+                    self._begin(item, start)
+                elif float(np.linalg.norm(other)) < _SURELY_APART:
+                    self._drives.pop(name, None)
+        for name in sorted(self._drives.keys() & beneath.keys()):
+            item = self._bodies.objects[name]
+            others = self._drives.keys() - {name}
+            if not item.hand and only_base(name, beneath, others) and not self._is_lost(item, now):
+                self._drives.pop(name)
+
+    def _way(self, item: BelievedObject) -> Array:
+        """(3,) m from where an object is believed to be to where it was seen last."""
+        return np.subtract(item.path.at(item.path.newest).t, self._bodies.sim.position(item.name))
+
+    def _let_pass(self, now: float) -> None:
+        """Bodies beside each other, of which one is driven, do not push each other while both are seen: that tells all.
+
+        Their thin walls would get into each other by the noise of that, and not out again without a kick.
+        """
+        sim, objects = self._bodies.sim, self._bodies.objects.values()
+        seen = [item.name for item in objects if item.drivable and now - item.track.last_stamp <= UNSEEN]
+        names = sorted(self._drives.keys() | {name for name in seen if name in sim})
+        riders = {name: self._loads.riders([name]) for name in names}
+        pairs = [pair for pair in combinations(names, 2) if not self._drives.keys().isdisjoint(pair)]
+        sim.let_pass({(a, b) for a, b in pairs if b not in riders[a] and a not in riders[b] and self._beside(a, b)})
+
+    def _beside(self, *pair: str) -> bool:
+        """Whether neither of two bodies can be about to stand on the other, or both are driven."""
+        one, other = map(self._bodies.solid, pair)
+        overlap = min(one.top, other.top) - max(one.bottom, other.bottom)
+        return overlap > _BESIDE or self._drives.keys() >= set(pair)
+
+    def step(self, count: int) -> None:
+        """Let `count` steps of physics pass."""
+        sim = self._bodies.sim
+        for name in self._drives:
+            sim.wake(name)
+        if not self._drives:
+            sim.step(count)
+            return
+        loads = self._loads.standing(self._drives.keys())
+        pushed = self._loads.pushed({name: drive.speed for name, drive in self._drives.items()}, loads)
+        for k in range(1, count + 1):
+            for name, drive in self._drives.items():
+                here = Pose.unchecked(*sim.pose(name))
+                before, drive.velocity = drive.velocity, _velocity(here, drive, k / count, count * TIME_STEP)
+                (x, y, z), spin = drive.velocity
+                sim.set_velocity(name, (x, y, z + GRAVITY * TIME_STEP), spin)
+                for load in loads.get(name, ()):
+                    self._loads.take_along(load, here, before, drive.velocity)
+            sim.step()
+            for name, speed in pushed.items():
+                self._loads.slow_down(name, speed)
+
+    @property
+    def supports(self) -> set[Relation]:
+        """(object, what carries it) of the driven objects that slide or stand on something, which they hardly touch."""
+        drives = self._drives.items()
+        return {(name, base) for name, drive in drives for base in drive.supports or () if base != UNKNOWN}
+
+    def rests(self, name: str) -> bool:
+        """Whether something carries a driven object where it is seen, and it does not move any more."""
+        drive = self._drives[name]
+        return drive.rests and drive.still_since is not None
+
+    def _may_go_on(self, name: str) -> bool:
+        return name in self._bodies.objects and name in self._bodies.sim and not self._bodies.objects[name].holder
+
+    def _start(self, item: BelievedObject, now: float) -> float | None:
+        """From when (s) on an object is seen on its way from where it is believed to be; None if it is not."""
+        if not (item.drivable or item.hand) or item.holder or item.name not in self._bodies.sim:
+            return None
+        if item.estimate_at(now) is None:
+            return item.path.newest if item.hand else None
+        solid = self._bodies.solid(item.name)
+        strays = self._strays(item, solid.pose)
+        if item.hand and (strays or _goes_with_hand(item, solid.position)):
+            return item.path.newest
+        if not strays and not is_displaced(seen_now(item, self._config, now), solid, self._config):
+            return None
+        start = item.path.start(solid.pose, _LEFT)
+        return item.path.newest if start is None and item.hand else start
+
+    def _strays(self, item: BelievedObject, pose: Pose) -> bool:
+        """Whether percepts say that an object is on its way from where it is believed to be."""
+        noise = item.noise + (self._config.depth_bias if item.bias is None else 0.0)
+        two, three = max(_ASTRAY, _SURELY * noise), max(_ASTRAY, _LIKELY * noise)
+        return item.path.strays_from(pose, two) or item.path.goes_away(pose, three)
+
+    def _begin(self, item: BelievedObject, start: float) -> None:
+        self._bodies.set_pinned(item, False)
+        here = self._bodies.pose(item.name)
+        self._drives[item.name] = _Drive(self._now, start, here, here, here)
+
+    def _go_on(self, item: BelievedObject, drive: _Drive, now: float, seconds: float) -> None:
+        before, late = item.path.at(drive.played), now - _LAG - drive.played
+        drive.played += min(late, _HURRY * seconds) if late > 0.0 else 0.0
+        drive.begin = drive.end
+        drive.by_hand = bool(item.hand) or (drive.by_hand and not drive.rests)
+        self._aim(item, drive)
+        drive.speed = _speed(item.path, drive.played)
+        passed = math.dist(before.t, item.path.at(drive.played).t)
+        behind = math.dist(drive.begin.t, drive.end.t)
+        drive.end = _towards(drive.begin, drive.end, passed + seconds * max(_CATCHING_UP, behind / _CAUGHT_UP))
+        if item.estimate_at(now) is None:
+            if not item.hand:
+                self._end(item, drive)
+        elif item.hand and not drive.rests:
+            drive.still_since = None
+        elif now - drive.begun > _SHORTEST and self._is_still(item, drive):
+            drive.still_since = now if drive.still_since is None else drive.still_since
+            apart = self._bodies.pose(item.name).distance(drive.end)[0]
+            if apart < _ARRIVED or now - drive.still_since > _STUCK:
+                self._end(item, drive)
+        else:
+            drive.still_since = None
+
+    def _is_still(self, item: BelievedObject, drive: _Drive) -> bool:
+        was_played = drive.played >= item.path.newest - _STILL
+        return was_played and item.path.is_still(_STILL, _STILL_METRES, _STILL_RADIANS)
+
+    def _aim(self, item: BelievedObject, drive: _Drive) -> None:
+        """Where the body should be at the end of this step: where it was seen, as far as other bodies allow."""
+        pose = item.path.at(drive.played)
+        above = self._bodies.above(item, pose.t)
+        scene = self._bodies.scene(leaving_out={item.name, *above, *self._loads.riders([item.name])})
+        covariance = _VAGUE if item.track.estimate is None else item.percept_covariance(self._config)
+        config = self._lifted if _is_lifted(item, drive) else self._config
+        seen, others = item.solid(pose.t, pose.q), list(scene.values())
+        placement = place(seen, covariance, others, config)
+        if not (placement.rests or item.shows_tilt):  # its hand says how it leans
+            as_before = place(item.solid(pose.t, drive.begin.q), covariance, others, config)
+            fallen = place(seen.face_down()[0], covariance, others, config)
+            is_upright = as_before.solid.face_down()[1] < self._config.tilt_tolerance
+            stands = [as_before] * is_upright + [fallen] * fallen.rests
+            placement = _stands_or_leans(seen, placement, stands)
+        drive.end, drive.supports = placement.solid.pose, placement.supports
+        item.hovering_since = None if drive.rests else (item.hovering_since or self._now)
+
+    def _end(self, item: BelievedObject, drive: _Drive) -> None:
+        """Leave the body to perception again; or, if that has lost it, to physics, or to what holds it unseen."""
+        for load in self._loads.standing(self._drives.keys()).get(item.name, ()):
+            self._loads.take_along(load, self._bodies.pose(item.name), drive.velocity, HALTED)
+        del self._drives[item.name]
+        item.put, item.placement, item.strikes = self._bodies.pose(item.name), None, 0
+        item.track.begin_anew(item.path.newest - _AT_REST)
+        self._bodies.sim.set_velocity(item.name, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        is_unseen = item.vanished_when_let_go or not item.track.is_fresh(self._now)
+        is_let_go = drive.by_hand and not item.hand and is_unseen
+        if not drive.rests and not is_let_go and item.name not in self._loads.riders(self._drives):
+            self._bodies.set_pinned(item, True)
+
+    def _is_lost(self, item: BelievedObject, now: float) -> bool:
+        """Whether an object is seen far from where its container should have taken it."""
+        if now - item.track.last_stamp > _JUST or item.estimate_at(now) is None or item.name not in self._bodies.sim:
+            return False
+        return math.dist(item.percept().position, self._bodies.sim.position(item.name)) > _LOST
+
+
+def _goes_with_hand(item: BelievedObject, position: Vector3) -> bool:
+    """Whether an object and the hand that holds it are both seen to have moved it from `position`, the same way."""
+    if item.place_by_hand is None:
+        return False
+    by_hand, by_itself = np.subtract(item.place_by_hand, position), np.subtract(item.path.last.t, position)
+    ways = float(np.linalg.norm(by_hand)), float(np.linalg.norm(by_itself))
+    return min(ways) > _ASTRAY_BOTH and float(by_hand @ by_itself) > _THE_SAME_WAY * math.prod(ways)
+
+
+def _stands_or_leans(seen: Solid, leaning: Placement, stands: Sequence[Placement]) -> Placement:
+    """The stand nearest to what is seen, unless the lean that a hand tells is as near and does not reach below it."""
+    upright = min(stands, key=lambda stand: _shift(seen, stand), default=leaning)
+    sunk = max(upright.solid.bottom - leaning.solid.bottom, 0.0)
+    return upright if _shift(seen, upright) + _NEARER < _shift(seen, leaning) + sunk else leaning
+
+
+def _shift(seen: Solid, placement: Placement) -> float:
+    """Metres between where something is seen and where it can be."""
+    return math.dist(seen.position, placement.solid.position)
+
+
+def _is_lifted(item: BelievedObject, drive: _Drive) -> bool:
+    """Whether an object is off what carried it by far less than percepts may be, because its hand is, too."""
+    if item.place_by_hand is None or item.bias is None:
+        return False
+    height = min(item.place_by_hand[2], item.path.last.t[2]) - drive.begin.t[2]
+    return not drive.rests or height > _ASTRAY_BOTH
+
+
+def _speed(path: Path, time: float) -> float:
+    """m/s at which something was seen to move up to that time (s), or a moment before."""
+    places = [path.at(time - k * _LATELY).t for k in range(3)]
+    return max(math.dist(a, b) for a, b in pairwise(places)) / _LATELY
+
+
+def _towards(a: Pose, b: Pose, metres: float) -> Pose:
+    """On the way from a to b, as far as that."""
+    distance = math.dist(a.t, b.t)
+    return b if distance <= metres else between(a, b, metres / distance)
+
+
+def _velocity(here: Pose, drive: _Drive, share: float, seconds: float) -> Twist:
+    """m/s and rad/s at which a body gets to where it should be after a share of a step of the belief."""
+    there = between(drive.begin, drive.end, share)
+    steady = [(b - a) / seconds for a, b in zip(drive.begin.t, drive.end.t, strict=True)]
+    turning = [angle / seconds for angle in turn_between(drive.begin.q, drive.end.q)]
+    off = [(b - a) / _REACTION for a, b in zip(here.t, there.t, strict=True)]
+    askew = [angle / _REACTION for angle in turn_between(here.q, there.q)]
+    linear = _limited([a + b for a, b in zip(steady, off, strict=True)], _FASTEST)
+    return linear, _limited([a + b for a, b in zip(turning, askew, strict=True)], _FASTEST_TURN)
+
+
+def _limited(vector: list[float], most: float) -> Vector3:
+    length = math.hypot(*vector)
+    x, y, z = vector if length <= most else [most / length * a for a in vector]
+    return x, y, z

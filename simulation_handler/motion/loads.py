@@ -1,0 +1,99 @@
+"""What driven bodies take along: what stands on them, what is in them, and what their walls push."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping, Set
+
+import numpy as np
+
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.transforms import Pose
+from simulation_handler.contact.containment import Containment, carried_by
+from simulation_handler.contact.relations import Relations
+from simulation_handler.state.bodies import Bodies
+
+Twist = tuple[Vector3, Vector3]
+"""m/s and rad/s, in the world"""
+HALTED: Twist = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+_UPRIGHT = 0.35  # rad of tilt, up to which what stands on a driven body does not slide
+
+
+class Loads:
+    """Finds what goes along with driven bodies, and lets it."""
+
+    def __init__(self, bodies: Bodies, relations: Relations, containment: Containment) -> None:
+        self._bodies = bodies
+        self._relations = relations
+        self._containment = containment
+
+    def riders(self, leaders: Collection[str]) -> set[str]:
+        """What is in or on some objects, directly and indirectly."""
+        return carried_by(leaders, [*self._relations.current(), *self._containment.current()]) if leaders else set()
+
+    def beneath(self) -> dict[str, set[str]]:
+        """What each object stands on."""
+        beneath: dict[str, set[str]] = {}
+        for upper, lower in self._relations.current():
+            beneath.setdefault(upper, set()).add(lower)
+        return beneath
+
+    def standing(self, drives: Set[str]) -> dict[str, list[str]]:
+        """What stands on each driven object that is about upright and on nothing else, directly and indirectly.
+
+        What a hand does gently shifts none of that; but the way of a body is as unsteady as percepts are.
+        """
+        beneath, found = self.beneath(), dict[str, list[str]]()
+        for name in sorted(beneath.keys() - drives):
+            item = self._bodies.objects.get(name)
+            base = only_base(name, beneath, drives)
+            if base is None or item is None or item.pinned or item.holder or name not in self._bodies.sim:
+                continue
+            if self._bodies.solid(base).face_down()[1] < _UPRIGHT:
+                found.setdefault(base, []).append(name)
+        return found
+
+    def take_along(self, load: str, base: Pose, before: Twist, after: Twist) -> None:
+        """Let what stands on a driven body, at `base`, change its velocity as that does."""
+        position, (linear, spin) = self._bodies.sim.position(load), self._bodies.sim.velocity(load)
+        arm = np.subtract(position, base.t)
+        turn = np.subtract(after[1], before[1])
+        push = np.subtract(after[0], before[0]) + np.cross(turn, arm)
+        x, y, z = (linear + push).tolist()
+        a, b, c = (spin + turn).tolist()
+        self._bodies.sim.set_velocity(load, (x, y, z), (a, b, c))
+
+    def pushed(self, speeds: Mapping[str, float], loads: Mapping[str, list[str]]) -> dict[str, float]:
+        """What the walls of upright driven containers push along, and how fast (m/s) it moves sideways at most.
+
+        Their bodies follow noise, too, and would throw what rolls to the other side.
+        """
+        standing = {load for names in loads.values() for load in names}
+        found: dict[str, float] = {}
+        for name, container in self._containment.current():
+            is_upright = container in speeds and self._bodies.solid(container).face_down()[1] < _UPRIGHT
+            if is_upright and name not in standing and name not in speeds and name in self._bodies.sim:
+                found[name] = max(found.get(name, 0.0), speeds[container])
+        return found
+
+    def slow_down(self, name: str, most: float) -> None:
+        """Let a body move sideways by at most `most` m/s."""
+        (x, y, z), spin = self._bodies.sim.velocity(name)
+        speed = math.hypot(x, y)
+        if speed > most:
+            share = most / speed
+            self._bodies.sim.set_velocity(name, (share * x, share * y, z), (share * spin[0], share * spin[1], spin[2]))
+
+
+def only_base(name: str, beneath: Mapping[str, set[str]], drives: Set[str]) -> str | None:
+    """The one driven object on which something stands, also indirectly; None if it stands on anything else, too."""
+    found: set[str] = set()
+    level, known = {name}, {name}
+    while level:
+        lower = {base for upper in level for base in beneath.get(upper, {""})}
+        if "" in lower:
+            return None
+        found |= lower & drives
+        level = lower - found - known
+        known |= level
+    return found.pop() if len(found) == 1 else None

@@ -1,0 +1,162 @@
+"""What falls unseen out of a container: where it typically comes to lie, of the many ways in which it may fall."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from scipy.stats import norm, qmc
+
+from dsr.math3d.quaternions import Vector3
+from simulation_handler.contact.relations import Relation
+from simulation_handler.hands.state import UNSEEN
+from simulation_handler.perception.percepts import Array
+from simulation_handler.physics.rollouts.engine import Engine
+from simulation_handler.physics.rollouts.scene import Body, Placing, Scene
+from simulation_handler.shapes.geometry import Solid
+from simulation_handler.shapes.surfaces import outwards
+from simulation_handler.state.bodies import Bodies
+
+_WAYS = 32
+_TRIES = 96  # of which those are no ways that are in other bodies
+_METRES = 0.01  # standard deviation of where along each axis it is, of what nobody sees roll in what is poured
+_SPEED = 0.1  # m/s, likewise of how fast
+_SPIN = 5.0  # rad/s, likewise of how fast it turns
+_SPREAD: Array = np.repeat((_METRES, _SPEED, _SPIN), 3)
+_SECONDS = 1.5  # after which it lies
+_MOST = 0.9  # of all ends
+_LYING = 0.02  # m/s and rad/s
+_AROUND = 0.3  # m
+_MOVED = 0.01  # m
+_DEEPEST = 0.002  # m that its middle part may be in other bodies
+
+
+class _Fall(NamedTuple):
+    """Something that falls, nobody sees where."""
+
+    since: float
+    """s"""
+    end: Placing
+    """Where it typically comes to lie."""
+    around: Mapping[str, Vector3]
+    """Where other bodies were, m, but for the container that it left."""
+
+
+class Spilling:
+    """Lets what leaves a container unseen come to lie in a typical place.
+
+    On which side of a rim it falls depends on millimetres that nobody knows. Many ways are simulated in which it may
+    fall from where it last was inside. Its body falls as it does; when it lies, it is put where the one of them ended
+    from which nine tenths of all ends are least far away; not, if it was seen or held since, or things there moved.
+    """
+
+    def __init__(self, bodies: Bodies) -> None:
+        self._bodies = bodies
+        self._engine: Engine | None = None
+        self._before: dict[str, Body] = {}  # what was inside in the last step, as it moved then
+        self._falls: dict[str, _Fall] = {}
+
+    def close(self) -> None:
+        """Free the simulation; harmless when repeated."""
+        if self._engine is not None:
+            self._engine.close()
+
+    def update(self, inside: Iterable[Relation], left: Iterable[Relation], now: float) -> None:
+        """Take in what is in a container at time `now` (s), and what has just left one: (object, container)."""
+        for name, container in sorted(relation for relation in left if self._may_spill(relation, now)):
+            if name in self._before and (fall := self._fall(self._before[name], container, now)) is not None:
+                self._falls[name] = fall
+        self._before = {
+            name: self._moving(name) for name, container in inside if self._may_spill((name, container), now)
+        }
+        for name, fall in list(self._falls.items()):
+            if not self._is_unknown(name, now):
+                del self._falls[name]
+            elif now - fall.since > _SECONDS and self._lies(name):
+                del self._falls[name]
+                if self._is_as_it_was(fall):
+                    self._bodies.sim.place(name, *fall.end)
+
+    def _may_spill(self, relation: Relation, now: float) -> bool:
+        """Whether an object moves unseen, by physics alone, in a container that is moved."""
+        name, container = relation
+        return self._bodies.objects[container].driven and self._is_unknown(name, now)
+
+    def _is_unknown(self, name: str, now: float) -> bool:
+        """Whether an object moves unseen, by physics alone."""
+        item = self._bodies.objects.get(name)
+        if item is None or name not in self._bodies.sim:
+            return False
+        is_held = item.holder or item.hand or item.driven or item.pinned
+        return not is_held and now - item.track.last_stamp > UNSEEN
+
+    def _lies(self, name: str) -> bool:
+        return max(self._bodies.sim.speed(name)) < _LYING
+
+    def _is_as_it_was(self, fall: _Fall) -> bool:
+        """Whether what the object may lie on or beside has not been moved since."""
+        sim = self._bodies.sim
+        near = [name for name, place in fall.around.items() if math.dist(place, fall.end[0]) < _AROUND]
+        return all(name in sim and math.dist(sim.position(name), fall.around[name]) < _MOVED for name in near)
+
+    def _moving(self, name: str) -> Body:
+        velocity, spin = self._bodies.sim.velocity(name)
+        return self._bodies.body(name)._replace(velocity=velocity, spin=spin)
+
+    def _fall(self, body: Body, container: str, now: float) -> _Fall | None:
+        """How a body that moves so falls out of a container; None if it is stuck in others."""
+        objects, sim = self._bodies.objects, self._bodies.sim
+        scene = self._bodies.frozen().held([item.name for item in objects.values() if item.driven and item.name in sim])
+        ways = self._ways(scene, body)
+        if not ways:
+            return None
+        self._engine = self._engine or Engine()
+        ends = [self._engine.run(_with(scene, way), _SECONDS).poses[body.name] for way in ways]
+        places = np.array([position for position, _ in ends])
+        distances = np.linalg.norm(places[:, None] - places, axis=2)
+        typical = int(np.argmin(np.quantile(distances, _MOST, axis=1)))
+        around = {
+            other: sim.position(other) for other in objects if other in sim and other not in (body.name, container)
+        }
+        return _Fall(now, ends[typical], around)
+
+    def _ways(self, scene: Scene, body: Body) -> list[Body]:
+        """How the body may be on its way, without being in others."""
+        solids = [other.solid for other in scene.bodies if other.name != body.name]
+        reach = 0.5 * min(body.size) - _DEEPEST
+        ways: list[Body] = []
+        for shift, push, turn in zip(*np.split(_normal() * _SPREAD, 3, axis=1), strict=True):
+            position, velocity, spin = (
+                _sum(body.position, shift), _sum(body.velocity, push), _sum(body.spin, turn)
+            )  # fmt: skip
+            if all(_distance(solid, position, reach) >= reach for solid in solids):
+                ways.append(body._replace(position=position, velocity=velocity, spin=spin))
+            if len(ways) == _WAYS:
+                break
+        return ways
+
+
+@cache
+def _normal() -> Array:
+    """(_TRIES, 9) evenly spread samples of a normal distribution: a Halton sequence."""
+    sequence = qmc.Halton(9, scramble=False)
+    sequence.fast_forward(1)
+    samples: Array = norm.ppf(sequence.random(_TRIES))
+    return samples
+
+
+def _sum(vector: Vector3, change: Array) -> Vector3:
+    x, y, z = np.add(vector, change).tolist()
+    return x, y, z
+
+
+def _distance(solid: Solid, point: Vector3, reach: float) -> float:
+    """How far (m) a point is from the surface of a solid, if that may be less than `reach`."""
+    return math.inf if math.dist(solid.position, point) > solid.radius + reach else outwards(solid, point)[0]
+
+
+def _with(scene: Scene, body: Body) -> Scene:
+    return Scene(tuple(body if other.name == body.name else other for other in scene.bodies))

@@ -1,0 +1,132 @@
+"""The pose of an object at rest, averaged over its percepts.
+
+An information filter averages the noise of the percepts, which changes from frame to frame. The systematic error
+along the viewing ray is the same in all of them and stays out of the average: see `Estimate.total_covariance`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from dsr.math3d import quaternions
+from dsr.math3d.quaternions import Quaternion
+from simulation_handler.config import BeliefConfig
+from simulation_handler.perception.percepts import Array, Percept
+
+Innovation = tuple[Array, Array]
+"""From an estimate to a percept, in the world frame: shift (3,) m and rotation vector (3,) rad."""
+
+_EYE = np.eye(3)
+_MOST_SIGMAS = 2.0  # standard deviations of the bias beyond which it explains nothing
+_STEEP_RAY = 0.5  # vertical part of a viewing ray from which a height tells the depth error
+
+
+class Estimate:
+    """Average of the percepts of an object at rest."""
+
+    def __init__(self, percept: Percept, config: BeliefConfig) -> None:
+        self.position = percept.position
+        self.rotation = percept.rotation
+        self.position_covariance = percept.position_covariance
+        self.rotation_covariance = percept.rotation_covariance
+        self.ray = percept.ray
+        self.count = 1
+        self._config = config
+
+    def accepts(self, percept: Percept) -> bool:
+        """Whether the percept may be of an object that has not moved: within the gate in place and rotation."""
+        return self.agrees([self.innovation(percept)], percept, self._config.gate)
+
+    def agrees(self, innovations: Sequence[Innovation], percept: Percept, gate: float) -> bool:
+        """Whether the mean of some innovations is within the gate, each of them as noisy as `percept`."""
+        shift, turn = np.mean(innovations, axis=0) if len(innovations) > 1 else innovations[0]
+        limit, share = gate**2, 1.0 / len(innovations)
+        position_covariance = self.position_covariance + share * percept.position_covariance
+        rotation_covariance = self.rotation_covariance + share * percept.rotation_covariance
+        return _mahalanobis2(shift, position_covariance) <= limit and _mahalanobis2(turn, rotation_covariance) <= limit
+
+    def fuse(self, percept: Percept) -> None:
+        """Take in a percept; with more than the window's, the older ones count less and less (Kalman update)."""
+        self.count += 1
+        keep = 1.0 if self.count <= self._config.window else 1.0 - 1.0 / self._config.window
+        innovation, turn = self.innovation(percept)
+        gain, self.position_covariance = _update(self.position_covariance / keep, percept.position_covariance)
+        self.position = self.position + gain @ innovation
+        gain, self.rotation_covariance = _update(self.rotation_covariance / keep, percept.rotation_covariance)
+        x, y, z = (gain @ turn).tolist()
+        step = quaternions.from_rotvec((x, y, z))
+        self.rotation = quaternions.normalised(quaternions.product(step, self.rotation))
+        self.ray = percept.ray
+
+    def loosen(self, innovations: Sequence[Innovation]) -> None:
+        """Doubt the estimate in the direction in which some innovations agree that it is off, and in no other."""
+        shift, turn = np.mean(innovations, axis=0)
+        self.position_covariance = self.position_covariance + np.outer(shift, shift)
+        self.rotation_covariance = self.rotation_covariance + np.outer(turn, turn)
+
+    def inherit(self, old: Estimate) -> None:
+        """Keep the position of an older estimate if that has not changed, and likewise the rotation."""
+        shift, turn = old.position - self.position, self._turn_to(old.rotation)
+        limit = self._config.gate**2
+        if _mahalanobis2(shift, self.position_covariance + old.position_covariance) <= limit:
+            self.position, self.position_covariance, self.count = old.position, old.position_covariance, old.count
+        if _mahalanobis2(turn, self.rotation_covariance + old.rotation_covariance) <= limit:
+            self.rotation, self.rotation_covariance = old.rotation, old.rotation_covariance
+
+    def corrected(self, bias: float) -> Array:
+        """(3,) m, the position without a systematic error of `bias` m along the viewing ray."""
+        corrected: Array = self.position - bias * self.ray
+        return corrected
+
+    def bias_given(self, height: float) -> float | None:
+        """Systematic error along the viewing ray, m, if the object is really at `height` (m).
+
+        None where a height says little, for flat rays, or where more than the bias must be wrong.
+        """
+        slope = float(self.ray[2])
+        if abs(slope) < _STEEP_RAY:
+            return None
+        bias = float(self.position[2] - height) / slope
+        return bias if abs(bias) <= _MOST_SIGMAS * self._config.depth_bias else None
+
+    def total_covariance(self, bias_std: float) -> Array:
+        """(3, 3) m^2 of the position: what is left of the noise, and of the bias along the viewing ray."""
+        total: Array = self.position_covariance + bias_std**2 * np.outer(self.ray, self.ray)
+        return total
+
+    def standard_deviations(self) -> tuple[float, float]:
+        """What is left of the noise sideways (m, of one axis) and in yaw (rad)."""
+        position, rotation = self.position_covariance, self.rotation_covariance
+        return math.sqrt(0.5 * (position[0, 0] + position[1, 1])), math.sqrt(rotation[2, 2])
+
+    def innovation(self, percept: Percept) -> Innovation:
+        """How far the percept is from the estimate."""
+        return percept.position - self.position, self._turn_to(percept.rotation)
+
+    def _turn_to(self, rotation: Quaternion) -> Array:
+        """(3,) rotation vector in the world frame from the estimate to another rotation, rad."""
+        return np.array(quaternions.to_rotvec(quaternions.product(rotation, quaternions.conjugate(self.rotation))))
+
+
+def fused(percepts: Sequence[Percept], config: BeliefConfig) -> Estimate | None:
+    """Their average, or None if they are not all of one pose."""
+    estimate = Estimate(percepts[0], config)
+    for percept in percepts[1:]:
+        if not estimate.accepts(percept):
+            return None
+        estimate.fuse(percept)
+    return estimate
+
+
+def _mahalanobis2(difference: Array, covariance: Array) -> float:
+    return float(difference @ np.linalg.solve(covariance, difference))
+
+
+def _update(prior: Array, noise: Array) -> tuple[Array, Array]:
+    """Kalman gain and posterior covariance of a direct measurement."""
+    gain = prior @ np.linalg.inv(prior + noise)
+    posterior = (_EYE - gain) @ prior
+    return gain, 0.5 * (posterior + posterior.T)

@@ -1,0 +1,142 @@
+"""The way that an object was seen to take: percepts, and poses in between."""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections import deque
+from itertools import pairwise
+
+from dsr.math3d import quaternions
+from dsr.math3d.quaternions import Quaternion, Vector3
+from dsr.math3d.transforms import Pose
+
+_KEPT = 24  # percepts
+_LONGEST_GAP = 0.45  # s between two percepts of a way without a break
+_FASTEST = 1.2  # m/s
+_NOISE = 0.03  # m
+_MOST_AHEAD = 0.1  # s
+_PERIODS = 3  # between percepts, over which the velocity is measured
+_SLOWEST = 0.06  # m/s, below which it is not on its way
+_FALLING = 0.4  # m/s downwards, faster than what somebody puts down
+_CENTRE = 0.5  # weight of a percept in its mean with the two around it
+
+
+class Path:
+    """The newest percepts of one object; poses are in the world."""
+
+    def __init__(self) -> None:
+        self._poses: deque[Pose] = deque(maxlen=_KEPT)
+        self._doubted: Pose | None = None
+
+    def add(self, pose: Pose) -> None:
+        """Take in a percept that is newer than the last; one that is far from that counts once the next confirms it."""
+        if pose.stamp <= self.newest:
+            return
+        if self._poses and _is_break(self._poses[-1], pose):
+            doubted, self._doubted = self._doubted, pose
+            if doubted is None or _is_break(doubted, pose):
+                return
+            self._poses.append(doubted)
+        self._doubted = None
+        self._poses.append(pose)
+
+    @property
+    def newest(self) -> float:
+        """Stamp of the last percept, s."""
+        return self._poses[-1].stamp if self._poses else -math.inf
+
+    @property
+    def last(self) -> Pose:
+        """The last percept."""
+        return self._poses[-1]
+
+    @property
+    def is_falling(self) -> bool:
+        """Whether it was falling when it was last seen."""
+        if len(self._poses) < 2:
+            return False
+        before, last = self._poses[-2], self._poses[-1]
+        return before.t[2] - last.t[2] > _FALLING * (last.stamp - before.stamp)
+
+    def start(self, pose: Pose, distance: float) -> float | None:
+        """When (s) the object left `pose`: the stamp of the last percept that is within `distance` m of it.
+
+        None if it did not get from there to the last percept on a way without a break: it was not seen for a while,
+        or jumped.
+        """
+        poses = list(self._poses)
+        near = [index for index, one in enumerate(poses) if math.dist(one.t, pose.t) <= distance]
+        if not near or any(_is_break(a, b) for a, b in pairwise(poses[near[-1] :])):
+            return None
+        return poses[near[-1]].stamp
+
+    def at(self, stamp: float) -> Pose:
+        """Where it was at a time (s) between two percepts, smoothed; before all of them, where it was first; after
+        them, where it is going, at most 0.1 s ahead.
+        """
+        index = bisect_right([pose.stamp for pose in self._poses], stamp)
+        if index == 0:
+            return self._smooth(0)
+        before = self._smooth(index - 1)
+        if index == len(self._poses):
+            return self._ahead(min(stamp - self.newest, _MOST_AHEAD))
+        after = self._smooth(index)
+        share = (stamp - before.stamp) / (after.stamp - before.stamp)
+        return between(before, after, share)
+
+    def is_still(self, seconds: float, metres: float, radians: float) -> bool:
+        """Whether it was seen, over the last `seconds`, to move by less than `metres` and `radians` in half of them."""
+        if not self._poses or self._poses[0].stamp > self.newest - seconds:
+            return False
+        before, after = (self.at(self.newest - share * seconds) for share in (0.75, 0.25))
+        apart, turned = before.distance(after)
+        return apart <= metres and turned <= radians
+
+    def strays_from(self, pose: Pose, metres: float) -> bool:
+        """Whether it was seen farther than `metres` from `pose` in the last percepts, not just in one."""
+        if len(self._poses) < 3:
+            return False
+        return min(math.dist(self._smooth(k).t, pose.t) for k in (len(self._poses) - 2, len(self._poses) - 1)) > metres
+
+    def goes_away(self, pose: Pose, metres: float) -> bool:
+        """Whether the last three percepts are farther than `metres` from `pose`, each farther than the one before."""
+        apart = [math.dist(one.t, pose.t) for one in list(self._poses)[-3:]]
+        return len(apart) == 3 and metres < apart[0] < apart[1] < apart[2]
+
+    def _ahead(self, seconds: float) -> Pose:
+        """Where it is some time after the last percept, if it goes on as it did."""
+        last, before = self._poses[-1], self._poses[max(len(self._poses) - 1 - _PERIODS, 0)]
+        passed = last.stamp - before.stamp
+        moved = math.dist(last.t, before.t)
+        if not 0.0 < passed <= _LONGEST_GAP * _PERIODS or moved < _SLOWEST * passed:
+            return last
+        x, y, z = (a + (a - b) * seconds / passed for a, b in zip(last.t, before.t, strict=True))
+        return Pose.unchecked((x, y, z), last.q, last.stamp)
+
+    def _smooth(self, index: int) -> Pose:
+        """Mean of a percept and those around it; the first and the last are as they are."""
+        pose = self._poses[index]
+        if 0 < index < len(self._poses) - 1:
+            around = between(self._poses[index - 1], self._poses[index + 1], 0.5)
+            mean = between(around, pose, _CENTRE)
+            return Pose.unchecked(mean.t, mean.q, pose.stamp)
+        return pose
+
+
+def between(a: Pose, b: Pose, share: float) -> Pose:
+    """From a (share 0) to b (share 1), in a straight line and turning evenly."""
+    x, y, z = (p + share * (q - p) for p, q in zip(a.t, b.t, strict=True))
+    return Pose.unchecked((x, y, z), quaternions.slerp(a.q, b.q, share), a.stamp + share * (b.stamp - a.stamp))
+
+
+def turn_between(a: Quaternion, b: Quaternion) -> Vector3:
+    """Rotation vector (rad, in the world frame) from one rotation to another, the shorter way."""
+    return quaternions.to_rotvec(quaternions.product(b, quaternions.conjugate(a)))
+
+
+def _is_break(a: Pose, b: Pose) -> bool:
+    seconds = b.stamp - a.stamp
+    if seconds > _LONGEST_GAP:
+        return True
+    return math.dist(a.t, b.t) > _FASTEST * seconds + _NOISE

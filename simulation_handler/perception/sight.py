@@ -1,0 +1,359 @@
+"""How much of each object a camera should see: rays to its tag, or to all of its surface that could be seen.
+
+No physics engine is asked: a `Sight` is cheap, deterministic, and can be sent to another process.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsr.math3d import quaternions
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.shapes import Shape
+from dsr.math3d.surfaces import GAP, crossings, meets, seen_alone
+from dsr.math3d.transforms import Pose
+from dsr.vocabulary.intrinsics import Intrinsics
+from simulation_handler.shapes.geometry import Solid
+
+Array = NDArray[np.float64]
+Indexes = NDArray[np.int64]
+Flags = NDArray[np.bool_]
+
+TAG_RATIO = 0.8
+"""Side of a tag over the shorter side of the face (+z) that carries it."""
+STEEPEST = math.radians(75)
+"""rad between a tag's normal and the viewing ray, beyond which it is not found"""
+SMALLEST = 12.0
+"""px, the side of the smallest tag that is found, and the width of the smallest spot of a colour"""
+
+_GRID = 5  # rays along each side of a tag
+_REACH = 0.95  # of half a tag's side, up to which the rays go
+_MARGIN = 0.005  # m around an obstacle within which a camera counts as in it
+_HOUSING = 0.03  # m from a camera up to which what it is in may be its own housing, and hides nothing
+_SIGMAS = 3.0  # standard deviations by which what should be in the image may be elsewhere in it
+_LEAST = 1e-12  # stands for what must not be divided by
+_FARTHEST = 1e6  # m; whatever is said to be further away, or larger, is there and so large
+_POINTS = 48  # on the surface of an object that is recognised by its colour, at most
+_STEP = 1e3  # 1/m, to which an eye's place is rounded for those
+_CACHED = 1024
+_KINDS = ("box", "cylinder", "sphere")  # as in dsr.math3d.surfaces.Solids
+
+_SIDE = np.linspace(-_REACH, _REACH, _GRID)
+_RAYS = np.stack(np.meshgrid(_SIDE, _SIDE), axis=-1).reshape(-1, 2)  # (rays, 2), in half sides of the tag
+
+
+@dataclass(frozen=True)
+class View:
+    """A camera and where it is."""
+
+    camera: str
+    """Name of its node."""
+    world_from_camera: Pose
+    """Of the optical frame: z forward, x right, y down. With the covariance of its mount, if that is known."""
+    intrinsics: Intrinsics
+    obstacles: tuple[Solid, ...] = ()
+    """What may hide something from this camera alone."""
+
+
+class Glance(NamedTuple):
+    """What a camera should see of one object."""
+
+    share: float
+    """Of the tag's area, or of the image of what is recognised by its colour, 0 to 1."""
+    hidden_by: str
+    """The solid or obstacle that hides most of it; empty if nothing does."""
+
+
+class _Bodies(NamedTuple):
+    """n bodies, as the boxes around them."""
+
+    names: list[str]
+    centre: Array
+    """(n, 3) m"""
+    turn: Array
+    """(n, 3, 3) world_from_body"""
+    half: Array
+    """(n, 3) m, half the edge lengths"""
+
+    @staticmethod
+    def of(solids: Sequence[Solid]) -> _Bodies:
+        turns = [quaternions.to_matrix(solid.rotation) for solid in solids]
+        half = 0.5 * np.array([solid.size for solid in solids], dtype=np.float64).reshape(-1, 3)
+        return _Bodies(
+            [solid.name for solid in solids],
+            _bounded([solid.position for solid in solids]),
+            np.array(turns, dtype=np.float64).reshape(-1, 3, 3),
+            np.minimum(half, _FARTHEST),
+        )
+
+    def contain(self, point: Array, margin: float) -> Flags:
+        """(n,) whether a point (3,) is inside, or outside by at most `margin` m."""
+        inside: Flags = np.all(np.abs(self.into(point)) <= self.half + margin, axis=1)
+        return inside
+
+    def into(self, point: Array) -> Array:
+        """(n, 3) a point (3,) of the world in the frame of each body."""
+        local: Array = ((point - self.centre)[:, None, :] @ self.turn)[:, 0]
+        return local
+
+
+class _Parts(NamedTuple):
+    """All convex parts of some bodies."""
+
+    bodies: _Bodies
+    """The parts themselves, under the names of what they are parts of."""
+    kinds: Indexes
+    """(p,) as in `dsr.math3d.surfaces.Solids`"""
+    owner: Indexes
+    """(p,) index of the body that each is part of"""
+    radius: Array
+    """(p,) m, of a ball around it"""
+    spared: Array
+    """(p,) m from the camera up to which it hides nothing"""
+
+    @staticmethod
+    def of(solids: Sequence[Solid], spared: Array | None = None) -> _Parts:
+        """The parts of some solids; of each (n,) is `spared` what that says, or nothing."""
+        parts = [(index, part) for index, solid in enumerate(solids) for part in solid.parts]
+        bodies = _Bodies.of([part for _, part in parts])
+        owner = np.array([index for index, _ in parts], dtype=np.int64)
+        return _Parts(
+            bodies,
+            np.array([_KINDS.index(part.kind or "box") for _, part in parts], dtype=np.int64),
+            owner,
+            np.sqrt((bodies.half * bodies.half).sum(axis=1)),
+            np.zeros(len(parts)) if spared is None else spared[owner],
+        )
+
+    def and_also(self, others: _Parts, before: int) -> _Parts:
+        """These, and those of bodies that come after the `before` ones of these."""
+        names = self.bodies.names + others.bodies.names
+        arrays = [np.concatenate(pair) for pair in zip(self.bodies[1:], others.bodies[1:], strict=True)]
+        return _Parts(
+            _Bodies(names, *arrays),
+            np.concatenate([self.kinds, others.kinds]),
+            np.concatenate([self.owner, others.owner + before]),
+            np.concatenate([self.radius, others.radius]),
+            np.concatenate([self.spared, others.spared]),
+        )
+
+
+class _Targets(NamedTuple):
+    """What a camera looks for of n bodies: m points of each."""
+
+    points: Array
+    """(n, m, 3) m, world"""
+    weights: Array
+    """(n, m), 1 together for each body; 0 where there is no point"""
+    middle: Array
+    """(n, 3) m, and how far the points are from there, at most (n,) m"""
+    reach: Array
+
+
+class _Camera:
+    """A view made ready for many looks."""
+
+    def __init__(self, view: View, obstacles: Sequence[Solid], housing: float) -> None:
+        """`housing`: m from the camera up to which what it is in hides nothing."""
+        self.view = view
+        self.eye = _bounded([view.world_from_camera.t])[0]
+        self.turn = np.array(quaternions.to_matrix(view.world_from_camera.q))
+        obstacles = (*obstacles, *view.obstacles)
+        around = _Bodies.of(obstacles).contain(self.eye, _MARGIN)
+        self.obstacles = [obstacle.name for obstacle in obstacles]
+        self.parts = _Parts.of(obstacles, np.where(around, housing, 0.0))
+
+
+class Sight:
+    """What some cameras should see.
+
+    Args:
+        views: the cameras.
+        obstacles: bodies that hide and are not looked for, such as parts of the arm. One that a camera is in is its
+            housing where it ends just before the camera; where it does not, nobody knows what of it is in the way, and
+            it hides what is behind.
+        by_color: names of the solids that are recognised by their colour; all others are by tags.
+        whole: it is not asked what can be recognised, but how much of the image of each solid is seen, as in
+            `dsr.visibility`: nothing is too small or too far askew, a camera is where it is believed to be, and what it
+            is in hides nothing from it.
+    """
+
+    def __init__(
+        self,
+        views: Sequence[View],
+        obstacles: Sequence[Solid] = (),
+        by_color: Collection[str] = (),
+        *,
+        whole: bool = False,
+    ) -> None:
+        seen_from, housing = (map(_certain, views), math.inf) if whole else (views, _HOUSING)
+        self._cameras = [_Camera(view, obstacles, housing) for view in seen_from]
+        self._by_color = frozenset(by_color)
+        self._smallest = 0.0 if whole else SMALLEST
+        self._whole = whole
+
+    def shares(self, solids: Sequence[Solid]) -> dict[tuple[str, str], float]:
+        """Share (0 to 1) of each solid that each camera should see, by (camera, name).
+
+        It is that of the tag, a square of `TAG_RATIO` in the middle of the +z face; one that faces away by more than
+        `STEEPEST` or would be smaller than `SMALLEST` counts as unseen. Of what is recognised by its colour, it is that
+        of its image, were nothing else there. What lies outside the image is unseen, and so is what may lie there as
+        far as the pose of the camera is uncertain.
+        """
+        return {key: glance.share for key, glance in self.glances(solids).items()}
+
+    def glances(self, solids: Sequence[Solid]) -> dict[tuple[str, str], Glance]:
+        """The same, also saying what hides most of each."""
+        found, parts = {}, _Parts.of(solids)
+        for camera in self._cameras:
+            by_image = np.array([self._whole or solid.name in self._by_color for solid in solids], dtype=bool)
+            shares, hiding = _look(camera, solids, parts, by_image, self._smallest)
+            names = [solid.name for solid in solids] + camera.obstacles
+            for index, (solid, share) in enumerate(zip(solids, shares.tolist(), strict=True)):
+                most = int(hiding[index].argmax())
+                hidden_by = names[most] if hiding[index, most] > 0.0 else ""
+                found[camera.view.camera, solid.name] = Glance(share, hidden_by)
+        return found
+
+
+def _certain(view: View) -> View:
+    """The view as if there were no doubt about where the camera is."""
+    return replace(view, world_from_camera=view.world_from_camera.with_covariance(None), obstacles=())
+
+
+def _look(
+    camera: _Camera, solids: Sequence[Solid], parts: _Parts, by_image: Flags, smallest: float
+) -> tuple[Array, Array]:
+    """Shares (n,) of n solids, and how much (n, n + obstacles) of each every solid and obstacle cuts off.
+
+    Of those `by_image` (n,) all of their surface counts, if it is `smallest` px wide; of the others the tag.
+    """
+    bodies = _Bodies.of(solids)
+    targets = _targets(camera, bodies, solids, by_image)
+    seen = _found(camera, bodies, targets, by_image, smallest)
+    parts = parts.and_also(camera.parts, len(solids))
+    hiding = np.zeros((len(solids), len(solids) + len(camera.obstacles)))
+    target, part = _candidates(camera.eye, targets, seen, parts)
+    if len(target):
+        cut_off = _cut_off(camera.eye, targets.points[target], parts, part) & seen[target]
+        pairs, which = np.unique(target * hiding.shape[1] + parts.owner[part], return_inverse=True)
+        by_owner = np.zeros((len(pairs), seen.shape[1]), dtype=bool)
+        np.logical_or.at(by_owner, which.ravel(), cut_off)
+        hidden_target, owner = np.divmod(pairs, hiding.shape[1])
+        hiding[hidden_target, owner] = (by_owner * targets.weights[hidden_target]).sum(axis=1)
+        hidden = np.zeros_like(seen)
+        np.logical_or.at(hidden, hidden_target, by_owner)
+        seen &= ~hidden
+    return np.minimum((seen * targets.weights).sum(axis=1).round(9), 1.0), hiding
+
+
+def _targets(camera: _Camera, bodies: _Bodies, solids: Sequence[Solid], colored: Flags) -> _Targets:
+    """The points of the tags, or those on the surfaces that would be seen if nothing else were there."""
+    count = len(solids)
+    most = max(len(_RAYS), _POINTS) if colored.any() else len(_RAYS)
+    local, weights = np.zeros((count, most, 3)), np.zeros((count, most))
+    rays = len(_RAYS)
+    local[:, :rays, :2] = _RAYS * (TAG_RATIO * bodies.half[:, :2].min(axis=1, initial=np.inf))[:, None, None]
+    local[:, :rays, 2] = bodies.half[:, 2, None]
+    weights[:, :rays] = 1.0 / rays
+    eyes = bodies.into(camera.eye)
+    for index in np.flatnonzero(colored).tolist():
+        x, y, z = np.rint(eyes[index] * _STEP).tolist()
+        points, shares = _surface(solids[index].shape, solids[index].size, (x / _STEP, y / _STEP, z / _STEP))
+        weights[index] = 0.0
+        local[index], weights[index, : len(shares)] = 0.0, shares
+        local[index, : len(points)] = points
+    points = local @ bodies.turn.transpose(0, 2, 1) + bodies.centre[:, None, :]
+    middle = np.where(colored[:, None], bodies.centre, points[:, rays // 2])
+    corner = points[:, 0] - middle
+    around = np.where(colored, (bodies.half**2).sum(axis=1), (corner * corner).sum(axis=1))
+    return _Targets(points, weights, middle, np.sqrt(around))
+
+
+@functools.lru_cache(maxsize=_CACHED)
+def _surface(shape: Shape, size: Vector3, eye: Vector3) -> tuple[Array, Array]:
+    """At most `_POINTS` points (k, 3) of what is seen of a body from a place, in its frame, with their shares (k,)."""
+    points, weights = seen_alone(shape, size, np.array(eye))
+    step = max(1, math.ceil(len(points) / _POINTS))
+    points, weights = points[::step], weights[::step]
+    return points, weights / max(float(weights.sum()), _LEAST)
+
+
+def _found(camera: _Camera, bodies: _Bodies, targets: _Targets, colored: Flags, smallest: float) -> Flags:
+    """(n, m) which points would be seen if nothing were in the way."""
+    lens = camera.view.intrinsics
+    points = (targets.points - camera.eye) @ camera.turn
+    depth = points[..., 2]
+    ahead = depth > _LEAST
+    safe = np.where(ahead, depth, 1.0)
+    u, v = points[..., 0] / safe * lens.fx + lens.cx, points[..., 1] / safe * lens.fy + lens.cy
+    ray = targets.middle - camera.eye
+    across, down = _margins(camera.view, ray @ camera.turn).T[..., None]
+    inside: Flags = ahead & (u >= across) & (u <= lens.width - 1 - across)
+    inside &= (v >= down) & (v <= lens.height - 1 - down) & (targets.weights > 0.0)
+    cosine = -(ray * bodies.turn[:, :, 2]).sum(axis=1)
+    side = 2 * TAG_RATIO * bodies.half[:, :2].min(axis=1, initial=np.inf) * lens.fx
+    found: Flags = cosine >= math.cos(STEEPEST) * np.sqrt((ray * ray).sum(axis=1))
+    found &= side >= SMALLEST * safe[:, len(_RAYS) // 2]
+    if colored.any():
+        width = np.minimum(_span(u, inside), _span(v, inside))
+        found = np.where(colored, width >= smallest, found)
+    inside &= found[:, None]
+    return inside
+
+
+def _margins(view: View, points: Array) -> Array:
+    """(n, 2) px by which points (n, 3), in the camera's frame, may be elsewhere in the image, across and down."""
+    if view.world_from_camera.covariance is None:
+        return np.zeros((len(points), 2))
+    lens, depth = view.intrinsics, np.where(points[:, 2] > _LEAST, points[:, 2], 1.0)
+    shifts = np.zeros((len(points), 2, 3))  # of the pixel with the point
+    shifts[:, 0, 0], shifts[:, 1, 1] = lens.fx / depth, lens.fy / depth
+    shifts[:, :, 2] = -points[:, :2] / depth[:, None] * (lens.fx, lens.fy) / depth[:, None]
+    shifts = np.concatenate([shifts, np.cross(points[:, None], shifts)], axis=2)  # minus that with the camera
+    variances = np.einsum("nki,ij,nkj->nk", shifts, view.world_from_camera.covariance, shifts)
+    margins: Array = _SIGMAS * np.sqrt(np.maximum(variances, 0.0))
+    return margins
+
+
+def _span(values: Array, counted: Flags) -> Array:
+    """(n,) from the least to the greatest of the values (n, m) that count; negative without any."""
+    greatest = np.where(counted, values, -_FARTHEST).max(axis=1)
+    span: Array = greatest - np.where(counted, values, _FARTHEST).min(axis=1)
+    return span
+
+
+def _candidates(eye: Array, targets: _Targets, seen: Flags, parts: _Parts) -> tuple[Indexes, Indexes]:
+    """Pairs (target, part) of which the part may hide it: its ball meets the tube around the rays to the target."""
+    ray = targets.middle - eye
+    to_part = parts.bodies.centre - eye
+    along = np.clip((ray @ to_part.T) / np.maximum((ray * ray).sum(axis=1), _LEAST)[:, None], 0.0, 1.0)
+    gap = to_part[None] - along[:, :, None] * ray[:, None]
+    reach: Array = parts.radius[None] + targets.reach[:, None]
+    near: Flags = np.less_equal((gap * gap).sum(axis=2), reach * reach)
+    near &= np.any(seen, axis=1)[:, None]
+    near &= np.arange(len(near))[:, None] != parts.owner[None]  # what a body hides of itself is no target
+    target, part = np.nonzero(near)
+    return target, part
+
+
+def _cut_off(eye: Array, targets: Array, parts: _Parts, part: Indexes) -> Flags:
+    """(k, m) which rays to the points (k, m, 3) meet part `part[k]` before."""
+    way = targets - eye
+    start = parts.bodies.into(eye)[part][:, None]
+    enters, leaves = crossings(parts.kinds[part], parts.bodies.half[part], start, way @ parts.bodies.turn[part])
+    length = np.maximum(np.sqrt((way * way).sum(axis=2)), GAP)
+    hides: Flags = leaves > parts.spared[part][:, None] / length
+    return hides & meets(enters, leaves, 1.0 - GAP / length)
+
+
+def _bounded(positions: Sequence[Vector3]) -> Array:
+    """(n, 3) m, none of it so far that squares of it overflow."""
+    return np.clip(np.array(positions, dtype=np.float64).reshape(-1, 3), -_FARTHEST, _FARTHEST)

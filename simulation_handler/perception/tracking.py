@@ -1,0 +1,121 @@
+"""Percepts of one object over time: averaged while it rests, single wrong frames ignored, moves followed.
+
+A percept beyond the gate is set aside; only several in a row mean that the object has moved. A move too small for
+that shows in the mean of the last few.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Sequence
+
+from simulation_handler.config import BeliefConfig
+from simulation_handler.perception.estimate import Estimate, Innovation, fused
+from simulation_handler.perception.percepts import Percept
+
+_RECENT = 10  # percepts whose mean shows a move too small for the gate of a single one
+
+
+class Track:
+    """What perception says of one object over time."""
+
+    def __init__(self, config: BeliefConfig) -> None:
+        self._config = config
+        self._believed = False  # there is a belief without an estimate, which a single percept does not replace
+        self._pending: deque[Percept] = deque(maxlen=config.confirm_frames)
+        self._recent: deque[tuple[Percept, Innovation]] = deque(maxlen=_RECENT)
+        self._newest: deque[Percept] = deque(maxlen=_RECENT)
+        self.estimate: Estimate | None = None
+        """None until perception is sure enough."""
+        self.last_stamp = -math.inf
+        """s, of the newest percept."""
+        self.moving = False
+        """The newest percepts contradict each other: it is on its way."""
+        self.changed = False
+        """The estimate changed since `take_change`."""
+        self.restarts = 0
+        """How often the estimate was begun anew."""
+
+    def add(self, percept: Percept) -> None:
+        """Take in a percept; one that is not newer than the last is ignored."""
+        if percept.stamp <= self.last_stamp:
+            return
+        self.last_stamp = percept.stamp
+        self._newest.append(percept)
+        if self.estimate is not None and self.estimate.accepts(percept):
+            self._fuse(self.estimate, percept)
+            return
+        self._pending.append(percept)
+        if len(self._pending) >= self._needed():
+            self._restart(list(self._pending), self.estimate)
+
+    @property
+    def trail(self) -> tuple[Percept, ...]:
+        """The newest percepts, the last one at the end."""
+        return tuple(self._newest)
+
+    @property
+    def is_restless(self) -> bool:
+        """Whether the newest percept disagrees with the estimate, or with those before."""
+        return self.moving or bool(self._pending)
+
+    def begin_anew(self, since: float) -> None:
+        """It has come to rest: what counts are the percepts since then (s)."""
+        percepts = [percept for percept in self._newest if percept.stamp >= since]
+        if percepts:
+            self._restart(percepts, None)
+
+    def take_change(self) -> bool:
+        """Whether the estimate changed since the last call."""
+        changed, self.changed = self.changed, False
+        return changed
+
+    def forget(self) -> None:
+        """The belief comes from elsewhere than perception now: the percepts so far say nothing any more."""
+        self.estimate = None
+        self._believed = True
+        self._pending.clear()
+        self._recent.clear()
+
+    def is_fresh(self, now: float) -> bool:
+        """Whether it was seen lately."""
+        return self.is_recent(self.last_stamp, now)
+
+    def is_recent(self, stamp: float, now: float) -> bool:
+        """Whether a percept of that time (s) still counts."""
+        return now - stamp <= self._config.perceived_max_age
+
+    def _needed(self) -> int:
+        """How many percepts in a row must disagree: one for what was never seen or may be on its way."""
+        confirm_frames = self._config.confirm_frames
+        if self.estimate is None:
+            return confirm_frames if self._believed else 1
+        return confirm_frames if self.estimate.count > confirm_frames + 1 else 1
+
+    def _fuse(self, estimate: Estimate, percept: Percept) -> None:
+        """Take in a percept that agrees; if the recent ones together do not, weigh the newer of them anew."""
+        self._recent.append((percept, estimate.innovation(percept)))
+        self._pending.clear()
+        self.moving = False
+        self.changed = True
+        newer = [percept]
+        innovations = [innovation for _, innovation in self._recent]
+        if len(self._recent) == _RECENT and not estimate.agrees(innovations, percept, self._config.recent_gate):
+            estimate.loosen(innovations)
+            newer = [recent for recent, _ in self._recent][_RECENT // 2 :]  # the older half may be from before
+            self._recent.clear()
+        for recent in newer:
+            estimate.fuse(recent)
+
+    def _restart(self, percepts: Sequence[Percept], old: Estimate | None) -> None:
+        """Begin anew from these percepts if they agree, else from the newest; keep what still holds of `old`."""
+        agreeing = fused(percepts, self._config)
+        self.moving = agreeing is None or len(percepts) < self._config.confirm_frames
+        self.estimate = agreeing or Estimate(percepts[-1], self._config)
+        if old is not None:
+            self.estimate.inherit(old)
+        self._pending.clear()
+        self._recent.clear()
+        self.changed = True
+        self.restarts += 1

@@ -1,0 +1,1 @@
+"""The physics engine: one simulation, and rollouts of many scenes."""

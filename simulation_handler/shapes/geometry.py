@@ -1,0 +1,199 @@
+"""Bodies over and beside each other: footprints, overlaps and the turn that puts a face down.
+
+Footprints are convex polygons in the horizontal plane, counter-clockwise, (x, y) in m of the world frame.
+On a handful of points plain floats are several times faster than numpy.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+from dsr.math3d import quaternions
+from dsr.math3d.polygons import Point, Polygon, hull
+from dsr.math3d.quaternions import Quaternion, Vector3
+from dsr.math3d.shapes import Part, PartKind, Shape
+from dsr.math3d.transforms import Pose
+from simulation_handler.shapes.faces import depth, dot, faces
+
+_CORNERS = tuple((x, y, z) for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5))
+_LEVEL = 1e-7  # slope of an edge that counts as horizontal
+_ROUND = tuple((math.cos(math.pi * k / 8), math.sin(math.pi * k / 8)) for k in range(16))
+
+
+@dataclass(frozen=True)
+class Solid:
+    """A body somewhere in the world: a box, or what its shape says."""
+
+    name: str
+    size: Vector3
+    """Edge lengths of its bounding box, m."""
+    position: Vector3
+    """Of the centre of that, m."""
+    rotation: Quaternion = (0.0, 0.0, 0.0, 1.0)
+    fixed: bool = False
+    """It never moves: a table or the floor."""
+    shape: Shape = ()
+    """Its pieces; none for a solid box."""
+
+    @property
+    def pose(self) -> Pose:
+        """world_from_solid."""
+        return Pose.unchecked(self.position, self.rotation)
+
+    @cached_property
+    def kind(self) -> PartKind | None:
+        """What it is if it is of one piece; None for a body of several."""
+        if not self.shape:
+            return "box"
+        return self.shape[0].kind if len(self.shape) == 1 else None
+
+    @cached_property
+    def parts(self) -> tuple[Solid, ...]:
+        """Its convex pieces in the world, under its name; itself if it is of one."""
+        return (self,) if self.kind else tuple(map(self._part, self.shape))
+
+    def _part(self, part: Part) -> Solid:
+        x, y, z = quaternions.rotate(self.rotation, part.position)
+        position = (self.position[0] + x, self.position[1] + y, self.position[2] + z)
+        shape = () if part.kind == "box" else (Part(part.kind, part.size),)
+        rotation = quaternions.product(self.rotation, part.rotation)
+        return Solid(self.name, part.size, position, rotation, self.fixed, shape)
+
+    @cached_property
+    def is_hollow(self) -> bool:
+        """Whether there is room in its middle: in a cup, in a box without lid or bottom."""
+        return self.kind is None and not any(part.contains((0.0, 0.0, 0.0)) for part in self.shape)
+
+    def reaches_around(self, point: Vector3, margin: float = 0.0) -> bool:
+        """Whether a point (m) is within its bounding box, or outside by at most `margin` m (inside, if negative)."""
+        away = (point[0] - self.position[0], point[1] - self.position[1], point[2] - self.position[2])
+        local = quaternions.rotate(quaternions.conjugate(self.rotation), away)
+        return all(abs(a) <= 0.5 * edge + margin for a, edge in zip(local, self.size, strict=True))
+
+    @cached_property
+    def half_height(self) -> float:
+        """Distance in height from the lowest point to the centre, m."""
+        return self._reach(-1.0)
+
+    def _reach(self, sign: float) -> float:
+        """How far it reaches from its centre, m: up (sign 1), or down (-1)."""
+        if self.kind == "sphere":
+            return 0.5 * self.size[2]
+        if not self.shape or self.kind == "box":
+            return half_height(self.size, self.rotation)
+        x, y, z = quaternions.to_matrix(self.rotation)[2]
+        is_flat = max(abs(x), abs(y), abs(z)) > 1.0 - _LEVEL**2
+        if is_flat or not faces(self.shape):
+            return half_height(self.size, self.rotation)
+        return depth(self.shape, (sign * x, sign * y, sign * z))
+
+    @cached_property
+    def bottom(self) -> float:
+        """Height of its lowest point, m."""
+        return self.position[2] - self.half_height
+
+    @cached_property
+    def top(self) -> float:
+        """Height of its highest point, m."""
+        return self.position[2] + self._reach(1.0)
+
+    @cached_property
+    def radius(self) -> float:
+        """Distance from the centre within which all of it is, m."""
+        return 0.5 * (self.size[0] if self.kind == "sphere" else math.hypot(*self.size))
+
+    @cached_property
+    def footprint(self) -> Polygon:
+        """Its outline seen from above, to 1e-7 of its size; of several pieces, that of the bounding box."""
+        x, y, _ = self.position
+        if self.is_round:
+            half = 0.5 * self.size[0]
+            return [(x + half * dx, y + half * dy) for dx, dy in _ROUND]
+        rows = quaternions.to_matrix(self.rotation)
+        edges = [(rows[0][k] * edge, rows[1][k] * edge) for k, edge in enumerate(self.size)]
+        level = [edge for edge, slope in zip(edges, rows[2], strict=True) if abs(slope) < _LEVEL]
+        if len(level) == 2:
+            return _parallelogram((x, y), *level)
+        offsets = [_combined(signs, edges) for signs in _CORNERS]
+        return hull([(x + dx, y + dy) for dx, dy in offsets])
+
+    @property
+    def is_round(self) -> bool:
+        """Whether it is round seen from above: a ball, or a cylinder that stands."""
+        if self.kind == "cylinder":
+            return abs(abs(quaternions.to_matrix(self.rotation)[2][2]) - 1.0) < _LEVEL
+        return self.kind == "sphere"
+
+    def moved(self, position: Vector3) -> Solid:
+        """The same solid elsewhere."""
+        return Solid(self.name, self.size, position, self.rotation, self.fixed, self.shape)
+
+    def turned(self, rotation: Quaternion) -> Solid:
+        """The same solid with another rotation."""
+        return Solid(self.name, self.size, self.position, rotation, self.fixed, self.shape)
+
+    def at(self, position: Vector3, rotation: Quaternion) -> Solid:
+        """The same solid elsewhere, with another rotation."""
+        return Solid(self.name, self.size, position, rotation, self.fixed, self.shape)
+
+    def face_down(self) -> tuple[Solid, float]:
+        """It with the nearest rotation that puts a face down, and how far that is (tilt, rad); a ball has none."""
+        if self.kind == "sphere":
+            return self, 0.0
+        rotation, tilt = face_down(self.rotation, self._sides())
+        return self.turned(rotation), tilt
+
+    def _sides(self) -> Sequence[Vector3]:
+        """Outward normals, in its frame, of those of its sides that may be down; none if they are those of a box."""
+        if self.kind == "cylinder":
+            x, y, z = quaternions.to_matrix(self.rotation)[2]
+            radius = math.hypot(x, y)
+            return [(0.0, 0.0, math.copysign(1.0, -z))] if radius < abs(z) else [(-x / radius, -y / radius, 0.0)]
+        return () if self.kind else faces(self.shape)
+
+
+def _parallelogram(centre: Point, a: Point, b: Point) -> Polygon:
+    """Outline with edges a and b, counter-clockwise."""
+    if a[0] * b[1] < a[1] * b[0]:
+        a, b = b, a
+    around = ((-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5))
+    return [(centre[0] + s * a[0] + t * b[0], centre[1] + s * a[1] + t * b[1]) for s, t in around]
+
+
+def _combined(signs: Vector3, edges: Sequence[Point]) -> Point:
+    """The corner of a box in direction `signs` (halves), from its projected edges."""
+    x, y = (sum(s * edge[i] for s, edge in zip(signs, edges, strict=True)) for i in (0, 1))
+    return x, y
+
+
+def half_height(size: Vector3, rotation: Quaternion) -> float:
+    """Distance in height from the centre of a box to its highest corner, m."""
+    x, y, z = quaternions.to_matrix(rotation)[2]
+    return 0.5 * (abs(x) * size[0] + abs(y) * size[1] + abs(z) * size[2])
+
+
+def face_down(rotation: Quaternion, sides: Sequence[Vector3] = ()) -> tuple[Quaternion, float]:
+    """The nearest rotation that puts a face down, and how far it is (tilt, rad; of a box at most 0.96).
+
+    Args:
+        rotation: world_from_body.
+        sides: outward normals of its faces (unit, in its frame); none for those of a box.
+    """
+    up = quaternions.to_matrix(rotation)[2]
+    if sides:
+        x, y, z = min(sides, key=lambda side: dot(side, up))
+        normal = quaternions.rotate(rotation, (-x, -y, -z))
+    else:
+        axis = max(range(3), key=lambda k: abs(up[k]))
+        sign = math.copysign(1.0, up[axis])
+        normal = quaternions.rotate(rotation, (sign * (axis == 0), sign * (axis == 1), sign * (axis == 2)))
+    sine = math.hypot(normal[0], normal[1])
+    tilt = math.atan2(sine, normal[2])
+    if sine == 0.0:
+        return rotation, 0.0
+    scale = tilt / sine
+    turn = quaternions.from_rotvec((normal[1] * scale, -normal[0] * scale, 0.0))
+    return quaternions.normalised(quaternions.product(turn, rotation)), tilt

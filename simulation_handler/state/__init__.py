@@ -1,0 +1,1 @@
+"""What the belief keeps of each object, and the bodies of all."""

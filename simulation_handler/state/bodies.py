@@ -1,0 +1,172 @@
+"""The objects and fixtures of the belief, with their bodies in the simulation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+
+from dsr.errors import suggest
+from dsr.math3d.quaternions import Quaternion, Vector3
+from dsr.math3d.shapes import Shape
+from dsr.math3d.transforms import Pose
+from simulation_handler.config import BeliefConfig
+from simulation_handler.perception.tracking import Track
+from simulation_handler.physics.rollouts.scene import Body, Scene
+from simulation_handler.physics.simulator import SimulationError, Simulator
+from simulation_handler.shapes.geometry import Solid
+from simulation_handler.state.objects import BelievedObject
+
+FLOOR = "_floor"
+_HIGHER = 0.001  # m
+_SLOW = 0.05  # m/s up to which a body counts as at rest
+_FLOOR_SIZE = (20.0, 20.0, 0.2)
+
+
+class Bodies:
+    """Keeps objects, fixtures and the simulator in step with each other."""
+
+    def __init__(self, config: BeliefConfig) -> None:
+        self.sim = Simulator()
+        self.objects: dict[str, BelievedObject] = {}
+        self.fixtures: dict[str, Solid] = {}
+        self._config = config
+        self._lay_floor()
+
+    def set_fixture(self, name: str, size: Vector3, pose: Pose, shape: Shape = ()) -> None:
+        """Add a body that never moves (world_from_centre), or put it elsewhere; what was on it wakes."""
+        if name in self.objects:
+            raise SimulationError(f"{name!r} is an object of the belief and cannot be a fixture")
+        self._fix(Solid(name, size, pose.t, pose.q, fixed=True, shape=shape))
+        self._lay_floor()
+
+    def _lay_floor(self) -> None:
+        """Put the floor below the lowest table."""
+        tops = [solid.top for name, solid in self.fixtures.items() if name != FLOOR]
+        height = min(tops, default=0.0) - self._config.floor_below_table
+        self._fix(Solid(FLOOR, _FLOOR_SIZE, (0.0, 0.0, height - 0.5 * _FLOOR_SIZE[2]), fixed=True))
+
+    def _fix(self, solid: Solid) -> None:
+        if self.fixtures.get(solid.name) == solid:
+            return
+        if solid.name in self.sim:
+            self.sim.remove(solid.name)
+        friction = self._config.default_friction
+        self.sim.add_body(solid.name, solid.size, solid.shape, solid.position, solid.rotation, friction=friction)
+        self.fixtures[solid.name] = solid
+
+    def add_object(
+        self,
+        name: str,
+        size: Vector3,
+        mass: float | None,
+        friction: float | None,
+        shape: Shape = (),
+        *,
+        drivable: bool = False,
+        rolling_friction: float | None = None,
+    ) -> BelievedObject:
+        """Let an object exist, without a place yet."""
+        if name in self.objects or name in self.fixtures:
+            raise SimulationError(f"{name!r} is already part of the belief")
+        mass = self._config.default_mass if mass is None else mass
+        friction = self._config.default_friction if friction is None else friction
+        self.objects[name] = BelievedObject(
+            name, size, mass, friction, Track(self._config), shape, drivable, rolling_friction
+        )
+        return self.objects[name]
+
+    def remove(self, name: str) -> None:
+        """Forget an object or a fixture; harmless if there is none."""
+        if name in self.sim:
+            self.sim.remove(name)
+        self.objects.pop(name, None)
+        self.fixtures.pop(name, None)
+
+    def object(self, name: str) -> BelievedObject:
+        """The object of that name. Raises `SimulationError` if there is none."""
+        try:
+            return self.objects[name]
+        except KeyError:
+            raise SimulationError(f"no object {name!r} in the belief; {suggest(name, self.objects)}") from None
+
+    def pose(self, name: str) -> Pose:
+        """world_from_object of a body."""
+        return Pose.unchecked(*self.sim.pose(name))
+
+    def solid(self, name: str) -> Solid:
+        """The object at its believed pose."""
+        return self.objects[name].solid(*self.sim.pose(name))
+
+    def above(self, item: BelievedObject, percept: Vector3) -> set[str]:
+        """Names of compound bodies that stand higher than an object and so do not carry it; none if it has left.
+
+        Of a mug on a tray, the bottom is so low that, by noise, the tray might be thought to rest on that.
+        """
+        body = self.solid(item.name) if item.name in self.sim else None
+        if body is None or math.dist(body.position, percept) > self._config.hover_tolerance:
+            return set()
+        others = [
+            other for name, other in self.objects.items() if other.shape and name in self.sim and other is not item
+        ]
+        return {other.name for other in others if self.solid(other.name).bottom > body.bottom + _HIGHER}
+
+    def scene(self, leaving_out: Collection[str]) -> dict[str, Solid]:
+        """All fixtures, and all other bodies at their believed poses."""
+        present = (name for name in self.objects if name in self.sim and name not in leaving_out)
+        return self.fixtures | {name: self.solid(name) for name in present}
+
+    def frozen(self) -> Scene:
+        """Everything as it is now, to be simulated elsewhere: what is pinned is fixed, speeds are left out."""
+        friction = self._config.default_friction
+        bodies = [
+            Body(
+                solid.name, solid.size, solid.position, solid.rotation, friction=friction, fixed=True, shape=solid.shape
+            )
+            for solid in self.fixtures.values()
+        ]
+        return Scene((*bodies, *(self.body(name) for name in self.objects if name in self.sim)))
+
+    def body(self, name: str) -> Body:
+        """The body of an object as it is now, at rest."""
+        item, pose = self.objects[name], self.sim.pose(name)
+        return Body(
+            name, item.size, *pose, item.mass, item.friction, item.pinned, item.shape, item.rolling_friction
+        )  # fmt: skip
+
+    def put(self, item: BelievedObject, position: Vector3, rotation: Quaternion) -> None:
+        """Put the body of an object somewhere, at rest; the first time makes it."""
+        if item.name in self.sim:
+            self.sim.place(item.name, position, rotation)
+        else:
+            self.sim.add_body(
+                item.name, item.size, item.shape, position, rotation,
+                mass=item.mass, friction=item.friction, rolling_friction=item.rolling_friction,
+            )  # fmt: skip
+            item.pinned, item.gone = False, False
+        item.put = Pose.unchecked(position, rotation)
+
+    def take_away(self, item: BelievedObject) -> None:
+        """Take the body of an object out: it has no place any more."""
+        if item.name in self.sim:
+            self.sim.remove(item.name)
+        item.leave_to_physics()
+        item.put, item.pinned, item.gone = None, False, True
+
+    def set_pinned(self, item: BelievedObject, pinned: bool) -> None:
+        """Hold the body of an object where it is, or let it go."""
+        if item.pinned != pinned:
+            self.sim.pin(item.name, pinned)
+            item.pinned = pinned
+
+    def has_left(self, item: BelievedObject) -> bool:
+        """Whether physics has moved an object from where it was put."""
+        return item.name in self.sim and item.has_left(self.pose(item.name), self._config)
+
+    def in_motion(self) -> set[str]:
+        """Objects that fall or roll."""
+        return {name for name in self.objects if name in self.sim and self.sim.speed(name)[0] > _SLOW}
+
+    def unplaced(self) -> dict[str, Vector3]:
+        """Edge lengths (m) of the boxes that exist and have no place, by name; those believed to be gone come last."""
+        items = (item for name, item in self.objects.items() if name not in self.sim and not item.shape)
+        return {item.name: item.size for item in sorted(items, key=lambda item: (item.gone, item.name))}

@@ -1,0 +1,208 @@
+"""What the belief keeps of each object: what perception says of it, and where its body was put because of that."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from dsr.math3d import quaternions
+from dsr.math3d.quaternions import Quaternion, Vector3
+from dsr.math3d.shapes import Shape
+from dsr.math3d.transforms import Pose
+from simulation_handler.config import BeliefConfig
+from simulation_handler.contact.placement import Placement
+from simulation_handler.contact.supports import UNKNOWN
+from simulation_handler.perception.estimate import Estimate
+from simulation_handler.perception.paths import Path
+from simulation_handler.perception.percepts import Array, Percept
+from simulation_handler.perception.tracking import Track
+from simulation_handler.shapes.geometry import Solid
+
+_PERCEPTS_TO_LEARN = 10
+_STRIKE_MEMORY = 1.0  # s
+_SURE_OF_ROTATION = 0.75  # rad^2, trace of a rotation's covariance up to which a percept tells it
+_SURE_OF_TILT = 0.1  # rad^2, likewise, about the horizontal axes alone
+
+
+@dataclass
+class BelievedObject:
+    """An object that exists, seen or not."""
+
+    name: str
+    size: Vector3
+    """Edge lengths of its bounding box, m."""
+    mass: float
+    """kg"""
+    friction: float
+    """Coulomb coefficient."""
+    track: Track
+    shape: Shape = ()
+    """Its pieces; none for a solid box."""
+    drivable: bool = False
+    """Where it is seen to move, it takes along by contact what is in it, on it, or in its way."""
+    rolling_friction: float | None = None
+    """m, lever arm of the resistance to rolling; None if that is not known"""
+    path: Path = field(default_factory=Path)
+    """The way that it was seen to take."""
+    noise: float = 0.0
+    """m, root mean square distance by which its newest percept is off, beside what is systematic"""
+    driven: bool = False
+    """It is on its way, and its body is driven after it."""
+    rides: bool = False
+    """It is in or on something that is driven: contact takes it along, and percepts say less."""
+    placement: Placement | None = None
+    """Where perception last led to."""
+    put: Pose | None = None
+    """Where its body was last put; physics may have moved it since."""
+    pinned: bool = False
+    """Its body is held: it hovers, and nothing known carries it."""
+    bias: float | None = None
+    """m along the viewing ray, the systematic error of its percepts; learned when it rests on something."""
+    hovering_since: float | None = None
+    """s"""
+    prop: Solid | None = None
+    """An unknown support that explains why it hovers."""
+    strikes: int = 0
+    """How often physics moved it from where it is seen, lately."""
+    last_strike: float = 0.0
+    """s"""
+    restarts: int = 0
+    """Of its track, when it was last looked at."""
+    holder: str = ""
+    """The gripper that holds it; percepts then say nothing of it."""
+    hand: str = ""
+    """The human hand that holds it: where it is unseen, it goes where that goes."""
+    let_go_at: float = -math.inf
+    """s, when a hand was last known to hold it no more"""
+    shows_rotation: bool = True
+    """Its percepts tell its rotation."""
+    shows_tilt: bool = True
+    """Its percepts tell how it leans, if not its yaw."""
+    turned_by_hand: Quaternion | None = None
+    """How it leans as far as that hand tells: for percepts that say nothing of rotations, such as those by colour."""
+    place_by_hand: Vector3 | None = None
+    """Where that hand, which is seen, has it, m."""
+    confirmed: Solid | None = None
+    """Where perception last agreed that it is, unless it has moved since with something, or in a gripper."""
+    gone: bool = False
+    """It was taken out of the scene."""
+    seen_by: dict[str, float] = field(default_factory=dict)
+    """Stamp (s) of the newest percept from each camera."""
+
+    def estimate_at(self, now: float) -> Estimate | None:
+        """What perception says at `now` (s); None while it is not seen."""
+        return self.track.estimate if self.track.is_fresh(now) else None
+
+    def cameras_at(self, now: float) -> frozenset[str]:
+        """The cameras that have seen it lately, at `now` (s)."""
+        return frozenset(camera for camera, stamp in self.seen_by.items() if self.track.is_recent(stamp, now))
+
+    def observe(self, percept: Percept, camera: str) -> None:
+        """Take in a percept from a camera."""
+        self.track.add(percept)
+        self.seen_by[camera] = percept.stamp
+        x, y, z = (percept.position - (self.bias or 0.0) * percept.ray).tolist()
+        self.noise = math.sqrt(float(np.trace(percept.position_covariance)))
+        self.shows_rotation = float(np.trace(percept.rotation_covariance)) < _SURE_OF_ROTATION
+        self.shows_tilt = float(np.trace(percept.rotation_covariance[:2, :2])) < _SURE_OF_TILT
+        rotation = percept.rotation
+        if self.turned_by_hand is not None and not (self.shows_rotation or self.shows_tilt):
+            rotation = self.turned_by_hand
+        self.path.add(Pose.unchecked((x, y, z), rotation, percept.stamp))
+
+    def recall_seen(self, world_pose: Pose, stamp: float, camera: str) -> None:
+        """Know where and when (s) a camera last saw it on its way; for where it is now that counts no more."""
+        self.path.add(Pose.unchecked(world_pose.t, world_pose.q, stamp))
+        self.track.last_stamp = max(self.track.last_stamp, stamp)
+        self.seen_by[camera] = max(self.seen_by.get(camera, -math.inf), stamp)
+
+    @property
+    def vanished_when_let_go(self) -> bool:
+        """Whether it was not seen any more after a hand had let go of it."""
+        return self.track.last_stamp <= self.let_go_at
+
+    @property
+    def is_led(self) -> bool:
+        """Whether its body goes where something else goes: percepts do not put it anywhere by themselves."""
+        return bool(self.holder) or self.driven or self.rides
+
+    def percept(self) -> Solid:
+        """The object as perception has it, without the systematic error that is known."""
+        estimate = self.track.estimate
+        assert estimate is not None
+        x, y, z = estimate.corrected(self.bias or 0.0).tolist()
+        return self.solid((x, y, z), estimate.rotation)
+
+    def solid(self, position: Vector3, rotation: Quaternion) -> Solid:
+        """The object there."""
+        return Solid(self.name, self.size, position, rotation, shape=self.shape)
+
+    def percept_covariance(self, config: BeliefConfig) -> Array:
+        """(3, 3) m^2 of the position of `percept`."""
+        assert self.track.estimate is not None
+        return self.track.estimate.total_covariance(config.depth_bias if self.bias is None else config.learned_bias)
+
+    def is_carried(self) -> bool:
+        """Whether a body of the simulation carries it, so that it needs no holding."""
+        return self.placement is not None and any(name != UNKNOWN for name in self.placement.supports)
+
+    def adopt(self, placement: Placement) -> None:
+        """Take over a new placement."""
+        if self.placement is not None and self.placement.supports != placement.supports:
+            self.strikes = 0
+        self.placement = placement
+        if UNKNOWN not in placement.supports:
+            self.prop = None
+
+    def settle(self, placement: Placement, solid: Solid, now: float) -> None:
+        """Take over the placement of an explanation, put at `solid` at time `now` (s).
+
+        If perception had not changed, it was physics that moved the object from where it is seen.
+        """
+        self.adopt(replace(placement, solid=solid))
+        if self.restarts == self.track.restarts:
+            self.strike(now)
+        self.notice_restart()
+        self.hovering_since, self.gone = None, False
+
+    def leave_to_physics(self) -> None:
+        """What was perceived of it so far says nothing any more."""
+        self.track.forget()
+        self.placement = self.prop = self.confirmed = None
+        self.gone = False
+
+    def learn_bias(self, placement: Placement) -> None:
+        """Learn the systematic error of its percepts, if it has been resting on something known for a while."""
+        estimate = self.track.estimate
+        if self.is_carried() and estimate is not None and estimate.count >= _PERCEPTS_TO_LEARN:
+            self.bias = estimate.bias_given(placement.solid.position[2])
+
+    def strike(self, now: float) -> None:
+        """Physics moved it from where it is seen."""
+        self.strikes = self.strikes + 1 if now - self.last_strike <= _STRIKE_MEMORY else 1
+        self.last_strike = now
+
+    def notice_restart(self) -> None:
+        """If it has moved since it was last looked at, what physics did to it before counts no more."""
+        if self.restarts != self.track.restarts:
+            self.restarts, self.strikes = self.track.restarts, 0
+
+    def has_left(self, pose: Pose, config: BeliefConfig) -> bool:
+        """Whether its body, now at `pose`, is no longer where it was put."""
+        if self.put is None or self.pinned:
+            return False
+        metres, radians = self.put.distance(pose)
+        return metres > config.divergence or radians > config.divergence_angle
+
+    def covariance(self, rotation: Quaternion) -> Array | None:
+        """(6, 6) covariance of the believed pose in the object's frame (m, rad), once it was perceived."""
+        if self.placement is None or self.track.estimate is None:
+            return None
+        turn = np.array(quaternions.to_matrix(rotation)).T
+        covariance = np.zeros((6, 6))
+        covariance[:3, :3] = turn @ self.placement.covariance @ turn.T
+        covariance[3:, 3:] = turn @ self.track.estimate.rotation_covariance @ turn.T
+        symmetric: Array = 0.5 * (covariance + covariance.T)
+        return symmetric
