@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dsr.agent import Access, Agent
-from dsr.runtime.plugins import REASONERS, load
+from dsr.config.plugins import REASONERS, load
 from dsr.timeline import WRITTEN_ATTRIBUTES, WRITTEN_EDGES, WRITTEN_NODES
 from dsr.vocabulary.calibration import CALIBRATION
 from dsr.vocabulary.intrinsics import INTRINSICS

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
-from dsr.runtime.plugins import EXPLAINERS, REASONERS, checked_name
+from dsr.config.plugins import EXPLAINERS, REASONERS, checked_name
 
 
 class BeliefConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

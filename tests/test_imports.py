@@ -38,6 +38,40 @@ SHARED_BY_AGENTS = (
     "agents.urdf_elements",
 )
 """Modules within `agents` that all its packages may import."""
+LAYERS = (
+    "dsr.errors dsr.clock dsr.forking",
+    "dsr.files dsr.math3d",
+    "dsr.config dsr.crdt dsr.network",
+    "dsr.frames",
+    "dsr.graph",
+    "dsr.replication",
+    "dsr.geometry",
+    "dsr.images dsr.worlds",
+    "dsr.memory",
+    "dsr.agent dsr.vocabulary dsr.geometry.boxes dsr.geometry.placing dsr.worlds.comparison dsr.worlds.presence",
+    "dsr.worlds.source dsr.worlds.clients dsr.worlds.reparenting dsr.worlds.mirror dsr.worlds.filters dsr.worlds.hosting",
+    "dsr.persistence dsr.runtime",
+    "dsr.timeline",
+    "dsr.spatial dsr.visibility",
+    "dsr.imagining dsr.security",
+    "dsr.connect",
+    "dsr.runtime.agent_process dsr.runtime.launcher",
+    "dsr.cli dsr.runtime.__main__",
+    "simulation_handler.config",
+    "simulation_handler.shapes",
+    "simulation_handler.physics",
+    "simulation_handler.perception",
+    "simulation_handler.contact",
+    "simulation_handler.state",
+    "simulation_handler.explaining",
+    "simulation_handler.hands",
+    "simulation_handler.motion",
+    "simulation_handler.reasoner",
+    "simulation_handler.belief",
+    "simulation_handler.graph_io",
+    "simulation_handler.agent",
+)
+"""From the bottom up: what a module or room is in it may import its own layer and those above it here."""
 TIME = {
     "time": {"time", "time_ns", "monotonic", "monotonic_ns", "perf_counter", "perf_counter_ns", "sleep"},
     "datetime": {"now", "utcnow", "today"},
@@ -96,6 +130,25 @@ def test_no_module_imports_another_in_a_circle() -> None:
         for imported in left.values():
             imported.difference_update(leaves)
     assert left == {}
+
+
+def layer(name: str) -> int | None:
+    """Place in `LAYERS` of the longest entry that the module is in."""
+    places = {entry: place for place, entries in enumerate(LAYERS) for entry in entries.split()}
+    return max(((len(entry), place) for entry, place in places.items() if is_in(name, entry)), default=(0, None))[1]
+
+
+def test_no_module_imports_from_a_higher_layer() -> None:
+    """The face of a package gathers names of all its modules, and is none of them."""
+    modules = {module(file): file for file in FILES if file.name != "__init__.py"}
+    upwards = {
+        (name, found)
+        for name, file in modules.items()
+        if (own := layer(name)) is not None
+        for found in imports(file)
+        if (other := layer(found)) is not None and other > own and is_in(found, name.partition(".")[0])
+    }
+    assert upwards == set()
 
 
 @pytest.mark.parametrize("file", FILES + MEASURED, ids=str)

@@ -7,7 +7,7 @@ from agents.action_inference.config import ActionInferenceConfig
 from agents.action_inference.policy import Inference, Policy
 from agents.action_inference.reading import HOLDERS, Reading
 from dsr.agent import Access, Agent
-from dsr.runtime.plugins import ACTION_POLICIES, load
+from dsr.config.plugins import ACTION_POLICIES, load
 from dsr.timeline import WRITTEN_ATTRIBUTES, WRITTEN_EDGES, WRITTEN_NODES, Chronicle, Entry
 from dsr.vocabulary.observed_actions import KINDS, Action
 from dsr.vocabulary.relations import SURFACES, THINGS

@@ -7,7 +7,7 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from dsr.runtime.plugins import ACTION_POLICIES, checked_name
+from dsr.config.plugins import ACTION_POLICIES, checked_name
 
 _Positive = Annotated[float, Meta(gt=0.0)]
 _Share = Annotated[float, Meta(ge=0.0, le=1.0)]

@@ -8,8 +8,8 @@ from agents.calibrator import closed_form, robust
 from agents.calibrator.estimate import Method
 from agents.calibrator.problem import Problem, Sighting
 from agents.calibrator.solution import Solution, judged
+from dsr.config.plugins import CALIBRATION_METHODS, load
 from dsr.math3d.transforms import Pose
-from dsr.runtime.plugins import CALIBRATION_METHODS, load
 from dsr.vocabulary.calibration import DEFAULT_METHOD, checked_method
 
 METHODS: Mapping[str, Method] = {"robust": robust.solve, "closed_form": closed_form.solve}

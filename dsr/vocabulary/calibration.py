@@ -13,11 +13,11 @@ from itertools import count
 import msgspec
 import numpy as np
 
+from dsr.config.plugins import CALIBRATION_METHODS, checked_name, provided
 from dsr.errors import ConfigError
 from dsr.graph.elements import Node
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.runtime.plugins import CALIBRATION_METHODS, checked_name, provided
 from dsr.vocabulary.intentions import MIND
 
 CALIBRATION = "calibration"

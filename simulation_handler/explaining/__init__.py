@@ -7,7 +7,7 @@ Read `situation` (what is known), `hypotheses` (what may have happened), `drafti
 from __future__ import annotations
 
 from dsr.clock import WALL_CLOCK, Clock, ManualClock
-from dsr.runtime.plugins import EXPLAINERS, load
+from dsr.config.plugins import EXPLAINERS, load
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.by_hypotheses import ByHypotheses
 from simulation_handler.explaining.policy import Explanation, Policy
