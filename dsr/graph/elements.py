@@ -20,9 +20,9 @@ def type_of(entries: tuple[Entry, ...]) -> str:
 
 
 def winner(entries: tuple[Entry, ...], attribute: str) -> Write | None:
-    """The winning write among the incarnations of one element."""
+    """The winning write among the incarnations of one element; of writes under one stamp, that to the greatest dot."""
     writes = [entry.registers[attribute] for entry in entries if attribute in entry.registers]
-    return max(writes, key=lambda write: (write.stamp, write.writer)) if writes else None
+    return max(writes, key=lambda write: (write.stamp, write.writer, write.owner)) if writes else None
 
 
 def write_in(entries: tuple[Entry, ...], attribute: str) -> Write | None:

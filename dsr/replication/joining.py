@@ -89,12 +89,13 @@ class Joining:
             reachable, key=lambda rid: (asked[rid], not self._trusts(rid), age.get(rid, len(age)), rid)
         )
         fresh = [rid for rid in by_turns if rid not in settled]
-        if fresh:
+        if fresh and not asked[fresh[0]]:
             return fresh[0]
-        if by_turns and now - self._asked_again_at >= UNJOINED_RETRY:
+        again = [rid for rid in by_turns if rid in settled]
+        if again and now - self._asked_again_at >= UNJOINED_RETRY:  # who never answers must not keep us from these
             self._asked_again_at = now
-            return by_turns[0]
-        return None
+            return again[0]
+        return fresh[0] if fresh else None
 
     def waits_for(self) -> list[str]:
         """Replica ids of those who may have more, and of whom nothing has come: not even that they wait themselves."""

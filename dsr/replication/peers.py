@@ -2,7 +2,8 @@
 
 A liveliness token is a claim that anybody can make where nothing ties keys to certificates. So what counts is that a
 replica speaks, once a second: a token without digests is forgotten, and a withdrawn one of a replica that still answers
-or speaks counts for nothing. For one that is gone nobody answers, so that is known at once.
+counts for nothing. For one that is gone nobody answers, so that is known at once. A digest does not bring the token
+back: it may have been under way when the token went. Who goes on speaking is listened to all the same.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ SILENCE = 5.0
 FORGET = 30.0
 """s after which a silent peer counts as gone; its next digest brings it back."""
 DEPARTURE = 1.5
-"""s after the token of a peer was withdrawn until it counts as gone if it neither answers nor speaks."""
+"""s without a word of a peer whose token was withdrawn until it counts as gone; more than digests are apart."""
 FIRST_PAUSE, LAST_PAUSE = 0.5, 32.0
 """s until a peer is asked again whose answer changed nothing; each such answer doubles it, up to the last."""
 
@@ -50,7 +51,7 @@ class Peer:
     acknowledged: int = 0
     """The highest counter of ours that it told to have seen."""
     withdrawn_at: float | None = None
-    """When its token went, if it has neither spoken nor answered since."""
+    """When its token went, if it has not answered since."""
 
     @property
     def is_leaving(self) -> bool:
@@ -64,7 +65,7 @@ class Peer:
 
     def is_gone(self, now: float) -> bool:
         """Whether nothing is to be expected of it any more."""
-        if self.withdrawn_at is not None and now - self.withdrawn_at > DEPARTURE:
+        if self.withdrawn_at is not None and now - max(self.withdrawn_at, self.heard_at) > DEPARTURE:
             return True
         if self.digest is None:
             return now - self.appeared_at > SILENCE
@@ -104,8 +105,6 @@ class Peers(dict[str, Peer]):
             self._take_in(rid, now)
         peer = self[rid]
         peer.digest, peer.heard_at = digest, now
-        if peer.withdrawn_at is not None and now > peer.withdrawn_at:
-            peer.withdrawn_at = None
         return peer
 
     def withdrawn(self, rid: str, now: float) -> None:

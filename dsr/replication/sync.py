@@ -197,7 +197,7 @@ class Synchroniser:
 
     def receive_reply(self, sender: str, number: int, payload: bytes, physical: float) -> None:
         """The answer to `Ask` with that number arrived at physical time `physical` (s); what comes late counts, too."""
-        if sender in self._peers:
+        if sender in self._peers and number == self._under_way:  # what was asked before its token went proves nothing
             self._peers[sender].withdrawn_at = None
         try:
             with collector_paused():

@@ -5,8 +5,14 @@ from __future__ import annotations
 import pytest
 
 from dsr.crdt.context import CausalContext
+from dsr.crdt.pieces import START, Piece
+from dsr.graph.graph import Graph
+from dsr.replication.joining import UNJOINED_RETRY, Joining
+from dsr.replication.outputs import Ask
 from dsr.replication.peers import DEPARTURE, MAX_OF_AGENT, MAX_PEERS, SILENCE, Peers
-from dsr.replication.wire import Digest
+from dsr.replication.piece_wire import encode_piece
+from dsr.replication.sync import Synchroniser
+from dsr.replication.wire import Digest, encode_digest
 from dsr.worlds.presence import WorldPresence
 from tests.dsr.conftest import Net
 
@@ -99,3 +105,40 @@ def test_one_that_neither_answers_nor_speaks_is_gone_in_the_end() -> None:
     peers.withdrawn("b-1", 1.5)
     assert not list(peers.forget_gone(1.5 + DEPARTURE)) and list(peers.forget_gone(1.6 + DEPARTURE)) == ["b-1"]
     assert not peers and not peers._of_agent
+
+
+def test_a_digest_that_was_under_way_when_the_token_went_keeps_nobody_alive() -> None:
+    peers, digest = Peers(), Digest("b-1", 0.0, CausalContext().summary(), 0, ())
+    peers.heard("b-1", digest, 1.0)
+    peers.withdrawn("b-1", 1.5)
+    peers.heard("b-1", digest, 1.6)
+    assert not list(peers.forget_gone(1.6 + DEPARTURE)) and list(peers.forget_gone(1.7 + DEPARTURE)) == ["b-1"]
+
+
+def test_a_newcomer_asks_those_who_had_not_joined_again_although_another_one_never_answers() -> None:
+    joining, asked = Joining("new-1", lambda rid: True), {"silent-1": 0, "late-1": 0}
+    for rid in asked:
+        joining.appeared(rid)
+    joining.declined("late-1", ["silent-1"])
+    chosen = []
+    for step in range(10):
+        rid = joining.choose(asked, asked, step * UNJOINED_RETRY)
+        assert rid is not None
+        asked[rid] += 1
+        chosen.append(rid)
+    assert chosen[0] == "silent-1" and chosen.count("late-1") >= 5
+
+
+def test_an_answer_to_what_was_asked_before_the_token_went_keeps_nobody_alive() -> None:
+    sync = Synchroniser(Graph("a-1"), joined=True)
+    sync.peer_appeared("b-1", 0.0)
+    digest = Digest("b-1", 0.0, CausalContext([("b-1", 1, 1)]).summary(), 1, ())
+    sync.receive_digest("b-1", encode_digest(digest), 1.0, 0.0)
+    asks = [output for output in sync.tick(1.5, 0.0) if isinstance(output, Ask)]
+    assert [ask.peer for ask in asks] == ["b-1"]
+    sync.peer_gone("b-1", 1.6)
+    sync.receive_reply("b-1", asks[0].number, encode_piece(Piece(START, whole=[])), 0.0)
+    assert sync._peers["b-1"].withdrawn_at == 1.6
+    asks = [output for output in sync.tick(1.7, 0.0) if isinstance(output, Ask)]
+    sync.request_done(asks[0].number)
+    assert sync.peers == []

@@ -11,6 +11,8 @@ from dsr.crdt.delta import TOMBSTONE, Add, Delta, Key
 
 Fact = tuple[Dot, str, int, str]
 """A register write: owner, attribute, stamp, writer."""
+_Register = tuple[int, str, Dot, Any]
+"""Stamp, writer, owner and value."""
 Shown = dict[Key, tuple[str, dict[str, Any]]]
 """Type and attributes of every visible node and edge."""
 
@@ -70,24 +72,24 @@ class Knowledge:
     def shown(self) -> Shown:
         """What is visible, with the newest of the writes that any of its incarnations got."""
         visible = [add for dot, add in self.added.items() if self.is_visible(dot)]
-        newest: dict[Dot, dict[str, tuple[int, str, Any]]] = {add.dot: {} for add in visible}
+        newest: dict[Dot, dict[str, _Register]] = {add.dot: {} for add in visible}
         for (owner, attribute, stamp, writer), value in self.written.items():
             if owner in newest:
-                _keep_newest(newest[owner], attribute, (stamp, writer, value))
+                _keep_newest(newest[owner], attribute, (stamp, writer, owner, value))
         result: Shown = {}
         for key in {add.key for add in visible}:
-            together: dict[str, tuple[int, str, Any]] = {}
+            together: dict[str, _Register] = {}
             dots = [add.dot for add in visible if add.key == key]
             for dot in dots:
                 for attribute, register in newest[dot].items():
                     _keep_newest(together, attribute, register)
-            values = {name: value for name, (_, _, value) in together.items() if value is not TOMBSTONE}
+            values = {name: value for name, (_, _, _, value) in together.items() if value is not TOMBSTONE}
             result[key] = (self.added[max(dots)].type, values)
         return result
 
 
-def _keep_newest(registers: dict[str, tuple[int, str, Any]], attribute: str, register: tuple[int, str, Any]) -> None:
-    registers[attribute] = max(registers.get(attribute, register), register, key=lambda r: r[:2])
+def _keep_newest(registers: dict[str, _Register], attribute: str, register: _Register) -> None:
+    registers[attribute] = max(registers.get(attribute, register), register, key=lambda r: r[:3])
 
 
 def facts_of(delta: Delta) -> Knowledge:

@@ -177,3 +177,14 @@ def test_an_edge_whose_other_incarnation_never_comes_is_dropped_everywhere() -> 
         soup.deliver(4, site)
         soup.deliver(5, site)
         assert [entry.key for entry in soup.sites[site].graph.store.entries.values()] == ["b"]
+
+
+def test_of_writes_under_one_stamp_and_writer_the_same_is_shown_everywhere() -> None:
+    """Honest writers never do that: to each of two incarnations of one node, which others made at once."""
+    soup = Soup([0.0] * 2)
+    for site in (0, 1):
+        soup.add_node(site, "a", "cube", 1)
+    for site in (0, 1):
+        soup.forge(soup.a_dot(site, 0), "mass", 7, float(site), durable=True, reaches=site)
+    soup.converge()
+    soup.check_converged()
