@@ -1,0 +1,58 @@
+"""What counts as a number that is set by hand, and where its meaning is found."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from benchmarks import hand_set_numbers
+from benchmarks.hand_set_numbers import numbers_in
+
+SOURCE = '''
+# nats for each
+MOVED = 3.0
+RIDES = 1.0
+
+FAR = 0.25
+"""m beyond which nothing is seen"""
+_TURN = 0.1  # rad
+_NOWHERE = (0.0, 0.0, 0.0)
+
+
+class Config:
+    rate: float = 20.0
+
+
+def near(points, limit=0.02, *, count=5):
+    """Whether any is near.
+
+    Args:
+        limit: m, from centre
+            to centre.
+    """
+    return points[3] < 0.5 * limit + 0.7 * count - 1 and zeros(3)
+'''
+
+
+def test_numbers_and_what_is_told_of_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hand_set_numbers, "_ROOT", tmp_path)
+    (tmp_path / "a.py").write_text(SOURCE, encoding="utf-8")
+    found = [(number.name, number.value, number.unit, number.meaning) for number in numbers_in(tmp_path / "a.py")]
+    assert found == [
+        ("MOVED", "3.0", "nats", "nats for each"),
+        ("RIDES", "1.0", "nats", "nats for each"),
+        ("FAR", "0.25", "m", "m beyond which nothing is seen"),
+        ("_TURN", "0.1", "rad", "rad"),
+        ("rate", "20.0", "", ""),
+        ("limit", "0.02", "m", "m, from centre to centre."),
+        ("count", "5", "", ""),
+        ("", "0.7", "", ""),
+    ]
+
+
+def test_every_package_that_reasons_has_some() -> None:
+    packages = {number.file.split("/")[0] for number in hand_set_numbers.hand_set_numbers()}
+    assert packages == {"simulation_handler", "surprise", "planner", "agents"}
+    with pytest.raises(FileNotFoundError, match="nowhere: no such package"):
+        hand_set_numbers.hand_set_numbers(("nowhere",))
