@@ -195,7 +195,9 @@ def describe(event: Event) -> str:
 
 
 def _value(value: object) -> str:
-    return ", ".join(f"{number:g}" for number in value) if isinstance(value, tuple | list) else str(value)
+    if isinstance(value, tuple | list):
+        return ", ".join(map(_value, value))
+    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _explanation(node: Node) -> str:
