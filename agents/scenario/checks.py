@@ -219,7 +219,8 @@ def _check_places(scenario: Scenario) -> None:
 def _check_event(event: Event, path: Path, scenario: Scenario) -> None:
     once = (event.at is None) != (event.when is None)
     require(once, path, "expected either `at` (s) or `when` (a condition)")
-    _check_time(event.at or 0.0, (*path, "at"), scenario)
+    late = "delay" if event.delay and (event.at is None or event.at <= scenario.duration) else "at"
+    _check_time((event.at or 0.0) + event.delay, (*path, late), scenario)
     _check_condition(event, (*path, "when"), scenario)
     for field, name in event.named_objects.items():
         _check_objects([name], (*path, field), scenario)
