@@ -129,7 +129,7 @@ def _puts_down(move: _Move, phase: Phase) -> bool:
     """Whether an object fell since this move put it down, without a rest in between."""
     if not isinstance(move.event, Place | Carry) or phase.fell_at is None:
         return False
-    return phase.object in move.objects and phase.begin <= move.end + PAUSE and move.end <= phase.fell_at + _STEP
+    return phase.object in move.objects and phase.begin <= move.end + PAUSE and move.begin <= phase.fell_at + _STEP
 
 
 def _moves(history: History) -> Iterator[_Move]:

@@ -184,6 +184,8 @@ def test_what_falls_where_it_is_put_is_told_and_no_error(tmp_path: Path):
     assert "x.toml:19: event.1: place: 'a' falls" in text and "it does not stay where it is put" in text
     over_the_edge = "do = 'carry'; object = 'a'; to = [0.96, 0.0, 0.02]; height = 0.1; at = 1"
     assert "event.1: carry: 'a' falls" in check(tmp_path, over_the_edge)[1]
+    by_hand = "do = 'carry'; object = 'a'; to = [0.2, 0.3, 0.12]; hand = 0; at = 1"
+    assert "event.1: carry: 'a' falls" in check(tmp_path, by_hand)[1], "before the hand has drawn back"
     beside = "do = 'place'; object = 'a'; position = [0.43, 0.0, 0.06]; at = 1"
     assert "event.1: place: 'a' falls" in check(tmp_path, beside)[1], "half beside what it stands on"
     assert "event.1" not in check(tmp_path, "do = 'place'; object = 'a'; onto = 'b'; at = 1")[1]
