@@ -136,6 +136,8 @@ def tilt(event: Tilt, stage: Stage) -> Steps:
 @move(Drop)
 def drop(event: Drop, stage: Stage) -> Steps:
     """Let go."""
+    if not stage.holds(event.object):
+        raise ConfigError(f"nobody holds {event.object!r}; expected `lift`, `tilt` or a hand that takes it before")
     stage.release(event.object)
     yield from ()
 
@@ -150,11 +152,15 @@ def remove(event: Remove, stage: Stage) -> Steps:
 
 @move(FalsePercept)
 def show_falsely(event: FalsePercept, stage: Stage) -> Steps:
-    """Let the next frames of the camera show the object elsewhere."""
+    """Let the next frames of the camera show the object elsewhere, until it is taken out of the scene."""
+    stage.world.body(event.object)  # what is not there is not shown
     illusion = Illusion(event.frames, event.translation, quaternions.from_rotvec(event.rotation))
     shown = stage.camera(None).illusions
     shown[event.object] = illusion
     while shown.get(event.object) is illusion:
+        if event.object not in stage.world:
+            del shown[event.object]
+            return
         yield
 
 

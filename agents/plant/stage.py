@@ -103,6 +103,10 @@ class Stage:
         self._grips[name] = grip
         return grip
 
+    def holds(self, name: str) -> bool:
+        """Whether `take` took an object, or a hand holds it in any way."""
+        return name in self._grips or any(hand.held == name for hand in self.hands.present)
+
     def release(self, name: str) -> None:
         """Let go of what `take` took, at rest; harmless when it is not held."""
         grip = self._grips.pop(name, None)

@@ -12,7 +12,6 @@ from agents.scenario.events import (
     ArmError,
     Carry,
     Event,
-    FalsePercept,
     HandGrasp,
     HandMove,
     Kill,
@@ -45,8 +44,8 @@ from agents.scenario.layout import TOUCH, object_box, overlapping, table_box
 from agents.scenario.mentions import check_mentions
 from agents.scenario.minds import check_persons, check_plans
 from agents.scenario.model import NO_ROBOT, CameraSpec, ObjectSpec, RobotSpec, Scenario
-from agents.scenario.motion import check_motion
-from agents.scenario.naming import taken_names
+from agents.scenario.motion import check_change, check_motion
+from agents.scenario.naming import of_own_system, taken_names
 from agents.scenario.relations import GROUND
 from dsr.config.toml_lines import Path
 from dsr.errors import ConfigError, GoalError, suggest
@@ -116,6 +115,11 @@ def _check_system(scenario: Scenario, folder: FilePath) -> None:
     require(scenario.robot.exists or "arm_controller" not in agents, ("robot", "model"), message)
     message = f"the system {scenario.system!r} has no agent 'fixed_camera'; expected another `system`, e.g. 'reasoner'"
     require(isinstance(scenario.camera, str) or "fixed_camera" in agents, ("camera",), message)
+    if not of_own_system(scenario):  # in which the camera's place and the mission may come from elsewhere
+        message = f"the system {scenario.system!r} has a camera on a stand; expected [camera], with its place"
+        require(not isinstance(scenario.camera, str) or "fixed_camera" not in agents, ("camera",), message)
+        message = f"the system {scenario.system!r} has no agent 'mission'; expected another `system`, e.g. 'tabletop'"
+        require(scenario.mission is None or "mission" in agents, ("mission",), message)
     for index, event in enumerate(scenario.events):
         if isinstance(event, Kill):
             message = f"unknown agent {event.agent!r}; {suggest(event.agent, agents)}"
@@ -219,7 +223,8 @@ def _check_places(scenario: Scenario) -> None:
 def _check_event(event: Event, path: Path, scenario: Scenario) -> None:
     once = (event.at is None) != (event.when is None)
     require(once, path, "expected either `at` (s) or `when` (a condition)")
-    _check_time(event.at or 0.0, (*path, "at"), scenario)
+    late = "delay" if event.delay and (event.at is None or event.at <= scenario.duration) else "at"
+    _check_time((event.at or 0.0) + event.delay, (*path, late), scenario)
     _check_condition(event, (*path, "when"), scenario)
     for field, name in event.named_objects.items():
         _check_objects([name], (*path, field), scenario)
@@ -238,11 +243,9 @@ def _check_event(event: Event, path: Path, scenario: Scenario) -> None:
         require(event.yaw is None or not event.turn, (*path, "turn"), "expected either `yaw` or `turn` (rad)")
         _check_objects(event.pushes, (*path, "pushes"), scenario)
         require(event.object not in event.pushes, (*path, "pushes"), "an object cannot push itself")
+    check_change(event, path)
     if isinstance(event, Swap):
         require(event.other != event.object, (*path, "other"), "an object cannot swap with itself")
-    if isinstance(event, FalsePercept | ArmError):
-        error = (*event.translation, *getattr(event, "rotation", ()))
-        require(any(error), path, f"{event.__struct_config__.tag}: expected an error that is not zero")
     if isinstance(event, SetInMotion):
         check_motion(event, path, scenario)
     if isinstance(event, HandMove):

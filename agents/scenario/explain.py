@@ -14,6 +14,8 @@ from agents.scenario.model import (
     CameraSpec,
     MissionSpec,
     ObjectSpec,
+    PersonSpec,
+    PlanSpec,
     RandomSpec,
     RobotSpec,
     Scenario,
@@ -35,6 +37,8 @@ _SECTIONS: dict[str, type[msgspec.Struct]] = {
     "random": RandomSpec,
     "mission": MissionSpec,
     "object": ObjectSpec,
+    "person": PersonSpec,
+    "plan": PlanSpec,
 }
 _TAGGED: dict[str, tuple[str, dict[str, Any]]] = {"event": ("do", EVENTS), "expect": ("check", CHECKS)}
 

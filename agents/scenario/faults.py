@@ -81,12 +81,15 @@ def faults(history: History) -> list[Fault]:
 
 
 def doubts(history: History) -> list[Fault]:
-    """What may not be meant in a course that was played without any agent: things that fall where they are put.
+    """What may not be meant in a course that was played without any agent: things fall where they are put, events wait.
 
     Where a robot has something to do, only the start is looked at.
     """
     found = list(_falls_at_the_start(history))
-    moves = [] if _robot_acts(history.scenario) else list(_moves(history))
+    if _robot_acts(history.scenario):
+        return found
+    found += _waits_in_vain(history)
+    moves = list(_moves(history))
     for phase in phases(history):
         if put := [move for move in moves if _puts_down(move, phase)]:
             how = f"falls {_mm(phase.fell)}: it does not stay where it is put"
@@ -104,6 +107,14 @@ def _falls_at_the_start(history: History) -> Iterator[Fault]:
             yield Fault(("object", index, "position"), text)
 
 
+def _waits_in_vain(history: History) -> Iterator[Fault]:
+    """Events whose condition does not come true though nobody but the experimenter acts."""
+    for number, event in enumerate(history.scenario.events, start=1):
+        if event.when is not None and number not in history.spans and number not in history.kills:
+            text = f"{event.__struct_config__.tag}: does not begin: {event.when!r} does not come true"
+            yield _of_event(number, f"{text}, and there is no [mission] and no [[plan]] by which a robot would act")
+
+
 def _robot_acts(scenario: Scenario) -> bool:
     """Whether things may be elsewhere than in a course without any agent."""
     return scenario.mission is not None or bool(scenario.plans)
@@ -118,7 +129,7 @@ def _puts_down(move: _Move, phase: Phase) -> bool:
     """Whether an object fell since this move put it down, without a rest in between."""
     if not isinstance(move.event, Place | Carry) or phase.fell_at is None:
         return False
-    return phase.object in move.objects and phase.begin <= move.end + PAUSE and move.end <= phase.fell_at + _STEP
+    return phase.object in move.objects and phase.begin <= move.end + PAUSE and move.begin <= phase.fell_at + _STEP
 
 
 def _moves(history: History) -> Iterator[_Move]:

@@ -9,6 +9,7 @@ import msgspec
 from rich.console import Console
 from rich.markup import escape
 
+from agents.scenario.expectations import Actions, OfObjects, TrueRelations
 from agents.scenario.explain import value_error
 from agents.scenario.faults import Fault, doubts, faults
 from agents.scenario.model import Scenario
@@ -17,6 +18,7 @@ from agents.scenario.runner import true_course
 from agents.scenario.staging import make_run
 from dsr.errors import ConfigError
 from dsr.runtime.system import agent_names, find_system
+from dsr.vocabulary.goals import parse_goal
 
 _MINDS = "perspectives"
 """The agent that keeps what persons believe."""
@@ -71,8 +73,24 @@ def _unplayed_doubts(scenario: Scenario, folder: FilePath) -> Iterator[Fault]:
     """What reading alone shows."""
     if not scenario.expectations:
         yield Fault((), "there is no [[expect]]: nothing is judged")
+    needed = _to_be_recognised(scenario)
+    for index, spec in enumerate(scenario.objects):
+        if spec.name in needed and spec.marker_id is None and not spec.by_color:
+            text = f"{spec.name!r} is never recognised: it has no `marker_id`, and is not `known` with a `color`"
+            yield Fault(("object", index), text)
     if scenario.persons and not of_own_system(scenario):
         agents = agent_names(find_system(scenario.system, folder))
         if _MINDS not in agents:
             text = f"nobody keeps what persons believe: the system {scenario.system!r} has no agent {_MINDS!r}"
             yield Fault(("person", 0), f"{text}; 'people' has one")
+
+
+def _to_be_recognised(scenario: Scenario) -> set[str]:
+    """Names of the objects that the mission is about, or whose belief is judged."""
+    names = set(parse_goal(scenario.mission.goal).things) if scenario.mission is not None else set()
+    for check in scenario.expectations:
+        if isinstance(check, OfObjects) and check.objects is None and not isinstance(check, Actions):
+            names |= {spec.name for spec in scenario.objects}
+        if not isinstance(check, TrueRelations):
+            names |= {*check.named_objects}
+    return names

@@ -1,10 +1,22 @@
-"""What must be consistent about events that set an object in motion: how fast, where to, and that it can roll."""
+"""What must be consistent about what events change: it is not nothing, not too fast, and what rolls is a ball."""
 
 from __future__ import annotations
 
 import math
 
-from agents.scenario.events import Push, Roll, SetInMotion
+from agents.scenario.events import (
+    ArmError,
+    CameraBump,
+    CameraCover,
+    Event,
+    FalsePercept,
+    HandMove,
+    Push,
+    Roll,
+    SetInMotion,
+    Slide,
+    Tilt,
+)
 from agents.scenario.inconsistency import require
 from agents.scenario.model import ObjectSpec, Scenario
 from dsr.config.toml_lines import Path
@@ -26,6 +38,25 @@ def check_motion(event: SetInMotion, path: Path, scenario: Scenario) -> None:
     require(any(event.along), path, f"{name}: expected a motion that is not zero")
     sideways = event.hand is None or any(event.along[:2])
     require(sideways, (*path, "hand"), f"{name}: a hand pushes sideways; expected a motion along x or y")
+
+
+def check_change(event: Event, path: Path) -> None:
+    """What an event changes is not zero."""
+    some: dict[str, tuple[float, ...]] = {}
+    if isinstance(event, FalsePercept | CameraBump):
+        some["an error" if isinstance(event, FalsePercept) else "a motion"] = (*event.translation, *event.rotation)
+    if isinstance(event, ArmError):
+        some["an error"] = event.translation
+    if isinstance(event, ArmError | CameraCover):
+        some["a `duration`"] = (event.duration,)
+    if isinstance(event, Tilt):
+        some["an `angle`"] = (event.angle,)
+    if isinstance(event, Slide) and event.by is not None and event.yaw is None:
+        some["a motion"] = (*event.by, event.turn)
+    if isinstance(event, HandMove) and event.by is not None:
+        some["a motion"] = (*event.by, event.turn)
+    for what, values in some.items():
+        require(any(values), path, f"{event.__struct_config__.tag}: expected {what} that is not zero")
 
 
 def is_ball(spec: ObjectSpec) -> bool:

@@ -154,9 +154,13 @@ def run_system(run: Run, system: System, observer: Observer | None = None) -> Re
     with Lockstep(system.agents, graph=system.graph, seed=run.seed) as lockstep:
         away: list[tuple[float, str]] = []
 
+        agents = {spec.name for spec in system.agents}
+
         def kill(agent: str) -> None:
-            lockstep.kill(agent)
-            away.append((lockstep.clock.now() + RESTART_AFTER, agent))
+            """What is just being restarted, or does not run in lockstep, cannot be killed."""
+            if agent in agents - {name for _, name in away}:
+                lockstep.kill(agent)
+                away.append((lockstep.clock.now() + RESTART_AFTER, agent))
 
         judge = Judge(scenario, lockstep.memory, lockstep.bus, lockstep.keys)
         _get_ready(lockstep, [spec.name for spec in system.agents])

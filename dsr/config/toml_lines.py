@@ -61,7 +61,8 @@ def value_lines(text: str) -> dict[Path, int]:
             continue
         if line.lstrip().startswith("["):
             table = _table_path(line, counts)
-            places.setdefault(table, number)
+            for length in range(1, len(table) + 1):
+                places.setdefault(table[:length], number)
         elif key := _key_path(line):
             for length in range(1, len(key) + 1):
                 places.setdefault(table + key[:length], number)

@@ -95,6 +95,21 @@ def check(folder: Path, *lines: str, base: str = BASE, options: tuple[str, ...] 
             ["do = 'remove'; object = 'a'; at = 1", "do = 'push'; object = 'a'; velocity = [1, 0, 0]; at = 2"],
             "event.2: push: could not be carried out: no object 'a' in the scene",
         ),
+        (
+            [
+                "do = 'remove'; object = 'a'; at = 1",
+                "do = 'false_percept'; object = 'a'; translation = [0.1, 0, 0]; at = 2",
+            ],
+            "event.2: false_percept: could not be carried out: no object 'a' in the scene",
+        ),
+        (
+            ["do = 'drop'; object = 'a'; at = 1"],
+            "event.1: drop: could not be carried out: nobody holds 'a'",
+        ),
+        (
+            ["do = 'remove'; object = 'a'; at = 9; delay = 2"],
+            "event.1.delay: 11.0 s is after the end; expected at most 10.0 s",
+        ),
     ],
 )
 def test_what_cannot_be_meant_is_refused_with_names_and_times(tmp_path: Path, lines: list[str], message: str):
@@ -114,6 +129,7 @@ def test_what_cannot_be_meant_is_refused_with_names_and_times(tmp_path: Path, li
         ["do = 'place'; object = 'a'; onto = 'b'; at = 1", "do = 'slide'; object = 'b'; by = [0.0, 0.1]; at = 2"],
         ["do = 'swap'; object = 'a'; other = 'b'; at = 1"],
         ["do = 'lift'; object = 'a'; height = 0.1; at = 1", "do = 'drop'; object = 'a'; at = 3"],
+        ["do = 'hand_grasp'; object = 'a'; style = 'touch'; at = 1", "do = 'drop'; object = 'a'; at = 5"],
         [
             "do = 'slide'; object = 'a'; by = [0, 0.1]; at = 1",
             "do = 'place'; object = 'a'; onto = 'b'; when = 'held(a)'",
@@ -168,9 +184,29 @@ def test_what_falls_where_it_is_put_is_told_and_no_error(tmp_path: Path):
     assert "x.toml:19: event.1: place: 'a' falls" in text and "it does not stay where it is put" in text
     over_the_edge = "do = 'carry'; object = 'a'; to = [0.96, 0.0, 0.02]; height = 0.1; at = 1"
     assert "event.1: carry: 'a' falls" in check(tmp_path, over_the_edge)[1]
+    by_hand = "do = 'carry'; object = 'a'; to = [0.2, 0.3, 0.12]; hand = 0; at = 1"
+    assert "event.1: carry: 'a' falls" in check(tmp_path, by_hand)[1], "before the hand has drawn back"
     beside = "do = 'place'; object = 'a'; position = [0.43, 0.0, 0.06]; at = 1"
     assert "event.1: place: 'a' falls" in check(tmp_path, beside)[1], "half beside what it stands on"
     assert "event.1" not in check(tmp_path, "do = 'place'; object = 'a'; onto = 'b'; at = 1")[1]
+
+
+def test_what_waits_for_what_nobody_does_is_told(tmp_path: Path):
+    kill = "do = 'kill'; agent = 'planner'; when = 'built(a, b)'"
+    assert "event.1: kill: does not begin: 'built(a, b)' does not come true" in check(tmp_path, kill)[1]
+    assert "does not begin" not in check(tmp_path, kill, base=BASE + MISSION)[1], "a robot may bring it about"
+    place = "do = 'place'; object = 'a'; onto = 'b'; at = 1"
+    assert "does not begin" not in check(tmp_path, kill, place)[1]
+
+
+def test_what_nothing_is_recognised_by_is_told(tmp_path: Path):
+    thing = "\n[[object]]\nname = 'c'\nposition = [0.3, 0.2, 0.02]\n"
+    assert "never recognised" not in check(tmp_path, base=BASE + thing)[1], "nothing is expected of it"
+    thing += "\n[[expect]]\ncheck = 'belief_error'\n"
+    code, text = check(tmp_path, base=BASE + thing)
+    assert code == 0 and "'c' is never recognised: it has no `marker_id`" in text
+    known = thing.replace("name = 'c'", "name = 'c'\nknown = true\ncolor = [0.6, 0.1, 0.6]")
+    assert "never recognised" not in check(tmp_path, base=BASE + known)[1]
 
 
 def test_what_falls_at_the_start_is_told(tmp_path: Path):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -19,6 +20,7 @@ from agents.scenario.format import (
 )
 from agents.scenario.geometry import penetration
 from agents.scenario.layout import object_box
+from agents.scenario.model import Scenario
 from dsr.errors import ConfigError
 
 BASE = """\
@@ -103,6 +105,29 @@ def test_a_camera_may_look_straight_down_or_up(height: float):
     assert np.linalg.det(matrix) == pytest.approx(1.0)
     assert camera.pose.inverse().apply([0.2, 0.1, 0.0])[2] == pytest.approx(1.0)
     assert camera.pose.inverse().apply([0.3, 0.1, 0.0])[:2] == pytest.approx([0.0, -0.1])
+
+
+NOTHING = [
+    ("'slide'\nobject = 'a'\nby = [0, 0]", "slide: expected a motion that is not zero"),
+    ("'tilt'\nobject = 'a'\nangle = 0", "tilt: expected an `angle` that is not zero"),
+    ("'hand_move'\nby = [0, 0, 0]", "hand_move: expected a motion that is not zero"),
+    ("'false_percept'\nobject = 'a'", "false_percept: expected an error that is not zero"),
+    ("'camera_bump'", "camera_bump: expected a motion that is not zero"),
+    ("'camera_cover'\nduration = 0", "camera_cover: expected a `duration` that is not zero"),
+    ("'arm_error'\ntranslation = [0, 0, 0]\nduration = 1", "arm_error: expected an error that is not zero"),
+    ("'arm_error'\ntranslation = [0, 0, 0.01]\nduration = 0", "arm_error: expected a `duration` that is not zero"),
+]
+"""Events that change nothing, and what is told of them."""
+
+
+@pytest.mark.parametrize("section", [field.encode_name for field in msgspec.structs.fields(Scenario)])
+def test_unknown_fields_of_all_sections_are_told(section: str) -> None:
+    """Those of a list of tables in their first element; a section that is no table is told likewise."""
+    for header in (f"[{section}]", f"[[{section}]]"):
+        with pytest.raises(ConfigError):
+            parse_scenario(f"{header}\nfieldd = 1\n", "x.toml")
+    with pytest.raises(ConfigError, match=r"x\.toml:1: "):
+        parse_scenario(f"[[{section}s]]\n", "x.toml")
 
 
 @pytest.mark.parametrize(
@@ -225,6 +250,15 @@ duration = 2.0
         ),
         (with_line("[robot]\nstart = [0, 0]"), "x.toml:5: robot.start: expected 7 joint positions (rad), got 2"),
         (with_line("sensor = 3"), "x.toml:4: sensor: expected `table`, got 3"),
+        (
+            with_line("system = 'people'\n[robot]\nmodel = 'none'"),
+            "camera: the system 'people' has a camera on a stand; expected [camera], with its place",
+        ),
+        (
+            with_line("system='people'\n[camera]\nposition=[0,0,1]\nlook_at=[1,0,0]\n[mission]\ngoal='clear(a)'"),
+            "x.toml:8: mission: the system 'people' has no agent 'mission'; expected another",
+        ),
+        *((f"{BASE}[[event]]\nat = 1\ndo = {event}\n", f"x.toml:18: event.1: {message}") for event, message in NOTHING),
         ("name = 'x\n", "x.toml:1: not valid TOML: Expected"),
         ("a = 1\na = 2\n", "x.toml:2: not valid TOML: Cannot overwrite a value"),
     ],

@@ -144,6 +144,16 @@ def test_an_agent_is_killed_once_when_the_plant_says_that_the_condition_holds(mo
     assert killed.expectations[1].actual == "ready after 1.1 s", "0.05 s until it is known, 1 s until it is restarted"
 
 
+@pytest.mark.usefixtures("agents")
+def test_what_is_being_restarted_or_does_not_run_in_lockstep_cannot_be_killed():
+    kills = "".join(
+        f"[[event]]\nat = {at}\ndo = 'kill'\nagent = '{agent}'\n"
+        for at, agent in ((1.8, "simulation_handler"), (1.9, "viewer"), (2.7, "simulation_handler"))
+    )
+    result = run_lockstep(Run(scenario=parse_scenario(SCENARIO + kills), file=Path("short.toml")))
+    assert result.expectations[1].actual == "ready after 1.0 s"
+
+
 def test_an_agent_that_never_gets_ready_is_named(agents: list[AgentSpec]):
     agents.append(AgentSpec("broken", Broken))
     with pytest.raises(AgentError, match="agent 'broken': 26 ticks failed"):

@@ -135,6 +135,13 @@ def test_a_false_percept_ends_though_nobody_looks(tmp_path: Path):
     assert end is not None and end - begin == pytest.approx(0.5, abs=0.11)
 
 
+def test_a_false_percept_ends_when_its_object_is_removed(tmp_path: Path):
+    event = "[[event]]\nat = 1.0\ndo = 'false_percept'\nobject = 'a'\nframes = 50\ntranslation = [0.1, 0.0, 0.0]\n"
+    path = tmp_path / "small.toml"
+    path.write_text(BASE + event + "[[event]]\nat = 2.0\ndo = 'remove'\nobject = 'a'\n")
+    assert true_course(make_run(path)).spans[1][1] == pytest.approx(2.0, abs=0.02)
+
+
 def test_what_lies_still_has_no_phase(tmp_path: Path):
     path = tmp_path / "small.toml"
     path.write_text(BASE)

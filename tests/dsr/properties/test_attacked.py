@@ -33,8 +33,8 @@ class Attacked(RuleBasedStateMachine):
         self.liar = self.network.connect("liar")
         self.keys = self.memories[0].keys
         self.tokens: list[Subscription] = []
-        self.reply = b""
-        self.liar.serve(self.keys.sync(LIAR), lambda key, payload: self.reply or None)
+        self.answer: tuple[int, int, int] | None = None
+        self.liar.serve(self.keys.sync(LIAR), lambda key, payload: self._answer())
         self.count = self.lies = 0
         self.written: dict[str, set[int]] = {}
         self.removed: set[str] = set()
@@ -88,6 +88,8 @@ class Attacked(RuleBasedStateMachine):
 
     @rule(mask=st.integers(0, 15))
     def partition(self, mask: int) -> None:
+        if self.answer is not None:
+            self._advance(1.5)  # who is lied about hears so from the digests of those that believe it: see `_reaches`
         everybody = ["honest0", "honest1", "honest2", "liar"]
         here = [name for place, name in enumerate(everybody) if mask >> place & 1]
         self.network.partition(here, [name for name in everybody if name not in here])
@@ -110,6 +112,20 @@ class Attacked(RuleBasedStateMachine):
         transport = self.memories[site].transport
         assert isinstance(transport, LocalTransport)
         return self.network.reaches(self.liar, transport)
+
+    def _answer(self) -> bytes | None:
+        """A reply of the liar. Of who cannot hear from those that believe it, nothing false is said: see `_reaches`."""
+        if self.answer is None:
+            return None
+        site, number, claimed = self.answer
+        rid, counter = self._id_of(site)
+        is_lie = claimed > counter and all(self._hears(other, site) for other in range(len(self.memories)))
+        context = [(f"ghost-{number}", 1, 3), *([(rid, claimed, claimed)] if is_lie else [])]
+        return reply_of(Delta(context=context))
+
+    def _hears(self, speaker: int, site: int) -> bool:
+        ends = [self.memories[place].transport for place in (speaker, site)]
+        return speaker == site or self.network.reaches(*(end for end in ends if isinstance(end, LocalTransport)))
 
     def _dot(self) -> int:
         self.lies += 1
@@ -158,10 +174,8 @@ class Attacked(RuleBasedStateMachine):
 
     @rule(site=sites, number=choices, more=st.integers(0, 2))
     def answer_from_now_on(self, site: int, number: int, more: int) -> None:
-        """With replicas that never were, and with more of others than there is."""
-        rid, counter = self._id_of(site)
-        context = [(f"ghost-{number}", 1, 3), *([(rid, counter + more, counter + more)] if more else [])]
-        self.reply = reply_of(Delta(context=context))
+        """With replicas that never were, and with more of others than there was."""
+        self.answer = site, number, self._id_of(site)[1] + more if more else 0
 
     @rule(site=sites)
     def announce(self, site: int) -> None:

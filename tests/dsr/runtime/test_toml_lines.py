@@ -44,6 +44,7 @@ name = "b"
         (("after", "text", "inline"), 12),
         (("sensor", "noise"), 13),
         (("sensor", "noise", "grey"), 14),
+        (("object",), 15),
         (("object", 0), 15),
         (("object", 0, "name"), 16),
         (("object", 0, "size", "x"), 18),
