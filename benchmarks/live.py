@@ -36,7 +36,7 @@ WARM_UP = 3.0
 """s after the start of the scenario that do not count"""
 _GAP = 0.5  # s between two percepts from which on an object was out of sight
 TARGETS = {"simulation_handler": 20.0, "scene_estimator": 20.0, "surprise": 20.0}
-"""Hz, of what the issue and the agents' classes promise"""
+"""Hz, that the agents' classes promise"""
 
 
 @dataclass
