@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 from dsr.errors import GoalError
 from dsr.memory import Memory
+from dsr.vocabulary.contradictions import by_meaning
 from dsr.vocabulary.goals import Goal, parse_goal
 from dsr.vocabulary.intentions import (
     DONE,
@@ -27,7 +28,7 @@ from dsr.vocabulary.intentions import (
 from dsr.vocabulary.relations import SURFACES, THINGS, Relation, Relations, read_relations
 from planner.arm import Arm, Script
 from planner.config import PlannerConfig
-from planner.contradictions import by_meaning, by_state, searched
+from planner.contradictions import by_state, searched
 from planner.errors import (
     Deviation,
     Failure,

@@ -9,16 +9,19 @@ import msgspec
 from rich.console import Console
 from rich.markup import escape
 
-from agents.scenario.expectations import Actions, OfObjects, TrueRelations
+from agents.scenario.expectations import Actions, Mission, OfObjects, TrueRelations
 from agents.scenario.explain import value_error
 from agents.scenario.faults import Fault, doubts, faults
 from agents.scenario.model import Scenario
 from agents.scenario.naming import of_own_system
 from agents.scenario.runner import true_course
 from agents.scenario.staging import make_run
+from dsr.config.toml_lines import Path
 from dsr.errors import ConfigError
 from dsr.runtime.system import agent_names, find_system
+from dsr.vocabulary.contradictions import by_meaning
 from dsr.vocabulary.goals import parse_goal
+from dsr.vocabulary.intentions import GIVEN_UP
 
 _MINDS = "perspectives"
 """The agent that keeps what persons believe."""
@@ -73,6 +76,7 @@ def _unplayed_doubts(scenario: Scenario, folder: FilePath) -> Iterator[Fault]:
     """What reading alone shows."""
     if not scenario.expectations:
         yield Fault((), "there is no [[expect]]: nothing is judged")
+    yield from _goals_that_never_hold(scenario)
     needed = _to_be_recognised(scenario)
     for index, spec in enumerate(scenario.objects):
         if spec.name in needed and spec.marker_id is None and not spec.by_color:
@@ -83,6 +87,17 @@ def _unplayed_doubts(scenario: Scenario, folder: FilePath) -> Iterator[Fault]:
         if _MINDS not in agents:
             text = f"nobody keeps what persons believe: the system {scenario.system!r} has no agent {_MINDS!r}"
             yield Fault(("person", 0), f"{text}; 'people' has one")
+
+
+def _goals_that_never_hold(scenario: Scenario) -> Iterator[Fault]:
+    """Unless the scenario expects that no plan is found."""
+    wanted: list[tuple[Path, str]] = [(("plan", index, "goal"), plan.goal) for index, plan in enumerate(scenario.plans)]
+    expected = {check.status for check in scenario.expectations if isinstance(check, Mission)}
+    if scenario.mission is not None and expected.isdisjoint(GIVEN_UP):
+        wanted.append((("mission", "goal"), scenario.mission.goal))
+    for path, goal in wanted:
+        if conflict := by_meaning(parse_goal(goal)):
+            yield Fault(path, f"the goal never holds: {conflict}")
 
 
 def _to_be_recognised(scenario: Scenario) -> set[str]:

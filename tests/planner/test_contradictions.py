@@ -5,10 +5,11 @@ from __future__ import annotations
 import pytest
 
 from dsr import Pose
+from dsr.vocabulary.contradictions import by_meaning
 from dsr.vocabulary.goals import parse_goal
 from dsr.vocabulary.intentions import UNSOLVABLE
 from planner.config import PlannerConfig
-from planner.contradictions import by_meaning, by_state
+from planner.contradictions import by_state
 from planner.state import read_state
 from tests.planner.table import PLACES, SIDE, Run, add_cube, move
 
