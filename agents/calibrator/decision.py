@@ -13,15 +13,12 @@ from agents.calibrator.problem import Problem, Sighting
 from agents.calibrator.robust import OUTLIER
 from agents.calibrator.solution import Solution
 from dsr.math3d.transforms import Array, Pose
+from dsr.vocabulary import nats
 
 FEWEST = 3
 """Objects that must agree on where the camera is now."""
 
-_CAMERA_MOVED = 6.0  # nats, as in the simulation handler's explanations
-_OBJECT_MOVED = 3.0
-_RIDES = 1.0  # an object that is on or in another is moved with that
-_COINCIDENCE = 6.0  # at least, that an object is seen where it was believed, through a camera that moved
-_MOST_LEANING = 8.0  # for one object that would lean, though it is not believed to
+_MOST_LEANING = 8.0  # nats for one object that would lean, though it is not believed to
 _NOISE = 3.0  # nats that noise alone may make of that
 _CLEARLY = 6.0  # nats between two explanations that make one of them the answer
 _TILT, _HEIGHT = 0.0175, 0.005  # rad, m by which objects that are moved on a table may seem to leave it, at least
@@ -64,8 +61,8 @@ def decide(
     agreeing = names - set(solution.outliers)
     explained = np.array([sighting.name in agreeing - here for sighting in sightings])
     by_objects = _moving(names - here, carried) + _leaning(problem, world_from_parent @ before, explained)
-    by_camera = _CAMERA_MOVED + _OBJECT_MOVED * len(names - agreeing)
-    by_camera += max(_COINCIDENCE, _OBJECT_MOVED * len(agreeing)) * len(here - agreeing)
+    by_camera = nats.CAMERA_MOVED + nats.MOVED * len(names - agreeing)
+    by_camera += max(nats.COINCIDENCE, nats.MOVED * len(agreeing)) * len(here - agreeing)
     if 2 * len(agreeing) <= len(names) or by_camera >= by_objects:
         if not here:
             return Decision(
@@ -108,7 +105,7 @@ def decide_elsewhere(
         for one in sightings
     ]
     names = {sighting.name for sighting in sightings}
-    by_camera = _CAMERA_MOVED + _misfit(sightings, after)
+    by_camera = nats.CAMERA_MOVED + _misfit(sightings, after)
     by_objects = _moving(names, carried) + _misfit(elsewhere, before)
     lead = abs(by_camera - by_objects)
     views = len({sighting.view for sighting in sightings})
@@ -126,7 +123,7 @@ def alike(before: Pose, after: Pose, world_from_parent: Pose) -> Pose:
 
 def _moving(names: Collection[str], carried: Collection[str]) -> float:
     """Nats: that these were moved."""
-    return sum(_RIDES if name in carried else _OBJECT_MOVED for name in names)
+    return sum(nats.MOVED_ALONG if name in carried else nats.MOVED for name in names)
 
 
 def _leaning(problem: Problem, world_from_camera: Pose, explained: NDArray[np.bool_]) -> float:
