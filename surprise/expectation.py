@@ -11,10 +11,10 @@ from dsr.errors import TransformError
 from dsr.graph.elements import Edge
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
+from dsr.perception.percepts import WORLD, Percept
 from dsr.vocabulary.relations import THINGS
 from surprise.config import SurpriseConfig
 from surprise.evidence import Reason
-from surprise.reading import WORLD, Percept
 
 _KEPT = 64  # stamps
 _LATENCY = 0.15  # s after a change of the belief during which percepts may still be from before

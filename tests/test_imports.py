@@ -54,7 +54,7 @@ LAYERS = (
     "dsr.worlds.filters dsr.worlds.hosting",
     "dsr.persistence dsr.runtime",
     "dsr.timeline",
-    "dsr.spatial dsr.visibility",
+    "dsr.spatial dsr.visibility dsr.perception",
     "dsr.imagining dsr.security",
     "dsr.connect",
     "dsr.runtime.agent_process dsr.runtime.supervised dsr.runtime.launcher",

@@ -10,11 +10,12 @@ from agents.calibrator.doubt import believed_now
 from agents.calibrator.looking import Looking, can_look
 from agents.calibrator.reporting import encoded, make_report, refusal, tell
 from agents.calibrator.undoing import taken_back
-from agents.calibrator.views import WORLD, Views, only_camera
+from agents.calibrator.views import Views, only_camera
 from agents.calibrator.watch import Watch
 from dsr.agent import Access, Agent
 from dsr.errors import ConfigError
 from dsr.graph.elements import Node
+from dsr.perception.percepts import WORLD
 from dsr.timeline import WRITTEN_ATTRIBUTES, WRITTEN_EDGES, WRITTEN_NODES, Chronicle
 from dsr.vocabulary.calibration import (
     ADOPTED,

@@ -8,12 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsr.errors import TransformError
 from dsr.math3d.transforms import Array, Pose
 from dsr.memory import Memory
+from dsr.perception.percepts import WORLD, PerceptReader
 from dsr.vocabulary.relations import THINGS
 
-WORLD = "world"
 _SHARE = 0.1  # of the newest percept in the average
 _LEARNED = 10  # percepts after which it is known
 _MOST_ASIDE, _MOST_DEEP = 0.005, 0.025  # m from the belief, across and along the viewing ray, that may be an error
@@ -36,27 +35,24 @@ class Depths:
 
     def __init__(self, memory: Memory) -> None:
         self._memory = memory
-        self._stamps: dict[tuple[str, str], float] = {}
+        self._percepts = PerceptReader(memory, timeless=False)
         self._counts: dict[tuple[str, str], int] = {}
         self._errors: dict[tuple[str, str], tuple[float, float]] = {}  # mean (m) and variance (m^2)
         self._earlier: dict[str, deque[tuple[float, dict[str, DepthError]]]] = {}
 
-    def learn(self, camera: str) -> None:
-        """Take in what `camera` sees now of what is believed to stand still."""
+    def learn(self, camera: str, now: float) -> None:
+        """Take in what `camera` sees at time `now` (s) of what is believed to stand still."""
         held = {edge.dst for edge in self._memory.edges("grasping")}
-        for edge in self._memory.edges("RT", src=camera):
-            key, percept = (camera, edge.dst), edge.get("pose")
-            node, belief = self._memory.get_node(edge.dst), self._memory.get_edge(WORLD, edge.dst, "Virtual_RT")
-            if percept is None or belief is None or node is None or node.type not in THINGS:
-                continue
-            if edge.dst in held or node.get("surprising") is True or self._stamps.get(key) == percept.stamp:
-                continue
-            self._stamps[key] = percept.stamp
-            try:
-                world_from_camera = self._memory.transform(WORLD, camera, at=percept.stamp)
-            except TransformError:
-                continue
-            self._take(key, percept, world_from_camera.inverse() @ belief["pose"])
+        believed = {
+            node.name: edge["pose"]
+            for kind in THINGS
+            for node in self._memory.nodes(kind)
+            if node.get("surprising") is not True and node.name not in held
+            if (edge := self._memory.get_edge(WORLD, node.name, "Virtual_RT")) is not None
+        }
+        for percept in self._percepts.new(now, believed, (camera,)):
+            camera_from_world = percept.world_from_camera.inverse()
+            self._take((camera, percept.name), percept.seen, camera_from_world @ believed[percept.name])
 
     def of(self, camera: str) -> dict[str, DepthError]:
         """By object; only what is known well."""

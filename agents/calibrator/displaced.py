@@ -15,9 +15,10 @@ from agents.calibrator.decision import FEWEST, decide
 from agents.calibrator.depths import DepthError
 from agents.calibrator.doubt import ENOUGH
 from agents.calibrator.steps import carried_things
-from agents.calibrator.views import WORLD, Views
+from agents.calibrator.views import Views
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
+from dsr.perception.percepts import WORLD
 
 LOOKBACK = 0.3
 """s before an explanation, from when beliefs are taken: it has changed them since"""

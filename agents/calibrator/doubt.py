@@ -18,8 +18,8 @@ from agents.calibrator.views import Views
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
+from dsr.perception.percepts import WORLD
 
-WORLD = "world"
 ENOUGH = 8
 """Percepts of an object that has come into view late."""
 

@@ -12,13 +12,13 @@ from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.network.keys import agent_of
+from dsr.perception.percepts import WORLD
 from dsr.vocabulary.intentions import DONE, ENDED, HALT, PLANNED, RUN, RUNNING
 
 Script = Generator[None, None, None]
 
 SOURCE = "calibrator"
 """`source` of the action nodes."""
-WORLD = "world"
 MOST_MOVES = 2
 """From so many places it looks, beside where it is, unless told otherwise."""
 _TURNS = (0.9, -0.9, 0.6, -0.6, 1.5, -1.5)  # rad about the vertical

@@ -9,9 +9,10 @@ from agents.calibrator.calibrate import calibrate
 from agents.calibrator.config import CalibratorConfig
 from agents.calibrator.doubt import ENOUGH, Doubt
 from agents.calibrator.reporting import make_report, tell
-from agents.calibrator.views import WORLD, Views
+from agents.calibrator.views import Views
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
+from dsr.perception.percepts import WORLD
 from dsr.timeline import Chronicle
 
 _LASTS = 30.0  # s after the adoption

@@ -12,9 +12,9 @@ from agents.calibrator.decision import FEWEST
 from dsr.errors import TransformError
 from dsr.math3d.transforms import Array, Pose
 from dsr.memory import Memory
+from dsr.perception.percepts import WORLD, PerceptReader
 from dsr.vocabulary.relations import THINGS
 
-WORLD = "world"
 REACH = 2.0
 """s before a step is found, from when on what was believed may have followed it."""
 _SPAN = 1.0  # s over which percepts are averaged, before and after
@@ -34,7 +34,7 @@ def carried_things(memory: Memory) -> frozenset[str]:
     return frozenset(edge.src for kind in ("on", "in") for edge in memory.edges(kind) if edge.dst in things)
 
 
-class _Percept(NamedTuple):
+class _Sample(NamedTuple):
     stamp: float
     place: Array  # (3,) m, world
 
@@ -44,7 +44,8 @@ class Steps:
 
     def __init__(self, memory: Memory) -> None:
         self._memory = memory
-        self._percepts: dict[tuple[str, str], deque[_Percept]] = {}
+        self._percepts = PerceptReader(memory, timeless=False)
+        self._samples: dict[tuple[str, str], deque[_Sample]] = {}
         self._parents: dict[str, Pose] = {}
         self._compared: dict[str, float] = {}
 
@@ -57,15 +58,15 @@ class Steps:
         carried = carried_things(self._memory)
         averages = {
             name: pair
-            for (other, name), percepts in self._percepts.items()
-            if other == camera and name not in carried and (pair := _averages(percepts, now)) is not None
+            for (other, name), samples in self._samples.items()
+            if other == camera and name not in carried and (pair := _averages(samples, now)) is not None
         }
         return tuple(sorted(averages)) if _is_step(averages) else ()
 
     def forget(self, camera: str) -> None:
         """Something else happened, after which nothing is as it was before."""
-        for key in [key for key in self._percepts if key[0] == camera]:
-            del self._percepts[key]
+        for key in [key for key in self._samples if key[0] == camera]:
+            del self._samples[key]
 
     def _take(self, camera: str, now: float) -> None:
         try:
@@ -78,20 +79,18 @@ class Steps:
         if metres > _STILL[0] or radians > _STILL[1] or camera not in self._parents:
             self._parents[camera] = world_from_camera
         held = {edge.dst for edge in self._memory.edges("grasping")}
-        for edge in self._memory.edges("RT", src=camera):
-            node, pose = self._memory.get_node(edge.dst), edge.get("pose")
-            if pose is None or node is None or node.type not in THINGS:
-                continue
-            percepts = self._percepts.setdefault((camera, edge.dst), deque())
-            while percepts and percepts[0].stamp < now - _SPAN - _APART:
-                percepts.popleft()
-            if edge.dst in held or node.get("present") is False:
-                percepts.clear()
-            elif not percepts or pose.stamp > percepts[-1].stamp:
-                percepts.append(_Percept(pose.stamp, world_from_camera.apply(pose.translation[None])[0]))
+        here = {node.name for kind in THINGS for node in self._memory.nodes(kind) if node.get("present") is not False}
+        for percept in self._percepts.new(now, here - held, (camera,)):
+            place = percept.world_from_camera.apply(percept.seen.translation[None])[0]
+            self._samples.setdefault((camera, percept.name), deque()).append(_Sample(percept.stamp, place))
+        for (other, name), samples in self._samples.items():
+            while other == camera and samples and samples[0].stamp < now - _SPAN - _APART:
+                samples.popleft()
+            if name in held or name not in here:
+                samples.clear()
 
 
-def _averages(percepts: deque[_Percept], now: float) -> tuple[Array, Array, Array] | None:
+def _averages(percepts: deque[_Sample], now: float) -> tuple[Array, Array, Array] | None:
     """Mean places before and after, and the variances (3,) of their difference; None without enough percepts."""
     new = np.array([one.place for one in percepts if one.stamp > now - _SPAN])
     old = np.array([one.place for one in percepts if one.stamp <= now - _APART])

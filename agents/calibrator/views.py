@@ -16,9 +16,9 @@ from dsr.errors import ConfigError, TransformError, suggest
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
+from dsr.perception.percepts import WORLD, Percept, PerceptReader
 from dsr.vocabulary.relations import THINGS
 
-WORLD = "world"
 _MOST_PERCEPTS = 30
 """Of one object in one view."""
 _MOST_VIEWS = 64
@@ -122,7 +122,7 @@ class Views:
         self._since = since
         self._config = config
         self._views: deque[_View] = deque(maxlen=_MOST_VIEWS)
-        self._used: dict[str, float] = {}
+        self._percepts = PerceptReader(memory, timeless=False)
         self.camera = camera
         """Name of its node."""
         self.parent = parent_of(memory, camera)
@@ -161,23 +161,19 @@ class Views:
         things = {node.name for kind in THINGS for node in self._memory.nodes(kind) if node.get("present") is not False}
         things -= self.stopped
         held = {edge.dst for edge in self._memory.edges("grasping")}
-        for edge in self._memory.edges("RT", src=self.camera):
-            pose = edge.get("pose")
-            if edge.dst not in things or pose is None or pose.stamp < self._since:
+        for percept in self._percepts.new(self._memory.clock.now(), things, (self.camera,)):
+            if percept.stamp < self._since:
                 continue
-            if self._used.get(edge.dst) == pose.stamp:
-                continue
-            self._used[edge.dst] = pose.stamp
-            belief = self._memory.get_edge(WORLD, edge.dst, "Virtual_RT")
-            believed = self._believed.get(edge.dst, None if belief is None else belief.get("pose"))
-            if edge.dst in held:
+            belief = self._memory.get_edge(WORLD, percept.name, "Virtual_RT")
+            believed = self._believed.get(percept.name, None if belief is None else belief.get("pose"))
+            if percept.name in held:
                 self.skipped["held by something"] += 1
             elif believed is None:
                 self.skipped["believed nowhere"] += 1
-            elif pose.cov is None:
+            elif percept.seen.cov is None:
                 self.skipped["no covariance"] += 1
             else:
-                self._take(edge.dst, pose, believed)
+                self._take(percept, believed)
 
     @property
     def middle(self) -> Vector3:
@@ -213,17 +209,17 @@ class Views:
     def _is_complete(self, view: _View) -> bool:
         return view.latest - view.began >= self._config.span
 
-    def _take(self, name: str, percept: Pose, believed: Pose) -> None:
+    def _take(self, percept: Percept, believed: Pose) -> None:
         try:
             world_from_parent = self._memory.transform(WORLD, self.parent, at=percept.stamp)
         except TransformError:
             self.skipped["the camera's parent is nowhere then"] += 1
             return
         view = self._view(world_from_parent, percept.stamp)
-        seen = view.objects.setdefault(name, _Seen(believed))
+        seen = view.objects.setdefault(percept.name, _Seen(believed))
         seen.steady = seen.steady and _within(seen.believed, believed, self._config.belief_drift)
-        known = self.depths.get(name)
-        seen.add(percept if known is None else without_error(percept, known.mean))
+        known = self.depths.get(percept.name)
+        seen.add(percept.seen if known is None else without_error(percept.seen, known.mean))
 
     def _view(self, world_from_parent: Pose, stamp: float) -> _View:
         """The present view, or a new one if the camera's parent is elsewhere now."""

@@ -93,7 +93,7 @@ class Watch:
         self._refining.update(now)
         for node in list(self._memory.nodes("camera")):
             if node.name not in self._doubts:
-                self._depths.learn(node.name)
+                self._depths.learn(node.name, now)
                 self._depths.note(node.name, now, REACH + _FRESH)
             self._look_for_step(node.name, now)
             self._look_at_displaced(node.name, now)

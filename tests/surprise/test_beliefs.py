@@ -1,12 +1,12 @@
-"""Percepts that are new, and beliefs with their recent past."""
+"""Beliefs with their recent past."""
 
 from __future__ import annotations
 
 import pytest
 
-from benchmarks.surprise_scene import CAMERA, SIX, SurpriseScene
+from benchmarks.surprise_scene import SIX, SurpriseScene
 from dsr.math3d.transforms import Pose
-from surprise.reading import Beliefs, Percepts
+from surprise.beliefs import Beliefs
 
 
 @pytest.fixture
@@ -40,25 +40,3 @@ def test_a_belief_jumps_unless_it_is_carried(scene: SurpriseScene) -> None:
     scene.memory.remove_edge("world", "cube_0", "Virtual_RT")
     assert beliefs.update(11.0, [node], set()) == set()
     assert beliefs.now("cube_0") is None
-
-
-def test_a_percept_is_given_once_in_the_world_frame(scene: SurpriseScene) -> None:
-    percepts = Percepts(scene.memory)
-    scene.memory.add_edge(CAMERA, "cube_0", "RT", pose=Pose((0.0, 0.0, 0.6), (1.0, 0.0, 0.0, 0.0), 10.0))
-    (percept,) = percepts.new(10.05)
-    assert (percept.camera, percept.name, percept.stamp) == (CAMERA, "cube_0", 10.0)
-    assert percept.pose.t == pytest.approx((0.35, 0.0, 0.05))
-    assert percept.eye == pytest.approx((0.35, 0.0, 0.65))
-    assert list(percepts.new(10.1)) == []
-
-
-def test_a_percept_waits_for_the_pose_of_a_camera_that_moves(scene: SurpriseScene) -> None:
-    percepts, memory = Percepts(scene.memory), scene.memory
-    for stamp in (9.0, 9.5):
-        memory.add_edge("world", CAMERA, "RT", pose=Pose((stamp, 0.0, 0.6), stamp=stamp))
-    memory.add_edge(CAMERA, "cube_0", "RT", pose=Pose((0.0, 0.0, 0.6), stamp=10.0))
-    assert list(percepts.new(10.05)) == []
-    memory.add_edge("world", CAMERA, "RT", pose=Pose((10.5, 0.0, 0.6), stamp=10.5))
-    (percept,) = percepts.new(10.5)
-    assert percept.eye[0] == pytest.approx(10.0)
-    assert percepts.skipped == {"camera's place not known then": 1}
