@@ -28,7 +28,7 @@ from dsr.graph.followers import Followers
 from dsr.graph.graph import Graph
 from dsr.graph.schema import WORLD_RECORD, Schema, checked_names, with_pose
 from dsr.graph.watch import Filter, Watch
-from dsr.images.blobs import BlobAccess
+from dsr.images.blob_access import BlobAccess
 from dsr.math3d.transforms import Array, Pose
 from dsr.network.keys import Keys, check_name
 from dsr.network.transport import Transport

@@ -17,88 +17,19 @@ import logging
 import os
 import threading
 from collections.abc import Iterable, Iterator
-from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import IO, Any
+from typing import IO
 
-from dsr.crdt.context import Dot
-from dsr.crdt.delta import Add, Delta, Write
-from dsr.crdt.store import Store
+from dsr.crdt.delta import Delta
 from dsr.errors import ConfigError
 from dsr.files.private_files import lock_file, private_folder
 from dsr.forking import leave_to_parent
 from dsr.memory import Memory
 from dsr.persistence.generations import Generations
+from dsr.persistence.pending import Pending, pieces
 from dsr.persistence.records import append_record
 from dsr.replication.collector import collector_paused
 from dsr.replication.wire import encode_delta
-
-_PIECE = 200
-"""Nodes and edges copied at a time: a writer waits no longer than that takes (about 0.5 ms)."""
-
-
-class Pending:
-    """Everything that was joined since the last `take`; of each attribute only the write that won.
-
-    The dots of the others count as seen with it. A synchronisation reply accounts for what was there before it and does
-    not hold that, so it stays in its place. The caller holds the replica's lock.
-    """
-
-    def __init__(self) -> None:
-        self._before: list[Delta] = []
-        """What was joined up to the last reply, in order."""
-        self._news = Delta()
-        self._writes: dict[tuple[Dot, str], Write] = {}
-
-    def __bool__(self) -> bool:
-        return bool(self._before or self._writes or self._news)
-
-    def add(self, delta: Delta) -> None:
-        """Take note of a joined delta."""
-        if delta.live is not None:
-            self._before = [*self.take(), delta]
-            return
-        self._news.adds += delta.adds
-        self._news.removed += delta.removed
-        self._news.extend_context(delta.context)
-        for write in delta.writes:
-            known = self._writes.setdefault((write.owner, write.attribute), write)
-            if known is not write and _order(known) <= _order(write):
-                self._writes[write.owner, write.attribute] = write
-
-    def take(self) -> list[Delta]:
-        """What is pending, as deltas to be joined in this order; nothing is pending afterwards."""
-        self._news.writes = list(self._writes.values())
-        taken = [*self._before, *([self._news] if self._news else [])]
-        self._before, self._news, self._writes = [], Delta(), {}
-        return taken
-
-
-def _order(write: Write) -> tuple[int, str, bool]:
-    """The greatest wins; a write that was made durable stands for the same one that was not yet."""
-    return write.stamp, write.writer, write.dot is not None
-
-
-def pieces(store: Store, lock: AbstractContextManager[Any]) -> Iterator[Delta]:
-    """The state of `store` in pieces that are copied one by one under its `lock`, which the caller holds now.
-
-    What changes meanwhile may be in them or not; whoever joins them joins what was pending from now on, too.
-    """
-    dots = store.written_dots()
-    last = Delta(context=list(store.context.ranges()), live=frozenset(store.entries))
-    return _copied(store, lock, dots, last)
-
-
-def _copied(store: Store, lock: AbstractContextManager[Any], dots: list[Dot], last: Delta) -> Iterator[Delta]:
-    for start in range(0, len(dots), _PIECE):
-        with lock:
-            found = [entry for dot in dots[start : start + _PIECE] if (entry := store.find(dot))]
-            entries = [entry for entry in found if entry.dot in store.entries]
-            writes = [write for entry in found for write in entry.registers.values()]
-        adds = [Add(entry.dot, entry.key, entry.type, entry.sources, entry.destinations) for entry in entries]
-        yield Delta(adds=adds, writes=writes)
-    yield last
-
 
 PERIOD = 0.25
 """s between two looks at what is new."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import msgspec
@@ -11,63 +11,12 @@ from dsr.agent import Agent
 from dsr.errors import ConfigError, TransportError, WorldNotFoundError
 from dsr.graph.access import EVERYTHING, Access
 from dsr.graph.schema import WORLD_RECORD
-from dsr.graph.watch import Change, Watch
+from dsr.graph.watch import Change
 from dsr.network.keys import BASE, check_name
+from dsr.worlds.source import Source
 
 if TYPE_CHECKING:
     from dsr.memory import Memory
-
-
-class Source:
-    """A world and the watch over it.
-
-    Args:
-        base: the memory that leads to the worlds.
-        name: of the world.
-        wake: called when something changes, in any thread; nothing is if None.
-    """
-
-    def __init__(self, base: Memory, name: str, wake: Callable[[], None] | None) -> None:
-        self.name = name
-        self.taken = 0
-        """Changes that were taken."""
-        self._base = base
-        self._wake = wake
-        self._memory: Memory | None = None
-        self._watch: Watch | None = None
-        self._deleted = False
-
-    @property
-    def is_open(self) -> bool:
-        """Whether the world is there; not any more once it was deleted."""
-        if self._memory is not None and self._memory.closed:
-            self._memory, self._deleted = None, True
-        return self._memory is not None
-
-    def open(self) -> Memory:
-        """The world; `take` begins with all that it holds.
-
-        Raises:
-            WorldNotFoundError: if it is not there.
-            TransportError: if those who hold it do not answer.
-        """
-        try:
-            memory = self._base.world(self.name)
-        except WorldNotFoundError as error:
-            raise WorldNotFoundError(f"world {self.name!r} was deleted") if self._deleted else error from None
-        self._watch = memory.watch(notify=self._wake)
-        self._memory, self._deleted = memory, False
-        return memory
-
-    def take(self) -> list[Change]:
-        """What has changed since this was last called, whole messages only."""
-        if self._memory is None or self._watch is None:
-            return []
-        with self._memory.replica.lock:
-            changes = self._watch.poll()
-        self.taken += len(changes)
-        return changes
-
 
 _ALL = (EVERYTHING,)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dsr.crdt.context import CausalContext
 from dsr.crdt.pieces import reply_to
 from dsr.graph.graph import Graph
-from dsr.persistence.keeper import Pending
+from dsr.persistence.pending import Pending
 
 
 def test_a_reply_does_not_make_void_what_was_joined_before_it() -> None:

@@ -1,0 +1,97 @@
+"""A transport that only listens and asks: what a read-only member of a secured graph uses."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from dsr.errors import TransportError
+from dsr.network.keys import Keys
+from dsr.network.transport import (
+    Chunks,
+    Mailbox,
+    MessageHandler,
+    PresenceHandler,
+    Qos,
+    RequestHandler,
+    Subscription,
+    Transport,
+)
+
+
+class _Nothing:
+    def close(self) -> None: ...
+
+
+class SilentTransport:
+    """Passes on what arrives; what the replica says to keep others in step is not sent, all else is refused."""
+
+    shares_memory = False
+
+    def __init__(self, transport: Transport, keys: Keys, rid: str) -> None:
+        self._transport = transport
+        self._root = f"{keys.root}/"
+        self._rid = rid
+
+    @property
+    def trouble(self) -> str:
+        """See `Transport.trouble`."""
+        return self._transport.trouble
+
+    def publish(self, key: str, payload: bytes, qos: Qos = Qos.RELIABLE) -> None:
+        """Raise `TransportError`, but for the replica's own upkeep, which is left out."""
+        *_, kind, sender = key.split("/")  # in whichever world; the ids of its replicas there begin with ours
+        upkeep = key.startswith(self._root) and kind in ("d", "rt", "dig") and sender.startswith(self._rid)
+        if not upkeep:
+            raise _read_only(key)
+
+    def is_heard(self, key: str, qos: Qos = Qos.RELIABLE) -> bool:
+        """Nobody hears a reader."""
+        return False
+
+    def publish_bulk(self, key: str, chunks: Chunks) -> None:
+        """Raise `TransportError`."""
+        raise _read_only(key)
+
+    def newest(self, key: str, notify: Callable[[], None]) -> Mailbox:
+        """See `Transport.newest`."""
+        return self._transport.newest(key, notify)
+
+    def subscribe(self, key: str, handler: MessageHandler, *, newest: int | None = None) -> Subscription:
+        """See `Transport.subscribe`."""
+        return self._transport.subscribe(key, handler, newest=newest)
+
+    def serve(
+        self, key: str, handler: RequestHandler, *, asker: Callable[[bytes], str] | None = None
+    ) -> Subscription:
+        """Do nothing: nobody would believe the answers."""
+        return _Nothing()
+
+    def request(
+        self, key: str, payload: bytes, on_reply: MessageHandler, on_done: Callable[[], None], timeout: float
+    ) -> None:
+        """See `Transport.request`."""
+        self._transport.request(key, payload, on_reply, on_done, timeout)
+
+    def announce(self, key: str) -> Subscription:
+        """Do nothing: others need not wait for a reader."""
+        return _Nothing()
+
+    def watch_presence(self, key: str, handler: PresenceHandler) -> Subscription:
+        """See `Transport.watch_presence`."""
+        return self._transport.watch_presence(key, handler)
+
+    def renew(self) -> None:
+        """See `Transport.renew`."""
+        self._transport.renew()
+
+    def pump(self) -> None:
+        """See `Transport.pump`."""
+        self._transport.pump()
+
+    def close(self) -> None:
+        """Leave the network."""
+        self._transport.close()
+
+
+def _read_only(key: str) -> TransportError:
+    return TransportError(f"cannot publish on {key}: this certificate is read-only")
