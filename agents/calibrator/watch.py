@@ -12,13 +12,12 @@ from agents.calibrator.decision import Decision
 from agents.calibrator.depths import DepthError, Depths
 from agents.calibrator.displaced import LOOKBACK, Displaced
 from agents.calibrator.doubt import Doubt, Memories, believed_now
-from agents.calibrator.looking import SOURCE, Looking, can_look
+from agents.calibrator.looking import SOURCE, Looking, Touch, can_look
 from agents.calibrator.own_requests import OwnRequests
 from agents.calibrator.refining import Refining
 from agents.calibrator.reporting import encoded, make_report, tell
 from agents.calibrator.steps import REACH, Steps
 from agents.calibrator.surprises import CALM, Surprises
-from agents.calibrator.touch import Touch
 from agents.calibrator.undoing import turned_round
 from agents.calibrator.views import Views
 from dsr.errors import ConfigError, DsrError

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.drivers import ArmState, HandReadings, PersonReadings, TagReadings
-from agents.plant.arm import Arm
-from agents.plant.arm_error import displaced
+from agents.plant.arm import Arm, displaced
 from agents.plant.bullet import Bullet
 from agents.plant.camera import Camera
 from agents.plant.config import PlantConfig

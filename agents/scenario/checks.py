@@ -38,11 +38,9 @@ from agents.scenario.expectations import (
     Worlds,
 )
 from agents.scenario.geometry import has_face, penetration, upright_box
-from agents.scenario.handling import check_doer, check_hands, check_reach
 from agents.scenario.inconsistency import InconsistencyError, check_given_name, require
 from agents.scenario.layout import TOUCH, object_box, overlapping, table_box
-from agents.scenario.mentions import check_mentions
-from agents.scenario.minds import check_persons, check_plans
+from agents.scenario.mentions import check_doer, check_hands, check_mentions, check_persons, check_plans, check_reach
 from agents.scenario.model import NO_ROBOT, CameraSpec, ObjectSpec, RobotSpec, Scenario
 from agents.scenario.motion import check_change, check_motion
 from agents.scenario.naming import of_own_system, taken_names

@@ -24,7 +24,7 @@ from agents.scenario.result import write_result
 from agents.scenario.runner import run_live, run_lockstep
 from agents.scenario.staging import make_run
 from agents.scenario.sweep_cli import sweep
-from agents.scenario.truth_cli import truth
+from agents.scenario.truth_report import truth
 from dsr.cli.common import JsonOption, console, new_run_folder, print_json
 from dsr.errors import ConfigError
 

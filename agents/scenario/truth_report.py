@@ -5,17 +5,24 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Annotated
 
 import msgspec
+import typer
 from rich import box
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
 from agents.scenario.course import why_missing
+from agents.scenario.faults import faults
 from agents.scenario.history import History, Sample
+from agents.scenario.options import check_writable
+from agents.scenario.runner import true_course
+from agents.scenario.staging import make_run
 from agents.scenario.story import describe
 from agents.scenario.true_phases import STEP_LENGTH, STEP_TURN, Phase, containers, phases, supports
+from dsr.cli.common import console
 from dsr.files.private_files import write_json
 from dsr.math3d.quaternions import rotate
 from dsr.math3d.transforms import Pose
@@ -202,3 +209,33 @@ def _seconds(time: float | None) -> str:
 
 def _seven(pose: Pose) -> Seven:
     return (*pose.t, *pose.q)
+
+
+def truth(
+    scenario: Annotated[str, typer.Argument(help="A built-in scenario (see `dsr scenario list`) or a TOML file.")],
+    seed: Annotated[int, typer.Option(min=0, help="Varies where the objects start.")] = 0,
+    json: Annotated[Path | None, typer.Option("--json", help="Also write the course to this file.")] = None,
+) -> None:
+    """Show what truly happens in a scenario, without any agent: events, when what moves and where it comes to rest.
+
+    Plays only the simulated world with the experimenter's events, without images.
+    What waits for the robot does not happen, for nothing moves the arm.
+
+    The exit code is 1 if an event could not be carried out, puts or drives things into one another, or begins
+    while an earlier one of the same hand or object is still going on.
+    """
+    if json:
+        check_writable(json)
+    run = make_run(scenario, seed=seed)
+    history = true_course(run)
+    report = truth_report(history, seed)
+    if json:
+        write_truth(report, json)
+    show_truth(report, console)
+    if run.scenario.mission is not None:
+        console.print("The robot does nothing here: what its mission would bring about does not happen.")
+    found = faults(history)
+    for fault in found:
+        _, index = fault.path
+        console.print(f"[red]✗[/] event {int(index) + 1}: {escape(fault.text)}")
+    raise typer.Exit(1 if found else 0)

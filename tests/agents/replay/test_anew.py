@@ -19,7 +19,7 @@ from agents.replay.anew import run_anew
 from agents.replay.cli import app
 from agents.replay.compare import Comparison, Outcome
 from agents.replay.feed import Feed
-from agents.replay.history import history_of
+from agents.replay.listening import history_of
 from agents.scenario.runner import run_lockstep
 from agents.scenario.staging import make_run
 from dsr import Memory
