@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections import deque
 
+from dsr.frames.tree import WORLD
 from dsr.graph.elements import Node
 from dsr.math3d.transforms import Pose, interpolate
 from dsr.memory import Memory
-from dsr.perception.percepts import WORLD
 
 _SAMPLES = 64  # of each object's belief
 _SOON = 0.15  # s between two samples of a belief that is on its way; it rested between others

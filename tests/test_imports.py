@@ -32,7 +32,7 @@ SHARED_BY_AGENTS = (
     "agents.object_models",
     "agents.recorder",
     "agents.replay.source",
-    "agents.scenario.format",
+    "agents.scenario.format.scenario",
     "agents.segments",
     "agents.stillness",
     "agents.urdf_elements",

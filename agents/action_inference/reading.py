@@ -7,11 +7,12 @@ from collections.abc import Iterable
 
 from agents.action_inference.observation import Grasp, Holder, Snapshot, Thing
 from dsr.errors import DsrError
+from dsr.frames.tree import WORLD
 from dsr.graph.elements import Node
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.perception.percepts import WORLD, PerceptReader
+from dsr.perception.percepts import PerceptReader
 from dsr.vocabulary.calibration import IN_DOUBT
 from dsr.vocabulary.perceived import is_perceived
 from dsr.vocabulary.relations import SURFACES, THINGS

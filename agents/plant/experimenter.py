@@ -10,7 +10,7 @@ from agents.plant.hand_moves import begin
 from agents.plant.moves import Steps
 from agents.plant.stage import Stage
 from agents.plant.world import RATE_HZ
-from agents.scenario.format import Condition, Event, Term
+from agents.scenario.format.scenario import Condition, Event, Term
 from dsr.errors import DsrError
 
 LIFTED = 0.010

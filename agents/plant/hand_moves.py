@@ -13,7 +13,7 @@ from agents.plant.moves import MOVES, TURN_SPEED, Move, Steps, follow, move, tur
 from agents.plant.person_moves import PERSON_MOVES
 from agents.plant.stage import Stage
 from agents.plant.world import STEP
-from agents.scenario.format import (
+from agents.scenario.format.scenario import (
     Carry,
     Drop,
     Event,

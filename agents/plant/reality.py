@@ -24,7 +24,7 @@ from agents.plant.poses import read_tags, recognisable
 from agents.plant.renderer import Renderer
 from agents.plant.stage import Stage
 from agents.plant.world import World
-from agents.scenario.format import CameraSpec, Scenario, start_poses
+from agents.scenario.format.scenario import CameraSpec, Scenario, start_poses
 from dsr.images.blobs import Frame
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.intrinsics import Intrinsics

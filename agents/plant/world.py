@@ -14,7 +14,7 @@ import pybullet
 from agents.colors import FLOOR, PALETTE, TABLE
 from agents.plant.bullet import Bullet
 from agents.plant.meshes import Color, Size, write_box, write_shape
-from agents.scenario.format import ObjectSpec, TableSpec
+from agents.scenario.format.scenario import ObjectSpec, TableSpec
 from dsr.errors import ConfigError, suggest
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Vector3

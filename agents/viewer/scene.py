@@ -11,9 +11,10 @@ import numpy as np
 import rerun as rr
 
 from agents.viewer import palette
-from agents.viewer.model import BELIEF_FIRST, WORLD, Camera, Gripper, Place, Scene, Solid, Vector, moved, place_of
+from agents.viewer.model import BELIEF_FIRST, Camera, Gripper, Place, Scene, Solid, Vector, moved, place_of
 from agents.viewer.palette import Color
 from dsr import Change, Memory, Mesh, Node, Pose, SchemaError, TransformError
+from dsr.frames.tree import WORLD
 from dsr.geometry import mesh_hashes
 from dsr.visibility import PERSON
 from dsr.visibility.persons import HEAD, TRUNK, upright

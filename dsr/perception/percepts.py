@@ -8,12 +8,12 @@ from collections.abc import Collection
 from typing import NamedTuple
 
 from dsr.errors import DsrError, ExtrapolationError
+from dsr.frames.tree import WORLD
 from dsr.graph.elements import Edge
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 
-WORLD = "world"
 MOST_AHEAD = 0.5
 """s that a percept's stamp may be ahead of this machine's clock: more than clocks in step differ by"""
 

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from dsr.errors import DsrError, SchemaError
+from dsr.frames.tree import WORLD
 from dsr.graph.elements import Node
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import MOST_PARTS, Shape, bounds, from_numbers
@@ -22,7 +23,7 @@ from dsr.vocabulary.calibration import CONFIRMED, IN_DOUBT
 from dsr.vocabulary.intentions import RUNNING
 from dsr.vocabulary.perceived import is_perceived
 from dsr.vocabulary.relations import SURFACES, THINGS
-from simulation_handler.graph_io.recalling import WORLD, Recalling
+from simulation_handler.graph_io.recalling import Recalling
 from simulation_handler.hands.state import HandPercept
 from simulation_handler.motion.holding import Grasp
 from simulation_handler.reasoner import Reasoner

@@ -14,7 +14,7 @@ from agents.plant.moves import MOVES
 from agents.plant.person_moves import PERSON_MOVES
 from agents.plant.reality import Reality
 from agents.plant.world import upright, yaw_of
-from agents.scenario.format import (
+from agents.scenario.format.scenario import (
     EVENTS,
     PREDICATES,
     ArmError,

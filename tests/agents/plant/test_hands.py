@@ -27,7 +27,7 @@ from agents.plant.hand_sensor import SIGMA
 from agents.plant.hands import blocked
 from agents.plant.messages import decode_hand_readings
 from agents.plant.reality import Reality
-from agents.scenario.format import (
+from agents.scenario.format.scenario import (
     Carry,
     Drop,
     HandEnter,
