@@ -72,6 +72,10 @@ LAYERS = (
     "simulation_handler.belief",
     "simulation_handler.graph_io",
     "simulation_handler.agent",
+    "agents.scenario.format agents.calibrator.solve",
+    "agents.scenario.truth agents.calibrator.watch",
+    "agents.scenario.judge",
+    "agents.scenario.run agents.scenario.check",
 )
 """From the bottom up: what a module or room is in it may import its own layer and those above it here."""
 TIME = {
