@@ -20,8 +20,8 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
-from agents.scenario.runner import run_lockstep
-from agents.scenario.staging import make_run
+from agents.scenario.run.runner import run_lockstep
+from agents.scenario.run.staging import make_run
 
 SCENARIOS = (
     "hovering", "hovering_1", "hovering_8", "hovering_20", "hovering_stack_2", "hovering_stack_3", "hovering_wrist",

@@ -21,8 +21,8 @@ import numpy as np
 from rich.console import Console
 from rich.progress import track
 
-from agents.calibrator.calibrate import calibrate
-from agents.scenario.staging import Sensor
+from agents.calibrator.solve.calibrate import calibrate
+from agents.scenario.run.staging import Sensor
 from benchmarks.calibration_runs import (
     EVENT_AT,
     bump,

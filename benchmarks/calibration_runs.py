@@ -14,16 +14,16 @@ import numpy as np
 from agents.arm_controller.kinematics import Chain
 from agents.arm_controller.urdf import load_robot
 from agents.calibrator import Calibrator
-from agents.calibrator.doubt import Doubt
-from agents.calibrator.problem import Sighting
+from agents.calibrator.solve.problem import Sighting
+from agents.calibrator.watch.doubt import Doubt
 from agents.plant.config import PlantConfig
 from agents.plant.reality import Reality
 from agents.plant.tags import TAG_RATIO
-from agents.scenario.format import parse_scenario
-from agents.scenario.model import RobotSpec
-from agents.scenario.result import Result
-from agents.scenario.runner import run_system
-from agents.scenario.staging import Sensor, make_run, staged_system, without
+from agents.scenario.format.model import RobotSpec
+from agents.scenario.format.scenario import parse_scenario
+from agents.scenario.judge.result import Result
+from agents.scenario.run.runner import run_system
+from agents.scenario.run.staging import Sensor, make_run, staged_system, without
 from dsr.math3d.transforms import Array, Pose
 from dsr.runtime.system import AgentSpec, System
 from dsr.vocabulary.intrinsics import Intrinsics

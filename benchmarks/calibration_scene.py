@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from agents.calibrator.config import CalibratorConfig
-from agents.calibrator.fusing import fuse
-from agents.calibrator.problem import Sighting
+from agents.calibrator.solve.fusing import fuse
+from agents.calibrator.solve.problem import Sighting
 from agents.plant.poses import DISTANCES, SIGMA_ROTATION, SIGMA_TRANSLATION
 from dsr.math3d.transforms import Array, Pose
 

@@ -23,8 +23,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from agents.calibrator.calibrate import calibrate
-from agents.calibrator.solution import Solution
+from agents.calibrator.solve.calibrate import calibrate
+from agents.calibrator.solve.solution import Solution
 from benchmarks.calibration_scene import DEPTH, LAYOUTS, MEASURED_BY_HAND, Trial, make_trial, scattered, square
 from dsr.math3d.transforms import log
 from dsr.vocabulary.calibration import DEFAULT_METHOD, method_names

@@ -20,7 +20,7 @@ from agents.arm_controller.grasps import looking_down
 from agents.arm_controller.kinematics import Chain, UnreachableError
 from agents.arm_controller.urdf import load_robot
 from agents.plant.config import PlantConfig
-from agents.scenario.format import CameraSpec, RobotSpec, Scenario, TableSpec, load_scenario
+from agents.scenario.format.scenario import CameraSpec, RobotSpec, Scenario, TableSpec, load_scenario
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.intrinsics import Intrinsics
 

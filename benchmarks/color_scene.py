@@ -14,7 +14,7 @@ from agents.plant.bullet import Bullet
 from agents.plant.noise import SensorModel
 from agents.plant.renderer import Renderer
 from agents.plant.world import World
-from agents.scenario.format import ObjectSpec, SensorSpec, TableSpec
+from agents.scenario.format.scenario import ObjectSpec, SensorSpec, TableSpec
 from agents.scene_estimator.colored import ColoredObject
 from dsr.images.blobs import Frame
 from dsr.math3d.quaternions import Vector3

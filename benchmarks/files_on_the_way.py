@@ -22,8 +22,8 @@ import msgspec
 from rich.console import Console
 from rich.table import Table
 
-from agents.scenario.runner import Silent, run_lockstep
-from agents.scenario.staging import make_run
+from agents.scenario.run.runner import Silent, run_lockstep
+from agents.scenario.run.staging import make_run
 from dsr import LocalNetwork, ManualClock, Memory
 
 PACKAGES = ("dsr", "agents", "simulation_handler", "surprise", "planner")

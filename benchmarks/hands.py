@@ -37,7 +37,7 @@ from agents.plant.config import PlantConfig
 from agents.plant.hand_sensor import landmarks_in_view
 from agents.plant.reality import Reality
 from agents.plant.world import RATE_HZ, STEP
-from agents.scenario.format import Event, HandEnter, HandGrasp, HandMove, ObjectSpec, Scenario
+from agents.scenario.format.scenario import Event, HandEnter, HandGrasp, HandMove, ObjectSpec, Scenario
 from dsr.clock import WALL_CLOCK
 from dsr.images.blobs import Frame
 from dsr.math3d.transforms import Pose

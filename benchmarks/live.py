@@ -25,9 +25,9 @@ import psutil
 from rich.console import Console
 from rich.table import Table
 
-from agents.scenario.judge import Judge
-from agents.scenario.runner import LEAD, Conductor
-from agents.scenario.staging import Run, make_run, staged_system, without
+from agents.scenario.judge.judge import Judge
+from agents.scenario.run.runner import LEAD, Conductor
+from agents.scenario.run.staging import Run, make_run, staged_system, without
 from dsr.cli.common import new_run_folder
 from dsr.memory import Memory
 from dsr.runtime.launcher import POLL_PERIOD, Launcher

@@ -18,10 +18,10 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from agents.scenario.report import ProgressBar
-from agents.scenario.runner import run_live
-from agents.scenario.staging import make_run
-from agents.scenario.story import Line, Topic
+from agents.scenario.run.report import ProgressBar
+from agents.scenario.run.runner import run_live
+from agents.scenario.run.staging import make_run
+from agents.scenario.run.story import Line, Topic
 from benchmarks.workers import BenchmarkError, Worker, all_of
 from dsr.files.private_files import write_json
 

@@ -25,7 +25,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from agents.scenario.staging import make_run, staged_system, without
+from agents.scenario.run.staging import make_run, staged_system, without
 from benchmarks.surprise_scene import PERIOD, SIX, SurpriseScene, moved
 from dsr.math3d.transforms import Pose
 from dsr.runtime.lockstep import Lockstep

@@ -24,10 +24,10 @@ from dsr.geometry.exchange import MeshExchange
 from dsr.graph.access import Guard, guard_in
 from dsr.graph.cycles import check_new_edge
 from dsr.graph.elements import Edge, Node
-from dsr.graph.followers import Followers
 from dsr.graph.graph import Graph
 from dsr.graph.schema import WORLD_RECORD, Schema, checked_names, with_pose
 from dsr.graph.watch import Filter, Watch
+from dsr.graph.watches import Watches
 from dsr.images.blob_access import BlobAccess
 from dsr.math3d.transforms import Array, Pose
 from dsr.network.keys import Keys, check_name
@@ -93,9 +93,9 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
         self.transport = transport
         self.schema = schema or Schema()
         self.rid = rid or new_rid(agent)
-        self._followers = _seat.followers() if _seat else Followers(self.schema.geometric)
-        self._frames = self._followers.frames
-        self._graph = _seat.graph(self._followers) if _seat else Graph(self.rid, self.schema, self._followers)
+        self._watches = _seat.watches() if _seat else Watches(self.schema.geometric)
+        self._frames = self._watches.frames
+        self._graph = _seat.graph(self._watches) if _seat else Graph(self.rid, self.schema, self._watches)
         self._guard = guard
         self._closing = contextlib.ExitStack()
         self._closed = False
@@ -296,7 +296,7 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
         watch = Watch(wanted, notify)
         with self._replica.lock:
             present: list[Node | Edge] = [*self._graph.nodes.values(), *self._graph.edges.values()] if existing else []
-            self._followers.follow(watch, present)
+            self._watches.follow(watch, present)
             if self._closed:
                 watch.close()
         return watch
@@ -394,7 +394,7 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
             self._worlds.close()
         else:
             self._worlds.forget(self)
-        self._followers.close()
+        self._watches.close()
         with self._closing:
             self._replica.close()
 

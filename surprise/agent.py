@@ -8,12 +8,15 @@ from collections.abc import Iterable
 from dsr.agent import Access, Agent
 from dsr.errors import DsrError
 from dsr.graph.elements import Node
+from dsr.perception.percepts import Percept, PerceptReader
 from dsr.vocabulary.relations import THINGS
+from surprise.beliefs import Beliefs
 from surprise.config import SurpriseConfig
 from surprise.evidence import Reason, Track
 from surprise.expectation import Expectations
-from surprise.reading import Beliefs, Percept, Percepts
 from surprise.suspicion import Suspicion
+
+_OLDEST = 1.0  # s, percepts older than that when they are found say nothing any more
 
 
 class SurpriseDetector(Agent):
@@ -53,7 +56,7 @@ class SurpriseDetector(Agent):
     def _start_anew(self) -> None:
         """Forget all evidence, not the flags."""
         config = self.config
-        self._percepts = Percepts(self.memory)
+        self._percepts = PerceptReader(self.memory, oldest=_OLDEST)
         self._beliefs = Beliefs(self.memory, config.jump, config.jump_turn)
         self._expectations = Expectations(self.memory, config)
         self._tracks: dict[tuple[str, str], Track] = {}
@@ -70,8 +73,9 @@ class SurpriseDetector(Agent):
         objects = sorted((node for type in THINGS for node in self.memory.nodes(type)), key=lambda node: node.name)
         held = self._note_held(now)
         jumped = self._beliefs.update(now, objects, held)
-        new = list(self._percepts.new(now))
-        self._reconsider(now, {node.name for node in objects}, jumped, held)
+        names = {node.name for node in objects}
+        new = self._percepts.new(now, names, {camera.name for camera in self.memory.nodes("camera")})
+        self._reconsider(now, names, jumped, held)
         self._take_in(new)
         self._expectations.update(now, new, jumped | held)
         with self.memory.batch():

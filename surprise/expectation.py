@@ -8,13 +8,14 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 
 from dsr.errors import TransformError
+from dsr.frames.tree import WORLD
 from dsr.graph.elements import Edge
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
+from dsr.perception.percepts import Percept
 from dsr.vocabulary.relations import THINGS
 from surprise.config import SurpriseConfig
 from surprise.evidence import Reason
-from surprise.reading import WORLD, Percept
 
 _KEPT = 64  # stamps
 _LATENCY = 0.15  # s after a change of the belief during which percepts may still be from before

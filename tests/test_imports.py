@@ -32,7 +32,7 @@ SHARED_BY_AGENTS = (
     "agents.object_models",
     "agents.recorder",
     "agents.replay.source",
-    "agents.scenario.format",
+    "agents.scenario.format.scenario",
     "agents.segments",
     "agents.stillness",
     "agents.urdf_elements",
@@ -54,7 +54,7 @@ LAYERS = (
     "dsr.worlds.filters dsr.worlds.hosting",
     "dsr.persistence dsr.runtime",
     "dsr.timeline",
-    "dsr.spatial dsr.visibility",
+    "dsr.spatial dsr.visibility dsr.perception",
     "dsr.imagining dsr.security",
     "dsr.connect",
     "dsr.runtime.agent_process dsr.runtime.supervised dsr.runtime.launcher",
@@ -72,6 +72,10 @@ LAYERS = (
     "simulation_handler.belief",
     "simulation_handler.graph_io",
     "simulation_handler.agent",
+    "agents.scenario.format agents.calibrator.solve",
+    "agents.scenario.truth agents.calibrator.watch",
+    "agents.scenario.judge",
+    "agents.scenario.run agents.scenario.check",
 )
 """From the bottom up: what a module or room is in it may import its own layer and those above it here."""
 TIME = {

@@ -17,7 +17,7 @@ UNSAFE_MODULES = (
 UNSAFE_NAMES = {"eval", "exec", "compile", "__import__"}
 UNSAFE_ATTRIBUTES = {"system", "popen", "load", "loadtxt", "genfromtxt", "fromfile", "fromregex", "memmap"}
 """Of `os` and `numpy`."""
-OWN_CHILDREN = {"agents/scenario/sweep.py", "agents/scenario/sweep_worker.py"}
+OWN_CHILDREN = {"agents/scenario/run/sweep.py", "agents/scenario/run/sweep_worker.py"}
 """Speak with processes that they start themselves, through pipes that nobody else can reach."""
 LOADED_BY_NAME = {"dsr/runtime/system.py", "agents/drivers.py"}
 """May import a module by a name, which comes from a local file or command line."""

@@ -3,25 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterable
 
 from agents.action_inference.observation import Grasp, Holder, Snapshot, Thing
 from dsr.errors import DsrError
+from dsr.frames.tree import WORLD
 from dsr.graph.elements import Node
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
+from dsr.perception.percepts import PerceptReader
 from dsr.vocabulary.calibration import IN_DOUBT
 from dsr.vocabulary.perceived import is_perceived
 from dsr.vocabulary.relations import SURFACES, THINGS
 
-WORLD = "world"
 HOLDERS = ("hand", "gripper")
 """Node types of what can hold a thing."""
 
 _BELOW_TABLES = 0.1  # m
-_MOST_AHEAD = 0.5  # s that a percept's stamp may be ahead of this machine's clock
 
 
 class Reading:
@@ -30,9 +29,9 @@ class Reading:
     def __init__(self, memory: Memory) -> None:
         self._memory = memory
         self._seen: dict[str, Pose] = {}
-        self._used: dict[tuple[str, str], Pose] = {}
+        self._percepts = PerceptReader(memory)
         self._seen_in_doubt: dict[str, bool] = {}
-        self.skipped: Counter[str] = Counter()
+        self.skipped = self._percepts.skipped
         """What could not be used, by reason."""
 
     def snapshot(self, now: float) -> Snapshot:
@@ -47,24 +46,10 @@ class Reading:
     def _read_percepts(self, names: set[str], now: float) -> None:
         """Take in what cameras have seen since the last look."""
         self._seen = {name: pose for name, pose in self._seen.items() if name in names}
-        self._used = {key: pose for key, pose in self._used.items() if key[1] in names}
         self._seen_in_doubt = {name: doubt for name, doubt in self._seen_in_doubt.items() if name in names}
-        for camera in self._memory.nodes("camera"):
-            for edge in self._memory.edges("RT", src=camera.name):
-                pose = edge.get("pose")
-                if edge.dst not in names or pose is None or self._used.get((edge.src, edge.dst)) is pose:
-                    continue
-                if pose.stamp > now + _MOST_AHEAD:
-                    self.skipped["percept from the future"] += 1
-                    continue
-                try:
-                    world_from_camera = self._memory.transform(WORLD, camera.name, at=pose.stamp or None)
-                except DsrError:
-                    self.skipped["no chain to the world"] += 1
-                    continue
-                self._used[edge.src, edge.dst] = pose
-                seen = (world_from_camera @ pose).with_stamp(pose.stamp or now)
-                self._take(edge.dst, seen, camera.get("mount") == IN_DOUBT)
+        cameras = {node.name: node.get("mount") == IN_DOUBT for node in self._memory.nodes("camera")}
+        for percept in self._percepts.new(now, names, cameras):
+            self._take(percept.name, percept.pose.with_stamp(percept.stamp), cameras[percept.camera])
 
     def _take(self, name: str, seen: Pose, in_doubt: bool) -> None:
         known = self._seen.get(name)

@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 
 from dsr import Memory, Node
 from dsr.errors import TransformError
+from dsr.frames.tree import WORLD
 from dsr.geometry import own_bounds
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.relations import MODELLED
 
 Array = NDArray[np.float64]
-WORLD = "world"
+
 _ROBOT = ("robot", "body", "arm", "gripper")
 
 

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from agents.calibrator.calibrate import calibrate
 from agents.calibrator.config import CalibratorConfig
-from agents.calibrator.doubt import believed_now
-from agents.calibrator.looking import Looking, can_look
-from agents.calibrator.reporting import encoded, make_report, refusal, tell
-from agents.calibrator.undoing import taken_back
-from agents.calibrator.views import WORLD, Views, only_camera
-from agents.calibrator.watch import Watch
+from agents.calibrator.solve.calibrate import calibrate
+from agents.calibrator.solve.reporting import encoded, make_report, refusal, tell
+from agents.calibrator.watch.doubt import believed_now
+from agents.calibrator.watch.looking import Looking, can_look
+from agents.calibrator.watch.undoing import taken_back
+from agents.calibrator.watch.views import Views, only_camera
+from agents.calibrator.watch.watch import Watch
 from dsr.agent import Access, Agent
 from dsr.errors import ConfigError
+from dsr.frames.tree import WORLD
 from dsr.graph.elements import Node
 from dsr.timeline import WRITTEN_ATTRIBUTES, WRITTEN_EDGES, WRITTEN_NODES, Chronicle
 from dsr.vocabulary.calibration import (

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from agents.calibrator.calibrate import calibrate
 from agents.calibrator.config import CalibratorConfig
-from agents.calibrator.reporting import make_report, refusal
-from agents.calibrator.views import Views, only_camera
+from agents.calibrator.solve.calibrate import calibrate
+from agents.calibrator.solve.reporting import make_report, refusal
+from agents.calibrator.watch.views import Views, only_camera
 from agents.replay.source import ReplayedGraph
 from dsr.errors import ConfigError
 from dsr.math3d.transforms import Pose

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import defaultdict
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from typing import ClassVar
 
 import msgspec
 
-from agents.chronicler.company import LAG, Company
-from agents.chronicler.facts import describe_status, ending, participants_of, read_facts, task_of
-from agents.chronicler.keeping import Keeper, newest_status
+from agents.chronicler.facts import Fact, describe_status, ending, participants_of, read_facts, task_of
 from agents.inbox import Inbox
 from dsr.agent import Access, Agent
 from dsr.errors import WireError
 from dsr.graph.elements import Node
-from dsr.runtime.status import State, Status, decode_status
+from dsr.memory import Memory
+from dsr.runtime.status import SILENT_AFTER, State, Status, decode_status
 from dsr.timeline import (
     ACTION,
     AGENT,
@@ -23,13 +23,157 @@ from dsr.timeline import (
     OBJECTS,
     PRESENT,
     RELATIONS,
+    SITUATION,
     SURPRISING,
     WRITTEN_ATTRIBUTES,
     WRITTEN_EDGES,
     WRITTEN_NODES,
     Chronicle,
+    Entry,
     Retention,
+    is_keyed,
 )
+
+_LAG = 1.0
+"""s; what this process never saw hold may be on its way: another writer told it, who heard of it earlier"""
+
+
+class Keeper:
+    """Begins what holds and is not open, and ends what is open and does not hold.
+
+    It goes by what it finds on the timeline, not by what it did: so it goes on after a restart, and several of them
+    write the same. Situations that were begun twice with different keys are one: the earliest stays.
+
+    Args:
+        memory: the graph.
+        chronicle: where to write.
+        kinds: of the situations to keep; it looks at those only that have a key.
+        ending: tells when (s) and how one ended.
+    """
+
+    def __init__(
+        self,
+        memory: Memory,
+        chronicle: Chronicle,
+        kinds: Collection[str],
+        ending: Callable[[Entry, float], tuple[float, str]],
+        lag: float = _LAG,
+    ) -> None:
+        self._memory = memory
+        self._chronicle = chronicle
+        self._kinds = frozenset(kinds)
+        self._ending = ending
+        self._lag = lag
+        self._known: set[str] = set()
+        self._missed: dict[str, float] = {}
+
+    def update(self, facts: Iterable[Fact], now: float) -> None:
+        """Make the open situations those of `facts` at time `now` (s)."""
+        open_ones = self._open()
+        known = set()
+        for fact in facts:
+            found = open_ones.pop((fact.kind, fact.participants), [])
+            known.add(self._continued(fact, found))
+        left = [entry for entries in open_ones.values() for entry in entries]
+        self._end(left, known, now)
+        self._known = known
+
+    def _open(self) -> dict[tuple[str, tuple[str, ...]], list[Entry]]:
+        found: dict[tuple[str, tuple[str, ...]], list[Entry]] = defaultdict(list)
+        for entry in self._chronicle.query(type=SITUATION, kind=self._kinds, open=True):
+            if is_keyed(entry.name):
+                found[entry.kind, entry.participants].append(entry)
+        return found
+
+    def _continued(self, fact: Fact, found: list[Entry]) -> str:
+        """The name of the situation that a fact is, begun if it is new; `found` are the open ones that it may be."""
+        if fact.is_dated:
+            same = [entry for entry in found if entry.begin == fact.begin]
+            for entry in found:
+                if entry not in same:
+                    self._chronicle.end(entry.name, max(entry.begin, fact.begin))
+        else:
+            same = found
+            for double in found[1:]:
+                self._memory.remove_node(double.name)
+        if same:
+            return same[0].name
+        name = self._chronicle.begin(
+            fact.kind, fact.participants, fact.begin, text=fact.text, source=fact.source, key=fact.key
+        )
+        self._chronicle.resume(name)
+        return name
+
+    def _end(self, left: list[Entry], known: Collection[str], now: float) -> None:
+        """End what does not hold: at once if it was known to, else if it still does not after a while."""
+        missed: dict[str, float] = {}
+        for entry in left:
+            since = missed[entry.name] = self._missed.get(entry.name, now)
+            if entry.name in self._known or now - since >= self._lag:
+                time, outcome = self._ending(entry, since)
+                self._chronicle.end(entry.name, max(time, entry.begin), outcome=outcome)
+        self._missed = missed
+
+
+def newest_status(entries: Iterable[Entry]) -> Mapping[str, str]:
+    """The status that was told last of each intention or action, by name."""
+    return {entry.participants[0]: str(entry.details.get("status", "")) for entry in entries if entry.participants}
+
+
+LAG = SILENT_AFTER + 2.0
+"""s in which every agent that is at work is heard"""
+_MOST_GONE = 1000
+_ENDED = (State.STOPPED, State.FAILED)
+_Run = tuple[str, str]
+"""(agent, replica id)"""
+
+
+class Company:
+    """Who is at work, and how those ended who are not any more."""
+
+    def __init__(self) -> None:
+        self._begins: dict[_Run, tuple[float, str]] = {}
+        self._heard: dict[_Run, float] = {}
+        self._gone: dict[_Run, tuple[float, str]] = {}
+
+    def hear(self, status: Status, now: float) -> bool:
+        """Take in a status that arrived at time `now` (s); returns whether somebody came or went."""
+        run = (status.agent, status.rid)
+        stamp = min(status.stamp, now) if status.stamp > 0.0 else now
+        if status.state in _ENDED:
+            how = "stopped" if status.state is State.STOPPED else f"failed: {status.last_error}"
+            was_there = run in self._begins
+            self._leave(run, stamp, f"{status.agent} {how}")
+            return was_there
+        for other in [other for other in self._begins if other[0] == status.agent and other != run]:
+            self._leave(other, self._heard[other], f"{status.agent} was started again")
+        started = "started" if status.state is State.STARTING else "is at work"
+        is_new = run not in self._begins
+        self._begins.setdefault(run, (stamp, f"{status.agent} {started}"))
+        self._heard[run] = now
+        return is_new
+
+    def facts(self, now: float) -> Iterator[Fact]:
+        """Those at work at time `now` (s); who was not heard for long is not any more."""
+        for run, heard in list(self._heard.items()):
+            if now - heard > SILENT_AFTER:
+                self._leave(run, heard, f"{run[0]} silent for {SILENT_AFTER:g} s")
+        for run, (begin, text) in self._begins.items():
+            yield Fact(AGENT, run, begin, repr(begin), False, text)
+
+    def ending(self, entry: Entry, now: float) -> tuple[float, str]:
+        """When (s) and how an agent's run ended; of one that never was heard, `now`."""
+        agent, rid = (*entry.participants, "", "")[:2]
+        return self._gone.get((agent, rid), (now, f"{agent} is not heard"))
+
+    def _leave(self, run: _Run, time: float, outcome: str) -> None:
+        self._begins.pop(run, None)
+        self._heard.pop(run, None)
+        self._gone.pop(run, None)
+        self._gone[run] = (time, outcome)
+        if len(self._gone) > _MOST_GONE:
+            del self._gone[next(iter(self._gone))]
+
 
 _MOST_WAITING = 1000
 _PERIOD = 1.0

@@ -8,7 +8,7 @@ import msgspec
 
 from agents.camera_feed import CameraFeed
 from agents.drivers import CameraDriver, make_driver
-from agents.scenario.format import CameraSpec, load_scenario
+from agents.scenario.format.scenario import CameraSpec, load_scenario
 from dsr.agent import Access, Agent
 from dsr.errors import ConfigError
 from dsr.vocabulary.intrinsics import INTRINSICS

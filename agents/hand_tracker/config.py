@@ -37,7 +37,7 @@ class SkinModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Smoothing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The One-Euro filters of positions and rotations (see smoothing.py)."""
+    """The One-Euro filters of positions and rotations."""
 
     cutoff: Positive = 1.5
     """Hz, of what does not move"""

@@ -12,7 +12,7 @@ from typing import Any
 from agents.plant.camera import Illusion
 from agents.plant.stage import Grip, Stage
 from agents.plant.world import STEP, upright, yaw_of
-from agents.scenario.format import (
+from agents.scenario.format.scenario import (
     ArmError,
     CameraBump,
     CameraCover,

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.scenario.format import SensorSpec
+from agents.scenario.format.scenario import SensorSpec
 from dsr.vocabulary.intrinsics import Intrinsics
 
 BASELINE = 0.055

@@ -8,7 +8,7 @@ from agents.plant.moves import Move, Steps
 from agents.plant.persons import Person, gaze
 from agents.plant.stage import Stage
 from agents.plant.world import STEP
-from agents.scenario.format import Event, PersonEnter, PersonLeave, PersonTurn, PersonWalk
+from agents.scenario.format.scenario import Event, PersonEnter, PersonLeave, PersonTurn, PersonWalk
 from dsr.errors import ConfigError
 from dsr.math3d.transforms import Pose, interpolate
 

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from agents.drivers import PersonReading, PersonReadings
-from agents.scenario.format import PersonSpec
+from agents.scenario.format.scenario import PersonSpec
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose

@@ -19,7 +19,7 @@ from agents.plant.messages import (
 )
 from agents.plant.reality import Reality
 from agents.plant.world import RATE_HZ, STEP
-from agents.scenario.format import decode_start, load_scenario, start_key
+from agents.scenario.format.scenario import decode_start, load_scenario, start_key
 from dsr.agent import Agent
 from dsr.errors import WireError
 from dsr.images.blobs import frame_chunks

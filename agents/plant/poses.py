@@ -14,7 +14,7 @@ from agents.plant.hands import Hands
 from agents.plant.messages import seven
 from agents.plant.tags import TAG_RATIO
 from agents.plant.world import World
-from agents.scenario.format import ObjectSpec
+from agents.scenario.format.scenario import ObjectSpec
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.surfaces import seen_alone
 from dsr.math3d.transforms import Pose

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.drivers import ArmState, HandReadings, PersonReadings, TagReadings
-from agents.plant.arm import Arm
-from agents.plant.arm_error import displaced
+from agents.plant.arm import Arm, displaced
 from agents.plant.bullet import Bullet
 from agents.plant.camera import Camera
 from agents.plant.config import PlantConfig
@@ -25,7 +24,7 @@ from agents.plant.poses import read_tags, recognisable
 from agents.plant.renderer import Renderer
 from agents.plant.stage import Stage
 from agents.plant.world import World
-from agents.scenario.format import CameraSpec, Scenario, start_poses
+from agents.scenario.format.scenario import CameraSpec, Scenario, start_poses
 from dsr.images.blobs import Frame
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.intrinsics import Intrinsics

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from pathlib import Path
 from typing import ClassVar
@@ -9,15 +10,50 @@ from typing import ClassVar
 import msgspec
 
 from agents.inbox import Inbox, Message
-from agents.recorder.channels import SNAPSHOT
+from agents.recorder.channels import MESH, SNAPSHOT
 from agents.recorder.images import pack
 from agents.recorder.mcap_file import Record, RecordingWriter
-from agents.recorder.meshes import MeshRecorder
 from agents.recorder.reader import FILE_NAME
 from agents.segments import next_segment
 from dsr.agent import Access, Agent
-from dsr.errors import ConfigError, WireError
+from dsr.errors import ConfigError, SchemaError, WireError
+from dsr.geometry import mesh_hashes
 from dsr.images.blobs import decode_frame, encode_frame
+from dsr.memory import Memory
+
+
+class MeshRecorder:
+    """Asks for the meshes of all nodes, and writes them.
+
+    Args:
+        memory: where the nodes are.
+        writer: of the recording.
+    """
+
+    def __init__(self, memory: Memory, writer: RecordingWriter) -> None:
+        self._memory = memory
+        self._writer = writer
+        self._watch = memory.watch(attribute="mesh")
+        self._wanted: set[str] = set()
+        self._written: set[str] = set()
+
+    def update(self, now: float) -> None:
+        """Write what has come by `now` (s); what nobody has yet is asked for again, less and less often."""
+        for change in self._watch.poll():
+            node = self._memory.get_node(change.name) if change.element == "node" else None
+            with contextlib.suppress(SchemaError):  # what it says are no hashes
+                self._wanted.update({} if node is None else set(mesh_hashes(node)) - self._written)
+        for hash in sorted(self._wanted):
+            mesh = self._memory.get_mesh(hash)
+            if mesh is not None:
+                self._writer.write(Record(now, MESH, bytes(mesh.data)))
+                self._wanted.discard(hash)
+                self._written.add(hash)
+
+    def close(self) -> None:
+        """Watch no more."""
+        self._watch.close()
+
 
 ABOUT = "agents"
 """Name of the metadata that hold the configurations of the agents of the run, as JSON by agent."""

@@ -10,10 +10,9 @@ import msgspec
 import typer
 from rich.progress import Progress
 
-from agents.replay.compare import Outcome
+from agents.replay.compare import Outcome, show, to_json
 from agents.replay.control import Controls, parse_command, send
 from agents.replay.player import Player
-from agents.replay.report import show, to_json
 from agents.replay.session import Session
 from agents.replay.source import ReplayedGraph
 from dsr.cli.common import JsonOption, RouterOption, SecurityOption, console, errors, print_json, reading, shown

@@ -12,12 +12,10 @@ import typer
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from agents.replay.asking import TIMES, Asking
 from agents.replay.cli import open_recording
 from agents.replay.control import replayed_time
-from agents.replay.history import history_of
-from agents.replay.listening import LISTEN, Listener
-from agents.replay.selection import KNOWN_KINDS, Selection
+from agents.replay.listening import LISTEN, Listener, history_of
+from agents.replay.selection import KNOWN_KINDS, TIMES, Asking, Selection
 from dsr.cli.common import (
     GraphOption,
     JsonOption,

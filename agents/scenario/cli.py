@@ -16,15 +16,15 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from agents.scenario.file_check import Findings, look_through, show_all, show_doubts
-from agents.scenario.format import load_scenario, scenario_files
+from agents.scenario.check.file_check import Findings, look_through, show_all, show_doubts
+from agents.scenario.check.truth_report import truth
+from agents.scenario.format.scenario import load_scenario, scenario_files
+from agents.scenario.judge.result import write_result
 from agents.scenario.options import SensorChoice, check_writable
-from agents.scenario.report import ProgressBar, show_result
-from agents.scenario.result import write_result
-from agents.scenario.runner import run_live, run_lockstep
-from agents.scenario.staging import make_run
+from agents.scenario.run.report import ProgressBar, show_result
+from agents.scenario.run.runner import run_live, run_lockstep
+from agents.scenario.run.staging import make_run
 from agents.scenario.sweep_cli import sweep
-from agents.scenario.truth_cli import truth
 from dsr.cli.common import JsonOption, console, new_run_folder, print_json
 from dsr.errors import ConfigError
 

@@ -13,14 +13,14 @@ from typing import Annotated
 import msgspec
 import typer
 
-from agents.scenario.file_check import show_all
-from agents.scenario.format import find_scenario, load_scenario
+from agents.scenario.check.file_check import show_all
+from agents.scenario.format.scenario import find_scenario, load_scenario
 from agents.scenario.options import SensorChoice, check_writable
-from agents.scenario.staging import Policy
-from agents.scenario.statistics import Spread, Summary, summarise
-from agents.scenario.sweep import LIMIT, Outcome, Sweep
-from agents.scenario.sweep_report import SweepBar, show_sweep
-from agents.scenario.sweep_worker import Job
+from agents.scenario.run.staging import Policy
+from agents.scenario.run.statistics import Spread, Summary, summarise
+from agents.scenario.run.sweep import LIMIT, Outcome, Sweep
+from agents.scenario.run.sweep_report import SweepBar, show_sweep
+from agents.scenario.run.sweep_worker import Job
 from dsr.cli.common import console
 from dsr.errors import ConfigError
 from dsr.files.private_files import write_json

@@ -6,7 +6,7 @@ from typing import Any
 
 import msgspec
 
-from agents.scenario.format import ObjectSpec, TableSpec, load_scenario
+from agents.scenario.format.scenario import ObjectSpec, TableSpec, load_scenario
 from dsr.agent import Access, Agent
 from dsr.math3d.shapes import to_numbers
 from dsr.math3d.transforms import Pose

@@ -4,27 +4,68 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import msgspec
 
-from agents.spatial_relations.wishes import Wish, make_wish, read_wish
 from dsr.agent import Access, Agent
 from dsr.errors import ConfigError, DsrError, suggest
+from dsr.graph.elements import Node
 from dsr.spatial import (
     EDGE_TYPES,
     EGOCENTRIC,
     QUERY,
     SOURCE,
+    SPATIAL,
     WRITTEN,
     Box,
     Fact,
     Hysteresis,
     Scene,
     View,
+    checked_relations,
     read_scene,
     read_view,
 )
+from dsr.spatial.scene import check_no_view
+from dsr.timeline.entries import split_names
 from dsr.vocabulary.relations import MODELLED, SURFACES, THINGS
+
+
+class Wish(NamedTuple):
+    """Edges that somebody wants."""
+
+    relations: tuple[str, ...]
+    """Some of `SPATIAL`."""
+    things: frozenset[str] | None
+    """Names of the sources; None for all things."""
+    others: frozenset[str] | None
+    """Names of the destinations, likewise."""
+    viewpoint: str
+    """Name of the frame; empty for none."""
+
+
+def make_wish(relations: str, things: str, others: str, viewpoint: str) -> Wish:
+    """The wish that these lists of names, comma-separated, amount to. Raises `ConfigError`."""
+    names = checked_relations(split_names(relations))
+    if not names:
+        raise ConfigError(f"no relation is named; some of {', '.join(SPATIAL)} are expected")
+    if not viewpoint:
+        check_no_view(names, "name a viewpoint")
+    return Wish(names, _names(things), _names(others), viewpoint)
+
+
+def read_wish(node: Node) -> Wish:
+    """The wish of a request. Raises `ConfigError`."""
+    relations, things, others, viewpoint = (
+        str(node.get(name, "")) for name in ("relations", "things", "others", "viewpoint")
+    )
+    return make_wish(relations, things, others, viewpoint)
+
+
+def _names(text: str) -> frozenset[str] | None:
+    return frozenset(split_names(text)) or None
+
 
 Seen = tuple[Fact, str]
 """A relation, and the viewpoint from which it is so; empty for none."""

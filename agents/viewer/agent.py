@@ -18,11 +18,9 @@ from agents.viewer.chronicle import ChronicleView
 from agents.viewer.events import EventView
 from agents.viewer.graph_view import GraphView
 from agents.viewer.images import ImageView
-from agents.viewer.meshes import MeshView
 from agents.viewer.mind import MindView
 from agents.viewer.model import read_scene
-from agents.viewer.persons import PersonView
-from agents.viewer.scene import SceneView
+from agents.viewer.scene import MeshView, PersonView, SceneView
 from agents.viewer.series import SeriesView
 from agents.viewer.topology_view import TopologyView
 from agents.viewer.window import Window, WindowError

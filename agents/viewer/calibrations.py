@@ -9,10 +9,11 @@ import numpy as np
 import rerun as rr
 
 from agents.viewer import palette
-from agents.viewer.model import WORLD, Camera, Place, place_of
+from agents.viewer.model import Camera, Place, place_of
 from agents.viewer.scene import ENTITY, pinhole, transform
 from agents.viewer.texts import markdown
 from dsr import Change, Memory, Pose, TransformError
+from dsr.frames.tree import WORLD
 from dsr.timeline import EVENT, read_entry
 from dsr.vocabulary.calibration import CALIBRATED, CALIBRATION, STEADY, Report, read_report
 

@@ -7,10 +7,10 @@ from collections.abc import Iterable
 import msgspec
 
 from dsr import Memory, Node, Pose, TransformError
+from dsr.frames.tree import WORLD
 from dsr.vocabulary.intrinsics import Intrinsics, read_intrinsics
 from dsr.vocabulary.relations import THINGS
 
-WORLD = "world"
 OBJECT_TYPES = (*THINGS, "hand", "finger")
 BELIEF_FIRST = ("Virtual_RT", "RT")
 _BODY_TYPES = ("robot", "arm", "body", "gripper")

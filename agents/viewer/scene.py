@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable
 from typing import Any
 
 import msgspec
@@ -11,10 +11,15 @@ import numpy as np
 import rerun as rr
 
 from agents.viewer import palette
-from agents.viewer.model import Camera, Gripper, Place, Scene, Solid, Vector, moved
+from agents.viewer.model import BELIEF_FIRST, Camera, Gripper, Place, Scene, Solid, Vector, moved, place_of
 from agents.viewer.palette import Color
-from dsr import Pose
+from dsr import Change, Memory, Mesh, Node, Pose, SchemaError, TransformError
+from dsr.frames.tree import WORLD
+from dsr.geometry import mesh_hashes
+from dsr.visibility import PERSON
+from dsr.visibility.persons import HEAD, TRUNK, upright
 from dsr.vocabulary.intrinsics import Intrinsics
+from dsr.vocabulary.perceived import is_perceived
 
 ENTITY = "world"
 _LINK_RADIUS = 0.038  # m, as all lengths below
@@ -191,3 +196,151 @@ def _axes(frames: list[Place]) -> rr.Arrows3D:
         colors=list(palette.AXES) * len(frames),
         radii=[0.0015] * (3 * len(frames)),
     )
+
+
+PERSONS = f"{ENTITY}/persons"
+_GAZE = 0.3  # m
+_ROUNDED = 3  # digits of m, and of quaternions: heads are never still
+
+
+class Shown(msgspec.Struct, frozen=True):
+    """A person who is there."""
+
+    name: str
+    eyes: Place
+    body: tuple[Solid, ...]
+
+
+class PersonView:
+    """Logs all persons who are there, when something has changed."""
+
+    def __init__(self, recording: rr.RecordingStream) -> None:
+        self._recording = recording
+        self._shown: list[Shown] = []
+
+    def draw(self, memory: Memory) -> None:
+        """Log them if they are not as they were."""
+        persons = read_persons(memory)
+        if persons == self._shown:
+            return
+        self._shown = persons
+        boxes = [solid for person in persons for solid in person.body]
+        self._recording.log(
+            PERSONS,
+            rr.Boxes3D(
+                centers=np.array([solid.place.translation for solid in boxes]).reshape(-1, 3),
+                sizes=np.array([solid.size for solid in boxes]).reshape(-1, 3),
+                quaternions=np.array([solid.place.rotation for solid in boxes]).reshape(-1, 4),
+                labels=[solid.name for solid in boxes],
+                colors=[palette.of_node(PERSON)] * len(boxes),
+                radii=[0.002] * len(boxes),
+                fill_mode="majorwireframe",
+            ),
+        )
+        gazes = [moved(person.eyes, (_GAZE, 0.0, 0.0)).translation for person in persons]
+        eyes = np.array([person.eyes.translation for person in persons]).reshape(-1, 3)
+        self._recording.log(
+            f"{PERSONS}/gazes",
+            rr.Arrows3D(
+                origins=eyes,
+                vectors=np.array(gazes).reshape(-1, 3) - eyes,
+                colors=[palette.of_node(PERSON)] * len(persons),
+                radii=[0.004] * len(persons),
+            ),
+        )
+
+
+def read_persons(memory: Memory) -> list[Shown]:
+    """Those who are perceived now and of whom it is known where, by name."""
+    found = []
+    for node in sorted(memory.nodes(PERSON), key=lambda node: node.name):
+        if not is_perceived(node, memory.clock.now()):
+            continue
+        try:
+            pose = memory.transform(WORLD, node.name, types=BELIEF_FIRST)
+        except TransformError:
+            continue
+        eyes = _rounded(pose)
+        shoulders = _rounded(Pose.from_matrix(upright(pose.matrix)))
+        frames = ((eyes, HEAD, node.name), (shoulders, TRUNK, ""))
+        body = (
+            Solid(name, PERSON, moved(frame, part.position), part.size)
+            for frame, shape, name in frames
+            for part in shape
+        )
+        found.append(Shown(node.name, eyes, tuple(body)))
+    return found
+
+
+def _rounded(pose: Pose) -> Place:
+    x, y, z = (round(number, _ROUNDED) for number in pose.t)
+    a, b, c, d = (round(number, _ROUNDED) for number in pose.q)
+    return place_of(Pose((x, y, z), (a, b, c, d)))
+
+
+MESHES = f"{ENTITY}/meshes"
+
+
+class MeshView:
+    """Logs the meshes of nodes as soon as they are here."""
+
+    def __init__(self, recording: rr.RecordingStream, memory: Memory) -> None:
+        self._recording = recording
+        self._memory = memory
+        self._names: set[str] = set()
+        self._drawn: dict[str, tuple[tuple[str, ...], Color]] = {}
+        self._places: dict[str, Place] = {}
+
+    def draw(self, changes: Iterable[Change]) -> set[str]:
+        """Log what is not as it was before; returns the names of the nodes whose meshes are shown."""
+        for name in {change.name for change in changes if change.element == "node"}:
+            node = self._memory.get_node(name)
+            if node is not None and "mesh" in node:
+                self._names.add(name)
+            else:
+                self._names.discard(name)
+        for name in sorted(self._drawn.keys() - self._names):
+            self._clear(name)
+        for name in sorted(self._names):
+            self._draw(self._memory.get_node(name))
+        return set(self._places)
+
+    def _draw(self, node: Node | None) -> None:
+        if node is None:
+            return
+        try:
+            place = place_of(self._memory.transform(WORLD, node.name, types=BELIEF_FIRST))
+            hashes = mesh_hashes(node)
+        except (SchemaError, TransformError):
+            self._clear(node.name)
+            return
+        look = (hashes, _color(node))
+        if look != self._drawn.get(node.name):
+            meshes = [mesh for hash in hashes if (mesh := self._memory.get_mesh(hash)) is not None]
+            if len(meshes) < len(hashes):
+                return
+            self._clear(node.name)
+            for number, mesh in enumerate(meshes):
+                self._recording.log(f"{MESHES}/{node.name}/{number}", drawing(mesh, look[1]))
+            self._drawn[node.name] = look
+        if self._places.get(node.name) != place:
+            self._places[node.name] = place
+            self._recording.log(f"{MESHES}/{node.name}", transform(place))
+
+    def _clear(self, name: str) -> None:
+        if self._drawn.pop(name, None) is not None:
+            self._recording.log(f"{MESHES}/{name}", rr.Clear(recursive=True))
+        self._places.pop(name, None)
+
+
+def drawing(mesh: Mesh, color: Color) -> rr.Mesh3D:
+    """A mesh in one colour, shaded by the way its triangles face."""
+    return rr.Mesh3D(vertex_positions=mesh.vertices, triangle_indices=mesh.triangles, albedo_factor=color)
+
+
+def _color(node: Node) -> Color:
+    color = node.get("color")
+    if isinstance(color, tuple) and len(color) == 3:
+        red, green, blue = (round(255 * min(max(part, 0.0), 1.0)) for part in color)
+        return red, green, blue
+    return palette.of_node(node.type)

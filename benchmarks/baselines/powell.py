@@ -8,8 +8,8 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from agents.calibrator.estimate import Estimate, equation_1
-from agents.calibrator.problem import Problem
+from agents.calibrator.solve.estimate import Estimate, equation_1
+from agents.calibrator.solve.problem import Problem
 from dsr.math3d.transforms import Array
 
 Values = np.ndarray[tuple[int], np.dtype[np.float64]]

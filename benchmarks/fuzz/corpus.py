@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from agents.drivers import ArmState, TagReading, TagReadings
 from agents.plant.messages import Follow, MoveGripper, MoveJoints, Stop, Truth
-from agents.scenario.format import Start
+from agents.scenario.format.scenario import Start
 from dsr import Pose
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Delta

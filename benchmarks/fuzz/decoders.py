@@ -14,8 +14,8 @@ import msgpack
 
 from agents.plant.messages import decode_arm_state, decode_command, decode_tag_readings
 from agents.recorder.images import unpack
-from agents.scenario.format import decode_start
-from agents.scenario.truth import decode_truth
+from agents.scenario.format.scenario import decode_start
+from agents.scenario.judge.judge import decode_truth
 from benchmarks.fuzz import corpus
 from benchmarks.fuzz.mutations import Dump, Load, Mutator, dump_frame, dump_json, load_frame, load_messagepack
 from benchmarks.fuzz.tally import Tally, measured, write_file

@@ -17,6 +17,9 @@ from dsr.frames.frame_chain import Chain, Dependency, Find, Link, Links, Newest,
 from dsr.frames.pose_history import PoseHistory
 from dsr.math3d.transforms import Array, Pose
 
+WORLD = "world"
+"""Name of the frame at the root of all others."""
+
 Types = tuple[str, ...]
 
 _MOST_CHAINS = 4096

@@ -16,17 +16,17 @@ from dsr.crdt.store import Entry, Store
 from dsr.errors import EdgeNotFoundError, NodeNotFoundError, suggest
 from dsr.graph.elements import Edge, Node, key_of, type_of
 from dsr.graph.far_stamps import FarStamps
-from dsr.graph.listener import Listener, NoListener
 from dsr.graph.schema import WORLD_RECORD, Schema
 from dsr.graph.sharing import Groups
 from dsr.graph.stamping import Stamping
+from dsr.graph.watches import Watches
 
 
 class Graph(Stamping):
     """One replica of a graph."""
 
-    def __init__(self, rid: str, schema: Schema | None = None, listener: Listener | None = None) -> None:
-        super().__init__()
+    def __init__(self, rid: str, schema: Schema | None = None, watches: Watches | None = None) -> None:
+        super().__init__(watches or Watches())
         self.rid = rid
         self.schema = schema or Schema()
         self.store = Store(self)
@@ -43,7 +43,6 @@ class Graph(Stamping):
         self.why_empty = ""
         """For people, why it holds nothing."""
         self._unattached: dict[Dot, Entry] = {}
-        self._listener: Listener = listener or NoListener()
         self.counter = 0
         """How many dots were issued here under the replica id."""
 
@@ -209,7 +208,7 @@ class Graph(Stamping):
         elements: list[Node | Edge] = [*self.nodes.values(), *self.edges.values()]
         for element in elements:
             for attribute in element:
-                self._listener.updated(element, attribute)
+                self.watches.updated(element, attribute)
 
     def _rebuild_indexes(self) -> None:
         self.incident, self._unattached = {}, {}
@@ -225,7 +224,7 @@ class Graph(Stamping):
 
     def clear(self) -> None:
         """Hold nothing any more, unless another one still reads from here; the graph must be locked."""
-        if any(fork() is not None for fork in self._forks) or any(overlay() is not None for overlay in self.overlays):
+        if any(fork() is not None for fork in self._forks) or self.watches.overlays:
             return
         self.store = Store(self)
         self.nodes, self.edges = {}, {}
@@ -272,7 +271,7 @@ class Graph(Stamping):
         """Pass on a change of a visible element."""
         element = self._visible(entry.key)
         if element is not None and entry in element._entries:
-            self._listener.updated(element, attribute)
+            self.watches.updated(element, attribute)
 
     def _refresh_node(self, name: str) -> None:
         entries = tuple(self.store.by_key.get(name, {}).values())
@@ -284,34 +283,34 @@ class Graph(Stamping):
         elif old is not None:
             del self.nodes[name]
             del self.nodes_by_type[old.type][name]
-            self._listener.removed(old)
+            self.watches.removed(old)
         elif entries:
             node = self.nodes[name] = Node(name, entries)
             self.nodes_by_type.setdefault(node.type, {})[name] = node
-            self._listener.added(node)
+            self.watches.added(node)
 
     def _change_node(self, node: Node, entries: tuple[Entry, ...]) -> None:
-        """Another incarnation came or went; for the listener, a node of another type is another node."""
+        """Another incarnation came or went; for watches, a node of another type is another node."""
         type = type_of(entries)
         if type == node.type:
             self._change_incarnations(node, entries)
             return
         del self.nodes_by_type[node.type][node.name]
-        self._listener.removed(node)
+        self.watches.removed(node)
         node._entries = entries
         self.nodes_by_type.setdefault(type, {})[node.name] = node
-        self._listener.added(node)
+        self.watches.added(node)
 
     def _change_incarnations(self, element: Node | Edge, entries: tuple[Entry, ...]) -> None:
         """Another incarnation of a visible element came or went: its values may be others now."""
         before = dict(element)
         others = element._entries != entries
         element._entries = entries
-        if others and self.overlays:
-            self.incarnations_changed(element)
+        if others:
+            self.watches.incarnations_changed(element)
         for attribute in before.keys() | set(element):
             if before.get(attribute) is not element.get(attribute):
-                self._listener.updated(element, attribute)
+                self.watches.updated(element, attribute)
 
     def _refresh_edges_at(self, name: str) -> None:
         for key in list(self.incident.get(name, ())):
@@ -331,12 +330,12 @@ class Graph(Stamping):
                 if not index[name]:
                     del index[name]
             del self.edges[key]
-            self._listener.removed(old)
+            self.watches.removed(old)
         elif entries:
             edge = self.edges[key] = Edge(key, entries)
             for index, name in self._edge_indexes(key):
                 index.setdefault(name, {})[key] = edge
-            self._listener.added(edge)
+            self.watches.added(edge)
 
     def _edge_indexes(self, key: EdgeKey) -> list[tuple[Groups[EdgeKey, Edge], str]]:
         return [(self.edges_out, key[0]), (self.edges_in, key[1]), (self.edges_by_type, key[2])]

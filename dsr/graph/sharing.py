@@ -10,6 +10,7 @@ from dsr.crdt.context import Dot
 from dsr.crdt.delta import EdgeKey, Key
 from dsr.crdt.store import Entry, Observer, Store
 from dsr.graph.elements import Edge, Node
+from dsr.graph.watches import Watches
 
 _HANDLES_LAST = 200
 """Polls (10 s of threads) for which forks and overlays keep what they made to be read."""
@@ -27,13 +28,6 @@ class Fork(Protocol):
         """The other graph is about to change this element: keep it as it is."""
 
 
-class LooksThrough(Protocol):
-    """A graph that shows another one's elements, live."""
-
-    def below_has_others(self, element: Node | Edge) -> None:
-        """Other incarnations of an element of the other graph are seen there now."""
-
-
 class Sharing(Observer):
     """Base of `Graph`."""
 
@@ -41,10 +35,10 @@ class Sharing(Observer):
     nodes: MutableMapping[str, Node]
     edges: MutableMapping[EdgeKey, Edge]
 
-    def __init__(self) -> None:
+    def __init__(self, watches: Watches) -> None:
+        self.watches = watches
+        """Told about every visible change, local or remote."""
         self._forks: list[weakref.ref[Fork]] = []
-        self.overlays: list[weakref.ref[LooksThrough]] = []
-        """Graphs that look through to this one, live."""
         self._polls = 0
 
     def share_with(self, fork: Fork) -> None:
@@ -66,13 +60,6 @@ class Sharing(Observer):
         """Whether it is clear what became of what was created under `dot`."""
         return dot in self.store.context
 
-    def incarnations_changed(self, element: Node | Edge) -> None:
-        """Tell the overlays."""
-        for reference in self.overlays:
-            overlay = reference()
-            if overlay is not None:
-                overlay.below_has_others(element)
-
     def forget_handles(self) -> None:
         """Give back what only makes reading again faster."""
 
@@ -83,8 +70,7 @@ class Sharing(Observer):
             self.forget_handles()
         if self._forks and any(fork() is None for fork in self._forks):
             self.release(None)
-        if self.overlays and any(overlay() is None for overlay in self.overlays):
-            self.overlays = [overlay for overlay in self.overlays if overlay() is not None]
+        self.watches.tidy()
 
     def before_change(self, key: Key) -> None:
         """Let the forks keep what is about to change."""

@@ -6,7 +6,8 @@ import math
 from collections.abc import Iterator, Mapping
 
 from dsr.errors import ConfigError, ImaginationError, TransformError, suggest
-from dsr.imagining.scenes import BELIEVED, IMPRECISE, WORLD, differences, keep, place_of, surface_below
+from dsr.frames.tree import WORLD
+from dsr.imagining.scenes import BELIEVED, IMPRECISE, differences, keep, place_of, surface_below
 from dsr.imagining.thinking import Thought
 from dsr.math3d.quaternions import from_rotvec, rotate
 from dsr.math3d.transforms import Pose

@@ -6,6 +6,7 @@ from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
 from dsr.errors import SchemaError, TransformError
+from dsr.frames.tree import WORLD
 from dsr.graph.elements import Node
 from dsr.math3d.shapes import from_numbers
 from dsr.math3d.transforms import Pose
@@ -13,7 +14,6 @@ from dsr.memory import Memory
 from dsr.vocabulary.relations import SURFACES, THINGS
 from dsr.vocabulary.what_if import Answer, Change
 
-WORLD = "world"
 IMAGINED = "imagination"
 """`source` of edges `on` that follow from what was imagined."""
 IMPRECISE = (0.006, 0.004)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from dsr.errors import ConfigError, TransformError, suggest
+from dsr.frames.tree import WORLD
 from dsr.geometry import own_bounds
 from dsr.graph.elements import Node
 from dsr.math3d.quaternions import Vector3
@@ -16,7 +17,6 @@ from dsr.spatial.boxes import Box
 from dsr.spatial.definitions import ALLOCENTRIC, EGOCENTRIC, SPATIAL, View, margin
 from dsr.vocabulary.relations import MODELLED, SURFACES, THINGS
 
-WORLD = "world"
 _BELIEVED = ("Virtual_RT", "RT")
 _THINNEST = 1e-4  # m, of what is flat
 

@@ -195,7 +195,7 @@ class WorldAccess(OpenWorld, Generic[World]):
         with self._replica.lock:
             self._graph.clear()
             self._graph.why_empty = f"world {self.world_name!r} was deleted"
-            self._followers.frames = self._frames = FrameTree()
+            self._watches.frames = self._frames = FrameTree()
 
     def move(self, keys: Keys) -> None:
         """Go on meeting the other replicas of this world under other keys; called by what keeps the list of worlds."""

@@ -15,7 +15,7 @@ from dsr.crdt.delta import EdgeKey, Key
 from dsr.crdt.store import Entry
 from dsr.graph.elements import Edge, Node
 from dsr.graph.graph import Graph
-from dsr.graph.listener import Listener
+from dsr.graph.watches import Watches
 from dsr.worlds.handles import SharedEdge, SharedNode
 from dsr.worlds.tables import ByKey, Elements, Entries, Groups, Taken
 
@@ -28,11 +28,11 @@ class ForkedGraph(Graph):
     Args:
         rid: id of the replica, unlike any that ever wrote into the parent.
         parent: the graph to begin as; it must be locked.
-        listener: told about changes; it is taken to know what the fork begins with.
+        watches: told about changes; it is taken to know what the fork begins with.
     """
 
-    def __init__(self, rid: str, parent: Graph, listener: Listener | None = None) -> None:
-        super().__init__(rid, parent.schema, listener)
+    def __init__(self, rid: str, parent: Graph, watches: Watches | None = None) -> None:
+        super().__init__(rid, parent.schema, watches)
         self.parent: Graph | None = parent
         """None once nothing is read from it any more."""
         self._taken: Taken = {}

@@ -8,15 +8,14 @@ not arrived waits, and takes no part in the fingerprint: streams may make one he
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Protocol
 
 from dsr.crdt.context import Dot
 from dsr.crdt.delta import Add, Delta, Write
 from dsr.crdt.store import Entry, Observer, Store
 
 
-class LayerObserver(Protocol):
-    """What an overlay's graph is told besides what every graph is."""
+class LayerObserver(Observer):
+    """Told about every effective change of a layer."""
 
     def hidden(self, dot: Dot) -> None:
         """What the parent holds under `dot` is not to be seen any more."""
@@ -30,7 +29,6 @@ class Layer(Store):
 
     Args:
         observer: told about changes.
-        told: the same, about what only overlays know.
         below: tells the entry of the parent under a creation dot.
         known_below: tells whether it is clear what became of such a dot.
     """
@@ -38,17 +36,17 @@ class Layer(Store):
     bounds_gaps = False
     """Each element of the parent that is hidden may make one."""
 
+    _observer: LayerObserver
+
     def __init__(
         self,
-        observer: Observer,
-        told: LayerObserver,
+        observer: LayerObserver,
         below: Callable[[Dot], Entry | None],
         known_below: Callable[[Dot], bool],
     ) -> None:
         super().__init__(observer)
         self.patches: dict[Dot, Entry] = {}
         """What is said of elements of the parent, by creation dot."""
-        self._told = told
         self._below = below
         self._known_below = known_below
 
@@ -56,7 +54,7 @@ class Layer(Store):
         """See `Store.join`."""
         super().join(delta)
         if delta.live is not None:
-            self._told.replied()
+            self._observer.replied()
 
     def find(self, dot: Dot) -> Entry | None:
         """See `Store.find`."""
@@ -102,7 +100,7 @@ class Layer(Store):
             self._leave_order(dot)
         super()._remove(dot)
         if not own:
-            self._told.hidden(dot)
+            self._observer.hidden(dot)
 
     def rebuild(self) -> None:
         """See `Store.rebuild`."""

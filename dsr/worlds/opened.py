@@ -14,9 +14,9 @@ from dsr.crdt.delta import Delta
 from dsr.errors import TransportError, WorldError, WorldNotFoundError, suggest
 from dsr.frames.tree import FrameTree
 from dsr.graph.elements import Node
-from dsr.graph.followers import Followers
 from dsr.graph.graph import Graph
 from dsr.graph.schema import Schema
+from dsr.graph.watches import Watches
 from dsr.network.keys import BASE, Keys, check_name
 from dsr.network.transport import Transport
 from dsr.replication.polling import Poller
@@ -60,7 +60,7 @@ class OpenWorld:
     seat: Seat | None
     """What makes it a memory of another world than the base; None for the base."""
     _frames: FrameTree
-    _followers: Followers
+    _watches: Watches
 
     def add_node(self, name: str, type: str, /, **attributes: Any) -> Node:
         """See `Memory.add_node`."""
@@ -110,9 +110,9 @@ class Seat:
         """The keys of the world."""
         return Keys(graph, self.record.info.name, self.record.channel)
 
-    def followers(self) -> Followers:
-        """The listener of the world's graph, which knows what that holds at first."""
-        return Followers(self.worlds.base.schema.geometric, self._frames())
+    def watches(self) -> Watches:
+        """Those over the world's graph, which know what that holds at first."""
+        return Watches(self.worlds.base.schema.geometric, self._frames())
 
     def _frames(self) -> FrameTree | None:
         if self.source is None:
@@ -122,23 +122,23 @@ class Seat:
             return OverlayFrames(self.source._frames)
         return None if isinstance(theirs, Overlay) else ForkedFrames(self.source._frames)
 
-    def graph(self, followers: Followers) -> Graph:
+    def graph(self, watches: Watches) -> Graph:
         """What the world holds at first."""
-        graph = self._begun(followers)
+        graph = self._begun(watches)
         for delta in self.content:
             graph.join(delta, self.worlds.base.clock.now())
         self.content = ()
         return graph
 
-    def _begun(self, followers: Followers) -> Graph:
+    def _begun(self, watches: Watches) -> Graph:
         if self.source is None:
-            return Graph(self.rid, self.worlds.base.schema, followers)
+            return Graph(self.rid, self.worlds.base.schema, watches)
         parent = self.source.replica.graph
-        if isinstance(followers.frames, OverlayFrames):
-            return Overlay(self.rid, parent, self.source._followers, followers, followers.frames)
+        if isinstance(watches.frames, OverlayFrames):
+            return Overlay(self.rid, parent, watches, watches.frames)
         if not isinstance(parent, Overlay):
-            return ForkedGraph(self.rid, parent, followers)
-        graph = Graph(self.rid, parent.schema, followers)
+            return ForkedGraph(self.rid, parent, watches)
+        graph = Graph(self.rid, parent.schema, watches)
         graph.join(parent.flattened(), self.worlds.base.clock.now())
         return graph
 

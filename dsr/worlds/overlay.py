@@ -8,7 +8,6 @@ while both its ends are, here; an edge of the parent is hidden with an end of it
 
 from __future__ import annotations
 
-import weakref
 from collections.abc import Iterable
 from typing import Any
 
@@ -16,35 +15,32 @@ from dsr.crdt.context import Dot
 from dsr.crdt.delta import Add, Delta, EdgeKey, Key
 from dsr.crdt.store import Entry
 from dsr.graph.elements import Edge, Node, key_of
-from dsr.graph.followers import Followers
 from dsr.graph.graph import Graph
+from dsr.graph.watches import Watches
 from dsr.worlds.handles import LayeredEdge, LayeredNode, LiveEdge, LiveNode
-from dsr.worlds.layer import Layer
-from dsr.worlds.link import Link
+from dsr.worlds.layer import Layer, LayerObserver
 from dsr.worlds.overlay_frames import OverlayFrames
 from dsr.worlds.tables import Elements, Groups, Taken
 
 
-class Overlay(Graph):
+class Overlay(Graph, LayerObserver):
     """A replica of an overlay of `parent`, empty at first.
 
     Args:
         rid: id of the replica, unlike any that ever wrote into the parent.
         parent: the graph to look through to; it must be locked, and is locked together with the overlay.
-        told: the parent's listener.
-        listener: the overlay's, with frames that look through to those of `told`.
+        watches: those over the overlay, with `frames`.
+        frames: look through to those of the parent.
     """
 
     store: Layer
 
-    def __init__(self, rid: str, parent: Graph, told: Followers, listener: Followers, frames: OverlayFrames) -> None:
-        super().__init__(rid, parent.schema, listener)
+    def __init__(self, rid: str, parent: Graph, watches: Watches, frames: OverlayFrames) -> None:
+        super().__init__(rid, parent.schema, watches)
         self.parent = parent
         self._frames = frames
         self._clear_tables()
-        parent.overlays.append(weakref.ref(self))
-        self._link = Link(self)
-        told.follow(self._link, [])
+        parent.watches.show_through(self)
 
     def _clear_tables(self) -> None:
         parent = self.parent
@@ -52,7 +48,7 @@ class Overlay(Graph):
         self._taken = taken
         self._types: dict[Key, str] = {}
         """Of what is taken and seen, the type under which it is listed."""
-        self.store = Layer(self, self, parent.element, parent.is_known)
+        self.store = Layer(self, parent.element, parent.is_known)
         self._nodes = self.nodes = Elements(taken, lambda: parent.nodes, LiveNode)
         self._edges = self.edges = Elements(taken, lambda: parent.edges, LiveEdge)
         self.nodes_by_type = Groups(taken, lambda: parent.nodes_by_type, self._nodes)
@@ -69,7 +65,7 @@ class Overlay(Graph):
 
     def clear(self) -> None:
         """See `Graph.clear`."""
-        self._link.close()
+        self.parent.watches.show_no_more(self)
         self.parent = Graph(self.rid, self.schema)
         self._clear_tables()
 
@@ -162,7 +158,7 @@ class Overlay(Graph):
         element = self._visible(key)
         if isinstance(element, LayeredNode | LayeredEdge):
             element.outdate(element._below)
-            self._listener.updated(element, attribute)
+            self.watches.updated(element, attribute)
 
     def hidden(self, dot: Dot) -> None:
         """See `LayerObserver.hidden`."""
@@ -203,7 +199,7 @@ class Overlay(Graph):
         else:
             shown = self._visible(key)
             assert shown is not None
-            self._listener.added(shown)
+            self.watches.added(shown)
         if isinstance(key, str):
             self._refresh_edges_at(key)
 
@@ -214,7 +210,7 @@ class Overlay(Graph):
         if key in self._taken:
             self._refresh(key)
         else:
-            self._listener.removed(element)
+            self.watches.removed(element)
         if isinstance(key, str):
             self._refresh_edges_at(key)
 
@@ -225,7 +221,7 @@ class Overlay(Graph):
         if isinstance(shown, LayeredNode | LayeredEdge) and shown.layer_write(attribute) is not None:
             return
         if shown is not None:
-            self._listener.updated(shown, attribute)
+            self.watches.updated(shown, attribute)
 
     def below_has_others(self, element: Node | Edge) -> None:
         """Other incarnations of an element of the parent are seen there now."""
@@ -242,7 +238,7 @@ class Overlay(Graph):
         new = self._visible(key)
         if new is old and isinstance(new, LayeredNode | LayeredEdge):  # which values come with which incarnation?
             for attribute in sorted(said | new.said()):
-                self._listener.updated(new, attribute)
+                self.watches.updated(new, attribute)
 
     def _outdate(self, element: Node | Edge) -> None:
         """What was listed for readers may be other elements now."""
@@ -270,7 +266,7 @@ class Overlay(Graph):
 
         Args:
             key: of the element.
-            told: tell the listener.
+            told: tell the watches.
             was_below: whether, if it is taken only now, it was seen before as the parent has it.
         """
         old = self._visible(key) if was_below or key in self._taken else None
@@ -320,9 +316,8 @@ class Overlay(Graph):
             self._frames.remove(key[2], key[0], key[1])
 
     def _tell(self, key: Key, old: Any, new: Any, before: dict[str, Any], type: str) -> None:
-        listener = self._listener
         if old is not None and (new is None or new.type != type):
-            listener.removed(old)
+            self.watches.removed(old)
             old = None
             if new is None:
                 if isinstance(key, str):
@@ -331,14 +326,14 @@ class Overlay(Graph):
         if new is None:
             return
         if old is None:
-            listener.added(new)
+            self.watches.added(new)
             if isinstance(key, str):
                 self._refresh_edges_at(key)
             return
         for attribute in sorted(before.keys() | set(new)):
             if before.get(attribute) is not new.get(attribute):
-                listener.updated(new, attribute)
-        self.incarnations_changed(new)
+                self.watches.updated(new, attribute)
+        self.watches.incarnations_changed(new)
 
     # ---- as a whole
 

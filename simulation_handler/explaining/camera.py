@@ -11,6 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from dsr.math3d.quaternions import Quaternion
+from dsr.vocabulary import nats
 from simulation_handler.explaining.hypotheses import Hypothesis
 from simulation_handler.explaining.situation import Seen, Situation
 from simulation_handler.perception.percepts import Array
@@ -20,9 +21,8 @@ FEWEST = 2
 """Objects that must be explained by one motion of the camera, for that to be told from moved objects."""
 
 _ARM = 0.02  # m: an object's rotation counts as much as points that far from its centre
-_AGREES = 8.0  # nats of misfit up to which an object is where the motion would have it
-_NEARLY = 0.03  # m, likewise for a motion that was guessed from a single object
-_TURNED = 0.3  # rad, likewise
+_NEARLY = 0.03  # m up to which an object is where a motion guessed from a single object would have it
+_TURNED = 0.3  # rad up to which it is turned as that motion would have it
 _SURE_OF_ROTATION = 0.75  # rad^2, trace of a rotation's covariance up to which a percept tells it
 _ROUNDS = 4
 _GUESSES = 8  # objects without a rotation, those displaced most, of which any three let a motion be guessed
@@ -93,7 +93,7 @@ def _consensus(situation: Situation, names: Sequence[str], motion: tuple[Array, 
         if len(agreeing) < FEWEST:
             return frozenset()
         rotation, shift = _motion(situation, sorted(agreeing))
-        before, agreeing = agreeing, {n for n in names if _misfit(situation, n, rotation, shift) < _AGREES}
+        before, agreeing = agreeing, {n for n in names if _misfit(situation, n, rotation, shift) < nats.SURPRISING}
         if agreeing == before:
             break
     return frozenset(agreeing)
@@ -129,7 +129,7 @@ def _tells_rotation(situation: Situation, name: str) -> bool:
 
 def _may_agree(situation: Situation, name: str, rotation: Array, shift: Array) -> bool:
     """Whether an object is about where a motion that was guessed from a single object would have it."""
-    if _misfit(situation, name, rotation, shift) < _AGREES:
+    if _misfit(situation, name, rotation, shift) < nats.SURPRISING:
         return True
     shown, believed = situation.seen[name].shown, situation.believed[name]
     position, turned = _moved(shown, rotation, shift)

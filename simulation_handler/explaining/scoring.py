@@ -11,6 +11,7 @@ import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
+from dsr.vocabulary import nats
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.camera import corrected
 from simulation_handler.explaining.drafting import Draft
@@ -19,34 +20,11 @@ from simulation_handler.explaining.situation import THIS_FRAME, Seen, Situation,
 from simulation_handler.perception.sight import Glance
 from simulation_handler.shapes.geometry import Solid
 
-# Nats that are charged for each assumption.
-MOVED = 3.0
-RIDES = 1.0
-PARTED = 4.0
-FROM_ELSEWHERE = 5.0
-AS_PLANNED = 1.0
-HELD = 6.0
-HELD_ON_ITS_WAY = 3.0
-REMOVED = 6.0
-FELL = 9.0
-FELL_IN_VIEW = 4.0
-FELL_ON_FROM_THERE = 5.0
-FALSE_PERCEPT = 3.0
-FALSE_FRAME = 3.0
-CAMERA_MOVED = 6.0
-COINCIDENCE = 6.0
-
 SURE = 0.9
 """Share of a face from which it should be seen."""
 
-_MOST_MISFIT = 20.0  # nats, of one object: beyond, its percept is as good as false
-_MISS = 3.0  # nats for each frame in which something is missing that should be seen
-_MOST_MISSED = 15.0
-_IMPOSSIBLE = 12.0  # nats for something that is seen though it should be hidden
 _FRAMES_PER_SECOND = 10.0
 _HIDDEN = 0.05  # share of a face up to which it cannot be seen
-_RESIDUAL = 8.0  # nats from which an object is still surprising: four standard deviations of one coordinate
-_FALLS_BY_ITSELF = 0.5  # nats for an unseen object that falls because its support is gone
 _SLACK = 0.010  # m, standard deviation of where what is not seen really is, about where a hypothesis says it is
 
 
@@ -74,13 +52,15 @@ def score(situation: Situation, hypothesis: Hypothesis, drafted: Draft, settled:
         if name in hypothesis.kept:
             continue
         if name not in settled:
-            costs[name] = _MOST_MISFIT
+            costs[name] = nats.MOST_MISFIT
             continue
-        costs[name] = min(seen.misfit(settled[name]), _MOST_MISFIT)
+        costs[name] = min(seen.misfit(settled[name]), nats.MOST_MISFIT)
     costs |= _drifting(situation, hypothesis, drafted, settled)
     for name, cost in _visibility(situation, hypothesis, settled).items():
         costs[name] = costs.get(name, 0.0) + cost
-    worst = sorted((name for name, cost in costs.items() if cost > _RESIDUAL), key=lambda name: (-costs[name], name))
+    worst = sorted(
+        (name for name, cost in costs.items() if cost > nats.SURPRISING), key=lambda name: (-costs[name], name)
+    )
     return Score(prior(situation, hypothesis) + sum(costs.values()), tuple(worst))
 
 
@@ -100,8 +80,8 @@ def _drifting(
     def most(name: str) -> float:
         carriers = {*situation.beneath.get(name, ()), *situation.inside.get(name, ())}
         if name in drafted.placements:
-            return _MOST_MISFIT
-        return MOVED if carriers and carriers.isdisjoint(changed) else _FALLS_BY_ITSELF
+            return nats.MOST_MISFIT
+        return nats.MOVED if carriers and carriers.isdisjoint(changed) else nats.LOST_SUPPORT
 
     return {name: min(0.5 * (drift / _SLACK) ** 2, most(name)) for name, drift in drifts.items()}
 
@@ -110,22 +90,22 @@ def prior(situation: Situation, hypothesis: Hypothesis) -> float:
     """Nats for what a hypothesis assumes."""
     cost = sum(_move_prior(situation, move) for move in hypothesis.moves)
     for move in hypothesis.moves:
-        cost += PARTED * len(situation.contents(move.name) - hypothesis.unseen - hypothesis.moved.keys())
-    cost += REMOVED * len(hypothesis.removed)
+        cost += nats.PARTED * len(situation.contents(move.name) - hypothesis.unseen - hypothesis.moved.keys())
+    cost += nats.REMOVED * len(hypothesis.removed)
     for name, direction in hypothesis.fallen:
         if name not in situation.glimpsed:
-            cost += FELL
+            cost += nats.FELL
         elif direction <= FROM_GLIMPSE:
-            cost += FELL_IN_VIEW
+            cost += nats.FELL_IN_VIEW
         else:
-            cost += FELL_ON_FROM_THERE if direction == situation.fall_seen(name) else FELL
+            cost += nats.FELL_ON_FROM_THERE if direction == situation.fall_seen(name) else nats.FELL
     for name in hypothesis.kept:
         frames = max(situation.seen[name].count, situation.evidence * _FRAMES_PER_SECOND)
-        cost += FALSE_PERCEPT + FALSE_FRAME * frames
+        cost += nats.FALSE_PERCEPT + nats.FALSE_FRAME * frames
     if hypothesis.camera_moved:
         here = [name for name in hypothesis.moved if name in situation.believed and not _is_off(situation, name)]
         explained = len(situation.seen.keys() - hypothesis.moved.keys() - hypothesis.kept - situation.sure)
-        cost += CAMERA_MOVED + max(COINCIDENCE, MOVED * explained) * len(here)
+        cost += nats.CAMERA_MOVED + max(nats.COINCIDENCE, nats.MOVED * explained) * len(here)
     return cost
 
 
@@ -136,12 +116,16 @@ def _is_off(situation: Situation, name: str) -> bool:
 
 def _move_prior(situation: Situation, move: Move) -> float:
     companions = situation.companions.get(move.name, frozenset())
-    cost = MOVED + RIDES * len(set(move.riders) - companions) + PARTED * len(companions - set(move.riders))
+    cost = (
+        nats.MOVED
+        + nats.MOVED_ALONG * len(set(move.riders) - companions)
+        + nats.PARTED * len(companions - set(move.riders))
+    )
     for name in move.beneath:
         is_done = name in situation.beneath.get(move.name, ())  # what was put there already moved along, if at all
-        cost += FROM_ELSEWHERE if is_done or (move.name, name) not in situation.planned else AS_PLANNED
+        cost += nats.FROM_ELSEWHERE if is_done or (move.name, name) not in situation.planned else nats.AS_PLANNED
     if move.held:
-        cost += HELD_ON_ITS_WAY if situation.seen[move.name].moving else HELD
+        cost += nats.HELD_ON_ITS_WAY if situation.seen[move.name].moving else nats.HELD
     return cost
 
 
@@ -158,10 +142,10 @@ def _visibility(situation: Situation, hypothesis: Hypothesis, settled: Mapping[s
         if name in situation.seen:
             covered = share <= _HIDDEN and _is_covered(by_camera, settled)
             if covered and name not in hypothesis.kept and situation.seen[name].age < THIS_FRAME:
-                costs[name] = _IMPOSSIBLE
+                costs[name] = nats.SEEN_THOUGH_HIDDEN
         elif share >= SURE and name not in situation.held:
             frames = situation.missing_for.get(name, situation.evidence) * _FRAMES_PER_SECOND
-            costs[name] = min(_MISS * frames, _MOST_MISSED)
+            costs[name] = min(nats.MISSED_FRAME * frames, nats.MOST_MISSED)
     return costs
 
 
@@ -182,7 +166,7 @@ def is_displaced(seen: Seen, solid: Solid, config: BeliefConfig) -> bool:
     if not is_far(seen.percept, solid, config):
         return False
     hovers = abs(solid.position[2] - seen.percept.position[2]) > config.hover_tolerance
-    return hovers or seen.misfit(solid) > _RESIDUAL
+    return hovers or seen.misfit(solid) > nats.SURPRISING
 
 
 def displaced(situation: Situation) -> tuple[str, ...]:

@@ -12,16 +12,18 @@ from typing import Any
 import numpy as np
 
 from dsr.errors import DsrError, SchemaError
-from dsr.graph.elements import Edge, Node
+from dsr.frames.tree import WORLD
+from dsr.graph.elements import Node
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import MOST_PARTS, Shape, bounds, from_numbers
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
+from dsr.perception.percepts import Percept, PerceptReader
 from dsr.vocabulary.calibration import CONFIRMED, IN_DOUBT
 from dsr.vocabulary.intentions import RUNNING
 from dsr.vocabulary.perceived import is_perceived
 from dsr.vocabulary.relations import SURFACES, THINGS
-from simulation_handler.graph_io.recalling import WORLD, Recalling
+from simulation_handler.graph_io.recalling import Recalling
 from simulation_handler.hands.state import HandPercept
 from simulation_handler.motion.holding import Grasp
 from simulation_handler.reasoner import Reasoner
@@ -37,7 +39,6 @@ EXPLAINED = ("cube",)
 """Those of them whose moves are always explained: they may have been part of a tower that nobody sees."""
 _MOST_OFF = 0.001  # m that the bounds of a shape may differ from the size
 _FARTHEST = 100.0  # m from the world's origin that a hand may be
-_MOST_AHEAD = 0.5  # s that a percept's stamp may be ahead of this machine's clock
 
 Properties = tuple[Vector3, float | None, float | None, float | None, Shape]
 """Size (m), mass (kg), friction, rolling friction (m) and shape of an object; None where its node does not say."""
@@ -53,7 +54,7 @@ class Reading:
         self._forms = forms or Forms(memory)
         self._known: dict[str, Properties] = {}
         self._fixed: set[str] = set()
-        self._used: dict[tuple[str, str], float] = {}  # (camera, object) -> stamp of the newest percept taken in
+        self._percepts = PerceptReader(memory)
         self._recalling: Recalling | None = None
         self._recalled: dict[str, float] = {}  # object -> s, until when an earlier run has taken in its percepts
         self.skipped: Counter[str] = Counter()
@@ -77,10 +78,11 @@ class Reading:
         for name, node in present.items():
             with self._skipping(name):
                 self._note_object(node, now)
-        for name in sorted(self._known):
-            for edge in self._memory.edges("RT", dst=name):
-                with self._skipping(name):
-                    self._note_percept(edge, now)
+        for percept in self._percepts.new(now, self._known):
+            with self._skipping(percept.name):
+                self._note_percept(percept)
+        for name, why in self._percepts.problems.items():
+            self._skip(name, why)
         self._belief.flag({name for name in self._known if present[name].get("surprising") is True})
         mounts = {node.name: node.get("mount") for node in self._memory.nodes("camera")}
         in_doubt, standing = ({n for n, mount in mounts.items() if mount == word} for word in (IN_DOUBT, CONFIRMED))
@@ -177,33 +179,19 @@ class Reading:
         elif not known and self._recalling is not None:
             self._recalled[name] = self._recalling.recall(node, now)
 
-    def _note_percept(self, edge: Edge, now: float) -> None:
-        """Take in the pose of an RT edge from a camera, unless it was taken in before, also by an earlier run.
-
-        A stamp of 0 means "always": such an edge is a percept of this moment, whenever that is.
-        """
-        pose = edge.get("pose")
-        if pose is None:
-            return
-        stamp, key = pose.stamp or now, (edge.src, edge.dst)
-        if stamp <= self._used.get(key, -math.inf):
-            return
-        if stamp > now + _MOST_AHEAD:
-            raise SchemaError(f"percept of {edge.dst!r} from {edge.src!r} is stamped {stamp - now:.1f} s ahead")
-        world_from_camera = self._memory.transform(WORLD, edge.src, at=pose.stamp or None)
-        self._used[key] = stamp
-        if stamp <= self._recalled.get(edge.dst, -math.inf):
-            self._belief.recall_seen(edge.dst, world_from_camera @ pose, stamp, edge.src)
-            return
-        self._belief.observe(edge.dst, world_from_camera @ pose, stamp, world_from_camera.t, edge.src)
+    def _note_percept(self, percept: Percept) -> None:
+        """Take in a percept, unless an earlier run has: then only the object and its camera are known by it."""
+        camera, name, stamp, _, _ = percept
+        if stamp <= self._recalled.get(name, -math.inf):
+            self._belief.recall_seen(name, percept.pose, stamp, camera)
+        else:
+            self._belief.observe(name, percept.pose, stamp, percept.eye, camera)
 
     def _forget(self, name: str) -> None:
         self._belief.remove(name)
         self._known.pop(name, None)
         self._recalled.pop(name, None)
         self._fixed.discard(name)
-        for key in [key for key in self._used if key[1] == name]:
-            del self._used[key]
 
     @contextlib.contextmanager
     def _skipping(self, name: str) -> Iterator[None]:
@@ -211,10 +199,13 @@ class Reading:
         try:
             yield
         except (DsrError, ValueError, np.linalg.LinAlgError) as error:
-            self.problems[name] = str(error)
-            self.skipped[name] += 1
-            if self.skipped[name] == 1:
-                self._log.warning("%s cannot be used (logged once): %s", name, error)
+            self._skip(name, str(error))
+
+    def _skip(self, name: str, why: str) -> None:
+        self.problems[name] = why
+        self.skipped[name] += 1
+        if self.skipped[name] == 1:
+            self._log.warning("%s cannot be used (logged once): %s", name, why)
 
 
 def _properties(node: Node, forms: Forms) -> Properties:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from dsr.frames.tree import WORLD
 from dsr.graph.elements import Node
 from dsr.memory import Memory
 from dsr.timeline import EXPLAINED, query
@@ -12,7 +13,6 @@ from simulation_handler.explaining.explainer import EXPLANATION
 from simulation_handler.hands.state import TOUCH, HandGrasp
 from simulation_handler.reasoner import Reasoner
 
-WORLD = "world"
 SOURCES = (CONTACT, EXPLANATION, BOUNDS)
 """Of the relations that the belief writes."""
 

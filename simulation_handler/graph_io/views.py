@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from dsr.errors import DsrError
+from dsr.frames.tree import WORLD
 from dsr.graph.elements import Node
 from dsr.math3d import quaternions
 from dsr.math3d.transforms import Array, Pose
@@ -22,7 +23,6 @@ from dsr.vocabulary.intrinsics import Intrinsics, read_intrinsics
 from dsr.vocabulary.perceived import MOST_SILENT, is_perceived, seconds_unseen
 from dsr.vocabulary.relations import SURFACES, THINGS
 from simulation_handler.graph_io.reading import MODELLED
-from simulation_handler.graph_io.recalling import WORLD
 from simulation_handler.hands.figures import hand_solid
 from simulation_handler.perception.sight import View
 from simulation_handler.shapes.geometry import Solid

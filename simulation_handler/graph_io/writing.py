@@ -7,13 +7,14 @@ import logging
 from collections.abc import Mapping
 
 from dsr.errors import GraphError
+from dsr.frames.tree import WORLD
 from dsr.graph.elements import Edge
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from simulation_handler.contact.relations import CONTACT, Relation
 from simulation_handler.explaining.explainer import EXPLANATION
 from simulation_handler.graph_io.events import Events
-from simulation_handler.graph_io.recalling import SOURCES, WORLD
+from simulation_handler.graph_io.recalling import SOURCES
 from simulation_handler.hands.state import HandGrasp
 from simulation_handler.reasoner import Reasoner
 

@@ -6,11 +6,13 @@ import math
 from collections.abc import Collection, Mapping
 from typing import NamedTuple
 
-from dsr.math3d.quaternions import Vector3
+from dsr.math3d import quaternions
+from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.transforms import Pose
 from simulation_handler.contact.relations import Relation
 from simulation_handler.hands.covering import is_within_reach
 from simulation_handler.hands.state import UNSEEN, Hand
+from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
@@ -76,3 +78,17 @@ def _hovers(item: BelievedObject, now: float) -> bool:
     """Whether an object is seen in the air, and neither falls nor is in a gripper."""
     is_seen = now - item.track.last_stamp <= UNSEEN
     return is_seen and item.hovering_since is not None and not item.holder and not item.path.is_falling
+
+
+_LEVEL, _TILTED = 0.2, 0.4  # rad up to which tilt is the hand's noise, and from which it is all tilt
+
+
+def levelled(solid: Solid) -> Quaternion:
+    """How a solid is turned that seems to be so by its hand: level, where it may be."""
+    flat, tilt = solid.face_down()
+    return quaternions.slerp(flat.rotation, solid.rotation, min(max((tilt - _LEVEL) / (_TILTED - _LEVEL), 0.0), 1.0))
+
+
+def without_yaw(rotation: Quaternion) -> Quaternion:
+    """The tilt of a rotation alone: hands tell less of yaws than what is known of the objects in them."""
+    return quaternions.product(rotation, quaternions.conjugate(quaternions.about_z(rotation)))

@@ -14,10 +14,9 @@ from simulation_handler.contact.containment import Containment, with_contents
 from simulation_handler.contact.placement import separate
 from simulation_handler.contact.relations import Relation
 from simulation_handler.explaining.situation import Look
-from simulation_handler.hands.carrying import Carrying
+from simulation_handler.hands.carrying import Carrying, levelled, without_yaw
 from simulation_handler.hands.contacts import TOUCH_DELAY, Contacts, drops
 from simulation_handler.hands.covering import RESOLVED, Covering
-from simulation_handler.hands.leaning import levelled, without_yaw
 from simulation_handler.hands.left_behind import LeftBehind
 from simulation_handler.hands.state import PINCH, TOUCH, UNSEEN, Hand, HandGrasp, HandPercept
 from simulation_handler.perception.paths import Path, between

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from agents.plant.messages import arm_command_key, arm_state_key, decode_arm_state, decode_command, readings_key
 from agents.plant.messages import decode_tag_readings as decode_readings
-from agents.scenario.format import decode_start, start_key
-from agents.scenario.staging import make_run, staged_system
-from agents.scenario.truth import decode_truth
+from agents.scenario.format.scenario import decode_start, start_key
+from agents.scenario.judge.judge import decode_truth
+from agents.scenario.run.staging import make_run, staged_system
 from benchmarks.fuzz import corpus
 from benchmarks.fuzz.mutations import Mutator
 from dsr.errors import WireError

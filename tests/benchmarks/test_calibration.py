@@ -11,7 +11,7 @@ import pytest
 
 from agents.arm_controller.kinematics import Chain
 from agents.arm_controller.urdf import load_robot
-from agents.scenario.model import RobotSpec
+from agents.scenario.format.model import RobotSpec
 from benchmarks import calibration as system
 from benchmarks import calibration_survey as survey
 from benchmarks import calibration_tables as tables

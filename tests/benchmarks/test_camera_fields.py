@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from agents.plant.camera import OVERHEAD
-from agents.scenario.format import CameraSpec
+from agents.scenario.format.scenario import CameraSpec
 from benchmarks.camera_fields import FARTHEST, footprint, main
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.intrinsics import Intrinsics

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from agents.scenario.format import load_scenario
+from agents.scenario.format.scenario import load_scenario
 
 FILES = sorted((Path(__file__).parents[2] / "benchmarks" / "strangers").glob("*.toml"))
 

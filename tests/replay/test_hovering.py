@@ -7,11 +7,11 @@ from typing import Any
 import msgspec
 import pytest
 
-from agents.scenario import runner
-from agents.scenario.expectations import Windowed
-from agents.scenario.result import Result
-from agents.scenario.runner import run_lockstep
-from agents.scenario.staging import Run, make_run
+from agents.scenario.format.expectations import Windowed
+from agents.scenario.judge.result import Result
+from agents.scenario.run import runner
+from agents.scenario.run.runner import run_lockstep
+from agents.scenario.run.staging import Run, make_run
 
 COUNTS = ["hovering_1", "hovering", "hovering_8", "hovering_20", "hovering_touching", "hovering_wrist"]
 STACKS = ["hovering_stack_2", "hovering_stack_3", "hovering_unseen_2", "hovering_unseen_3"]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from agents.scenario.runner import Silent, run_live
-from agents.scenario.staging import make_run
+from agents.scenario.run.runner import Silent, run_live
+from agents.scenario.run.staging import make_run
 from dsr.runtime.launcher import AgentRow
 
 SCENARIO = """

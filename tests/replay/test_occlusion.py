@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from agents.scenario.result import Result
-from agents.scenario.runner import run_lockstep
-from agents.scenario.staging import make_run
+from agents.scenario.judge.result import Result
+from agents.scenario.run.runner import run_lockstep
+from agents.scenario.run.staging import make_run
 
 SEED = 1
 

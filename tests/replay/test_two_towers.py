@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from agents.scenario.result import Result
-from agents.scenario.runner import run_lockstep
-from agents.scenario.staging import make_run
+from agents.scenario.judge.result import Result
+from agents.scenario.run.runner import run_lockstep
+from agents.scenario.run.staging import make_run
 
 SCENE = """
 name = "two_towers"

@@ -17,7 +17,7 @@ from agents.plant.noise import SensorModel
 from agents.plant.poses import _sees
 from agents.plant.renderer import Renderer
 from agents.plant.world import World
-from agents.scenario.format import ObjectSpec, SensorSpec, TableSpec
+from agents.scenario.format.scenario import ObjectSpec, SensorSpec, TableSpec
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.intrinsics import Intrinsics
 from simulation_handler.perception.sight import Glance, Sight, View

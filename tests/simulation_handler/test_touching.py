@@ -12,7 +12,7 @@ from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Quaternion
 from dsr.math3d.transforms import Pose
 from simulation_handler.explaining import Look
-from simulation_handler.hands.leaning import levelled, without_yaw
+from simulation_handler.hands.carrying import levelled, without_yaw
 from simulation_handler.hands.state import PINCH, TOUCH, HandPercept
 from simulation_handler.perception.sight import Glance
 from simulation_handler.shapes.geometry import Solid

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from agents.scenario.staging import make_run, staged_system, without
+from agents.scenario.run.staging import make_run, staged_system, without
 from dsr.runtime.lockstep import Lockstep
 
 

@@ -63,7 +63,7 @@ def read(file: Path) -> None:
 
 def _toml(file: Path) -> None:
     """As a system and as a scenario; both must refuse it."""
-    from agents.scenario.format import load_scenario
+    from agents.scenario.format.scenario import load_scenario
     from dsr.errors import DsrError
     from dsr.runtime.system import load_system
 

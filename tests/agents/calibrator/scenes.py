@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from agents.calibrator import Calibrator
-from agents.calibrator.problem import Sighting
+from agents.calibrator.solve.problem import Sighting
 from agents.recorder.agent import Recorder
 from dsr.math3d.transforms import Pose
 from dsr.runtime.lockstep import Lockstep

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agents.calibrator.calibrate import calibrate
-from agents.calibrator.decision import Decision, alike, decide, decide_elsewhere
-from agents.calibrator.problem import Sighting
+from agents.calibrator.solve.calibrate import calibrate
+from agents.calibrator.solve.problem import Sighting
+from agents.calibrator.watch.decision import Decision, alike, decide, decide_elsewhere
 from dsr.math3d.transforms import Pose
 from tests.agents.calibrator.scenes import BUMP, CLUSTER, DOWN, FLIP, cubes, sightings
 

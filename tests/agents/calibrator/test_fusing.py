@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agents.calibrator.fusing import CORNERS, MOST_INDEPENDENT, fuse
+from agents.calibrator.solve.fusing import CORNERS, MOST_INDEPENDENT, fuse
 from dsr.math3d.transforms import Pose
 from tests.agents.calibrator.scenes import FLIP, SIGMAS
 

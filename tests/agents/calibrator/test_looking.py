@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 
 from agents.calibrator.config import CalibratorConfig
-from agents.calibrator.looking import Looking, can_look
+from agents.calibrator.watch.looking import Looking, can_look
 from dsr.clock import ManualClock
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory

@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from agents.calibrator.calibrate import METHODS, calibrate
-from agents.calibrator.estimate import Estimate, equation_1
-from agents.calibrator.problem import Problem, Sighting
-from agents.calibrator.solution import judged
+from agents.calibrator.solve.calibrate import METHODS, calibrate
+from agents.calibrator.solve.estimate import Estimate, equation_1
+from agents.calibrator.solve.problem import Problem, Sighting
+from agents.calibrator.solve.solution import judged
 from dsr.errors import ConfigError
 from dsr.math3d.transforms import Pose, exp
 from dsr.vocabulary import calibration

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from agents.calibrator import se3
+from agents.calibrator.solve import se3
 from dsr.math3d import transforms
 from dsr.math3d.transforms import Array, Pose
 

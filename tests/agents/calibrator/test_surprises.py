@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from agents.calibrator.surprises import CALM, Surprises
+from agents.calibrator.watch.surprises import CALM, Surprises
 from dsr import LocalNetwork, ManualClock, Memory
 from dsr.timeline import EXPLAINED, Chronicle
 

@@ -22,7 +22,7 @@ from agents.plant.config import PlantConfig
 from agents.plant.messages import hands_key
 from agents.plant.reality import Reality
 from agents.plant.world import RATE_HZ, STEP
-from agents.scenario.format import Scenario
+from agents.scenario.format.scenario import Scenario
 from dsr import Frame, LocalNetwork, ManualClock, Memory, Pose
 from dsr.agent import make_agent
 from dsr.graph.access import WriteGuard

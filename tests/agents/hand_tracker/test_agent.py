@@ -13,7 +13,7 @@ import pytest
 from agents.plant.camera import OVERHEAD
 from agents.plant.messages import hands_key
 from agents.plant.reality import Reality
-from agents.scenario.format import HandEnter, ObjectSpec
+from agents.scenario.format.scenario import HandEnter, ObjectSpec
 from dsr import Frame, Pose
 from dsr.errors import AgentError
 from dsr.network.keys import Keys

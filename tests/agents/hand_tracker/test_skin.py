@@ -13,7 +13,7 @@ from agents.hand_tracker.config import SkinModel
 from agents.hand_tracker.sighting import SeenHand
 from agents.hand_tracker.skin import SkinFinder, jumps, skin
 from agents.plant.reality import Reality
-from agents.scenario.format import HandEnter, HandGrasp, ObjectSpec
+from agents.scenario.format.scenario import HandEnter, HandGrasp, ObjectSpec
 
 from .conftest import palm_of, table_plane, tips_of
 

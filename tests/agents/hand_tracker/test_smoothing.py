@@ -9,7 +9,7 @@ import pytest
 
 from agents.hand_tracker.config import Smoothing
 from agents.hand_tracker.sighting import hand_of_landmarks
-from agents.hand_tracker.smoothing import PointFilter, TurnFilter, weight
+from agents.hand_tracker.tracks import PointFilter, TurnFilter, weight
 from dsr.math3d import quaternions
 
 PERIOD = 0.1

@@ -8,8 +8,8 @@ import pytest
 from agents.hand_tracker import HandTrackerConfig
 from agents.hand_tracker.fingertips import Patch, Tip
 from agents.hand_tracker.sighting import SeenHand
+from agents.hand_tracker.skin import away_from, find_wrist
 from agents.hand_tracker.tracks import Track, Tracks
-from agents.hand_tracker.wrist import away_from, find_wrist
 from dsr.math3d.transforms import Pose
 
 FOCAL, DISTANCE = 600.0, 0.9

@@ -11,7 +11,7 @@ from agents.plant.bullet import Bullet
 from agents.plant.config import PlantConfig
 from agents.plant.reality import Reality
 from agents.plant.world import RATE_HZ, STEP, World
-from agents.scenario.format import ObjectSpec, Scenario, TableSpec
+from agents.scenario.format.scenario import ObjectSpec, Scenario, TableSpec
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import pytest
 from agents.plant.arm import Arm
 from agents.plant.reality import Reality
 from agents.plant.world import World
-from agents.scenario.format import ObjectSpec, RobotSpec
+from agents.scenario.format.scenario import ObjectSpec, RobotSpec
 from dsr.errors import ConfigError
 from dsr.math3d.transforms import Pose
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from agents.plant.camera import OVERHEAD
 from agents.plant.reality import Reality
 from agents.plant.renderer import Renderer, egl_works
-from agents.scenario.format import ObjectSpec, SensorSpec
+from agents.scenario.format.scenario import ObjectSpec, SensorSpec
 from dsr.math3d.transforms import Pose
 
 MakeReality = Callable[..., Reality]

@@ -8,13 +8,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from agents.plant import truths
+from agents.plant import experimenter as truths
+from agents.plant.hand_moves import PUSHES
 from agents.plant.moves import MOVES
 from agents.plant.person_moves import PERSON_MOVES
-from agents.plant.pushes import PUSHES
 from agents.plant.reality import Reality
 from agents.plant.world import upright, yaw_of
-from agents.scenario.format import (
+from agents.scenario.format.scenario import (
     EVENTS,
     PREDICATES,
     ArmError,

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from agents.drivers import HandReading, HandReadings
-from agents.plant.capsules import blocked
 from agents.plant.config import PlantConfig
 from agents.plant.hand_figure import (
     BONES,
@@ -25,9 +24,10 @@ from agents.plant.hand_figure import (
     relaxed,
 )
 from agents.plant.hand_sensor import SIGMA
+from agents.plant.hands import blocked
 from agents.plant.messages import decode_hand_readings
 from agents.plant.reality import Reality
-from agents.scenario.format import (
+from agents.scenario.format.scenario import (
     Carry,
     Drop,
     HandEnter,

@@ -8,7 +8,7 @@ import pytest
 
 from agents.plant.messages import MoveJoints
 from agents.plant.reality import Reality
-from agents.scenario.format import CameraSpec, ObjectSpec, RobotSpec, Slide, load_scenario
+from agents.scenario.format.scenario import CameraSpec, ObjectSpec, RobotSpec, Slide, load_scenario
 from dsr.math3d.transforms import Pose
 
 MakeReality = Callable[..., Reality]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from agents.plant.noise import BASELINE, DISPARITY_NOISE, FARTHEST, SensorModel, shift_bodies
-from agents.scenario.format import SensorSpec
+from agents.scenario.format.scenario import SensorSpec
 from dsr.vocabulary.intrinsics import Intrinsics
 
 LENS = Intrinsics.from_fov(160, 120, 0.98)

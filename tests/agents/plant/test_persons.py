@@ -13,7 +13,7 @@ from agents.drivers import PersonReading, PersonReadings
 from agents.plant.messages import decode_person_readings
 from agents.plant.persons import SIGMA_TRANSLATION, gaze
 from agents.plant.reality import Reality
-from agents.scenario.format import PersonEnter, PersonLeave, PersonSpec, PersonTurn, PersonWalk
+from agents.scenario.format.scenario import PersonEnter, PersonLeave, PersonSpec, PersonTurn, PersonWalk
 from dsr.errors import WireError
 
 MakeReality = Callable[..., Reality]

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from agents.plant.reality import Reality
-from agents.scenario.format import ObjectSpec, SensorSpec
+from agents.scenario.format.scenario import ObjectSpec, SensorSpec
 from dsr.math3d.transforms import Pose
 
 MakeReality = Callable[..., Reality]
@@ -35,7 +35,7 @@ def test_what_lies_below_a_box_or_has_no_tag_is_not_seen(make_reality: MakeReali
 
 
 def test_the_arm_hides_what_is_below_it(make_reality: MakeReality, cube: MakeCube) -> None:
-    from agents.scenario.format import RobotSpec
+    from agents.scenario.format.scenario import RobotSpec
 
     over_the_cube = RobotSpec(start=(-0.4483, 0.2902, 3.3772, -2.2089, -0.1101, -0.653, -0.1347))
     assert seen(make_reality(cube(3, 0.3, 0.08), cube(4, 0.45, -0.1), robot=over_the_cube)) == [4]

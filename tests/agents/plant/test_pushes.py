@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from agents.plant.reality import Reality
-from agents.scenario.format import HandEnter, Lift, ObjectSpec, Push, Remove, Roll, Slide
+from agents.scenario.format.scenario import HandEnter, Lift, ObjectSpec, Push, Remove, Roll, Slide
 from dsr.math3d.shapes import Part
 
 MakeReality = Callable[..., Reality]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agents.plant.ramp import ACCELERATION, CATCH_UP, Ramp
+from agents.plant.arm import ACCELERATION, CATCH_UP, Ramp
 
 STEP = 1 / 240
 LIMITS = (1.4, 0.5)

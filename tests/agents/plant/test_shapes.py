@@ -17,7 +17,7 @@ from agents.plant.poses import SIGMA_TURN
 from agents.plant.reality import Reality
 from agents.plant.renderer import Renderer, RendererName
 from agents.plant.world import RATE_HZ, World, upright
-from agents.scenario.format import Carry, Lift, ObjectSpec, Place, Slide, TableSpec, Tilt
+from agents.scenario.format.scenario import Carry, Lift, ObjectSpec, Place, Slide, TableSpec, Tilt
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.intrinsics import Intrinsics
 

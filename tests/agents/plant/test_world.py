@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from agents.plant.bullet import Bullet
 from agents.plant.renderer import Renderer, RendererName
 from agents.plant.world import FLOOR_BELOW_TABLE, RATE_HZ, World, upright, yaw_of
-from agents.scenario.format import ObjectSpec, TableSpec
+from agents.scenario.format.scenario import ObjectSpec, TableSpec
 from dsr.errors import ConfigError
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.intrinsics import Intrinsics

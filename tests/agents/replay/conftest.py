@@ -9,8 +9,8 @@ import msgspec
 import pytest
 
 from agents.recorder.agent import Recorder
-from agents.scenario.runner import run_lockstep
-from agents.scenario.staging import make_run
+from agents.scenario.run.runner import run_lockstep
+from agents.scenario.run.staging import make_run
 from dsr import Memory
 from dsr.agent import make_agent
 from dsr.clock import ManualClock

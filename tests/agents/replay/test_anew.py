@@ -19,9 +19,9 @@ from agents.replay.anew import run_anew
 from agents.replay.cli import app
 from agents.replay.compare import Comparison, Outcome
 from agents.replay.feed import Feed
-from agents.replay.history import history_of
-from agents.scenario.runner import run_lockstep
-from agents.scenario.staging import make_run
+from agents.replay.listening import history_of
+from agents.scenario.run.runner import run_lockstep
+from agents.scenario.run.staging import make_run
 from dsr import Memory
 from dsr.clock import ManualClock
 from dsr.errors import ConfigError

@@ -23,7 +23,7 @@ from agents.recorder.index import RecordingIndex
 from agents.replay import ReplayedGraph
 from agents.replay.cli import app
 from agents.replay.control import Command, PlayState, parse_command, replayed_time, send
-from agents.replay.keyboard import split_keys
+from agents.replay.session import split_keys
 from agents.replay.timeline_cli import app as timeline_app
 from dsr.clock import WALL_CLOCK
 from dsr.errors import ConfigError

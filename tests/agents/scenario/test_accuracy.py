@@ -6,12 +6,12 @@ import math
 
 import pytest
 
-from agents.scenario.accuracy import accuracy, unseen_curves
-from agents.scenario.format import parse_scenario
-from agents.scenario.history import History, Inferred, Sample
-from agents.scenario.metrics import measure
-from agents.scenario.relations import true_contents, true_relations
-from agents.scenario.true_actions import compare, true_actions
+from agents.scenario.format.scenario import parse_scenario
+from agents.scenario.judge.accuracy import accuracy, unseen_curves
+from agents.scenario.judge.metrics import measure
+from agents.scenario.truth.actions import compare, true_actions
+from agents.scenario.truth.history import History, Inferred, Sample
+from agents.scenario.truth.relations import true_contents, true_relations
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.observed_actions import PICK, PLACE, RELEASE, Action
 

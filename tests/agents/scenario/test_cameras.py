@@ -6,10 +6,10 @@ import math
 
 import pytest
 
-from agents.scenario.cameras import camera_metrics
-from agents.scenario.format import parse_scenario
-from agents.scenario.history import Error, History, Sample
-from agents.scenario.verdicts import judge_check
+from agents.scenario.format.scenario import parse_scenario
+from agents.scenario.judge.cameras import camera_metrics
+from agents.scenario.judge.verdicts import judge_check
+from agents.scenario.truth.history import Error, History, Sample
 from dsr.math3d.transforms import Pose
 
 FILE = """

@@ -10,9 +10,9 @@ import pytest
 from typer.testing import CliRunner
 
 from agents.scenario import cli
-from agents.scenario.format import scenario_files
-from agents.scenario.result import Result, Verdict
-from agents.scenario.staging import Run
+from agents.scenario.format.scenario import scenario_files
+from agents.scenario.judge.result import Result, Verdict
+from agents.scenario.run.staging import Run
 from dsr.errors import ConfigError
 
 ROOT = Path(__file__).parents[3]

@@ -8,12 +8,12 @@ from typing import Any
 
 import pytest
 
-from agents.scenario.format import Scenario, parse_scenario
-from agents.scenario.history import Explained, History, MissionState, Sample
-from agents.scenario.metrics import measure
-from agents.scenario.perturbations import perturbations, recovery, wrong_explanations
-from agents.scenario.relations import true_relations
-from agents.scenario.verdicts import judge_check
+from agents.scenario.format.scenario import Scenario, parse_scenario
+from agents.scenario.judge.metrics import measure
+from agents.scenario.judge.perturbations import perturbations, recovery, wrong_explanations
+from agents.scenario.judge.verdicts import judge_check
+from agents.scenario.truth.history import Explained, History, MissionState, Sample
+from agents.scenario.truth.relations import true_relations
 from dsr.math3d.transforms import Pose
 
 FILE = """

@@ -9,10 +9,9 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from agents.scenario.events import EVENTS
-from agents.scenario.expectations import CHECKS
-from agents.scenario.format import PREDICATES, parse_scenario
-from agents.scenario.model import (
+from agents.scenario.format.events import EVENTS
+from agents.scenario.format.expectations import CHECKS
+from agents.scenario.format.model import (
     ObjectSpec,
     PersonSpec,
     PlanSpec,
@@ -22,6 +21,7 @@ from agents.scenario.model import (
     SensorSpec,
     TableSpec,
 )
+from agents.scenario.format.scenario import PREDICATES, parse_scenario
 
 ROOT = Path(__file__).parents[3]
 DOCUMENT = (ROOT / "docs/scenarios.md").read_text()

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from agents.scenario.format import parse_scenario
-from agents.scenario.history import History, Inferred, Sample
-from agents.scenario.verdicts import judge_check
+from agents.scenario.format.scenario import parse_scenario
+from agents.scenario.judge.verdicts import judge_check
+from agents.scenario.truth.history import History, Inferred, Sample
 from dsr.errors import ConfigError
 from dsr.vocabulary.observed_actions import PICK, PLACE, Action
 from tests.agents.scenario.test_judge import FILE, TRUE, run, scenario_with

@@ -9,9 +9,9 @@ from msgspec.structs import replace
 from typer.testing import CliRunner
 
 from agents.scenario import cli
-from agents.scenario.file_check import Findings, look_through
-from agents.scenario.format import parse_scenario, scenario_files
-from agents.scenario.true_overlaps import deepest
+from agents.scenario.check.faults import deepest
+from agents.scenario.check.file_check import Findings, look_through
+from agents.scenario.format.scenario import parse_scenario, scenario_files
 from dsr.math3d.shapes import Part
 from dsr.math3d.transforms import Pose
 from tests.agents.scenario.test_format import BASE

@@ -8,8 +8,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from agents.scenario.coloring import color_clash
-from agents.scenario.format import (
+from agents.scenario.format.coloring import color_clash
+from agents.scenario.format.geometry import penetration
+from agents.scenario.format.layout import object_box
+from agents.scenario.format.model import Scenario
+from agents.scenario.format.scenario import (
     CameraCover,
     CameraSpec,
     Place,
@@ -18,9 +21,6 @@ from agents.scenario.format import (
     scenario_files,
     start_poses,
 )
-from agents.scenario.geometry import penetration
-from agents.scenario.layout import object_box
-from agents.scenario.model import Scenario
 from dsr.errors import ConfigError
 
 BASE = """\

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from agents.scenario.geometry import Body, Box, footprint_overlap, gap_below, penetration, upright_box
+from agents.scenario.format.geometry import Body, Box, footprint_overlap, gap_below, penetration, upright_box
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Part
 from dsr.math3d.transforms import Pose

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from agents.scenario.format import parse_scenario
+from agents.scenario.format.scenario import parse_scenario
 from tests.agents.scenario.test_format import BASE, refusal
 
 ENTER = "do = 'hand_enter'\nposition = [0.3, 0.0, 0.2]\n"

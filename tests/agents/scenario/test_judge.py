@@ -10,12 +10,12 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from agents.scenario.format import Scenario, parse_scenario
-from agents.scenario.history import History, Sample
-from agents.scenario.judge import Judge
-from agents.scenario.metrics import measure
-from agents.scenario.result import Result, write_result
-from agents.scenario.verdicts import judge_check
+from agents.scenario.format.scenario import Scenario, parse_scenario
+from agents.scenario.judge.judge import Judge
+from agents.scenario.judge.metrics import measure
+from agents.scenario.judge.result import Result, write_result
+from agents.scenario.judge.verdicts import judge_check
+from agents.scenario.truth.history import History, Sample
 from dsr.clock import ManualClock
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory

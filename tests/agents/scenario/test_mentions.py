@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from agents.scenario.expectations import Edges
-from agents.scenario.format import load_scenario, parse_scenario
+from agents.scenario.format.expectations import Edges
+from agents.scenario.format.scenario import load_scenario, parse_scenario
 from dsr.errors import ConfigError
 from tests.agents.scenario.test_format import BASE, on_a_stand, refusal
 

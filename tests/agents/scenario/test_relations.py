@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from pathlib import Path
 
-from agents.scenario.format import load_scenario
-from agents.scenario.model import Scenario
-from agents.scenario.relations import true_contents, true_relations
+from agents.scenario.format.model import Scenario
+from agents.scenario.format.scenario import load_scenario
+from agents.scenario.truth.relations import true_contents, true_relations
 from dsr.math3d.transforms import Pose
 
 BIN = Path(__file__).parents[3] / "etc" / "scenarios" / "bin.urdf"

@@ -9,11 +9,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from agents.scenario import runner
-from agents.scenario.format import Start, parse_scenario, start_key
-from agents.scenario.result import Result
-from agents.scenario.runner import run_lockstep
-from agents.scenario.staging import Run
+from agents.scenario.format.scenario import Start, parse_scenario, start_key
+from agents.scenario.judge.result import Result
+from agents.scenario.run import runner
+from agents.scenario.run.runner import run_lockstep
+from agents.scenario.run.staging import Run
 from dsr.agent import Access, Agent
 from dsr.errors import AgentError
 from dsr.math3d.transforms import Pose

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from agents.scenario.format import scenario_files
-from agents.scenario.staging import Policy, make_run, staged_system
+from agents.scenario.format.scenario import scenario_files
+from agents.scenario.run.staging import Policy, make_run, staged_system
 from dsr.errors import ConfigError
 
 

@@ -7,10 +7,10 @@ from io import StringIO
 import pytest
 from rich.console import Console
 
-from agents.scenario.events import CameraBump, Event, Kill, Slide, Swap
-from agents.scenario.format import load_scenario, scenario_files
-from agents.scenario.report import ProgressBar, story_line
-from agents.scenario.story import Line, Story, Topic, describe
+from agents.scenario.format.events import CameraBump, Event, Kill, Slide, Swap
+from agents.scenario.format.scenario import load_scenario, scenario_files
+from agents.scenario.run.report import ProgressBar, story_line
+from agents.scenario.run.story import Line, Story, Topic, describe
 from dsr import LocalNetwork, ManualClock, Memory
 
 GOAL = "on(cube_3, cube_4)"

@@ -18,12 +18,12 @@ from typer.testing import CliRunner
 
 from agents.scenario import sweep_cli
 from agents.scenario.cli import app
-from agents.scenario.runner import run_lockstep
-from agents.scenario.staging import make_run
-from agents.scenario.statistics import summarise
-from agents.scenario.sweep import Outcome, Sweep
+from agents.scenario.run.runner import run_lockstep
+from agents.scenario.run.staging import make_run
+from agents.scenario.run.statistics import summarise
+from agents.scenario.run.sweep import Outcome, Sweep
+from agents.scenario.run.sweep_report import show_sweep
 from agents.scenario.sweep_cli import make_jobs, parse_seeds, write_curves
-from agents.scenario.sweep_report import show_sweep
 from dsr.clock import WALL_CLOCK
 from dsr.errors import ConfigError
 

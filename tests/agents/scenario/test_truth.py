@@ -9,12 +9,12 @@ import pytest
 from typer.testing import CliRunner
 
 from agents.scenario import cli
-from agents.scenario.format import parse_scenario
-from agents.scenario.history import History, Sample
-from agents.scenario.runner import true_course
-from agents.scenario.staging import make_run
-from agents.scenario.true_phases import phases
-from agents.scenario.truth_report import truth_report
+from agents.scenario.check.truth_report import truth_report
+from agents.scenario.format.scenario import parse_scenario
+from agents.scenario.run.runner import true_course
+from agents.scenario.run.staging import make_run
+from agents.scenario.truth.history import History, Sample
+from agents.scenario.truth.phases import phases
 from dsr.math3d.transforms import Pose
 from tests.agents.scenario.test_format import BASE
 

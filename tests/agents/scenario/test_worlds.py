@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from agents.scenario.expectations import Check, Edges, KnownIn, Worlds
-from agents.scenario.history import History, Sample
-from agents.scenario.model import ObjectSpec, Scenario
-from agents.scenario.verdicts import judge_check
-from agents.scenario.worlds import WorldWatch
+from agents.scenario.format.expectations import Check, Edges, KnownIn, Worlds
+from agents.scenario.format.model import ObjectSpec, Scenario
+from agents.scenario.judge.verdicts import judge_check
+from agents.scenario.judge.worlds import WorldWatch
+from agents.scenario.truth.history import History, Sample
 from dsr import LocalNetwork, ManualClock, Memory, Pose
 
 CUBE = ObjectSpec(name="cube", position=(0.1, 0.0, 0.02))

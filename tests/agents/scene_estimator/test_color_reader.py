@@ -11,7 +11,7 @@ import pytest
 
 from agents import colors
 from agents.object_models import load_model, model_files
-from agents.scenario.format import ObjectSpec
+from agents.scenario.format.scenario import ObjectSpec
 from agents.scene_estimator.color_reader import ColorReader
 from agents.scene_estimator.colored import LEANING, ColorSighting
 from agents.scene_estimator.pose import NoiseModel

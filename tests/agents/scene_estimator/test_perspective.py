@@ -7,7 +7,7 @@ import pytest
 
 from agents.scene_estimator.detection import Tag
 from agents.scene_estimator.geometry import Intrinsics, tag_corners
-from agents.scene_estimator.perspective import pose_from_perspective
+from agents.scene_estimator.pose import pose_from_perspective
 from benchmarks.tag_camera import facing
 from dsr import Pose
 

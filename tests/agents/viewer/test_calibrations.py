@@ -7,8 +7,8 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from agents.calibrator.reporting import tell
-from agents.calibrator.undoing import turned_round
+from agents.calibrator.solve.reporting import tell
+from agents.calibrator.watch.undoing import turned_round
 from agents.viewer.calibrations import calibrations_page
 from dsr import Pose
 from dsr.timeline import Chronicle

@@ -19,6 +19,7 @@ from dsr.graph.elements import Edge, Node
 from dsr.graph.far_stamps import FAR
 from dsr.graph.graph import Graph
 from dsr.graph.watch import Filter, Watch
+from dsr.graph.watches import Watches
 from dsr.replication.outbox import Outbox
 from dsr.replication.wire import decode_delta, encode_delta
 from tests.dsr.properties.knowledge import Fact, Knowledge, Shown, facts_of
@@ -43,23 +44,14 @@ class Message:
     """Replica id; None for anybody. A reply is for who asked."""
 
 
-class _Readers:
+class _Readers(Watches):
     """Passes on what a graph reports, as `Memory` does."""
 
     def __init__(self) -> None:
+        super().__init__()
         self.all, self.cubes = Reader(Watch(Filter())), Reader(Watch(Filter(node_types=frozenset({"cube"}))))
-
-    def added(self, element: Node | Edge) -> None:
         for reader in (self.all, self.cubes):
-            reader.watch.offer_all(element)
-
-    def removed(self, element: Node | Edge) -> None:
-        for reader in (self.all, self.cubes):
-            reader.watch.offer("removed", element)
-
-    def updated(self, element: Node | Edge, attribute: str) -> None:
-        for reader in (self.all, self.cubes):
-            reader.watch.offer("updated", element, attribute)
+            self.follow(reader.watch, [])
 
 
 class Site:
@@ -67,7 +59,7 @@ class Site:
 
     def __init__(self, rid: str, skew: float) -> None:
         self.readers = _Readers()
-        self.graph = Graph(rid, listener=self.readers)
+        self.graph = Graph(rid, watches=self.readers)
         self.known = Knowledge()
         self.skew = skew
 
@@ -460,5 +452,5 @@ def state(graph: Graph) -> dict[str, Any]:
 
 def copied(graph: Graph) -> Graph:
     """A replica with the same content and no readers."""
-    twin: Graph = copy.deepcopy(graph, {id(graph._listener): _Readers(), id(TOMBSTONE): TOMBSTONE})
+    twin: Graph = copy.deepcopy(graph, {id(graph.watches): _Readers(), id(TOMBSTONE): TOMBSTONE})
     return twin

@@ -13,9 +13,9 @@ from dsr.crdt.pieces import reply_to
 from dsr.errors import DsrError
 from dsr.frames.tree import FrameTree
 from dsr.graph.elements import Edge, Node
-from dsr.graph.followers import Followers
 from dsr.graph.graph import Graph
 from dsr.graph.schema import Schema
+from dsr.graph.watches import Watches
 from dsr.worlds.fork import ForkedGraph
 from dsr.worlds.fork_frames import ForkedFrames
 
@@ -25,8 +25,8 @@ EDGE_TYPES = ("RT", "has")
 SCHEMA = Schema()
 
 
-class Telling(Followers):
-    """Followers that also count what they are told."""
+class Telling(Watches):
+    """Watches that also count what they are told."""
 
     def __init__(self, frames: FrameTree | None = None) -> None:
         super().__init__({"RT"}, frames)
@@ -51,10 +51,10 @@ def key_of(element: Node | Edge) -> Any:
 
 @dataclass
 class Side:
-    """A graph with its followers."""
+    """A graph with its watches."""
 
     graph: Graph
-    followers: Telling
+    watches: Telling
     handles: dict[Any, Node | Edge] = field(default_factory=dict)
     """Elements as somebody got them some time ago."""
 
@@ -75,21 +75,21 @@ class World:
     def plain(rid: str) -> World:
         sides = []
         for name in (rid, f"{rid}twin"):
-            followers = Telling()
-            sides.append(Side(Graph(name, SCHEMA, followers), followers))
+            watches = Telling()
+            sides.append(Side(Graph(name, SCHEMA, watches), watches))
         return World(sides[0], sides[1], Graph(f"{rid}remote", SCHEMA))
 
     def fork(self, rid: str) -> World:
-        followers = Telling(ForkedFrames(self.it.followers.frames))
-        it = Side(ForkedGraph(rid, self.it.graph, followers), followers)
+        watches = Telling(ForkedFrames(self.it.watches.frames))
+        it = Side(ForkedGraph(rid, self.it.graph, watches), watches)
         frames = FrameTree()
-        for (type, child), histories in self.twin.followers.frames._histories.items():
+        for (type, child), histories in self.twin.watches.frames._histories.items():
             frames._histories[type, child] = {parent: history.copy() for parent, history in histories.items()}
             frames._choose_newest(type, child)
-        followers = Telling(frames)
-        twin = Side(Graph(f"{rid}twin", SCHEMA, Followers({"RT"})), followers)
+        watches = Telling(frames)
+        twin = Side(Graph(f"{rid}twin", SCHEMA, Watches({"RT"})), watches)
         twin.graph.join(reply_to(self.twin.graph.store, CausalContext()), 1.0)
-        twin.graph._listener = followers
+        twin.graph.watches = watches
         remote = Graph(f"{rid}remote", SCHEMA)
         remote.join(reply_to(it.graph.store, CausalContext()), 1.0)
         return World(it, twin, remote)
@@ -107,16 +107,16 @@ class World:
 
     def check_frames(self) -> None:
         """Not after every change: asking keeps what was found."""
-        assert transforms(self.it.followers.frames) == transforms(self.twin.followers.frames)
+        assert transforms(self.it.watches.frames) == transforms(self.twin.watches.frames)
 
     def check(self) -> None:
         it, twin = self.it, self.twin
         assert shown(it.graph) == shown(twin.graph)
         assert indexes(it.graph) == indexes(twin.graph)
         assert state(it.graph) == state(twin.graph)
-        assert it.followers.told == twin.followers.told
-        it.followers.told.clear()
-        twin.followers.told.clear()
+        assert it.watches.told == twin.watches.told
+        it.watches.told.clear()
+        twin.watches.told.clear()
         for key, handle in twin.handles.items():
             table: Any = twin.graph.nodes if isinstance(handle, Node) else twin.graph.edges
             if table.get(key) is handle and key in it.handles:

@@ -12,14 +12,14 @@ from dsr.crdt.store import Entry
 from dsr.errors import DsrError
 from dsr.frames.tree import FrameTree
 from dsr.graph.elements import Edge, Node
-from dsr.graph.followers import Followers
 from dsr.graph.graph import Graph
+from dsr.graph.watches import Watches
 from dsr.worlds.overlay import Overlay
 from dsr.worlds.overlay_frames import OverlayFrames
 from tests.dsr.worlds.copies import EDGE_TYPES, NAMES, NODE_TYPES, SCHEMA, indexes, key_of, shown
 
 
-class Mirror(Followers):
+class Mirror(Watches):
     """What is there by all that was told."""
 
     def __init__(self, frames: FrameTree | None = None) -> None:
@@ -53,7 +53,7 @@ class Place:
         self.base = Graph(f"{name}", SCHEMA, self.told)
         self.mirror = Mirror(OverlayFrames(self.told.frames))
         frames: Any = self.mirror.frames
-        self.overlay = Overlay(f"{name}w", self.base, self.told, self.mirror, frames)
+        self.overlay = Overlay(f"{name}w", self.base, self.mirror, frames)
 
     def check(self, *, frames: bool) -> None:
         nodes, edges = expected(self.base, self.overlay)

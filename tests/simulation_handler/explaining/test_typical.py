@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from simulation_handler.explaining.by_hypotheses import with_typical_fall
 from simulation_handler.explaining.drafting import Draft
 from simulation_handler.explaining.hypotheses import FROM_GLIMPSE, Hypothesis
 from simulation_handler.explaining.scoring import Score
 from simulation_handler.explaining.search import Candidate
-from simulation_handler.explaining.typical import with_typical_fall
 from simulation_handler.shapes.geometry import Solid
 from tests.simulation_handler.worlds import CUBE
 

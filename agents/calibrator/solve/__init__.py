@@ -1,0 +1,1 @@
+"""The pose of a camera from what it sees: methods, their problem and their outcome."""

@@ -1,0 +1,111 @@
+"""What `dsr scenario check` finds in a file: what cannot be meant, and what is doubtful."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path as FilePath
+
+import msgspec
+from rich.console import Console
+from rich.markup import escape
+
+from agents.scenario.check.faults import Fault, doubts, faults
+from agents.scenario.format.expectations import Actions, Mission, OfObjects, TrueRelations
+from agents.scenario.format.explain import value_error
+from agents.scenario.format.model import Scenario
+from agents.scenario.format.naming import of_own_system
+from agents.scenario.run.runner import true_course
+from agents.scenario.run.staging import make_run
+from dsr.config.toml_lines import Path
+from dsr.errors import ConfigError
+from dsr.runtime.system import agent_names, find_system
+from dsr.vocabulary.contradictions import by_meaning
+from dsr.vocabulary.goals import parse_goal
+from dsr.vocabulary.intentions import GIVEN_UP
+
+_MINDS = "perspectives"
+"""The agent that keeps what persons believe."""
+
+
+class Findings(msgspec.Struct, frozen=True):
+    """What was found, each with file and line."""
+
+    errors: list[ConfigError] = []
+    """What cannot be meant."""
+    doubts: list[ConfigError] = []
+    """What may be meant, but seldom is."""
+
+
+def look_through(name_or_path: str, *, play: bool = True, beside: bool = True) -> Findings:
+    """What is wrong or doubtful in a scenario.
+
+    Args:
+        name_or_path: a built-in scenario or a file.
+        play: also play its true course with seed 0.
+        beside: modules beside the file of the system may be imported.
+
+    Raises:
+        ConfigError: if the file is wrong or cannot be played.
+    """
+    run = make_run(name_or_path, beside=beside)
+    text = run.file.read_text(encoding="utf-8")
+    history = true_course(run) if play else None
+
+    def told(found: list[Fault]) -> list[ConfigError]:
+        return [value_error(fault.text, fault.path, text, str(name_or_path)) for fault in found]
+
+    unplayed = list(_unplayed_doubts(run.scenario, run.file.parent))
+    if history is None:
+        return Findings(doubts=told(unplayed))
+    return Findings(told(faults(history)), told([*unplayed, *doubts(history)]))
+
+
+def show_all(name_or_path: str, console: Console) -> None:
+    """Show all that is wrong or doubtful in a scenario that is run nevertheless. Raises `ConfigError`."""
+    found = look_through(name_or_path)
+    show_doubts([*found.errors, *found.doubts], console)
+
+
+def show_doubts(found: Iterable[ConfigError], console: Console) -> None:
+    """Show what may be meant, a line each."""
+    for doubt in found:
+        console.print(f"[yellow]![/] {escape(str(doubt))}", soft_wrap=True)
+
+
+def _unplayed_doubts(scenario: Scenario, folder: FilePath) -> Iterator[Fault]:
+    """What reading alone shows."""
+    if not scenario.expectations:
+        yield Fault((), "there is no [[expect]]: nothing is judged")
+    yield from _goals_that_never_hold(scenario)
+    needed = _to_be_recognised(scenario)
+    for index, spec in enumerate(scenario.objects):
+        if spec.name in needed and spec.marker_id is None and not spec.by_color:
+            text = f"{spec.name!r} is never recognised: it has no `marker_id`, and is not `known` with a `color`"
+            yield Fault(("object", index), text)
+    if scenario.persons and not of_own_system(scenario):
+        agents = agent_names(find_system(scenario.system, folder))
+        if _MINDS not in agents:
+            text = f"nobody keeps what persons believe: the system {scenario.system!r} has no agent {_MINDS!r}"
+            yield Fault(("person", 0), f"{text}; 'people' has one")
+
+
+def _goals_that_never_hold(scenario: Scenario) -> Iterator[Fault]:
+    """Unless the scenario expects that no plan is found."""
+    wanted: list[tuple[Path, str]] = [(("plan", index, "goal"), plan.goal) for index, plan in enumerate(scenario.plans)]
+    expected = {check.status for check in scenario.expectations if isinstance(check, Mission)}
+    if scenario.mission is not None and expected.isdisjoint(GIVEN_UP):
+        wanted.append((("mission", "goal"), scenario.mission.goal))
+    for path, goal in wanted:
+        if conflict := by_meaning(parse_goal(goal)):
+            yield Fault(path, f"the goal never holds: {conflict}")
+
+
+def _to_be_recognised(scenario: Scenario) -> set[str]:
+    """Names of the objects that the mission is about, or whose belief is judged."""
+    names = set(parse_goal(scenario.mission.goal).things) if scenario.mission is not None else set()
+    for check in scenario.expectations:
+        if isinstance(check, OfObjects) and check.objects is None and not isinstance(check, Actions):
+            names |= {spec.name for spec in scenario.objects}
+        if not isinstance(check, TrueRelations):
+            names |= {*check.named_objects}
+    return names

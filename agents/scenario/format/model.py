@@ -1,0 +1,209 @@
+"""The parts of a scenario file as structs; lengths in metres, angles in radians, times in seconds."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Literal
+
+import msgspec
+import numpy as np
+from msgspec import Meta
+
+from agents.object_models import HEAVIEST, LIGHTEST
+from agents.scenario.format.events import Event
+from agents.scenario.format.expectations import Check
+from agents.scenario.format.units import Bias, Noise, Radians, Seconds, Size, Vector3
+from dsr.math3d.shapes import Shape
+from dsr.math3d.transforms import Pose
+from dsr.vocabulary import tags
+
+NO_ROBOT = "none"
+"""The model of a robot that is not there."""
+_STRAIGHT = 1e-6  # m, length of the horizontal part of a unit vector that counts as vertical
+
+Share = Annotated[float, Meta(ge=0, le=1)]
+Angle = Annotated[float, Meta(gt=0, lt=math.pi)]
+Color = tuple[Share, Share, Share]
+
+
+class Section(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A table of the file; unknown fields are refused."""
+
+
+class RobotSpec(Section, frozen=True, kw_only=True):
+    """The arm."""
+
+    model: str = "gen3"
+    """`etc/robots/<model>.urdf`; `"none"`: there is no arm"""
+    start: tuple[Radians, ...] = (0.0, 0.0, 3.14159, -0.96, 0.0, -2.1, 1.5708)
+    """rad, joint positions at the start; default: the observe pose of the Gen3"""
+
+    @property
+    def exists(self) -> bool:
+        """Whether there is an arm."""
+        return self.model != NO_ROBOT
+
+
+class CameraSpec(Section, frozen=True, kw_only=True):
+    """A camera on a stand, upright."""
+
+    position: Vector3
+    """m, of its optical centre, world"""
+    look_at: Vector3
+    """m, what is in the middle of its image, world"""
+
+    @property
+    def pose(self) -> Pose:
+        """world_from_camera, the optical frame: z forward, x right and level, y down.
+
+        Of one that looks straight down or up the image's upper side is world +x.
+        """
+        forward = np.subtract(self.look_at, self.position)
+        forward /= np.linalg.norm(forward)
+        right = np.cross(forward, (0.0, 0.0, 1.0))
+        if np.linalg.norm(right) < _STRAIGHT:
+            right = np.array([0.0, math.copysign(1.0, forward[2]), 0.0])
+        right /= np.linalg.norm(right)
+        matrix = np.eye(4)
+        matrix[:3, :3] = np.column_stack([right, np.cross(forward, right), forward])
+        matrix[:3, 3] = self.position
+        return Pose.from_matrix(matrix)
+
+
+class TableSpec(Section, frozen=True, kw_only=True):
+    """The table."""
+
+    size: Size = (1.2, 1.2, 0.04)
+    """m"""
+    position: Vector3 = (0.35, 0.0, 0.0)
+    """m, centre of the top surface, world"""
+
+
+class SensorSpec(Section, frozen=True, kw_only=True):
+    """Errors of the camera on top of those that its measuring principle has anyway."""
+
+    depth_bias: tuple[Bias, Bias] = (0.0, 0.0)
+    """m, bounds of the constant depth error of each object, drawn uniformly; positive is towards the camera"""
+    depth_jitter: Noise = 0.0
+    """m, standard deviation per object and frame"""
+    grey_noise: Annotated[float, Meta(ge=0, le=100)] = 2.0
+    """grey levels, standard deviation"""
+
+
+class RandomSpec(Section, frozen=True, kw_only=True):
+    """What differs from seed to seed: where the objects start (see `start_poses`)."""
+
+    position: Noise = 0.0
+    """m, uniform +- on x and y"""
+    yaw: Radians = 0.0
+    """rad, uniform +-"""
+
+
+class ObjectSpec(Section, frozen=True, kw_only=True):
+    """An object of the true world."""
+
+    name: str
+    model: str | None = None
+    """`etc/objects/<model>.urdf`, or a path beside the scenario file: gives what of the following is not given here"""
+    type: Literal["cube", "box", "container", "cup", "ball"] = "cube"
+    marker_id: Annotated[int, Meta(ge=0, lt=tags.COUNT)] | None = None
+    """AprilTag 36h11 on the +z face; without one it can only be recognised by its colour"""
+    size: Size = (0.04, 0.04, 0.04)
+    """m, along its own x, y and z"""
+    shape: Shape = ()
+    """Its parts, from the model alone; without any it is a solid box"""
+    mass: Annotated[float, Meta(ge=LIGHTEST, le=HEAVIEST)] = 0.05
+    """kg"""
+    friction: Annotated[float, Meta(ge=0, le=5)] = 0.6
+    """Coulomb coefficient"""
+    rolling_friction: Annotated[float, Meta(ge=0, le=5)] = 0.0
+    """m, lever arm of the resistance to rolling"""
+    color: Color | None = None
+    """Red, green, blue, 0 to 1; default: by the plant"""
+    position: Vector3
+    """m, centre, world"""
+    yaw: Radians = 0.0
+    """rad about world z"""
+    known: bool = False
+    """The working memory starts with a node of this object (size, shape, mass, marker, colour), without a pose."""
+
+    @property
+    def by_color(self) -> bool:
+        """Whether it can be recognised by its colour: it has one and no marker, and the working memory knows it."""
+        return self.known and self.marker_id is None and self.color is not None
+
+
+class PersonSpec(Section, frozen=True, kw_only=True):
+    """A person, of whom only the eyes count; the hands are events of their own."""
+
+    name: str
+    position: Vector3
+    """m, between the eyes, world"""
+    look_at: Vector3
+    """m, world"""
+    fov: tuple[Angle, Angle] = (1.745, 1.396)
+    """rad, horizontal and vertical: what they see at once"""
+    present: bool = True
+    """In the scene from the beginning; else from a `person_enter` on."""
+
+
+class MissionSpec(Section, frozen=True, kw_only=True):
+    """What the robot is told to achieve."""
+
+    goal: str
+    """E.g. `on(cube_3, cube_4) & on(cube_6, cube_5)`."""
+    maintain: bool = False
+    """Watch the goal after it was reached, and reach it again."""
+    priority: int = 0
+    """Greater is more urgent."""
+
+
+class PlanSpec(Section, frozen=True, kw_only=True):
+    """A plan that the robot considers, beside others."""
+
+    name: str
+    goal: str
+    """What it is for, as the goal of a mission."""
+    steps: Annotated[tuple[str, ...], Meta(min_length=1)]
+    """E.g. `place cube_3 on cube_4`."""
+
+
+class Scenario(Section, frozen=True, kw_only=True):
+    """One scenario file, checked."""
+
+    name: str
+    title: str
+    system: str = "tabletop"
+    """`etc/systems/<system>.toml`, or a path ending in `.toml`, relative to the scenario's file"""
+    duration: Annotated[float, Meta(gt=0, le=3600)]
+    """s, from when all agents are ready"""
+    settle: Seconds = 4.0
+    """s after the start from when on the belief is judged: the default window of checks and metrics"""
+    linger: Annotated[float, Meta(gt=0, le=3600)] | None = None
+    """s after all events are over and the mission, if any, is at rest, after which the run ends before `duration`"""
+    camera: Literal["overhead", "wrist"] | CameraSpec = "overhead"
+    """What the objects are seen with; a table for one on a stand."""
+    robot: RobotSpec = RobotSpec()
+    table: TableSpec = TableSpec()
+    sensor: SensorSpec = SensorSpec()
+    random: RandomSpec = RandomSpec()
+    mission: MissionSpec | None = None
+    """Default: nobody wants anything."""
+    persons: list[PersonSpec] = msgspec.field(name="person", default_factory=list)
+    plans: list[PlanSpec] = msgspec.field(name="plan", default_factory=list)
+    """What comes of them is imagined, and the best is adopted."""
+    objects: list[ObjectSpec] = msgspec.field(name="object", default_factory=list)
+    events: list[Event] = msgspec.field(name="event", default_factory=list)
+    expectations: list[Check] = msgspec.field(name="expect", default_factory=list)
+
+    @property
+    def camera_name(self) -> str:
+        """As the plant calls it: `overhead`, `wrist` or `fixed`."""
+        return self.camera if isinstance(self.camera, str) else "fixed"
+
+    def object(self, name: str) -> ObjectSpec:
+        """The object called `name`; KeyError if there is none."""
+        for spec in self.objects:
+            if spec.name == name:
+                return spec
+        raise KeyError(name)

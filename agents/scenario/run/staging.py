@@ -1,0 +1,129 @@
+"""The system of agents that plays a scenario, configured for it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal
+
+import msgspec
+
+from agents.scenario.format.model import Scenario
+from agents.scenario.format.scenario import find_scenario, load_scenario
+from dsr.errors import ConfigError
+from dsr.runtime.system import System, find_system, load_system
+
+Sensor = Literal["pixels", "poses"]
+"""What the plant's camera delivers: rendered images, or the poses that would be measured in them."""
+
+
+Policy = Literal["hypotheses", "algorithm1", "published"]
+"""Explain surprises by simulated hypotheses, or by Algorithm 1 of the CORTEX paper; or reason as Sallami et al. did,
+and infer actions as they did."""
+PLANT = "plant"
+"""The agent that plays the simulated reality."""
+MISSION = "mission"
+"""The agent that wants what the scenario's `[mission]` says."""
+
+
+class Run(msgspec.Struct, frozen=True, kw_only=True):
+    """What is to be run."""
+
+    scenario: Scenario
+    file: Path
+    """Where the scenario comes from; agents read it again."""
+    seed: int = 0
+    sensor: Sensor = "pixels"
+    policy: Policy | None = None
+    """Which method explains surprises; None for the simulation handler's own choice."""
+    folder: Path | None = None
+    """Gets recording, logs and result; None for nothing of that."""
+    window: bool = False
+    """Open the viewer's window."""
+    beside: bool = True
+    """Modules beside the file of the system may be imported."""
+
+
+def make_run(name_or_path: str | Path, **options: Any) -> Run:
+    """The run of a built-in scenario or a file. Raises `ConfigError`."""
+    file = find_scenario(name_or_path)
+    return Run(scenario=load_scenario(file), file=file.resolve(), **options)
+
+
+def staged_system(run: Run) -> System:
+    """The system of the scenario, configured for this run. Raises `ConfigError`.
+
+    An agent that the system does not have needs no configuration; without a folder nothing is recorded.
+    """
+    system = load_system(find_system(run.scenario.system, run.file.parent), beside=run.beside)
+    if run.scenario.mission is None:
+        system = without(system, MISSION)
+    for agent, fields in _settings(run).items():
+        if agent in _names(system):
+            system = system.with_config(agent, **fields)
+    if "recorder" in _names(system):
+        system = system.with_config("recorder", about=_about(run, system))
+    return system if run.folder else without(system, "recorder", "viewer")
+
+
+def plant_alone(run: Run) -> System:
+    """The simulated reality of the scenario without anybody who looks at it. Raises `ConfigError`."""
+    system = load_system(find_system(run.scenario.system, run.file.parent), only=[PLANT], beside=run.beside)
+    if not system.agents:
+        raise ConfigError(f"the system {run.scenario.system!r} has no agent {PLANT!r}: nothing happens in it")
+    return system.with_config(PLANT, scenario=str(run.file), sensor="none")
+
+
+def without(system: System, *agents: str) -> System:
+    """The system without those of `agents` that it has."""
+    return system.without(*_names(system).intersection(agents))
+
+
+def _settings(run: Run) -> dict[str, dict[str, Any]]:
+    """What each agent has to know about the run."""
+    folder = str(run.folder)
+    mission = run.scenario.mission
+    return {
+        MISSION: {} if mission is None else msgspec.structs.asdict(mission),
+        **_policy_settings(run.policy),
+        **(
+            {"imagination": {"plans": [msgspec.structs.asdict(plan) for plan in run.scenario.plans]}}
+            if run.scenario.plans
+            else {}
+        ),
+        PLANT: {"scenario": str(run.file), "sensor": run.sensor},
+        "scene_setup": {"scenario": str(run.file)},
+        "fixed_camera": {"scenario": str(run.file)},
+        "recorder": {"folder": folder},
+        "viewer": {"folder": folder, "spawn": run.window},
+    }
+
+
+def _policy_settings(policy: Policy | None) -> dict[str, dict[str, Any]]:
+    """How the agents that know several methods are to work."""
+    if policy is None:
+        return {}
+    if policy == "published":
+        return {"simulation_handler": {"reasoner": policy}, "action_inference": {"policy": policy}}
+    return {"simulation_handler": {"policy": policy}}
+
+
+def _about(run: Run, system: System) -> dict[str, str]:
+    """What the recording says about the run, so that its agents can be run anew as they were."""
+    configs = {spec.name: spec.config for spec in system.agents if spec.name not in ("recorder", "viewer")}
+    return {
+        "scenario": run.scenario.name,
+        "system": _lasting(run),
+        "seed": str(run.seed),
+        "sensor": run.sensor,
+        "agents": msgspec.json.encode(configs).decode(),
+    }
+
+
+def _lasting(run: Run) -> str:
+    """What the system is called wherever the recording is read: a name of its own, or the whole path."""
+    system = run.scenario.system
+    return str(find_system(system, run.file.parent)) if system.endswith(".toml") else system
+
+
+def _names(system: System) -> set[str]:
+    return {spec.name for spec in system.agents}

@@ -1,0 +1,173 @@
+"""What was true, perceived and believed at each moment of a run."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import msgspec
+
+from agents.scenario.format.model import Scenario
+from dsr.math3d.transforms import Pose
+from dsr.vocabulary.observed_actions import Action
+
+Source = Literal["percept", "belief"]
+
+_SLACK = 1e-6
+"""s, so that rounding does not move a sample out of a window"""
+
+
+class Error(msgspec.Struct, frozen=True):
+    """How far a pose is from the true one."""
+
+    position: float
+    """m"""
+    rotation: float
+    """rad"""
+
+
+class WorldSample(msgspec.Struct, frozen=True):
+    """One moment of a world other than the base, as far as expectations are about it."""
+
+    places: dict[str, Pose]
+    """world_from_object of each object that has a place there."""
+    perceived: frozenset[str]
+    """Names of the objects that are perceived there."""
+    edges: frozenset[tuple[str, str, str]]
+    """Type, source, destination."""
+
+
+class Sample(msgspec.Struct, frozen=True, kw_only=True):
+    """One moment; all poses are world_from_object, by name of the object."""
+
+    time: float
+    """s after the start"""
+    truth: dict[str, Pose]
+    percepts: dict[str, Pose] = {}
+    """The newest of each object, however old."""
+    beliefs: dict[str, Pose] = {}
+    perceived: dict[str, bool] = {}
+    """Of each object that has a node."""
+    edges: frozenset[tuple[str, str, str]] = frozenset()
+    """Type, source, destination."""
+    attributes: dict[tuple[str, str], Any] = {}
+    """By node and name, those that the scenario asks for."""
+    held: str | None = None
+    """True: the object in the gripper."""
+    grasped: dict[str, str] = {}
+    """True: objects that are held, and by what: `gripper`, the node of a hand, or `unknown`."""
+    touched: dict[str, str] = {}
+    """True: objects on which fingertips just lie, and the node of the hand."""
+    moving: frozenset[str] = frozenset()
+    """True: objects that do not lie still."""
+    in_view: frozenset[str] = frozenset()
+    """True: objects whose tag the camera could see."""
+    surprising: frozenset[str] = frozenset()
+    camera_error: Error | None = None
+    """How far the scenario's camera is believed to be from where it is; None if one of both is not known."""
+    absent: frozenset[str] = frozenset()
+    """Objects believed to have left the scene."""
+    worlds: dict[str, WorldSample | None] = {}
+    """By name, all that are listed, the base excepted; None for those that no expectation looks into."""
+
+    def poses(self, source: Source) -> dict[str, Pose]:
+        """The percepts or the beliefs."""
+        return self.percepts if source == "percept" else self.beliefs
+
+
+class MissionState(msgspec.Struct, frozen=True):
+    """What an intention's node said from some time on."""
+
+    time: float
+    """s after the start"""
+    node: str
+    status: str
+    explanation: str
+    replans: int
+
+
+class Explained(msgspec.Struct, frozen=True):
+    """An explanation that was adopted."""
+
+    time: float
+    """s after the start, when it was in the memory"""
+    node: str
+    explanation: str
+
+
+class Inferred(msgspec.Struct, frozen=True):
+    """An action that was written into the memory."""
+
+    action: Action
+    noticed: float
+    """s after the start, when it was in the memory"""
+    confidence: float = 1.0
+
+
+class History:
+    """The samples of one run, in order of time."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario = scenario
+        self.samples: list[Sample] = []
+        self.agent_starts: list[tuple[float, str]] = []
+        """When an agent was first ready after each of its starts: s after the start, name."""
+        self.spans: dict[int, tuple[float, float | None]] = {}
+        """By the number of an event (from 1): when its move began and ended, s after the start."""
+        self.given_up: dict[int, str] = {}
+        """By the number of an event that could not be carried out: why."""
+        self.kills: dict[int, float] = {}
+        """By the number of a `kill`: when it was done, s after the start."""
+        self.missions: list[MissionState] = []
+        """All changes of all intentions."""
+        self.explanations: list[Explained] = []
+        self.calibrations: list[tuple[float, str]] = []
+        """When (s after the start) a pose of a camera was adopted or taken back, and what was told of that."""
+        self.actions: list[Inferred] = []
+        """In the order in which they were written."""
+        self.end = scenario.duration
+        """s after the start: when the run ended"""
+
+    def add(self, sample: Sample) -> None:
+        """Append a sample; one that is not newer than the last is ignored."""
+        if not self.samples or sample.time > self.samples[-1].time:
+            self.samples.append(sample)
+
+    def at(self, time: float) -> Sample | None:
+        """The last sample until `time` (s), or None."""
+        index = self._index_after(time)
+        return self.samples[index - 1] if index else None
+
+    def before(self, time: float) -> Sample | None:
+        """The last sample before `time` (s), or None."""
+        index = bisect_right(self.samples, time - _SLACK, key=lambda sample: sample.time)
+        return self.samples[index - 1] if index else None
+
+    def window(self, begin: float, end: float) -> Sequence[Sample]:
+        """The samples between two times (s), both included."""
+        first = bisect_right(self.samples, begin - _SLACK, key=lambda sample: sample.time)
+        return self.samples[first : self._index_after(end)]
+
+    def after(self, time: float) -> Sequence[Sample]:
+        """The samples after `time` (s)."""
+        return self.samples[self._index_after(time) :]
+
+    def mission(self, time: float) -> MissionState | None:
+        """The last state of any intention until `time` (s)."""
+        return next((state for state in reversed(self.missions) if state.time <= time + _SLACK), None)
+
+    def replans(self, time: float) -> int:
+        """New plans made until `time` (s), of all intentions."""
+        most: dict[str, int] = {}
+        for state in self.missions:
+            if state.time <= time + _SLACK:
+                most[state.node] = max(state.replans, most.get(state.node, 0))
+        return sum(most.values())
+
+    def was_perceived(self, name: str) -> bool:
+        """Whether the object was ever perceived."""
+        return any(sample.perceived.get(name) and name in sample.percepts for sample in self.samples)
+
+    def _index_after(self, time: float) -> int:
+        return bisect_right(self.samples, time + _SLACK, key=lambda sample: sample.time)

@@ -1,0 +1,112 @@
+"""New percepts: the poses of things that cameras have written since the last look, and where the camera was then."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Collection
+from typing import NamedTuple
+
+from dsr.errors import DsrError, ExtrapolationError
+from dsr.frames.tree import WORLD
+from dsr.graph.elements import Edge
+from dsr.math3d.quaternions import Vector3
+from dsr.math3d.transforms import Pose
+from dsr.memory import Memory
+
+MOST_AHEAD = 0.5
+"""s that a percept's stamp may be ahead of this machine's clock: more than clocks in step differ by"""
+
+
+class Percept(NamedTuple):
+    """What one camera said of one thing at one moment."""
+
+    camera: str
+    """Name of the frame that it was seen from."""
+    name: str
+    """Of the thing."""
+    stamp: float
+    """s; of a percept that holds at all times, the time of the look that found it"""
+    seen: Pose
+    """camera_from_thing as it stands in the graph, with its covariance if it has one"""
+    world_from_camera: Pose
+    """At the stamp."""
+
+    @property
+    def pose(self) -> Pose:
+        """world_from_thing, worked out anew at each call."""
+        return self.world_from_camera @ self.seen
+
+    @property
+    def eye(self) -> Vector3:
+        """M, place of the camera in the world."""
+        return self.world_from_camera.t
+
+
+class PerceptReader:
+    """Gives each percept once: the pose of an RT edge to a thing, as soon as the place of its camera then is known.
+
+    A pose is new if its stamp is later than that of the last one given of the same edge. A pose of stamp 0 holds at all
+    times: such is a percept of each look. What cannot be used is counted, and tried again at the next look.
+
+    Args:
+        memory: the graph.
+        oldest: s; what was seen longer ago than that, when it is found, is never given.
+        timeless: give poses of stamp 0.
+    """
+
+    def __init__(self, memory: Memory, *, oldest: float = math.inf, timeless: bool = True) -> None:
+        self._memory = memory
+        self._timeless = timeless
+        self._oldest = oldest
+        self._given: dict[tuple[str, str], float] = {}  # (camera, thing) -> stamp of the newest percept
+        self.skipped: Counter[str] = Counter()
+        """How often a percept could not be used, by reason."""
+        self.problems: dict[str, str] = {}
+        """Why, in the last look, by the name of the thing."""
+
+    def new(self, now: float, names: Collection[str], cameras: Collection[str] | None = None) -> list[Percept]:
+        """Those not given before, sorted by the name of the thing.
+
+        Args:
+            now: s, the time of the look.
+            names: the things that are asked for.
+            cameras: the frames to be seen from; None for whatever an RT edge comes from.
+        """
+        self.problems = {}
+        edge_of = self._memory.get_edge
+        self._given = {key: stamp for key, stamp in self._given.items() if edge_of(*key, "RT") is not None}
+        found = []
+        for name in sorted(names):
+            for edge in self._memory.edges("RT", dst=name):
+                pose = edge.get("pose")
+                if pose is None or (cameras is not None and edge.src not in cameras):
+                    continue
+                stamp = pose.stamp or (now if self._timeless else -math.inf)
+                if stamp > self._given.get((edge.src, name), -math.inf):
+                    percept = self._percept(edge, pose, stamp, now)
+                    if percept is not None:
+                        self._given[edge.src, name] = stamp
+                        found.append(percept)
+        return found
+
+    def _percept(self, edge: Edge, pose: Pose, stamp: float, now: float) -> Percept | None:
+        """None if it cannot be used, or not yet."""
+        if stamp < now - self._oldest:
+            self._given[edge.src, edge.dst] = stamp
+            self._skip(edge, "too old", f"is {now - stamp:.1f} s old")
+        elif stamp > now + MOST_AHEAD:
+            self._skip(edge, "from the future", f"is stamped {stamp - now:.1f} s ahead")
+        else:
+            try:
+                world_from_camera = self._memory.transform(WORLD, edge.src, at=pose.stamp or None)
+                return Percept(edge.src, edge.dst, stamp, pose, world_from_camera)
+            except ExtrapolationError as error:
+                self._skip(edge, "camera's place not known then", f"cannot be placed: {error}")
+            except DsrError as error:
+                self._skip(edge, "no chain to the world", f"cannot be placed: {error}")
+        return None
+
+    def _skip(self, edge: Edge, reason: str, why: str) -> None:
+        self.skipped[reason] += 1
+        self.problems[edge.dst] = f"percept of {edge.dst!r} from {edge.src!r} {why}"

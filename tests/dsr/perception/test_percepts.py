@@ -1,0 +1,77 @@
+"""Percepts that are new, and why others are not given."""
+
+from __future__ import annotations
+
+import pytest
+
+from benchmarks.surprise_scene import CAMERA, SIX, SurpriseScene
+from dsr.math3d.transforms import Pose
+from dsr.perception.percepts import MOST_AHEAD, PerceptReader
+
+
+@pytest.fixture
+def scene() -> SurpriseScene:
+    return SurpriseScene({"cube_0": SIX["cube_0"]})
+
+
+def see(scene: SurpriseScene, stamp: float, camera: str = CAMERA) -> None:
+    scene.memory.add_edge(camera, "cube_0", "RT", pose=Pose((0.0, 0.0, 0.6), (1.0, 0.0, 0.0, 0.0), stamp))
+
+
+def test_a_percept_is_given_once_in_the_world_frame(scene: SurpriseScene) -> None:
+    percepts = PerceptReader(scene.memory)
+    scene.memory.add_edge(CAMERA, "cube_0", "RT", pose=Pose((0.0, 0.0, 0.6), (1.0, 0.0, 0.0, 0.0), 10.0))
+    (percept,) = percepts.new(10.05, {"cube_0"})
+    assert (percept.camera, percept.name, percept.stamp) == (CAMERA, "cube_0", 10.0)
+    assert percept.pose.t == pytest.approx((0.35, 0.0, 0.05))
+    assert percept.eye == pytest.approx((0.35, 0.0, 0.65))
+    assert percepts.new(10.1, {"cube_0"}) == []
+
+
+def test_a_percept_waits_for_the_pose_of_a_camera_that_moves(scene: SurpriseScene) -> None:
+    percepts, memory = PerceptReader(scene.memory), scene.memory
+    for stamp in (9.0, 9.5):
+        memory.add_edge("world", CAMERA, "RT", pose=Pose((stamp, 0.0, 0.6), stamp=stamp))
+    memory.add_edge(CAMERA, "cube_0", "RT", pose=Pose((0.0, 0.0, 0.6), stamp=10.0))
+    assert percepts.new(10.05, {"cube_0"}) == []
+    memory.add_edge("world", CAMERA, "RT", pose=Pose((10.5, 0.0, 0.6), stamp=10.5))
+    (percept,) = percepts.new(10.5, {"cube_0"})
+    assert percept.eye[0] == pytest.approx(10.0)
+    assert percepts.skipped == {"camera's place not known then": 1}
+
+
+def test_an_older_percept_is_not_given_after_a_newer_one(scene: SurpriseScene) -> None:
+    percepts = PerceptReader(scene.memory)
+    given = []
+    for stamp in (10.0, 9.9, 10.1):
+        see(scene, stamp)
+        given += [percept.stamp for percept in percepts.new(10.2, {"cube_0"})]
+    assert given == [10.0, 10.1]
+
+
+def test_what_is_too_old_or_ahead_of_the_clock_is_counted(scene: SurpriseScene) -> None:
+    percepts = PerceptReader(scene.memory, oldest=1.0)
+    see(scene, 8.9)
+    assert percepts.new(10.0, {"cube_0"}) == percepts.new(10.0, {"cube_0"}) == []
+    assert percepts.skipped == {"too old": 1}
+    see(scene, 10.1 + MOST_AHEAD)
+    assert percepts.new(10.0, {"cube_0"}) == []
+    assert percepts.skipped == {"too old": 1, "from the future": 1}
+    assert percepts.problems["cube_0"] == f"percept of 'cube_0' from '{CAMERA}' is stamped 0.6 s ahead"
+    (percept,) = percepts.new(10.3, {"cube_0"})
+    assert percept.stamp == 10.1 + MOST_AHEAD
+
+
+def test_a_percept_that_holds_at_all_times_is_one_of_each_look(scene: SurpriseScene) -> None:
+    see(scene, 0.0)
+    percepts = PerceptReader(scene.memory)
+    assert [percept.stamp for now in (10.0, 10.1) for percept in percepts.new(now, {"cube_0"})] == [10.0, 10.1]
+    assert PerceptReader(scene.memory, timeless=False).new(10.0, {"cube_0"}) == []
+
+
+def test_only_the_things_and_cameras_asked_for_are_given(scene: SurpriseScene) -> None:
+    see(scene, 10.0)
+    percepts = PerceptReader(scene.memory)
+    assert percepts.new(10.0, {"cube_1"}) == []
+    assert percepts.new(10.0, {"cube_0"}, {"another_camera"}) == []
+    assert len(percepts.new(10.0, {"cube_0"}, {CAMERA})) == 1
