@@ -138,9 +138,9 @@ class _Both:
 def _holders(graph: str, registration: rendezvous.Registration) -> list[str]:
     """Replica ids of all others that hold a memory and live, also of those that came later; none if we are the first.
 
-    Those later ones may have learned from elders that died before we did.
+    Those later ones may have learned from seed peers that died before we did.
     """
-    if not any(elder.has_memory for elder in registration.elders):
+    if not any(seed_peer.has_memory for seed_peer in registration.seed_peers):
         return []
     return [member.rid for member in rendezvous.members(graph) if member.has_memory and member.rid != registration.rid]
 
@@ -175,7 +175,7 @@ def _open_at_free_port(
     endpoint = f"{protocol}/127.0.0.1:{rendezvous.free_port()}"
     registration = rendezvous.Registration(graph, rid, endpoint, has_memory=has_memory)
     try:
-        endpoints = [*(elder.endpoint for elder in registration.elders), *connect]
+        endpoints = [*(seed_peer.endpoint for seed_peer in registration.seed_peers), *connect]
         _check_protocol(graph, protocol, endpoints)
         if identity is None:
             return ZenohTransport(endpoint, endpoints, routing=bool(connect)), registration

@@ -37,7 +37,7 @@ from dsr.replication.stamp_access import StampAccess
 from dsr.replication.sync import Gate
 from dsr.replication.wire import decode_kept
 from dsr.worlds.access import WorldAccess
-from dsr.worlds.opened import Seat, Worlds
+from dsr.worlds.opened import WorldHandle, Worlds
 
 _SWITCH_INTERVAL = 0.0002
 """s; lets the merging thread run soon while the main thread is busy in Python (5.4 -> 0.9 ms median)."""
@@ -83,29 +83,29 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
         threaded: bool = False,
         holders: Callable[[], Sequence[str]] = tuple,
         meshes: MeshExchange | None = None,
-        _seat: Seat | None = None,
+        _handle: WorldHandle | None = None,
     ) -> None:
-        self.seat = _seat
-        self.keys = _seat.keys(graph) if _seat else Keys(graph)
+        self.world_handle = _handle
+        self.keys = _handle.keys(graph) if _handle else Keys(graph)
         self.graph_name = graph
         self.agent = agent
         self.clock = clock
         self.transport = transport
         self.schema = schema or Schema()
         self.rid = rid or new_rid(agent)
-        self._watches = _seat.watches() if _seat else Watches(self.schema.geometric)
+        self._watches = _handle.watches() if _handle else Watches(self.schema.geometric)
         self._frames = self._watches.frames
-        self._graph = _seat.graph(self._watches) if _seat else Graph(self.rid, self.schema, self._watches)
+        self._graph = _handle.graph(self._watches) if _handle else Graph(self.rid, self.schema, self._watches)
         self._guard = guard
         self._closing = contextlib.ExitStack()
         self._closed = False
         self.meshes = meshes or MeshExchange(transport, self.keys, self.rid, clock, threaded=threaded)
         if meshes is None:
             self._closing.callback(self.meshes.close)
-        lock = _seat.worlds.lock if _seat else threading.RLock()
+        lock = _handle.worlds.lock if _handle else threading.RLock()
         self.replica = self._replica = Replica(self._graph, transport, clock, self.keys, agent, gate, lock)
-        self._worlds = _seat.worlds if _seat else Worlds(self, self._seated, threaded=threaded, lock=lock)
-        if _seat is None:
+        self._worlds = _handle.worlds if _handle else Worlds(self, self._memory_for, threaded=threaded, lock=lock)
+        if _handle is None:
             self._replica.after_poll = self._worlds.sweep
         self._holders = holders
         self._replica.synchroniser.joining.holders = holders()
@@ -114,12 +114,12 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
             sys.setswitchinterval(min(sys.getswitchinterval(), _SWITCH_INTERVAL))
             self._replica.start(self._worlds.poller)
 
-    def _seated(self, seat: Seat) -> Memory:
+    def _memory_for(self, handle: WorldHandle) -> Memory:
         """The memory of another world, beside this one of the base."""
         return Memory(
             self.graph_name, self.agent, transport=self.transport, clock=self.clock, schema=self.schema,
-            guard=guard_in(self._guard, seat.record.info.name), gate=self.replica.synchroniser.gate, rid=seat.rid,
-            threaded=seat.worlds.threaded, meshes=self.meshes, _seat=seat,
+            guard=guard_in(self._guard, handle.record.info.name), gate=self.replica.synchroniser.gate, rid=handle.rid,
+            threaded=handle.worlds.threaded, meshes=self.meshes, _handle=handle,
         )  # fmt: skip
 
     def __enter__(self) -> Memory:
@@ -390,7 +390,7 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
             if self._closed:
                 return
             self._closed = True
-        if self.seat is None:
+        if self.world_handle is None:
             self._worlds.close()
         else:
             self._worlds.forget(self)

@@ -116,7 +116,7 @@ class Belief:
         """Believe again that an object is at `world_pose`, and `held` there by something unknown or not."""
         item = self._bodies.object(name)
         self._bodies.put(item, world_pose.t, world_pose.q)
-        self._bodies.set_pinned(item, held)
+        self._bodies.set_static(item, held)
         item.track.forget()
 
     def recall_gone(self, name: str) -> None:
@@ -274,7 +274,7 @@ class Belief:
             return True
         if item.driven:
             return self._driving.rests(name)
-        if item.pinned:
+        if item.static:
             return False
         estimate = item.estimate_at(self._now) if self._now is not None else item.track.estimate
         if estimate is None or name not in self._bodies.sim:

@@ -178,11 +178,11 @@ class ArmController(Agent):
             else:
                 follower.tick(joints)
 
-    def _follow_trajectory(self, way: Trajectory) -> None:
+    def _follow_trajectory(self, trajectory: Trajectory) -> None:
         assert self._state is not None
         state, names = self._state, self._chain.names
-        rows = tuple(to_driver(row, names, state) for row in way.positions.tolist())
-        self._driver.follow(tuple(way.times.tolist()), rows)
+        rows = tuple(to_driver(row, names, state) for row in trajectory.positions.tolist())
+        self._driver.follow(tuple(trajectory.times.tolist()), rows)
 
     def _send(self, positions: tuple[float, ...], speed: float) -> None:
         assert self._state is not None

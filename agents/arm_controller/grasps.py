@@ -115,25 +115,25 @@ def grasps(thing: Thing, room: Room, widest: float) -> list[Grasp]:
         GraspError: if it leans, is too wide or too low, or the gripper has no room around it, with what takes that.
     """
     body = upright(thing)
-    ways = _ways(thing.name, body, widest)
+    closings = _closings(thing.name, body, widest)
     heights = _heights(thing.name, body, room.reach)
     found: list[tuple[Grasp, float]] = []
-    in_the_way = dict[str, None]()
-    for way in ways:
-        grasp, blockers = _roomy(way, body, heights, room)
+    in_the_closing = dict[str, None]()
+    for closing in closings:
+        grasp, blockers = _roomy(closing, body, heights, room)
         if grasp is None:
-            in_the_way |= dict.fromkeys(blockers)
+            in_the_closing |= dict.fromkeys(blockers)
         else:
             found.append((grasp, body.top - grasp.world_from_tool.t[2] + room.reach))
     if not found:
-        who = f"{', '.join(in_the_way)} {'is' if len(in_the_way) == 1 else 'are'}"
+        who = f"{', '.join(in_the_closing)} {'is' if len(in_the_closing) == 1 else 'are'}"
         raise GraspError(f"there is no room for the gripper around {thing.name}: {who} in the way")
     enough = _ENOUGH * max(hold for _, hold in found)
     return [replace(grasp, rank=(int(hold < enough), *grasp.rank[1:])) for grasp, hold in found]
 
 
 @dataclass(frozen=True)
-class _Way:
+class _Closing:
     """A direction and opening of the gripper."""
 
     axis: Array
@@ -153,13 +153,13 @@ class _Way:
         return looking_down((float(x), float(y), height), self.axis)
 
 
-def _ways(name: str, body: Upright, widest: float) -> list[_Way]:
+def _closings(name: str, body: Upright, widest: float) -> list[_Closing]:
     """All that fit the object."""
     if body.narrowest + min(SIDE_ROOM) > widest:
         raise GraspError(f"{name} is {body.narrowest * 1e3:.0f} mm wide, too wide for {widest * 1e3:.0f} mm")
     one, other = sorted(body.sides, key=lambda side: side[1])
     return [
-        _Way(sign * axis, width, across, opening, (cramped, 0 if body.is_square else longer))
+        _Closing(sign * axis, width, across, opening, (cramped, 0 if body.is_square else longer))
         for longer, ((axis, width), (_, across)) in enumerate(((one, other), (other, one)))
         if width + min(SIDE_ROOM) <= widest
         for cramped, opening in enumerate(dict.fromkeys(min(width + room, widest) for room in SIDE_ROOM))
@@ -181,20 +181,21 @@ def _heights(name: str, body: Upright, reach: float) -> Array:
     return np.linspace(deepest, highest, math.ceil((highest - deepest) / _STEP) + 1)
 
 
-def _roomy(way: _Way, body: Upright, heights: Array, room: Room) -> tuple[Grasp | None, tuple[str, ...]]:
+def _roomy(closing: _Closing, body: Upright, heights: Array, room: Room) -> tuple[Grasp | None, tuple[str, ...]]:
     """The grasp in the middle and as deep as wanted, or else the nearest aside that holds enough.
 
     Without room anywhere it is None, with what takes that in the middle.
     """
 
     def blockers(asides: Array, at: NDArray[np.intp]) -> list[tuple[str, ...]]:
-        tools = [way.tool(body.center, *place) for place in zip(asides.tolist(), heights[at].tolist(), strict=True)]
-        return room.blockers(tools, way.width, way.opening)
+        tools = [closing.tool(body.center, *place) for place in zip(asides.tolist(), heights[at].tolist(), strict=True)]
+        return room.blockers(tools, closing.width, closing.opening)
 
-    count = int(way.across * _MOST_ASIDE / _STEP_ASIDE)
+    count = int(closing.across * _MOST_ASIDE / _STEP_ASIDE)
     asides = np.array(sorted(range(-count, count + 1), key=abs)) * _STEP_ASIDE
     if not blockers(asides[:1], np.zeros(1, dtype=np.intp))[0]:
-        return Grasp(way.tool(body.center, 0.0, float(heights[0])), way.opening, way.width, (0, 0, *way.rank)), ()
+        lowest = closing.tool(body.center, 0.0, float(heights[0]))
+        return Grasp(lowest, closing.opening, closing.width, (0, 0, *closing.rank)), ()
     low, high = np.zeros(len(asides), dtype=np.intp), np.full(len(asides), len(heights) - 1)
     taken = blockers(asides, high)
     while (low < high).any():  # what is free stays so higher up: the way there comes from above
@@ -206,8 +207,8 @@ def _roomy(way: _Way, body: Upright, heights: Array, room: Room) -> tuple[Grasp 
     if not holds.any():
         return None, taken[0]
     best = int(np.argmax(holds >= _ENOUGH * holds.max()))
-    tool = way.tool(body.center, float(asides[best]), float(heights[high[best]]))
-    return Grasp(tool, way.opening, way.width, (0, int(best > 0), *way.rank)), ()
+    tool = closing.tool(body.center, float(asides[best]), float(heights[high[best]]))
+    return Grasp(tool, closing.opening, closing.width, (0, int(best > 0), *closing.rank)), ()
 
 
 def looking_down(position: tuple[float, float, float], x_axis: Array) -> Pose:

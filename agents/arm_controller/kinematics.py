@@ -102,8 +102,8 @@ class Chain:
 
     def difference(self, a: ArrayLike, b: ArrayLike) -> Array:
         """(n,) way from joint positions `a` to `b`, the shorter way round for continuous joints."""
-        way = np.asarray(b, dtype=float) - np.asarray(a, dtype=float)
-        return np.where(self.turning, _wrapped(way), way)
+        difference = np.asarray(b, dtype=float) - np.asarray(a, dtype=float)
+        return np.where(self.turning, _wrapped(difference), difference)
 
     def inverse(
         self,

@@ -88,6 +88,6 @@ def timed(path: Array, velocity: Array, acceleration: float) -> Trajectory:
     before = np.clip(np.searchsorted(times, even, side="right") - 1, 0, len(durations) - 1)
     passed = even - times[before]
     gained = 0.5 * passed * (rates[before + 1] - rates[before]) / durations[before]
-    way = before + passed * (rates[before] + gained)
+    travelled = before + passed * (rates[before] + gained)
     points = np.arange(len(path))
-    return Trajectory(even, np.stack([np.interp(way, points, joint) for joint in path.T], axis=1))
+    return Trajectory(even, np.stack([np.interp(travelled, points, joint) for joint in path.T], axis=1))

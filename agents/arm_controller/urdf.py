@@ -91,14 +91,14 @@ class Robot:
         """The joints on the way from link `base` down to link `tip`. Raises `ConfigError` if there is no way."""
         self.check_link(base)
         self.check_link(tip)
-        way: list[Joint] = []
+        chain: list[Joint] = []
         link = tip
         while link != base:
             if link == self.root:
                 raise ConfigError(f"robot {self.name!r}: link {tip!r} does not hang below link {base!r}")
-            way.append(self.parents[link])
-            link = way[-1].parent
-        return tuple(reversed(way))
+            chain.append(self.parents[link])
+            link = chain[-1].parent
+        return tuple(reversed(chain))
 
     def below(self, link: str) -> Iterator[Joint]:
         """All joints that hang, directly or not, below `link`."""

@@ -49,10 +49,10 @@ class Ramp:
         """Go to `target` (n,) rad at `speed` (0 to 1) of the limits; may be called while moving."""
         self._trajectory = None
         self._target = np.array(target, dtype=float)
-        ways = np.abs(self._target - self.positions) + self.velocities**2 / (2 * ACCELERATION)
-        if not ways.any():
+        distances = np.abs(self._target - self.positions) + self.velocities**2 / (2 * ACCELERATION)
+        if not distances.any():
             return
-        shares = np.maximum(ways / ways.max(), _LEAST_SHARE)
+        shares = np.maximum(distances / distances.max(), _LEAST_SHARE)
         self._cruise = shares * speed * float((self._limits / shares).min())
         self._acceleration = shares * ACCELERATION
 

@@ -21,7 +21,7 @@ from dsr.geometry.messages import Ask, Offer, encode_ask, encode_offer
 from dsr.geometry.shared import Place
 from dsr.graph.graph import Graph
 from dsr.images.blobs import Frame, encode_frame
-from dsr.network.shared_ring import Ticket
+from dsr.network.shared_ring import SlotDescriptor
 from dsr.replication.piece_wire import Request, encode_piece, encode_request
 from dsr.replication.wire import Digest, encode_delta, encode_digest
 from dsr.runtime.logs import LogRecord
@@ -52,7 +52,7 @@ def a_graph(rid: str = "arm_controller-5f0c12aa") -> tuple[Graph, list[Delta]]:
         graph.write(graph.node("cube_3"), {"seen": 8, "mass": 0.2}, NOW + 1),
         graph.remove_attribute(graph.node("table"), "note", NOW + 1),
         graph.remove_edge(("cube_3", "table", "on")),
-        graph.settle(),
+        graph.make_durable(),
     ]
     return graph, [delta for delta in deltas if delta]
 
@@ -107,9 +107,10 @@ def frames() -> list[bytes]:
     return [encode_frame(Frame(NOW, arrays, meta)), encode_frame(Frame(NOW, {}, {}))]
 
 
-def tickets() -> list[bytes]:
-    """A ticket for a message in shared memory, and the empty one."""
-    return [msgspec.msgpack.encode(Ticket(1, 5, b"0123456789abcdef", 4096, 1, 3, 4000)), msgspec.msgpack.encode(None)]
+def descriptors() -> list[bytes]:
+    """A descriptor for a message in shared memory, and the empty one."""
+    descriptor = SlotDescriptor(1, 5, b"0123456789abcdef", 4096, 1, 3, 4000)
+    return [msgspec.msgpack.encode(descriptor), msgspec.msgpack.encode(None)]
 
 
 def mesh_requests() -> list[bytes]:

@@ -24,7 +24,7 @@ from dsr.errors import DsrError
 from dsr.geometry import Mesh
 from dsr.geometry.messages import decode_ask, decode_offer
 from dsr.images.blobs import decode_frame
-from dsr.network.bulk import decode_ticket
+from dsr.network.bulk import decode_descriptor
 from dsr.network.rendezvous import members
 from dsr.persistence.files import read_graph
 from dsr.persistence.records import HEADER, append_record, read_records
@@ -58,7 +58,7 @@ def targets(folder: Path) -> list[Target]:
         Target("request", decode_request, corpus.requests(), 2),
         Target("piece of a reply", decode_piece, corpus.pieces(), 4),
         Target("camera frame", lambda frame: unpack(decode_frame(frame)), corpus.frames(), 3, load_frame, dump_frame),
-        Target("frame ticket", decode_ticket, corpus.tickets(), 1),
+        Target("frame descriptor", decode_descriptor, corpus.descriptors(), 1),
         Target("mesh request", decode_ask, corpus.mesh_requests(), 1),
         Target("mesh offer", decode_offer, corpus.mesh_offers(), 1),
         Target("mesh", Mesh.decode, corpus.meshes(), 1),

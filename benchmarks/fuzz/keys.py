@@ -58,7 +58,7 @@ class Victim:
         self.board = StatusBoard(transport, keys, self.clock)
         self.replies = 0
 
-    def settle(self) -> None:
+    def make_durable(self) -> None:
         """Deliver, merge and look at everything once."""
         self.clock.advance(0.01)
         self.network.deliver()
@@ -71,7 +71,7 @@ class Victim:
         """Let seconds pass, until samples of streams that were accepted are durable."""
         for _ in range(5):
             self.clock.advance(1.0)
-            self.settle()
+            self.make_durable()
 
     def state(self) -> bytes:
         """Everything that the memory holds, and has seen."""
@@ -179,7 +179,7 @@ def _send(tally: Tally, victim: Victim, messages: list[tuple[str, bytes]]) -> in
     for key, payload in messages:
         heard += key.count("/") == victim.memory.keys.delta().count("/")
         victim.stranger.publish(key, payload)
-        _guarded(tally, payload, victim.settle)
+        _guarded(tally, payload, victim.make_durable)
     return heard
 
 
@@ -198,7 +198,7 @@ def _fuzz_requests(tally: Tally, messages: int, seed: int) -> Iterator[Tally]:
             payload = mutate()
             valid, replies = _judge(tally, payload, lambda p: bool(decode_request(p))), victim.replies
             victim.stranger.request(key, payload, count, lambda: None, 0.0)
-            _guarded(tally, payload, victim.settle)
+            _guarded(tally, payload, victim.make_durable)
             tally.miscounted += (victim.replies > replies) != valid
             if number % _BATCH == 0:
                 tally.changes += victim.state() != before
@@ -245,7 +245,7 @@ def _fuzz_others(tally: Tally, messages: int, seed: int) -> Iterator[Tally]:
             payload = mutate()
             tally.messages += 1
             victim.stranger.publish(key, payload)
-            _guarded(tally, payload, victim.settle)
+            _guarded(tally, payload, victim.make_durable)
             if number % _BATCH == 0:
                 tally.changes += victim.state() != before
                 look()

@@ -148,8 +148,8 @@ def check_shared_memory() -> Check:
     """Camera frames without copies."""
     try:
         ring = Ring(len(_PROBE))
-        ticket = ring.write([_PROBE])
-        found = None if ticket is None else RingReader(ticket).view(ticket)
+        descriptor = ring.write([_PROBE])
+        found = None if descriptor is None else RingReader(descriptor).view(descriptor)
     except OSError as error:
         return Check("shared memory", "limited", f"{error}: camera frames are copied and travel over TCP")
     if found is None or bytes(found) != _PROBE:

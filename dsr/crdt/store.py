@@ -46,7 +46,7 @@ class Observer:
     """Told about every effective change of a store; the default ignores them."""
 
     def before_change(self, key: Key) -> None:
-        """The element `key` is about to change; only told by a store that shares entries (`Store.mine`)."""
+        """The element `key` is about to change; only told by a store that shares entries (`Store.owned`)."""
 
     def entry_copied(self, old: Entry, new: Entry) -> None:
         """`new` takes the place of `old`, which others go on reading, and is about to change."""
@@ -72,7 +72,7 @@ class Store:
         self.entries: MutableMapping[Dot, Entry] = {}
         self.by_key: MutableMapping[Key, dict[Dot, Entry]] = {}
         self._order: OrderedDots | None = OrderedDots()
-        self.mine: set[Dot] | None = None
+        self.owned: set[Dot] | None = None
         """If entries are shared with forks: those that nobody else reads. The others are copied before they change."""
         self.fingerprint = 0
         """Order-independent hash of the live dots."""
@@ -136,7 +136,7 @@ class Store:
         """A removal is final for its dot, also when it arrives before the addition."""
         self.context.add(dot)
         self._forget_waiting(dot)
-        if self.mine is not None and dot in self.entries:
+        if self.owned is not None and dot in self.entries:
             self._observer.before_change(self.entries[dot].key)
         entry = self.entries.pop(dot, None)
         if entry is None:
@@ -153,9 +153,9 @@ class Store:
         """A dot already in the context lives already, or was removed: then a late addition is void."""
         if add.dot in self.entries or add.dot in self.context:
             return None
-        if self.mine is not None:
+        if self.owned is not None:
             self._observer.before_change(add.key)
-            self.mine.add(add.dot)
+            self.owned.add(add.dot)
         entry = Entry(add)
         self.entries[add.dot] = entry
         self._take_place(add.dot)
@@ -186,7 +186,7 @@ class Store:
                 if write.writer == current.writer:
                     self._settle_same(entry, write, current)
                 return
-        if self.mine is not None:
+        if self.owned is not None:
             entry = self._own(entry)
         entry.registers[write.attribute] = write
         if write.dot is None:
@@ -197,7 +197,7 @@ class Store:
     def _settle_same(self, entry: Entry, write: Write, current: Write) -> None:
         """The same write again, now durable, or made durable by two replicas: the greatest dot stays."""
         if write.dot is not None and (current.dot is None or write.dot > current.dot):
-            if self.mine is not None:
+            if self.owned is not None:
                 entry = self._own(entry)
             entry.registers[write.attribute] = replace(current, dot=write.dot)
 
@@ -238,15 +238,15 @@ class Store:
 
     def _own(self, entry: Entry) -> Entry:
         """The entry as one that may change: others that read it keep the old one."""
-        assert self.mine is not None
-        if entry.dot in self.mine:
+        assert self.owned is not None
+        if entry.dot in self.owned:
             return entry
         self._observer.before_change(entry.key)
         copy = Entry(entry)
         copy.registers = entry.registers.copy()
         copy.announced = entry.announced
         self.entries[entry.dot] = self.by_key[entry.key][entry.dot] = copy
-        self.mine.add(entry.dot)
+        self.owned.add(entry.dot)
         self._observer.entry_copied(entry, copy)
         return copy
 
@@ -295,7 +295,7 @@ class Store:
                     self.unsettled.setdefault((dot, write.attribute), 0)
         self._waiting_count = sum(_weight(write) for writes in self._waiting.values() for write in writes)
 
-    def take_unsettled(self, due: Callable[[Write, int], bool], new_dot: Callable[[], Dot]) -> Delta:
+    def take_not_durable(self, due: Callable[[Write, int], bool], new_dot: Callable[[], Dot]) -> Delta:
         """Give a dot to each stream register for which `due(write, times passed over)` holds."""
         delta = Delta()
         for (owner, attribute), passes in list(self.unsettled.items()):
@@ -305,7 +305,7 @@ class Store:
                 del self.unsettled[(owner, attribute)]
             elif due(write, passes):
                 del self.unsettled[(owner, attribute)]
-                if self.mine is not None:
+                if self.owned is not None:
                     entry = self._own(entry)
                 durable = entry.registers[attribute] = replace(write, dot=new_dot())
                 delta.writes.append(durable)

@@ -59,7 +59,7 @@ class FrameTree:
         self._newest: dict[str, Links] = {}  # type -> child -> link to the parent with the newest sample
         self._chains: _Chains = {}
         self._batches: dict[tuple[str, tuple[str, ...], Types], Batch] = {}
-        self._mine: set[tuple[str, str]] | None = None
+        self._owned: set[tuple[str, str]] | None = None
         """If histories are shared with forks: those (type, child) that nobody else reads; others are copied first."""
         self._forks: list[weakref.ref[FrameFork]] = []
         self._overlays: list[weakref.ref[FrameTree]] = []
@@ -69,7 +69,7 @@ class FrameTree:
 
         The stamp 0.0 means "always". A sample equal to the one of its stamp changes nothing.
         """
-        if self._mine is not None:
+        if self._owned is not None:
             self._before_change(type, child)
         histories = self._histories.get((type, child), {})
         if parent in histories:
@@ -84,7 +84,7 @@ class FrameTree:
 
         What a graph shows is the write that won, whatever its stamp; so all replicas have the same transforms.
         """
-        if self._mine is not None:
+        if self._owned is not None:
             self._before_change(type, child)
         histories = self._histories.get((type, child))
         if histories is None or parent not in histories:
@@ -102,7 +102,7 @@ class FrameTree:
 
     def remove(self, type: str, parent: str, child: str) -> None:
         """Forget an edge and its past; harmless if there is none."""
-        if self._mine is not None:
+        if self._owned is not None:
             self._before_change(type, child)
         histories = self._histories.get((type, child), {})
         self._histories[type, child] = {name: h for name, h in histories.items() if name != parent}
@@ -111,12 +111,12 @@ class FrameTree:
     def share_with(self, fork: FrameFork) -> None:
         """Let `fork` read what is here now, and keep from it what changes later."""
         self._forks = [other for other in self._forks if other() is not None] + [weakref.ref(fork)]
-        self._mine = set()
+        self._owned = set()
 
     def _before_change(self, type: str, child: str) -> None:
         """Let the forks keep the edges to this frame as they are, and go on with a copy."""
         key = type, child
-        if self._mine is None or key in self._mine:
+        if self._owned is None or key in self._owned:
             return
         for reference in self._forks:
             fork = reference()
@@ -125,7 +125,7 @@ class FrameTree:
         histories = self._histories.get(key)
         if histories is not None:
             self._histories[key] = {parent: history.copy() for parent, history in histories.items()}
-        self._mine.add(key)
+        self._owned.add(key)
 
     def _choose_newest(self, type: str, child: str) -> None:
         """Let the table name the newest of the frame's edges; a link that is still right stays the same."""

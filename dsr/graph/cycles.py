@@ -53,5 +53,5 @@ def _check_type(type: str, parents: Mapping[str, list[str]]) -> None:
 
 
 def _error(type: str, src: str, dst: str, cycle: list[str]) -> CycleError:
-    way = " -> ".join(map(repr, cycle))
-    return CycleError(f"the {type} edge {src!r} -> {dst!r} closes a cycle of frames: {way}; remove another one first")
+    path = " -> ".join(map(repr, cycle))
+    return CycleError(f"the {type} edge {src!r} -> {dst!r} closes a cycle of frames: {path}; remove another one first")

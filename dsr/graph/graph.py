@@ -126,7 +126,7 @@ class Graph(Stamping):
         if self._unattached and (delta.context or delta.removed):  # samples of streams decide nothing
             self._attach_or_bury()
 
-    def settle(self, patience: int = 3) -> Delta:
+    def make_durable(self, patience: int = 3) -> Delta:
         """Make stream samples durable; to be called about once a second.
 
         Own samples at once; those of another replica only after `patience` calls without news, which
@@ -137,7 +137,7 @@ class Graph(Stamping):
         def due(write: Write, passes: int) -> bool:
             return write.writer == self.rid or passes >= patience
 
-        delta = self.store.take_unsettled(due, self.new_dot)
+        delta = self.store.take_not_durable(due, self.new_dot)
         self._apply(delta)
         self.store.context.add_range(self.rid, 1, self.counter)  # a write that was broken off leaves no hole
         return delta
@@ -275,7 +275,7 @@ class Graph(Stamping):
 
     def _refresh_node(self, name: str) -> None:
         entries = tuple(self.store.by_key.get(name, {}).values())
-        if self.store.mine is not None:
+        if self.store.owned is not None:
             self.before_change(name)
         old = self.nodes.get(name)
         if old is not None and entries:
@@ -319,7 +319,7 @@ class Graph(Stamping):
     def _refresh_edge(self, key: EdgeKey) -> None:
         entries = tuple(e for e in self.store.by_key.get(key, {}).values() if self._has_ends(e))
         old = self.edges.get(key)
-        if self.store.mine is not None and entries != (old._entries if old else ()):
+        if self.store.owned is not None and entries != (old._entries if old else ()):
             self.before_change(key)
             old = self.edges.get(key)
         if old is not None and entries:

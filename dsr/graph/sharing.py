@@ -44,13 +44,13 @@ class Sharing(Observer):
     def share_with(self, fork: Fork) -> None:
         """Let `fork` read what is here now, and keep from it what changes later; the graph must be locked."""
         self._forks = [other for other in self._forks if other() is not None] + [weakref.ref(fork)]
-        self.store.mine = set()
+        self.store.owned = set()
 
     def release(self, fork: Fork | None) -> None:
         """Tell `fork` about nothing any more; the graph must be locked."""
         self._forks = [other for other in self._forks if other() not in (None, fork)]
         if not self._forks:
-            self.store.mine = None
+            self.store.owned = None
 
     def element(self, dot: Dot) -> Entry | None:
         """What lives under a creation dot, here or below."""

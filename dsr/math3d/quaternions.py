@@ -35,7 +35,7 @@ def normalised(q: Quaternion, tolerance: float = math.inf) -> Quaternion:
 
 
 def conjugate(q: Quaternion) -> Quaternion:
-    """The opposite rotation."""
+    """The inverse of a unit quaternion: the rotation back."""
     x, y, z, w = q
     return -x, -y, -z, w
 

@@ -78,9 +78,9 @@ def seen_alone(shape: Shape, size: Vector3, eye: Array, count: int = _POINTS) ->
         image that each stands for (n,), 1 together.
     """
     points, normals, areas = surface(shape, size, count)
-    way = eye - points
-    distance = np.sqrt((way * way).sum(axis=1))
-    weights = areas * (way * normals).sum(axis=1) / np.maximum(distance, _LEAST) ** 3
+    ray = eye - points
+    distance = np.sqrt((ray * ray).sum(axis=1))
+    weights = areas * (ray * normals).sum(axis=1) / np.maximum(distance, _LEAST) ** 3
     facing = weights > 0.0
     points, weights = points[facing], weights[facing]
     rays = Solids.of(shape or box(size))
@@ -119,9 +119,9 @@ def underside(shape: Shape, size: Vector3, world_from_body: Array) -> Array:
 
 def room_below(points: Array, solids: Solids) -> float:
     """How far (m) points (n, 3) can move straight down until one meets a solid that it is not in; infinite if none."""
-    way = np.array([0.0, 0.0, -_DEEPEST])
+    ray = np.array([0.0, 0.0, -_DEEPEST])
     start = solids.into(points)
-    enters, leaves = crossings(solids.kinds, solids.half, start, (way @ solids.turn)[:, None])
+    enters, leaves = crossings(solids.kinds, solids.half, start, (ray @ solids.turn)[:, None])
     met = (enters < leaves) & (enters >= 0.0) & (enters < 1.0)
     return float(np.where(met, enters, math.inf).min(initial=math.inf)) * _DEEPEST
 
@@ -176,10 +176,10 @@ class Solids(NamedTuple):
 
     def cut_off(self, eye: Array, targets: Array) -> Flags:
         """(n, rays) which rays from `eye` (3,) to `targets` (rays, 3) meet each part before their end."""
-        way = targets - eye
+        ray = targets - eye
         start = np.einsum("nj,nji->ni", eye - self.centre, self.turn)
-        enters, leaves = crossings(self.kinds, self.half, start[:, None], way[None] @ self.turn)
-        arrived = 1.0 - GAP / np.maximum(np.sqrt((way * way).sum(axis=1)), GAP)
+        enters, leaves = crossings(self.kinds, self.half, start[:, None], ray[None] @ self.turn)
+        arrived = 1.0 - GAP / np.maximum(np.sqrt((ray * ray).sum(axis=1)), GAP)
         return meets(enters, leaves, arrived)
 
 
@@ -189,32 +189,32 @@ def meets(enters: Array, leaves: Array, arrived: Array) -> Flags:
     return met
 
 
-def crossings(kinds: NDArray[np.int64], half: Array, start: Array, way: Array) -> tuple[Array, Array]:
+def crossings(kinds: NDArray[np.int64], half: Array, start: Array, ray: Array) -> tuple[Array, Array]:
     """Parameters (k, rays) at which rays enter and leave k parts; a ray that misses leaves before it enters.
 
     Args:
         kinds: (k,) as in `Solids`.
         half: (k, 3) m, likewise.
         start: (k, 1 or rays, 3) m, in the frame of each part.
-        way: (k, rays, 3) m, likewise.
+        ray: (k, rays, 3) m, likewise.
     """
-    safe = np.where(np.abs(way) < _LEAST, _LEAST, way)
+    safe = np.where(np.abs(ray) < _LEAST, _LEAST, ray)
     one, other = (-half[:, None] - start) / safe, (half[:, None] - start) / safe
     near, far = np.minimum(one, other), np.maximum(one, other)
     enters, leaves = near.max(axis=2), far.min(axis=2)
     for kind, axes in ((1, 2), (2, 3)):  # a round part is cut with a circle, or a ball, instead of some slabs
         of_kind = kinds == kind
         if of_kind.any():
-            into, out = _through_round(start[of_kind, :, :axes], way[of_kind, :, :axes], half[of_kind, :1])
+            into, out = _through_round(start[of_kind, :, :axes], ray[of_kind, :, :axes], half[of_kind, :1])
             enters[of_kind] = np.maximum(into, near[of_kind, :, axes:].max(axis=2, initial=-np.inf))
             leaves[of_kind] = np.minimum(out, far[of_kind, :, axes:].min(axis=2, initial=np.inf))
     return enters, leaves
 
 
-def _through_round(start: Array, way: Array, radius: Array) -> tuple[Array, Array]:
+def _through_round(start: Array, ray: Array, radius: Array) -> tuple[Array, Array]:
     """Where rays enter and leave a circle or ball of `radius` (k, 1) around the origin."""
-    a = np.maximum((way * way).sum(axis=2), _LEAST**2)
-    b = (start * way).sum(axis=2)
+    a = np.maximum((ray * ray).sum(axis=2), _LEAST**2)
+    b = (start * ray).sum(axis=2)
     c = (start * start).sum(axis=2) - radius * radius
     root = np.sqrt(np.maximum(b * b - a * c, 0.0))
     missed = b * b < a * c

@@ -31,8 +31,8 @@ def agent_of(rid: str) -> str:
     return rid.rpartition("-")[0]
 
 
-def ticket_key(key: str) -> str:
-    """Where tickets for large messages of `key` travel (`bulk.py`); no wildcard matches a part that begins with @."""
+def descriptor_key(key: str) -> str:
+    """Key of the descriptors of large messages of `key` (`bulk.py`); no wildcard matches a part that begins with @."""
     return f"{key}/@shm"
 
 

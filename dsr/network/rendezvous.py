@@ -61,7 +61,7 @@ class Registration:
         folder = runtime_dir() / check_name("graph name", graph)
         try:
             with _one_at_a_time(folder.parent):
-                self.elders = members(graph)
+                self.seed_peers = members(graph)
                 """Those who were there before, oldest first."""
                 self._lock = _new_entry(folder, rid)
                 self._path = Path(self._lock.name)

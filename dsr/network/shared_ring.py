@@ -41,11 +41,11 @@ _LOCK = struct.Struct("hhqqi4x")  # struct flock of Linux: type, whence, start, 
 _SEAL_FUTURE_WRITE = 0x10  # F_SEAL_FUTURE_WRITE of Linux 5.1, which `fcntl` does not name
 
 
-class Ticket(msgspec.Struct, frozen=True, array_like=True):
+class SlotDescriptor(msgspec.Struct, frozen=True, array_like=True):
     """Where a message is, for readers on the same machine."""
 
     process: int
-    descriptor: int
+    file_descriptor: int
     """Of the writer's process."""
     ring: bytes
     """Random; tells the ring from whatever else may have that descriptor."""
@@ -79,7 +79,7 @@ class Ring:
         self._count = itertools.count(1)
         self._used: list[int] = []  # slots, the one with the newest message last
 
-    def write(self, chunks: Sequence[bytes | memoryview]) -> Ticket | None:
+    def write(self, chunks: Sequence[bytes | memoryview]) -> SlotDescriptor | None:
         """Write a message given in pieces (of bytes); None if readers hold all slots in place."""
         for slot in self._candidates():
             if self._file.lock(slot, fcntl.F_WRLCK):
@@ -91,7 +91,7 @@ class Ring:
         finally:
             self._file.lock(slot, fcntl.F_UNLCK)
 
-    def _write_into(self, slot: int, chunks: Sequence[bytes | memoryview]) -> Ticket:
+    def _write_into(self, slot: int, chunks: Sequence[bytes | memoryview]) -> SlotDescriptor:
         self._sequences[slot] = 0  # for the case that this process dies half way
         begin = end = _PAGE + slot * self.slot_size
         for chunk in chunks:
@@ -99,7 +99,7 @@ class Ring:
             end += len(chunk)
         sequence = self._sequences[slot] = next(self._count)
         self._used = [*(other for other in self._used if other != slot), slot]
-        return Ticket(os.getpid(), self._file.descriptor, self._id, self.slot_size, slot, sequence, end - begin)
+        return SlotDescriptor(os.getpid(), self._file.descriptor, self._id, self.slot_size, slot, sequence, end - begin)
 
     def _candidates(self) -> Iterator[int]:
         """Slots that may be free, the oldest message first; one that was never used only after those."""
@@ -109,20 +109,20 @@ class Ring:
 
 
 class RingReader:
-    """A reader's end of the ring that a ticket names.
+    """A reader's end of the ring that a descriptor names.
 
     Raises:
         OSError: if the ring is not to be had here: its writer runs elsewhere, as somebody else, or has ended.
     """
 
-    def __init__(self, ticket: Ticket) -> None:
-        self.ring = ticket.ring
-        self._slot_size = ticket.slot_size
+    def __init__(self, descriptor: SlotDescriptor) -> None:
+        self.ring = descriptor.ring
+        self._slot_size = descriptor.slot_size
         self._held: set[int] = set()
-        path = f"/proc/{ticket.process:d}/fd/{ticket.descriptor:d}"
+        path = f"/proc/{descriptor.process:d}/fd/{descriptor.file_descriptor:d}"
         if not 0 < self._slot_size <= MOST_BYTES:
             raise OSError(f"{path} has slots of {self._slot_size} bytes; expected 1 to {MOST_BYTES}")
-        if str(Path(path).readlink()) != _LINK:  # before it is opened: a ticket comes from the network
+        if str(Path(path).readlink()) != _LINK:  # before it is opened: a descriptor comes from the network
             raise OSError(f"{path} is no ring")
         self._file = _File(os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK))
         if not fcntl.fcntl(self._file.descriptor, fcntl.F_GET_SEALS) & fcntl.F_SEAL_SHRINK:
@@ -135,20 +135,20 @@ class RingReader:
             raise OSError(f"{path} is another ring")
         self._sequences = _sequences(memoryview(self._map))
 
-    def view(self, ticket: Ticket) -> memoryview | None:
+    def view(self, descriptor: SlotDescriptor) -> memoryview | None:
         """The message in place, which stays until nothing refers to it any more; None if it was overwritten.
 
         While `_MOST_HELD` others of this ring are held, it is a copy. Raises `WireError` for an impossible place.
         """
-        slot = ticket.slot
-        if not (0 <= slot < SLOTS and 0 <= ticket.length <= self._slot_size):
-            raise WireError(f"{ticket}: the ring has {SLOTS} slots of {self._slot_size} bytes")
+        slot = descriptor.slot
+        if not (0 <= slot < SLOTS and 0 <= descriptor.length <= self._slot_size):
+            raise WireError(f"{descriptor}: the ring has {SLOTS} slots of {self._slot_size} bytes")
         if slot in self._held or not self._file.lock(slot, fcntl.F_RDLCK):
             return None
         self._held.add(slot)
-        lease = np.frombuffer(self._map, np.uint8, ticket.length, _PAGE + slot * self._slot_size)
+        lease = np.frombuffer(self._map, np.uint8, descriptor.length, _PAGE + slot * self._slot_size)
         weakref.finalize(lease, self._release, slot, os.getpid()).atexit = False
-        if self._sequences[slot] != ticket.sequence:
+        if self._sequences[slot] != descriptor.sequence:
             return None
         return lease.data if len(self._held) <= _MOST_HELD else memoryview(lease.tobytes())
 

@@ -16,7 +16,7 @@ import zenoh
 from dsr.errors import ConfigError, ListenError, TransportError
 from dsr.network.askers import newest_of_each
 from dsr.network.bulk import BulkReader, BulkWriter, Handler
-from dsr.network.keys import ticket_key
+from dsr.network.keys import descriptor_key
 from dsr.network.transport import MAX_ASKERS, Chunks, MessageHandler, PresenceHandler, Qos, RequestHandler, Subscription
 
 _log = logging.getLogger("dsr.zenoh")
@@ -165,8 +165,8 @@ class ZenohTransport:
         writer = self._bulk_writers.get(key)
         if writer is None:
             plain = _Outlet(lambda: self._publisher(key, Qos.BULK))
-            tickets = _Outlet(lambda: self._publisher(ticket_key(key), Qos.STREAM))
-            writer = self._bulk_writers.setdefault(key, BulkWriter(tickets, plain))
+            descriptors = _Outlet(lambda: self._publisher(descriptor_key(key), Qos.STREAM))
+            writer = self._bulk_writers.setdefault(key, BulkWriter(descriptors, plain))
         try:
             writer.put(chunks)
         except zenoh.ZError as error:
@@ -181,7 +181,7 @@ class ZenohTransport:
 
             return declare
 
-        return BulkReader(listen(ticket_key(key)), listen(key), notify)
+        return BulkReader(listen(descriptor_key(key)), listen(key), notify)
 
     def _publisher(self, key: str, qos: Qos) -> Any:  # the stubs say that `matching_status` is a bool
         return self._publishers.get((key, qos)) or self._declare_publisher(key, qos)

@@ -356,7 +356,7 @@ class Replica:
     def _send_last(self) -> None:
         """Stream samples too, in a form that no link drops: nobody is left here to repeat them."""
         with self.lock:
-            self.commit(self.synchroniser.settle())
+            self.commit(self.synchroniser.make_durable())
         self.flush()
 
     @property

@@ -315,7 +315,7 @@ class Synchroniser:
             return [TakeId()]
         self._forget_gone(now)
         if self._pace.settling_due(now):
-            settled = self.settle()
+            settled = self.make_durable()
             if settled:
                 outputs.append(PublishDelta(settled))
         if self._pace.digest_due(now):
@@ -361,9 +361,9 @@ class Synchroniser:
         complete = self.joined and self._fetch is None and not ahead
         self.behind_since = None if complete else now if self.behind_since is None else self.behind_since
 
-    def settle(self) -> Delta:
+    def make_durable(self) -> Delta:
         """Stream samples made durable: our own, and those of writers that are gone if we may speak for others."""
-        return self.graph.settle() if self._trusts(self.graph.rid) else self.graph.settle(sys.maxsize)
+        return self.graph.make_durable() if self._trusts(self.graph.rid) else self.graph.make_durable(sys.maxsize)
 
     # ---- state
 

@@ -30,7 +30,7 @@ _ROUNDS = 3
 
 
 @dataclass(frozen=True)
-class _Seat:
+class _Running:
     """One running agent."""
 
     runner: Runner
@@ -76,7 +76,7 @@ class Lockstep:
         """A replica of its own, for whoever sets the scene and watches the run."""
         self.bus = self.memory.transport
         """Its link, for traffic outside the graph."""
-        self._seats: dict[str, _Seat] = {}
+        self._running: dict[str, _Running] = {}
         self._starts: Counter[str] = Counter()
         self._woken: set[str] = set()
         try:
@@ -105,8 +105,8 @@ class Lockstep:
         `on_step(now)` is called after each instant with ticks; if it returns True the run pauses there.
         Returns whether it did.
         """
-        while self._seats:
-            due = min(seat.schedule.due for seat in self._seats.values())
+        while self._running:
+            due = min(running_agent.schedule.due for running_agent in self._running.values())
             if due >= end:
                 break
             self.clock.advance_to(max(due, self.clock.now()))
@@ -118,31 +118,31 @@ class Lockstep:
 
     def runner(self, name: str) -> Runner:
         """The running agent called `name` with its counts. Raises `AgentError` if it is not running."""
-        return self._seat(name).runner
+        return self._running_agent(name).runner
 
     def restart(self, name: str) -> None:
         """Start an agent that was killed, or has not begun, as a new replica. Raises `AgentError` if it is running."""
-        if name in self._seats:
+        if name in self._running:
             raise AgentError(f"agent {name!r} is running")
         self._start(self._spec(name))
 
     def kill(self, name: str) -> None:
         """End an agent as `kill -9` would: nothing that it has not sent is sent any more."""
-        seat = self._seat(name)
-        del self._seats[name]
-        self._memories = [memory for memory in self._memories if memory is not seat.memory]
-        seat.bus.close()
+        running_agent = self._running_agent(name)
+        del self._running[name]
+        self._memories = [memory for memory in self._memories if memory is not running_agent.memory]
+        running_agent.bus.close()
         with contextlib.suppress(DsrError):  # it can no longer reach anybody, only release what it took
-            seat.runner.agent.teardown()
+            running_agent.runner.agent.teardown()
 
     def close(self) -> None:
         """Tear all agents down, last one first; harmless when repeated."""
-        while self._seats:
-            _, seat = self._seats.popitem()
-            seat.runner.teardown()
-            if seat.memory is not None:
-                seat.memory.close()
-            seat.bus.close()
+        while self._running:
+            _, running_agent = self._running.popitem()
+            running_agent.runner.teardown()
+            if running_agent.memory is not None:
+                running_agent.memory.close()
+            running_agent.bus.close()
         self.memory.close()
 
     def _start(self, spec: AgentSpec) -> None:
@@ -168,18 +168,18 @@ class Lockstep:
         except Exception:
             runner.teardown()
             raise
-        self._seats[name] = seat = _Seat(runner, Schedule(self.clock.now(), agent.rate_hz), bus, memory)
-        self._pass_on(seat)
+        self._running[name] = running_agent = _Running(runner, Schedule(self.clock.now(), agent.rate_hz), bus, memory)
+        self._pass_on(running_agent)
 
     def _spec(self, name: str) -> AgentSpec:
         if name not in self._specs:
             raise ConfigError(f"no agent {name!r}; {suggest(name, self._specs)}")
         return self._specs[name]
 
-    def _seat(self, name: str) -> _Seat:
-        if name not in self._seats:
+    def _running_agent(self, name: str) -> _Running:
+        if name not in self._running:
             raise AgentError(f"agent {self._spec(name).name!r} is not running")
-        return self._seats[name]
+        return self._running[name]
 
     def _join(self, name: str, rid: str, guard: WriteGuard | None) -> Memory:
         """A new replica that holds what the others know, who take in first what they were sent."""
@@ -203,26 +203,26 @@ class Lockstep:
         self.memory.flush()
         self.network.deliver()
         for name in self._specs:
-            seat = self._seats.get(name)
-            if seat is not None and self._is_up(name, seat, now):
-                seat.runner.tick(now)
-                self._pass_on(seat)
+            running_agent = self._running.get(name)
+            if running_agent is not None and self._is_up(name, running_agent, now):
+                running_agent.runner.tick(now)
+                self._pass_on(running_agent)
         self.memory.poll()
         self.network.deliver()
 
-    def _is_up(self, name: str, seat: _Seat, now: float) -> bool:
+    def _is_up(self, name: str, running_agent: _Running, now: float) -> bool:
         """Whether an agent ticks at `now`: it is due, or was woken; it has then merged what has arrived."""
-        due = seat.schedule.due <= now
+        due = running_agent.schedule.due <= now
         if due:
-            seat.schedule.take(now)
-        if seat.memory is not None and (due or seat.runner.agent.reactive):
-            seat.memory.poll()
+            running_agent.schedule.take(now)
+        if running_agent.memory is not None and (due or running_agent.runner.agent.reactive):
+            running_agent.memory.poll()
         woken = name in self._woken
         self._woken.discard(name)
         return due or woken
 
-    def _pass_on(self, seat: _Seat) -> None:
+    def _pass_on(self, running_agent: _Running) -> None:
         """Deliver what an agent sent."""
-        if seat.memory is not None:
-            seat.memory.flush()
+        if running_agent.memory is not None:
+            running_agent.memory.flush()
         self.network.deliver()

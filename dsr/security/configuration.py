@@ -10,7 +10,7 @@ from typing import Any
 
 import msgspec
 
-from dsr.network.keys import PROTOCOL, Keys, ticket_key
+from dsr.network.keys import PROTOCOL, Keys, descriptor_key
 from dsr.security.authority import SecurityFolder
 from dsr.security.policy import Grant, Policy
 
@@ -58,7 +58,7 @@ def access_control(policy: Policy) -> dict[str, Any]:
     Who is connected to a relay hears others through it, and trusts it to have checked who they are as we would.
     """
     everything = f"{_EveryGraph().root}/**"
-    anything = [everything, ticket_key(everything)]
+    anything = [everything, descriptor_key(everything)]
     rules = [
         _rule("ask", ["ingress", "egress"], _ASK, anything),
         _rule("be told", ["egress"], _TELL, anything),
@@ -92,7 +92,7 @@ def own_keys(agent: str, grant: Grant) -> list[str]:
     by_replica += [k.presence(agent, replicas) for k in states]
     by_name = [keys.status(agent), keys.log(agent)]
     granted = [f"{keys.root}/{key}" for key in grant.publishes]
-    return by_replica + by_name + granted + [ticket_key(key) for key in granted]
+    return by_replica + by_name + granted + [descriptor_key(key) for key in granted]
 
 
 def _rule(name: str, flows: list[str], messages: list[str], keys: list[str]) -> dict[str, Any]:

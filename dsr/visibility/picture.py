@@ -84,7 +84,7 @@ class Shot(NamedTuple):
     """A body in a picture, alone."""
 
     window: Window
-    nearness: Array
+    inverse_depth: Array
     """(rows, columns) 1/m, one over the depth along the axis; 0 where the body is not"""
 
 
@@ -106,7 +106,7 @@ class Picture:
         self._lens = lens
         self._eye = world_from_view.translation
         self._turn = world_from_view.rotation_matrix
-        self.nearness: Array = np.zeros((lens.height, lens.width))
+        self.inverse_depth: Array = np.zeros((lens.height, lens.width))
         """(h, w) 1/m, one over the depth along the axis; 0 where nothing is"""
         self.bodies: NDArray[np.int32] = np.full((lens.height, lens.width), -1, dtype=np.int32)
         """(h, w) index of the body that is seen in each pixel; -1 for none"""
@@ -127,7 +127,7 @@ class Picture:
         index, shot = self._shots[name]
         inside = shot.window.common(self.frame)
         if inside.is_empty:
-            return Glance(0.0, 0, int(np.count_nonzero(shot.nearness)), "")
+            return Glance(0.0, 0, int(np.count_nonzero(shot.inverse_depth)), "")
         there = self.bodies[inside.slices(self.frame)]
         return self._judge(shot, inside, there == index, there)
 
@@ -138,9 +138,9 @@ class Picture:
             return Glance(0.0, 0, 0, "")
         inside = shot.window.common(self.frame)
         if inside.is_empty:
-            return Glance(0.0, 0, int(np.count_nonzero(shot.nearness)), "")
-        mine = shot.nearness[inside.slices(shot.window)]
-        free = (mine > 0.0) & (mine >= self.nearness[inside.slices(self.frame)] * (1.0 - _ROUNDING))
+            return Glance(0.0, 0, int(np.count_nonzero(shot.inverse_depth)), "")
+        mine = shot.inverse_depth[inside.slices(shot.window)]
+        free = (mine > 0.0) & (mine >= self.inverse_depth[inside.slices(self.frame)] * (1.0 - _ROUNDING))
         return self._judge(shot, inside, free, self.bodies[inside.slices(self.frame)])
 
     def shows(self, point: Array) -> bool:
@@ -151,11 +151,11 @@ class Picture:
         lens = self._lens
         column, row = round(x / z * lens.fx + lens.cx), round(y / z * lens.fy + lens.cy)
         inside = 0 <= column < lens.width and 0 <= row < lens.height
-        return bool(inside) and 1.0 / z >= float(self.nearness[row, column])
+        return bool(inside) and 1.0 / z >= float(self.inverse_depth[row, column])
 
     def _judge(self, shot: Shot, inside: Window, seen: Flags, there: NDArray[np.int32]) -> Glance:
-        alone, pixels = int(np.count_nonzero(shot.nearness)), int(np.count_nonzero(seen))
-        hiding = there[(shot.nearness[inside.slices(shot.window)] > 0.0) & ~seen]
+        alone, pixels = int(np.count_nonzero(shot.inverse_depth)), int(np.count_nonzero(seen))
+        hiding = there[(shot.inverse_depth[inside.slices(shot.window)] > 0.0) & ~seen]
         hiding = hiding[hiding >= 0]
         hidden_by = self.names[int(np.bincount(hiding).argmax())] if len(hiding) else ""
         return Glance(pixels / alone if alone else 0.0, pixels, alone, hidden_by)
@@ -164,7 +164,7 @@ class Picture:
         inside = shot.window.common(self.frame)
         if inside.is_empty:
             return
-        near, buffer = shot.nearness[inside.slices(shot.window)], self.nearness[inside.slices(self.frame)]
+        near, buffer = shot.inverse_depth[inside.slices(shot.window)], self.inverse_depth[inside.slices(self.frame)]
         nearer = near > buffer
         buffer[nearer] = near[nearer]
         self.bodies[inside.slices(self.frame)][nearer] = index
@@ -193,7 +193,7 @@ class Picture:
         shown = {
             part: window for part in own if part in windows and not (window := windows[part].common(limit)).is_empty
         }
-        shots = [Shot(window, self._nearness(parts, part, window)) for part, window in shown.items()]
+        shots = [Shot(window, self._inverse_depth(parts, part, window)) for part, window in shown.items()]
         if body.triangles is not None:
             corners = (body.triangles - self._eye) @ self._turn
             drawn = draw_triangles(corners, self._lens, limit, NEAREST)
@@ -201,13 +201,13 @@ class Picture:
                 shots.append(Shot(Window(*drawn[0]), drawn[1]))
         return _joined(shots)
 
-    def _nearness(self, parts: _Parts, part: int, window: Window) -> Array:
+    def _inverse_depth(self, parts: _Parts, part: int, window: Window) -> Array:
         lens = self._lens
         x: Array = (np.arange(window.left, window.right, dtype=np.float64) - lens.cx) / lens.fx
         y: Array = (np.arange(window.top, window.bottom, dtype=np.float64) - lens.cy) / lens.fy
         if parts.kinds[part] == 0:
-            return _box_nearness(parts.centres[part], parts.axes[part], parts.half[part], x, y)
-        return _round_nearness(parts, part, x, y)
+            return _box_inverse_depth(parts.centres[part], parts.axes[part], parts.half[part], x, y)
+        return _round_inverse_depth(parts, part, x, y)
 
 
 class _Parts(NamedTuple):
@@ -241,7 +241,7 @@ class _Parts(NamedTuple):
         return {part: Window(*edges[part].tolist()) for part in shown.tolist()}
 
 
-def _box_nearness(centre: Array, axes: Array, half: Array, x: Array, y: Array) -> Array:
+def _box_inverse_depth(centre: Array, axes: Array, half: Array, x: Array, y: Array) -> Array:
     """(rows, columns) 1 / depth of a box along rays (x, y, 1); 0 where they miss it.
 
     Args:
@@ -281,7 +281,7 @@ def _spans(bounds: Array, y: Array) -> tuple[Array, Array]:
     return low, high
 
 
-def _round_nearness(parts: _Parts, part: int, x: Array, y: Array) -> Array:
+def _round_inverse_depth(parts: _Parts, part: int, x: Array, y: Array) -> Array:
     """The same of a cylinder or a sphere."""
     rays = np.empty((len(y), len(x), 3))
     rays[..., 0], rays[..., 1], rays[..., 2] = x, y[:, None], 1.0
@@ -296,11 +296,11 @@ def _round_nearness(parts: _Parts, part: int, x: Array, y: Array) -> Array:
 def _joined(shots: Sequence[Shot]) -> Shot | None:
     """One body of all its parts."""
     if len(shots) <= 1:
-        return shots[0] if shots and shots[0].nearness.any() else None
+        return shots[0] if shots and shots[0].inverse_depth.any() else None
     edges = np.array([shot.window for shot in shots])
     window = Window(*edges[:, :2].min(axis=0).tolist(), *edges[:, 2:].max(axis=0).tolist())
-    nearness = np.zeros((window.bottom - window.top, window.right - window.left))
+    inverse_depth = np.zeros((window.bottom - window.top, window.right - window.left))
     for shot in shots:
-        place = nearness[shot.window.slices(window)]
-        np.maximum(place, shot.nearness, out=place)
-    return Shot(window, nearness) if nearness.any() else None
+        place = inverse_depth[shot.window.slices(window)]
+        np.maximum(place, shot.inverse_depth, out=place)
+    return Shot(window, inverse_depth) if inverse_depth.any() else None

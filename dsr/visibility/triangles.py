@@ -35,7 +35,7 @@ def draw_triangles(corners: Array, lens: Intrinsics, limit: Edges, nearest: floa
         return None
     corners, low, high = corners[shown], low[shown], high[shown]
     (left, top), (right, bottom) = low.min(axis=0).tolist(), high.max(axis=0).tolist()
-    nearness = np.zeros((bottom - top) * (right - left))
+    inverse_depth = np.zeros((bottom - top) * (right - left))
     counts = (high - low).prod(axis=1)
     ends = np.cumsum(counts)
     begin = 0
@@ -43,9 +43,9 @@ def draw_triangles(corners: Array, lens: Intrinsics, limit: Edges, nearest: floa
         before = ends[begin - 1] if begin else 0
         end = max(begin + 1, int(np.searchsorted(ends, before + _AT_ONCE, side="right")))
         part = slice(begin, end)
-        _draw(corners[part], low[part], high[part], counts[part], lens, nearest, (left, top, right), nearness)
+        _draw(corners[part], low[part], high[part], counts[part], lens, nearest, (left, top, right), inverse_depth)
         begin = end
-    return (left, top, right, bottom), nearness.reshape(bottom - top, right - left)
+    return (left, top, right, bottom), inverse_depth.reshape(bottom - top, right - left)
 
 
 def _around(corners: Array, lens: Intrinsics, nearest: float) -> tuple[Array, Array]:
@@ -89,9 +89,9 @@ def _draw(
     lens: Intrinsics,
     nearest: float,
     origin: tuple[int, int, int],
-    nearness: Array,
+    inverse_depth: Array,
 ) -> None:
-    """Draw some triangles into the flat array `nearness`, whose window has the edges (left, top, right).
+    """Draw some triangles into the flat array `inverse_depth`, whose window has the edges (left, top, right).
 
     A ray meets a triangle if it is a sum of multiples, none of them negative, of the three corners: wherever they are.
     """
@@ -113,4 +113,4 @@ def _draw(
     beyond = near < 1.0 / nearest
     hit, near = hit[beyond], near[beyond]
     left, top, right = origin
-    np.maximum.at(nearness, (v[hit] - top) * (right - left) + u[hit] - left, near)
+    np.maximum.at(inverse_depth, (v[hit] - top) * (right - left) + u[hit] - left, near)

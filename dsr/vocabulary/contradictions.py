@@ -46,16 +46,16 @@ def _cycles(goal: Goal) -> Iterator[Conflict]:
     """Towers that would stand on themselves; the smallest of those that begin with the same thing."""
     resting = [relation for relation in goal.relations if relation.name == "on"]
     for first in resting:
-        ways: list[tuple[Relation, ...]] = [(first,)]
+        chains: list[tuple[Relation, ...]] = [(first,)]
         reached = {first.arguments[1]}
-        while ways:
-            way = ways.pop(0)
-            if way[-1].arguments[1] == first.arguments[0]:
-                yield Conflict(way, f"{first.arguments[0]} would rest on itself")
+        while chains:
+            chain = chains.pop(0)
+            if chain[-1].arguments[1] == first.arguments[0]:
+                yield Conflict(chain, f"{first.arguments[0]} would rest on itself")
                 return
-            below = [r for r in resting if r.arguments[0] == way[-1].arguments[1] and r.arguments[1] not in reached]
+            below = [r for r in resting if r.arguments[0] == chain[-1].arguments[1] and r.arguments[1] not in reached]
             reached |= {relation.arguments[1] for relation in below}
-            ways += [(*way, relation) for relation in below]
+            chains += [(*chain, relation) for relation in below]
 
 
 def _no_world(one: Relation, other: Relation, _: frozenset[str]) -> str:

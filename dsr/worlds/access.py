@@ -42,7 +42,7 @@ class WorldAccess(OpenWorld, Generic[World]):
     @property
     def world_name(self) -> str:
         """Name of this world; `base` is the one that the system was launched with."""
-        return self.seat.record.info.name if self.seat else BASE
+        return self.world_handle.record.info.name if self.world_handle else BASE
 
     def worlds(self) -> list[WorldInfo]:
         """All worlds of the system: the base first, the others by name."""
@@ -178,7 +178,7 @@ class WorldAccess(OpenWorld, Generic[World]):
     def poll(self) -> None:
         """Merge what has arrived, also in the worlds opened from here; only needed without threads."""
         self._replica.poll()
-        if self.seat is None:
+        if self.world_handle is None:
             self._worlds.each(lambda memory: memory.poll())
             if self.meshes.busy:
                 self.meshes.poll()
@@ -186,7 +186,7 @@ class WorldAccess(OpenWorld, Generic[World]):
     def flush(self) -> None:
         """Hand what was written to the network now, also in the worlds opened from here; needed without threads."""
         self._replica.flush()
-        if self.seat is None:
+        if self.world_handle is None:
             self._worlds.each(lambda memory: memory.flush())
 
     def drop(self) -> None:

@@ -1,7 +1,7 @@
 """A fork of a graph that shares with it all that neither has changed: made in constant time and memory.
 
 An entry of the store is never changed while another graph may read it: whoever changes it copies it first
-(`Store.mine`), after its forks have taken the element over as it was. So a fork grows by what changes, in it or in
+(`Store.owned`), after its forks have taken the element over as it was. So a fork grows by what changes, in it or in
 its parent, and by nothing else. Parent and forks are locked together; see `tables` for what readers rely on.
 """
 
@@ -42,7 +42,7 @@ class ForkedGraph(Graph):
         store.fingerprint = theirs.fingerprint
         store.forget_order()
         store.unsettled = theirs.unsettled.copy()
-        store.mine = set()
+        store.owned = set()
         self.hlc.latest = parent.hlc.latest
         self._unattached = parent._unattached.copy()
         parent.share_with(self)
@@ -110,8 +110,8 @@ class ForkedGraph(Graph):
     def release(self, fork: Any) -> None:
         """See `Graph.release`; what is shared with the parent stays to be copied."""
         super().release(fork)
-        if self.store.mine is None and self.parent is not None:
-            self.store.mine = set()
+        if self.store.owned is None and self.parent is not None:
+            self.store.owned = set()
 
     def clear(self) -> None:
         """See `Graph.clear`."""
@@ -125,7 +125,7 @@ class ForkedGraph(Graph):
         if self.parent is None:
             return
         parent, store = self.parent, self.store
-        copies = {dot: entry if dot in (store.mine or ()) else _copied(entry) for dot, entry in store.entries.items()}
+        copies = {dot: entry if dot in (store.owned or ()) else _copied(entry) for dot, entry in store.entries.items()}
         by_key = {key: {dot: copies[dot] for dot in entries} for key, entries in store.by_key.items()}
         nodes, edges = self._nodes.own, self._edges.own  # handles that somebody holds look there
         nodes |= {name: Node(name, node._entries) for name, node in self._nodes.items() if name not in nodes}
@@ -134,7 +134,7 @@ class ForkedGraph(Graph):
         for element in elements:
             element._entries = tuple(copies[entry.dot] for entry in element._entries)
         unattached, self.parent = self._unattached, None
-        store.entries, store.by_key, store.mine = copies, by_key, set() if self._forks else None
+        store.entries, store.by_key, store.owned = copies, by_key, set() if self._forks else None
         self.nodes, self.edges = nodes, edges
         self._rebuild_indexes()
         self._unattached = unattached

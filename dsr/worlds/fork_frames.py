@@ -30,7 +30,7 @@ class ForkedFrames(FrameTree):
         self._source = source
         self._taken: set[_Key] = set()
         self._histories = SharedHistories(source, self._taken)
-        self._mine = set()
+        self._owned = set()
         self._changing = threading.RLock()
         """Held while a link is changed, or one of the source is put into the table."""
         source.share_with(self)

@@ -57,7 +57,7 @@ class OpenWorld:
     transport: Transport
     schema: Schema
     replica: Replica
-    seat: Seat | None
+    world_handle: WorldHandle | None
     """What makes it a memory of another world than the base; None for the base."""
     _frames: FrameTree
     _watches: Watches
@@ -95,7 +95,7 @@ World = TypeVar("World", bound=OpenWorld)
 
 
 @dataclass
-class Seat:
+class WorldHandle:
     """What makes a `Memory` one of a world other than the base."""
 
     record: Record
@@ -148,16 +148,16 @@ class Worlds(Generic[World]):
 
     Args:
         base: the memory of the base.
-        seated: makes the memory of another world.
+        memory_for: makes the memory of another world.
         threaded: whether replicas run threads of their own.
         lock: held while any graph of the memory is changed.
     """
 
     def __init__(
-        self, base: World, seated: Callable[[Seat], World], *, threaded: bool, lock: threading.RLock
+        self, base: World, memory_for: Callable[[WorldHandle], World], *, threaded: bool, lock: threading.RLock
     ) -> None:
         self.base = base
-        self._seated = seated
+        self._memory_for = memory_for
         self.threaded = threaded
         self.lock = lock
         self.poller = Poller(base.clock)
@@ -224,7 +224,7 @@ class Worlds(Generic[World]):
         if circle := circle_of(graph, record):
             raise WorldNotFoundError(f"world {name!r} is empty: {', '.join(circle)} show one another; delete one")
         below = self.hold(info.parent, timeout) if info.follows and info.parent is not None else None
-        return self._take_seat(record, below, content=content)
+        return self._take_world_handle(record, below, content=content)
 
     def create(self, name: str, *, exist_ok: bool, timeout: float) -> World:
         """See `Memory.create_world`."""
@@ -261,10 +261,10 @@ class Worlds(Generic[World]):
         info = WorldInfo(info.name, info.parent, info.follows, base.agent, base.clock.now())
         rid = self._new_rid(source)
         with self.lock:
-            seat = None if source is None or not info.follows else source.seat
-            value = to_attribute(info, rid, () if seat is None else seat.record.dots)
+            world_handle = None if source is None or not info.follows else source.world_handle
+            value = to_attribute(info, rid, () if world_handle is None else world_handle.record.dots)
             base.add_node(node_name(info.name), "world_record", record=value)
-            return self._take_seat(self._record(info.name), source, rid)
+            return self._take_world_handle(self._record(info.name), source, rid)
 
     def _new_rid(self, source: World | None) -> str:
         """A replica id that was not used in any world, and of which nobody claims to have seen anything in `source`.
@@ -277,12 +277,12 @@ class Worlds(Generic[World]):
             if source is None or not source.replica.graph.store.context.knows(rid):
                 return rid
 
-    def _take_seat(
+    def _take_world_handle(
         self, record: Record, source: World | None, rid: str = "", content: tuple[Delta, ...] = ()
     ) -> World:
-        seat = Seat(record, rid or self._new_rid(source), self, source, content)
+        world_handle = WorldHandle(record, rid or self._new_rid(source), self, source, content)
         with self.lock:
-            memory = self._seated(seat)
+            memory = self._memory_for(world_handle)
             self._open = {**self._open, record.info.name: memory}
         return memory
 
@@ -334,14 +334,14 @@ class Worlds(Generic[World]):
             self._opening.release()
 
     def _follow_list(self, name: str, memory: World) -> None:
-        seat = memory.seat
-        assert seat is not None
+        world_handle = memory.world_handle
+        assert world_handle is not None
         record = find_record(self.base.replica.graph, name)
-        if record is None or not (record.dots & seat.record.dots):
+        if record is None or not (record.dots & world_handle.record.dots):
             _log.info("world %r was deleted", name)
             memory.drop()
             return
-        if record.info.looks_through_to != seat.record.info.looks_through_to:
+        if record.info.looks_through_to != world_handle.record.info.looks_through_to:
             _log.warning("world %r was made elsewhere at the same time, and what was made here is dropped", name)
             memory.drop()
             return
@@ -349,9 +349,9 @@ class Worlds(Generic[World]):
             _log.warning("world %r is dropped: %r, which it shows, was deleted", name, record.info.parent)
             memory.drop()
             return
-        moved, seat.record = record.channel != seat.record.channel, record
+        moved, world_handle.record = record.channel != world_handle.record.channel, record
         if moved:
-            memory.move(seat.keys(memory.graph_name))
+            memory.move(world_handle.keys(memory.graph_name))
 
     def forget(self, memory: World) -> None:
         """Called by a memory that closes."""

@@ -69,12 +69,12 @@ class Overlay(Graph, LayerObserver):
         self.parent = Graph(self.rid, self.schema)
         self._clear_tables()
 
-    def settle(self, patience: int = 3) -> Delta:
-        """See `Graph.settle`; what was said of elements that the parent has removed goes with them."""
+    def make_durable(self, patience: int = 3) -> Delta:
+        """See `Graph.make_durable`; what was said of elements that the parent has removed goes with them."""
         known, element = self.parent.is_known, self.parent.element
         for dot in [dot for dot in self.store.patches if known(dot) and element(dot) is None]:
             self.store.bury(dot)
-        return super().settle(patience)
+        return super().make_durable(patience)
 
     # ---- incarnations, here and below
 

@@ -50,7 +50,7 @@ class Relations:
         self._holding.add(relation)
         self._sources[relation] = source
 
-    def settle(self, names: Collection[str], contacts: Iterable[Contact], now: float, source: str) -> None:
+    def establish(self, names: Collection[str], contacts: Iterable[Contact], now: float, source: str) -> None:
         """Let the relations of objects that were put elsewhere be those of the contacts at once.
 
         Those that go on keep their beginning; new ones are said to come from `source`.

@@ -40,8 +40,8 @@ def with_typical_fall(ranking: Sequence[Candidate]) -> list[Candidate]:
             for name, _ in best.hypothesis.fallen
         )
 
-    typical = min((c for c in alike if c.score.total - best.score.total <= AS_GOOD), key=distance)
-    return [typical, *(candidate for candidate in ranking if _kind(candidate.hypothesis) != kind)]
+    medoid = min((c for c in alike if c.score.total - best.score.total <= AS_GOOD), key=distance)
+    return [medoid, *(candidate for candidate in ranking if _kind(candidate.hypothesis) != kind)]
 
 
 def _kind(hypothesis: Hypothesis) -> Hypothesis:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dsr.math3d import quaternions
-from simulation_handler.contact.clearing import cleared
+from simulation_handler.contact.depenetration import depenetrated
 from simulation_handler.contact.placement import Placement, place, separate
 from simulation_handler.explaining.glimpses import Motion
 from simulation_handler.explaining.hypotheses import FALLS, FROM_GLIMPSE, Hypothesis, Move
@@ -104,7 +104,7 @@ def _placed(situation: Situation, hypothesis: Hypothesis, wanted: Mapping[str, S
         covariance = _UNSEEN_COVARIANCE if seen is None else seen.covariance
         if name in falls and falls[name] <= FROM_GLIMPSE:
             glimpse = situation.glimpsed[name]
-            clear = cleared(solid, scene.values(), -glimpse.ray)
+            clear = depenetrated(solid, scene.values(), -glimpse.ray)
             placements[name] = Placement(clear, (), glimpse.covariance)
         elif name in falls:
             placements[name] = Placement(solid, (), covariance)

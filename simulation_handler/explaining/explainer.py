@@ -11,8 +11,8 @@ from dsr.vocabulary.calibration import CAMERA_MOVED
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.containment import Containment
 from simulation_handler.contact.relations import Relation, Relations
+from simulation_handler.explaining.discrepancies import Discrepancies
 from simulation_handler.explaining.glimpses import Glimpse, glimpse_of
-from simulation_handler.explaining.noticing import Noticing
 from simulation_handler.explaining.policy import Explanation, Policy
 from simulation_handler.explaining.situation import THIS_FRAME, Look, Properties, Situation, as_pose, seen_now
 from simulation_handler.explaining.wording import is_lasting, moved_together
@@ -60,7 +60,7 @@ class Explainer:
         self._policy = policy
         self._config = config
         self._containment = containment
-        self._noticing = Noticing(bodies, config)
+        self._discrepancies = Discrepancies(bodies, config)
         self._planned: dict[tuple[str, str], float] = {}  # until when it counts
         self._companions: dict[str, tuple[float, frozenset[str]]] = {}  # until when, what moves with an object
         self._riders: dict[str, dict[str, Pose]] = {}  # leader_from_rider of what moves with a followed object
@@ -74,15 +74,15 @@ class Explainer:
     @property
     def waiting(self) -> Collection[str]:
         """Objects that perception must not move by itself."""
-        return self._noticing.displaced
+        return self._discrepancies.displaced
 
     def missing(self, now: float) -> Collection[str]:
         """Objects that should be seen where they are believed to be, and are not."""
-        return self._noticing.missing_for(now).keys()
+        return self._discrepancies.missing_for(now).keys()
 
     def in_doubt(self, now: float) -> frozenset[str]:
         """Objects of which only cameras tell, or should tell, that may have moved."""
-        return self._noticing.told_only_by(self._doubted(now), now)
+        return self._discrepancies.told_only_by(self._doubted(now), now)
 
     def sure(self, now: float) -> frozenset[str]:
         """Objects that a camera sees that is known not to have moved."""
@@ -92,7 +92,7 @@ class Explainer:
     def notice(self, now: float) -> None:
         """Compare percepts with beliefs at time `now` (s)."""
         self._planned |= dict.fromkeys(self.planned, now + _REMEMBERED)
-        self._noticing.update(now, self.look)
+        self._discrepancies.update(now, self.look)
         for name, item in self._bodies.objects.items():
             is_seen = now - item.track.last_stamp < THIS_FRAME and item.track.estimate is not None
             if is_seen and name in self._bodies.sim and name not in self.waiting and not item.holder:
@@ -105,8 +105,8 @@ class Explainer:
 
     def drag(self, now: float) -> None:
         """Let what moved with an object that goes on moving go on with it."""
-        noticing, bodies = self._noticing, self._bodies
-        self._riders = {name: riders for name, riders in self._riders.items() if noticing.is_followed(name, now)}
+        discrepancies, bodies = self._discrepancies, self._bodies
+        self._riders = {name: riders for name, riders in self._riders.items() if discrepancies.is_followed(name, now)}
         for leader, riders in self._riders.items():
             for rider, leader_from_rider in riders.items():
                 if leader not in bodies.sim or not self._may_be_dragged(rider, now):
@@ -114,7 +114,7 @@ class Explainer:
                 there = bodies.pose(leader) @ leader_from_rider
                 if bodies.pose(rider).distance(there)[0] > _STEP:
                     bodies.put(bodies.object(rider), there.t, there.q)
-                    noticing.follow([leader], now)
+                    discrepancies.follow([leader], now)
 
     def _may_be_dragged(self, name: str, now: float) -> bool:
         """Whether an object still goes where its leader goes: nothing holds it, and it has not been seen since."""
@@ -126,8 +126,8 @@ class Explainer:
     def explain(self, now: float) -> None:
         """Explain what is due at time `now` (s), and adopt that."""
         doubted = self._doubted(now)
-        withheld = self._noticing.told_only_by(doubted, now)
-        due = self._noticing.due(now, self.flagged, withheld)
+        withheld = self._discrepancies.told_only_by(doubted, now)
+        due = self._discrepancies.due(now, self.flagged, withheld)
         if not due or now < self._look_again_at:
             return
         explanation = self._policy.explain(self._situation(now, due, doubted, withheld))
@@ -137,7 +137,7 @@ class Explainer:
         explanation = self._with_hands(explanation, now)
         if explanation.changes_belief:
             self._adopt(explanation, now)
-            self._noticing.update(now, self.look)
+            self._discrepancies.update(now, self.look)
         else:
             self._look_again_at = now + self._config.look_again_after
         text, until = self._told
@@ -166,7 +166,7 @@ class Explainer:
     def settle_relations(self, now: float) -> None:
         """After physics: let the relations of what was put elsewhere be those of its contacts."""
         if self._moved:
-            self._relations.settle(self._moved, self._bodies.sim.contacts(), now, EXPLANATION)
+            self._relations.establish(self._moved, self._bodies.sim.contacts(), now, EXPLANATION)
             self._moved.clear()
 
     def take_news(self) -> list[tuple[float, Explanation]]:
@@ -213,8 +213,8 @@ class Explainer:
             planned=frozenset(pair for pair, until in self._planned.items() if now <= until),
             confirmed={name: solid for name in placed if (solid := objects[name].confirmed) is not None},
             glimpsed={name: seen for name in placed if (seen := self._glimpse(objects[name], now)) is not None},
-            missing_for=self._noticing.missing_for(now),
-            evidence=self._noticing.evidence(now, withheld),
+            missing_for=self._discrepancies.missing_for(now),
+            evidence=self._discrepancies.evidence(now, withheld),
             look=self._look_without(doubted, withheld),
             sure=self.sure(now) - withheld,
         )
@@ -266,16 +266,16 @@ class Explainer:
             item = bodies.object(name)
             bodies.put(item, solid.position, solid.rotation)
             if name in explanation.placements:
-                item.settle(explanation.placements[name], solid, now)
+                item.rest(explanation.placements[name], solid, now)
             else:
                 item.leave_to_physics()
         for name, item in bodies.objects.items():
-            if name in explanation.solids or (item.pinned and not item.holder and item.estimate_at(now) is None):
-                bodies.set_pinned(item, name in explanation.held or item.strikes >= self._config.strikes)
+            if name in explanation.solids or (item.static and not item.holder and item.estimate_at(now) is None):
+                bodies.set_static(item, name in explanation.held or item.strikes >= self._config.strikes)
         for relation in explanation.ended:
             self._relations.end(relation)
         self._moved |= explanation.solids.keys()
-        self._noticing.follow(explanation.placements.keys(), now)
+        self._discrepancies.follow(explanation.placements.keys(), now)
         self._note_riders(explanation, now)
 
     def _note_riders(self, explanation: Explanation, now: float) -> None:

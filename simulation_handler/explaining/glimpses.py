@@ -16,13 +16,13 @@ from dsr.math3d.quaternions import Vector3
 from simulation_handler.perception.percepts import Array, Percept
 from simulation_handler.shapes.geometry import Solid
 
-WAYS = 12
+DRAW_COUNT = 12
 """In which an object may have gone on from where it was last seen."""
 
 _GROWTHS = (1.0, 2.0, 3.0)  # of the spin, over its mean since the glimpse before
 _RECENT = 0.5  # s between two percepts up to which they say how fast something moves
 _SIGMAS = 2.0  # standard deviations up to which a velocity along the viewing ray is noise
-_DRAWS = np.random.default_rng(0).standard_normal((WAYS, 9))
+_DRAWS = np.random.default_rng(0).standard_normal((DRAW_COUNT, 9))
 _DRAWS[: len(_GROWTHS)] = 0.0  # the first ones begin right where it was seen
 
 
@@ -55,20 +55,20 @@ class Glimpse:
     spin: Array
     """(3,) rad/s, likewise"""
 
-    def motion(self, way: int) -> Motion:
-        """How it may have moved when it was last seen; `way` is from 0 to `WAYS` - 1.
+    def motion(self, draw: int) -> Motion:
+        """How it may have moved when it was last seen; `draw` is from 0 to `DRAW_COUNT` - 1.
 
         What turned at a constant rate still has the mean `spin`; what began to turn after the percept before has
         more: twice that if its angle grew with the square of time, thrice with the cube, as of what tips over.
         """
-        place, turn, speed = _DRAWS[way % WAYS].reshape(3, 3)
+        place, turn, speed = _DRAWS[draw % DRAW_COUNT].reshape(3, 3)
         rotation = quaternions.from_rotvec(_vector(_root(self.turning) @ turn))
         solid = self.solid.at(
             _vector(np.array(self.solid.position) + _root(self.covariance) @ place),
             quaternions.normalised(quaternions.product(rotation, self.solid.rotation)),
         )
         velocity = self.velocity + _root(self.velocity_covariance) @ speed
-        return Motion(solid, _vector(velocity), _vector(_GROWTHS[way % len(_GROWTHS)] * self.spin))
+        return Motion(solid, _vector(velocity), _vector(_GROWTHS[draw % len(_GROWTHS)] * self.spin))
 
 
 def glimpse_of(solid: Solid, trail: tuple[Percept, ...], bias: float, bias_std: float) -> Glimpse:

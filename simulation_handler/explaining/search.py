@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 from simulation_handler.explaining.camera import comparable, corrected, explained_by_camera
 from simulation_handler.explaining.drafting import Draft, draft
-from simulation_handler.explaining.glimpses import WAYS
+from simulation_handler.explaining.glimpses import DRAW_COUNT
 from simulation_handler.explaining.hypotheses import FALLS, FROM_GLIMPSE, Hypothesis, Move
 from simulation_handler.explaining.piles import piles_beneath
 from simulation_handler.explaining.scoring import Score, displaced, prior, score
@@ -167,7 +167,7 @@ def _falls(situation: Situation, hypothesis: Hypothesis, name: str) -> Iterator[
     """Ways in which an unseen object may have fallen: as it was seen to, or off its support in any direction."""
     direction = situation.fall_seen(name)
     if direction is not None:
-        yield from (hypothesis.with_fall(name, FROM_GLIMPSE - way) for way in range(WAYS))
+        yield from (hypothesis.with_fall(name, FROM_GLIMPSE - draw) for draw in range(DRAW_COUNT))
         yield hypothesis.with_fall(name, direction)
     elif situation.beneath.get(name) and not set(situation.beneath[name]) <= set(situation.fixtures):
         yield from (hypothesis.with_fall(name, k) for k in range(len(FALLS)))

@@ -64,9 +64,9 @@ class Carrying:
                     continue
                 relation, hand_from_object = (name, item.name), palm.inverse() @ there
                 start = self._starts.get(relation, _Start(stamp, there.t, hand_from_object))
-                way = math.dist(there.t, start.position)
-                if way >= _WAY:
-                    if math.dist(hand_from_object.t, start.hand_from_object.t) <= _RIGID * way:
+                distance = math.dist(there.t, start.position)
+                if distance >= _WAY:
+                    if math.dist(hand_from_object.t, start.hand_from_object.t) <= _RIGID * distance:
                         carried[relation] = start.time, hand_from_object
                     start = _Start(stamp, there.t, hand_from_object)
                 starts[relation] = start

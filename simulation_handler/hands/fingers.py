@@ -19,7 +19,7 @@ from simulation_handler.hands.touching import Touching
 from simulation_handler.perception.paths import Path
 from simulation_handler.physics.simulator import FINGER_RADIUS
 from simulation_handler.shapes.geometry import Solid
-from simulation_handler.shapes.surfaces import outwards
+from simulation_handler.shapes.surfaces import signed_distance
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
@@ -69,17 +69,17 @@ class Fingers:
         Objects that are `waiting` for an explanation are seen elsewhere than they are believed to be.
         """
         seconds, self._now = min(now - self._now, _LONGEST_LAG), now
-        ways = self._touching.ways()
+        paths = self._touching.paths()
         before, self._loose = self._loose.keys(), self._find_loose(now, waiting)
-        for name in sorted(self._tips.keys() - ways.keys()):
+        for name in sorted(self._tips.keys() - paths.keys()):
             del self._tips[name]
             self._bodies.sim.fingers.remove(name)
-        for name, way in ways.items():
+        for name, path in paths.items():
             tip = self._tips.get(name)
             if tip is None:
-                tip = self._tips[name] = _Tip(now - _LAG, _at(way, now - _LAG))
-            self._go_back(tip, way, now, self._loose.keys() - before)
-            self._go_on(name, tip, way, now, seconds, count)
+                tip = self._tips[name] = _Tip(now - _LAG, _at(path, now - _LAG))
+            self._go_back(tip, path, now, self._loose.keys() - before)
+            self._go_on(name, tip, path, now, seconds, count)
 
     def note_pushes(self) -> None:
         """After physics: what was seen of an object before it was pushed says nothing any more."""
@@ -98,22 +98,22 @@ class Fingers:
 
     def _is_loose(self, item: BelievedObject, now: float) -> bool:
         """Whether neither percepts nor anything that holds an object say where it is."""
-        is_held = item.is_led or bool(item.hand) or item.pinned
+        is_held = item.is_led or bool(item.hand) or item.static
         return item.name in self._bodies.sim and not is_held and now - item.track.last_stamp > UNSEEN
 
-    def _go_back(self, tip: _Tip, way: Path, now: float, new: Collection[str]) -> None:
+    def _go_back(self, tip: _Tip, path: Path, now: float, new: Collection[str]) -> None:
         """Play again how a fingertip may have pushed what is only now known to be unseen, since it was last seen."""
         if tip.met:
             return
-        stamps = [self._bodies.objects[name].track.last_stamp for name in new if self._is_near(way.last.t, name)]
+        stamps = [self._bodies.objects[name].track.last_stamp for name in new if self._is_near(path.last.t, name)]
         if stamps:
             tip.played = min(tip.played, max(min(stamps), now - _LONGEST_LAG))
-            tip.place = _at(way, tip.played)
+            tip.place = _at(path, tip.played)
 
-    def _go_on(self, name: str, tip: _Tip, way: Path, now: float, seconds: float, count: int) -> None:
+    def _go_on(self, name: str, tip: _Tip, path: Path, now: float, seconds: float, count: int) -> None:
         late = now - _LAG - tip.played
         tip.played += min(late, _HURRY * seconds) if late > 0.0 else 0.0
-        place = _followed(tip.place, _at(way, tip.played), _FASTEST * seconds)
+        place = _followed(tip.place, _at(path, tip.played), _FASTEST * seconds)
         fingers = self._bodies.sim.fingers
         if name in fingers and math.dist(fingers.position(name), tip.centre) > _ASTRAY:
             fingers.remove(name)
@@ -160,13 +160,13 @@ class Fingers:
 
     def _overlap(self, point: Vector3, thing: str) -> tuple[float, Vector3]:
         """How far (m) a sphere there is in an object, and the way out."""
-        distance, way = outwards(self._loose[thing], point)
-        return FINGER_RADIUS - distance, way
+        distance, normal = signed_distance(self._loose[thing], point)
+        return FINGER_RADIUS - distance, normal
 
 
-def _at(way: Path, stamp: float) -> Vector3:
+def _at(path: Path, stamp: float) -> Vector3:
     """Where a fingertip was seen, m; it is not guessed where it is going."""
-    return way.at(min(stamp, way.newest)).t
+    return path.at(min(stamp, path.newest)).t
 
 
 def _followed(here: Vector3, there: Vector3, most: float) -> Vector3:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from dsr.math3d.quaternions import Vector3
 from simulation_handler.contact.relations import Relation
 from simulation_handler.shapes.geometry import Solid
-from simulation_handler.shapes.surfaces import outwards
+from simulation_handler.shapes.surfaces import signed_distance
 
 TIP_RADIUS = 0.008
 """m, of a fingertip"""
@@ -34,7 +34,7 @@ class Met(NamedTuple):
 
     gap: float
     """m between the surfaces"""
-    way: Vector3
+    normal: Vector3
     """The way out of the object there."""
     point: Vector3
     """Where its centre is, m."""
@@ -84,8 +84,8 @@ def _near(solid: Solid, point: Vector3) -> Met | None:
     """A fingertip at an object; None if it is far from it."""
     if math.dist(point, solid.position) > solid.radius + TIP_RADIUS + _REACH:
         return None
-    distance, way = outwards(solid, point)
-    return Met(distance - TIP_RADIUS, way, point) if _DEEPEST <= distance - TIP_RADIUS <= _REACH else None
+    distance, normal = signed_distance(solid, point)
+    return Met(distance - TIP_RADIUS, normal, point) if _DEEPEST <= distance - TIP_RADIUS <= _REACH else None
 
 
 def is_opposed(fingertips: Mapping[str, Met | None]) -> bool:
@@ -95,7 +95,8 @@ def is_opposed(fingertips: Mapping[str, Met | None]) -> bool:
     """
     known = [met for met in fingertips.values() if met is not None]
     return any(
-        _dot(a.way, b.way) < _OPPOSED and _dot(a.way, a.point) > _dot(a.way, b.point) for a, b in combinations(known, 2)
+        _dot(a.normal, b.normal) < _OPPOSED and _dot(a.normal, a.point) > _dot(a.normal, b.point)
+        for a, b in combinations(known, 2)
     )
 
 

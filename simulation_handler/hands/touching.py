@@ -70,7 +70,7 @@ class Touching:
             if not grasp.slipped or self._bodies.objects[thing].hand == hand
         }
 
-    def ways(self) -> dict[str, Path]:
+    def paths(self) -> dict[str, Path]:
         """The ways that the fingertips in sight took, by name."""
         return {
             name: path
@@ -336,7 +336,7 @@ class Touching:
         """Whether an object that a hand held is seen in the air where that would have it: nothing else can hold it."""
         name, thing = relation
         item, hand = self._bodies.objects[thing], self._hands.get(name)
-        hovers = item.pinned or item.hovering_since is not None
+        hovers = item.static or item.hovering_since is not None
         is_alone = sum(held == thing for _, held in self._grasps) == 1
         if hand is None or item.hand != name or not hovers or not is_alone or item.path.is_falling:
             return False
@@ -392,7 +392,7 @@ class Touching:
         carried: dict[str, str] = {}
         for (hand, thing), grasp in sorted(self._grasps.items(), key=lambda entry: (entry[1].since, entry[0])):
             item = self._bodies.objects[thing]
-            hovers = item.pinned or item.hovering_since is not None
+            hovers = item.static or item.hovering_since is not None
             was_left = grasp.put_down and now - item.track.last_stamp > UNSEEN
             if grasp.grip == PINCH or grasp.presumed:
                 holders.setdefault(thing, hand)

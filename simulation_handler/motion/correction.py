@@ -39,8 +39,8 @@ class Correction:
         for item in self._bodies.objects.values():
             if item.is_led or item.hand or item.track.estimate is None or item.track.is_fresh(now):
                 continue
-            if item.pinned and self._is_let_go(item, let_go):
-                self._bodies.set_pinned(item, False)
+            if item.static and self._is_let_go(item, let_go):
+                self._bodies.set_static(item, False)
             if self._bodies.has_left(item):
                 item.track.forget()
                 item.placement = item.put = None
@@ -101,13 +101,13 @@ class Correction:
             item.adopt(self._confirmed(item, placement))
         item.learn_bias(placement)
         must_move = is_new or is_astray or self._may_return(item)
-        believed = item.placement.solid if item.placement and (must_move or item.pinned) else None
+        believed = item.placement.solid if item.placement and (must_move or item.static) else None
         scene[item.name] = believed or self._bodies.solid(item.name)
         return must_move
 
     def _may_return(self, item: BelievedObject) -> bool:
         """Whether it was put beside its placement because of something that is not in its way any more."""
-        if item.pinned or item.placement is None or item.put is None:
+        if item.static or item.placement is None or item.put is None:
             return False
         solid = item.placement.solid
         if math.dist(item.put.t, solid.position) <= self._config.divergence:
@@ -190,7 +190,7 @@ class Correction:
             solid = scene[name]
             self._bodies.put(self._bodies.object(name), pushed.get(name, solid.position), solid.rotation)
         for item in items.values():
-            self._bodies.set_pinned(item, item.strikes >= self._config.strikes or not item.is_carried())
+            self._bodies.set_static(item, item.strikes >= self._config.strikes or not item.is_carried())
 
     def _softness(self, item: BelievedObject, now: float) -> float:
         """Sideways variance of a body's position, m^2: how easily it gives way to others."""

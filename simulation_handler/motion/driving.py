@@ -28,7 +28,7 @@ from simulation_handler.explaining.scoring import is_displaced
 from simulation_handler.explaining.situation import seen_now
 from simulation_handler.hands.state import UNSEEN
 from simulation_handler.motion.bumps import seem_bumped
-from simulation_handler.motion.loads import HALTED, Loads, Twist, only_base
+from simulation_handler.motion.supported_objects import HALTED, SupportedObjects, Twist, only_base
 from simulation_handler.perception.paths import Path, between, turn_between
 from simulation_handler.perception.percepts import Array
 from simulation_handler.physics.simulator import GRAVITY, TIME_STEP
@@ -102,7 +102,7 @@ class Driving:
 
     def __init__(self, bodies: Bodies, relations: Relations, containment: Containment, config: BeliefConfig) -> None:
         self._bodies = bodies
-        self._loads = Loads(bodies, relations, containment)
+        self._supported = SupportedObjects(bodies, relations, containment)
         self._config = config
         self._lifted = msgspec.structs.replace(config, hover_tolerance=min(_ASTRAY_BOTH, config.hover_tolerance))
         self._drives: dict[str, _Drive] = {}
@@ -131,7 +131,7 @@ class Driving:
                 self._begin(self._bodies.objects[name], start)
         self._lead_from_below(self._drives.keys() - before, now)
         self._let_pass(now)
-        riders = self._loads.riders(self._drives)
+        riders = self._supported.riders(self._drives)
         for item in self._bodies.objects.values():
             item.driven = item.name in self._drives
             item.rides = item.name in riders and not self._is_lost(item, now)
@@ -142,7 +142,7 @@ class Driving:
         new = {n for n, drive in self._drives.items() if now - drive.begun <= _SHORTEST and not objects[n].hand}
         if not new and all(objects[name].hand for name in starts):
             return frozenset()
-        rested, beneath, moving = dict[str, Solid](), self._loads.beneath(), self._bodies.in_motion()
+        rested, beneath, moving = dict[str, Solid](), self._supported.beneath(), self._bodies.in_motion()
         for name in sorted(unmoved & objects.keys() - (self._drives.keys() | moving) | new & unmoved):
             item = objects[name]
             if item.estimate_at(now) is None or item.hand or item.holder or item.rides or name not in self._bodies.sim:
@@ -158,7 +158,7 @@ class Driving:
     def _put_back(self, name: str) -> None:
         """Let an object and its load be where it has set out, and be driven no more."""
         back = self._drives.pop(name).origin @ self._bodies.pose(name).inverse()
-        for other in sorted({name, *self._loads.riders([name])}):
+        for other in sorted({name, *self._supported.riders([name])}):
             if other in self._bodies.objects and other in self._bodies.sim:
                 pose = back @ self._bodies.pose(other)
                 self._bodies.put(self._bodies.objects[other], pose.t, pose.q)
@@ -168,7 +168,7 @@ class Driving:
 
         If it sets out first, that comes along, or it waits until it is sure that they part.
         """
-        beneath = self._loads.beneath()
+        beneath = self._supported.beneath()
         for name in sorted(new & beneath.keys()):
             load, start = self._bodies.objects[name], self._drives[name].played
             for base in sorted(beneath[name] & self._bodies.objects.keys() - self._drives.keys()):
@@ -198,7 +198,7 @@ class Driving:
         sim, objects = self._bodies.sim, self._bodies.objects.values()
         seen = [item.name for item in objects if item.drivable and now - item.track.last_stamp <= UNSEEN]
         names = sorted(self._drives.keys() | {name for name in seen if name in sim})
-        riders = {name: self._loads.riders([name]) for name in names}
+        riders = {name: self._supported.riders([name]) for name in names}
         pairs = [pair for pair in combinations(names, 2) if not self._drives.keys().isdisjoint(pair)]
         sim.let_pass({(a, b) for a, b in pairs if b not in riders[a] and a not in riders[b] and self._beside(a, b)})
 
@@ -216,8 +216,8 @@ class Driving:
         if not self._drives:
             sim.step(count)
             return
-        loads = self._loads.standing(self._drives.keys())
-        pushed = self._loads.pushed({name: drive.speed for name, drive in self._drives.items()}, loads)
+        loads = self._supported.standing(self._drives.keys())
+        pushed = self._supported.pushed({name: drive.speed for name, drive in self._drives.items()}, loads)
         for k in range(1, count + 1):
             for name, drive in self._drives.items():
                 here = Pose.unchecked(*sim.pose(name))
@@ -225,10 +225,10 @@ class Driving:
                 (x, y, z), spin = drive.velocity
                 sim.set_velocity(name, (x, y, z + GRAVITY * TIME_STEP), spin)
                 for load in loads.get(name, ()):
-                    self._loads.take_along(load, here, before, drive.velocity)
+                    self._supported.take_along(load, here, before, drive.velocity)
             sim.step()
             for name, speed in pushed.items():
-                self._loads.slow_down(name, speed)
+                self._supported.slow_down(name, speed)
 
     @property
     def supports(self) -> set[Relation]:
@@ -266,7 +266,7 @@ class Driving:
         return item.path.strays_from(pose, two) or item.path.goes_away(pose, three)
 
     def _begin(self, item: BelievedObject, start: float) -> None:
-        self._bodies.set_pinned(item, False)
+        self._bodies.set_static(item, False)
         here = self._bodies.pose(item.name)
         self._drives[item.name] = _Drive(self._now, start, here, here, here)
 
@@ -301,7 +301,7 @@ class Driving:
         """Where the body should be at the end of this step: where it was seen, as far as other bodies allow."""
         pose = item.path.at(drive.played)
         above = self._bodies.above(item, pose.t)
-        scene = self._bodies.scene(leaving_out={item.name, *above, *self._loads.riders([item.name])})
+        scene = self._bodies.scene(leaving_out={item.name, *above, *self._supported.riders([item.name])})
         covariance = _VAGUE if item.track.estimate is None else item.percept_covariance(self._config)
         config = self._lifted if _is_lifted(item, drive) else self._config
         seen, others = item.solid(pose.t, pose.q), list(scene.values())
@@ -317,16 +317,16 @@ class Driving:
 
     def _end(self, item: BelievedObject, drive: _Drive) -> None:
         """Leave the body to perception again; or, if that has lost it, to physics, or to what holds it unseen."""
-        for load in self._loads.standing(self._drives.keys()).get(item.name, ()):
-            self._loads.take_along(load, self._bodies.pose(item.name), drive.velocity, HALTED)
+        for load in self._supported.standing(self._drives.keys()).get(item.name, ()):
+            self._supported.take_along(load, self._bodies.pose(item.name), drive.velocity, HALTED)
         del self._drives[item.name]
         item.put, item.placement, item.strikes = self._bodies.pose(item.name), None, 0
         item.track.begin_anew(item.path.newest - _AT_REST)
         self._bodies.sim.set_velocity(item.name, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         is_unseen = item.vanished_when_let_go or not item.track.is_fresh(self._now)
         is_let_go = drive.by_hand and not item.hand and is_unseen
-        if not drive.rests and not is_let_go and item.name not in self._loads.riders(self._drives):
-            self._bodies.set_pinned(item, True)
+        if not drive.rests and not is_let_go and item.name not in self._supported.riders(self._drives):
+            self._bodies.set_static(item, True)
 
     def _is_lost(self, item: BelievedObject, now: float) -> bool:
         """Whether an object is seen far from where its container should have taken it."""

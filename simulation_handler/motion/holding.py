@@ -48,7 +48,7 @@ class Holding:
             )
             item.leave_to_physics()
             item.holder = grasp.gripper
-            self._bodies.set_pinned(item, True)
+            self._bodies.set_static(item, True)
         world_from_object = grasp.world_from_gripper @ self._gripper_from_object[item.name]
         if self._bodies.pose(item.name).distance(world_from_object) != (0.0, 0.0):
             self._bodies.put(item, world_from_object.t, world_from_object.q)
@@ -59,4 +59,4 @@ class Holding:
         item.holder = ""
         self._gripper_from_object.pop(item.name, None)
         if item.name in self._bodies.sim:
-            self._bodies.set_pinned(item, False)
+            self._bodies.set_static(item, False)

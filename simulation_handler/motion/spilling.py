@@ -17,7 +17,7 @@ from simulation_handler.perception.percepts import Array
 from simulation_handler.physics.rollouts.engine import Engine
 from simulation_handler.physics.rollouts.scene import Body, Placing, Scene
 from simulation_handler.shapes.geometry import Solid
-from simulation_handler.shapes.surfaces import outwards
+from simulation_handler.shapes.surfaces import signed_distance
 from simulation_handler.state.bodies import Bodies
 
 _WAYS = 32
@@ -90,7 +90,7 @@ class Spilling:
         item = self._bodies.objects.get(name)
         if item is None or name not in self._bodies.sim:
             return False
-        is_held = item.holder or item.hand or item.driven or item.pinned
+        is_held = item.holder or item.hand or item.driven or item.static
         return not is_held and now - item.track.last_stamp > UNSEEN
 
     def _lies(self, name: str) -> bool:
@@ -110,33 +110,33 @@ class Spilling:
         """How a body that moves so falls out of a container; None if it is stuck in others."""
         objects, sim = self._bodies.objects, self._bodies.sim
         scene = self._bodies.frozen().held([item.name for item in objects.values() if item.driven and item.name in sim])
-        ways = self._ways(scene, body)
-        if not ways:
+        falls = self._candidates(scene, body)
+        if not falls:
             return None
         self._engine = self._engine or Engine()
-        ends = [self._engine.run(_with(scene, way), _SECONDS).poses[body.name] for way in ways]
+        ends = [self._engine.run(_with(scene, fall), _SECONDS).poses[body.name] for fall in falls]
         places = np.array([position for position, _ in ends])
         distances = np.linalg.norm(places[:, None] - places, axis=2)
-        typical = int(np.argmin(np.quantile(distances, _MOST, axis=1)))
+        medoid = int(np.argmin(np.quantile(distances, _MOST, axis=1)))
         around = {
             other: sim.position(other) for other in objects if other in sim and other not in (body.name, container)
         }
-        return _Fall(now, ends[typical], around)
+        return _Fall(now, ends[medoid], around)
 
-    def _ways(self, scene: Scene, body: Body) -> list[Body]:
+    def _candidates(self, scene: Scene, body: Body) -> list[Body]:
         """How the body may be on its way, without being in others."""
         solids = [other.solid for other in scene.bodies if other.name != body.name]
         reach = 0.5 * min(body.size) - _DEEPEST
-        ways: list[Body] = []
+        falls: list[Body] = []
         for shift, push, turn in zip(*np.split(_normal() * _SPREAD, 3, axis=1), strict=True):
             position, velocity, spin = (
                 _sum(body.position, shift), _sum(body.velocity, push), _sum(body.spin, turn)
             )  # fmt: skip
             if all(_distance(solid, position, reach) >= reach for solid in solids):
-                ways.append(body._replace(position=position, velocity=velocity, spin=spin))
-            if len(ways) == _WAYS:
+                falls.append(body._replace(position=position, velocity=velocity, spin=spin))
+            if len(falls) == _WAYS:
                 break
-        return ways
+        return falls
 
 
 @cache
@@ -155,7 +155,7 @@ def _sum(vector: Vector3, change: Array) -> Vector3:
 
 def _distance(solid: Solid, point: Vector3, reach: float) -> float:
     """How far (m) a point is from the surface of a solid, if that may be less than `reach`."""
-    return math.inf if math.dist(solid.position, point) > solid.radius + reach else outwards(solid, point)[0]
+    return math.inf if math.dist(solid.position, point) > solid.radius + reach else signed_distance(solid, point)[0]
 
 
 def _with(scene: Scene, body: Body) -> Scene:

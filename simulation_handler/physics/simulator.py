@@ -218,10 +218,10 @@ class Simulator:
         """Wake a body and what is near it."""
         self._wake_around(self._id(name))
 
-    def pin(self, name: str, pinned: bool) -> None:
+    def make_static(self, name: str, static: bool) -> None:
         """Hold a body where it is, whatever pushes it; or let it go again."""
         body = self._id(name)
-        mass = 0.0 if pinned else self._masses[name]
+        mass = 0.0 if static else self._masses[name]
         pybullet.changeDynamics(body, -1, mass=mass, physicsClientId=self._client)
         self._wake_around(body)
 

@@ -12,7 +12,7 @@ from simulation_handler.shapes.geometry import Solid
 _UP: Vector3 = (0.0, 0.0, 1.0)
 
 
-def outwards(solid: Solid, point: Vector3) -> tuple[float, Vector3]:
+def signed_distance(solid: Solid, point: Vector3) -> tuple[float, Vector3]:
     """Distance (m) of a point in the world from a body, negative inside, and the unit vector out of it there."""
     away = (point[0] - solid.position[0], point[1] - solid.position[1], point[2] - solid.position[2])
     local = quaternions.rotate(quaternions.conjugate(solid.rotation), away)

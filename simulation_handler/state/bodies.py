@@ -130,7 +130,7 @@ class Bodies:
         """The body of an object as it is now, at rest."""
         item, pose = self.objects[name], self.sim.pose(name)
         return Body(
-            name, item.size, *pose, item.mass, item.friction, item.pinned, item.shape, item.rolling_friction
+            name, item.size, *pose, item.mass, item.friction, item.static, item.shape, item.rolling_friction
         )  # fmt: skip
 
     def put(self, item: BelievedObject, position: Vector3, rotation: Quaternion) -> None:
@@ -142,7 +142,7 @@ class Bodies:
                 item.name, item.size, item.shape, position, rotation,
                 mass=item.mass, friction=item.friction, rolling_friction=item.rolling_friction,
             )  # fmt: skip
-            item.pinned, item.gone = False, False
+            item.static, item.gone = False, False
         item.put = Pose.unchecked(position, rotation)
 
     def take_away(self, item: BelievedObject) -> None:
@@ -150,13 +150,13 @@ class Bodies:
         if item.name in self.sim:
             self.sim.remove(item.name)
         item.leave_to_physics()
-        item.put, item.pinned, item.gone = None, False, True
+        item.put, item.static, item.gone = None, False, True
 
-    def set_pinned(self, item: BelievedObject, pinned: bool) -> None:
+    def set_static(self, item: BelievedObject, static: bool) -> None:
         """Hold the body of an object where it is, or let it go."""
-        if item.pinned != pinned:
-            self.sim.pin(item.name, pinned)
-            item.pinned = pinned
+        if item.static != static:
+            self.sim.make_static(item.name, static)
+            item.static = static
 
     def has_left(self, item: BelievedObject) -> bool:
         """Whether physics has moved an object from where it was put."""

@@ -56,7 +56,7 @@ class BelievedObject:
     """Where perception last led to."""
     put: Pose | None = None
     """Where its body was last put; physics may have moved it since."""
-    pinned: bool = False
+    static: bool = False
     """Its body is held: it hovers, and nothing known carries it."""
     bias: float | None = None
     """m along the viewing ray, the systematic error of its percepts; learned when it rests on something."""
@@ -156,7 +156,7 @@ class BelievedObject:
         if UNKNOWN not in placement.supports:
             self.prop = None
 
-    def settle(self, placement: Placement, solid: Solid, now: float) -> None:
+    def rest(self, placement: Placement, solid: Solid, now: float) -> None:
         """Take over the placement of an explanation, put at `solid` at time `now` (s).
 
         If perception had not changed, it was physics that moved the object from where it is seen.
@@ -191,7 +191,7 @@ class BelievedObject:
 
     def has_left(self, pose: Pose, config: BeliefConfig) -> bool:
         """Whether its body, now at `pose`, is no longer where it was put."""
-        if self.put is None or self.pinned:
+        if self.put is None or self.static:
             return False
         metres, radians = self.put.distance(pose)
         return metres > config.divergence or radians > config.divergence_angle

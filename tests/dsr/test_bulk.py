@@ -26,16 +26,16 @@ from dsr.images.frame_reader import FrameReader
 from dsr.network.bulk import BulkReader, BulkWriter, Handler
 from dsr.network.keys import Keys
 from dsr.network.rendezvous import free_port
-from dsr.network.shared_ring import MOST_BYTES, SLOTS, Ring, RingReader, Ticket
+from dsr.network.shared_ring import MOST_BYTES, SLOTS, Ring, RingReader, SlotDescriptor
 from dsr.network.transport import Subscription
 from dsr.network.zenoh_transport import ZenohTransport
 
 PATIENCE = 20.0  # s
 HOLDER = """
 import sys, msgspec
-from dsr.network.shared_ring import RingReader, Ticket
-ticket = msgspec.msgpack.decode(bytes.fromhex(sys.argv[1]), type=Ticket)
-held = RingReader(ticket).view(ticket)
+from dsr.network.shared_ring import RingReader, SlotDescriptor
+descriptor = msgspec.msgpack.decode(bytes.fromhex(sys.argv[1]), type=SlotDescriptor)
+held = RingReader(descriptor).view(descriptor)
 print(held[:5].tobytes().decode(), flush=True)
 sys.stdin.read()
 """
@@ -48,10 +48,10 @@ sys.stdin.read()
 """
 
 
-def ticket_of(ring: Ring, message: bytes) -> Ticket:
-    ticket = ring.write([message])
-    assert ticket is not None
-    return ticket
+def ticket_of(ring: Ring, message: bytes) -> SlotDescriptor:
+    descriptor = ring.write([message])
+    assert descriptor is not None
+    return descriptor
 
 
 def run(program: str, *arguments: str) -> subprocess.Popen[str]:
@@ -67,9 +67,9 @@ def told(process: subprocess.Popen[str]) -> str:
 class TestRing:
     def test_a_message_in_pieces_is_read_in_place(self) -> None:
         ring = Ring(10)
-        ticket = ring.write([b"he", memoryview(b"llo"), b""])
-        assert ticket is not None
-        found = RingReader(ticket).view(ticket)
+        descriptor = ring.write([b"he", memoryview(b"llo"), b""])
+        assert descriptor is not None
+        found = RingReader(descriptor).view(descriptor)
         assert found is not None and found == b"hello" and found.readonly
 
     def test_what_is_held_stays_however_much_is_written(self) -> None:
@@ -78,17 +78,17 @@ class TestRing:
         reader = RingReader(first)
         held = reader.view(first)
         for i in range(5 * SLOTS):
-            ticket = ticket_of(ring, b"%d" % i)
-            assert reader.view(ticket) == b"%d" % i
+            descriptor = ticket_of(ring, b"%d" % i)
+            assert reader.view(descriptor) == b"%d" % i
         assert held == b"first"
 
     def test_what_nobody_holds_is_overwritten_and_then_refused(self) -> None:
         ring = Ring(10)
-        tickets = [ticket_of(ring, b"%d" % i) for i in range(9)]
-        reader = RingReader(tickets[0])
-        assert [reader.view(ticket) for ticket in tickets[:4]] == [None] * 4
-        assert [reader.view(ticket) for ticket in tickets[-2:]] == [b"7", b"8"]
-        assert len({ticket.slot for ticket in tickets}) <= 5  # no more memory than needed
+        descriptors = [ticket_of(ring, b"%d" % i) for i in range(9)]
+        reader = RingReader(descriptors[0])
+        assert [reader.view(descriptor) for descriptor in descriptors[:4]] == [None] * 4
+        assert [reader.view(descriptor) for descriptor in descriptors[-2:]] == [b"7", b"8"]
+        assert len({descriptor.slot for descriptor in descriptors}) <= 5  # no more memory than needed
 
     def test_one_reader_holds_few_and_gets_copies_of_more(self) -> None:
         ring = Ring(1000)
@@ -100,8 +100,8 @@ class TestRing:
         ring = Ring(10)
         held = []
         for _ in range(SLOTS):
-            ticket = ticket_of(ring, b"held")
-            held.append(RingReader(ticket).view(ticket))
+            descriptor = ticket_of(ring, b"held")
+            held.append(RingReader(descriptor).view(descriptor))
         assert ring.write([b"one too many"]) is None
         del held[: SLOTS - 3]
         assert ring.write([b"welcome"]) is not None
@@ -109,9 +109,9 @@ class TestRing:
 
     def test_a_part_keeps_the_whole_in_place(self) -> None:
         ring = Ring(100)
-        ticket = ticket_of(ring, bytes(range(100)))
-        reader = RingReader(ticket)
-        view = reader.view(ticket)
+        descriptor = ticket_of(ring, bytes(range(100)))
+        reader = RingReader(descriptor)
+        view = reader.view(descriptor)
         assert view is not None
         part = np.frombuffer(view, np.uint8)[10:20].reshape(2, 5)
         del view, reader
@@ -122,28 +122,28 @@ class TestRing:
     @pytest.mark.parametrize("ending", [signal.SIGKILL, signal.SIGTERM])
     def test_the_death_of_a_reader_frees_what_it_held(self, ending: signal.Signals) -> None:
         ring = Ring(10)
-        ticket = ticket_of(ring, b"hello")
-        with run(HOLDER, msgspec.msgpack.encode(ticket).hex()) as holder:
+        descriptor = ticket_of(ring, b"hello")
+        with run(HOLDER, msgspec.msgpack.encode(descriptor).hex()) as holder:
             assert told(holder) == "hello"
             for _ in range(SLOTS):
-                assert ticket_of(ring, b"other").slot != ticket.slot
+                assert ticket_of(ring, b"other").slot != descriptor.slot
             os.kill(holder.pid, signal.SIGSTOP)  # a stopped one goes on holding it
             for _ in range(SLOTS):
-                assert ticket_of(ring, b"other").slot != ticket.slot
+                assert ticket_of(ring, b"other").slot != descriptor.slot
             os.kill(holder.pid, signal.SIGCONT)
             os.kill(holder.pid, ending)
-        assert ticket.slot in {ticket_of(ring, b"other").slot for _ in range(SLOTS)}
+        assert descriptor.slot in {ticket_of(ring, b"other").slot for _ in range(SLOTS)}
 
     def test_what_a_dead_writer_wrote_can_be_read_on_and_nothing_is_left_behind(self) -> None:
         before = set(Path("/dev/shm").iterdir())
         with run(WRITER) as writer:
-            ticket = msgspec.msgpack.decode(bytes.fromhex(told(writer)), type=Ticket)
-            reader = RingReader(ticket)
+            descriptor = msgspec.msgpack.decode(bytes.fromhex(told(writer)), type=SlotDescriptor)
+            reader = RingReader(descriptor)
             writer.kill()
-        assert reader.view(ticket) == b"hello"
+        assert reader.view(descriptor) == b"hello"
         assert {file for file in Path("/dev/shm").iterdir() if not file.name.endswith(".zenoh")} <= before
         with pytest.raises(OSError):
-            RingReader(ticket)
+            RingReader(descriptor)
 
     def test_a_message_that_its_writer_did_not_finish_is_not_read(self) -> None:
         class DeathError(Exception):
@@ -154,49 +154,49 @@ class TestRing:
                 raise DeathError
 
         ring = Ring(10)
-        tickets = [ticket_of(ring, b"old") for _ in range(4)]
+        descriptors = [ticket_of(ring, b"old") for _ in range(4)]
         with pytest.raises(DeathError):
             ring.write([b"new", Deadly()])  # type: ignore[list-item]
-        assert RingReader(tickets[0]).view(tickets[0]) is None
+        assert RingReader(descriptors[0]).view(descriptors[0]) is None
 
     def test_a_forked_child_gives_nothing_back(self) -> None:
         ring = Ring(10)
-        ticket = ticket_of(ring, b"hello")
-        held = RingReader(ticket).view(ticket)
+        descriptor = ticket_of(ring, b"hello")
+        held = RingReader(descriptor).view(descriptor)
         child = os.fork()
         if child == 0:
             del held
             gc.collect()
             os._exit(0)
         os.waitpid(child, 0)
-        assert ticket.slot not in {ticket_of(ring, b"other").slot for _ in range(SLOTS)}
+        assert descriptor.slot not in {ticket_of(ring, b"other").slot for _ in range(SLOTS)}
         assert held == b"hello"
 
     @pytest.mark.parametrize("change", [{"slot": SLOTS}, {"slot": -1}, {"length": 1 << 40}, {"length": -1}])
     def test_impossible_places_are_malformed(self, change: dict[str, int]) -> None:
         ring = Ring(10)
-        ticket = ticket_of(ring, b"hello")
-        reader = RingReader(ticket)
+        descriptor = ticket_of(ring, b"hello")
+        reader = RingReader(descriptor)
         with pytest.raises(WireError, match="slots"):
-            reader.view(msgspec.structs.replace(ticket, **change))
+            reader.view(msgspec.structs.replace(descriptor, **change))
 
     def test_only_rings_are_opened(self, tmp_path: Path) -> None:
         ring = Ring(10)
-        ticket = ticket_of(ring, b"hello")
+        descriptor = ticket_of(ring, b"hello")
         read_end, write_end = os.pipe()
         with (tmp_path / "file").open("wb") as file, os.fdopen(read_end), os.fdopen(write_end, "w"):
-            file.truncate(os.fstat(ticket.descriptor).st_size)
+            file.truncate(os.fstat(descriptor.descriptor).st_size)
             other = os.memfd_create("other", os.MFD_ALLOW_SEALING)
-            os.ftruncate(other, os.fstat(ticket.descriptor).st_size)
-            os.write(other, ticket.ring)
+            os.ftruncate(other, os.fstat(descriptor.descriptor).st_size)
+            os.write(other, descriptor.ring)
             fcntl.fcntl(other, fcntl.F_ADD_SEALS, fcntl.F_SEAL_SHRINK)
             for descriptor in (file.fileno(), other, read_end, -1, 1 << 40):
                 with pytest.raises(OSError):
-                    RingReader(msgspec.structs.replace(ticket, descriptor=descriptor))
+                    RingReader(msgspec.structs.replace(descriptor, descriptor=descriptor))
             os.close(other)
         for change in ({"ring": b"\0" * 16}, {"slot_size": 1 << 50}, {"slot_size": -1}, {"process": 1 << 40}):
             with pytest.raises(OSError):
-                RingReader(msgspec.structs.replace(ticket, **change))
+                RingReader(msgspec.structs.replace(descriptor, **change))
 
 
 class Line:
@@ -230,12 +230,12 @@ class Pair:
     """A writer and its readers."""
 
     def __init__(self) -> None:
-        self.tickets, self.plain = Line(), Line()
-        self.writer = BulkWriter(self.tickets, self.plain)
+        self.descriptors, self.plain = Line(), Line()
+        self.writer = BulkWriter(self.descriptors, self.plain)
         self.arrivals = 0
 
     def reader(self) -> BulkReader:
-        return BulkReader(self.tickets.listen, self.plain.listen, self._count)
+        return BulkReader(self.descriptors.listen, self.plain.listen, self._count)
 
     def _count(self) -> None:
         self.arrivals += 1
@@ -249,7 +249,7 @@ def pair() -> Pair:
 class TestBulk:
     def test_nobody_costs_nothing(self, pair: Pair) -> None:
         pair.writer.put([b"x"])
-        assert (pair.tickets.sent, pair.plain.sent) == (0, 0)
+        assert (pair.descriptors.sent, pair.plain.sent) == (0, 0)
 
     def test_a_reader_that_shares_memory_wants_no_bytes_any_more(self, pair: Pair) -> None:
         reader = pair.reader()
@@ -282,7 +282,7 @@ class TestBulk:
         assert pair.writer.unshared == 3
 
     def test_a_reader_elsewhere_gets_bytes(self, pair: Pair, monkeypatch: pytest.MonkeyPatch) -> None:
-        def elsewhere(ticket: Ticket) -> None:
+        def elsewhere(descriptor: SlotDescriptor) -> None:
             raise PermissionError
 
         here, there = pair.reader(), pair.reader()
@@ -309,7 +309,7 @@ class TestBulk:
             assert reader.take() == b"%d" % i
 
     def test_a_hoarder_cannot_use_up_the_rings_of_writers_that_take_turns(self, pair: Pair) -> None:
-        reader, other = pair.reader(), BulkWriter(pair.tickets, pair.plain)
+        reader, other = pair.reader(), BulkWriter(pair.descriptors, pair.plain)
         hoard = []
         for i in range(2 * SLOTS):
             for writer in (pair.writer, other):
@@ -321,8 +321,8 @@ class TestBulk:
     def test_malformed_tickets_are_told_and_do_no_harm(self, pair: Pair) -> None:
         reader = pair.reader()
         for payload in (b"", b"garbage", msgspec.msgpack.encode([1, 2, 3])):
-            pair.tickets.put(payload)
-            with pytest.raises(WireError, match="ticket"):
+            pair.descriptors.put(payload)
+            with pytest.raises(WireError, match="descriptor"):
                 reader.take()
         pair.writer.put([b"x"])
         assert reader.take() == b"x"
@@ -330,7 +330,7 @@ class TestBulk:
     def test_after_closing_nothing_is_subscribed(self, pair: Pair) -> None:
         reader = pair.reader()
         reader.close()
-        assert not pair.tickets.wanted and not pair.plain.wanted
+        assert not pair.descriptors.wanted and not pair.plain.wanted
 
 
 def picture(stamp: float) -> dsr.Frame:
@@ -398,7 +398,7 @@ def memfd(size: int, identity: bytes) -> int:
 def test_rings_of_impossible_sizes_are_not_opened(slot_size: int) -> None:
     descriptor = memfd(mmap.PAGESIZE + SLOTS * slot_size, b"i" * 16)
     with pytest.raises(OSError, match="slots of"):
-        RingReader(Ticket(os.getpid(), descriptor, b"i" * 16, slot_size, 0, 1, 0))
+        RingReader(SlotDescriptor(os.getpid(), descriptor, b"i" * 16, slot_size, 0, 1, 0))
     os.close(descriptor)
 
 

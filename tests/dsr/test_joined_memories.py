@@ -75,7 +75,7 @@ def test_batches_leave_as_one_message(net: Net) -> None:
     assert len(seen) == 1
 
 
-def test_streams_send_the_newest_sample_only_and_settle(net: Net) -> None:
+def test_streams_send_the_newest_sample_only_and_make_durable(net: Net) -> None:
     a, b = net.join("a"), net.join("b")
     tabletop(a)
     net.pump(0.1)
@@ -244,7 +244,7 @@ def test_a_newcomer_does_not_wait_for_one_that_is_silent_if_another_has_joined(n
 
 
 def test_newcomers_that_meet_nobody_else_hold_all_there_is_together(net: Net) -> None:
-    """The elder died while it answered: each has a part, and whoever asks gets both."""
+    """The seed peer died while it answered: each has a part, and whoever asks gets both."""
     a, b = net.join("a"), net.join("b")
     a.add_node("x", "cube")
     b.add_node("y", "cube")

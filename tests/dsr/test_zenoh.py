@@ -242,9 +242,9 @@ def test_a_stopped_process_does_not_keep_others_from_joining(peers: Callable[[st
 def test_newcomers_do_not_take_each_other_for_the_graph_while_the_elder_is_stopped(
     peers: Callable[[str], Peer],
 ) -> None:
-    elder = peers("elder")
-    elder.do("many", count=1000, prefix="n")
-    elder.process.send_signal(signal.SIGSTOP)
+    seed_peer = peers("seed peer")
+    seed_peer.do("many", count=1000, prefix="n")
+    seed_peer.process.send_signal(signal.SIGSTOP)
     outcomes: list[object] = []
 
     def join(agent: str, timeout: float) -> None:
@@ -259,14 +259,14 @@ def test_newcomers_do_not_take_each_other_for_the_graph_while_the_elder_is_stopp
         thread.start()
     for thread in threads:
         thread.join()
-    assert len(outcomes) == 2 and all(elder.rid in str(outcome) for outcome in outcomes), outcomes
+    assert len(outcomes) == 2 and all(seed_peer.rid in str(outcome) for outcome in outcomes), outcomes
     patient = threading.Thread(target=join, args=("patient", PATIENCE))
     patient.start()
     patient.join(0.5)  # before Zenoh gives its first attempt to connect up, after 1 s
-    elder.process.send_signal(signal.SIGCONT)
+    seed_peer.process.send_signal(signal.SIGCONT)
     patient.join()
     assert outcomes[2:] == [1000]
-    elder.process.send_signal(signal.SIGSTOP)
+    seed_peer.process.send_signal(signal.SIGSTOP)
     with dsr.connect("g", "alone", timeout=1.0, begin=True) as memory:
         assert memory.joined and not memory.nodes()
 

@@ -246,7 +246,7 @@ def test_physics_that_keeps_disagreeing_with_perception_gives_in() -> None:
         world.belief._bodies.sim.place("a", (0.4, 0.13, 0.02), world.pose("a").q)
         world.run(4 * PERIOD)
         assert world.error("a") < 0.001
-    assert body.pinned
+    assert body.static
     assert not world.belief.plausible("a")
 
 

@@ -123,7 +123,7 @@ def test_neighbours_in_a_tight_block_are_pushed_apart(noise: list[tuple[float, f
     assert all(math.dist(a.position, b.position) < 0.02 for a, b in zip(solids, after, strict=True))
 
 
-def test_who_is_less_certain_gives_way() -> None:
+def test_who_is_less_certain_gives_draw() -> None:
     solids = [cube("sure", 0.0, 0.0), cube("vague", 0.038, 0.0)]
     pushed = separate(solids, {"sure": 1.0, "vague": 99.0})
     assert pushed["sure"][0] == pytest.approx(-0.00002, abs=1e-5)

@@ -113,10 +113,10 @@ def test_a_falling_body_does_not_get_into_what_it_hits(table: Simulator, height:
 
 def test_a_pinned_body_hovers_until_it_is_let_go(table: Simulator) -> None:
     table.add_box("cube", CUBE, (0.0, 0.0, 0.2), mass=0.05)
-    table.pin("cube", True)
+    table.make_static("cube", True)
     table.step(SECOND)
     assert table.position("cube") == (0.0, 0.0, 0.2)
-    table.pin("cube", False)
+    table.make_static("cube", False)
     table.step(SECOND)
     assert table.position("cube")[2] == pytest.approx(0.02, abs=1e-3)
 

@@ -153,7 +153,7 @@ class Manipulator:
             found = [(0, self._searched(targets[0]))]
         return sorted(found, key=lambda pair: self._router.effort(self._here, pair[1]))
 
-    def way_to(self, goal: Goal, opening: float, target: str = "") -> Trajectory:
+    def trajectory_to(self, goal: Goal, opening: float, target: str = "") -> Trajectory:
         """A free way to joint positions, around everything but what is held. Raises `BlockedError`."""
         held = self.held_box()
         things = self._things()
@@ -171,14 +171,14 @@ class Manipulator:
         """Straight up, with `held` in the gripper."""
         load = Load(self.joints.opening, self.held_box())
         obstacles = self._obstacles(self._things(), "")
-        way = self._router.rise(self._here, self.config.approach, load, obstacles, self._limits)
-        yield from self.go(way, "rise", held)
+        trajectory = self._router.rise(self._here, self.config.approach, load, obstacles, self._limits)
+        yield from self.go(trajectory, "rise", held)
 
-    def start(self, way: Trajectory) -> None:
+    def start(self, trajectory: Trajectory) -> None:
         """Set out on a way."""
-        self._goal = way.positions[-1]
-        self._end = self.joints.stamp + way.duration
-        self._follow(way)
+        self._goal = trajectory.positions[-1]
+        self._end = self.joints.stamp + trajectory.duration
+        self._follow(trajectory)
 
     def has_arrived(self) -> bool:
         """Whether the way is done. Raises `StuckError` if the arm stands still before its end."""
@@ -197,9 +197,9 @@ class Manipulator:
         """How far the tool point is from where it was sent, m."""
         return self._router.tool(self._goal).distance(self.tool)[0]
 
-    def go(self, way: Trajectory, step: str, held: str | None) -> Steps[None]:
+    def go(self, trajectory: Trajectory, step: str, held: str | None) -> Steps[None]:
         """Follow a way to its end. Raises `SkillError` if the gripper does not hold `held` all the way."""
-        self.start(way)
+        self.start(trajectory)
         while not self.has_arrived():
             yield step
             self.check_held(held)
@@ -260,10 +260,10 @@ class Manipulator:
         return np.array(found.positions)
 
 
-def first_free(ways: Sequence[Callable[[], T]]) -> T:
+def first_free(attempts: Sequence[Callable[[], T]]) -> T:
     """The first of several ways that is not blocked. Raises `SkillError` with what blocks the first one."""
     blocked: BlockedError | None = None
-    for plan in ways:
+    for plan in attempts:
         try:
             return plan()
         except BlockedError as error:

@@ -39,8 +39,8 @@ def _bring(arm: Manipulator, poses: Sequence[Pose]) -> Steps[None]:
     """Bring the tool point to one of `poses` (world_from_tool), that which takes the least motion and is free."""
     solved = arm.solve(poses)
     opening = arm.joints.opening
-    way = first_free([partial(arm.way_to, Goal(q), opening) for _, q in solved])
-    yield from arm.go(way, "move", arm.holding.held)
+    trajectory = first_free([partial(arm.trajectory_to, Goal(q), opening) for _, q in solved])
+    yield from arm.go(trajectory, "move", arm.holding.held)
 
 
 def observe(arm: Manipulator) -> Steps[None]:
@@ -48,8 +48,8 @@ def observe(arm: Manipulator) -> Steps[None]:
     joints = arm.config.observe_joints
     if not joints:
         raise SkillError("the arm's configuration has no observe_joints")
-    way = first_free([partial(arm.way_to, Goal(np.array(joints)), arm.joints.opening)])
-    yield from arm.go(way, "move", arm.holding.held)
+    trajectory = first_free([partial(arm.trajectory_to, Goal(np.array(joints)), arm.joints.opening)])
+    yield from arm.go(trajectory, "move", arm.holding.held)
 
 
 def stop(arm: Manipulator) -> Steps[None]:

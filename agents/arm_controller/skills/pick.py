@@ -27,9 +27,9 @@ def pick(arm: Manipulator, name: str) -> Steps[None]:
         raise SkillError(f"the gripper holds {arm.holding.held or 'something'} already")
     for _ in range(_MOST_AIMS):
         target = arm.believed(name)
-        grasp, way = _choose(arm, target)
+        grasp, trajectory = _choose(arm, target)
         yield from arm.open(grasp.opening)
-        if (yield from _approach(arm, target, way)):
+        if (yield from _approach(arm, target, trajectory)):
             break
     else:
         raise SkillError(f"{name} keeps moving")
@@ -50,16 +50,16 @@ def _choose(arm: Manipulator, target: Thing) -> tuple[Grasp, Trajectory]:
     solved = arm.solve([grasp.world_from_tool for grasp in candidates])
     solved.sort(key=lambda pair: candidates[pair[0]].rank)
 
-    def way(index: int, goal: Goal) -> tuple[Grasp, Trajectory]:
+    def trajectory(index: int, goal: Goal) -> tuple[Grasp, Trajectory]:
         grasp = candidates[index]
-        return grasp, arm.way_to(goal, grasp.opening, target.name)
+        return grasp, arm.trajectory_to(goal, grasp.opening, target.name)
 
-    return first_free([partial(way, index, Goal(q, arm.config.approach)) for index, q in solved])
+    return first_free([partial(trajectory, index, Goal(q, arm.config.approach)) for index, q in solved])
 
 
-def _approach(arm: Manipulator, target: Thing, way: Trajectory) -> Steps[bool]:
+def _approach(arm: Manipulator, target: Thing, trajectory: Trajectory) -> Steps[bool]:
     """Go down around the target; returns False, with the arm at rest, if it moved meanwhile."""
-    arm.start(way)
+    arm.start(trajectory)
     while not arm.has_arrived():
         yield "approach"
         metres, radians = arm.believed(target.name).pose.distance(target.pose)

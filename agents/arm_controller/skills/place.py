@@ -32,8 +32,8 @@ def place(arm: Manipulator, name: str, destination: str, target_pose: Pose | Non
         raise SkillError(f"{held} cannot stand on itself")
     for _ in range(_MOST_AIMS):
         before = arm.scene.object(destination)
-        way = _choose(arm, held, _resting(arm, held, destination, target_pose))
-        if (yield from _go_down(arm, way, held, before)):
+        trajectory = _choose(arm, held, _resting(arm, held, destination, target_pose))
+        if (yield from _go_down(arm, trajectory, held, before)):
             break
     else:
         raise SkillError(f"{destination} keeps moving")
@@ -45,12 +45,12 @@ def place(arm: Manipulator, name: str, destination: str, target_pose: Pose | Non
     yield from arm.rise(None)
 
 
-def _go_down(arm: Manipulator, way: Trajectory, held: str, destination: Thing | None) -> Steps[bool]:
+def _go_down(arm: Manipulator, trajectory: Trajectory, held: str, destination: Thing | None) -> Steps[bool]:
     """To the place; returns False, with the arm at rest, if the object `destination` is seen to have moved meanwhile.
 
     What stops the arm a little above its place is what the held object shall stand on.
     """
-    arm.start(way)
+    arm.start(trajectory)
     try:
         while not arm.has_arrived():
             yield "approach"
@@ -102,4 +102,4 @@ def _choose(arm: Manipulator, held: str, resting: list[Pose]) -> Trajectory:
     tool_from_object = object_in_tool.inverse()
     solved = arm.solve([pose @ tool_from_object for pose in resting])
     approach = arm.config.approach
-    return first_free([partial(arm.way_to, Goal(q, approach), arm.joints.opening, held) for _, q in solved])
+    return first_free([partial(arm.trajectory_to, Goal(q, approach), arm.joints.opening, held) for _, q in solved])

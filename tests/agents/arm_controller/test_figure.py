@@ -52,12 +52,12 @@ def test_a_folded_arm_meets_itself_and_a_usual_one_does_not(figure: Figure) -> N
 
 
 def test_what_is_met_is_named_and_what_is_left_is_not(figure: Figure, tool: Chain) -> None:
-    way = np.linspace(HOME, (0.8, *HOME[1:]), 40)
-    wall = Thing("wall", tool.forward(way[20]), (0.05, 0.05, 0.05))
+    trajectory = np.linspace(HOME, (0.8, *HOME[1:]), 40)
+    wall = Thing("wall", tool.forward(trajectory[20]), (0.05, 0.05, 0.05))
     far = Thing("far", Pose((0.0, 0.0, 3.0)), (1.0, 1.0, 1.0))
     around = Obstacles(figure, [far, wall], Pose.identity())
-    assert around.blocking(way, OPEN, 0) == "wall"
-    assert Obstacles(figure, [far, wall], Pose.identity(), target="wall").blocking(way[:21], OPEN, 21) is None
+    assert around.blocking(trajectory, OPEN, 0) == "wall"
+    assert Obstacles(figure, [far, wall], Pose.identity(), target="wall").blocking(trajectory[:21], OPEN, 21) is None
 
 
 def test_what_the_arm_is_too_close_to_may_be_left_but_not_approached(figure: Figure, tool: Chain) -> None:
@@ -90,8 +90,8 @@ def hidden(boxes: Boxes, points: np.ndarray) -> np.ndarray:
     result = np.zeros(len(points), dtype=bool)
     for center, axes, half in zip(boxes.centers[0], boxes.axes[0], boxes.halves[0], strict=True):
         start, end = axes.T @ (CAMERA - center), (points - center) @ axes
-        way = np.where(np.abs(end - start) < 1e-12, 1e-12, end - start)
-        one, other = (-half - start) / way, (half - start) / way
+        trajectory = np.where(np.abs(end - start) < 1e-12, 1e-12, end - start)
+        one, other = (-half - start) / trajectory, (half - start) / trajectory
         enters, leaves = np.minimum(one, other).max(axis=1), np.maximum(one, other).min(axis=1)
         result |= (enters <= leaves) & (leaves >= 0.0) & (enters <= 1.0)
     return result

@@ -129,7 +129,7 @@ def test_inverse_reaches_what_is_reachable_within_limits(chain: Chain) -> None:
     assert solved >= 29
 
 
-def test_inverse_from_nearby_takes_a_short_way(chain: Chain) -> None:
+def test_inverse_from_nearby_takes_a_short_trajectory(chain: Chain) -> None:
     random = rng(2)
     middle = np.where(chain.turning, 0.3, (np.maximum(chain.lower, -9) + np.minimum(chain.upper, 9)) / 2)
     solution = chain.inverse(chain.forward(middle + 0.02), middle, rng=random)

@@ -61,7 +61,7 @@ def test_place_on_the_table_stands_where_and_as_it_is_wanted(table: Table, tool:
     assert table.finish(name) == ("done", "")
 
 
-def test_a_dropped_object_is_noticed_on_the_way(table: Table) -> None:
+def test_a_dropped_object_is_noticed_on_the_trajectory(table: Table) -> None:
     pick(table)
     name = table.request("place", target="cube_3", destination="cube_5")
     table.run_to("approach")
@@ -150,13 +150,13 @@ def test_what_is_out_of_reach_is_said_with_the_arm_at_rest(table: Table) -> None
     assert not [told for told in table.arm.told if told[0] in ("follow", "move_joints")]
 
 
-def test_what_stands_on_the_destination_is_in_the_way(table: Table) -> None:
+def test_what_stands_on_the_destination_is_in_the_trajectory(table: Table) -> None:
     table.believe("cube_5", Pose((0.30, 0.08, 0.06)))
     pick(table)
     assert table.act("place", target="cube_3", destination="cube_4") == ("failed", "cube_5 is in the way")
 
 
-def test_what_stands_on_the_target_is_in_the_way(table: Table) -> None:
+def test_what_stands_on_the_target_is_in_the_trajectory(table: Table) -> None:
     table.believe("cube_5", Pose((0.42, 0.08, 0.06)))
     reason = "there is no room for the gripper around cube_3: cube_5 is in the way"
     assert table.act("pick", target="cube_3") == ("failed", reason)

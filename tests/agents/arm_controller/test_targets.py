@@ -140,7 +140,7 @@ def test_bad_target_is_refused_with_its_reason_and_the_next_one_works(
     assert (bench.status, bench.memory.node("arm")["explanation"]) == ("reached", "")
 
 
-def test_a_bad_target_stops_what_was_under_way(bench: Bench) -> None:
+def test_a_bad_target_stops_what_was_under_trajectory(bench: Bench) -> None:
     bench.memory.update_node("arm", target_joints=AWAY)
     bench.run(0.1)
     bench.memory.update_node("arm", target_joints=(0.0,))

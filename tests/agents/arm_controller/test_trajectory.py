@@ -34,23 +34,23 @@ def test_rounding_moves_corners_only() -> None:
 def test_limits_hold_and_both_ends_are_at_rest(seed: int) -> None:
     rng = np.random.default_rng(seed)
     path = rounded(resampled(rng.uniform(-1.0, 1.0, (4, 3))), 8, 0, 0)
-    way = timed(path, LIMITS, 3.0)
-    velocity = np.diff(way.positions, axis=0) / np.diff(way.times)[:, None]
-    assert way.times[0] == 0.0 and (np.diff(way.times) > 0.0).all()
-    assert np.diff(way.times).max() <= PERIOD + 1e-12
+    trajectory = timed(path, LIMITS, 3.0)
+    velocity = np.diff(trajectory.positions, axis=0) / np.diff(trajectory.times)[:, None]
+    assert trajectory.times[0] == 0.0 and (np.diff(trajectory.times) > 0.0).all()
+    assert np.diff(trajectory.times).max() <= PERIOD + 1e-12
     assert (np.abs(velocity) <= LIMITS * 1.02).all()
     assert np.abs(velocity[[0, -1]]).max() < 3.0 * PERIOD
     assert np.abs(np.diff(velocity, axis=0)).max() / PERIOD < 3.0 * 1.8
-    assert way.positions[0] == pytest.approx(path[0]) and way.positions[-1] == pytest.approx(path[-1])
+    assert trajectory.positions[0] == pytest.approx(path[0]) and trajectory.positions[-1] == pytest.approx(path[-1])
 
 
 def test_a_straight_way_takes_as_long_as_a_trapezoid() -> None:
-    way = timed(resampled(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])), LIMITS, 2.0)
-    assert way.duration == pytest.approx(1.0 / 0.7 + 0.7 / 2.0, rel=0.02)
+    trajectory = timed(resampled(np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]])), LIMITS, 2.0)
+    assert trajectory.duration == pytest.approx(1.0 / 0.7 + 0.7 / 2.0, rel=0.02)
 
 
 @pytest.mark.parametrize("length", [0.0, 1e-9, 1e-4])
 def test_no_way_at_all_takes_no_time(length: float) -> None:
-    way = timed(resampled(np.array([[0.3, 0.0, 0.0], [0.3 + length, 0.0, 0.0]])), LIMITS, 2.0)
-    assert 0.0 < way.duration < 0.1
-    assert way.positions[-1].tolist() == [0.3 + length, 0.0, 0.0]
+    trajectory = timed(resampled(np.array([[0.3, 0.0, 0.0], [0.3 + length, 0.0, 0.0]])), LIMITS, 2.0)
+    assert 0.0 < trajectory.duration < 0.1
+    assert trajectory.positions[-1].tolist() == [0.3 + length, 0.0, 0.0]

@@ -220,10 +220,10 @@ class Soup:
         dots = sorted(self._site(index)[0].known.held())
         return dots[choice % len(dots)] if dots else None
 
-    def settle(self, index: int) -> None:
+    def make_durable(self, index: int) -> None:
         """Make samples durable; those of others after three calls without news."""
         site, _ = self._site(index)
-        delta = site.graph.settle()
+        delta = site.graph.make_durable()
         facts = facts_of(delta)
         assert facts.written.items() <= site.known.written.items(), "a sample that nobody wrote"
         self._note_dots(delta)
@@ -270,7 +270,7 @@ class Soup:
         """Let everybody hear everything that anybody alive knows."""
         for _ in range(4):
             for index in range(len(self.sites)):
-                self.settle(index)
+                self.make_durable(index)
         for _ in range(4):  # around twice, and again for a write that waited for what came with the first
             for index in range(len(self.sites)):
                 self.sync(index, index + 1)

@@ -104,8 +104,8 @@ class Deltas(RuleBasedStateMachine):
             self.soup.renew(site, key)
 
     @rule(site=sites)
-    def settle(self, site: int) -> None:
-        self.soup.settle(site)
+    def make_durable(self, site: int) -> None:
+        self.soup.make_durable(site)
 
     @rule(choice=st.integers(0, 200), site=sites)
     def deliver(self, choice: int, site: int) -> None:

@@ -115,8 +115,8 @@ class Memories(RuleBasedStateMachine):
 
     @rule(site=sites)
     def read(self, site: int) -> None:
-        seat = self.world.seats[site % len(self.world.seats)]
-        seat.reader.read(seat.memory._graph)
+        participant = self.world.participants[site % len(self.world.participants)]
+        participant.reader.read(participant.memory._graph)
 
     @invariant()
     def nothing_dangles_and_nothing_is_forgotten(self) -> None:
@@ -143,7 +143,7 @@ TestMemories = Memories.TestCase
 def converged(world: World) -> dict[Any, Any]:
     world.converge()
     world.check_converged()
-    return {key: values for key, (_, values) in world.seats[0].reader.seen.items()}
+    return {key: values for key, (_, values) in world.participants[0].reader.seen.items()}
 
 
 def test_stream_sample_of_a_dead_writer_reaches_everybody() -> None:

@@ -58,7 +58,7 @@ class Room:
         if kind == 2:
             return graph.add_edge(name, other, "on", {"since": float(value)}, self._now)
         if kind == 3:
-            return graph.settle()
+            return graph.make_durable()
         return graph.write(graph.node(name), {"seen": value, "mass": float(value), "note": value * "x"}, self._now)
 
     def fetch(self, asker: int, asked: int, *, whole: bool) -> bool:
@@ -90,7 +90,7 @@ class Room:
     def converge(self) -> None:
         """All ask all, and nothing changes any more."""
         for graph in self.graphs:
-            delta = graph.settle(0)
+            delta = graph.make_durable(0)
             for other in self.graphs:
                 other.join(delta, self._now)
         for _ in range(2):

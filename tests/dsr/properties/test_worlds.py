@@ -239,9 +239,9 @@ class Worlds(RuleBasedStateMachine):
 
     def _mark(self, memory: Memory) -> str:
         """Name of the world and one of the channels that it is, as it is known here."""
-        if memory.seat is None:
+        if memory.world_handle is None:
             return "base@"
-        rid, counter = min(memory.seat.record.dots)
+        rid, counter = min(memory.world_handle.record.dots)
         return f"{memory.world_name}@{rid}:{counter}"
 
 

@@ -44,7 +44,7 @@ class SkewedClock:
 
 
 @dataclass
-class Seat:
+class Participant:
     """A place in the network: the memory that runs there now, and what it was seen to know."""
 
     memory: Memory
@@ -83,9 +83,9 @@ class World:
         """Whether there are made-up replicas, which are asked until they are forgotten."""
         self._skews = set(skews)
         self._boots = 0
-        self.seats = [self._boot(index, skew) for index, skew in enumerate(skews)]
+        self.participants = [self._boot(index, skew) for index, skew in enumerate(skews)]
 
-    def _boot(self, index: int, skew: float) -> Seat:
+    def _boot(self, index: int, skew: float) -> Participant:
         self._boots += 1
         clock = SkewedClock(self.clock, skew)
         transport = self.network.connect(str(index))
@@ -97,14 +97,14 @@ class World:
             commit(delta)
 
         memory._replica.commit = noted  # type: ignore[method-assign]
-        return Seat(memory, clock, Reader(memory.watch()))
+        return Participant(memory, clock, Reader(memory.watch()))
 
     def new_rid(self, boot: int) -> str:
         """The replica id of a start: never the same twice."""
         return f"r{boot}-1"
 
     def memory(self, index: int) -> Memory:
-        return self.seats[index % len(self.seats)].memory
+        return self.participants[index % len(self.participants)].memory
 
     def a_node(self, index: int, choice: int) -> str | None:
         names = sorted(node.name for node in self.memory(index).nodes())
@@ -198,41 +198,41 @@ class World:
         self.deliver()
 
     def deliver(self) -> None:
-        for seat in self.seats:
-            seat.memory.flush()
+        for participant in self.participants:
+            participant.memory.flush()
         self.network.deliver()
-        for seat in self.seats:
-            seat.memory.poll()
-            seat.memory.flush()
+        for participant in self.participants:
+            participant.memory.poll()
+            participant.memory.flush()
 
     def partition(self, mask: int) -> None:
-        names = [str(index) for index in range(len(self.seats))]
+        names = [str(index) for index in range(len(self.participants))]
         self.network.partition([n for n in names if mask >> int(n) & 1], [n for n in names if not mask >> int(n) & 1])
 
     def heal(self) -> None:
         self.network.heal()
 
     def set_clock(self, index: int, skew: float) -> None:
-        self.seats[index % len(self.seats)].clock.skew = skew
+        self.participants[index % len(self.participants)].clock.skew = skew
         self._skews.add(skew)
 
     def crash(self, index: int, *, restore: bool = False) -> None:
         """Kill a memory without a goodbye; another one starts in its place, from a snapshot if wanted."""
-        index %= len(self.seats)
-        old = self.seats[index]
+        index %= len(self.participants)
+        old = self.participants[index]
         self.dead.add(old.memory.rid)
         snapshot = old.memory.snapshot()
         old.memory.transport.close()
-        self.seats[index] = self._boot(index, old.clock.skew)
+        self.participants[index] = self._boot(index, old.clock.skew)
         if restore:
-            self.seats[index].memory.restore(snapshot)
+            self.participants[index].memory.restore(snapshot)
 
     # ---- what must be so
 
     def check(self) -> None:
         """What must hold at every moment."""
-        for seat in self.seats:
-            seat.check()
+        for participant in self.participants:
+            participant.check()
 
     def converge(self) -> None:
         """Heal the network and give everybody the time to catch up."""
@@ -246,17 +246,17 @@ class World:
 
     def check_converged(self) -> None:
         """All are equal to what the model makes of what reached the survivors; no hole is left but of the dead."""
-        first = self.seats[0].memory._graph
+        first = self.participants[0].memory._graph
         expected = self._expected(first.store.context).shown()
-        for seat in self.seats:
-            graph = seat.memory._graph
+        for participant in self.participants:
+            graph = participant.memory._graph
             assert state(graph) == state(first), "replicas differ"
             assert shown(graph) == expected, "the replicas agree on something wrong"
-            assert seat.reader.read(graph) == expected, "a reader knows something else"
+            assert participant.reader.read(graph) == expected, "a reader knows something else"
             assert set(graph.store.context.cloud) <= self.dead, "a hole that is never closed"
             assert graph.store.context.vector.get(graph.rid, 0) == graph.counter
             assert all(r.dot for e in graph.store.entries.values() for r in e.registers.values()), "not durable"
-            assert not seat.memory.dropped
+            assert not participant.memory.dropped
         self._check_drift()
 
     def _expected(self, seen: CausalContext) -> Knowledge:
@@ -272,7 +272,7 @@ class World:
 
     def _check_drift(self) -> None:
         """Who most others see in their future, and nobody else, refuses to write."""
-        skews = [seat.clock.skew for seat in self.seats]
+        skews = [participant.clock.skew for participant in self.participants]
         for index, skew in enumerate(skews):
             leads = [skew - other for place, other in enumerate(skews) if place != index]
             if not any(MAX_DRIFT < abs(lead) < MAX_DRIFT + 0.2 for lead in leads):  # a digest is up to 0.1 s under way

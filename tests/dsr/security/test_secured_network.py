@@ -19,7 +19,7 @@ from dsr.crdt.context import CausalContext
 from dsr.crdt.pieces import START
 from dsr.graph.graph import Graph
 from dsr.network import rendezvous
-from dsr.network.keys import Keys, ticket_key
+from dsr.network.keys import Keys, descriptor_key
 from dsr.network.transport import Transport
 from dsr.network.zenoh_transport import ZenohTransport
 from dsr.replication.piece_wire import Request, encode_request
@@ -68,10 +68,10 @@ class Intruder:
     """
 
     def __init__(self, agent: str, settings: dict[str, Any], protocol: str = "tls") -> None:
-        elders = rendezvous.endpoints("g")
+        seed_peers = rendezvous.endpoints("g")
         own = {key: value for key, value in settings.items() if key != "access_control"}
         self.rid = f"{agent}-0badc0de"
-        self.transport = ZenohTransport(f"{protocol}/127.0.0.1:{rendezvous.free_port()}", elders, own)
+        self.transport = ZenohTransport(f"{protocol}/127.0.0.1:{rendezvous.free_port()}", seed_peers, own)
         self.seen: set[str] = set()
         self.asked = threading.Event()
         self.declared = [
@@ -144,8 +144,8 @@ def test_certified_agents_meet_write_and_leave(join: Join, keys: SecurityFolder)
 
 def test_frames_travel_through_shared_memory_as_without_security(join: Join) -> None:
     arm, reader = join("arm"), join("dsr")
-    tickets: list[str] = []
-    reader.transport.subscribe(ticket_key(KEYS.blob("camera")), lambda key, _: tickets.append(key))
+    descriptors: list[str] = []
+    reader.transport.subscribe(descriptor_key(KEYS.blob("camera")), lambda key, _: descriptors.append(key))
     frames = reader.frames("camera")
     image = np.full((480, 640, 3), 7, np.uint8)
 
@@ -155,7 +155,7 @@ def test_frames_travel_through_shared_memory_as_without_security(join: Join) -> 
         return frame is not None and bool((frame.arrays["color"] == image).all())
 
     assert eventually(arrives)
-    assert eventually(lambda: tickets)
+    assert eventually(lambda: descriptors)
     frames.close()
 
 
@@ -320,7 +320,7 @@ def test_an_agent_cannot_use_the_keys_of_another(join: Join, intrude: Intrude, k
     launcher, scene = join("launcher"), join("scene")
     board = StatusBoard(launcher.transport, KEYS, WALL_CLOCK)
     heard: list[str] = []
-    for key in (f"{KEYS.root}/**", ticket_key(f"{KEYS.root}/**")):
+    for key in (f"{KEYS.root}/**", descriptor_key(f"{KEYS.root}/**")):
         launcher.transport.subscribe(key, lambda key, _: heard.append(key))
     rogue = intrude("arm", keys)
     wait()
@@ -331,7 +331,7 @@ def test_an_agent_cannot_use_the_keys_of_another(join: Join, intrude: Intrude, k
         rogue.transport.publish(KEYS.status(agent), encode_status(status))
         rogue.transport.publish(KEYS.log(agent), b"")
     rogue.transport.publish(KEYS.blob("camera/detections"), b"")
-    rogue.transport.publish(ticket_key(KEYS.blob("camera/detections")), b"")
+    rogue.transport.publish(descriptor_key(KEYS.blob("camera/detections")), b"")
     rogue.transport.publish(KEYS.truth(), b"")
     rogue.transport.publish(KEYS.device("arm/state"), b"")
     rogue.transport.publish(KEYS.device("arm/command"), b"")
@@ -408,10 +408,10 @@ def test_a_relay_connects_machines_and_lets_nobody_pose_as_another(keys: Securit
     ports = {agent: rendezvous.free_port() for agent in ("hub", "arm", "scene", "launcher")}
     for agent, port in ports.items():
         settings = {**zenoh_settings(keys, policy, agent), "mode": "router"}
-        elders = [] if agent == "hub" else [f"tls/127.0.0.1:{ports['hub']}"]
+        seed_peers = [] if agent == "hub" else [f"tls/127.0.0.1:{ports['hub']}"]
         if agent == "arm":
             del settings["access_control"]
-        opened.append(ZenohTransport(f"tls/127.0.0.1:{port}", elders, settings))
+        opened.append(ZenohTransport(f"tls/127.0.0.1:{port}", seed_peers, settings))
     _, arm, scene, launcher = opened
     heard: list[str] = []
     for transport in (scene, launcher):

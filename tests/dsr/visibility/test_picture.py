@@ -82,7 +82,7 @@ def test_a_mesh_of_a_box_looks_like_the_box() -> None:
     ), pose.apply(corners)[indices])  # fmt: skip
     one, other = (Picture(VIEW, LENS, [TABLE, body], [body.name]) for body in (cube, mesh))
     assert other.glance("mesh")[:3] == one.glance("cube")[:3]
-    assert np.allclose(one.nearness, other.nearness)
+    assert np.allclose(one.inverse_depth, other.inverse_depth)
 
 
 def hits(triangles: Array) -> Array:
@@ -106,7 +106,7 @@ def test_triangles_that_pass_the_eye_are_those_of_casting_every_ray(seed: int) -
     rng = np.random.default_rng(seed)
     triangles = rng.normal(size=(5, 3, 3)) * rng.choice([0.002, 0.3, 10.0])
     picture = Picture(Pose(), LENS, [Body("mesh", Solids.of(()), triangles)], [])
-    assert np.allclose(picture.nearness, hits(triangles), rtol=1e-6)
+    assert np.allclose(picture.inverse_depth, hits(triangles), rtol=1e-6)
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -119,7 +119,7 @@ def test_the_walls_around_the_eye_hide_what_is_behind_them_however_they_are_divi
         body = Body("room", Solids.of(()), np.asarray(walls.triangles))
         picture = Picture(view, LENS, [body, cube], ["cube"])
         assert picture.glance("cube").share == 0.0 and picture.glance("cube").hidden_by == "room"
-        seen.append(picture.nearness)
+        seen.append(picture.inverse_depth)
     assert (seen[0] > 0.0).all() and np.allclose(*seen)
 
 

@@ -211,7 +211,7 @@ def act(world: World, action: int, a: int, b: int, value: int) -> None:  # noqa:
     elif action == 9:
         world.join(reply_to(world.remote.store, graph.store.context))
     elif action == 10:
-        world.commit(graph.settle())
+        world.commit(graph.make_durable())
         world.twin.graph.store.unsettled.clear()
     elif action == 11:
         for side in (world.it, world.twin):

@@ -165,16 +165,16 @@ class Network:
         theirs, ours = (sender.overlay, to.overlay) if upper else (sender.base, to.base)
         ours.join(reply_to(theirs.store, ours.store.context), 1.0)
 
-    def settle(self) -> None:
+    def make_durable(self) -> None:
         for place in self.places:
-            place.base.settle()
-            place.overlay.settle()
+            place.base.make_durable()
+            place.overlay.make_durable()
         for _ in range(3):
             for where in (0, 1):
                 self.reply(where, upper=False)
                 self.reply(where, upper=True)
         for place in self.places:  # what is said of what is gone goes, and that is told, too
-            place.overlay.settle()
+            place.overlay.make_durable()
             assert all(place.base.element(dot) for dot in place.overlay.store.patches)
         for where in (0, 1):
             self.reply(where, upper=True)
@@ -200,7 +200,7 @@ def change(graph: Graph, action: int, a: int, b: int, value: int) -> Delta | Non
     if action == 6 and key in graph.edges:
         return graph.write(graph.edges[key], {"pose": pose, "since": float(b)}, now)
     if action == 9:
-        return graph.settle()
+        return graph.make_durable()
     if action == 10:
         graph.forget_handles()
     return None

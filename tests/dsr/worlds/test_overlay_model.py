@@ -35,7 +35,7 @@ def history(actions: list[tuple[int, ...]], late: bool) -> None:
         network.act(what, *where)
         for place in network.places:
             place.check(frames=what == 11)
-    network.settle()
+    network.make_durable()
     for place in network.places:
         place.check(frames=True)
     a, b = (place.overlay for place in network.places)

@@ -210,7 +210,7 @@ def test_a_deleted_fork_leaves_no_memory_behind(net: Net) -> None:
     gc.collect()
     assert graph() is None
     net.pump(0.1)
-    assert a.replica.graph.store.mine is None
+    assert a.replica.graph.store.owned is None
 
 
 def test_a_fork_of_a_deleted_fork_keeps_what_it_reads(net: Net) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
-from simulation_handler.explaining.glimpses import WAYS, Glimpse, glimpse_of
+from simulation_handler.explaining.glimpses import DRAW_COUNT, Glimpse, glimpse_of
 from simulation_handler.perception.percepts import Percept, make_percept
 from simulation_handler.shapes.geometry import Solid
 from tests.simulation_handler.worlds import CUBE
@@ -51,9 +51,9 @@ def test_the_known_error_of_the_depth_is_undone() -> None:
 
 def test_the_ways_it_may_have_gone_on_surround_what_was_seen_and_are_the_same_each_time() -> None:
     seen = glimpse(BEFORE, TIPPING)
-    motions = [seen.motion(way) for way in range(WAYS)]
-    assert motions == [glimpse(BEFORE, TIPPING).motion(way) for way in range(WAYS)]
-    assert motions[0].solid == seen.solid and len({motion.solid.position for motion in motions}) > WAYS // 2
+    motions = [seen.motion(draw) for draw in range(DRAW_COUNT)]
+    assert motions == [glimpse(BEFORE, TIPPING).motion(draw) for draw in range(DRAW_COUNT)]
+    assert motions[0].solid == seen.solid and len({motion.solid.position for motion in motions}) > DRAW_COUNT // 2
     assert {round(motion.spin[1], 6) for motion in motions} == {2.0, 4.0, 6.0}
     shifts = np.array([motion.solid.position for motion in motions]) - seen.solid.position
     assert np.abs(shifts).max() < 4.0 * np.sqrt(np.diag(seen.covariance).max())

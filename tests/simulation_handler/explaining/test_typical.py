@@ -18,8 +18,8 @@ def candidate(hypothesis: Hypothesis, total: float, x: float) -> Candidate:
     return Candidate(hypothesis, Draft(solids, {}, frozenset()), solids, Score(total, ()))
 
 
-def fell(way: int, total: float, x: float) -> Candidate:
-    return candidate(Hypothesis().with_fall("a", FROM_GLIMPSE - way), total, x)
+def fell(draw: int, total: float, x: float) -> Candidate:
+    return candidate(Hypothesis().with_fall("a", FROM_GLIMPSE - draw), total, x)
 
 
 def test_the_fall_in_the_middle_stands_for_all() -> None:

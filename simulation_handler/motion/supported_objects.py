@@ -19,7 +19,7 @@ HALTED: Twist = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 _UPRIGHT = 0.35  # rad of tilt, up to which what stands on a driven body does not slide
 
 
-class Loads:
+class SupportedObjects:
     """Finds what goes along with driven bodies, and lets it."""
 
     def __init__(self, bodies: Bodies, relations: Relations, containment: Containment) -> None:
@@ -47,7 +47,7 @@ class Loads:
         for name in sorted(beneath.keys() - drives):
             item = self._bodies.objects.get(name)
             base = only_base(name, beneath, drives)
-            if base is None or item is None or item.pinned or item.holder or name not in self._bodies.sim:
+            if base is None or item is None or item.static or item.holder or name not in self._bodies.sim:
                 continue
             if self._bodies.solid(base).face_down()[1] < _UPRIGHT:
                 found.setdefault(base, []).append(name)

@@ -15,7 +15,7 @@ _GATHERING = 0.1  # s in which others that were moved at the same time may show
 _CONFIRMING = 0.2  # s that percepts have disagreed before that is confirmed
 
 
-class Noticing:
+class Discrepancies:
     """Keeps count of since when objects disagree with what is seen."""
 
     def __init__(self, bodies: Bodies, config: BeliefConfig) -> None:

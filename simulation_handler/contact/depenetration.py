@@ -19,17 +19,17 @@ _GAP = 5e-5  # m that are left between the two
 _PARALLEL = 1e-6  # sine of an angle, or cosine, from which two directions count as parallel, or as perpendicular
 
 
-def cleared(solid: Solid, others: Iterable[Solid], direction: Array) -> Solid:
+def depenetrated(solid: Solid, others: Iterable[Solid], direction: Array) -> Solid:
     """The solid, moved along a unit vector (3,) until it reaches into none of the others.
 
     Of bodies of several pieces these count; round ones as the boxes around them.
     """
     obstacles = [part for other in others if other.name != solid.name for part in other.parts]
     for _ in range(_ROUNDS):
-        way = max((_depth_along(*pair, direction) for pair in product(solid.parts, obstacles)), default=0.0)
-        if way <= 0.0:
+        depth = max((_depth_along(*pair, direction) for pair in product(solid.parts, obstacles)), default=0.0)
+        if depth <= 0.0:
             break
-        x, y, z = (np.array(solid.position) + (way + _GAP) * direction).tolist()
+        x, y, z = (np.array(solid.position) + (depth + _GAP) * direction).tolist()
         solid = solid.moved((x, y, z))
     return solid
 
@@ -51,8 +51,8 @@ def _depth_along(solid: Solid, other: Solid, direction: Array) -> float:
         return 0.0
     speed = axes @ direction
     leaving = np.abs(speed) > _PARALLEL
-    ways = (reach[leaving] - np.sign(speed[leaving]) * apart[leaving]) / np.abs(speed[leaving])
-    return float(ways.min())
+    depths = (reach[leaving] - np.sign(speed[leaving]) * apart[leaving]) / np.abs(speed[leaving])
+    return float(depths.min())
 
 
 def _axes(first: Array, second: Array) -> Iterator[Array]:
