@@ -1,7 +1,7 @@
 """Splits Markdown into sentences, and counts their words.
 
-A sentence ends at a full stop, question or exclamation mark, or with its block. Blocks are paragraphs, items of lists,
-cells of tables, and the texts of pictures. A semicolon or colon ends nothing: a chain of them is one sentence.
+A sentence ends at a full stop, question or exclamation mark, at `<br>`, or with its block. Blocks are paragraphs, items
+of lists, cells of tables, and the texts of pictures. A semicolon or colon ends nothing: a chain of them is one sentence.
 A colon before a list or code ends its paragraph. Headings, code blocks and comments hold no sentences.
 """
 
@@ -24,6 +24,7 @@ _CODE = re.compile(r"(`+)(?!`).+?(?<!`)\1(?!`)", re.DOTALL)
 _IMAGE = re.compile(r"!\[([^\]]*)\]\([^)]*\)")
 _LINK = re.compile(r"\[([^\]]*)\]\(([^)]*)\)")
 _ADDRESS = re.compile(r"https?://[^\s)>]+")
+_BREAK = re.compile(r"<br ?/?>")
 _END = re.compile(r"[.!?…][\"')\]*_”’]*(?=\s|$)")
 _WORD = re.compile(r"[^\W_]")
 
@@ -94,9 +95,11 @@ def _split(line: int, block: str) -> Iterator[Sentence]:
     hidden = _CODE.sub(_hide, block)
     hidden = _LINK.sub(_hide, hidden)
     hidden = _ADDRESS.sub(lambda found: _hide(found) if found[0][-1] not in ".!?" else _hide(found)[:-1] + ".", hidden)
+    ends = {found.end() for found in _END.finditer(hidden) if _is_end(hidden, found)}
+    ends |= {found.end() for found in _BREAK.finditer(hidden)} | {len(block)}
     begin = 0
-    for end in [*(found.end() for found in _END.finditer(hidden) if _is_end(hidden, found)), len(block)]:
-        text = block[begin:end]
+    for end in sorted(ends):
+        text = _BREAK.sub(_blank, block[begin:end])
         if _WORD.search(text):
             first = begin + len(text) - len(text.lstrip())
             yield Sentence(line + block.count("\n", 0, first), " ".join(text.split()))

@@ -56,6 +56,7 @@ def texts(markdown: str) -> list[str]:
         ("See [a. b](docs/c.md). Use `a. b`. End.", ["See [a. b](docs/c.md).", "Use `a. b`.", "End."]),
         ("One; two: three.", ["One; two: three."]),
         ("One\n\nTwo", ["One", "Two"]),
+        ("One<br>two <br/> three", ["One", "two", "three"]),
     ],
 )
 def test_a_sentence_ends_at_its_full_stop(markdown: str, expected: list[str]) -> None:
