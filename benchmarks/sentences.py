@@ -1,7 +1,7 @@
 """Splits Markdown into sentences, and counts their words.
 
 A sentence ends at a full stop, question or exclamation mark, at `<br>`, or with its block. Blocks are paragraphs, items
-of lists, cells of tables, and the texts of pictures. A semicolon or colon ends nothing: a chain of them is one sentence.
+of lists, cells of tables, and the texts of pictures. A semicolon or colon ends nothing: their chains are one sentence.
 A colon before a list or code ends its paragraph. Headings, code blocks and comments hold no sentences.
 """
 
