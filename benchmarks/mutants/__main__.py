@@ -54,7 +54,13 @@ def main(arguments: list[str] | None = None) -> int:
     before = signal.signal(signal.SIGINT, _interrupt)
     try:
         with Trials(
-            options.root, jobs=options.jobs, seconds=options.seconds, tests_from=options.tests_from, say=_progress
+            options.root,
+            packages,
+            jobs=options.jobs,
+            seconds=options.seconds,
+            tests_from=options.tests_from,
+            survey=options.survey,
+            say=_progress,
         ) as trials:
             for verdict in trials.run(mutants):
                 verdicts.append(verdict)
@@ -136,6 +142,9 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--tests-from", metavar="REVISION", help="take tests/ and benchmarks/ from there")
     parser.add_argument(
         "--seconds", type=float, default=60.0, help="tests of a stage for a mutant take so long (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--survey", type=Path, metavar="FILE", help="keep there what tests do without mutants: the next run is quicker"
     )
     parser.add_argument("--root", type=Path, default=_ROOT, help="the checkout (default: this one)")
     return parser

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import ast
 import copy
-import random
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
+
+import numpy as np
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 Node = TypeVar("Node", bound=ast.AST)
@@ -72,10 +73,10 @@ def draw(root: Path, packages: tuple[str, ...], seed: int, count: int) -> list[M
     With a greater count, what a smaller one draws comes first. There are fewer if the packages have fewer statements.
     Raises `FileNotFoundError` for a package that is not there.
     """
-    chance = random.Random(seed)
+    chance = np.random.default_rng(seed)
     places = [of_statement for path in _sources(root, packages) for of_statement in by_statement(root, path)]
-    chance.shuffle(places)
-    return [chance.choice(of_statement) for of_statement in places[:count]]
+    order = chance.permutation(len(places))[:count]
+    return [places[place][chance.integers(len(places[place]))] for place in order]
 
 
 def every(root: Path, packages: tuple[str, ...]) -> dict[str, Mutant]:

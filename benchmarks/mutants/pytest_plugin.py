@@ -11,7 +11,6 @@ import os
 import resource
 import sys
 import threading
-import time
 from collections import defaultdict
 from collections.abc import Generator
 from pathlib import Path
@@ -66,15 +65,15 @@ class Notes:
             item.add_marker(pytest.mark.skip("this file has had its time"))
         self._note(begun=item.nodeid)
         self._seen.clear()
-        begin = time.perf_counter()
+        before = self._spent[file]
         result = yield
-        seconds = time.perf_counter() - begin
-        self._spent[file] += seconds
-        self._note(ended=item.nodeid, seconds=round(seconds, 3), functions=self._functions(self._seen))
+        seconds = round(self._spent[file] - before, 3)
+        self._note(ended=item.nodeid, seconds=seconds, functions=self._functions(self._seen))
         return result
 
     def pytest_runtest_logreport(self, report: pytest.TestReport) -> None:
-        """Note what did not pass."""
+        """Add up its time, and note what did not pass."""
+        self._spent[self._file_of_test] += report.duration
         if not report.passed:
             self._note(**{report.outcome: report.nodeid})
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import queue
-import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from contextlib import ExitStack
@@ -15,6 +14,7 @@ from benchmarks.mutants.drawing import Mutant
 from benchmarks.mutants.nearness import STAGES
 from benchmarks.mutants.sandbox import Outcome, Sandbox
 from benchmarks.mutants.survey import Survey, Test
+from benchmarks.timing import monotonic
 
 _SLOWER = 4.0
 """Times as long as without the mutant, after which a run counts as endless: the machine may be busy meanwhile."""
@@ -46,7 +46,15 @@ class Trials:
     """
 
     def __init__(
-        self, checkout: Path, *, jobs: int, seconds: float, tests_from: str | None, say: Callable[[str], None]
+        self,
+        checkout: Path,
+        packages: tuple[str, ...],
+        *,
+        jobs: int,
+        seconds: float,
+        tests_from: str | None,
+        survey: Path | None,
+        say: Callable[[str], None],
     ) -> None:
         self._stack = ExitStack()
         self._seconds = seconds
@@ -56,7 +64,7 @@ class Trials:
             self._stack = made.pop_all()
         for sandbox in copies:
             self._free.put(sandbox)
-        self._survey = Survey(pristine, say)
+        self._survey = Survey(pristine, packages, survey, say)
         self._jobs = jobs
 
     def __enter__(self) -> Trials:
@@ -87,14 +95,14 @@ class Trials:
         file = sandbox.root / mutant.path
         source = file.read_bytes()
         file.write_bytes(mutant.applied(source))
-        begin = time.perf_counter()
+        begin = monotonic()
         try:
             stage, verdict, test, tests = self._judge(mutant, sandbox)
         finally:
             if file.exists():
                 file.write_bytes(source)
             self._free.put(sandbox)
-        seconds = round(time.perf_counter() - begin, 1)
+        seconds = round(monotonic() - begin, 1)
         return Verdict(mutant.name, mutant.diff, verdict, stage, test, tests, seconds)
 
     def _judge(self, mutant: Mutant, sandbox: Sandbox) -> tuple[str, str, str, int]:
