@@ -37,6 +37,7 @@ class Verdict(msgspec.Struct, frozen=True):
     tests: int
     """How many were chosen, over all stages that ran."""
     seconds: float
+    """That its tests took, without what was measured before."""
 
 
 class Trials:
@@ -95,28 +96,24 @@ class Trials:
         file = sandbox.root / mutant.path
         source = file.read_bytes()
         file.write_bytes(mutant.applied(source))
-        begin = monotonic()
         try:
-            stage, verdict, test, tests = self._judge(mutant, sandbox)
+            return self._judge(mutant, sandbox)
         finally:
             if file.exists():
                 file.write_bytes(source)
             self._free.put(sandbox)
-        seconds = round(monotonic() - begin, 1)
-        return Verdict(mutant.name, mutant.diff, verdict, stage, test, tests, seconds)
 
-    def _judge(self, mutant: Mutant, sandbox: Sandbox) -> tuple[str, str, str, int]:
-        """Stage, verdict, test, and how many tests were chosen."""
-        last, count = "", 0
+    def _judge(self, mutant: Mutant, sandbox: Sandbox) -> Verdict:
+        last, test, verdict, count, seconds = "", "", "survived", 0, 0.0
         for number, stage in enumerate(STAGES):
             chosen = self._survey.tests(mutant, number, self._seconds)
-            if not chosen:
-                continue
-            last, count = stage, count + len(chosen)
-            verdict, test = _verdict(self._run(sandbox, chosen))
+            if chosen:
+                last, count, begin = stage, count + len(chosen), monotonic()
+                verdict, test = _verdict(self._run(sandbox, chosen))
+                seconds += monotonic() - begin
             if verdict != "survived":
-                return stage, verdict, test, count
-        return last, "survived", "", count
+                break
+        return Verdict(mutant.name, mutant.diff, verdict, last, test, count, round(seconds, 1))
 
     @staticmethod
     def _run(sandbox: Sandbox, chosen: list[Test]) -> Outcome:
