@@ -47,11 +47,6 @@ class Intrinsics(NamedTuple):
         return np.asarray(points[:, :2] / points[:, 2:] * (self.fx, self.fy) + (self.cx, self.cy))
 
 
-def skew(vectors: Array) -> Array:
-    """(..., 3, 3) matrices with `skew(a) @ b = a x b` of vectors (..., 3)."""
-    return np.cross(vectors[..., None, :], -np.eye(3))
-
-
 def tag_corners(tag_size: float) -> Array:
     """(4, 3) corners in the tag frame (x right, y up, z off the face), in the detector's order, m."""
     return 0.5 * tag_size * np.array([[-1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [-1.0, -1.0, 0.0]])

@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 
 from agents.scene_estimator.depth_plane import DepthPlane, fit_depth_plane
 from agents.scene_estimator.detection import Tag
-from agents.scene_estimator.geometry import Array, Intrinsics, skew, tag_corners
+from agents.scene_estimator.geometry import Array, Intrinsics, tag_corners
 from dsr.math3d import quaternions
+from dsr.math3d.batches import skew
 from dsr.math3d.transforms import Pose, log
 
 _CERTAIN = 50.0  # log odds
