@@ -61,7 +61,7 @@ def cast(view: Pose, lens: Intrinsics, bodies: Sequence[Body]) -> dict[str, tupl
         grid.ravel()
         for grid in np.meshgrid(np.arange(-across, lens.width + across), np.arange(-down, lens.height + down))
     )
-    rays = np.stack([(u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy, np.ones(len(u))], axis=1)
+    rays = lens.rays(np.column_stack([u, v]))
     depths = np.array([_depth(view.translation, rays @ view.rotation_matrix.T, body) for body in bodies])
     inside = (u >= 0) & (u < lens.width) & (v >= 0) & (v < lens.height)
     first = depths.argmin(axis=0)
@@ -90,7 +90,7 @@ def _share(view: Pose, lens: Intrinsics, bodies: Sequence[Body], body: Body, sid
     low, high = pixels.min(axis=0), pixels.max(axis=0)
     steps = (np.arange(side) + 0.5) / side
     u, v = (grid.ravel() for grid in np.meshgrid(*(low[k] + steps * (high[k] - low[k]) for k in range(2))))
-    rays = np.stack([(u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy, np.ones(len(u))], axis=1)
+    rays = lens.rays(np.column_stack([u, v]))
     depths = np.array([_depth(view.translation, rays @ view.rotation_matrix.T, other) for other in bodies])
     own = depths[bodies.index(body)]
     hit = np.isfinite(own)
