@@ -13,8 +13,8 @@ from benchmarks.mutants.drawing import Mutant
 from benchmarks.mutants.nearness import stages
 from benchmarks.mutants.sandbox import Sandbox
 
-FILE_SECONDS = 30.0
-"""s that a test file is measured; tests that come later are left out. Most files need less than ten."""
+FILE_SECONDS = 120.0
+"""s that a test file is measured; tests that come later are left out. Most files need less than 20 on a busy machine."""
 _PATIENCE = 60.0
 """s beyond that for starting and for one slow test."""
 
