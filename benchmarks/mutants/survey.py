@@ -14,7 +14,7 @@ from benchmarks.mutants.nearness import stages
 from benchmarks.mutants.sandbox import Sandbox
 
 FILE_SECONDS = 120.0
-"""s that a test file is measured; tests that come later are left out. Most files need less than 20 on a busy machine."""
+"""s that a test file is measured; tests that come later are left out. Most files need less than 20."""
 _PATIENCE = 60.0
 """s beyond that for starting and for one slow test."""
 
