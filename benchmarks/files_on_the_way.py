@@ -4,14 +4,16 @@
     python -m benchmarks.files_on_the_way --list
 
 The write: two replicas in one process; an attribute of a node is written in one and watched in the other. The
-observations: a scenario from rendered images, in lockstep; traced are two simulated seconds, in which the arm gets its
+observations: a scenario from rendered images, in lockstep; traced are its first simulated seconds, in which the arm gets its
 first targets. The simulated reality, the judge and the recorder do not count. A file counts if any of its functions
-runs. No reader has to open more files to follow the way.
+runs. No reader has to open more files to follow the way. `docs/follow.md` names those that he opens, in order: the
+column "read". That the code of each of them runs is checked.
 """
 
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from collections import Counter
 from pathlib import Path
@@ -30,6 +32,18 @@ PACKAGES = ("dsr", "agents", "simulation_handler", "surprise", "planner")
 _BESIDE = ("agents/plant/", "agents/scenario/", "agents/recorder/", "agents/viewer/")
 """These play and judge the run; no robot has them on the way."""
 _ROOT = Path(__file__).parents[1]
+
+
+WRITE, OBSERVATION = "## One write", "## One observation"
+"""Sections of `docs/follow.md`."""
+_PATH = re.compile(r"`((?:dsr|agents|simulation_handler|surprise|planner)/[a-z0-9_/]+\.py)`")
+
+
+def documented(section: str) -> list[str]:
+    """Files that the section of `docs/follow.md` with this heading names, each once, in order."""
+    text = (_ROOT / "docs/follow.md").read_text(encoding="utf-8")
+    _, _, rest = text.partition(f"\n{section}")
+    return list(dict.fromkeys(_PATH.findall(rest.partition("\n## ")[0])))
 
 
 class Trace:
@@ -98,27 +112,25 @@ def _deliver(clock: ManualClock, network: LocalNetwork, *memories: Memory) -> No
 
 
 class _Window(Silent):
-    """Traces a part of a run."""
+    """Traces the beginning of a run, up to `end` (s)."""
 
-    def __init__(self, begin: float, end: float) -> None:
+    def __init__(self, end: float) -> None:
         self.trace = Trace()
-        self._begin = begin
         self._end = end
 
     def running(self, elapsed: float) -> None:
-        """Begin and end in time."""
-        if self._begin <= elapsed < self._end:
+        """Note what runs, until the end."""
+        if elapsed < self._end:
             self.trace.begin()
         else:
             self.trace.end()
 
 
 def of_observations(scenario: str, seconds: float, seed: int) -> list[str]:
-    """Files that run in so many s of a scenario (simulated), from when its mission begins."""
+    """Files that run in so many s of a scenario (simulated), from its beginning."""
     run = make_run(scenario, seed=seed)
-    begin = run.scenario.settle
-    short = msgspec.structs.replace(run.scenario, duration=begin + seconds)
-    window = _Window(begin, begin + seconds)
+    short = msgspec.structs.replace(run.scenario, duration=seconds)
+    window = _Window(seconds)
     try:
         run_lockstep(msgspec.structs.replace(run, scenario=short), window)
     finally:
@@ -134,7 +146,7 @@ def main() -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--scenario", default="towers", help="whose observations are followed (default: %(default)s)")
-    parser.add_argument("--seconds", type=float, default=2.0, help="of it that are traced (default: %(default)s)")
+    parser.add_argument("--seconds", type=float, default=6.0, help="of it that are traced (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=0, help="of the scenario (default: %(default)s)")
     parser.add_argument("--list", action="store_true", help="name all files")
     options = parser.parse_args()
@@ -143,11 +155,16 @@ def main() -> None:
         "observations to commands of the arm": of_observations(options.scenario, options.seconds, options.seed),
     }
     console = Console()
-    table = Table("way", "files", "by room")
+    read = dict(zip(ways, (documented(WRITE), documented(OBSERVATION)), strict=True))
+    table = Table("way", "read", "run", "by room")
     for way, files in ways.items():
         rooms = Counter(str(Path(file).parent) for file in files)
-        table.add_row(way, str(len(files)), ", ".join(f"{room} {count}" for room, count in rooms.most_common()))
+        by_room = ", ".join(f"{room} {count}" for room, count in rooms.most_common())
+        table.add_row(way, str(len(read[way])), str(len(files)), by_room)
     console.print(table)
+    for way, files in ways.items():
+        if idle := [name for name in read[way] if name not in files]:
+            console.print(f"{way}: docs/follow.md names files that do not run: {', '.join(idle)}", style="red")
     if options.list:
         for way, files in ways.items():
             console.print(f"{way}:", *files, sep="\n  ", highlight=False)

@@ -16,11 +16,13 @@ from __future__ import annotations
 import argparse
 import ast
 import inspect
-import random
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
+
+import numpy as np
 
 from benchmarks.sentences import Sentence, sentences
 
@@ -31,6 +33,8 @@ LONGEST = 25
 _FEWEST = 5
 """Words that a sentence must have to be drawn: shorter cells of tables are labels and figures."""
 _ROOT = Path(__file__).parents[1]
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True)
@@ -104,9 +108,15 @@ def _signature(node: ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef, path
     return f"{decorators}def {path}{node.name}({ast.unparse(node.args)}){result}"
 
 
+def _drawn(found: list[T], count: int, seed: int) -> list[T]:
+    """`count` of them, or all if there are fewer, in random order."""
+    order = np.random.default_rng(seed).permutation(len(found))
+    return [found[index] for index in order[:count]]
+
+
 def _show_docstrings(seed: int, count: int) -> int:
     found = public_docstrings()
-    drawn = random.Random(seed).sample(found, min(count, len(found)))
+    drawn = _drawn(found, count, seed)
     for number, one in enumerate(drawn, 1):
         text = one.text.replace("\n", "\n    ")
         print(f"{number}. {one.file}:{one.line}\n    {one.signature}\n    {text}\n")
@@ -117,7 +127,7 @@ def _show_docstrings(seed: int, count: int) -> int:
 def _show_sentences(seed: int, count: int) -> int:
     found = [(file, one) for file in documents() for one in sentences(file.read_text(encoding="utf-8"))]
     found = [(file, one) for file, one in found if one.words >= _FEWEST]
-    drawn = random.Random(seed).sample(found, min(count, len(found)))
+    drawn = _drawn(found, count, seed)
     for number, (file, one) in enumerate(drawn, 1):
         print(f"{number}. {file.relative_to(_ROOT)}:{one.line} ({one.words} words)\n    {one.text}\n")
     print(f"{len(drawn)} of {len(found)} sentences")

@@ -48,7 +48,7 @@ sys.stdin.read()
 """
 
 
-def ticket_of(ring: Ring, message: bytes) -> SlotDescriptor:
+def descriptor_of(ring: Ring, message: bytes) -> SlotDescriptor:
     descriptor = ring.write([message])
     assert descriptor is not None
     return descriptor
@@ -74,17 +74,17 @@ class TestRing:
 
     def test_what_is_held_stays_however_much_is_written(self) -> None:
         ring = Ring(10)
-        first = ticket_of(ring, b"first")
+        first = descriptor_of(ring, b"first")
         reader = RingReader(first)
         held = reader.view(first)
         for i in range(5 * SLOTS):
-            descriptor = ticket_of(ring, b"%d" % i)
+            descriptor = descriptor_of(ring, b"%d" % i)
             assert reader.view(descriptor) == b"%d" % i
         assert held == b"first"
 
     def test_what_nobody_holds_is_overwritten_and_then_refused(self) -> None:
         ring = Ring(10)
-        descriptors = [ticket_of(ring, b"%d" % i) for i in range(9)]
+        descriptors = [descriptor_of(ring, b"%d" % i) for i in range(9)]
         reader = RingReader(descriptors[0])
         assert [reader.view(descriptor) for descriptor in descriptors[:4]] == [None] * 4
         assert [reader.view(descriptor) for descriptor in descriptors[-2:]] == [b"7", b"8"]
@@ -92,15 +92,15 @@ class TestRing:
 
     def test_one_reader_holds_few_and_gets_copies_of_more(self) -> None:
         ring = Ring(1000)
-        reader = RingReader(ticket_of(ring, b"x"))
-        held = [reader.view(ticket_of(ring, b"%d" % i)) for i in range(3 * SLOTS)]
+        reader = RingReader(descriptor_of(ring, b"x"))
+        held = [reader.view(descriptor_of(ring, b"%d" % i)) for i in range(3 * SLOTS)]
         assert held == [b"%d" % i for i in range(3 * SLOTS)]
 
-    def test_when_readers_hold_all_there_is_no_ticket_until_one_lets_go(self) -> None:
+    def test_when_readers_hold_all_there_is_no_descriptor_until_one_lets_go(self) -> None:
         ring = Ring(10)
         held = []
         for _ in range(SLOTS):
-            descriptor = ticket_of(ring, b"held")
+            descriptor = descriptor_of(ring, b"held")
             held.append(RingReader(descriptor).view(descriptor))
         assert ring.write([b"one too many"]) is None
         del held[: SLOTS - 3]
@@ -109,7 +109,7 @@ class TestRing:
 
     def test_a_part_keeps_the_whole_in_place(self) -> None:
         ring = Ring(100)
-        descriptor = ticket_of(ring, bytes(range(100)))
+        descriptor = descriptor_of(ring, bytes(range(100)))
         reader = RingReader(descriptor)
         view = reader.view(descriptor)
         assert view is not None
@@ -122,17 +122,17 @@ class TestRing:
     @pytest.mark.parametrize("ending", [signal.SIGKILL, signal.SIGTERM])
     def test_the_death_of_a_reader_frees_what_it_held(self, ending: signal.Signals) -> None:
         ring = Ring(10)
-        descriptor = ticket_of(ring, b"hello")
+        descriptor = descriptor_of(ring, b"hello")
         with run(HOLDER, msgspec.msgpack.encode(descriptor).hex()) as holder:
             assert told(holder) == "hello"
             for _ in range(SLOTS):
-                assert ticket_of(ring, b"other").slot != descriptor.slot
+                assert descriptor_of(ring, b"other").slot != descriptor.slot
             os.kill(holder.pid, signal.SIGSTOP)  # a stopped one goes on holding it
             for _ in range(SLOTS):
-                assert ticket_of(ring, b"other").slot != descriptor.slot
+                assert descriptor_of(ring, b"other").slot != descriptor.slot
             os.kill(holder.pid, signal.SIGCONT)
             os.kill(holder.pid, ending)
-        assert descriptor.slot in {ticket_of(ring, b"other").slot for _ in range(SLOTS)}
+        assert descriptor.slot in {descriptor_of(ring, b"other").slot for _ in range(SLOTS)}
 
     def test_what_a_dead_writer_wrote_can_be_read_on_and_nothing_is_left_behind(self) -> None:
         before = set(Path("/dev/shm").iterdir())
@@ -154,14 +154,14 @@ class TestRing:
                 raise DeathError
 
         ring = Ring(10)
-        descriptors = [ticket_of(ring, b"old") for _ in range(4)]
+        descriptors = [descriptor_of(ring, b"old") for _ in range(4)]
         with pytest.raises(DeathError):
             ring.write([b"new", Deadly()])  # type: ignore[list-item]
         assert RingReader(descriptors[0]).view(descriptors[0]) is None
 
     def test_a_forked_child_gives_nothing_back(self) -> None:
         ring = Ring(10)
-        descriptor = ticket_of(ring, b"hello")
+        descriptor = descriptor_of(ring, b"hello")
         held = RingReader(descriptor).view(descriptor)
         child = os.fork()
         if child == 0:
@@ -169,30 +169,30 @@ class TestRing:
             gc.collect()
             os._exit(0)
         os.waitpid(child, 0)
-        assert descriptor.slot not in {ticket_of(ring, b"other").slot for _ in range(SLOTS)}
+        assert descriptor.slot not in {descriptor_of(ring, b"other").slot for _ in range(SLOTS)}
         assert held == b"hello"
 
     @pytest.mark.parametrize("change", [{"slot": SLOTS}, {"slot": -1}, {"length": 1 << 40}, {"length": -1}])
     def test_impossible_places_are_malformed(self, change: dict[str, int]) -> None:
         ring = Ring(10)
-        descriptor = ticket_of(ring, b"hello")
+        descriptor = descriptor_of(ring, b"hello")
         reader = RingReader(descriptor)
         with pytest.raises(WireError, match="slots"):
             reader.view(msgspec.structs.replace(descriptor, **change))
 
     def test_only_rings_are_opened(self, tmp_path: Path) -> None:
         ring = Ring(10)
-        descriptor = ticket_of(ring, b"hello")
+        descriptor = descriptor_of(ring, b"hello")
         read_end, write_end = os.pipe()
         with (tmp_path / "file").open("wb") as file, os.fdopen(read_end), os.fdopen(write_end, "w"):
-            file.truncate(os.fstat(descriptor.descriptor).st_size)
+            file.truncate(os.fstat(descriptor.file_descriptor).st_size)
             other = os.memfd_create("other", os.MFD_ALLOW_SEALING)
-            os.ftruncate(other, os.fstat(descriptor.descriptor).st_size)
+            os.ftruncate(other, os.fstat(descriptor.file_descriptor).st_size)
             os.write(other, descriptor.ring)
             fcntl.fcntl(other, fcntl.F_ADD_SEALS, fcntl.F_SEAL_SHRINK)
-            for descriptor in (file.fileno(), other, read_end, -1, 1 << 40):
+            for number in (file.fileno(), other, read_end, -1, 1 << 40):
                 with pytest.raises(OSError):
-                    RingReader(msgspec.structs.replace(descriptor, descriptor=descriptor))
+                    RingReader(msgspec.structs.replace(descriptor, file_descriptor=number))
             os.close(other)
         for change in ({"ring": b"\0" * 16}, {"slot_size": 1 << 50}, {"slot_size": -1}, {"process": 1 << 40}):
             with pytest.raises(OSError):
@@ -318,7 +318,7 @@ class TestBulk:
         assert hoard == [b"%d" % (i // 2) for i in range(4 * SLOTS)]
         assert pair.writer.unshared == other.unshared == 0
 
-    def test_malformed_tickets_are_told_and_do_no_harm(self, pair: Pair) -> None:
+    def test_malformed_descriptors_are_told_and_do_no_harm(self, pair: Pair) -> None:
         reader = pair.reader()
         for payload in (b"", b"garbage", msgspec.msgpack.encode([1, 2, 3])):
             pair.descriptors.put(payload)

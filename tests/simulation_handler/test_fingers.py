@@ -34,7 +34,7 @@ def reach(world: Occlusion, x: float, y: float = 0.0, z: float = MIDDLE) -> None
 def pushed(world: Occlusion, name: str, by: float, *, hidden: bool, speed: float = 0.1) -> Pose:
     """Push an object at (0.3, 0) along x by `by` m and stop; where it truly gets, unseen from contact on, or before."""
     half = 0.5 * KINDS[name].size[0]
-    begin, end = (0.3 + draw - half - FINGERTIP for draw in (-BEGIN, by))
+    begin, end = (0.3 + x - half - FINGERTIP for x in (-BEGIN, by))
     reach(world, begin)
     world.run(0.5)
     if hidden:

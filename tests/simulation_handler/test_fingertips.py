@@ -17,7 +17,7 @@ def test_gaps_and_ways_out_are_those_between_surfaces() -> None:
     met = meet(CUBE, points)
     assert met.keys() == {"thumb", "index"}
     assert (met["thumb"].gap, met["index"].gap) == (pytest.approx(0.005), pytest.approx(-0.001))
-    assert met["thumb"].draw == pytest.approx((0.0, -1.0, 0.0))
+    assert met["thumb"].normal == pytest.approx((0.0, -1.0, 0.0))
     assert is_opposed(met) and not is_opposed({"thumb": met["thumb"], "index": None})
 
 

@@ -49,10 +49,10 @@ def carried_behind_a_wall(seed: int = 0, *, with_cube: bool = False) -> Occlusio
     return world
 
 
-def come_back(world: Occlusion, draw: tuple[float, ...] = (-0.2, -0.1, 0.0, 0.0, 0.0, 0.0)) -> None:
+def come_back(world: Occlusion, path: tuple[float, ...] = (-0.2, -0.1, 0.0, 0.0, 0.0, 0.0)) -> None:
     """The hand shows up without the cup; its fingers are as far apart as if they had it."""
     world.hand_seen = True
-    for y in draw:
+    for y in path:
         world.palm = standing(0.3, y, SMALL, on=0.2) @ world.hand_from_object.inverse()
         world.run(0.2)
 

@@ -65,14 +65,14 @@ def test_a_ball_that_is_pushed_comes_to_rest(table: Simulator) -> None:
 
 
 def test_a_ball_rolls_as_far_as_its_rolling_friction_lets_it(table: Simulator) -> None:
-    draw = {}
+    travelled = {}
     for name, rolling_friction, y in (("easy", 0.002, -0.1), ("usual", None, 0.0), ("stiff", 0.02, 0.1)):
         table.add_body(name, BALL, ROUND, (-0.1, y, 0.03), mass=0.05, friction=0.7, rolling_friction=rolling_friction)
         table.set_velocity(name, (0.2, 0.0, 0.0), (0.0, 0.2 / 0.03, 0.0))
     settled(table, 3.0)
     for name in ("easy", "usual", "stiff"):
-        draw[name] = table.position(name)[0] + 0.1
-    assert draw["easy"] > 3.0 * draw["usual"] > 3.0 * draw["stiff"] > 0.0
+        travelled[name] = table.position(name)[0] + 0.1
+    assert travelled["easy"] > 3.0 * travelled["usual"] > 3.0 * travelled["stiff"] > 0.0
 
 
 def test_a_body_that_pybullet_cannot_make_is_refused(table: Simulator) -> None:

@@ -483,7 +483,7 @@ def test_hands_disturb_nothing_that_they_only_pass(seed: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("solid", "point", "distance", "way"),
+    ("solid", "point", "distance", "normal"),
     [
         (Solid("a", CUBE, (0.0, 0.0, 0.0)), (0.05, 0.0, 0.0), 0.03, (1.0, 0.0, 0.0)),
         (Solid("a", CUBE, (0.0, 0.0, 0.0)), (0.0, 0.0, -0.015), -0.005, (0.0, 0.0, -1.0)),
@@ -493,10 +493,10 @@ def test_hands_disturb_nothing_that_they_only_pass(seed: int) -> None:
     ],
 )
 def test_how_far_a_point_is_from_a_body(
-    solid: Solid, point: tuple[float, float, float], distance: float, draw: tuple[float, float, float]
+    solid: Solid, point: tuple[float, float, float], distance: float, normal: tuple[float, float, float]
 ) -> None:
     assert signed_distance(solid, point)[0] == pytest.approx(distance)
-    assert signed_distance(solid, point)[1] == pytest.approx(draw)
+    assert signed_distance(solid, point)[1] == pytest.approx(normal)
 
 
 def test_a_hand_that_passes_along_what_it_touches_does_not_grasp_it() -> None:

@@ -336,7 +336,7 @@ MUTANTS: list[tuple[Check, Any, str, Mutant]] = [
     (Deltas, Graph, "renewals", renew_without_edges),
     (Deltas, Graph, "renew", renew_beside),
     (Deltas, Graph, "renew", keep_far_stamps),
-    (sample_of_the_dead, Graph, "settle", keep_samples_of_the_dead),
+    (sample_of_the_dead, Graph, "make_durable", keep_samples_of_the_dead),
     (Memories, World, "new_rid", reuse_the_name),
     (Attacked, Impersonation, "check", do_nothing),
     (Attacked, Claims, "own_part", believe_claims_for_others),
