@@ -4,10 +4,10 @@
     python -m benchmarks.files_on_the_way --list
 
 The write: two replicas in one process; an attribute of a node is written in one and watched in the other. The
-observations: a scenario from rendered images, in lockstep; traced are its first simulated seconds, in which the arm gets its
-first targets. The simulated reality, the judge and the recorder do not count. A file counts if any of its functions
+observations: a scenario from rendered images, in lockstep. Its first simulated seconds are traced, in which the arm gets
+its first targets. The simulated reality, the judge and the recorder do not count. A file counts if any of its functions
 runs. No reader has to open more files to follow the way. `docs/follow.md` names those that he opens, in order: the
-column "read". That the code of each of them runs is checked.
+column "read". The command checks that the code of each of them runs.
 """
 
 from __future__ import annotations
