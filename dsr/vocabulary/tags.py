@@ -1,4 +1,4 @@
-"""What the robot calls a thing of which it knows nothing but its tag."""
+"""Names of things of which the robot knows nothing but their tag."""
 
 from __future__ import annotations
 
