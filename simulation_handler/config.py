@@ -26,11 +26,15 @@ class BeliefConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     position_noise: float = 0.001
     """m, standard deviation that is added to each percept's own covariance."""
     depth_noise: float = 0.003
-    """m along the viewing ray, likewise: depth errors of a frame are common to all pixels of an object."""
+    """m along the viewing ray, standard deviation that is added to each percept's own covariance: depth errors of a
+    frame are common to all pixels of an object.
+    """
     rotation_noise: float = 0.01
-    """rad, likewise."""
+    """rad, standard deviation of rotation that is added to each percept's own covariance."""
     tilt_noise: float = 0.04
-    """rad, likewise, of tilt alone: it is the least certain, and what rests has none."""
+    """rad, standard deviation of tilt alone that is added to each percept's own covariance: tilt is the least certain,
+    and an object at rest has none.
+    """
     default_depth_noise: float = 0.004
     """m along the viewing ray, of a percept without covariance."""
     default_lateral_noise: float = 0.001
@@ -41,7 +45,9 @@ class BeliefConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     gate: float = 4.0
     """Standard deviations (Mahalanobis) beyond which a percept disagrees with the track."""
     recent_gate: float = 5.0
-    """Likewise for the mean of the last ten percepts: the test is made at each of them, so it must be stricter."""
+    """Standard deviations beyond which the mean of the last ten percepts disagrees with the track: the test is made at
+    each percept, so it is stricter.
+    """
     confirm_frames: int = 3
     """Percepts in a row that must disagree before the object has moved."""
     window: int = 100
@@ -52,13 +58,15 @@ class BeliefConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     dead_band: float = 0.0002
     """m that the estimate of a resting object must change before its body is moved."""
     dead_band_angle: float = 0.005
-    """rad, likewise."""
+    """rad that the estimate of a resting object must change before its body is turned."""
     dead_sigmas: float = 2.5
-    """Standard deviations of the estimate, likewise, while those are more."""
+    """Standard deviations that the estimate of a resting object must change before its body is moved, while they are
+    more than the dead band.
+    """
     divergence: float = 0.002
     """m that physics may move a body from where perception put it; beyond, they disagree."""
     divergence_angle: float = 0.05
-    """rad, likewise."""
+    """rad that physics may turn a body from where perception put it; beyond, they disagree."""
     strikes: int = 3
     """Disagreements between physics and steady perception after which the object is held where it is seen."""
     explain_after: float = 1.0
@@ -67,7 +75,7 @@ class BeliefConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Standard deviations of its height by which the height of what is put beneath may miss it."""
 
     reasoner: str = "belief"
-    """What keeps the belief: all that this configures, or what a package provides under another name."""
+    """Name of the method that keeps the belief: "belief" for the built-in one, or one that a package provides."""
     parameters: dict[str, float] = {}
     """Parameters of a reasoner that a package provides, by name."""
 
@@ -76,7 +84,7 @@ class BeliefConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     surprise_distance: float = 0.010
     """m between percept and belief from which that is not noise but needs an explanation."""
     surprise_angle: float = 0.2
-    """rad, likewise."""
+    """rad of rotation from the belief, from which an object needs an explanation."""
     unflagged_after: float = 0.5
     """s after which something surprising is explained even though nobody has flagged it."""
     missing_after: float = 0.8

@@ -23,7 +23,7 @@ class Intrinsics(NamedTuple):
 
     @classmethod
     def from_meta(cls, meta: Mapping[str, float | int | str]) -> Intrinsics:
-        """Those of a frame. ValueError if one is missing or no camera has such ones."""
+        """Read the intrinsics of a frame. Raises `ValueError` if one is missing or no camera has such ones."""
         missing = [name for name in cls._fields if not isinstance(meta.get(name), (int, float))]
         if missing:
             raise ValueError(f"intrinsics {', '.join(missing)} missing; expected numbers fx, fy, cx, cy in px")

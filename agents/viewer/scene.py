@@ -251,7 +251,7 @@ class PersonView:
 
 
 def read_persons(memory: Memory) -> list[Shown]:
-    """Those who are perceived now and of whom it is known where, by name."""
+    """List the persons that are perceived now and whose place is known, by name."""
     found = []
     for node in sorted(memory.nodes(PERSON), key=lambda node: node.name):
         if not is_perceived(node, memory.clock.now()):

@@ -71,9 +71,11 @@ def surface(shape: Shape, size: Vector3, count: int = _POINTS) -> Surface:
 
 
 def seen_alone(shape: Shape, size: Vector3, eye: Array, count: int = _POINTS) -> tuple[Array, Array]:
-    """Sample the surface of a body that is seen from `eye` (3,), in the body's frame, with nothing else there;
+    """Sample the surface of a body as it is seen from `eye` (3,), in the body's frame.
 
-    by `count` points all around it.
+    Nothing else is there; `count` points are sampled all around it.
+
+    By `count` points all around it.
 
     Returns:
         The points of its surface that face the eye and that the body itself does not hide (n, 3), and the share of its

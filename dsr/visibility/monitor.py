@@ -28,9 +28,9 @@ class SightChange(NamedTuple):
 
 
 class VisibilityMonitor:
-    """Tracks which perspective of a world sees which things, with hysteresis:
+    """Tracks which perspective of a world sees which things, with hysteresis.
 
-    a visible thing stays so until its share is clearly below the least.
+    A visible thing stays so until its share is clearly below the least.
 
     Pictures are drawn anew only from perspectives that moved, or when something else did. To be used by one thread.
 

@@ -42,7 +42,7 @@ def is_lasting(text: str) -> bool:
 
 
 def moved_together(text: str) -> dict[str, frozenset[str]]:
-    """What moved together with which seen object, by an explanation in these words."""
+    """Read from an explanation's words which objects moved together with which seen object."""
     found = (*_RIDERS.finditer(text), *_PILE.finditer(text))
     return {match["leader"]: frozenset(match["riders"].split(", ")) for match in found}
 

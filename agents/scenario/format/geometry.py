@@ -59,7 +59,7 @@ class Body(NamedTuple):
     """A thing somewhere."""
 
     shape: Shape
-    """Its parts, in its frame; none: it is the box of `size`."""
+    """Parts of the shape, in the body's frame; none: it is the box of `size`."""
     size: Vector3
     """m"""
     pose: Pose
@@ -76,7 +76,7 @@ class Ball(msgspec.Struct, frozen=True):
 
 
 def pieces(shape: Shape, body: Box) -> list[Box | Ball]:
-    """What a body is made of, where its bounding box is `body`; a cylinder counts as the box around it."""
+    """List the pieces of a body with the bounding box `body`, in the world; a cylinder counts as the box around it."""
     found: list[Box | Ball] = []
     for part in shape or box((float(body.size[0]), float(body.size[1]), float(body.size[2]))):
         center = body.center + body.rotation @ np.array(part.position)
