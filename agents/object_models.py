@@ -15,6 +15,7 @@ from typing import NamedTuple, cast
 
 from agents.urdf_elements import attribute, number, origin, parse_urdf, read_urdf, vector
 from dsr.errors import ConfigError, suggest
+from dsr.files.built_in import ETC
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import MOST_PARTS, Part, PartKind, Shape, bounds, box, centred
 from dsr.vocabulary.relations import THINGS
@@ -28,7 +29,6 @@ _THINNEST = 0.001  # m, edge of a part: through what is thinner, others fall
 LIGHTEST, HEAVIEST = 0.0001, 100.0
 """kg, bounds of what an object weighs"""
 _DIGITS = 9  # of lengths in m, beyond which sums are rounded
-_ETC = Path(__file__).resolve().parents[1] / "etc"
 
 
 class ObjectModel(NamedTuple):
@@ -52,7 +52,7 @@ class ObjectModel(NamedTuple):
 
 def model_files() -> dict[str, Path]:
     """The models that come with the system, by name: `etc/objects` here or where the package is installed from."""
-    folders = (_ETC / "objects", Path("etc/objects"))
+    folders = (ETC / "objects", Path("etc/objects"))
     return {file.stem: file for folder in folders for file in sorted(folder.glob("*.urdf"))}
 
 

@@ -4,7 +4,7 @@
     python -m benchmarks.files_on_the_way --list
 
 The write: two replicas in one process; an attribute of a node is written in one and watched in the other. The
-observations: a scenario from rendered images, in lockstep. Its first simulated seconds are traced, in which the arm gets
+observations: a scenario from rendered images, in lockstep. Its first simulated seconds are traced: then the arm gets
 its first targets. The simulated reality, the judge and the recorder do not count. A file counts if any of its functions
 runs. No reader has to open more files to follow the way. `docs/follow.md` names those that he opens, in order: the
 column "read". The command checks that the code of each of them runs.

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
-from pathlib import Path
 
+from dsr.files.built_in import ETC
 from dsr.vocabulary.goals import Goal
 from dsr.vocabulary.relations import Relation
 from planner.errors import GoalNotPossible
 from planner.state import WorldState
 
-DOMAIN = Path(__file__).resolve().parents[1] / "etc" / "planning" / "domain.pddl"
+DOMAIN = ETC / "planning" / "domain.pddl"
 _PLAIN = re.compile(r"[a-z][a-z0-9_-]*")
 _NOT_PLAIN = re.compile(r"[^a-z0-9_-]")
 _RESERVED = frozenset({"and", "or", "not", "forall", "exists", "when", "imply", "either", "object", "thing", "number"})

@@ -49,7 +49,7 @@ class SimulationHandler(Agent):
         edges=("Virtual_RT", "on", "in", "sees", "grasping", *WRITTEN_EDGES),
         attributes=(
             *("plausible", "source", "since", "grip", "held_at", *SEEN),
-            *("present", "explanation", "score", "alternatives", "policy", "target", *WRITTEN_ATTRIBUTES),
+            *("present", "explanation", "score", "alternatives", "changes", "policy", "target", *WRITTEN_ATTRIBUTES),
         ),
         exclusive=("Virtual_RT", "on", "in", "plausible", "present", "detectable", "covered_by"),
     )

@@ -14,6 +14,7 @@ from collections.abc import Collection, Mapping
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Pose
+from dsr.vocabulary.explained import Change
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.containment import Containment
 from simulation_handler.contact.relations import Relation, Relations, resting
@@ -129,9 +130,9 @@ class Belief:
         """Know that a camera last saw an object there at a time (s), of which the belief that was recalled was made."""
         self._bodies.object(name).recall_seen(world_pose, stamp, camera)
 
-    def recall_explanation(self, text: str, time: float, now: float) -> None:
+    def recall_explanation(self, changes: tuple[Change, ...], time: float, now: float) -> None:
         """Know, at time `now` (s), what was explained at another `time` (s) by an earlier run."""
-        self._explainer.recall(text, time, now)
+        self._explainer.recall(changes, time, now)
 
     def recall_support(self, relation: Relation, since: float, now: float, source: str) -> None:
         """Believe again that an object has been resting on another one `since` (s), as `source` said."""

@@ -8,6 +8,7 @@ from typing import Protocol
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Pose
+from dsr.vocabulary.explained import Change
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.relations import Relation
 from simulation_handler.explaining import Explanation, Look
@@ -56,7 +57,7 @@ class Reasoner(Protocol):
     def recall_seen(self, name: str, world_pose: Pose, stamp: float, camera: str) -> None:
         """Know where and when an object was last seen, though that has been taken in before."""
 
-    def recall_explanation(self, text: str, time: float, now: float) -> None:
+    def recall_explanation(self, changes: tuple[Change, ...], time: float, now: float) -> None:
         """Know what was explained before."""
 
     def recall_support(self, relation: Relation, since: float, now: float, source: str) -> None:

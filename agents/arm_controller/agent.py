@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from pathlib import Path
 
 import numpy as np
 
@@ -25,6 +24,7 @@ from agents.camera_feed import CameraFeed
 from agents.drivers import ArmDriver, ArmState, make_driver
 from dsr.agent import Access, Agent
 from dsr.errors import ConfigError
+from dsr.files.built_in import ETC
 from dsr.vocabulary.intrinsics import INTRINSICS
 from dsr.vocabulary.relations import MODELLED, THINGS
 
@@ -34,7 +34,6 @@ START_UP = 10.0
 """s that the device may take until its first sample."""
 SILENCE = 0.5
 """s without a new sample after which the driver counts as gone"""
-_ROOT = Path(__file__).resolve().parents[2]
 
 
 class ArmController(Agent):
@@ -75,7 +74,7 @@ class ArmController(Agent):
     def setup(self) -> None:
         """Make the drivers and put the robot into the graph. Raises `ConfigError`."""
         config = self.config
-        robot = load_robot(_ROOT / config.urdf)
+        robot = load_robot(ETC.parent / config.urdf)
         if robot.drawn_only:
             names = ", ".join(robot.drawn_only)
             self.log.warning("%s: drawn without a <collision>, so the arm meets nothing with: %s", config.urdf, names)

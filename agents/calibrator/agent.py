@@ -51,7 +51,7 @@ class Calibrator(Agent):
         edges=("RT", "Virtual_RT", "grasping", "on", "in", *WRITTEN_EDGES),
         attributes=(
             *("target", "method", "forced", "views", "moves_arm", "undo", "status", "present", "mount"),
-            *("surprising", "source", "request"),
+            *("surprising", "source", "request", "changes"),
             *WRITTEN_ATTRIBUTES,
         ),
     )

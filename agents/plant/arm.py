@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from pathlib import Path
 
 import numpy as np
 import pybullet
@@ -13,6 +12,7 @@ from numpy.typing import NDArray
 from agents.plant.bullet import Bullet
 from agents.plant.world import STEP, World
 from dsr.errors import ConfigError, suggest
+from dsr.files.built_in import ETC
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 
@@ -114,7 +114,6 @@ _HOLD_STRENGTH = 200.0  # N, of the constraint
 _TOUCH_STEPS = 6  # with both pads in contact before the gripper holds
 _LET_GO = 0.002  # m, by which the target must exceed the opening to let go
 _POSITION_GAIN = 0.3
-_ROBOTS = Path(__file__).resolve().parents[2] / "etc" / "robots"
 
 
 class Arm:
@@ -318,7 +317,7 @@ class Arm:
 
 
 def _load(bullet: Bullet, model: str) -> int:
-    known = {file.stem: file for file in _ROBOTS.glob("*.urdf")}
+    known = {file.stem: file for file in ETC.glob("robots/*.urdf")}
     if model not in known:
         raise ConfigError(f"unknown robot model {model!r}; {suggest(model, known)}")
     flags = pybullet.URDF_USE_INERTIA_FROM_FILE

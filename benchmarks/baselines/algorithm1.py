@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from dsr.vocabulary.explained import Change
 from simulation_handler.explaining.drafting import draft
 from simulation_handler.explaining.hypotheses import Hypothesis, Move
 from simulation_handler.explaining.policy import Explanation
@@ -23,23 +24,24 @@ class Algorithm1:
 
     def explain(self, situation: Situation) -> Explanation | None:
         """What Algorithm 1 makes of the surprising objects that are seen; of the others it says nothing."""
-        hypothesis, parts, ended = Hypothesis(), [], []
+        hypothesis, changes, ended = Hypothesis(), list[Change](), []
         about = [name for name in situation.surprising if name in situation.seen]
         for name in about:
             below = [other for other in situation.beneath.get(name, ()) if other in situation.believed]
             above = sorted(upper for upper, lower in situation.beneath.items() if name in lower)
             if below:
                 hypothesis = hypothesis.with_move(Move(name, beneath=(below[0],)))
-                parts.append(f"placed_under({below[0]}; {name})")
+                changes.append(Change("placed_under", ((below[0],), (name,))))
                 continue
             hypothesis = hypothesis.with_move(Move(name))
             ended += [(upper, name) for upper in above]
-            parts += [f"relation_ended({upper}, {name})" for upper in above] or [f"moved_alone({name})"]
+            broken = [Change("relation_ended", ((upper, name),)) for upper in above]
+            changes += broken or [Change("moved_alone", ((name,),))]
         if not about:
             return None
         drafted = draft(replace(situation, confirmed={}), hypothesis)  # "under it": not where it was last seen
         return Explanation(
-            text=" & ".join(parts),
+            changes=tuple(changes),
             about=tuple(about),
             solids={name: drafted.solids[name] for name in drafted.placements},
             placements={name: drafted.placements[name] for name in about},

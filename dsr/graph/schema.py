@@ -306,6 +306,7 @@ _ATTRIBUTES: dict[str, AttributeType] = dict([
                              "covered_by": "what hides most of what a camera recognises it by",
                              "policy": "which method explained it",
                              "alternatives": "explanations that were rejected, with their scores",
+                             "changes": "what happened by an explanation, JSON, see dsr.vocabulary.explained",
                              "kind": "of an event or a situation", "participants": "names, comma-separated",
                              "text": "in a line, for people", "outcome": "how it ended",
                              "relations": "wanted edge types, comma-separated", "things": "names, comma-separated",

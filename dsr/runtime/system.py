@@ -17,6 +17,7 @@ import msgspec
 from dsr.agent import Agent
 from dsr.config.toml import TomlFile, convert
 from dsr.errors import ConfigError, DsrError, suggest
+from dsr.files.built_in import ETC
 from dsr.graph.access import check_writers
 from dsr.network.keys import check_name
 from dsr.runtime.native_output import silenced
@@ -24,7 +25,6 @@ from dsr.runtime.native_output import silenced
 RUN_FOLDER = "{run}"
 """Stands in a system file for the folder of the run."""
 _OWN_PACKAGES = ("agents", "dsr", "planner", "simulation_handler", "surprise")
-_ETC = Path(__file__).resolve().parents[2] / "etc"
 
 
 @dataclass(frozen=True)
@@ -204,7 +204,7 @@ def find_system(name_or_path: str | Path, folder: Path | None = None) -> Path:
     path = Path(name_or_path)
     if path.suffix == ".toml":
         return path if folder is None else folder / path
-    known = {file.stem: file for folder in (_ETC, Path("etc")) for file in folder.glob("systems/*.toml")}
+    known = {file.stem: file for folder in (ETC, Path("etc")) for file in folder.glob("systems/*.toml")}
     if str(name_or_path) not in known:
         hint = suggest(str(name_or_path), known)
         path_too = "" if hint.endswith("?") else ", or a path ending in '.toml'"

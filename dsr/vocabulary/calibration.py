@@ -28,8 +28,6 @@ DEFAULT_METHOD = "robust"
 LOOKING, ADOPTED, REFUSED = "looking", "adopted", "refused"
 """Words of `status`: it still collects views; the pose is written; it is not, and `explanation` says why."""
 ANSWERED = (ADOPTED, REFUSED)
-CAMERA_MOVED = "camera_moved()"
-"""Part of an explanation (event `explained`): not the objects but a camera moved. The calibrator looks into that."""
 STEADY, IN_DOUBT, PROVISIONAL, CONFIRMED = "steady", "in doubt", "provisional", "confirmed"
 """Words of a camera's `mount`, which the calibrator writes. Nothing speaks against its pose; it may have moved, and is
 being looked into: do not rely on what it sees; it got a new pose, but objects that all moved alike would look the same,

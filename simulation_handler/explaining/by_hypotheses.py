@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from dsr.clock import Clock
+from dsr.vocabulary.explained import text_of
 from simulation_handler.explaining.drafting import Draft
 from simulation_handler.explaining.hypotheses import Hypothesis
 from simulation_handler.explaining.least_change import AS_GOOD, with_least_change
@@ -126,7 +127,7 @@ class ByHypotheses:
         }
         told = {move.name for move in hypothesis.moves} | hypothesis.unseen | hypothesis.kept
         return Explanation(
-            text=describe(situation, best),
+            changes=describe(situation, best),
             about=tuple(sorted(told | set(situation.surprising))),
             solids={**pushed, **settled, **wanted},
             placements={name: best.drafted.placements[name] for name in seen},
@@ -141,7 +142,7 @@ class ByHypotheses:
     def _of_camera(self, situation: Situation, ranking: Sequence[Candidate]) -> Explanation:
         """Nothing is put anywhere: what moved beside the camera is seen once it is known where that is."""
         return Explanation(
-            text=describe(situation, ranking[0]),
+            changes=describe(situation, ranking[0]),
             about=tuple(sorted(situation.seen.keys() | set(situation.surprising))),
             changes_belief=False,
             score=ranking[0].score.total,
@@ -153,7 +154,7 @@ class ByHypotheses:
         """The best of what was rejected, each in other words."""
         best: dict[str, float] = {}
         for candidate in ranking:
-            best.setdefault(describe(situation, candidate), candidate.score.total)
+            best.setdefault(text_of(describe(situation, candidate)), candidate.score.total)
         return tuple((score, text) for text, score in list(best.items())[1 : 1 + _ALTERNATIVES])
 
     def _simulate(self, situation: Situation, drafts: Sequence[Draft]) -> list[Mapping[str, Solid] | None]:

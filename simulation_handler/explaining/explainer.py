@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Iterable
 from dataclasses import replace
 
 from dsr.math3d.transforms import Pose
-from dsr.vocabulary.calibration import CAMERA_MOVED
+from dsr.vocabulary.explained import CAMERA_MOVED, REMOVED, TAKEN_ALONG, Change
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.containment import Containment
 from simulation_handler.contact.relations import Relation, Relations
@@ -69,7 +69,7 @@ class Explainer:
         self._moved: set[str] = set()
         self._doubted_until: dict[str, float] = {}  # by camera
         self._look_again_at = -math.inf
-        self._told = ("", -math.inf)  # the last explanation, and until when the same one is no news
+        self._told: tuple[tuple[Change, ...], float] = ((), -math.inf)  # the last, and until when the same is no news
 
     @property
     def waiting(self) -> Collection[str]:
@@ -140,28 +140,30 @@ class Explainer:
             self._discrepancies.update(now, self.look)
         else:
             self._look_again_at = now + self._config.look_again_after
-        text, until = self._told
-        is_news = explanation.text != text or now > until
+        told, until = self._told
+        is_news = explanation.changes != told or now > until
         if is_news:  # what only goes on is told once
             self._news = [*self._news, (now, explanation)][-_MOST_WAITING:]
-        if is_news or CAMERA_MOVED not in explanation.text:  # that is told again until somebody did something about it
-            self._told = (explanation.text, now + 2.0 * self._config.follow_for)
+        camera_moved = any(change.kind == CAMERA_MOVED for change in explanation.changes)
+        if is_news or not camera_moved:  # a moved camera is told again until somebody did something about it
+            self._told = (explanation.changes, now + 2.0 * self._config.follow_for)
 
     def _with_hands(self, explanation: Explanation, now: float) -> Explanation:
         """The same, but what was removed where a hand covered it is in that hand."""
         taken = {name: hand for name in sorted(explanation.removed) if (hand := self.take(name, now))}
-        text = explanation.text
-        for name, hand in taken.items():
-            text = text.replace(f"removed({name})", f"taken_along({name}; {hand})")
-        return replace(explanation, text=text, removed=explanation.removed - taken.keys())
+        renamed = {
+            Change(REMOVED, ((name,),)): Change(TAKEN_ALONG, ((name,), (hand,))) for name, hand in taken.items()
+        }
+        changes = tuple(renamed.get(change, change) for change in explanation.changes)
+        return replace(explanation, changes=changes, removed=explanation.removed - taken.keys())
 
-    def recall(self, text: str, time: float, now: float) -> None:
+    def recall(self, changes: tuple[Change, ...], time: float, now: float) -> None:
         """Know, at `now` (s), what an earlier run explained at another `time` (s); the last call has the newest.
 
         What moved together goes on doing so; and what left the belief as it was is no news if it only goes on.
         """
-        self._companions |= {name: (time + _TOGETHER, riders) for name, riders in moved_together(text).items()}
-        self._told = (text, (now if is_lasting(text) else time) + 2.0 * self._config.follow_for)
+        self._companions |= {name: (time + _TOGETHER, riders) for name, riders in moved_together(changes).items()}
+        self._told = (changes, (now if is_lasting(changes) else time) + 2.0 * self._config.follow_for)
 
     def settle_relations(self, now: float) -> None:
         """After physics: let the relations of what was put elsewhere be those of its contacts."""

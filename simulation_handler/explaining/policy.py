@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from dsr.vocabulary.explained import Change, text_of
 from simulation_handler.contact.placement import Placement
 from simulation_handler.explaining.hypotheses import Hypothesis
 from simulation_handler.explaining.situation import Situation
@@ -16,8 +17,8 @@ from simulation_handler.shapes.geometry import Solid
 class Explanation:
     """An explanation by some method, and the changes of the belief that follow from it."""
 
-    text: str
-    """e.g. `moved_with_supports(cube_3; cube_4)`; parts are joined by `&`."""
+    changes: tuple[Change, ...]
+    """What happened."""
     about: tuple[str, ...]
     """Objects that it explains, sorted."""
     solids: Mapping[str, Solid] = field(default_factory=dict)
@@ -37,6 +38,11 @@ class Explanation:
     alternatives: tuple[tuple[float, str], ...] = ()
     """Scores and texts of what was rejected, the best first."""
     hypothesis: Hypothesis | None = None
+
+    @property
+    def text(self) -> str:
+        """The changes in a line, such as `moved_with_supports(cube_3; cube_4)`."""
+        return text_of(self.changes)
 
 
 class Policy(Protocol):

@@ -1,76 +1,81 @@
-"""Says what a hypothesis means, in a form that people and programs can read: `moved_with_supports(cube_3; cube_4)`."""
+"""Says what a hypothesis means, as changes: `moved_with_supports(cube_3; cube_4)`."""
 
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
-from dsr.vocabulary.calibration import CAMERA_MOVED
+from dsr.vocabulary.explained import CAMERA_MOVED, NOTHING_CHANGED, REMOVED, Change
 from simulation_handler.explaining.camera import corrected
 from simulation_handler.explaining.hypotheses import Hypothesis, Move
 from simulation_handler.explaining.search import Candidate
 from simulation_handler.explaining.situation import Situation
 from simulation_handler.shapes.geometry import Solid
 
-LASTING = ("false_percept", "nothing_changed")
-"""Words of explanations that leave the belief as it is, so that what they explain goes on."""
-_RIDERS = re.compile(r"moved_with_(?:supports|contents)\((?P<leader>[^;]+); (?P<riders>[^)]+)\)")
-_PILE = re.compile(r"put_back_under\((?P<riders>[^;]+); (?P<leader>[^)]+)\)")
+_FALSE_PERCEPT = "false_percept"
+_LASTING = (_FALSE_PERCEPT, NOTHING_CHANGED)  # kinds that leave the belief as it is, so that their cause goes on
+_WITH_SUPPORTS, _WITH_CONTENTS, _UNDER = "moved_with_supports", "moved_with_contents", "put_back_under"
+_HELD = "held_"  # before the kind of a move, if something unknown holds the object
 _SAME_PLACE = 0.015  # m
 _BESIDE = 0.010  # m by which something moved, rather than only turned
 
 
-def describe(situation: Situation, candidate: Candidate) -> str:
-    """The changes of a hypothesis, joined by `&`."""
+def describe(situation: Situation, candidate: Candidate) -> tuple[Change, ...]:
+    """The changes of a hypothesis."""
     hypothesis = candidate.hypothesis
     situation = corrected(situation, hypothesis)
     swaps = _swaps(situation, hypothesis, candidate.settled)
     swapped = {name for pair in swaps for name in pair}
-    parts = [CAMERA_MOVED] if hypothesis.camera_moved else []
-    parts += [f"swapped({a}, {b})" for a, b in swaps]
-    parts += [_move(situation, move, candidate) for move in hypothesis.moves if move.name not in swapped]
-    parts += [f"removed({name})" for name in sorted(hypothesis.removed)]
-    parts += [f"fell({name})" for name, _ in hypothesis.fallen]
-    parts += [f"false_percept({name})" for name in sorted(hypothesis.kept)]
-    return " & ".join(parts) or "nothing_changed()"
+    changes = [Change(CAMERA_MOVED)] if hypothesis.camera_moved else []
+    changes += [Change("swapped", (pair,)) for pair in swaps]
+    changes += [_move(situation, move, candidate) for move in hypothesis.moves if move.name not in swapped]
+    changes += [Change(REMOVED, ((name,),)) for name in sorted(hypothesis.removed)]
+    changes += [Change("fell", ((name,),)) for name, _ in hypothesis.fallen]
+    changes += [Change(_FALSE_PERCEPT, ((name,),)) for name in sorted(hypothesis.kept)]
+    return tuple(changes) or (Change(NOTHING_CHANGED),)
 
 
-def is_lasting(text: str) -> bool:
-    """Whether an explanation, in these words, leaves the belief as it is."""
-    return all(part.startswith(LASTING) for part in text.split(" & "))
+def is_lasting(changes: Iterable[Change]) -> bool:
+    """Whether an explanation leaves the belief as it is."""
+    return all(change.kind in _LASTING for change in changes)
 
 
-def moved_together(text: str) -> dict[str, frozenset[str]]:
-    """Read from an explanation's words which objects moved together with which seen object."""
-    found = (*_RIDERS.finditer(text), *_PILE.finditer(text))
-    return {match["leader"]: frozenset(match["riders"].split(", ")) for match in found}
+def moved_together(changes: Iterable[Change]) -> dict[str, frozenset[str]]:
+    """The objects that moved together with each seen object, by an explanation."""
+    found = {}
+    for change in changes:
+        kind = change.kind.removeprefix(_HELD)
+        if len(change.groups) == 2 and kind in (_WITH_SUPPORTS, _WITH_CONTENTS):
+            found[change.groups[0][0]] = frozenset(change.groups[1])
+        elif len(change.groups) == 2 and kind == _UNDER:
+            found[change.groups[1][0]] = frozenset(change.groups[0])
+    return found
 
 
-def _move(situation: Situation, move: Move, candidate: Candidate) -> str:
+def _move(situation: Situation, move: Move, candidate: Candidate) -> Change:
     name = move.name
-    hand = "held_" if move.held else ""
+    hand = _HELD if move.held else ""
     if name not in situation.believed:
-        return f"{hand}appeared({name})"
+        return Change(f"{hand}appeared", ((name,),))
     if move.riders:
         above = set(situation.chain_above(name))
-        what = "contents" if set(move.riders) <= above else "supports"
-        return f"{hand}moved_with_{what}({name}; {', '.join(move.riders)})"
+        kind = _WITH_CONTENTS if set(move.riders) <= above else _WITH_SUPPORTS
+        return Change(f"{hand}{kind}", ((name,), move.riders))
     if move.beneath:
-        return f"put_back_under({', '.join(reversed(move.beneath))}; {name})"
-    return f"held({name})" if move.held else _alone(situation, name, candidate)
+        return Change(_UNDER, (tuple(reversed(move.beneath)), (name,)))
+    return Change("held", ((name,),)) if move.held else _alone(situation, name, candidate)
 
 
-def _alone(situation: Situation, name: str, candidate: Candidate) -> str:
+def _alone(situation: Situation, name: str, candidate: Candidate) -> Change:
     before = set(situation.beneath.get(name, ())) - set(situation.fixtures)
     placement = candidate.drafted.placements.get(name)
     after = set(placement.supports if placement else ()) - set(situation.fixtures)
     if after - before:
-        return f"put_on({name}, {', '.join(sorted(after))})"
+        return Change("put_on", ((name, *sorted(after)),))
     if before - after:
-        return f"relation_ended({name}, {', '.join(sorted(before - after))})"
+        return Change("relation_ended", ((name, *sorted(before - after)),))
     moved = math.dist(situation.believed[name].position[:2], situation.seen[name].percept.position[:2])
-    return f"moved_alone({name})" if moved > _BESIDE else f"turned({name})"
+    return Change("moved_alone" if moved > _BESIDE else "turned", ((name,),))
 
 
 def _swaps(situation: Situation, hypothesis: Hypothesis, settled: Mapping[str, Solid]) -> list[tuple[str, str]]:

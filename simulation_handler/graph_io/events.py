@@ -9,6 +9,7 @@ from typing import Any
 from dsr.errors import DsrError
 from dsr.memory import Memory
 from dsr.timeline import EXPLAINED, Chronicle, Retention
+from dsr.vocabulary.explained import ATTRIBUTE, encoded
 from simulation_handler.explaining import Explanation
 
 _KEPT = 20  # events in the graph
@@ -43,6 +44,7 @@ class Events:
     def _write(self, time: float, explanation: Explanation, rejected: str) -> None:
         details: dict[str, Any] = {
             "explanation": explanation.text,
+            ATTRIBUTE: encoded(explanation.changes),
             "policy": self._policy,
             "alternatives": rejected,
             "target": ", ".join(explanation.about),

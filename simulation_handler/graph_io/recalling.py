@@ -8,6 +8,7 @@ from dsr.frames.tree import WORLD
 from dsr.graph.elements import Node
 from dsr.memory import Memory
 from dsr.timeline import EXPLAINED, query
+from dsr.vocabulary.explained import changes_of
 from simulation_handler.contact.relations import BOUNDS, CONTACT
 from simulation_handler.explaining.explainer import EXPLANATION
 from simulation_handler.hands.state import TOUCH, HandGrasp
@@ -29,7 +30,7 @@ class Recalling:
     def recall_explanations(self, now: float) -> None:
         """Know at time `now` (s) what was explained: what only goes on is not explained anew."""
         for entry in query(self._memory, kind=EXPLAINED):
-            self._belief.recall_explanation(entry.text, entry.begin, now)
+            self._belief.recall_explanation(changes_of(entry.details, entry.text), entry.begin, now)
 
     def recall(self, node: Node, now: float) -> float:
         """Believe of an object what was believed before.

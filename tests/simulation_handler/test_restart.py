@@ -9,6 +9,7 @@ import pytest
 
 from dsr.clock import WALL_CLOCK
 from dsr.timeline import EXPLAINED, query
+from dsr.vocabulary.explained import Change
 from simulation_handler import agent as agent_module
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.by_hypotheses import ByHypotheses
@@ -134,7 +135,7 @@ def test_what_moved_along_unseen_was_not_last_glimpsed_where_it_stood_before(
 
 
 def test_what_only_goes_on_is_not_told_anew(table: Table, monkeypatch: pytest.MonkeyPatch) -> None:
-    nothing = Explanation("nothing_changed()", ("cube_5",), changes_belief=False)
+    nothing = Explanation((Change("nothing_changed"),), ("cube_5",), changes_belief=False)
     monkeypatch.setattr(ByHypotheses, "explain", lambda self, situation: nothing)
     table.add("cube_5", cube_at(0.3, -0.1))
     table.run(1.5)

@@ -27,7 +27,6 @@ from dsr.timeline import Chronicle, Entry
 from dsr.vocabulary.calibration import (
     ADOPTED,
     CALIBRATED,
-    CAMERA_MOVED,
     CONFIRMED,
     IN_DOUBT,
     PROVISIONAL,
@@ -36,6 +35,7 @@ from dsr.vocabulary.calibration import (
     pose_of,
     provisional,
 )
+from dsr.vocabulary.explained import CAMERA_MOVED, changes_of
 
 _FRESH = 1.0  # s for which a camera sees what it saw
 _SAME = 1e-6  # m, rad
@@ -87,7 +87,9 @@ class Watch:
         """Go on at time `now` (s)."""
         self._memories.note(self._memory, now)
         for entry in self._surprises.explanations():
-            (self._begin if CAMERA_MOVED in entry.text else self._note_displaced)(entry, now)
+            changes = changes_of(entry.details, entry.text)
+            is_camera = any(change.kind == CAMERA_MOVED for change in changes)
+            (self._begin if is_camera else self._note_displaced)(entry, now)
         self._displaced.update(now)
         self._refining.update(now)
         for node in list(self._memory.nodes("camera")):

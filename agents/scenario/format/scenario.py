@@ -69,6 +69,7 @@ from agents.scenario.format.models import with_models
 from dsr.config.toml_lines import Path as ValuePath
 from dsr.config.toml_lines import parse_toml
 from dsr.errors import ConfigError, suggest
+from dsr.files.built_in import ETC
 from dsr.files.data_files import read_text
 from dsr.network.decoding import decoded
 from dsr.network.keys import Keys
@@ -124,8 +125,6 @@ __all__ = [
     "start_poses",
 ]
 
-_PACKAGE_ETC = Path(__file__).resolve().parents[2] / "etc"
-
 
 class Start(msgspec.Struct, frozen=True):
     """The message that starts the timeline, MessagePack."""
@@ -173,7 +172,7 @@ def find_scenario(name_or_path: str | Path) -> Path:
 
 def scenario_files() -> dict[str, Path]:
     """Built-in scenarios by name: `etc/scenarios` here or where the package is installed from."""
-    folders = (_PACKAGE_ETC / "scenarios", Path("etc/scenarios"))
+    folders = (ETC / "scenarios", Path("etc/scenarios"))
     return {file.stem: file for folder in folders for file in sorted(folder.glob("*.toml"))}
 
 
@@ -197,7 +196,7 @@ def parse_scenario(text: str, file: str = "<text>") -> Scenario:
         scenario = with_models(scenario, data, folder)
     except InconsistencyError as error:
         raise value_error(str(error), error.path, text, file) from error
-    etc = _PACKAGE_ETC if _PACKAGE_ETC.is_dir() else None
+    etc = ETC if ETC.is_dir() else None
     errors = [value_error(str(error), error.path, text, file) for error in inconsistencies(scenario, etc, folder)]
     if len(errors) > 1:
         raise ConfigError(f"{len(errors)} errors:\n" + "\n".join(map(str, errors)))

@@ -13,6 +13,7 @@ from dsr.errors import suggest
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Pose
+from dsr.vocabulary.explained import Change
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.relations import BOUNDS, Relation
 from simulation_handler.explaining import Explanation, Look
@@ -128,7 +129,7 @@ class PublishedReasoner:
     def recall_seen(self, name: str, world_pose: Pose, stamp: float, camera: str) -> None:
         """It asks only whether an object is seen now, which the next percept tells."""
 
-    def recall_explanation(self, text: str, time: float, now: float) -> None:
+    def recall_explanation(self, changes: tuple[Change, ...], time: float, now: float) -> None:
         """It explains nothing."""
 
     def recall_support(self, relation: Relation, since: float, now: float, source: str) -> None:

@@ -1,9 +1,10 @@
-"""The words of explanations can be read again."""
+"""What follows from the changes of an explanation."""
 
 from __future__ import annotations
 
 import pytest
 
+from dsr.vocabulary.explained import changes_of
 from simulation_handler.explaining.wording import is_lasting, moved_together
 
 
@@ -17,7 +18,7 @@ from simulation_handler.explaining.wording import is_lasting, moved_together
     ],
 )
 def test_what_moved_together(text: str, together: dict[str, set[str]]) -> None:
-    assert moved_together(text) == together
+    assert moved_together(changes_of({}, text)) == together
 
 
 @pytest.mark.parametrize(
@@ -30,4 +31,4 @@ def test_what_moved_together(text: str, together: dict[str, set[str]]) -> None:
     ],
 )
 def test_what_leaves_the_belief_as_it_is_goes_on(text: str, lasts: bool) -> None:
-    assert is_lasting(text) == lasts
+    assert is_lasting(changes_of({}, text)) == lasts
