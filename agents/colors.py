@@ -24,11 +24,11 @@ FLOOR: Color = (0.45, 0.45, 0.47)
 SKIN: Color = (0.88, 0.65, 0.54)
 SLEEVE: Color = (0.25, 0.27, 0.33)
 GREY: Color = (1.0, 1.0, 1.0)
-"""Of tags, and nearly of arms and what is around the table."""
+"""Colour of tags, and nearly of arms and the surroundings of the table."""
 PALETTE: tuple[Color, ...] = (
     (0.80, 0.32, 0.28), (0.30, 0.52, 0.80), (0.36, 0.66, 0.36), (0.85, 0.66, 0.24), (0.56, 0.40, 0.72),
 )  # fmt: skip
-"""Of objects for which nobody chose a colour, in turn."""
+"""Colours, in turn, of objects for which nobody chose one."""
 
 
 def spectral_angle(a: Sequence[float], b: Sequence[float]) -> float:

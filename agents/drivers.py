@@ -82,7 +82,7 @@ class HandReading(msgspec.Struct, frozen=True):
     """21 points, m, in the camera's optical frame, at the centres of the joints in MediaPipe's order: wrist, then
     four of each digit from thumb to little finger; whatever for those that are not visible"""
     visible: tuple[bool, ...]
-    """For each landmark."""
+    """Whether each landmark is visible."""
     sigma: float
     """m, standard deviation of each coordinate"""
 

@@ -32,14 +32,14 @@ _DIGITS = 9  # of lengths in m, beyond which sums are rounded
 
 
 class ObjectModel(NamedTuple):
-    """What a description says of an object."""
+    """An object as its description (URDF) defines it."""
 
     type: str
     """One of `dsr.vocabulary.relations.THINGS`."""
     size: Vector3
     """Edge lengths of the bounding box, m."""
     shape: Shape
-    """Its parts, in the frame at the centre of the bounding box; none for a solid box."""
+    """Parts of the shape, in the frame at the centre of the bounding box; none for a solid box."""
     mass: float
     """kg"""
     friction: float

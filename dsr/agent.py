@@ -41,7 +41,7 @@ class Agent:
     reads: ClassVar[Any] = Access()
     """An `Access`; a class at home in other worlds may name these instead (see `dsr.worlds.Client`)."""
     writes: ClassVar[Any] = Access()
-    """Likewise what it may write: anything else raises `AgentError`."""
+    """Node types, edge types and attributes that the agent may write; any other write raises `AgentError`."""
     publishes: ClassVar[tuple[str, ...]] = ()
     """Keys of the bus on which it publishes, below the graph's root: `device/arm/command`, `blob/**`. Only a secured
     graph holds it to them."""
@@ -50,13 +50,13 @@ class Agent:
     reactive: ClassVar[bool] = False
     """Whether changes of the graph wake it (see `wake`), and not only time."""
     most_failures: ClassVar[int] = 25
-    """It gives up after this many failed ticks in a row."""
+    """Number of failed ticks in a row after which the agent gives up."""
     Config: ClassVar[type[Any]] = NoConfig
     """A frozen msgspec Struct whose fields all have defaults."""
 
     memory: Memory
     bus: Transport
-    """For traffic outside the graph: devices, truth."""
+    """The network, for traffic outside the graph: devices, truth."""
     keys: Keys
     clock: Clock
     config: Any

@@ -12,7 +12,7 @@ from typing import Protocol
 
 
 class Clock(Protocol):
-    """What a component needs to know about time."""
+    """A source of time: `now` for stamps, `monotonic` for durations, and `wait`."""
 
     def now(self) -> float:
         """Seconds since the Unix epoch."""

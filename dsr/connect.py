@@ -98,7 +98,9 @@ def _wait_joined(memory: Memory, timeout: float, *, all_known: bool, begin: bool
 
 
 def identity_of(agent: str, security: str | Path | None = None) -> Identity | None:
-    """Who `agent` is in the security folder, or in the one that the environment names; None without any.
+    """Load the identity of `agent` from the security folder, or from the one that the environment names;
+
+    None without any.
 
     Raises `ConfigError` if it has no valid certificate there.
     """

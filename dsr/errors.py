@@ -69,7 +69,7 @@ class WorldError(DsrError):
 
 
 class ImaginationError(DsrError):
-    """What was to be imagined cannot be: physics does not allow it, or there is no room."""
+    """A scene cannot be imagined: physics does not allow it, or there is no room."""
 
 
 class TransformError(DsrError):

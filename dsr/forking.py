@@ -1,4 +1,4 @@
-"""What a forked child must not use: connections, threads and file locks stay with the parent."""
+"""Guards resources that a forked child must not use: connections, threads and file locks stay with the parent."""
 
 from __future__ import annotations
 

@@ -373,7 +373,7 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
 
     @property
     def behind(self) -> float:
-        """For how long it is known that something of the graph is missing here, s; 0 if nothing is."""
+        """Time (s) since the memory has known that it lacks changes of the graph; 0 if it lacks none."""
         since = self._replica.synchroniser.behind_since
         return 0.0 if since is None else max(0.0, self.clock.monotonic() - since)
 

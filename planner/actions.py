@@ -15,7 +15,7 @@ _SOURCE = "planner"
 
 
 class Progress(NamedTuple):
-    """What the arm says of an action."""
+    """The arm's report about an action."""
 
     status: str
     explanation: str
@@ -75,7 +75,7 @@ class Actions:
             self._memory.update_node(name, target_pose=skill.target_pose)
 
     def progress(self, name: str) -> Progress:
-        """What the arm says of an action."""
+        """Read the arm's report about an action."""
         node = self._memory.get_node(name)
         return GONE if node is None else _progress(node)
 

@@ -74,9 +74,11 @@ class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     least_reach: float = 0.25
     """m from the arm's base, along the ground: nothing is put nearer."""
     most_reach: float = 0.60
-    """m, likewise, farther."""
+    """m from the arm's base, along the ground: nothing is put farther."""
     image_margin: float = 0.06
-    """Of the image's width and height: what is put down shall be seen at least so far inside."""
+    """Share of the image's width and height: an object is put down only where it is seen at least so far inside the
+    image.
+    """
     what_if_patience: float = 1.0
     """s that the answer may take whether something would topple where it is to be put; with 0 nobody is asked."""
     what_if_seconds: float = 1.0
@@ -84,4 +86,4 @@ class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     what_if_shift: float = 0.015
     """m that a thing may be off its place then."""
     what_if_turn: float = 0.3
-    """rad, likewise."""
+    """rad that an object may turn in the simulation and still count as staying."""

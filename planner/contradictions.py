@@ -27,7 +27,9 @@ def by_state(goal: Goal, state: WorldState, config: PlannerConfig) -> Conflict |
 
 
 def searched(part: Sequence[Relation], surely: bool) -> str:
-    """What is told of relations to which no plan leads, as the solver has found out; `surely` none can be left out."""
+    """Explain in words a set of relations to which no plan leads, as the solver found it; `surely` none can be left
+    out.
+    """
     if len(part) == 1:
         return f"no plan leads to {part[0]} as things are now"
     among = "" if surely else ", or some of them exclude each other"

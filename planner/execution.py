@@ -59,7 +59,7 @@ _MOST_PLACES = 4
 
 @dataclass
 class Surroundings:
-    """What an execution needs from its agent."""
+    """The services that an execution uses of its agent."""
 
     memory: Memory
     maker: PlanMaker
@@ -79,7 +79,7 @@ class Execution:
     intention: Intention
     around: Surroundings
     result: str = ""
-    """What became of it, once its script has ended."""
+    """Outcome of the execution, once its script has ended."""
 
     def __post_init__(self) -> None:
         self._memory, self._config, self._now = self.around.memory, self.around.config, self.around.now
@@ -130,7 +130,9 @@ class Execution:
 
     @property
     def blocked(self) -> str:
-        """What it has to wait for, as its explanation says: things that are nowhere, agents that do not run."""
+        """Explanation of the wait for things that are nowhere, or for agents that do not run; empty while there is
+        none.
+        """
         return self._told if self._waiting.is_blocked else ""
 
     def _pursue(self) -> Script:

@@ -29,7 +29,9 @@ class Foresight:
         self._complained = False
 
     def trouble(self, thing: str, pose: Pose) -> Generator[None, None, str]:
-        """What would happen if `thing` were put at `pose` (world_from_thing): empty if it stays, or nobody knows."""
+        """Ask what would go wrong if `thing` were put at `pose` (world_from_thing), in words: empty if it stays, or
+        nobody knows.
+        """
         if self._config.what_if_patience <= 0.0:
             return ""
         try:

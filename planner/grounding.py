@@ -29,7 +29,7 @@ Place = tuple[float, float]
 
 @dataclass(frozen=True)
 class Skill:
-    """What is asked of the arm."""
+    """A request to the arm for one skill."""
 
     name: str
     """pick, place, look or observe"""
@@ -96,7 +96,9 @@ def place_on_table(thing: str, state: WorldState, config: PlannerConfig, avoid: 
 
 
 def is_free(pose: Pose, thing: str, state: WorldState, config: PlannerConfig, avoid: Collection[Place] = ()) -> bool:
-    """Whether a place that was chosen earlier is still good."""
+    """Check that a place that was chosen earlier is still good: within reach, in view of the fixed cameras, and with
+    enough room around it.
+    """
     place = np.array([pose.t[:2]])
     solid = state.solids.get(thing)
     if solid is None or not _usable(place, solid, state, config, avoid)[0]:

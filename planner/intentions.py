@@ -13,7 +13,7 @@ from dsr.vocabulary.intentions import PREFIX, WANTED
 
 @dataclass(frozen=True)
 class Intention:
-    """What somebody wants."""
+    """A goal that somebody wants, as read from its node."""
 
     name: str
     goal: str

@@ -38,7 +38,8 @@ class PlanMaker:
     def smallest_conflict(
         self, state: WorldState, goal: Goal
     ) -> Generator[None, None, tuple[tuple[Relation, ...], bool]]:
-        """Of a goal to which no plan leads, a part to which none leads either, and whether it is a smallest such part.
+        """Find a part of a goal to which no plan leads, if none leads to the goal, and whether it is a smallest such
+        part.
 
         Relations are left out, one after the other, where the solver proves that the others are still too many. It is
         not known to be a smallest part if the time was up, or the solver gave no answer.

@@ -24,7 +24,7 @@ def doubtful(memory: Memory) -> list[str]:
 
 
 def differences(before: Relations, after: Relations, step: Step | None = None) -> list[str]:
-    """What began or ended between two moments, but for what `step` does; as text, in order."""
+    """List the relations that began or ended between two moments, but for the effects of `step`; as text, in order."""
     found = [(fact, "ended") for fact in before.facts - after.facts]
     found += [(fact, "began") for fact in after.facts - before.facts]
     texts = [f"{fact} {how}" for fact, how in found if step is None or not step.may_change(fact)]

@@ -22,14 +22,14 @@ class Step(NamedTuple):
     """pick, stack or putdown"""
     thing: str
     support: str = ""
-    """What it is put on; empty for pick."""
+    """Name of the object that the thing is put on; empty for pick."""
 
     def __str__(self) -> str:
         return f"{self.name} {self.thing}{f' on {self.support}' if self.support else ''}"
 
     @property
     def starts_from(self) -> tuple[Relation, ...]:
-        """What must hold before."""
+        """Relations that must hold before the step."""
         if self.name == "pick":
             return Relation("handempty", ()), Relation("clear", (self.thing,))
         held = (Relation("holding", (self.thing,)),)
@@ -37,7 +37,7 @@ class Step(NamedTuple):
 
     @property
     def effect(self) -> Relation:
-        """What holds after."""
+        """Relation that holds after the step."""
         return Relation("holding", (self.thing,)) if self.name == "pick" else Relation("on", (self.thing, self.support))
 
     def may_change(self, fact: Relation) -> bool:
@@ -51,7 +51,7 @@ class Step(NamedTuple):
         return all(relations.holds(relation) for relation in self.starts_from)
 
     def after(self, relations: Relations) -> Relations:
-        """What holds when it was done to what held before."""
+        """Relations after the step, if `relations` held before."""
         others = frozenset(pair for pair in relations.on if pair[0] != self.thing)
         if self.name == "pick":
             return replace(relations, on=others, grasping=frozenset({(_ANY_GRIPPER, self.thing)}))
@@ -79,7 +79,10 @@ def read_plan(text: str, names: Names, table: str) -> tuple[Step, ...]:
 
 
 def leads_to(steps: tuple[Step, ...], relations: Relations) -> Relations:
-    """What holds when all steps were done one after the other. Raises `SolverFailed` if one is not possible."""
+    """Apply all steps one after the other, and return the relations then.
+
+    Raises `SolverFailed` if a step is not possible.
+    """
     for number, step in enumerate(steps, 1):
         if not step.possible(relations):
             raise SolverFailed(f"step {number} of the plan, {step}, is not possible then")

@@ -57,12 +57,12 @@ def probe() -> str:
 
 @dataclass(frozen=True)
 class Solution:
-    """What the solver found."""
+    """The result of the solver."""
 
     plan: str
     """Text of the plan file."""
     output: str
-    """What it printed."""
+    """The text that the solver printed."""
     seconds: float
     """How long it took, on the planner's clock."""
 

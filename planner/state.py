@@ -1,4 +1,4 @@
-"""What a plan is made of: the relations that are believed, and the geometry that tells where things can go."""
+"""The state that a plan starts from: the believed relations, and the geometry that tells where things can go."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class View:
 
 @dataclass(frozen=True)
 class WorldState:
-    """What is believed at one moment."""
+    """The believed state of the world at one moment."""
 
     relations: Relations
     solids: Mapping[str, Solid] = field(default_factory=dict)
@@ -73,7 +73,7 @@ class WorldState:
 
 
 def read_state(memory: Memory, config: PlannerConfig) -> WorldState:
-    """What `memory` holds now."""
+    """Read the present state of `memory`."""
     relations = read_relations(memory)
     solids: dict[str, Solid] = {}
     for name in sorted(relations.things | relations.tables):

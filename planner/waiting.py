@@ -39,7 +39,7 @@ def running_agents(memory: Memory) -> set[str]:
 
 
 class Waiting:
-    """What the goal of one intention is about, and who must run for it to be believed.
+    """Waits until the things of an intention's goal are believed to be somewhere, and the agents run that believe.
 
     Args:
         memory: the graph.

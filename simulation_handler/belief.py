@@ -199,11 +199,11 @@ class Belief:
         self._touching.recall(relation, grasp, now)
 
     def grasps(self) -> Mapping[Relation, HandGrasp]:
-        """What human hands hold, by (hand, object)."""
+        """Objects that human hands may hold, by (hand, object)."""
         return self._touching.holds
 
     def explanations(self) -> list[tuple[float, Explanation]]:
-        """What was explained since the last call, and when (s)."""
+        """Explanations since the last call, with the time (s) of each."""
         return self._explainer.take_news()
 
     def is_gone(self, name: str) -> bool:
@@ -261,7 +261,7 @@ class Belief:
         return self._containment.current()
 
     def source(self, relation: Relation) -> str:
-        """What says that a relation holds: "contact" or "explanation"."""
+        """The source of a relation: "contact" or "explanation"."""
         return self._relations.source(relation)
 
     def perceived(self, name: str, now: float) -> bool:

@@ -27,7 +27,9 @@ class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     gate: float = 4.0
     """Standard deviations (Mahalanobis) beyond which a percept disagrees with the track."""
     recent_gate: float = 5.0
-    """Likewise for the mean of the last ten percepts: the test is made at each of them, so it must be stricter."""
+    """Standard deviations beyond which the mean of the last ten percepts disagrees with the track: the test is made at
+    each percept, so it is stricter.
+    """
     confirm_frames: int = 3
     """Percepts in a row that must disagree before the object has moved."""
     window: int = 100
@@ -38,13 +40,15 @@ class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     dead_band: float = 0.0002
     """m that the estimate of a resting object must change before its body is moved."""
     dead_band_angle: float = 0.005
-    """rad, likewise."""
+    """rad that the estimate of a resting object must change before its body is turned."""
     dead_sigmas: float = 2.5
-    """Standard deviations of the estimate, likewise, while those are more."""
+    """Standard deviations that the estimate of a resting object must change before its body is moved, while they are
+    more than the dead band.
+    """
     divergence: float = 0.002
     """m that physics may move a body from where perception put it; beyond, they disagree."""
     divergence_angle: float = 0.05
-    """rad, likewise."""
+    """rad that physics may turn a body from where perception put it; beyond, they disagree."""
     strikes: int = 3
     """Disagreements between physics and steady perception after which the object is held where it is seen."""
     explain_after: float = 1.0
@@ -53,7 +57,7 @@ class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     """Standard deviations of its height by which the height of what is put beneath may miss it."""
 
     reasoner: str = "belief"
-    """What keeps the belief: all that this configures, or what a package provides under another name."""
+    """Name of the method that keeps the belief: "belief" for the built-in one, or one that a package provides."""
     parameters: dict[str, float] = msgspec.field(default_factory=dict)
     """Parameters of a reasoner that a package provides, by name."""
 
@@ -62,7 +66,7 @@ class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     surprise_distance: float = 0.010
     """m between percept and belief from which that is not noise but needs an explanation."""
     surprise_angle: float = 0.2
-    """rad, likewise."""
+    """rad of rotation from the belief, from which an object needs an explanation."""
     unflagged_after: float = 0.5
     """s after which something surprising is explained even though nobody has flagged it."""
     missing_after: float = 0.8

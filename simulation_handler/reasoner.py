@@ -1,4 +1,4 @@
-"""What the agent needs of a belief, whichever method keeps it: `Belief`, or one that a package provides."""
+"""The interface of a belief as the agent uses it: `Belief`, or a method that a package provides."""
 
 from __future__ import annotations
 
@@ -96,7 +96,7 @@ class Reasoner(Protocol):
         """Believe again that a hand touches an object."""
 
     def grasps(self) -> Mapping[Relation, HandGrasp]:
-        """What human hands touch, by (hand, object)."""
+        """Objects that human hands touch, by (hand, object)."""
 
     def step(self, now: float) -> None:
         """Bring the belief to time `now` (s)."""
@@ -117,7 +117,7 @@ class Reasoner(Protocol):
         """(object, what it is in) and since when (s)."""
 
     def source(self, relation: Relation) -> str:
-        """What says that a relation holds."""
+        """The source of a relation that holds."""
 
     def plausible(self, name: str) -> bool:
         """Whether what is perceived of an object is physically possible."""
@@ -126,4 +126,4 @@ class Reasoner(Protocol):
         """Whether the object is believed to have been taken out of the scene."""
 
     def explanations(self) -> list[tuple[float, Explanation]]:
-        """What was explained since the last call, and when (s)."""
+        """Explanations since the last call, with the time (s) of each."""

@@ -14,7 +14,7 @@ Count = Annotated[int, msgspec.Meta(ge=1)]
 
 
 class SurpriseConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
-    """What counts as a disagreement, and how long it must last.
+    """Limits from which percept and belief disagree, and how long a disagreement must last.
 
     The defaults are for percepts 10 times a second from an RGB-D camera at 0.3 to 1 m whose depth is off by up to
     15 mm, always alike for one object, and jitters by 3 mm. A disagreement must be beyond a least extent and beyond
@@ -41,7 +41,7 @@ class SurpriseConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     window: Count = 5
     """... of the last so many."""
     held_needed: Count = 6
-    """Likewise, of an object that the gripper holds or has just released."""
+    """Percepts that must disagree alike for an object that the gripper holds or has just released."""
     held_window: Count = 8
     held_grace: NotNegative = 1.0
     """s after its release that an object counts as held"""
@@ -57,7 +57,7 @@ class SurpriseConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     unseen_noise: NotNegative = 0.005
     """m, of a belief without covariance: of what was never seen where it is believed to be"""
     unseen_rotation_noise: NotNegative = 0.1
-    """rad, likewise"""
+    """rad, of a belief without covariance: of an object that was never seen where it is believed to be"""
 
     all_seen: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.95
     """Share of its tag from which an object should be seen."""
@@ -72,7 +72,7 @@ class SurpriseConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     camera_speed: Positive = 0.01
     """m/s at which a camera moves: nothing is expected of it then"""
     camera_turn: Positive = 0.025
-    """rad/s, likewise"""
+    """rad/s at which a camera turns: nothing is expected of it then"""
 
     calm_after: NotNegative = 0.5
     """s without contradiction, of an object that is not seen any more, after which it is not surprising"""
@@ -83,6 +83,6 @@ class SurpriseConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     jump: Positive = 0.005
     """m by which a belief changes at once when it was changed on purpose"""
     jump_turn: Positive = 0.1
-    """rad, likewise"""
+    """rad by which a belief turns at once when it was changed on purpose"""
     text_period: NotNegative = 0.5
     """s between two changes of the figures in the text"""

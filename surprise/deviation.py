@@ -26,7 +26,7 @@ class Deviation:
     beside: Vector3
     """m, across the viewing ray"""
     beside_sigmas: float
-    """Its length in standard deviations."""
+    """Length of `beside` in standard deviations."""
     depth: float
     """m along the viewing ray, positive if it is perceived farther away; holds the sensor's systematic error"""
     depth_std: float
@@ -34,7 +34,7 @@ class Deviation:
     turn: Vector3
     """rad, rotation vector"""
     turn_sigmas: float
-    """Its length in standard deviations."""
+    """Length of `turn` in standard deviations."""
 
     def extent(self, config: SurpriseConfig) -> float:
         """How large it is, in the least extents that count: what is less deviates less."""

@@ -1,4 +1,4 @@
-"""What the last percepts of an object from one camera say together: they contradict the belief, or agree with it.
+"""Combines the last percepts of an object from one camera: they contradict the belief, or agree with it.
 
 Single wrong percepts never count: several of the last few must disagree in the same direction, the newest among them.
 """
@@ -59,7 +59,7 @@ class Track:
         return self._sightings[-1].stamp if self._sightings else -math.inf
 
     def stamps(self) -> list[float]:
-        """Of the last percepts, s, the oldest first."""
+        """Stamps (s) of the last percepts, the oldest first."""
         return [sighting.stamp for sighting in self._sightings]
 
     def add(self, stamp: float, pose: Pose, eye: Vector3, beliefs: Sequence[Pose]) -> None:

@@ -1,4 +1,4 @@
-"""What a camera should see and does not, and what it sees that it cannot: by the edges `sees` of the simulation."""
+"""Finds objects that a camera should see and does not, and objects that it sees and cannot, by the edges `sees`."""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ def extent(way: Way, deviations: Sequence[Deviation], bias: float | None) -> flo
 
 
 def describe(way: Way, deviations: Sequence[Deviation], bias: float | None, camera: str) -> str:
-    """For people, with the medians."""
+    """Describe deviations in words, with their medians."""
     amount = extent(way, deviations, bias)
     if way == "beside":
         sigmas = statistics.median(deviation.beside_sigmas for deviation in deviations)

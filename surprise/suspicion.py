@@ -12,7 +12,7 @@ _NEWS = 0.2  # share by which a figure must change to be told again
 
 
 class Suspicion:
-    """Whether one object or camera is surprising, and why."""
+    """Decides whether one object or camera is surprising, and why."""
 
     def __init__(self, config: SurpriseConfig, *, raised: bool = False, text: str = "") -> None:
         """`raised` and `text` are what an earlier run of this agent wrote."""

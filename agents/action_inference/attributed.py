@@ -60,7 +60,7 @@ class AttributedPolicy:
         self._tracks: dict[str, Track] = {}
 
     def update(self, snapshot: Snapshot) -> list[Inference]:
-        """What has become known."""
+        """Take in the snapshot, and return the actions that have become known."""
         self._attribution.update(snapshot)
         self._bumps.update(snapshot)
         self._tracks = {name: track for name, track in self._tracks.items() if name in snapshot.things}

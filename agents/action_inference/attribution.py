@@ -1,4 +1,4 @@
-"""Who may have done something to a thing: the hand or gripper that grasps it, or else the nearest hand."""
+"""Attributes an action on a thing: to the hand or gripper that grasps it, or else to the nearest hand."""
 
 from __future__ import annotations
 
@@ -29,7 +29,9 @@ class Attribution:
         ]
 
     def nearest(self, thing: Thing, pose: Pose, time: float) -> str:
-        """Who was nearest to the thing at `pose` around `time` (s), within reach; `UNKNOWN` if nobody was."""
+        """Name of the hand that was nearest to the thing at `pose` around `time` (s), within reach; `UNKNOWN` if there
+        was none.
+        """
         _, holders = min(self._seen, key=lambda entry: abs(entry[0] - time), default=(0.0, {}))
         distances = {
             name: min(thing.distance(point, pose) for point in holder.points) for name, holder in holders.items()

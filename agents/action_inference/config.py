@@ -1,4 +1,4 @@
-"""What can be configured of the inference of actions."""
+"""Configuration of the inference of actions."""
 
 from __future__ import annotations
 

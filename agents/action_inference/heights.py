@@ -25,13 +25,13 @@ class Height(NamedTuple):
     bottom: float
     """World z of its lowest point, m."""
     position: Vector3
-    """Of its centre, m."""
+    """Position of the thing's centre in the world, m."""
     sigma: float = 0.0
     """m, standard deviation of its height"""
 
     @staticmethod
     def seen(bottom: float, pose: Pose) -> Height:
-        """That of a percept, as sure as its covariance says."""
+        """Make the height of a percept, as certain as its covariance says."""
         sigma = 0.0 if pose.covariance is None else math.sqrt(max(pose.parent_covariances()[0][2, 2], 0.0))
         return Height(pose.stamp, bottom, pose.t, sigma)
 
@@ -74,7 +74,9 @@ class Heights:
         self._samples.append(sample)
 
     def lie(self) -> None:
-        """It is not held: where it stays still is where it lies, but for a lift that shows."""
+        """Note that the thing is not held: the place where it stays still is its resting place, but for a lift that
+        shows.
+        """
         if self._rest is None or self.is_lowered:
             self._rest = self._samples[-1] if self.is_steady() else self._rest
         elif not self.is_rising:
@@ -97,7 +99,7 @@ class Heights:
         return True
 
     def forget(self) -> None:
-        """It lies somewhere else from now on."""
+        """Note that the thing lies somewhere else from now on."""
         self._rest = None
 
     def rise(self, sample: Height) -> float:

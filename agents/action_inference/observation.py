@@ -1,4 +1,4 @@
-"""What the graph says at one moment, as far as actions can be told by it."""
+"""A snapshot of the graph at one moment, with all from which actions are inferred."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ class Thing:
     believed: Pose | None = None
     """world_from_object"""
     on: frozenset[str] = frozenset()
-    """What it rests on."""
+    """Names of the supports of the thing."""
     inside: frozenset[str] = frozenset()
-    """What it is in."""
+    """Names of the containers of the thing."""
     grasps: tuple[Grasp, ...] = ()
-    """Those who hold it, the newest last."""
+    """Grasps of the thing, the newest last."""
 
     def bottom(self, pose: Pose) -> float:
         """World z of its lowest point at `pose`, by its bounding box, m."""
@@ -63,9 +63,9 @@ class Holder(NamedTuple):
     points: tuple[Vector3, ...]
     """Where it can hold something, m, world: the palm first, then fingertips."""
     perceived: bool = True
-    """It is known where it is now."""
+    """Whether the holder's present place is known."""
     shows_fingers: bool = True
-    """It is known what its fingers do: one is seen now, or it is a gripper."""
+    """Whether the holder's fingers are known: one is seen now, or it is a gripper."""
 
 
 @dataclass(frozen=True)

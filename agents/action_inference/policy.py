@@ -16,7 +16,7 @@ class Inference(NamedTuple):
     confidence: float
     """0 to 1"""
     why: str
-    """What shows it, in a few words."""
+    """The evidence, in a few words."""
 
 
 class Policy(Protocol):
@@ -25,7 +25,7 @@ class Policy(Protocol):
     name: str
 
     def update(self, snapshot: Snapshot) -> list[Inference]:
-        """What has become known to have happened at this moment."""
+        """Take in the snapshot, and return the actions that have become known at this moment."""
 
     def recall(self, action: Action) -> None:
         """An earlier run has inferred this action, the last one of its thing."""

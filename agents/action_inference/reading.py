@@ -35,7 +35,7 @@ class Reading:
         """What could not be used, by reason."""
 
     def snapshot(self, now: float) -> Snapshot:
-        """What the memory says at `now` (s)."""
+        """Read the snapshot of the memory at `now` (s)."""
         nodes = self._memory.nodes(THINGS)
         self._read_percepts({node.name for node in nodes}, now)
         things = {node.name: self._thing(node) for node in nodes if is_present(node)}

@@ -1,4 +1,4 @@
-"""What is known of one thing that may be picked, held and let go of."""
+"""The record of one thing that may be picked, held and let go of."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dsr.vocabulary.observed_actions import UNKNOWN
 
 @dataclass
 class Track:
-    """What is known of one thing."""
+    """The record of one thing."""
 
     seen: Heights
     believed: Heights
@@ -19,7 +19,7 @@ class Track:
     last_grasp: float | None = None
     """s, when something was last known to hold it since it was picked."""
     let_go: Height | None = None
-    """Where it was believed to be then."""
+    """Believed height of the thing when it was let go; None while it is held."""
     rested: Height | None = None
     """Where it last rested on something while it was held."""
     palm_height: float | None = None
@@ -31,7 +31,7 @@ class Track:
     resting_since: float | None = None
     """s, since when it rests on something untouched."""
     returned: bool = False
-    """It was seen again, after a while, and it is not sure yet where it lies."""
+    """Whether the thing was seen again after a while, and its resting place is not certain yet."""
     returned_at: float = 0.0
     """s, of the first percept then."""
     recalled: bool = False

@@ -16,7 +16,7 @@ from dsr.math3d.transforms import Pose
 STILL = 1e-4
 """rad or m; a joint that moved less stands still"""
 STILL_OPENING = 1e-4
-"""m, likewise for the gripper"""
+"""m of opening, below which the gripper counts as still"""
 REFRESH = 0.05
 """s after which the edge of a joint that stands still is written again"""
 

@@ -1,4 +1,4 @@
-"""What can be configured about an arm and its cameras."""
+"""Configuration of an arm and its cameras."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class ArmControllerConfig(msgspec.Struct, frozen=True):
     arm_mount: Mount = Mount()
     """robot_from_arm"""
     cameras: dict[str, CameraConfig] = {}
-    """By name of their node."""
+    """Cameras by the name of their node."""
     default_speed: float = 0.5
     """0 to 1 of the joint limits, where no `target_speed` is given."""
     posture: tuple[float, ...] = ()

@@ -51,7 +51,7 @@ class Grasp:
     width: float
     """m of the object between the pads"""
     rank: Rank = (0, 0, 0, 0)
-    """Those of a lower rank are better."""
+    """Rank of the grasp; lower ranks are better."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,6 @@
-"""What the gripper holds, by its own contact and the believed pose of the object between its pads."""
+"""Finds the object that the gripper holds, by the gripper's contact and the believed pose of the object between its
+pads.
+"""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ _CLOSER = 0.001  # m by which the arm may come closer to what it is too close to
 
 @dataclass(frozen=True)
 class Load:
-    """What moves with the tool."""
+    """The bodies that move with the tool."""
 
     opening: float
     """m between the fingers"""
@@ -54,7 +54,7 @@ class Obstacles:
         self._boxes = stacked((arm_from_world @ thing.pose, thing.size) for thing in things)
 
     def blocking(self, path: Array, load: Load, final: int) -> str | None:
-        """What a path (m, n) of joint positions meets first, by name; None if it is free.
+        """Name the first thing that a path (m, n) of joint positions meets; None if the path is free.
 
         Whatever the arm is too close to at the start it may leave. On the `final` points the gripper works between
         things, and around the target.

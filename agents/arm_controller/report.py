@@ -1,4 +1,4 @@
-"""What a node says about its motion: `status` and, where something is wrong, `explanation`."""
+"""Reports the motion of a node: `status` and, where something is wrong, `explanation`."""
 
 from __future__ import annotations
 

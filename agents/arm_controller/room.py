@@ -18,7 +18,7 @@ _STROKE_STEP = 0.005  # m that a finger moves between two openings that are look
 
 
 class Room:
-    """What is around one object.
+    """The free space around one object.
 
     Args:
         figure: the shape of the gripper.
@@ -36,7 +36,7 @@ class Room:
         return self._figure.reach
 
     def blockers(self, tools: Sequence[Pose], width: float, opening: float) -> list[tuple[str, ...]]:
-        """What the gripper is too close to where the tool is at each of `tools` (world_from_tool), by name.
+        """Name the things that the gripper is too close to, with the tool at each of `tools` (world_from_tool).
 
         On the way of the fingers from `opening` to `width` (m), so that they can close there.
         """

@@ -1,4 +1,4 @@
-"""What is believed to be around the arm: objects with their boxes, tables, and where the arm stands."""
+"""The believed surroundings of the arm: objects with their boxes, tables, and the place of the arm."""
 
 from __future__ import annotations
 

@@ -22,7 +22,7 @@ from dsr.math3d.transforms import Pose
 
 JointKind = Literal["revolute", "continuous", "prismatic", "fixed"]
 MOST_LINKS = 300
-"""Of a robot: three times those of a humanoid with hands. What hangs on what is followed link by link."""
+"""Links that a robot may have: three times those of a humanoid with hands. Kinematics follows them one by one."""
 _KINDS: tuple[str, ...] = get_args(JointKind)
 _ORIGIN: Vector3 = (0.0, 0.0, 0.0)
 _X_AXIS: Vector3 = (1.0, 0.0, 0.0)

@@ -1,4 +1,4 @@
-"""What can be configured about calibrations."""
+"""Configuration of calibrations."""
 
 from __future__ import annotations
 

@@ -129,7 +129,7 @@ _Run = tuple[str, str]
 
 
 class Company:
-    """Who is at work, and how those ended who are not any more."""
+    """The agents at work, and the end of those that are not any more."""
 
     def __init__(self) -> None:
         self._begins: dict[_Run, tuple[float, str]] = {}
@@ -154,7 +154,7 @@ class Company:
         return is_new
 
     def facts(self, now: float) -> Iterator[Fact]:
-        """Those at work at time `now` (s); who was not heard for long is not any more."""
+        """Yield a fact for each agent at work at time `now` (s); an agent that was silent for long is not any more."""
         for run, heard in list(self._heard.items()):
             if now - heard > SILENT_AFTER:
                 self._leave(run, heard, f"{run[0]} silent for {SILENT_AFTER:g} s")
@@ -182,7 +182,7 @@ _DETAILS = ("goal", "skill", "target", "destination")
 
 
 class ChroniclerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What is written, and how much of it stays."""
+    """Which facts are written, and how many of them stay."""
 
     relations: tuple[str, ...] = RELATIONS
     """Edge types whose coming and going is told."""

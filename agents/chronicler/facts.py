@@ -1,4 +1,4 @@
-"""What holds now, as the graph tells it: the situations that should be open on the timeline."""
+"""Reads the present facts from the graph: the situations that should be open on the timeline."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ def participants_of(node: Node) -> tuple[str, ...]:
 
 
 def task_of(node: Node) -> str:
-    """What an intention or an action is to bring about, in words."""
+    """The task of an intention or an action, in words."""
     return " ".join(str(node[field]) for field in ("goal", "skill", "target", "destination") if node.get(field))
 
 

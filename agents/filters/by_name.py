@@ -27,7 +27,7 @@ class ByName(Filter):
     config: ByNameConfig
 
     def accepts(self, node: Node) -> bool:
-        """By its name."""
+        """Accept a node by its name."""
         config = self.config
         return not _matches(node.name, config.leave_out) and (not config.names or _matches(node.name, config.names))
 

@@ -11,9 +11,9 @@ class ByTypeConfig(FilterConfig, frozen=True, forbid_unknown_fields=True):
     """Which types of nodes."""
 
     types: tuple[str, ...] = ()
-    """Those that are passed on; all if empty."""
+    """Node types that are passed on; all if empty."""
     leave_out: tuple[str, ...] = ()
-    """Those that are not, whatever `types` says."""
+    """Node types that are not passed on, whatever `types` says."""
 
 
 class ByType(Filter):
@@ -30,7 +30,7 @@ class ByType(Filter):
             self.memory.schema.check_node("any", name)
 
     def accepts(self, node: Node) -> bool:
-        """By its type."""
+        """Accept a node by its type."""
         return node.type not in self.config.leave_out and (not self.config.types or node.type in self.config.types)
 
 

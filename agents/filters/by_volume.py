@@ -31,7 +31,7 @@ class ByVolume(Filter):
     config: ByVolumeConfig
 
     def accepts(self, node: Node) -> bool:
-        """By the volume of the box around it."""
+        """Accept a node by the volume of the box around it."""
         found = volume(self.memory, node)
         return found is None or self.config.least <= found <= self.config.most
 

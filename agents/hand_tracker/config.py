@@ -1,4 +1,4 @@
-"""What can be configured about the hand tracker."""
+"""Configuration of the hand tracker."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class HandSensor(msgspec.Struct, frozen=True):
 
 
 class SkinModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What counts as a hand without MediaPipe: colour, depth and size."""
+    """Limits of colour, depth and size from which a region counts as a hand, without MediaPipe."""
 
     hue: tuple[float, float] = (0.0, 26.0)
     """degrees; a lower bound above the upper one goes through 360"""
@@ -55,17 +55,17 @@ class HandTrackerConfig(msgspec.Struct, frozen=True):
     cameras: tuple[str, ...] = ("camera_overhead", "camera_wrist")
     """Camera nodes whose frames are looked at, when there are any."""
     hand_sensors: dict[str, HandSensor] = {}
-    """By camera node."""
+    """Hand sensors by camera node."""
     model: str = ""
     """MediaPipe's `hand_landmarker.task`; without it skin colour and depth must do (degraded)."""
     swap_sides: bool = False
     """MediaPipe says left for right: models before 0.10.15 on images that are not mirrored."""
     least_score: Share = 0.5
-    """Of MediaPipe, with which a hand is one."""
+    """Least score of MediaPipe for a hand."""
     max_camera_speed: NotNegative = 0.02
     """m/s; while a camera moves faster, what it shows is not used."""
     max_camera_turn: NotNegative = 0.05
-    """rad/s, likewise."""
+    """rad/s up to which a camera counts as at rest."""
     skin: SkinModel = SkinModel()
     smoothing: Smoothing = Smoothing()
     fingertip_radius: Positive = 0.008

@@ -23,18 +23,18 @@ from dsr.vocabulary.intrinsics import Intrinsics
 Array = NDArray[np.float64]
 
 ENTRIES = ("hand_detector.tflite", "hand_landmarks_detector.tflite")
-"""What a model file, a zip archive, contains."""
+"""Files that a model file, a zip archive, contains."""
 HOW_TO_GET = "it is MediaPipe's 'HandLandmarker (full)', see https://ai.google.dev/edge/mediapipe/solutions/vision/hand_landmarker"
 SIGMA = 0.005
 """m, standard deviation of each coordinate of a landmark with depth"""
 FAILURES = (RuntimeError, ValueError, OSError, IndexError)
-"""What MediaPipe raises: a kind of Python's own errors for each of its states."""
+"""Exceptions that MediaPipe raises: a kind of Python's own errors for each of its states."""
 _MOST_OFF = 0.03
 """m, how far the depth at a landmark may be from where the hand's shape says, for it to be that landmark's."""
 
 
 class Landmarker(Protocol):
-    """What is used of `mediapipe.tasks.vision.HandLandmarker`, behind one call."""
+    """The used part of `mediapipe.tasks.vision.HandLandmarker`, behind one call."""
 
     def detect(self, color: Color, milliseconds: int) -> Any:
         """A `HandLandmarkerResult` for an RGB image (h, w, 3); times increase from call to call."""

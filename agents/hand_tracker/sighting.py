@@ -1,4 +1,4 @@
-"""What any source tells of one hand in one frame, and how 21 landmarks become that."""
+"""A hand as any source sees it in one frame, and its derivation from 21 landmarks."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class SeenHand(NamedTuple):
     palm_sigma: float = 0.0
     """m, standard deviation of each coordinate of the palm's centre, where that is more than landmarks would give it"""
     is_whole: bool = True
-    """It is a hand for sure, not perhaps a part of one that something cuts in two."""
+    """Whether this is a hand for certain, not perhaps a part of one that something cuts in two."""
 
 
 class Finder(Protocol):

@@ -70,7 +70,7 @@ def find_wrist(patch: Patch, middle: Array, body: Mask, depth: NDArray[np.float3
 
 
 def away_from(wrist: Array, middle: Array, tips: Sequence[Tip]) -> list[Tip]:
-    """Those of the tips that are not beside the wrist (2,) px, seen from the middle (2,) px of the palm."""
+    """Select the tips that are not beside the wrist (2,) px, seen from the middle (2,) px of the palm."""
     back = (wrist - middle) / max(float(np.linalg.norm(wrist - middle)), 1e-9)
     ways = [tip.centre - middle for tip in tips]
     return [tip for tip, way in zip(tips, ways, strict=True) if way @ back <= _BACK * np.linalg.norm(way)]

@@ -53,7 +53,7 @@ class PointFilter:
 
 
 class TurnFilter:
-    """Smooths a rotation."""
+    """A One-Euro filter of a rotation."""
 
     def __init__(self, config: Smoothing, rotation: Quaternion, stamp: float) -> None:
         self._config = config
@@ -87,7 +87,7 @@ class TurnFilter:
 
 
 def weight(cutoff: float, interval: float) -> float:
-    """Of a new sample in a low-pass filter of `cutoff` Hz, `interval` s after the last one."""
+    """Weight of a new sample in a low-pass filter of `cutoff` Hz, `interval` s after the last one."""
     return 1.0 / (1.0 + 1.0 / (2.0 * math.pi * cutoff * interval))
 
 

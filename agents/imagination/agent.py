@@ -32,13 +32,13 @@ class Candidate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     name: str
     goal: str
-    """What it is for, as for `dsr mission`."""
+    """The goal that the plan serves, as for `dsr mission`."""
     steps: tuple[str, ...]
     """E.g. `place cube_3 on cube_4`, see `dsr.imagining.parse_step`."""
 
 
 class ImaginationConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What is to be considered, and when."""
+    """The candidate plans, and when they are compared."""
 
     plans: tuple[Candidate, ...] = ()
     delay: NotNegative = 1.0

@@ -10,7 +10,7 @@ from dsr.vocabulary.intentions import ACTIVE, add_intention, nobody_pursues
 
 
 class MissionConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What is wanted."""
+    """The goal of the mission, and when it is written."""
 
     goal: str = ""
     """Relations, as docs/planning.md describes them; nothing is wanted if empty."""

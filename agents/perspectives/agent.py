@@ -31,11 +31,11 @@ class PerspectivesConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True
     world: str = BASE
     """The world that they see."""
     least_share: Share = LEAST_SHARE
-    """Of the pixels that a thing would have alone, from which on it is seen."""
+    """Least share of a thing's pixels, as it would have alone, from which on it is visible."""
     band: Share = BAND
-    """By how much the share of what is seen may be below that."""
+    """Hysteresis: a visible thing stays visible until its share is below the least by this much."""
     empty_share: Share = 0.5
-    """Of what would be seen of a thing if it were where it was, from which on that place is seen to be empty."""
+    """Share of a thing's image at its old place from which that place is seen to be empty."""
     patience: Annotated[float, msgspec.Meta(ge=0)] = 0.3
     """s for which a place must be empty"""
     width: Annotated[int, msgspec.Meta(ge=16, le=4096)] = WIDTH

@@ -1,4 +1,4 @@
-"""The timeline of a person's world: what they saw from when to when, and what they took to be so."""
+"""The timeline of a person's world: the things that the person saw from when to when, and the person's beliefs."""
 
 from __future__ import annotations
 

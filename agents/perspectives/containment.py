@@ -1,4 +1,4 @@
-"""What is in what, and goes along with it, for somebody who sees the container and not what is in it."""
+"""Infers for a person which unseen thing is in which seen container, and moves it along with that."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What one person knows of the world by having seen it: a world of its own, kept in step with the eyes."""
+"""The knowledge of one person from having seen the world: a world of its own, kept in step with the eyes."""
 
 from __future__ import annotations
 

@@ -23,9 +23,9 @@ class VisibilityConfig(WorldsConfig, frozen=True, forbid_unknown_fields=True):
     """Types of perspectives: `person`, `camera`; edges that the simulation handler writes from cameras stay as they
     are."""
     least_share: Share = LEAST_SHARE
-    """Of the pixels that a thing would have alone, from which on it is seen."""
+    """Least share of a thing's pixels, as it would have alone, from which on it is visible."""
     band: Share = BAND
-    """By how much the share of what is seen may be below that."""
+    """Hysteresis: a visible thing stays visible until its share is below the least by this much."""
     width: Annotated[int, msgspec.Meta(ge=16, le=4096)] = WIDTH
     """px, of the pictures"""
 

@@ -20,7 +20,7 @@ ACCELERATION = 5.0
 """rad/s^2, of the joint with the longest way"""
 
 CATCH_UP = 1.1
-"""Of the velocity limits, at which a trajectory that is elsewhere is caught up with"""
+"""Share of the velocity limits with which the arm catches up with a trajectory that is elsewhere"""
 
 _LEAST_SHARE = 0.05  # of speed and acceleration, for joints that are nearly there already
 

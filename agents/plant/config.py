@@ -1,4 +1,4 @@
-"""What can be configured of the plant."""
+"""Configuration of the plant."""
 
 from __future__ import annotations
 

@@ -71,7 +71,7 @@ PREDICATES: dict[str, Callable[..., bool]] = {
     "lowering": lowering,
     "idle": idle,
 }
-"""By their name in a condition."""
+"""Predicates by their name in a condition."""
 PASSING = frozenset({"lowering"})
 """Predicates on motion, which need not last to count."""
 

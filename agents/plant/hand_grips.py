@@ -24,7 +24,7 @@ PITCH = 0.6
 OPENED = 0.025
 """m, of each fingertip from the object before it closes"""
 UPPER = 0.2
-"""Of an object's height, by which it is taken above its centre."""
+"""Share of an object's height, by which it is taken above its centre."""
 SPREAD = 0.022
 """m, between fingertips side by side"""
 MOST_SPREAD = 0.08

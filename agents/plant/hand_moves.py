@@ -1,4 +1,4 @@
-"""What hands do: the moves of a hand itself, and the other moves carried out by a hand."""
+"""Moves of hands: those of a hand itself, and the other moves carried out by a hand."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def roll(event: Roll, stage: Stage) -> Steps:
 
 
 PUSHES: dict[type[Event], Move] = {Topple: topple, Push: push, Roll: roll}
-"""What to do for each kind of event."""
+"""The move for each kind of event."""
 
 
 COMES_FROM = 0.35
@@ -85,7 +85,7 @@ COMES_FROM = 0.35
 FINGER_SPEED = 0.1
 """m/s, of a fingertip in the palm's frame"""
 HAND_SPEED = 0.4
-"""m/s, of a hand that comes to do another move"""
+"""m/s, speed of a hand that comes to do another move"""
 _BACK = 0.06  # m, along the palm, from which a hand closes in on an object
 _RISEN = 0.08  # m, how much higher a hand comes and leaves
 

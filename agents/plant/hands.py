@@ -190,7 +190,7 @@ class Hands:
 
     @property
     def present(self) -> list[Hand]:
-        """Those in the scene, by number."""
+        """The hands in the scene, by number."""
         return [hand for hand in self._hands.values() if hand.is_present]
 
     def holding(self, style: Style) -> Mapping[str, str]:

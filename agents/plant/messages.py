@@ -1,4 +1,4 @@
-"""What travels between the plant and its drivers, as MessagePack maps."""
+"""Messages between the plant and its drivers, as MessagePack maps."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ MOST_HANDS = 16
 MOST_PERSONS = 64
 """In one message."""
 LANDMARKS = 21
-"""Of one hand."""
+"""Number of landmarks of one hand."""
 MOST_POINTS = 5000
-"""Of one trajectory."""
+"""Points that one trajectory may have."""
 Point = tuple[float, float, float]
 """m"""
 Seven = tuple[float, float, float, float, float, float, float]
@@ -85,9 +85,11 @@ class Truth(msgspec.Struct, frozen=True):
     grasped: dict[str, str] = {}
     """Objects that are held, and by what: `gripper`, the node of a hand, or `unknown` for the experimenter."""
     moves: dict[int, tuple[float, float | None]] = {}
-    """Of what the experimenter has begun, by the event's number in the file (from 1): begin, end; s after the start"""
+    """Begin and end (s after the start) of the moves that the experimenter has begun, by the event's number in the file
+    (from 1)
+    """
     given_up: dict[int, str] = {}
-    """Of those, the ones that could not be carried out, and why."""
+    """Reasons why moves could not be carried out, by the event's number."""
     hands: dict[int, tuple[Point, ...]] = {}
     """21 landmarks (m, world) of each hand in the scene, by number: centres of the joints, as in MediaPipe's order"""
     touched: dict[str, str] = {}

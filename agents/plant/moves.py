@@ -1,4 +1,4 @@
-"""What the experimenter's moves do: one generator each, which advances by one step of physics at a time.
+"""Moves of the experimenter: one generator each, which advances by one step of physics at a time.
 
 A new move is a struct in the scenario format and a generator function here, registered with `move`.
 """
@@ -40,7 +40,7 @@ Steps = Iterator[None]
 Move = Callable[[Any, Stage], Steps]
 """Called with the event; each item is a step of physics."""
 MOVES: dict[type[Event], Move] = {}
-"""What to do for each kind of event."""
+"""The move for each kind of event."""
 
 
 def move(kind: type[Event]) -> Callable[[Move], Move]:

@@ -1,4 +1,4 @@
-"""What stands in for the arm in a world without one."""
+"""Stands in for the arm in a world without one."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ class NoArm:
     held: str | None = None
 
     def let_go(self) -> None:
-        """It holds nothing."""
+        """Do nothing: there is no held object."""
 
     def step(self) -> None:
         """Nothing of it moves."""

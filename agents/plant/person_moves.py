@@ -1,4 +1,4 @@
-"""What persons do: they come, turn the head, walk and leave."""
+"""Moves of persons: they come, turn the head, walk and leave."""
 
 from __future__ import annotations
 
@@ -61,4 +61,4 @@ def _present(stage: Stage, name: str) -> Person:
 
 
 PERSON_MOVES: dict[type[Event], Move] = {PersonEnter: enter, PersonTurn: turn, PersonWalk: walk, PersonLeave: leave}
-"""What to do for each kind of event."""
+"""The move for each kind of event."""

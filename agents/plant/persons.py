@@ -48,11 +48,11 @@ class Persons:
 
     @property
     def present(self) -> list[Person]:
-        """Those in the scene."""
+        """The persons in the scene."""
         return [person for person in self._persons.values() if person.is_present]
 
     def read(self, rng: np.random.Generator, stamp: float) -> PersonReadings:
-        """What a tracker tells now; errors are drawn also for those who are not there."""
+        """Simulate the tracker's present readings; errors are drawn also for persons who are not there."""
         readings = []
         for person in self._persons.values():
             noise = rng.normal(0.0, 1.0, 6)

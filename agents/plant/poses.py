@@ -44,7 +44,9 @@ _REACHED = 0.999  # share of a ray without obstacle that counts as reaching its 
 
 
 def read_tags(camera: Camera, world: World, hands: Hands, stamp: float) -> TagReadings:
-    """What `camera` recognises now by tags and colours, with its errors; drawn also for those it does not see."""
+    """Simulate the readings of `camera` by tags and colours, with its errors; drawn also for objects that it does not
+    see.
+    """
     errors = camera.sensor.errors()
     seen = TagReadings(stamp, [], camera.lens, [])
     camera.in_view = []

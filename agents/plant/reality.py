@@ -68,7 +68,7 @@ class Reality:
             self.arm.stop()
 
     def arm_state(self, stamp: float) -> ArmState | None:
-        """What the arm's sensors say; None without an arm."""
+        """Read the arm's sensors; None without an arm."""
         arm = self.arm
         if isinstance(arm, NoArm):
             return None
@@ -97,24 +97,24 @@ class Reality:
         )
 
     def frame(self, stamp: float) -> Frame:
-        """What the camera sees, as images; only with the sensor `pixels`."""
+        """Render the camera's images; only with the sensor `pixels`."""
         assert self._renderer is not None
         self.camera.in_view = recognisable(self.camera, self.world, self.hands)
         self.hands.draw()
         return self.camera.photograph(self.world, self._renderer, stamp)
 
     def readings(self, stamp: float) -> TagReadings:
-        """What the camera sees, as poses."""
+        """Simulate the camera's readings of objects, as poses."""
         return read_tags(self.camera, self.world, self.hands, stamp)
 
     def hand_readings(self, stamp: float) -> HandReadings | None:
-        """What the camera sees of hands, as landmarks; None in a scenario without hands."""
+        """Simulate the camera's readings of hands, as landmarks; None in a scenario without hands."""
         if not self.has_hands:
             return None
         return read_hands(self.camera, self.world, self.hands, self._hand_noise, stamp)
 
     def person_readings(self, stamp: float) -> PersonReadings | None:
-        """What the tracker of persons tells; None in a scenario without persons."""
+        """Simulate the readings of the tracker of persons; None in a scenario without persons."""
         return self.persons.read(self._person_noise, stamp) if self.persons else None
 
     def close(self) -> None:

@@ -47,7 +47,7 @@ raise SystemExit(0 if plugin >= 0 and len(image[2]) else 3)
 
 
 class Picture(msgspec.Struct, frozen=True):
-    """What an ideal camera sees."""
+    """The images of an ideal camera: colour, depth and bodies, without noise."""
 
     color: NDArray[np.uint8]
     """(h, w, 3) RGB"""

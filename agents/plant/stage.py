@@ -1,4 +1,4 @@
-"""What the experimenter can lay hands on, and what is in those hands now."""
+"""The things that the experimenter can move, and those in the experimenter's hands now."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ class Stage:
         return self.arm.held == name or any(name in grip.names for grip in self._grips.values())
 
     def grasped(self) -> dict[str, str]:
-        """What is held, and by what.
+        """Names of the held objects, each with its holder.
 
         `gripper`, `human_hand_0`, or `unknown` for the experimenter; not what only comes along.
         """

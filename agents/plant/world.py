@@ -125,7 +125,7 @@ class World:
 
     @contextlib.contextmanager
     def shown_at(self, poses: Mapping[str, Pose]) -> Iterator[None]:
-        """For a picture: objects are drawn at `poses` (world_from_object); physics must not step meanwhile."""
+        """Draw objects at `poses` (world_from_object) for a picture; physics must not step meanwhile."""
         moved = {name: true for name, pose in poses.items() if (true := self.pose(name)) != pose}
         for name in moved:
             self.bullet.set_pose(self.body(name), poses[name])

@@ -67,20 +67,20 @@ _DEVICES = ("*/state", "*/command", "*/*/poses", "*/*/hands")
 
 
 class RecorderConfig(msgspec.Struct, frozen=True):
-    """What is recorded, and where."""
+    """Which data are recorded, and where."""
 
     folder: str = "runs/recorder"
     """Gets `recording.mcap`, or `recording-2.mcap` if that exists, and so on."""
     frames_hz: float = 2.0
     """Camera frames a second and camera that are kept; 0 for none."""
     jpeg_quality: int = 90
-    """Of recorded colour images, 1 to 100."""
+    """JPEG quality of recorded colour images, 1 to 100."""
     flush_period: float = 0.4
     """s, at most so much is lost when the recorder is killed"""
     snapshot_period: float = 30.0
     """s between two messages that hold the whole graph, from which reading may begin"""
     about: dict[str, str] = {}
-    """What else the file shall say about itself, such as the run's seed."""
+    """Facts about the recording that its file shall tell, such as the run's seed."""
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.frames_hz) and self.frames_hz >= 0):

@@ -1,4 +1,4 @@
-"""What a recording holds: one kind of channel for each kind of traffic, with a description for readers."""
+"""The content of a recording: one kind of channel for each kind of traffic, with a description for readers."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ class ChannelKind(NamedTuple):
     prefix: str
     schema: str
     encoding: str
-    """Of the messages."""
+    """Encoding of the messages."""
     text: str
     """Their layout, stored in the file."""
 

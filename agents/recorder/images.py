@@ -15,7 +15,7 @@ from dsr.images.blobs import Frame
 DEPTH_UNIT = 1e-4
 """m, resolution of a packed depth image; 6.55 m and more become unknown (0)"""
 MOST_PIXELS = 1 << 26
-"""Of an image that is unpacked: 8192 by 8192."""
+"""Pixels that an image may have to be unpacked: 8192 by 8192."""
 _PNG_SIZE = struct.Struct(">8s4x4sII")
 _PNG = b"\x89PNG\r\n\x1a\n"
 _JPEG_FRAMES = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}

@@ -83,7 +83,7 @@ class RecordingIndex:
         return self._place_for(self.begin + time).stamp > self.begin + reached
 
     def meshes(self) -> Iterator[Mesh]:
-        """Those that are in the recording, one in memory at a time; what is none is left out."""
+        """Yield the meshes of the recording, one in memory at a time; damaged ones are left out."""
         for number, position in sorted(self._meshes):
             for record in next(self._files[number].pieces(position)).records:
                 if record.topic == MESH:

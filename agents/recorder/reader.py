@@ -16,7 +16,7 @@ FILE_NAME = "recording.mcap"
 
 
 class SegmentReport(msgspec.Struct, frozen=True):
-    """What was found in one file of a recording."""
+    """The state of one file of a recording."""
 
     path: Path
     messages: int

@@ -32,7 +32,7 @@ class Stretch(msgspec.Struct):
     """Until now without a break."""
 
     def note(self, holds: bool, passed: float) -> None:
-        """It was so for the last `passed` s, or not."""
+        """Note whether the difference held during the last `passed` s."""
         self.lasting_s = self.lasting_s + passed if holds else 0.0
         self.total_s += passed * holds
         self.longest_s = max(self.longest_s, self.lasting_s)
@@ -65,7 +65,7 @@ class Disagreement(msgspec.Struct):
 
 
 class Outcome(msgspec.Struct, kw_only=True):
-    """What the comparison found."""
+    """The result of a comparison."""
 
     agents: list[str]
     seconds: float
@@ -82,7 +82,9 @@ class Outcome(msgspec.Struct, kw_only=True):
     """Agents whose ticks failed, and why."""
 
     def differences(self, grace: float) -> list[str]:
-        """What differs for longer than `grace` (s) without a break, and explanations that differ; one line each."""
+        """List differences that last longer than `grace` (s) without a break, and explanations that differ; one line
+        each.
+        """
         found = list(self.failures)
         for pose in self.poses:
             if pose.beyond.longest_s > grace:
@@ -208,7 +210,7 @@ class Comparison:
             found.beyond.note(metres > self._tolerance or radians > self._turn_tolerance, passed)
 
     def outcome(self, agents: Collection[str], notes: list[str]) -> Outcome:
-        """What was found until now; nothing may be sampled after that."""
+        """Return the result until now; nothing may be sampled after that."""
         for pose in self._poses.values():
             pose.mean_m = pose.mean_m / pose.both_s if pose.both_s > 0.0 else 0.0
         return Outcome(

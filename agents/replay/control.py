@@ -47,7 +47,7 @@ class PlayState(msgspec.Struct, frozen=True):
     begin: float = 0.0
     """s, stamp of the recording's first message"""
     number: int = 0
-    """That of the command in this request; it is carried out once `done` has come to it."""
+    """Number of the command in this request; it is carried out once `done` has come to it."""
     error: str = ""
     """Why the request was refused."""
 

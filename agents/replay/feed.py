@@ -1,4 +1,4 @@
-"""What agents that are run anew get from a recording: everything but what they had written themselves."""
+"""Feeds agents that are run anew from a recording: everything but their own recorded writes."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ LiveDots = Callable[[Key], list[Dot]]
 
 
 class Rebinding:
-    """What waits for its new dots.
+    """Changes that wait for the new dots of their elements.
 
     Args:
         is_anew: whether a dot is one that the agents had made in the recording.
@@ -85,7 +85,7 @@ class Rebinding:
         return kept
 
     def bound(self, live: LiveDots) -> Delta:
-        """What has found its new dots; it waits no more."""
+        """Return the changes that have found their new dots; they wait no more."""
         delta = Delta()
         for dot, add in list(self._adds.items()):
             sources, destinations = (

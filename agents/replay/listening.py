@@ -36,7 +36,7 @@ class Listener:
         return kept_by(self._memory)
 
     def events(self) -> list[Event]:
-        """What happened since the last call, in the order of times."""
+        """Events since the last call, in the order of times."""
         written, derived = self._written(), self._derived()
         if self._past is None:
             self._past = {(event.kind, event.subject) for event in written}
@@ -75,14 +75,14 @@ class Listener:
 
 
 class History(NamedTuple):
-    """What a recording tells of the past."""
+    """The past as a recording tells it."""
 
     events: list[Event]
     """In the order of their times (stamps, s)."""
     names: set[str]
     """Nodes that there ever were, without those of the timeline."""
     entries: list[Entry]
-    """Of the timeline in the graph, as they were last, also those that were forgotten; in the order of beginning."""
+    """Entries of the timeline in the graph, as they were last, also forgotten ones; in the order of their begin."""
     end: float
     """s, of the last record."""
 

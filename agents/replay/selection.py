@@ -17,7 +17,7 @@ _OF = {"surprised": SURPRISING, "calmed": SURPRISING}
 
 
 class Selection:
-    """What is wanted.
+    """A selection of events by kind, participant and time.
 
     Args:
         kinds: of events (`began`, `Pick`) or of the situations that they belong to (`on`, `surprising`); all if none.
@@ -91,7 +91,7 @@ TIMES = "BEGIN:END"
 
 
 class Asking:
-    """What is wanted; everything if nothing is given.
+    """A query of entries; everything if nothing is given.
 
     Args:
         type: `event` or `situation`.

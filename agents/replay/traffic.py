@@ -1,4 +1,4 @@
-"""What a recording holds besides the graph, published again: images, statuses, logs, truth, devices."""
+"""Publishes the traffic of a recording besides the graph again: images, statuses, logs, truth, devices."""
 
 from __future__ import annotations
 

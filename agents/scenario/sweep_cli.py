@@ -41,7 +41,7 @@ class SweptPolicy(enum.StrEnum):
 
 
 class Report(msgspec.Struct, frozen=True):
-    """What is written to the file of `--json`."""
+    """The content of the file of `--json`."""
 
     complete: bool
     """Every run was made."""

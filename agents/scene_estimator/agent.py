@@ -24,7 +24,7 @@ from dsr.vocabulary.intrinsics import INTRINSICS, Intrinsics
 from dsr.vocabulary.relations import THINGS
 
 Seen = tuple[list[Sighting], list[ColorSighting]]
-"""What a camera shows: what was recognised by tags, and by colours."""
+"""Sightings of one camera: by tags, and by colours."""
 
 
 class SceneEstimator(Agent):

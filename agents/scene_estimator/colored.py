@@ -35,7 +35,7 @@ _ROUNDING = 1e-3
 
 
 class ColoredObject(NamedTuple):
-    """What is known of an object that has a colour and no tag."""
+    """The known properties of an object that has a colour and no tag."""
 
     name: str
     color: Vector3

@@ -1,4 +1,4 @@
-"""What can be configured about the scene estimator."""
+"""Configuration of the scene estimator."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class SceneEstimatorConfig(msgspec.Struct, frozen=True):
     cameras: tuple[str, ...] = ("camera_overhead", "camera_wrist")
     """Camera nodes whose frames are looked at, when there are any."""
     tag_sensors: dict[str, TagSensor] = {}
-    """By camera node."""
+    """Tag sensors by camera node."""
     tag_ratio: Annotated[float, msgspec.Meta(gt=0, le=1)] = TAG_RATIO
     """Side of a tag's black square over that of the face it is on."""
     default_size: Positive = 0.04
@@ -39,5 +39,5 @@ class SceneEstimatorConfig(msgspec.Struct, frozen=True):
     max_camera_speed: NotNegative = 0.02
     """m/s; while the camera moves faster, nothing is published."""
     max_camera_turn: NotNegative = 0.05
-    """rad/s, likewise."""
+    """rad/s up to which a camera counts as at rest."""
     noise: NoiseModel = NoiseModel()

@@ -62,7 +62,7 @@ class Fit(NamedTuple):
     turn: Array
     """(3, 3) world_from_object"""
     share: float
-    """Of its image that is not hidden."""
+    """Visible share of the object's image."""
     agreement: float
     """Share of that which has its colour."""
     misfit: float
@@ -70,7 +70,7 @@ class Fit(NamedTuple):
 
 
 class Scene:
-    """What is seen, in the world frame."""
+    """The visible points and their camera, in the world frame."""
 
     def __init__(self, view: View, mask: Mask, points: Array, weights: Array) -> None:
         self._view = view

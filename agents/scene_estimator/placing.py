@@ -22,7 +22,7 @@ from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Array
 
 LEAST_SHARE = 0.35
-"""Of the image of an object, had it no others before it, that must be seen"""
+"""Share of an object's image, as it would be with no others before it, that must be seen"""
 
 _WORST_FIT = 0.2  # of the shortest edge: mean distance of the points from the shape, above which it is another thing
 _NOISY_FIT = 3.0  # times the depth noise: the same, of thin objects

@@ -85,7 +85,7 @@ _SIZE_RATIO = 1.5
 
 
 class NoiseModel(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What is known about the sensor's errors."""
+    """A model of the sensor's errors."""
 
     depth_bias_std: NotNegative = 0.01
     """m, systematic error of depth along the ray: not visible in the residuals, does not average out."""

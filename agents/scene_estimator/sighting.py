@@ -1,4 +1,4 @@
-"""What a camera frame or a tag sensor shows: tags and where the tagged objects are."""
+"""Sightings of a camera frame or a tag sensor: tags and the poses of tagged objects."""
 
 from __future__ import annotations
 

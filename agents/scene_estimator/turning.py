@@ -22,7 +22,7 @@ _ODD = 1.0  # rad, no fraction of a turn
 
 @functools.lru_cache(maxsize=256)
 def order(shape: Shape, size: Vector3) -> int:
-    """By how many equal turns about its z axis a shape comes to look as before; `ROUND` if by any.
+    """Count the equal turns about its z axis after which a shape looks as before; `ROUND` if any turn does.
 
     Args:
         shape: without parts, a box of `size` m.
@@ -34,7 +34,7 @@ def order(shape: Shape, size: Vector3) -> int:
 
 
 def nearest_alike(yaw: float, before: float, count: int) -> float:
-    """Of the yaws (rad) that look like `yaw`, with a shape of order `count`, the one nearest to the one before."""
+    """Choose the yaw (rad) nearest to the one before, of those that look like `yaw` with a shape of order `count`."""
     if count == ROUND:
         return before
     apart = 2.0 * math.pi / count
@@ -42,7 +42,8 @@ def nearest_alike(yaw: float, before: float, count: int) -> float:
 
 
 def nearest_turn(rotation: Quaternion, before: Quaternion, count: int) -> Quaternion:
-    """Of the turns about its own z axis after which an object looks as with `rotation`, the nearest to the one before.
+    """Choose the rotation nearest to the one before, of the turns about the own z axis after which an object looks the
+    same.
 
     Args:
         rotation: world_from_object, as it is seen to be, with a shape of order `count`.

@@ -40,7 +40,7 @@ class Wish(NamedTuple):
     things: frozenset[str] | None
     """Names of the sources; None for all things."""
     others: frozenset[str] | None
-    """Names of the destinations, likewise."""
+    """Names of the destinations; None for all."""
     viewpoint: str
     """Name of the frame; empty for none."""
 

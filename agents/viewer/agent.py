@@ -32,7 +32,7 @@ _MOST_WAITING = 2_000
 
 
 class ViewerConfig(msgspec.Struct, frozen=True):
-    """What is shown, and where."""
+    """Which data the viewer shows, and where."""
 
     folder: str = "runs/viewer"
     """Gets `recording.rrd`, or `recording-2.rrd` if that exists, and so on."""
@@ -41,9 +41,9 @@ class ViewerConfig(msgspec.Struct, frozen=True):
     images_hz: float = 5.0
     """Camera images a second and camera."""
     jpeg_quality: int = 80
-    """Of camera images, 1 to 100."""
+    """JPEG quality of camera images, 1 to 100."""
     memory_limit: str = "1GB"
-    """What the window may use until it forgets the oldest data."""
+    """Memory that the window may use until it forgets the oldest data."""
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.images_hz) and self.images_hz > 0):

@@ -42,7 +42,7 @@ class Box(NamedTuple):
 
 
 class Drawing(NamedTuple):
-    """What to draw."""
+    """The elements of a drawing."""
 
     boxes: list[Box]
     arrows: list[tuple[str, str]]

@@ -1,4 +1,4 @@
-"""What the robot wants, does, holds, finds surprising, and how it explains that: as two pages of text."""
+"""Writes the robot's goals, actions, held object, surprises and explanations as two pages of text."""
 
 from __future__ import annotations
 

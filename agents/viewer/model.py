@@ -1,4 +1,4 @@
-"""What the 3D view shows, read from the working memory as plain values."""
+"""Reads the content of the 3D view from the working memory as plain values."""
 
 from __future__ import annotations
 

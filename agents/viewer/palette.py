@@ -14,7 +14,7 @@ BELIEF: Color = (64, 156, 255)
 HELD: Color = (110, 230, 130)
 """A belief that the gripper holds."""
 SURPRISE: Color = (255, 64, 96)
-"""What percepts and belief disagree about."""
+"""Colour of objects about which percepts and belief disagree."""
 NAME: Color = (235, 235, 235)
 ROBOT: Color = (205, 210, 216)
 JOINT: Color = (90, 96, 104)

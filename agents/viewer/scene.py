@@ -252,7 +252,7 @@ class PersonView:
 
 
 def read_persons(memory: Memory) -> list[Shown]:
-    """Those who are perceived now and of whom it is known where, by name."""
+    """List the persons that are perceived now and whose place is known, by name."""
     found = []
     for node in nodes_by_name(memory, PERSON):
         pose = memory.get_transform(WORLD, node.name, types=BELIEVED)

@@ -79,7 +79,7 @@ class Window:
 
     @property
     def exit_code(self) -> int | None:
-        """Of the viewer, None while it runs."""
+        """Exit code of the viewer, None while it runs."""
         return self._process.poll()
 
     def close(self) -> None:
@@ -107,7 +107,7 @@ def native_viewer() -> Path:
 
 
 def private_environment(environment: Mapping[str, str], scratch: Path) -> dict[str, str]:
-    """For the viewer: it never removes its temporary files, so they go to `scratch`.
+    """Make the environment of the viewer: it never removes its temporary files, so they go to `scratch`.
 
     Without usage analytics, which rerun leaves out, its files included, where `CI` is set.
     """

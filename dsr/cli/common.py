@@ -1,4 +1,4 @@
-"""What the commands share: options, joining the running graph as a reader, output for people and for programs."""
+"""Shares code between the commands: options, joining the running graph as a reader, output for people and programs."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ PACKAGES = {
     "rerun-sdk": "rerun",
     "mcap": "mcap",
 }
-"""What must be installed, with the module that each provides; pybullet has a check of its own."""
+"""Packages that must be installed, with the module that each provides; pybullet has a check of its own."""
 _COMPILERS = ("c++", "g++", "clang++", "cl")
 _EGL_PROBE = "from agents.plant.renderer import egl_works; raise SystemExit(0 if egl_works() else 3)"
 _SOLVER_PROBE = "from planner.solver import probe; print(probe())"

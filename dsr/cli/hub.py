@@ -15,7 +15,7 @@ from dsr.security.renewal import watch_certificate
 
 app = typer.Typer()
 NAME = "hub"
-"""What its certificate calls it."""
+"""Name of the hub in its certificate."""
 
 
 @app.command()

@@ -32,7 +32,10 @@ def checked_name(group: str, name: str, own: Iterable[str]) -> str:
 
 
 def load(group: str, name: str) -> Any:
-    """What is provided under that name. Raises `ConfigError` if there is nothing, or it cannot be imported."""
+    """Import the object that packages provide under `name` in `group`.
+
+    Raises `ConfigError` if there is none, or it cannot be imported.
+    """
     checked_name(group, name, ())
     (entry_point, *_) = entry_points(group=group, name=name)
     try:

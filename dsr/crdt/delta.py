@@ -1,4 +1,4 @@
-"""What replicas tell each other: additions, register writes, removals and the dots these cover."""
+"""Deltas that replicas exchange: additions, register writes, removals, and the dots that these cover."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Delta(msgspec.Struct, gc=False):
     context: list[DotRange] = []
     live: frozenset[Dot] | None = None
     examined: list[DotRange] | None = None
-    """Of which dots `live` tells; all of the context if None."""
+    """Dots that `live` is about: any of them that is not in `live` was removed; None for all of the context."""
 
     def __bool__(self) -> bool:
         return bool(self.adds or self.writes or self.removed or self.context or self.live is not None)

@@ -52,7 +52,7 @@ class Piece(msgspec.Struct):
     """Replica ids of those for whom it waits, if it has not joined."""
 
     def as_delta(self) -> Delta:
-        """What can be joined; it accounts only for what is in it."""
+        """Make a delta that can be joined; it accounts only for the dots of this piece."""
         dots = [add.dot for add in self.adds]
         live = frozenset([*dots, *self.kept])
         dots += [write.dot for write in self.writes if write.dot]
@@ -147,5 +147,5 @@ def together(pieces: Iterable[Piece]) -> Delta:
 
 
 def reply_to(store: Store, seen: CausalContext) -> Delta:
-    """What a replica that has seen `seen` lacks, plus all live dots: a synchronisation reply in one."""
+    """Make a synchronisation reply in one delta: all changes that `seen` lacks, plus all live dots."""
     return together(all_pieces(store, seen))

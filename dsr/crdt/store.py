@@ -202,7 +202,9 @@ class Store:
             entry.registers[write.attribute] = replace(current, dot=write.dot)
 
     def find(self, dot: Dot) -> Entry | None:
-        """What was created under `dot` and lives, with the registers that are written here."""
+        """Find the live entry that was created under `dot`, with the registers that are written here; None if there is
+        none.
+        """
         return self.entries.get(dot)
 
     @property

@@ -47,12 +47,12 @@ class Hashes:
 
 
 class Summary(NamedTuple):
-    """What a digest tells of a context."""
+    """A short description of a causal context, as a digest carries it."""
 
     recent: tuple[tuple[str, tuple[tuple[int, int], ...]], ...]
     """Replica ids that changed last, and all their ranges of counters."""
     hash: int
-    """Of the whole context."""
+    """Hash of the whole context."""
 
     @staticmethod
     def of(hashes: Hashes, ranges_of: Callable[[str], Ranges], first: str | None) -> Summary:

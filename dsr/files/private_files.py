@@ -21,7 +21,7 @@ import msgspec
 FOLDER_MODE = 0o700
 FILE_MODE = 0o600
 DRAFT_SUFFIX = ".new"
-"""Of files that are not complete yet; a crash may leave one behind."""
+"""Suffix of files that are not complete yet; a crash may leave one behind."""
 _OTHERS = 0o077
 """The permissions of everybody but the owner."""
 

@@ -64,7 +64,10 @@ class Newest:
         return None
 
     def depend(self, frame: str, link: Link | None) -> list[Dependency]:
-        """What must stay for `find` to answer with this link: no edge of a type preferred to its own, and itself."""
+        """List the dependencies of this answer of `find`: while they stay, `find` gives the same link.
+
+        They are the link itself, and that no edge of a preferred type exists.
+        """
         rank = len(self._types) if link is None else self._types.index(link.type)
         preferred: list[Dependency] = [(links, frame, None) for links in self._tables[:rank]]
         return preferred if link is None else [*preferred, (self._tables[rank], frame, link)]

@@ -179,7 +179,7 @@ class FrameTree:
         return self._links(type).get(child)
 
     def depend_on(self, type: str, child: str, link: Link | None) -> list[Dependency]:
-        """What must stay for `link` to answer with this link again."""
+        """List the dependencies of this link: while they stay, `link` gives the same answer again."""
         return [(self._links(type), child, link)]
 
     def histories(self, type: str, child: str) -> dict[str, PoseHistory] | None:

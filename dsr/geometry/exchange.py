@@ -41,7 +41,7 @@ _log = logging.getLogger("dsr.meshes")
 
 
 class MeshStatistics(NamedTuple):
-    """What a process did with meshes since it began."""
+    """Counts of the meshes that a process has sent, received and dropped since it began."""
 
     sent: int
     """bytes that it gave others in pieces"""
@@ -109,7 +109,7 @@ class MeshExchange:
 
     @property
     def statistics(self) -> MeshStatistics:
-        """What was sent, received and dropped."""
+        """Counts of meshes that were sent, received and dropped."""
         counts = Counter(self._counts)
         if self.store.disk is not None:
             counts["mismatched"] += self.store.disk.mismatched

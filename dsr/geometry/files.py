@@ -151,4 +151,4 @@ def _dae(data: bytes) -> _Content:
 
 
 READERS: dict[str, Callable[[bytes], _Content]] = {".obj": _obj, ".stl": _stl, ".glb": _glb, ".dae": _dae}
-"""By how the name of a file ends."""
+"""Readers of model files, by the suffix of the file's name."""

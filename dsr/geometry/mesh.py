@@ -21,7 +21,7 @@ from dsr.errors import MeshError, SchemaError, WireError
 from dsr.math3d.quaternions import Vector3
 
 MOST_BYTES = 1 << 28
-"""Of one mesh: about 9 million vertices."""
+"""Bytes that one mesh may have: about 9 million vertices."""
 MOST_AT_NODE = 256
 """Meshes of one node."""
 _MAGIC = b"dsrmesh1"
@@ -118,7 +118,7 @@ class Mesh:
 
 
 def hash_of(data: Bytes) -> str:
-    """What a mesh with these canonical bytes is known by."""
+    """Compute the hash (SHA-256, hexadecimal) that names the mesh with these canonical bytes."""
     return hashlib.sha256(data).hexdigest()
 
 

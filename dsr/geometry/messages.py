@@ -1,4 +1,4 @@
-"""What replicas say to each other about meshes: who has one, and pieces of its bytes."""
+"""Messages between replicas about meshes: who has one, and pieces of its bytes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Offer(msgspec.Struct, frozen=True, array_like=True):
     """Somebody has a mesh."""
 
     size: int
-    """Of its canonical bytes; 0 if it is not here yet."""
+    """Number of the mesh's canonical bytes; 0 if the mesh is not here yet."""
     place: Place | None = None
     """Where processes of the same machine can read it."""
 
@@ -39,12 +39,12 @@ _offers = msgspec.msgpack.Decoder(Offer)
 
 
 def encode_ask(ask: Ask) -> bytes:
-    """For `decode_ask`."""
+    """Encode a request for a mesh; `decode_ask` reads it."""
     return _encoder.encode(ask)
 
 
 def encode_offer(offer: Offer) -> bytes:
-    """For `decode_offer`."""
+    """Encode an offer of a mesh; `decode_offer` reads it."""
     return _encoder.encode(offer)
 
 

@@ -19,9 +19,11 @@ from dsr.math3d.transforms import Pose
 Array = NDArray[np.float64]
 
 MOST_NODES = 5_000
-"""Of one model."""
+"""Nodes that one model may have."""
 MOST_TRIANGLES = 1 << 24
-"""Of one model, those of a mesh that comes in several sizes counted for each: all that fit into a file of 256 MiB."""
+"""Triangles that one model may have, those of a mesh counted again for each of its sizes: as many as fit into a file of
+256 MiB.
+"""
 _DIGITS = 9  # of a factor of scale: instances that differ by rounding alone shall have one mesh
 _FARTHEST = 1e5  # m, of a vertex from the frame of its node
 _LEAST_SCALE = 1e-9
@@ -67,12 +69,12 @@ class ModelNode(NamedTuple):
 
 @dataclass(frozen=True)
 class Model:
-    """What a file holds."""
+    """The content of a model file: nodes with their hierarchy and meshes."""
 
     nodes: tuple[ModelNode, ...]
     """The root first, each parent before its children."""
     warnings: tuple[str, ...] = ()
-    """What of the file could not be used."""
+    """Parts of the file that could not be used, in words."""
 
     @property
     def root(self) -> ModelNode:

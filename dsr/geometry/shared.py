@@ -27,7 +27,7 @@ class Place(msgspec.Struct, frozen=True, array_like=True):
 
     process: int
     descriptor: int
-    """Of the holder's process."""
+    """File descriptor of the shared memory in the holder's process."""
     length: int
 
 

@@ -35,7 +35,9 @@ _log = logging.getLogger("dsr.meshes")
 
 
 class Network(Protocol):
-    """What a transfer needs: calls it in one thread at a time, and passes on answers in the same way."""
+    """The network as a transfer needs it: it calls the transfer in one thread at a time, and passes on answers in the
+    same way.
+    """
 
     def ask(
         self, holder: str, payload: bytes, on_reply: Callable[[str, bytes], None], on_done: Callable[[], None]

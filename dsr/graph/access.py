@@ -1,4 +1,4 @@
-"""What an agent says it reads and writes; a guard that holds it to that, and a check over a whole system."""
+"""Declares the types that an agent reads and writes, guards its writes, and checks the declarations of a system."""
 
 from __future__ import annotations
 

@@ -170,5 +170,5 @@ class Edge(_Element):
 
 
 def key_of(element: Node | Edge) -> Key:
-    """What identifies a node or an edge: its name, or its (source, destination, type)."""
+    """Identify a node by its name, and an edge by its (source, destination, type)."""
     return element.name if isinstance(element, Node) else element.key

@@ -42,7 +42,7 @@ class FarStamp(NamedTuple):
 
 
 class FarStamps:
-    """What one replica has noticed."""
+    """Counts the stamps of the far future that one replica has noticed, by their writers."""
 
     def __init__(self) -> None:
         self.agents: Counter[str] = Counter()

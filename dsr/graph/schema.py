@@ -29,7 +29,7 @@ WORLD_RECORD = "world_record"
 
 
 class AttributeType(msgspec.Struct, frozen=True):
-    """What an attribute means and which values it takes."""
+    """The meaning of an attribute, and the values that it takes."""
 
     kind: Kind
     unit: str = ""

@@ -1,4 +1,4 @@
-"""What a graph does for its forks: they keep what it is about to change (dsr/worlds/fork.py)."""
+"""Keeps the old elements of a graph for its forks before the graph changes them (dsr/worlds/fork.py)."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Sharing(Observer):
             self.store.owned = None
 
     def element(self, dot: Dot) -> Entry | None:
-        """What lives under a creation dot, here or below."""
+        """Find the live entry under a creation dot, in this graph or in its parent; None if there is none."""
         return self.store.entries.get(dot)
 
     def is_known(self, dot: Dot) -> bool:

@@ -27,7 +27,7 @@ class Renewal(NamedTuple):
 
     element: Node | Edge
     writes: tuple[Write, ...]
-    """Those that the present values of its attributes are from."""
+    """The writes that gave the element's attributes their present values."""
 
 
 class Stamping(Sharing):
@@ -37,7 +37,7 @@ class Stamping(Sharing):
     schema: Schema
     hlc: HybridClock
     far: FarStamps
-    """What it has noticed of stamps that no honest clock can have made."""
+    """Noticed stamps of the far future, which no honest clock can have made."""
     counter: int
 
     def live(self, key: Key) -> list[Entry]:
@@ -144,7 +144,9 @@ class Stamping(Sharing):
     # ---- making anew
 
     def renewals(self, key: Key) -> list[Renewal]:
-        """What is made anew with the element `key`: first itself, then the edges at it if it is a node."""
+        """List the elements that are made anew with the element `key`: first itself, then the edges at it if it is a
+        node.
+        """
         keys: list[Key] = [key, *(self.incident_keys(key) if isinstance(key, str) else ())]
         elements = [element for each in keys if (element := self._visible(each)) is not None]
         return [Renewal(element, tuple(_present(element))) for element in elements]

@@ -29,7 +29,10 @@ class Frame(msgspec.Struct, frozen=True):
     stamp: float
     """s, when the shutter was open"""
     arrays: dict[str, NDArray[Any]]
-    """By name. Those of a frame that was received are read-only, and may lie in memory shared with its sender."""
+    """Images and other arrays by name.
+
+    Those of a received frame are read-only, and may lie in memory shared with its sender.
+    """
     meta: dict[str, float | int | str]
     """Scalars, for a camera the intrinsics `fx fy cx cy` in px."""
 

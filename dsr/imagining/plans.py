@@ -32,13 +32,13 @@ class Step(NamedTuple):
     target: str
     """The thing."""
     destination: str = ""
-    """What it is placed on."""
+    """Name of the object that the target is placed on."""
     pose: Pose | None = None
     """world_from_target, where it is placed, instead."""
 
     @staticmethod
     def of(action: Node) -> Step:
-        """That of a node of type `action`, as a planner writes it."""
+        """Read a step from a node of type `action`, as a planner writes it."""
         return Step(
             action.get("skill", ""), action.get("target", ""), action.get("destination", ""), action.get("target_pose")
         )
@@ -51,10 +51,10 @@ class Step(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What came of a plan."""
+    """The outcome of an imagined plan."""
 
     steps: int
-    """That were carried out."""
+    """Number of steps that were carried out."""
     failed: str
     """Why it ended before its end; empty if it did not."""
     fallen: tuple[str, ...]

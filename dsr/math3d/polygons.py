@@ -65,7 +65,7 @@ def _clipped(polygon: list[Point], start: Point, end: Point) -> list[Point]:
 
 
 def area(polygon: Polygon) -> float:
-    """Of a polygon, m^2; positive if counter-clockwise."""
+    """Compute the area of a polygon, m^2; positive if its corners (n, 2) are counter-clockwise."""
     return 0.5 * sum(a[0] * b[1] - a[1] * b[0] for a, b in zip(polygon, [*polygon[1:], *polygon[:1]], strict=True))
 
 

@@ -17,7 +17,7 @@ PartKind = Literal["box", "cylinder", "sphere"]
 _KINDS: tuple[PartKind, ...] = get_args(PartKind)
 _NUMBERS = 11  # of a part: kind, size, position, rotation
 MOST_PARTS = 16
-"""Of one shape: pybullet takes no more for one body, and leaves out the rest without a word."""
+"""Parts that one shape may have: pybullet takes no more for one body, and leaves out the rest without a word."""
 _UNIT = 1e-3  # by which the norm of a rotation may be off
 
 
@@ -29,12 +29,14 @@ class Part(NamedTuple):
     """Edge lengths (m) of its bounding box in its own frame. A cylinder stands along z and has a round section of
     diameter size[0]; a sphere has the diameter size[0]."""
     position: Vector3 = (0.0, 0.0, 0.0)
-    """Of its centre in the body's frame, m."""
+    """Position of the part's centre in the body's frame, m."""
     rotation: Quaternion = (0.0, 0.0, 0.0, 1.0)
     """body_from_part"""
     corners: tuple[Vector3, ...] = ()
-    """Of a box that stands for a convex body within it: the corners of that, in the part's frame (m). The physics
-    engine takes them, everything else the box."""
+    """Corners (m, in the part's frame) of the convex body that this box stands for.
+
+    The physics engine takes the corners, everything else the box. Empty for other parts.
+    """
 
     def contains(self, point: Vector3) -> bool:
         """Whether a point (m, in the body's frame) is inside or on the surface."""

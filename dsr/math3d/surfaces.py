@@ -71,7 +71,11 @@ def surface(shape: Shape, size: Vector3, count: int = _POINTS) -> Surface:
 
 
 def seen_alone(shape: Shape, size: Vector3, eye: Array, count: int = _POINTS) -> tuple[Array, Array]:
-    """What is seen of a body from `eye` (3,), in its frame, with nothing else there; by `count` points all around it.
+    """Sample the surface of a body as it is seen from `eye` (3,), in the body's frame.
+
+    Nothing else is there; `count` points are sampled all around it.
+
+    By `count` points all around it.
 
     Returns:
         The points of its surface that face the eye and that the body itself does not hide (n, 3), and the share of its
@@ -140,7 +144,7 @@ class Solids(NamedTuple):
 
     @staticmethod
     def of(parts: Sequence[Part]) -> Solids:
-        """Those of a shape, in the frame of its body."""
+        """Make the solids of a shape's parts, in the frame of its body."""
         turns = [quaternions.to_matrix(part.rotation) for part in parts]
         return Solids(
             np.array([_KINDS.index(part.kind) for part in parts], dtype=np.int64),

@@ -1,1 +1,1 @@
-"""What carries messages: transports, keys, finding one another, and large messages in shared memory."""
+"""Transports messages: links, keys, finding one another, and large messages in shared memory."""

@@ -61,7 +61,7 @@ class Keys:
         return f"{self.state}/rt/{rid}"
 
     def digest(self, rid: str = "*") -> str:
-        """What replica `rid` has seen."""
+        """Key on which replica `rid` publishes its digest."""
         return f"{self.state}/dig/{rid}"
 
     def sync(self, rid: str = "*") -> str:

@@ -24,7 +24,7 @@ A = TypeVar("A")
 
 @dataclass(frozen=True)
 class Faults:
-    """What goes wrong on the way, independently for each message and receiver."""
+    """Faults of a simulated network, drawn independently for each message and receiver."""
 
     loss: float = 0.0
     """Probability that a message is lost."""

@@ -28,7 +28,9 @@ from dsr.errors import WireError
 
 SLOTS = 32
 MOST_BYTES = 1 << 28
-"""Of one message, with what makes its slot whole: an image of 16 million pixels with colour, depth and more."""
+"""Bytes that one message may have, with the padding of its slot: an image of 16 million pixels with colour, depth and
+more.
+"""
 _KEPT = 3
 """Newest messages that are never overwritten, so that a reader has the time to take hold of one."""
 _MOST_HELD = 4
@@ -46,7 +48,7 @@ class SlotDescriptor(msgspec.Struct, frozen=True, array_like=True):
 
     process: int
     file_descriptor: int
-    """Of the writer's process."""
+    """File descriptor of the ring in the writer's process."""
     ring: bytes
     """Random; tells the ring from whatever else may have that descriptor."""
     slot_size: int

@@ -1,4 +1,4 @@
-"""What the memory and the drivers need from a network; every real or in-memory link implements it.
+"""The interface of a network that the memory and the drivers use; every real or in-memory link implements it.
 
 Keys are slash-separated (`dsr/v1/<graph>/d/<rid>`); in subscriptions `*` matches one part and `**`
 any number of parts at the end. Handlers are called from the network's thread: they must return at once (put the
@@ -61,7 +61,7 @@ class Transport(Protocol):
 
     @property
     def trouble(self) -> str:
-        """What is wrong with this connection, for people, such as a certificate that ends; empty if nothing is."""
+        """Describe a problem of this connection in words, such as a certificate that ends; empty if there is none."""
 
     @property
     def shares_memory(self) -> bool:

@@ -1,1 +1,1 @@
-"""What cameras say of things, as their RT edges: which of it is new, and how sure it is."""
+"""Reads percepts, the RT edges that cameras write: which are new, and how certain they are."""

@@ -19,12 +19,12 @@ MOST_AHEAD = 0.5
 
 
 class Percept(NamedTuple):
-    """What one camera said of one thing at one moment."""
+    """A percept: the pose of one thing as one camera saw it at one moment."""
 
     camera: str
     """Name of the frame that it was seen from."""
     name: str
-    """Of the thing."""
+    """Name of the thing."""
     stamp: float
     """s; of a percept that holds at all times, the time of the look that found it"""
     seen: Pose
@@ -66,7 +66,7 @@ class PerceptReader:
         """Why, in the last look, by the name of the thing."""
 
     def new(self, now: float, names: Collection[str], cameras: Collection[str] | None = None) -> list[Percept]:
-        """Those not given before, sorted by the name of the thing.
+        """Return the percepts that were not returned before, sorted by the name of the thing.
 
         Args:
             now: s, the time of the look.

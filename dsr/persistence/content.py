@@ -1,4 +1,4 @@
-"""What a graph file holds: nodes, edges and the vocabulary they need; taken from a memory and put into one."""
+"""The content of a graph file: nodes, edges and the vocabulary they need; taken from a memory and put into one."""
 
 from __future__ import annotations
 
@@ -41,11 +41,11 @@ class GraphContent:
     nodes: dict[str, NodeContent] = field(default_factory=dict)
     edges: dict[EdgeKey, dict[str, Value]] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)
-    """What could not be taken over as it was."""
+    """Values that could not be taken over as they were, in words."""
 
     @staticmethod
     def of(memory: Memory) -> GraphContent:
-        """What `memory` holds at this moment; names that its schema lacks are described by their values."""
+        """Copy the present content of `memory`; names that its schema lacks are described by their values."""
         with memory.replica.lock:
             nodes = {node.name: NodeContent(node.type, dict(node)) for node in memory.nodes()}
             edges = {edge.key: dict(edge) for edge in memory.edges()}

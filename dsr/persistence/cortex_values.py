@@ -23,7 +23,7 @@ NOTE = "cortex"
 """Attribute in which an element keeps what a CORTEX file said beyond our graph, see `Note`."""
 _DIGITS = re.compile(r"\s*[+-]?[0-9]{1,100}\s*")
 PREFIX = "cortex."
-"""Begins the names of attributes whose values ours cannot hold: they are kept as JSON text."""
+"""Prefix of attribute names for values that the graph cannot hold: such values are kept as JSON text."""
 
 
 class Origin(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -31,7 +31,7 @@ class Origin(msgspec.Struct, frozen=True, omit_defaults=True):
 
     code: int
     name: str | None = None
-    """Its name there, if it is another one."""
+    """Name of the attribute in the CORTEX file, if it differs from ours."""
     text: bool = False
     """Whether our value is the JSON text of the one there."""
     extra: dict[str, Any] = {}
@@ -46,7 +46,9 @@ class Note(msgspec.Struct, frozen=True, omit_defaults=True):
     type: str | None = None
     """Name and type (or label) there, if they are others."""
     attributes: dict[str, Origin] = {}
-    """By our name; those that would be written like that anyhow are left out."""
+    """Origins of attributes, by our name; attributes that would be written in the same way without an origin are left
+    out.
+    """
     extra: dict[str, Any] = {}
     """Further members."""
 

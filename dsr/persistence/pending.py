@@ -1,4 +1,6 @@
-"""What is new since the journal was last written, bounded by what changed, and the whole state in small pieces."""
+"""Changes since the journal was last written, bounded by the number of changed values, and the whole state in small
+pieces.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +46,7 @@ class Pending:
                 self._writes[write.owner, write.attribute] = write
 
     def take(self) -> list[Delta]:
-        """What is pending, as deltas to be joined in this order; nothing is pending afterwards."""
+        """Return the pending changes, as deltas to be joined in this order; nothing is pending afterwards."""
         self._news.writes = list(self._writes.values())
         taken = [*self._before, *([self._news] if self._news else [])]
         self._before, self._news, self._writes = [], Delta(), {}

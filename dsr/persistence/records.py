@@ -15,11 +15,11 @@ from dsr.files.data_files import read_file
 HEADER = b"dsr-state 1\n"
 _PREFIX = struct.Struct("<II")
 MOST_BYTES = 1 << 32
-"""Of a file that is read: a million nodes take a tenth."""
+"""Bytes that a file may have to be read: a million nodes take a tenth."""
 
 
 class Records(NamedTuple):
-    """What could be read of a file."""
+    """The readable records of a file."""
 
     payloads: list[bytes]
     problem: str

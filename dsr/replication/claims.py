@@ -1,4 +1,6 @@
-"""What a sender may claim to have seen: bounds that honest replicas never meet, so that lies cost little and end.
+"""Bounds the claims of a sender about dots that it has seen.
+
+Honest replicas never meet these bounds, so that lies cost little and end.
 
 A context only grows, and everybody keeps what anybody claims. Therefore:
 
@@ -34,7 +36,9 @@ MAX_REPLICAS = 1 << 14
 """Replica ids in a context after which none is taken over of which nothing is left: those of eleven days with a restart
 a minute. A request has 500 kB then, and takes 20 ms to read."""
 MAX_STRANGERS = 1000
-"""Of these, those that one reply may bring to who has joined: after a partition, replies of some seconds bring all."""
+"""New replicas that one reply may bring to a replica that has joined: after a partition, replies of some seconds bring
+all.
+"""
 
 
 class Claims:
@@ -56,7 +60,10 @@ class Claims:
             self._while_ends = now + WHILE
 
     def own_part(self, sender: str, delta: Delta) -> Delta:
-        """Of a delta what may be joined. Raises `WireError` if it accounts for dots that are not its sender's."""
+        """Select the part of a delta that may be joined.
+
+        Raises `WireError` if the delta accounts for dots that are not its sender's.
+        """
         other = _other_than(sender, delta)
         if other is not None:
             raise WireError(f"dots of {other} in a delta of another replica")
@@ -89,7 +96,9 @@ class Claims:
         return True
 
     def context_part(self, sender: str, context: list[DotRange]) -> list[DotRange]:
-        """Of what a replier has seen, what may be believed: `MAX_GAPS` gaps of each replica, the lowest ones.
+        """Select the part of a replier's context that may be believed:
+
+        `MAX_GAPS` gaps of each replica, the lowest ones.
 
         Who has not got all pieces of an answer itself has more gaps than messages were lost. Raises `WireError` if
         nobody honest can have sent it.
@@ -107,7 +116,7 @@ class Claims:
         return kept
 
     def reply_part(self, reply: Delta, *, joining: bool) -> Delta:
-        """Of the end of a reply what may be joined, by a newcomer or not."""
+        """Select the part of a reply's end that may be joined, by a newcomer or not."""
         room = MAX_REPLICAS - self._graph.store.context.size
         rids = dict.fromkeys(rid for rid, _, _ in reply.context)
         return self._without_strangers(reply, rids, room if joining else min(room, MAX_STRANGERS))

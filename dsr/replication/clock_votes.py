@@ -1,4 +1,4 @@
-"""What the agents' clocks say about each other: one vote an agent, and no verdict from a single one.
+"""Votes of the agents' clocks about each other: one vote an agent, and no verdict from a single vote.
 
 A clock that is ahead is seen at once, since a message cannot come from the future. One that is behind cannot be told
 from a message that was long under way. So each replica says which others it sees ahead of itself. Of two clocks nobody

@@ -1,4 +1,4 @@
-"""What a replica says about its peers: each thing once, and not about any number of made-up ones."""
+"""Complaints of a replica about its peers: each once, and not about any number of made-up peers."""
 
 from __future__ import annotations
 

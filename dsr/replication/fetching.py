@@ -1,4 +1,4 @@
-"""What one replica gets of another one: piece by piece, each asked for when the one before has come.
+"""Fetches changes from another replica piece by piece; each piece is asked for when the one before has come.
 
 A fetch that is broken off has lost nothing: what came is joined, and the next fetch, of whomever, asks for the rest.
 """
@@ -50,7 +50,7 @@ class Fetch:
         return True
 
     def rest(self) -> Delta:
-        """What may be joined in the end: all that the peer had seen when it began to answer."""
+        """Make the delta to be joined in the end: the peer's whole context of the moment when it began to answer."""
         whole = list(without(self._whole, self._held_back))
         return Delta(context=whole, live=frozenset(), examined=[])
 

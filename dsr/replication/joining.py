@@ -23,7 +23,7 @@ _SHOWN = 3
 
 
 class Joining:
-    """What a newcomer knows of the others; all times are of the monotonic clock, in s.
+    """The knowledge of a newcomer about the other replicas; all times are of the monotonic clock, in s.
 
     Args:
         rid: of the newcomer.
@@ -49,7 +49,7 @@ class Joining:
         self._present[rid] = None
 
     def gone(self, rid: str) -> None:
-        """It is not there any more."""
+        """Note that a replica is not there any more."""
         self._present.pop(rid, None)
         self._unjoined.pop(rid, None)
         self._exhausted.discard(rid)
@@ -82,7 +82,7 @@ class Joining:
         return bool(self.others) and all(rid in self._exhausted for rid in self.others)
 
     def choose(self, reachable: Iterable[str], asked: dict[str, int], now: float) -> str | None:
-        """Whom to ask: the oldest first, for a younger one may be a newcomer, too."""
+        """Choose the replica to ask, or None: the oldest first, for a younger one may be a newcomer, too."""
         settled = self._exhausted if self.insists else self._exhausted | self._unjoined.keys()
         age = {rid: number for number, rid in enumerate(self.others)}
         by_turns = sorted(
@@ -102,7 +102,7 @@ class Joining:
         return [rid for rid in self.others if rid not in self._exhausted and rid not in self._unjoined]
 
     def why(self, now: float) -> str:
-        """For people: for whom it waits, and how long it has."""
+        """Explain in words which replicas the newcomer waits for, and for how long at time `now` (s)."""
         waited = max(0.0, now - self.since)
         silent, unjoined = self.waits_for(), [rid for rid in self.others if rid in self._unjoined]
         reasons = [f"{_listed(silent)}: no answer"] if silent else []

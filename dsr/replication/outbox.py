@@ -16,7 +16,7 @@ _Register = tuple[Dot, str]
 
 
 class Outbox:
-    """What was changed here and not sent yet. Callers serialise the calls."""
+    """Local changes that are not sent yet. Callers serialise the calls."""
 
     def __init__(self) -> None:
         self.overflowed = 0

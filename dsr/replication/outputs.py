@@ -1,4 +1,4 @@
-"""What a synchroniser wants to be done: it does no I/O itself."""
+"""Requests of a synchroniser to its owner: it does no I/O itself."""
 
 from __future__ import annotations
 

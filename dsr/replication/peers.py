@@ -32,7 +32,7 @@ FIRST_PAUSE, LAST_PAUSE = 0.5, 32.0
 
 @dataclass
 class Peer:
-    """What is known of another replica; times on the monotonic clock."""
+    """The knowledge about another replica; times are on the monotonic clock (s)."""
 
     appeared_at: float
     digest: Digest | None = None
@@ -42,7 +42,7 @@ class Peer:
     """Whether, when its digest came, there was no difference beyond what that lists."""
     heard_at: float = -math.inf
     ahead: bool = False
-    """Its physical clock was more than MAX_DRIFT in our future."""
+    """Whether the peer's physical clock was more than MAX_DRIFT in our future."""
     asked: int = 0
     """How often it was asked for something."""
     asked_at: float = -math.inf
@@ -96,7 +96,10 @@ class Peers(dict[str, Peer]):
         return self._take_in(rid, now)
 
     def heard(self, rid: str, digest: Digest, now: float) -> Peer | None:
-        """It spoke; None if it is not listened to. Who speaks takes the place of a token of which nothing was heard."""
+        """Note that replica `rid` spoke, and return it; None if it is not listened to.
+
+        It takes the place of a token of which nothing was heard.
+        """
         if rid not in self and not self._take_in(rid, now):
             silent = self._silent(agent_of(rid))
             if silent is None:
@@ -108,7 +111,7 @@ class Peers(dict[str, Peer]):
         return peer
 
     def withdrawn(self, rid: str, now: float) -> None:
-        """Its token went: so does it, unless it goes on speaking."""
+        """Note that a replica's token went: the replica is forgotten unless it goes on speaking."""
         peer = self.get(rid)
         if peer is not None and (peer.digest is None or now - peer.heard_at > SILENCE):
             del self[rid]

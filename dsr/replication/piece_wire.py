@@ -47,13 +47,13 @@ _Place = tuple[_Text, CounterOrZero, _Text]
 
 
 class Request(msgspec.Struct, frozen=True):
-    """What is asked for."""
+    """A request for one piece of another replica's content."""
 
     replica: str
-    """Who asks."""
+    """Id of the replica that asks."""
     seen: CausalContext
     begin: Place
-    """Of the piece wanted."""
+    """Place where the wanted piece begins."""
     insists: bool = False
     """Whether an answer is wanted also of one who has not joined itself."""
 
@@ -114,7 +114,7 @@ def decode_request(payload: bytes) -> Request:
 
 
 def asker_of(payload: bytes) -> str:
-    """Who sent a request, as it says; empty if it makes no sense."""
+    """Read the id of the replica that sent a request; empty for a malformed request."""
     try:
         return decoded(payload, "request", _heads.decode).replica
     except WireError:

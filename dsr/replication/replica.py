@@ -33,7 +33,7 @@ from dsr.replication.wire import encode_delta
 MAX_INBOX = 10_000
 """Messages that may wait for `poll`; the synchroniser's repair makes up for those beyond."""
 NEWEST_DELTAS = 1024
-"""Messages that may wait for a thread to merge them, likewise."""
+"""Messages that may wait for a thread to merge them; of more, the newest are kept."""
 NEWEST_SAMPLES = 256
 IDLE = 0.002
 """s since anything was sent, after which a write is sent by the thread that made it: nobody need be woken."""
@@ -46,7 +46,7 @@ _log = logging.getLogger("dsr.replication.replica")
 
 
 class Statistics(NamedTuple):
-    """What a replica had to put up with since it began; all of it is repaired."""
+    """Counts of the faults that a replica has met since it began; all of them are repaired."""
 
     repairs: int
     """How often it asked a peer for something that it had missed."""
@@ -361,7 +361,7 @@ class Replica:
 
     @property
     def statistics(self) -> Statistics:
-        """What it had to put up with."""
+        """Counts of the faults that this replica has met."""
         sync = self.synchroniser
         malformed, far = (sum(list(counts.values())) for counts in (sync.dropped, self.graph.far.agents))
         return Statistics(

@@ -17,7 +17,7 @@ from dsr.replication.replica import Replica
 
 
 class Cleaned(NamedTuple):
-    """What `clean_stamps` did."""
+    """The outcome of `clean_stamps`."""
 
     renewed: list[FarStamp]
     """Attributes that have a stamp of now."""

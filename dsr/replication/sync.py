@@ -307,7 +307,7 @@ class Synchroniser:
         return piece
 
     def tick(self, now: float, physical: float) -> list[Output]:
-        """What is due at monotonic time `now` and physical time `physical` (s)."""
+        """Do the work that is due at monotonic time `now` and physical time `physical` (s), and return its outputs."""
         outputs: list[Output] = []
         self._pace.look(now)
         self.claims.look(now)
@@ -433,7 +433,7 @@ class Synchroniser:
             self._forget(rid)
 
     def digest(self, physical: float) -> bytes:
-        """What is told to the peers at physical time `physical` (s)."""
+        """Encode the digest for the peers at physical time `physical` (s)."""
         ahead = tuple(sorted(rid for rid, peer in self._peers.items() if peer.ahead))
         rid, store = self.graph.rid, self.graph.store
         return encode_digest(Digest(rid, physical, store.context.summary(rid), store.fingerprint, ahead))

@@ -37,9 +37,9 @@ from dsr.math3d.transforms import Pose
 from dsr.network.decoding import decoded
 
 VERSION = 1
-"""Of deltas, replies and requests."""
+"""Version of the format of deltas, replies and requests."""
 DIGEST_VERSION = 2
-"""Of digests: those of version 1 held the whole context."""
+"""Version of the format of digests: those of version 1 held the whole context."""
 _POSE_CODE = 1
 _POSE = struct.Struct("<8d")
 _POSE_COVARIANCE = struct.Struct("<44d")
@@ -153,7 +153,7 @@ class _Head(msgspec.Struct, array_like=True, gc=False):
 
 
 class Digest(msgspec.Struct, frozen=True):
-    """What a replica has seen and what it thinks of its peers' clocks."""
+    """A short description of a replica's content, with its opinion of its peers' clocks."""
 
     replica: str
     now: float
@@ -208,7 +208,7 @@ class Indexes(dict[str, int]):
         return [number for rid, counter in dots for number in (self[rid], counter)]
 
     def flat_ranges(self, ranges: Iterable[DotRange]) -> list[int]:
-        """Ranges likewise, as triples."""
+        """Write ranges as triples of numbers: index of the replica, first and last counter."""
         return [number for rid, first, last in ranges for number in (self[rid], first, last)]
 
 

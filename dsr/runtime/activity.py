@@ -1,4 +1,4 @@
-"""What an agent does in which worlds: counted by its replicas, told in its status."""
+"""Counts the reads and writes of an agent in each world, for its status."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ _WINDOW = 0.9
 
 
 class WorldUse(msgspec.Struct, frozen=True, kw_only=True):
-    """What an agent does in a world."""
+    """The use of one world by an agent."""
 
     world: str
     reads: bool = False
-    """It says that it reads it, or has opened it."""
+    """Whether the agent declares that it reads the world, or has opened it."""
     writes: bool = False
-    """It says that it writes it, or has written to it."""
+    """Whether the agent declares that it writes the world, or has written to it."""
     read_hz: float = 0.0
     """Messages of others a second that it took in."""
     write_hz: float = 0.0
@@ -86,7 +86,7 @@ class Activity:
         self._counts: dict[str, _Counts] = {}
 
     def uses(self, now: float) -> list[WorldUse]:
-        """What it does in each world at time `now` (s), by name of the world."""
+        """List the agent's use of each world at time `now` (s), by name of the world."""
         agent = self._agent
         if not agent.uses_memory:
             return []

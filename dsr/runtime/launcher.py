@@ -41,7 +41,7 @@ _log = logging.getLogger("dsr.runtime.launcher")
 
 
 class AgentRow(msgspec.Struct, frozen=True):
-    """What the status table shows of one agent."""
+    """The row of one agent in the status table."""
 
     agent: str
     state: str

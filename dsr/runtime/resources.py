@@ -1,4 +1,4 @@
-"""What the operating system gives a process: enough to begin with, and a clear word when it runs out."""
+"""Checks the resources that the operating system gives a process, and explains in words when one runs out."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _MEMORY = "there is not enough memory, or too little of it is allowed (ulimit -v
 
 
 def shortage(error: BaseException) -> str | None:
-    """What ran out when `error` was raised, for people; None if it tells of nothing of the kind."""
+    """Name the resource that ran out when `error` was raised, in words; None if the error is of another kind."""
     if isinstance(error, MemoryError):
         return _MEMORY
     if isinstance(error, RuntimeError) and "can't start new thread" in str(error):

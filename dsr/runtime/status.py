@@ -29,12 +29,12 @@ class State(enum.StrEnum):
 
     STARTING = "starting"
     READY = "ready"
-    """It was set up and its last tick succeeded."""
+    """The agent was set up and its last tick succeeded."""
     DEGRADED = "degraded"
-    """It works, but not as it should: see the last error."""
+    """The agent works, but not as it should: see the last error."""
     STOPPED = "stopped"
     FAILED = "failed"
-    """It gave up; its process ends."""
+    """The agent gave up; its process ends."""
 
 
 class Status(msgspec.Struct, frozen=True, kw_only=True):
@@ -53,7 +53,7 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     missed: int = 0
     """Ticks left out because an earlier one took too long."""
     behind: float = 0.0
-    """For how long its memory has known that it lacks something of the graph, s."""
+    """Time (s) since the agent's memory has known that it lacks changes of the graph; 0 if it lacks none."""
     errors: int = 0
     """Failed ticks since the start."""
     restarts: int = 0
@@ -62,9 +62,9 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     stamp: float = 0.0
     """s"""
     clock: str = ""
-    """What is wrong with its clock, or with another one; empty if all agree."""
+    """Fault of the agent's clock, or of another one, in words; empty if all agree."""
     worlds: list[WorldUse] = []
-    """What it does in which worlds."""
+    """The agent's use of each world."""
 
 
 _encoder = msgspec.msgpack.Encoder()

@@ -61,7 +61,7 @@ class Supervised:
 
     @property
     def pid(self) -> int | None:
-        """Of the running process."""
+        """Id of the running process; None while there is none."""
         return self._process.pid if self._process else None
 
     def start(self) -> None:

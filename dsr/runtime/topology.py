@@ -1,4 +1,4 @@
-"""Who provides and who reads which world of a running system, as its agents tell and its replicas show."""
+"""Tells which agent provides and which reads each world of a running system, by statuses and open replicas."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def topology(
     silent: Iterable[str] = (),
     present: Mapping[str, Iterable[str]] | None = None,
 ) -> Topology:
-    """What these statuses amount to.
+    """Combine these statuses into the topology of the worlds.
 
     Args:
         worlds: those that are there.
@@ -120,7 +120,7 @@ class TopologyObserver:
         self._presence = WorldPresence(memory)
 
     def look(self) -> Topology:
-        """What is known now; statuses come once a second."""
+        """Return the present topology; statuses come once a second."""
         self._presence.follow()
         heard = [found for name in self._board.agents() if name not in self._but and (found := self._board.get(name))]
         return topology(

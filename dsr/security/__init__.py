@@ -1,1 +1,1 @@
-"""Who may take part in a working memory, and what each may write: certificates, policy, checks of what arrives."""
+"""Restricts who takes part in a working memory and writes which types: certificates, policy, checks of messages."""

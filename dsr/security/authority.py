@@ -37,7 +37,7 @@ class Lifetime(NamedTuple):
     """How long an agent may take part."""
 
     serial: int
-    """Of its certificate."""
+    """Serial number of the certificate."""
     file: Path
     """The certificate that ends first: its own, or that of the authority."""
     ends: float

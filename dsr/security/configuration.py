@@ -32,7 +32,7 @@ class _EveryGraph(Keys):
 
 
 def zenoh_settings(folder: SecurityFolder, policy: Policy, agent: str) -> dict[str, Any]:
-    """What makes a Zenoh session of `agent` secure, by configuration key."""
+    """Make the settings that secure a Zenoh session of `agent`, by configuration key."""
     path = folder.path.resolve()
     files = SecurityFolder(path)
     certificate, key = str(files.certificate(agent)), str(files.key(agent))

@@ -44,11 +44,11 @@ class Gate:
         return agent_of(rid) in self._trusted
 
     def delta(self, sender: str, delta: Delta, store: Store) -> Delta:
-        """What may be joined of a delta that `sender` sent."""
+        """Select the part of a delta from `sender` that may be joined."""
         return _Screening(self, sender, delta, store).own_changes()
 
     def reply(self, sender: str, delta: Delta, store: Store) -> Delta:
-        """What may be joined of a synchronisation reply of `sender`."""
+        """Select the part of a synchronisation reply from `sender` that may be joined."""
         screening = _Screening(self, sender, delta, store)
         return screening.everybodys_changes() if self.trusts(sender) else screening.own_part()
 

@@ -1,4 +1,4 @@
-"""Who this process is in a secured working memory: its certificate, grant and rules, loaded from a security folder."""
+"""The identity of this process in a secured working memory: certificate, grant and rules of a security folder."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Identity:
         return grant is not None and grant.trusted
 
     def own_transport(self, transport: Transport, keys: Keys, rid: str) -> Transport:
-        """What replica `rid` of this agent may use of its transport: a read-only one stays silent."""
+        """Restrict the transport for replica `rid` of this agent: a read-only one stays silent."""
         return SilentTransport(transport, keys, rid) if self.grant.read_only else transport
 
     def gate(self) -> Gate:

@@ -26,21 +26,23 @@ _BUS_KEY = re.compile(r"[A-Za-z0-9_.-]+(/([A-Za-z0-9_.-]+|\*))*(/\*\*)?")
 
 
 class Grant(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What one agent may do besides reading everything."""
+    """The permissions of one agent besides reading everything."""
 
     nodes: tuple[str, ...] = ()
     """Node types that it may create, write and remove; "*" for all."""
     edges: tuple[str, ...] = ()
-    """Edge types, likewise; the pose of an edge needs no further grant."""
+    """Edge types that the agent may write; the pose of an edge needs no further grant."""
     attributes: tuple[str, ...] = ()
     publishes: tuple[str, ...] = ()
     """Keys of the bus outside the graph, below the graph's root: `device/arm/command`, `blob/**`."""
     read_only: bool = False
-    """It may send nothing at all."""
+    """Whether the agent may send nothing at all."""
     trusted: bool = False
-    """What it says about others is believed: it hands the whole graph on to newcomers and repairs losses."""
+    """Whether others believe the agent's claims about third ones: it hands the whole graph on to newcomers and repairs
+    losses.
+    """
     relay: bool = False
-    """It passes on what others send, on keys of theirs: a router between machines."""
+    """Whether the agent passes on messages of others, on their keys: a router between machines."""
 
     @property
     def writes(self) -> Access:
@@ -54,19 +56,19 @@ class Policy(msgspec.Struct, frozen=True):
     agents: dict[str, Grant]
 
     def grant(self, agent: str) -> Grant:
-        """What `agent` may do. Raises `ConfigError` for one that is not listed."""
+        """Look up the grant of `agent`. Raises `ConfigError` if the policy does not list it."""
         if agent not in self.agents:
             hint = suggest(agent, self.agents)
             raise ConfigError(f"agent {agent!r} has no certificate; {hint}; make one with: dsr security add")
         return self.agents[agent]
 
     def guards(self) -> dict[str, WriteGuard]:
-        """For each agent that may write, what checks its writes."""
+        """Make a guard of the writes of each agent that may write, by agent."""
         return {name: WriteGuard(name, grant.writes) for name, grant in self.agents.items() if not grant.read_only}
 
 
 def grant_for(kind: type[Agent]) -> Grant:
-    """What an agent of class `kind` declares."""
+    """Make the grant that an agent of class `kind` declares."""
     writes = kind.writes
     return Grant(tuple(writes.nodes), tuple(writes.edges), tuple(writes.attributes), tuple(kind.publishes))
 

@@ -97,17 +97,17 @@ def in_front_of(a: Box, b: Box, view: View) -> float:
 
 
 def behind(a: Box, b: Box, view: View) -> float:
-    """`b` is in front of `a` (Underworlds `isnorth`, likewise)."""
+    """`b` is in front of `a` (Underworlds `isnorth`)."""
     return _precedes(b, a, view.away)
 
 
 def left_of(a: Box, b: Box, view: View) -> float:
-    """All of `a` is on the left of all of `b`, as the viewer sees it (Underworlds `iswest`, likewise)."""
+    """All of `a` is on the left of all of `b`, as the viewer sees it (Underworlds `iswest`)."""
     return _precedes(b, a, view.left)
 
 
 def right_of(a: Box, b: Box, view: View) -> float:
-    """`b` is left of `a` (Underworlds `iseast`, likewise)."""
+    """`b` is left of `a` (Underworlds `iseast`)."""
     return _precedes(a, b, view.left)
 
 
@@ -131,7 +131,7 @@ MIRRORED = {
     "above": "below", "below": "above", "next_to": "next_to", "in_front_of": "behind", "behind": "in_front_of",
     "left_of": "right_of", "right_of": "left_of",
 }  # fmt: skip
-"""What holds of (b, a) if the key holds of (a, b)."""
+"""The relation that holds of (b, a) if the key holds of (a, b)."""
 
 
 def margin(relation: str, a: Box, b: Box, view: View | None = None) -> float:

@@ -26,11 +26,11 @@ class Hysteresis(Generic[Key]):
 
     @property
     def holding(self) -> frozenset[Key]:
-        """What holds."""
+        """The keys that hold."""
         return self._holding
 
     def update(self, margins: Mapping[Key, float]) -> frozenset[Key]:
-        """What holds now. What has no margin any more does not hold."""
+        """Take in new margins by key, and return the keys that hold now. A key without a margin does not hold."""
         self._holding = frozenset(
             key for key, margin in margins.items() if margin >= (-self._band if key in self._holding else 0.0)
         )

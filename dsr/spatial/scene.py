@@ -36,7 +36,7 @@ class Scene:
     """Where things are believed to be."""
 
     boxes: Mapping[str, Box] = field(default_factory=dict)
-    """By name."""
+    """Boxes of the things, by name."""
 
     def margins(
         self,

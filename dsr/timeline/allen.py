@@ -24,9 +24,9 @@ INVERSE: dict[AllenRelation, AllenRelation] = {
     **dict(zip(ALLEN[7:], ALLEN[:6], strict=True)),
     "equals": "equals",
 }
-"""What holds of (b, a) if the key holds of (a, b)."""
+"""The relation that holds of (b, a) if the key holds of (a, b)."""
 WITHIN: frozenset[AllenRelation] = frozenset({"during", "starts", "finishes", "equals"})
-"""What holds of (a, b) if a lies within b, bounds included."""
+"""The relations that hold of (a, b) if a lies within b, bounds included."""
 
 
 class Interval(NamedTuple):

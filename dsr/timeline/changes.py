@@ -1,4 +1,4 @@
-"""What happened, read off the changes of a graph and the statuses of its agents, without I/O.
+"""Derives events from the changes of a graph and the statuses of its agents, without I/O.
 
 Values of a graph are states; an event is the moment at which one of them became another. `Timeline` remembers the
 last state and tells the events in order, for live graphs and recordings alike. Of the timeline in the graph it tells

@@ -22,11 +22,11 @@ from dsr.vocabulary.intentions import MIND
 WRITTEN_NODES = (TIMELINE, EVENT, SITUATION)
 """Node types that an agent with a `Chronicle` declares to write (`Access.nodes`). Exclusive for nobody."""
 WRITTEN_EDGES = ("has",)
-"""Edge types, likewise."""
+"""Edge types that an agent with a chronicle writes."""
 WRITTEN_ATTRIBUTES = (
     "kind", "participants", "time", "begin", "end", "text", "outcome", "confidence", "source",
 )  # fmt: skip
-"""Attributes, likewise; and those that it adds as details."""
+"""Attributes that an agent with a chronicle writes; with those that it adds as details."""
 _KEYED = re.compile(rf"({EVENT}|{SITUATION})_[0-9a-f]{{20}}")
 _LOOK = 5.0  # s between two looks at what is to be forgotten
 
@@ -137,7 +137,7 @@ class Chronicle:
         relation: AllenRelation | Iterable[AllenRelation] | None = None,
         of: Time | None = None,
     ) -> list[Entry]:
-        """What everybody told, see `dsr.timeline.query`."""
+        """Find entries of all agents, see `dsr.timeline.query`."""
         return query(
             self._memory, type=type, kind=kind, participants=participants, during=during, since=since, until=until,
             source=source, open=open, relation=relation, of=of,

@@ -26,11 +26,11 @@ class Entry(msgspec.Struct, frozen=True, kw_only=True):
     """An event or a situation."""
 
     name: str
-    """Of its node."""
+    """Name of the entry's node."""
     type: str
     """`EVENT` or `SITUATION`."""
     kind: str
-    """What it is: `Pick`, `on`, `surprising`."""
+    """Kind of the entry: `Pick`, `on`, `surprising`."""
     participants: tuple[str, ...]
     """Names of nodes or agents; the first is what it is about, of a relation the source comes first."""
     begin: float
@@ -39,11 +39,11 @@ class Entry(msgspec.Struct, frozen=True, kw_only=True):
     """s; None while a situation lasts; of an event the same as `begin`"""
     text: str = ""
     outcome: str = ""
-    """Of a situation: how it ended."""
+    """How a situation ended; empty for an event."""
     confidence: float = 1.0
     """0 to 1"""
     source: str = ""
-    """What says so: an agent, or what that goes by (`contact`, `gripper`)."""
+    """The source of the entry: an agent, or the evidence that it used (`contact`, `gripper`)."""
     writers: tuple[str, ...] = ()
     """The agents that wrote it."""
     details: dict[str, Any] = {}
@@ -51,7 +51,7 @@ class Entry(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def interval(self) -> Interval:
-        """Its time."""
+        """The time of the entry, from its begin to its end (s)."""
         return Interval(self.begin, self.end)
 
     @property

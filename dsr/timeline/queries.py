@@ -32,7 +32,9 @@ def query(
     relation: AllenRelation | Iterable[AllenRelation] | None = None,
     of: Time | None = None,
 ) -> list[Entry]:
-    """What the timeline in `memory` holds, in the order of beginning. All that is given must hold.
+    """Find entries of the timeline in `memory`, in the order of their begin.
+
+    An entry must meet all conditions that are given.
 
     Args:
         memory: where to look.
@@ -65,7 +67,7 @@ def query(
 
 
 class Question:
-    """What is wanted of a timeline; arguments as those of `query`, with the same errors."""
+    """A query of a timeline that can be asked again; arguments as those of `query`, with the same errors."""
 
     def __init__(
         self,

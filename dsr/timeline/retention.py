@@ -1,4 +1,4 @@
-"""What of the timeline is forgotten, and by whom.
+"""Forgets old entries of the timeline, and tells which agent forgets which.
 
 Each writer (an agent by name, restarts included) keeps the newest of its own entries, up to a count and an age; what
 lasts goes last. Entries of writers that are not there any more are everybody's: whoever has a `Chronicle` forgets those
@@ -35,7 +35,7 @@ class Retention(msgspec.Struct, frozen=True):
             raise ConfigError(f"retention of {self.count} entries, {self.age} s: expected a positive count and age")
 
     def outlived(self, entries: list[Entry], now: float, room: int = 0) -> list[Entry]:
-        """Those of `entries` that are too many beside `room` more, or too old at time `now` (s), oldest first."""
+        """List the `entries` that are too old at time `now` (s), or too many beside `room` more; oldest first."""
         ordered = sorted(entries, key=lambda entry: (entry.last, entry.begin, entry.name))
         excess = len(ordered) + room - self.count
         return [entry for index, entry in enumerate(ordered) if index < excess or entry.last < now - self.age]
@@ -50,7 +50,7 @@ class Orphans:
         self._missed: dict[str, float] = {}
 
     def outlived(self, entries: list[Entry], now: float) -> list[Entry]:
-        """Those that may be forgotten at time `now` (s)."""
+        """List the `entries` of agents that are gone that may be forgotten at time `now` (s)."""
         orphans = [entry for entry in entries if self._is_orphan(entry)]
         return [entry for entry in self._keep.outlived(orphans, now) if _last_sign(entry) < now - RECENT]
 
@@ -86,7 +86,7 @@ def read_all(memory: Memory) -> list[Entry]:
 
 
 def written_by(agent: str, entries: Collection[Entry]) -> list[Entry]:
-    """Those that the agent wrote, alone or with others."""
+    """List the entries that the agent wrote, alone or with others."""
     return [entry for entry in entries if agent in entry.writers]
 
 

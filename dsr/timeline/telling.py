@@ -18,7 +18,7 @@ class Event(msgspec.Struct, frozen=True):
     """s, when: as told by who noticed it, or else when the change was seen"""
     kind: str
     subject: str
-    """What it is about: nodes (comma-separated), an edge as `source type destination`, or an agent."""
+    """The subject of the event: nodes (comma-separated), an edge as `source type destination`, or an agent."""
     text: str
     """One line for people."""
     details: dict[str, Any] = {}

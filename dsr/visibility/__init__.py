@@ -1,4 +1,4 @@
-"""Who sees what: perspectives (cameras, persons), pictures drawn from there, and how much of each thing they show.
+"""Visibility: perspectives (cameras, persons), pictures drawn from there, and how much of each thing they show.
 
 shares = visibility(memory)
 monitor = VisibilityMonitor(memory, ["human_1"])

@@ -1,4 +1,4 @@
-"""What can be seen in a world, and what hides it: things, tables, parts of robots and persons, and meshes."""
+"""Bodies that can be seen in a world, or hide others: things, tables, parts of robots and persons, and meshes."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ _HAND = Part("box", (0.19, 0.095, 0.04), (0.03, 0.0, 0.0))
 
 
 class Posed(NamedTuple):
-    """What a node says of its form, and where it is."""
+    """The form that a node tells, and its pose in the world."""
 
     name: str
     kind: str
     """Type of the node."""
     shape: Shape
-    """Its parts, in its frame."""
+    """Parts of the node's shape, in its frame."""
     meshes: str
     """Hashes, comma-separated; with any, the parts are only what stands for them."""
     matrix: Array

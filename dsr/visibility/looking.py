@@ -1,4 +1,4 @@
-"""Who sees what in a world, at this moment."""
+"""Computes which perspective of a world sees which things, at this moment."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from dsr.visibility.perspectives import PERSON, WIDTH, Perspective, read_perspec
 from dsr.visibility.picture import Body, Glance, Picture
 
 Sights = Mapping[tuple[str, str], Glance]
-"""By the names of who looks and of what is looked at."""
+"""Glances by (name of the perspective, name of the thing)."""
 
 LEAST_SHARE = 0.2
-"""Of the pixels that a thing would have alone, from which on it is seen."""
+"""Least share (0 to 1) of a thing's pixels, as it would have alone, from which on the thing is visible."""
 BAND = 0.05
-"""By how much the share of what is seen may be below that: what hovers about the least does not flicker."""
+"""Hysteresis of the share: a visible thing stays visible until its share is below `LEAST_SHARE` by this much."""
 LEAST_PIXELS = 3
-"""Of a thing that is seen."""
+"""Least number of pixels of a visible thing."""
 
 
 class Scene(NamedTuple):
-    """What is there to be seen."""
+    """The bodies of a world that can be seen, or hide others."""
 
     bodies: list[Body]
     things: frozenset[str]
@@ -39,7 +39,7 @@ class Scene(NamedTuple):
         return Scene(bodies_of(memory, posed), things, persons)
 
     def seen_from(self, perspective: Perspective) -> Picture:
-        """What that looks like. Nobody's own body is in the way, wherever they look."""
+        """Draw the scene from a perspective. A perspective's own body hides nothing from it."""
         others = [body for body in self.bodies if body.name != perspective.name]
         return Picture(perspective.world_from_view, perspective.lens, others, self.things | self.persons)
 

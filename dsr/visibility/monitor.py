@@ -28,7 +28,9 @@ class SightChange(NamedTuple):
 
 
 class VisibilityMonitor:
-    """Who sees what in a world, with hysteresis: what is seen is seen until its share is clearly below the least.
+    """Tracks which perspective of a world sees which things, with hysteresis.
+
+    A visible thing stays so until its share is clearly below the least.
 
     Pictures are drawn anew only from perspectives that moved, or when something else did. To be used by one thread.
 
@@ -78,7 +80,7 @@ class VisibilityMonitor:
 
     @property
     def perspectives(self) -> list[str]:
-        """Those from which was looked."""
+        """Names of the perspectives that were drawn at the last look."""
         return list(self._drawn)
 
     def sees(self, perspective: str, thing: str) -> bool:
@@ -86,7 +88,7 @@ class VisibilityMonitor:
         return (perspective, thing) in self._seen
 
     def picture(self, perspective: str) -> Picture:
-        """What was seen from there at the last look. Raises `KeyError` if nobody looked from there."""
+        """The picture of a perspective at the last look. Raises `KeyError` if it was not drawn."""
         return self._drawn[perspective][1]
 
     def update(self) -> list[SightChange]:

@@ -41,14 +41,14 @@ GAZE = Pose((0.0, 0.0, 0.0), (-0.5, 0.5, -0.5, 0.5))
 
 
 class Perspective(NamedTuple):
-    """Who looks, from where, and how much of the world that shows."""
+    """A camera or person that looks: the pose in the world, and the picture that is drawn."""
 
     name: str
-    """Of its node."""
+    """Name of the perspective's node."""
     world_from_view: Pose
-    """Of the optical frame."""
+    """Pose of the optical frame in the world: z along the view, x to the right, y down."""
     lens: Intrinsics
-    """Of the picture that is drawn."""
+    """Intrinsics (px) of the picture that is drawn."""
 
 
 def read_perspectives(memory: Memory, names: Iterable[str] | None = None, width: int = WIDTH) -> list[Perspective]:

@@ -34,20 +34,20 @@ class Body(NamedTuple):
 
     name: str
     solids: Solids
-    """Its convex parts in the world."""
+    """Convex parts of the body, in the world."""
     triangles: Array | None = None
     """(m, 3, 3) m, corners of triangles in the world, for what is no union of convex parts"""
 
 
 class Glance(NamedTuple):
-    """What is seen of a body."""
+    """The visibility of one body in a picture."""
 
     share: float
-    """Of the pixels that it would have alone, 0 to 1."""
+    """Share (0 to 1) of the body's pixels that show it; the whole are those that it would have alone."""
     pixels: int
-    """That show it."""
+    """Number of pixels that show the body."""
     alone: int
-    """That would show it if nothing else were there, also beyond the edges of the picture, by half its size."""
+    """Number of pixels that would show the body if nothing else were there, also half a picture beyond the edges."""
     hidden_by: str
     """The body that hides most of it; empty if nothing does."""
 
@@ -61,7 +61,7 @@ class Window(NamedTuple):
     bottom: int
 
     def common(self, other: Window) -> Window:
-        """What both have in common."""
+        """The intersection of both windows."""
         return Window(
             max(self.left, other.left), max(self.top, other.top),
             min(self.right, other.right), min(self.bottom, other.bottom),
@@ -89,7 +89,7 @@ class Shot(NamedTuple):
 
 
 class Picture:
-    """What is seen from somewhere.
+    """A segmented picture: which body each pixel shows, seen from one pose.
 
     Args:
         world_from_view: of the optical frame: z forward, x right, y down.
@@ -121,7 +121,7 @@ class Picture:
                     self._shots[body.name] = (index, shot)
 
     def glance(self, name: str) -> Glance:
-        """What is seen of one of the wanted bodies."""
+        """Tell how much of one of the wanted bodies is seen."""
         if name not in self._shots:
             return Glance(0.0, 0, 0, "")
         index, shot = self._shots[name]
@@ -132,7 +132,7 @@ class Picture:
         return self._judge(shot, inside, there == index, there)
 
     def would_show(self, body: Body) -> Glance:
-        """What would be seen of a body that is not in the picture, if it were there and all else as it is."""
+        """Tell how much would be seen of a body that is not in the picture, if it were there and all else as it is."""
         [shot] = self._shoot([body], [self._around])
         if shot is None:
             return Glance(0.0, 0, 0, "")

@@ -23,7 +23,7 @@ from dsr.vocabulary.intentions import MIND
 CALIBRATION = "calibration"
 """Node type of a request."""
 METHODS = ("robust", "closed_form")
-"""Those that come along; packages may provide others."""
+"""Names of the built-in methods; packages may provide others."""
 DEFAULT_METHOD = "robust"
 LOOKING, ADOPTED, REFUSED = "looking", "adopted", "refused"
 """Words of `status`: it still collects views; the pose is written; it is not, and `explanation` says why."""
@@ -54,7 +54,7 @@ class ObjectReport(msgspec.Struct, frozen=True):
 
 
 class Report(msgspec.Struct, frozen=True):
-    """What came out of a calibration. Raises `ValueError` for poses that are none."""
+    """The outcome of a calibration. Raises `ValueError` for poses that are none."""
 
     camera: str
     parent: str
@@ -67,9 +67,9 @@ class Report(msgspec.Struct, frozen=True):
     before: tuple[float, ...]
     """parent_from_camera as it was: translation (m), then quaternion x, y, z, w."""
     after: tuple[float, ...]
-    """As it was found, adopted or not."""
+    """Pose that the calibration found, adopted or not: parent_from_camera, x y z (m) and quaternion x y z w."""
     covariance: tuple[float, ...]
-    """Of the latter, (6, 6) row by row, m and rad: a perturbation in the frame of the camera."""
+    """Covariance of `after`, (6, 6) row by row, m and rad: a perturbation in the frame of the camera."""
     shift_m: float
     shift_rad: float
     """Between the two."""
@@ -140,7 +140,7 @@ def request_undo(memory: Memory, camera: str = "") -> str:
 
 
 def read_report(memory: Memory, name: str) -> Report | None:
-    """What came of a request, or what an event `calibrated` tells, by the name of its node.
+    """Read the outcome of a request, or of an event `calibrated`, by the name of its node; None if there is none yet.
 
     None before a request is answered, and if it was refused before anything could be computed.
     """

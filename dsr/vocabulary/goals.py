@@ -28,7 +28,7 @@ class Goal:
 
     relations: tuple[Relation, ...]
     text: str = field(default="", compare=False)
-    """As it was written."""
+    """The goal's text as it was written."""
     places: tuple[tuple[str, int], ...] = field(default=(), compare=False)
     """Every name of a thing, with its column in the text."""
 
@@ -41,7 +41,7 @@ class Goal:
         return tuple(dict.fromkeys(name for relation in self.relations for name in relation.arguments))
 
     def missing(self, relations: Relations) -> tuple[Relation, ...]:
-        """Those of its relations that do not hold."""
+        """List the relations of the goal that do not hold."""
         return tuple(relation for relation in self.relations if not relations.holds(relation))
 
     def holds(self, relations: Relations) -> bool:

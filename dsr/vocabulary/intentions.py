@@ -27,7 +27,7 @@ FULFILLED = (REACHED, MAINTAINED)
 """Statuses of intentions whose goal holds."""
 INVALID, UNSOLVABLE, NO_SOLVER = "invalid", "unsolvable", "no_solver"
 FAILED = "failed"
-"""Of an intention or an action."""
+"""Status of an intention or an action that failed."""
 GIVEN_UP = (INVALID, UNSOLVABLE, FAILED, NO_SOLVER)
 """Statuses of intentions for which nothing more is done."""
 
@@ -37,7 +37,7 @@ ENDED = (DONE, FAILED, HALTED)
 NOTHING_GRASPED = "nothing between the pads"
 """`explanation` of a pick that failed because the gripper closed on nothing."""
 RUN, HALT = "run", "halt"
-"""What can be requested of an action."""
+"""Requests to an action."""
 
 
 def describe_action(action: Node) -> str:

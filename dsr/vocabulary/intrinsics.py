@@ -74,7 +74,7 @@ class Intrinsics(msgspec.Struct, frozen=True):
 
 
 def read_intrinsics(camera: Node) -> Intrinsics | None:
-    """What a camera's node tells; None if something is missing, or no camera can have it."""
+    """Read the intrinsics of a camera's node; None if a value is missing, or no camera can have it."""
     values = [camera.get(name) for name in INTRINSICS]
     if None in values:
         return None

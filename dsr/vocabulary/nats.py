@@ -1,4 +1,4 @@
-"""What the assumptions of an explanation cost, in nats: minus the logarithm of how probable each is, up to a constant.
+"""Costs of the assumptions of an explanation, in nats: minus the logarithm of how probable each is, up to a constant.
 
 All who weigh explanations of what is seen against each other use this one table: the simulation handler for objects
 that moved, the calibrator for a camera that moved. ARCHITECTURE.md, "Explaining", gives the reason for each number.

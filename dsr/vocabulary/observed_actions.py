@@ -18,7 +18,7 @@ PICK, PLACE, RELEASE = "Pick", "Place", "Release"
 KINDS = (PICK, PLACE, RELEASE)
 """Taken from where it lay; put down so that it lies; let go of so that it falls, or is gone."""
 UNKNOWN = "unknown"
-"""Who did it, where nobody can tell."""
+"""Name of the actor where nobody can tell who acted."""
 
 _PATTERN = re.compile(r"\s*(\w+)\s*(?:\(\s*([\w.\-]+)\s*(?:,\s*([\w.\-]+)\s*)?\)\s*)?")
 

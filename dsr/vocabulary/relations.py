@@ -37,7 +37,7 @@ class Relations:
     """Which relations hold at one moment. Two are equal if the same things are in the same relations."""
 
     things: frozenset[str] = frozenset()
-    """What is believed to be somewhere."""
+    """Names of the things that are believed to be somewhere."""
     tables: frozenset[str] = frozenset()
     on: frozenset[Pair] = frozenset()
     """(thing, what it rests on)"""
@@ -53,12 +53,12 @@ class Relations:
 
     @property
     def facts(self) -> frozenset[Relation]:
-        """What is not derived: `on` and `holding`."""
+        """The relations that are not derived: `on` and `holding`."""
         resting = (Relation("on", pair) for pair in self.on)
         return frozenset((*resting, *(Relation("holding", (thing,)) for thing in self.held)))
 
     def supports(self, thing: str) -> frozenset[str]:
-        """What `thing` rests on."""
+        """Names of the things that `thing` rests on."""
         return frozenset(support for above, support in self.on if above == thing)
 
     def holds(self, relation: Relation) -> bool:
@@ -103,7 +103,10 @@ def grasped_things(memory: Memory) -> set[str]:
 
 
 def read_relations(memory: Memory) -> Relations:
-    """What `memory` holds now. Edges at things that are nowhere (`present` is false, no believed pose) do not count."""
+    """Read the present relations of `memory`.
+
+    Edges at things that are nowhere (`present` is false, no believed pose) do not count.
+    """
     grasps = [(edge.src, edge.dst) for edge in memory.edges("grasping")]
     grasped = {thing for _, thing in grasps}
     names = (node.name for node in present_things(memory))

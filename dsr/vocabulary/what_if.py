@@ -45,7 +45,7 @@ class Change(msgspec.Struct, frozen=True, omit_defaults=True):
     size: tuple[float, float, float] | None = None
     """m, of what is added: edge lengths of the box around it"""
     shape: Annotated[tuple[float, ...], msgspec.Meta(max_length=_MOST_NUMBERS)] = ()
-    """Its parts, as in the attribute `shape` of a node; none for a solid box."""
+    """Parts of the shape, as in the attribute `shape` of a node; none for a solid box."""
     mass: float = 0.1
     """kg"""
     friction: float = 0.5
@@ -76,7 +76,7 @@ class Change(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Question(msgspec.Struct, frozen=True, omit_defaults=True):
-    """What would be after some time, with these changes made now, one after the other?"""
+    """A what-if question: the state of the objects after some time, with these changes made now, in their order."""
 
     seconds: Annotated[float, msgspec.Meta(ge=0.0, le=MAX_SECONDS)]
     """s to simulate; everything begins at rest."""
@@ -86,7 +86,10 @@ class Question(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Answer(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True):
-    """What would be. Only of objects, not of what never moves, in all but `rests_on` and `touches`."""
+    """The answer to a what-if question.
+
+    It is about objects only; static bodies occur only in `rests_on` and `touches`.
+    """
 
     refused: str = ""
     """Why there is no answer, for people; then all else is empty."""
@@ -101,9 +104,9 @@ class Answer(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True):
     moved: dict[str, float] = {}
     """m from where each object was after the changes: how far physics took it."""
     turned: dict[str, float] = {}
-    """rad, likewise."""
+    """rad that each object has turned since the changes, by name."""
     rests_on: dict[str, tuple[str, ...]] = {}
-    """What carries each object: nothing for one in the air, and for one on the floor, which has no name."""
+    """Names of the supports of each object: none for an object in the air, or on the floor, which has no name."""
     touches: tuple[tuple[str, str], ...] = ()
     """All pairs that are in contact, sorted, each in the order of the alphabet."""
     on_floor: tuple[str, ...] = ()

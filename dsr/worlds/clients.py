@@ -44,9 +44,9 @@ class Client(Agent):
     reads: ClassVar[Any] = ()
     """Names of the worlds that it reads; once the class exists, what that amounts to as `Access`."""
     writes: ClassVar[Any] = ""
-    """Name of the world that it writes, likewise; empty for none."""
+    """Name of the world that the client writes, which its configuration may replace; empty for none."""
     contents: ClassVar[Access] = Access(_ALL, _ALL, _ALL)
-    """What it may write there."""
+    """Types and attributes that the client may write there."""
     reactive = True
     rate_hz = 5.0
     Config = WorldsConfig
@@ -123,7 +123,9 @@ class Client(Agent):
         """Do a step of work at time `now` (s): something has changed, or the next step is due."""
 
     def changes(self) -> dict[str, list[Change]]:
-        """What has changed in each world that it reads since this was last asked; at first all that is there."""
+        """Return the changes in each world that the client reads since the last call; at first all elements that are
+        there.
+        """
         return {name: source.take() for name, source in self._sources.items()}
 
     # ---- opening

@@ -1,4 +1,4 @@
-"""What differs between two worlds: nodes, edges, attributes, poses."""
+"""Compares two worlds: nodes, edges, attributes, poses."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 
 
 class Tolerance(msgspec.Struct, frozen=True):
-    """What counts as equal."""
+    """Differences up to which values count as equal."""
 
     metres: float = 1e-3
     radians: float = 1e-2
     numbers: float = 1e-9
-    """Of other floating point numbers, by the greater one."""
+    """Relative difference of other floating point numbers, by the greater one."""
 
 
 class ElementName(msgspec.Struct, frozen=True, order=True):
@@ -62,7 +62,7 @@ class MovedNode(msgspec.Struct, frozen=True):
 
 
 class Difference(msgspec.Struct, frozen=True):
-    """What differs between a first and a second world; empty lists if nothing does."""
+    """The differences between a first and a second world; empty lists if there are none."""
 
     only_first: list[ElementName]
     """Nodes and edges that only the first world has. Edges at nodes that only it has are left out."""

@@ -128,24 +128,24 @@ class Splitting(Protocol):
         """The overlay's own incarnations, and those of the parent, which are `below`, that it shows."""
 
     def patches_of(self, entries: Entries) -> Entries:
-        """What the overlay says of these incarnations of the parent."""
+        """Entries in which the overlay holds its own values of these incarnations of the parent."""
 
 
 class Parts(NamedTuple):
-    """What an element with a layer of its own is made of."""
+    """The entries that make up an element with a layer of its own."""
 
     own: Entries
     """The layer's own incarnations."""
     shown: Entries
-    """Those of the parent that it shows."""
+    """Entries of the parent that the element shows."""
     said: Entries
-    """What the layer says: its own incarnations, and its patches of the parent's."""
+    """Entries of the layer: its own incarnations, and its patches of the parent's."""
     all: Entries
     """All incarnations."""
 
 
 class Layered:
-    """What a node and an edge with a layer of their own have in common: first what that says, then the parent."""
+    """The common base of nodes and edges with a layer of their own: the layer's values come before the parent's."""
 
     __slots__ = ()
     _graph: Splitting
@@ -154,7 +154,7 @@ class Layered:
     _parts: Any
 
     def refresh(self) -> Parts:
-        """What it is made of now; the same object until something of that changes."""
+        """Bring the parts of the element up to date; the same object is returned until something of them changes."""
         below = () if self._below is None else self._below._entries
         if below is not self._seen:
             own, shown = self._graph.split(self, below)  # type: ignore[arg-type]
@@ -169,7 +169,7 @@ class Layered:
         self._below, self._seen = below, None
 
     def layer_write(self, attribute: str) -> Write | None:
-        """What the layer itself says of an attribute."""
+        """The layer's own write of an attribute; None if it has none."""
         return write_in(self.refresh().said, attribute)
 
     def said(self) -> frozenset[str]:

@@ -18,7 +18,7 @@ class LayerObserver(Observer):
     """Told about every effective change of a layer."""
 
     def hidden(self, dot: Dot) -> None:
-        """What the parent holds under `dot` is not to be seen any more."""
+        """Note that the parent's entry under `dot` is not shown any more."""
 
     def replied(self) -> None:
         """A synchronisation reply was joined: anything may be hidden now."""

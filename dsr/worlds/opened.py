@@ -48,7 +48,7 @@ _log = logging.getLogger("dsr.worlds")
 
 
 class OpenWorld:
-    """What the list of worlds needs of the memory of one world; the base of `Memory`."""
+    """The memory of one world as the list of worlds uses it; the base of `Memory`."""
 
     graph_name: str
     agent: str
@@ -58,7 +58,7 @@ class OpenWorld:
     schema: Schema
     replica: Replica
     world_handle: WorldHandle | None
-    """What makes it a memory of another world than the base; None for the base."""
+    """The handle of a world other than the base; None for the base."""
     _frames: FrameTree
     _watches: Watches
 
@@ -96,7 +96,7 @@ World = TypeVar("World", bound=OpenWorld)
 
 @dataclass
 class WorldHandle:
-    """What makes a `Memory` one of a world other than the base."""
+    """The handle that makes a `Memory` one of a world other than the base."""
 
     record: Record
     rid: str
@@ -104,14 +104,14 @@ class WorldHandle:
     source: OpenWorld | None
     """The world that it begins as; None for an empty one."""
     content: tuple[Delta, ...] = ()
-    """What was kept of it, with which it begins, too."""
+    """Deltas that were kept of the world, with which it begins, too."""
 
     def keys(self, graph: str) -> Keys:
         """The keys of the world."""
         return Keys(graph, self.record.info.name, self.record.channel)
 
     def watches(self) -> Watches:
-        """Those over the world's graph, which know what that holds at first."""
+        """Make the watches over the world's graph, which know its first content."""
         return Watches(self.worlds.base.schema.geometric, self._frames())
 
     def _frames(self) -> FrameTree | None:
@@ -123,7 +123,7 @@ class WorldHandle:
         return None if isinstance(theirs, Overlay) else ForkedFrames(self.source._frames)
 
     def graph(self, watches: Watches) -> Graph:
-        """What the world holds at first."""
+        """Make the world's graph with its first content."""
         graph = self._begun(watches)
         for delta in self.content:
             graph.join(delta, self.worlds.base.clock.now())

@@ -44,12 +44,12 @@ class OverlayFrames(FrameTree):
             super().update(type, parent, child, pose)
 
     def follow(self, type: str, parent: str, child: str, pose: Pose) -> None:
-        """See `FrameTree.follow`, likewise."""
+        """See `FrameTree.follow`; frames that the overlay shows from its parent are left to the parent."""
         if (type, child) in self._taken:
             super().follow(type, parent, child, pose)
 
     def remove(self, type: str, parent: str, child: str) -> None:
-        """See `FrameTree.remove`, likewise."""
+        """See `FrameTree.remove`; frames that the overlay shows from its parent are left to the parent."""
         if (type, child) in self._taken:
             super().remove(type, parent, child)
 

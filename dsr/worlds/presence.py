@@ -1,4 +1,4 @@
-"""Who has which world open, without opening any."""
+"""Tells which process has which world open, without opening any."""
 
 from __future__ import annotations
 

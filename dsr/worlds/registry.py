@@ -27,7 +27,7 @@ _PREFIX = ".world."
 
 
 class WorldInfo(msgspec.Struct, frozen=True):
-    """What is known of a world."""
+    """A world in the list of worlds."""
 
     name: str
     parent: str | None = None
@@ -53,7 +53,7 @@ class Record(msgspec.Struct, frozen=True):
     dots: frozenset[Dot]
     """Creation dots of the entry: it is another world when none of them is left."""
     below: frozenset[Dot] = frozenset()
-    """Of an overlay, those of its parent's entry when it was made; none if that is the base, or not known."""
+    """Creation dots of the parent's entry when an overlay was made; none if the parent is the base, or not known."""
 
 
 class _Stored(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -136,7 +136,9 @@ def _shows(overlay: Record, parent: Record) -> bool:
 
 
 def circle_of(graph: Graph, record: Record) -> list[str]:
-    """Names of the overlays that show one another, this one among or above them; none as it should be."""
+    """Names of the overlays that follow one another in a circle, this one among or above them; empty if there is no
+    circle.
+    """
     names: list[str] = []
     at: Record | None = record
     while at is not None and at.info.name not in names:

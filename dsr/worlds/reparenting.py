@@ -1,4 +1,4 @@
-"""What becomes of frames whose parent a filter leaves out: they hang on the nearest frame that is kept."""
+"""Hangs frames whose parent a filter leaves out on the nearest frame that is kept."""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ class Source:
         return memory
 
     def take(self) -> list[Change]:
-        """What has changed since this was last called, whole messages only."""
+        """Return the changes since the last call, whole messages only."""
         if self._memory is None or self._watch is None:
             return []
         with self._memory.replica.lock:

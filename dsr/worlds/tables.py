@@ -146,7 +146,7 @@ class Group(MutableMapping[K, V], Generic[K, V]):
         self._listed: tuple[int, list[V]] | None = None
 
     def take(self, key: K, value: V) -> None:
-        """One of the parent's members is about to be taken, as `value`."""
+        """Hold the parent's member `key` as `value` from now on."""
         takes, left = self._takes, self._left
         self._takes = takes + 1
         self[key] = value
@@ -154,7 +154,7 @@ class Group(MutableMapping[K, V], Generic[K, V]):
         self._takes = takes + 2
 
     def outdate(self) -> None:
-        """The parent's members are others now."""
+        """Note that the parent's members have changed."""
         self._takes += 2
         self._version += 1
 
@@ -316,7 +316,10 @@ class Entries(MutableMapping[Dot, Entry]):
 
 
 class ByKey(MutableMapping[Key, dict[Dot, Entry]]):
-    """Live entries by node or edge, likewise. Those of a key that is not taken are not to be changed."""
+    """Live entries by node or edge, first own ones, then the parent's.
+
+    Do not change entries of a key that is not taken.
+    """
 
     def __init__(self, taken: Taken, parent: Callable[[], MutableMapping[Key, dict[Dot, Entry]]]) -> None:
         self.own: dict[Key, dict[Dot, Entry]] = {}

@@ -1,1 +1,1 @@
-"""What touches, rests on and contains what, and poses that physics allows."""
+"""Relations of contact between objects (touching, resting on, containing), and poses that physics allows."""

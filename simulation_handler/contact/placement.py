@@ -74,7 +74,7 @@ def place(percept: Solid, covariance: Array, others: Sequence[Solid], config: Be
 def find_support(
     solid: Solid, bottom: float, others: Iterable[Solid], reach: float
 ) -> tuple[tuple[str, ...], float | None]:
-    """What carries `solid` if its lowest point is perceived at height `bottom` (m), and the height of that.
+    """Find the objects that carry `solid` if its lowest point is perceived at height `bottom` (m), and their height.
 
     Of all tops within `reach` of its bottom (or, of fixed solids, inside which it cannot be), the highest
     level that is under its centre of mass: within the hull of the areas in which it touches that level.

@@ -68,7 +68,7 @@ class Relations:
             self._drop(relation)
 
     def source(self, relation: Relation) -> str:
-        """What says that a relation holds."""
+        """The source of a relation that holds."""
         return self._sources.get(relation, CONTACT)
 
     def forget(self, name: str) -> None:

@@ -1,4 +1,5 @@
-"""What must be beneath an object that hovers steadily where it was first seen, though nothing was ever seen there.
+"""Finds the objects that must be beneath one that hovers steadily where it was first seen, though nothing was ever seen
+there.
 
 First the objects that are known to exist and were never seen, then a stack of things like itself that nobody
 told about. What neither explains is held where it is perceived. This is for first placements: nothing was believed
@@ -27,7 +28,7 @@ _DIGITS = 6  # of heights in m: what differs by less is as high
 
 @dataclass(frozen=True)
 class Beneath:
-    """What is put beneath a hovering object."""
+    """The objects that are put beneath a hovering object."""
 
     stack: tuple[Solid, ...] = ()
     """Objects that were never seen, lowest first."""
@@ -38,7 +39,9 @@ class Beneath:
 def find_beneath(
     hovering: Solid, covariance: Array, unseen: Mapping[str, Vector3], others: Iterable[Solid], sigmas: float
 ) -> Beneath | None:
-    """What could carry an object that is steadily perceived above anything that could.
+    """Find objects that could carry an object that is steadily perceived above all possible supports;
+
+    None if there are none.
 
     Args:
         hovering: the object as it is perceived, face down.

@@ -178,7 +178,7 @@ def _differ(a: Candidate, b: Candidate) -> bool:
 
 
 def scene_of(situation: Situation, drafted: Draft) -> Scene:
-    """What is to be simulated of a draft."""
+    """Make the scene of a draft that is to be simulated."""
     bodies = []
     for solid in (*situation.fixtures.values(), *drafted.solids.values()):
         fixed = solid.name in situation.fixtures

@@ -46,7 +46,11 @@ def explained_by_camera(situation: Situation) -> frozenset[str]:
 
 
 def corrected(situation: Situation, hypothesis: Hypothesis) -> Situation:
-    """What would be seen if the camera had not moved; the situation itself, unless the hypothesis says it did.
+    """Predict the situation as it would be seen if the camera had not moved.
+
+    If the hypothesis does not move the camera, this is the situation itself.
+
+    The situation itself, unless the hypothesis says it did.
 
     The motion of the camera is the one that explains best what the hypothesis does not explain otherwise.
     """

@@ -1,4 +1,4 @@
-"""What the belief cannot go on with: what is seen elsewhere than believed, and what should be seen and is not."""
+"""Detects discrepancies: objects that are seen elsewhere than believed, and objects that should be seen and are not."""
 
 from __future__ import annotations
 

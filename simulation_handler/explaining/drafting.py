@@ -28,11 +28,11 @@ class Draft:
     solids: Mapping[str, Solid]
     """All objects with a place."""
     placements: Mapping[str, Placement]
-    """Of the objects that the hypothesis moves."""
+    """Placements of the objects that the hypothesis moves, by name."""
     held: frozenset[str]
     """Objects that do not fall: in a gripper, or held by something unknown."""
     motions: Mapping[str, Motion] = field(default_factory=dict)
-    """Of the objects that do not begin at rest."""
+    """Motions of the objects that do not begin at rest, by name."""
 
 
 def draft(situation: Situation, hypothesis: Hypothesis) -> Draft:

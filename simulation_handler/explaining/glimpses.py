@@ -53,7 +53,7 @@ class Glimpse:
     velocity_covariance: Array
     """(3, 3) m^2/s^2"""
     spin: Array
-    """(3,) rad/s, likewise"""
+    """(3,) rad/s, angular velocity in the world."""
 
     def motion(self, draw: int) -> Motion:
         """How it may have moved when it was last seen; `draw` is from 0 to `DRAW_COUNT` - 1.
@@ -72,7 +72,7 @@ class Glimpse:
 
 
 def glimpse_of(solid: Solid, trail: tuple[Percept, ...], bias: float, bias_std: float) -> Glimpse:
-    """What the last percepts say of an object.
+    """Estimate pose, velocity and spin of an object from its last percepts.
 
     Args:
         solid: the object, wherever it is.

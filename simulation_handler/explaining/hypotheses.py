@@ -1,4 +1,4 @@
-"""What may have happened: a hypothesis is a set of changes that together explain what is seen."""
+"""Hypotheses: sets of changes that together may explain the percepts."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class Hypothesis:
     kept: frozenset[str] = frozenset()
     """Objects whose percepts are false: they are where they were believed to be."""
     camera_moved: bool = False
-    """Not the objects but the camera moved."""
+    """Whether the camera moved, instead of the objects."""
 
     @property
     def moved(self) -> dict[str, Move]:

@@ -1,4 +1,4 @@
-"""Of explanations that are as good as each other, the one that changes the least of what was believed."""
+"""Chooses, among explanations that are as good as each other, the one that changes the least of the belief."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from simulation_handler.shapes.geometry import Solid
 
 @dataclass(frozen=True)
 class Explanation:
-    """What happened, as far as a method can tell, and what must be believed because of it."""
+    """An explanation by some method, and the changes of the belief that follow from it."""
 
     changes: tuple[Change, ...]
     """What happened."""
@@ -24,9 +24,9 @@ class Explanation:
     solids: Mapping[str, Solid] = field(default_factory=dict)
     """Where objects are to be put."""
     placements: Mapping[str, Placement] = field(default_factory=dict)
-    """Of those among them that are seen."""
+    """Placements of those objects among `solids` that are seen."""
     held: frozenset[str] = frozenset()
-    """Those among them that something unknown holds."""
+    """Names of those objects among `solids` that something unknown holds."""
     removed: frozenset[str] = frozenset()
     """Objects that are gone."""
     ended: tuple[tuple[str, str], ...] = ()

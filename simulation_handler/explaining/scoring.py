@@ -30,7 +30,7 @@ _SLACK = 0.010  # m, standard deviation of where what is not seen really is, abo
 
 @dataclass(frozen=True)
 class Score:
-    """What a hypothesis costs, and what it leaves unexplained."""
+    """The cost of a hypothesis (nats), and the objects that it leaves unexplained."""
 
     total: float
     """nats"""

@@ -1,4 +1,4 @@
-"""What is believed and what is seen at one moment: all that an explanation can be drawn from."""
+"""The situation: beliefs and percepts of one moment, from which an explanation is drawn."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _PLACE_FLOOR = 0.002  # m, standard deviation of what is no noise of percepts: o
 _TURN_FLOOR = 0.03  # rad, likewise
 
 Look = Callable[[Sequence[Solid]], Mapping[tuple[str, str], Glance]]
-"""What cameras should see if solids are there, by (camera, object)."""
+"""Predicts the visibility of solids to cameras, by (camera, object)."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ def shown_now(item: BelievedObject, config: BeliefConfig) -> tuple[Solid, Solid]
 
 
 def seen_now(item: BelievedObject, config: BeliefConfig, now: float) -> Seen:
-    """What perception says at `now` (s) of an object that it shows."""
+    """Summarise the percepts of an object that is seen at `now` (s)."""
     estimate = item.track.estimate
     assert estimate is not None
     flat, percept = shown_now(item, config)
@@ -86,14 +86,14 @@ def seen_now(item: BelievedObject, config: BeliefConfig, now: float) -> Seen:
 
 @dataclass(frozen=True)
 class Properties:
-    """What a body is made of."""
+    """Physical properties of a body."""
 
     mass: float
     """kg"""
     friction: float
     """Coulomb coefficient."""
     shape: Shape = ()
-    """Its pieces; none for a solid box."""
+    """Pieces of the body's shape; none for a solid box."""
     rolling_friction: float | None = None
     """m, lever arm of the resistance to rolling; None if that is not known"""
 
@@ -109,7 +109,7 @@ class Situation:
     believed: Mapping[str, Solid]
     """All objects with a place, where they are believed to be."""
     properties: Mapping[str, Properties]
-    """Of all objects and fixtures."""
+    """Properties of all objects and fixtures, by name."""
     seen: Mapping[str, Seen]
     """The objects that perception shows now and that nothing holds."""
     surprising: tuple[str, ...]
@@ -121,7 +121,7 @@ class Situation:
     former: Mapping[str, Mapping[str, Pose]] = field(default_factory=dict)
     """upper_from_lower of what was beneath each object until lately, by the names of both."""
     companions: Mapping[str, frozenset[str]] = field(default_factory=dict)
-    """What has just moved together with each object."""
+    """Names of the objects that have just moved together with each object."""
     unplaced: Mapping[str, Vector3] = field(default_factory=dict)
     """Edge lengths (m) of the objects that exist without a place."""
     held: frozenset[str] = frozenset()
@@ -142,7 +142,7 @@ class Situation:
     """Seen by a camera that is known not to have moved."""
 
     def chain_beneath(self, name: str) -> tuple[str, ...]:
-        """What carries an object, directly and indirectly, and is not seen; the nearest first."""
+        """Names of the unseen objects that carry an object, directly and indirectly; the nearest first."""
         chain: list[str] = []
         level = [name]
         while level := [below for upper in level for below in self.beneath.get(upper, ())]:
@@ -161,11 +161,13 @@ class Situation:
         return found
 
     def chain_above(self, name: str) -> tuple[str, ...]:
-        """What is on or in an object, directly and indirectly, and is not seen."""
+        """Names of the unseen objects on or in an object, directly and indirectly."""
         return self._upon(name, [*self.beneath.items(), *self.inside.items()])
 
     def contents(self, name: str) -> set[str]:
-        """What lies in an object, directly and indirectly, and is not seen; not what that only covers."""
+        """Names of the unseen objects that lie in an object, directly and indirectly; objects that it only covers do
+        not count.
+        """
         upon = self._upon(name, list(self.beneath.items()))
         return {other for other in upon if name in self.inside.get(other, ())}
 

@@ -36,7 +36,7 @@ FIXTURES = (*SURFACES, MODELLED)
 OBJECTS = THINGS
 """Node types of what the belief follows."""
 EXPLAINED = ("cube",)
-"""Those of them whose moves are always explained: they may have been part of a tower that nobody sees."""
+"""Node types of objects whose moves are always explained: they may have been part of a tower that nobody sees."""
 _MOST_OFF = 0.001  # m that the bounds of a shape may differ from the size
 _FARTHEST = 100.0  # m from the world's origin that a hand may be
 

@@ -16,11 +16,11 @@ from simulation_handler.hands.state import TOUCH, HandGrasp
 from simulation_handler.reasoner import Reasoner
 
 SOURCES = (CONTACT, EXPLANATION, BOUNDS)
-"""Of the relations that the belief writes."""
+"""Sources of the relations that the belief writes."""
 
 
 class Recalling:
-    """What an earlier run left in the graph; to be made before this one writes anything."""
+    """The beliefs that an earlier run left in the graph; make this before the present run writes anything."""
 
     def __init__(self, memory: Memory, belief: Reasoner) -> None:
         self._memory = memory

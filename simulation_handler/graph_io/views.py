@@ -97,7 +97,9 @@ def _displaced(memory: Memory, camera: str, world_from_camera: Pose) -> Iterator
 
 
 def modelled(memory: Memory, forms: Forms) -> list[Solid]:
-    """What stands still and has a mesh that is here, as boxes around its parts; what they would fill is left out."""
+    """List the static objects whose mesh is here, as boxes around its parts; objects that such boxes would fill are
+    left out.
+    """
     found = []
     for node in nodes_by_name(memory, MODELLED):
         with contextlib.suppress(DsrError):

@@ -66,7 +66,7 @@ class WhatIfService:
                 self._engine.close()
 
     def answer(self, payload: bytes) -> Answer:
-        """What to reply to a message, from any thread; never raises."""
+        """Answer a message, from any thread; never raises."""
         try:
             return self._answer(decode_question(payload))
         except DsrError as error:

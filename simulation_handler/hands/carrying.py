@@ -1,4 +1,4 @@
-"""What hovers and moves rigidly with a palm is held by that hand, whatever the fingertips in sight show."""
+"""Finds objects that hover and move rigidly with a palm: that hand holds them, whatever the visible fingertips show."""
 
 from __future__ import annotations
 

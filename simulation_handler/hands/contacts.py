@@ -68,7 +68,7 @@ class Contacts:
             self._touches.end((tip, thing))
 
     def forget(self, name: str) -> None:
-        """Of an object that is no more."""
+        """Forget an object that is no more."""
         self._touches.forget(name)
         self._pinches.forget(name)
 

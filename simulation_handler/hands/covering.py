@@ -67,7 +67,7 @@ class Covering:
 
     @property
     def covers(self) -> Mapping[Relation, Cover]:
-        """By (hand, object)."""
+        """Covers by (hand, object)."""
         return self._covers
 
     def place(self, hand: str, thing: str) -> Pose:
@@ -75,7 +75,7 @@ class Covering:
         return self._palms[hand] @ self._covers[hand, thing].hand_from_object
 
     def forget(self, name: str) -> None:
-        """Of an object that is no more."""
+        """Forget an object that is no more."""
         self._covers = {relation: cover for relation, cover in self._covers.items() if name not in relation}
         self._passed.pop(name, None)
 

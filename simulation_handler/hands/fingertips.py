@@ -12,7 +12,7 @@ from simulation_handler.contact.relations import Relation
 from simulation_handler.shapes.geometry import Solid
 
 TIP_RADIUS = 0.008
-"""m, of a fingertip"""
+"""m, radius of a fingertip"""
 NEAR = 0.010
 """m between surfaces up to which a touch begins: what hands and percepts are off"""
 FAR = 0.018
@@ -32,11 +32,11 @@ class Met(NamedTuple):
     """A fingertip at an object."""
 
     gap: float
-    """m between the surfaces"""
+    """m between the surfaces of fingertip and object"""
     normal: Vector3
-    """The way out of the object there."""
+    """Surface normal of the object at the fingertip, in the world."""
     point: Vector3
-    """Where its centre is, m."""
+    """Position of the fingertip's centre, m."""
 
 
 class Gaps:
@@ -65,7 +65,7 @@ class Gaps:
 
 
 def within(gaps: Mapping[Relation, float], known: Collection[Relation]) -> set[Relation]:
-    """Likewise of what is not seen, so that nothing is known of its gaps before."""
+    """Find touches by present gaps alone, for unseen objects of which no earlier gaps are known."""
     return {relation for relation, gap in gaps.items() if gap <= (FAR if relation in known else NEAR)}
 
 

@@ -1,4 +1,4 @@
-"""What a hand should show and does not: it was left where it and the hand were out of sight together."""
+"""Finds objects that a hand should show and does not: they were left where both were out of sight together."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is seen of each human hand, the ways that its palm and its fingertips took, and what it grasps."""
+"""The state of each human hand: its percepts, the paths of palm and fingertips, and its grasps."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _MEASURED = 0.15  # s up to which a fingertip is known
 
 
 class HandPercept(NamedTuple):
-    """What is seen of a hand."""
+    """The percept of a hand."""
 
     pose: Pose
     """world_from_hand, with stamp"""
@@ -60,15 +60,15 @@ class HandGrasp:
     slipped: bool = False
     """The hand has moved along the object that it touches: it passes by, and does not hold the object."""
     presumed: bool = False
-    """It is held, very likely: the hand hides it, and so where the finger is that would oppose."""
+    """Whether the object is very likely held: the hand hides it, and so the place of the finger that would oppose."""
     opened: bool = False
-    """It was a pinch until its fingertips were seen apart, and the object was not seen since: it is held no more."""
+    """Whether a pinch ended because its fingertips were seen apart while the object was unseen: it is held no more."""
     put_down: bool = False
-    """It was a pinch until the hand was seen to open about what rested."""
+    """Whether a pinch ended because the hand was seen to open about an object at rest."""
     stopped: bool = False
     """While it is unseen, its palm would have taken it through a wall: it stays where it is, for all that is known."""
     places: dict[str, Vector3] = field(default_factory=dict)
-    """Of the fingertips that touched it while that could be seen, in its frame, m."""
+    """Places where fingertips touched the object while that could be seen, in the object's frame, m, by fingertip."""
     covered: bool = False
     """The hand covered it: that it touches it is presumed, not seen."""
     aloft: float = -math.inf

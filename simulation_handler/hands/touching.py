@@ -58,12 +58,12 @@ class Touching:
 
     @property
     def grasps(self) -> Mapping[Relation, HandGrasp]:
-        """What is touched, and not let go of just now, by (hand, object)."""
+        """Grasps of touched objects that were not let go of just now, by (hand, object)."""
         return {relation: grasp for relation, grasp in self._grasps.items() if not grasp.opened}
 
     @property
     def holds(self) -> Mapping[Relation, HandGrasp]:
-        """What may be held, by (hand, object): all that is touched but by hands that pass by."""
+        """Grasps of objects that may be held, by (hand, object): all but those of hands that pass by."""
         return {
             (hand, thing): grasp
             for (hand, thing), grasp in self.grasps.items()
@@ -114,7 +114,7 @@ class Touching:
             self._contacts.recall_pinch(relation, grasp.since, now)
 
     def forget(self, name: str) -> None:
-        """Of an object that is no more."""
+        """Forget an object that is no more."""
         for relation in [relation for relation in self._grasps if name in relation]:
             del self._grasps[relation]
         self._contacts.forget(name)

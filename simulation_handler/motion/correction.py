@@ -31,7 +31,7 @@ class Correction:
         self._config = config
 
     def leave_to_physics(self, now: float, let_go: Collection[str]) -> None:
-        """Of unseen objects that physics has moved, earlier percepts say nothing any more.
+        """Forget the earlier percepts of unseen objects that physics has moved.
 
         What was on its way when it was last seen is let go; what hovered steadily is still held by something. Of what
         was seen to be moved by somebody, that is known better: it is let go if that is known, or it was falling.

@@ -16,7 +16,7 @@ class Grasp(NamedTuple):
     gripper: str
     """Name of the gripper."""
     world_from_gripper: Pose
-    """Now."""
+    """Present pose of the gripper."""
     gripper_from_object: Pose | None = None
     """As the gripper knows it; None for where the object is believed to be when it is grasped."""
 
@@ -29,7 +29,7 @@ class Holding:
         self._gripper_from_object: dict[str, Pose] = {}
 
     def update(self, grasps: Mapping[str, Grasp]) -> None:
-        """Let these objects, by name, be held, and no others."""
+        """Hold these objects, by name, and no others: each body goes with its gripper."""
         for item in self._bodies.objects.values():
             grasp = grasps.get(item.name)
             if grasp is None or item.name not in self._bodies.sim:
@@ -38,7 +38,7 @@ class Holding:
                 self._carry(item, grasp)
 
     def forget(self, name: str) -> None:
-        """Of an object that is no more."""
+        """Forget an object that is no more."""
         self._gripper_from_object.pop(name, None)
 
     def _carry(self, item: BelievedObject, grasp: Grasp) -> None:

@@ -1,4 +1,4 @@
-"""What falls unseen out of a container: where it typically comes to lie, of the many ways in which it may fall."""
+"""Predicts where an object that falls unseen out of a container typically comes to lie, from many possible falls."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What driven bodies take along: what stands on them, what is in them, and what their walls push."""
+"""Finds the objects that driven bodies take along: objects on them, in them, or pushed by their walls."""
 
 from __future__ import annotations
 
@@ -28,18 +28,19 @@ class SupportedObjects:
         self._containment = containment
 
     def riders(self, leaders: Collection[str]) -> set[str]:
-        """What is in or on some objects, directly and indirectly."""
+        """Names of the objects in or on the leaders, directly and indirectly."""
         return carried_by(leaders, [*self._relations.current(), *self._containment.current()]) if leaders else set()
 
     def beneath(self) -> dict[str, set[str]]:
-        """What each object stands on."""
+        """Names of the supports of each object."""
         beneath: dict[str, set[str]] = {}
         for upper, lower in self._relations.current():
             beneath.setdefault(upper, set()).add(lower)
         return beneath
 
     def standing(self, drives: Set[str]) -> dict[str, list[str]]:
-        """What stands on each driven object that is about upright and on nothing else, directly and indirectly.
+        """List the objects that stand, directly and indirectly, on each driven object that is about upright, and on
+        nothing else.
 
         What a hand does gently shifts none of that; but the way of a body is as unsteady as percepts are.
         """
@@ -64,7 +65,8 @@ class SupportedObjects:
         self._bodies.sim.set_velocity(load, (x, y, z), (a, b, c))
 
     def pushed(self, speeds: Mapping[str, float], loads: Mapping[str, list[str]]) -> dict[str, float]:
-        """What the walls of upright driven containers push along, and how fast (m/s) it moves sideways at most.
+        """Find the objects that walls of upright driven containers push along, with the most sideways speed (m/s) of
+        each.
 
         Their bodies follow noise, too, and would throw what rolls to the other side.
         """

@@ -68,7 +68,7 @@ class Estimate:
         self.rotation_covariance = self.rotation_covariance + np.outer(turn, turn)
 
     def inherit(self, old: Estimate) -> None:
-        """Keep the position of an older estimate if that has not changed, and likewise the rotation."""
+        """Keep position and rotation of an older estimate, each if it has not changed beyond noise."""
         shift, turn = old.position - self.position, self._turn_to(old.rotation)
         limit = self._config.gate**2
         if _mahalanobis2(shift, self.position_covariance + old.position_covariance) <= limit:
@@ -98,7 +98,7 @@ class Estimate:
         return total
 
     def standard_deviations(self) -> tuple[float, float]:
-        """What is left of the noise sideways (m, of one axis) and in yaw (rad)."""
+        """The remaining noise sideways (m, of one axis) and in yaw (rad)."""
         position, rotation = self.position_covariance, self.rotation_covariance
         return math.sqrt(0.5 * (position[0, 0] + position[1, 1])), math.sqrt(rotation[2, 2])
 

@@ -1,4 +1,4 @@
-"""What a camera says of an object at one moment, in the world frame, with how sure that is."""
+"""A percept of an object by a camera at one moment, in the world frame, with its covariance."""
 
 from __future__ import annotations
 

@@ -55,17 +55,17 @@ class View:
     camera: str
     """Name of its node."""
     world_from_camera: Pose
-    """Of the optical frame: z forward, x right, y down. With the covariance of its mount, if that is known."""
+    """Pose of the optical frame: z forward, x right, y down. It has the covariance of its mount, if this is known."""
     intrinsics: Intrinsics
     obstacles: tuple[Solid, ...] = ()
-    """What may hide something from this camera alone."""
+    """Bodies that may hide something from this camera alone."""
 
 
 class Glance(NamedTuple):
-    """What a camera should see of one object."""
+    """The predicted visibility of one object to a camera."""
 
     share: float
-    """Of the tag's area, or of the image of what is recognised by its colour, 0 to 1."""
+    """Visible share of the tag's area, or of the image of an object recognised by its colour, 0 to 1."""
     hidden_by: str
     """The solid or obstacle that hides most of it; empty if nothing does."""
 
@@ -171,7 +171,7 @@ class _Camera:
 
 
 class Sight:
-    """What some cameras should see.
+    """Predicts which objects some cameras should see.
 
     Args:
         views: the cameras.

@@ -18,7 +18,7 @@ _RECENT = 10  # percepts whose mean shows a move too small for the gate of a sin
 
 
 class Track:
-    """What perception says of one object over time."""
+    """The percepts of one object over time, and the estimate that follows from them."""
 
     def __init__(self, config: BeliefConfig) -> None:
         self._config = config
@@ -61,7 +61,7 @@ class Track:
         return self.moving or bool(self._pending)
 
     def begin_anew(self, since: float) -> None:
-        """It has come to rest: what counts are the percepts since then (s)."""
+        """Start the estimate anew from the percepts since `since` (s), because the object has come to rest."""
         percepts = [percept for percept in self._newest if percept.stamp >= since]
         if percepts:
             self._restart(percepts, None)

@@ -31,12 +31,12 @@ class Solid:
     size: Vector3
     """Edge lengths of its bounding box, m."""
     position: Vector3
-    """Of the centre of that, m."""
+    """Position of the bounding box's centre in the world, m."""
     rotation: Quaternion = (0.0, 0.0, 0.0, 1.0)
     fixed: bool = False
-    """It never moves: a table or the floor."""
+    """Whether the solid never moves: a table or the floor."""
     shape: Shape = ()
-    """Its pieces; none for a solid box."""
+    """Pieces of the shape; none for a solid box."""
 
     @property
     def pose(self) -> Pose:
@@ -45,14 +45,14 @@ class Solid:
 
     @cached_property
     def kind(self) -> PartKind | None:
-        """What it is if it is of one piece; None for a body of several."""
+        """Kind of a solid of one piece; None for a body of several."""
         if not self.shape:
             return "box"
         return self.shape[0].kind if len(self.shape) == 1 else None
 
     @cached_property
     def parts(self) -> tuple[Solid, ...]:
-        """Its convex pieces in the world, under its name; itself if it is of one."""
+        """Convex pieces in the world, under the solid's name; the solid itself if it has one piece."""
         return (self,) if self.kind else tuple(map(self._part, self.shape))
 
     def _part(self, part: Part) -> Solid:
@@ -107,7 +107,7 @@ class Solid:
 
     @cached_property
     def footprint(self) -> Polygon:
-        """Its outline seen from above, to 1e-7 of its size; of several pieces, that of the bounding box."""
+        """Outline seen from above, to 1e-7 of the solid's size; of several pieces, that of the bounding box."""
         x, y, _ = self.position
         if self.is_round:
             half = 0.5 * self.size[0]
@@ -147,7 +147,9 @@ class Solid:
         return Solid(self.name, self.size, position, rotation, self.fixed, self.shape)
 
     def face_down(self) -> tuple[Solid, float]:
-        """It with the nearest rotation that puts a face down, and how far that is (tilt, rad); a ball has none."""
+        """Turn the solid to the nearest rotation that puts a face down, and tell by how much (tilt, rad); a ball has no
+        face.
+        """
         if self.kind == "sphere":
             return self, 0.0
         rotation, tilt = face_down(self.rotation, self._sides())

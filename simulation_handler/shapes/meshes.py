@@ -1,4 +1,4 @@
-"""What meshes are in the simulation: convex hulls of few corners, of each connected piece or of what makes it up."""
+"""Meshes in the simulation: convex hulls of few corners, of each connected piece or of its convex parts."""
 
 from __future__ import annotations
 
@@ -40,13 +40,13 @@ class Form(NamedTuple):
     bounds: Bounds
     """In the frame of its node."""
     shape: Shape
-    """Its convex pieces, in the frame at the centre of the bounds."""
+    """Convex pieces, in the frame at the centre of the bounds."""
     is_true: bool
     """Whether the parts leave out what the surface does; else something hollow is filled."""
 
     @property
     def centre(self) -> Vector3:
-        """Of the bounds, m."""
+        """Centre of the bounds, m, in the mesh's frame."""
         x, y, z = ((low + high) / 2 for low, high in zip(*self.bounds, strict=True))
         return x, y, z
 

@@ -1,1 +1,1 @@
-"""What the belief keeps of each object, and the bodies of all."""
+"""The state of the belief: the records of all objects, and their bodies."""

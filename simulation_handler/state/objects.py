@@ -1,4 +1,4 @@
-"""What the belief keeps of each object: what perception says of it, and where its body was put because of that."""
+"""The record of each believed object: its percepts, and where its body was put because of them."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class BelievedObject:
     """Coulomb coefficient."""
     track: Track
     shape: Shape = ()
-    """Its pieces; none for a solid box."""
+    """Pieces of the object's shape; none for a solid box."""
     drivable: bool = False
     """Where it is seen to move, it takes along by contact what is in it, on it, or in its way."""
     rolling_friction: float | None = None
@@ -49,15 +49,15 @@ class BelievedObject:
     noise: float = 0.0
     """m, root mean square distance by which its newest percept is off, beside what is systematic"""
     driven: bool = False
-    """It is on its way, and its body is driven after it."""
+    """Whether the object is on its way, and its body is driven along the seen path."""
     rides: bool = False
-    """It is in or on something that is driven: contact takes it along, and percepts say less."""
+    """Whether the object is in or on a driven one: contact takes it along, and percepts count less."""
     placement: Placement | None = None
     """Where perception last led to."""
     put: Pose | None = None
     """Where its body was last put; physics may have moved it since."""
     static: bool = False
-    """Its body is held: it hovers, and nothing known carries it."""
+    """Whether the body is held in place: it hovers, and nothing known carries it."""
     bias: float | None = None
     """m along the viewing ray, the systematic error of its percepts; learned when it rests on something."""
     hovering_since: float | None = None
@@ -69,7 +69,7 @@ class BelievedObject:
     last_strike: float = 0.0
     """s"""
     restarts: int = 0
-    """Of its track, when it was last looked at."""
+    """Number of restarts of the track when it was last looked at."""
     holder: str = ""
     """The gripper that holds it; percepts then say nothing of it."""
     hand: str = ""
@@ -77,9 +77,9 @@ class BelievedObject:
     let_go_at: float = -math.inf
     """s, when a hand was last known to hold it no more"""
     shows_rotation: bool = True
-    """Its percepts tell its rotation."""
+    """Whether percepts tell the object's rotation."""
     shows_tilt: bool = True
-    """Its percepts tell how it leans, if not its yaw."""
+    """Whether percepts tell how the object leans, if not its yaw."""
     turned_by_hand: Quaternion | None = None
     """How it leans as far as that hand tells: for percepts that say nothing of rotations, such as those by colour."""
     place_by_hand: Vector3 | None = None
@@ -87,12 +87,12 @@ class BelievedObject:
     confirmed: Solid | None = None
     """Where perception last agreed that it is, unless it has moved since with something, or in a gripper."""
     gone: bool = False
-    """It was taken out of the scene."""
+    """Whether the object was taken out of the scene."""
     seen_by: dict[str, float] = field(default_factory=dict)
     """Stamp (s) of the newest percept from each camera."""
 
     def estimate_at(self, now: float) -> Estimate | None:
-        """What perception says at `now` (s); None while it is not seen."""
+        """The estimate from percepts at `now` (s); None while the object is not seen."""
         return self.track.estimate if self.track.is_fresh(now) else None
 
     def cameras_at(self, now: float) -> frozenset[str]:
@@ -168,7 +168,7 @@ class BelievedObject:
         self.hovering_since, self.gone = None, False
 
     def leave_to_physics(self) -> None:
-        """What was perceived of it so far says nothing any more."""
+        """Forget all percepts of the object, and leave its body to physics."""
         self.track.forget()
         self.placement = self.prop = self.confirmed = None
         self.gone = False

@@ -1,1 +1,1 @@
-"""What the arm can do by itself: pick, place, move, observe, stop."""
+"""Skills that the arm performs by itself: pick, place, move, observe, stop."""

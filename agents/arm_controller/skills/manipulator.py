@@ -1,4 +1,4 @@
-"""What skills are made of: moving, gripping, looking at the belief; each wait is a step that a tick advances."""
+"""Building blocks of skills: moving, gripping, looking at the belief; each wait is a step that a tick advances."""
 
 from __future__ import annotations
 
@@ -164,7 +164,7 @@ class Manipulator:
         return self._router.plan(self._here, goal, load, self._obstacles(things, target), travel, self._limits)
 
     def room(self, target: str) -> Room:
-        """What is around an object, for the gripper."""
+        """The free space around an object, for the gripper."""
         return Room(self.figure, [thing for thing in self._things() if thing.name != target])
 
     def rise(self, held: str | None) -> Steps[None]:

@@ -13,7 +13,7 @@ from dsr.math3d.transforms import Pose
 from dsr.vocabulary.calibration import DEFAULT_METHOD, checked_method
 
 METHODS: Mapping[str, Method] = {"robust": robust.solve, "closed_form": closed_form.solve}
-"""By name, those of `dsr.vocabulary.calibration.METHODS`."""
+"""Methods by name, those of `dsr.vocabulary.calibration.METHODS`."""
 
 
 def calibrate(sightings: Sequence[Sighting], before: Pose, method: str = DEFAULT_METHOD) -> Solution:

@@ -1,4 +1,4 @@
-"""What a method of calibration takes and gives."""
+"""The interface of a method of calibration: its arguments and its result."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a calibration is about: objects seen by a camera, and where in its parent's frame they are believed to be."""
+"""The problem of a calibration: objects as a camera sees them, and their believed poses in the frame of its parent."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Sighting(NamedTuple):
     """One object as it was seen in one view."""
 
     name: str
-    """Of the object."""
+    """Name of the object."""
     view: int
     """Sightings of one view have one pose of the camera."""
     seen: Pose

@@ -14,7 +14,7 @@ from dsr.vocabulary.calibration import CALIBRATED, ObjectReport, Report
 
 
 def make_report(camera: str, parent: str, solution: Solution, *, adopted: bool, unchanged: bool = False) -> Report:
-    """What came out, of the camera in the frame `parent`; `unchanged`: nothing was to be written."""
+    """Make the report of a calibration of the camera in the frame `parent`; `unchanged`: nothing was to be written."""
     covariance = solution.pose.covariance
     metres, radians = solution.shift
     condition = solution.geometry.condition
@@ -42,7 +42,7 @@ def make_report(camera: str, parent: str, solution: Solution, *, adopted: bool, 
 
 
 def encoded(report: Report) -> str:
-    """For the attribute `report` of a request, or of the event that tells of a new pose."""
+    """Encode a report for the attribute `report` of a request, or of the event that tells of a new pose."""
     return msgspec.json.encode(report).decode()
 
 

@@ -20,7 +20,7 @@ MOST = 2000.0
 
 
 class Geometry(NamedTuple):
-    """What the arrangement of the objects is worth, seen from the camera."""
+    """How well the arrangement of the objects determines the camera's pose."""
 
     condition: float
     """Greatest over least eigenvalue of the information about the camera's pose; infinite if one is 0.
@@ -38,7 +38,7 @@ class Geometry(NamedTuple):
 
 
 def geometry_of(problem: Problem) -> Geometry:
-    """Of all sightings of a problem."""
+    """Compute the geometry of all sightings of a problem."""
     places = problem.seen[:, :3, 3]
     variances = np.diagonal(problem.covariances, axis1=1, axis2=2)
     arms = np.minimum(ARM, np.sqrt(3.0 * variances[:, :3].mean(axis=1) / variances[:, 3:].mean(axis=1)))
@@ -69,13 +69,13 @@ class Residual(NamedTuple):
     after: tuple[float, float]
     """m, rad, under the one that was found."""
     mahalanobis: float
-    """Of the latter, in standard deviations; of 6 numbers, 2.4 is usual."""
+    """Length of the residual after the calibration, in standard deviations; of 6 numbers, 2.4 is usual."""
     is_outlier: bool
     """Whether most of its sightings disagree with the pose that was found."""
 
 
 class Solution(NamedTuple):
-    """What a method found."""
+    """The result of a method."""
 
     method: str
     before: Pose
@@ -87,9 +87,9 @@ class Solution(NamedTuple):
     sightings scatter more than their own covariances say, and as the method stopped short of the best pose.
     """
     residuals: tuple[Residual, ...]
-    """By object, in the order of names."""
+    """Residuals of the objects, in the order of names."""
     geometry: Geometry
-    """Of the sightings that agree."""
+    """Geometry of the sightings that agree."""
     sightings: int
     agreeing: int
     views: int
@@ -147,7 +147,7 @@ class Solution(NamedTuple):
 
     @property
     def shift(self) -> tuple[float, float]:
-        """By how much the camera is elsewhere than was believed: m, rad."""
+        """Displacement of the camera from its believed pose: m, rad."""
         return self.before.distance(self.pose)
 
 

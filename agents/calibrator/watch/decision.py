@@ -26,14 +26,14 @@ _SIGMAS = 4.0  # standard deviations, likewise
 
 
 class Decision(NamedTuple):
-    """What was found out."""
+    """Whether the camera or the objects moved."""
 
     moved: bool | None
     """Whether the camera moved; None if that cannot be told yet."""
     is_ambiguous: bool
     """Objects that were all moved alike would have looked the same."""
     why: str
-    """For people."""
+    """The reason in words, for people."""
     is_idle: bool = False
     """Everything is seen where it was believed: there is nothing that has to be explained otherwise."""
 
@@ -45,7 +45,7 @@ def decide(
     world_from_parent: Pose,
     carried: Collection[str] = (),
 ) -> Decision:
-    """By one view: a camera that moved displaces all it sees alike, what was moved is displaced by itself.
+    """Decide by one view. A camera that moved displaces all that it sees alike; a moved object is displaced by itself.
 
     Args:
         sightings: of one view.
@@ -89,7 +89,9 @@ def decide_elsewhere(
     last: bool,
     carried: Collection[str] = (),
 ) -> Decision:
-    """By views from several places: where the camera moved all beliefs are right, else all objects moved alike.
+    """Decide by views from several places.
+
+    If the camera moved, all beliefs are right; otherwise all objects moved alike.
 
     Args:
         sightings: of all views, with what was believed before.

@@ -23,7 +23,9 @@ _LEAST = 0.0003  # m, likewise, of what is not noise
 
 
 class DepthError(NamedTuple):
-    """By how much a camera sees an object farther than it is believed to be, along the viewing ray."""
+    """The systematic error of depth of one object: how much farther the camera sees it than believed, along the viewing
+    ray (m).
+    """
 
     mean: float
     """m"""
@@ -32,7 +34,7 @@ class DepthError(NamedTuple):
 
 
 class Depths:
-    """What was learned of the errors of depth of all cameras."""
+    """The systematic errors of depth of all cameras, as they were learned."""
 
     def __init__(self, memory: Memory) -> None:
         self._memory = memory
@@ -56,7 +58,7 @@ class Depths:
             self._take((camera, percept.name), percept.seen, camera_from_world @ believed[percept.name])
 
     def of(self, camera: str) -> dict[str, DepthError]:
-        """By object; only what is known well."""
+        """The well-known errors of depth of a camera, by object."""
         return {
             name: DepthError(mean, math.hypot(_LEAST, _REMAINS * math.sqrt(variance)))
             for (other, name), (mean, variance) in self._errors.items()
@@ -72,7 +74,7 @@ class Depths:
             earlier.popleft()
 
     def at(self, camera: str, time: float) -> dict[str, DepthError]:
-        """What was known at `time` (s), see `note`."""
+        """The errors of depth as they were known at `time` (s), see `note`."""
         until = [known for stamp, known in self._earlier.get(camera, ()) if stamp <= time]
         return until[-1] if until else {}
 

@@ -79,7 +79,7 @@ class Displaced:
             series.views.expect(name, before)
 
     def doubts(self, camera: str) -> Views | None:
-        """What was seen, if it tells now that the camera moved; it is not kept any longer then."""
+        """Return the kept views of a camera if they tell now that it moved, and forget them; None otherwise."""
         series = self._series.get(camera)
         if series is None:
             return None
@@ -98,5 +98,5 @@ class Displaced:
         return self._series.pop(camera).views
 
     def forget(self, camera: str) -> None:
-        """It is known where that camera is, or somebody looks into it."""
+        """Forget the views of a camera, because its pose is known, or somebody looks into it."""
         self._series.pop(camera, None)

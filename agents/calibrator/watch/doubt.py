@@ -25,7 +25,7 @@ ENOUGH = 8
 
 
 class Doubt:
-    """What one camera has shown since it came into doubt.
+    """The percepts of one camera since it came into doubt, and the way to a decision.
 
     Args:
         memory: what is seen.
@@ -81,7 +81,7 @@ class Doubt:
 
     @property
     def seen(self) -> Views:
-        """What was seen since, and before if that gave rise to the doubt."""
+        """Views since the doubt began, and those before that gave rise to it."""
         return self._views
 
     @property
@@ -92,7 +92,7 @@ class Doubt:
         return x, y, z
 
     def believed(self) -> dict[str, Pose]:
-        """world_from_object, where the objects are if it was the camera that moved."""
+        """world_from_object by object: the true poses of the objects if the camera moved, and not they."""
         parents = self._views.parents()
         stayed = (one for one in self.sightings if one.name not in self._views.stopped)
         return {one.name: parents[one.view] @ one.believed for one in stayed}
@@ -179,7 +179,7 @@ def believed_now(memory: Memory) -> dict[str, Pose]:
 
 
 class Memories:
-    """What was believed of each object lately: once things seem displaced, beliefs may be led astray by that."""
+    """Recent beliefs of each object: later beliefs may be led astray by displaced percepts."""
 
     def __init__(self, span: float) -> None:
         """Kept for `span` s."""

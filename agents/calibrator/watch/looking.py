@@ -91,7 +91,7 @@ class Looking:
                 self._script = None
 
     def go_home(self) -> None:
-        """What was to be known is known: stop, and go back unless somebody else works with the arm."""
+        """Stop looking, because the decision is known, and go back unless somebody else works with the arm."""
         self.goes_home = True
         self._stop()
         self._script = self._return()
@@ -211,7 +211,7 @@ class Touch:
         self._earlier = {(name, status) for name, _, status, _ in self._attempts()}
 
     def decide(self) -> Decision | None:
-        """What the newest attempt tells; None without one."""
+        """Decide by the newest attempt to grasp; None without one."""
         for name, target, status, why in self._attempts():
             if (name, status) in self._earlier or target not in self._names:
                 continue

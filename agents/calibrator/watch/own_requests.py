@@ -48,7 +48,7 @@ class OwnRequests:
         self._names[camera] = request
 
     def refuse_left_over(self) -> None:
-        """Those that an earlier run did not answer."""
+        """Refuse the requests that an earlier run did not answer."""
         for node in list(self._memory.nodes(CALIBRATION)):
             if node.get("source") == SURPRISE and node.get("status") not in ANSWERED:
                 self._memory.update_node(node.name, status=REFUSED, explanation="the calibrator was restarted")
@@ -70,9 +70,9 @@ class OwnRequests:
         self._memory.update_node(request, status=status, explanation=text if adopted else why, report=encoded(report))
 
     def report(self, camera: str) -> Report | None:
-        """What was answered last; None before that."""
+        """The newest answer for a camera; None before the first one."""
         return read_report(self._memory, self._names.get(camera, ""))
 
     def close(self, camera: str) -> None:
-        """Its answer stays as it is."""
+        """Leave the answer for a camera as it is."""
         self._names.pop(camera, None)

@@ -50,7 +50,7 @@ class Refining:
         self._adopted: dict[str, _Adopted] = {}
 
     def add(self, doubt: Doubt, now: float) -> None:
-        """Its pose was adopted at time `now` (s)."""
+        """Note that the pose of this doubt was adopted at time `now` (s)."""
         if doubt.parent == WORLD and doubt.written is not None:
             views = Views(self._memory, doubt.camera, now, self._config, doubt.believed(), doubt.seen.depths)
             told = frozenset(one.name for one in doubt.sightings)

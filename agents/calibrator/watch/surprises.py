@@ -1,4 +1,4 @@
-"""What is heard of surprises: how they are explained, and that nothing has been surprising for a while."""
+"""Follows surprises: how they are explained, and that nothing has been surprising for a while."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Surprises:
         self._calm_since: float | None = None
 
     def explanations(self) -> list[Entry]:
-        """Those since the last call."""
+        """Explanations since the last call."""
         entries = self._chronicle.query(type="event", kind=EXPLAINED, since=self._heard)
         found = [entry for entry in entries if entry.begin > self._heard]
         self._heard = max((entry.begin for entry in found), default=self._heard)

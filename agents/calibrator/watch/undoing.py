@@ -1,4 +1,4 @@
-"""What the last calibration of a camera has changed, turned round."""
+"""Undoes the last calibration of a camera."""
 
 from __future__ import annotations
 

@@ -151,7 +151,7 @@ class Watch:
         return request in self._requests
 
     def depths_of(self, camera: str) -> Mapping[str, DepthError]:
-        """What is known of the errors of depth with which a camera sees objects, by object."""
+        """The errors of depth with which a camera sees objects, by object."""
         return self._depths.of(camera)
 
     def settle(self, camera: str) -> None:
@@ -166,7 +166,7 @@ class Watch:
 
     @property
     def doubts(self) -> Sequence[Doubt]:
-        """What is in doubt, or was adopted provisionally."""
+        """Doubts that are open, or were adopted provisionally."""
         return tuple(self._doubts.values())
 
     # ---- into doubt

@@ -1,1 +1,1 @@
-"""What is wrong or doubtful in a scenario file, and its true course without any agent."""
+"""Checks a scenario file for faults and doubts, and plays its true course without any agent."""

@@ -1,4 +1,4 @@
-"""What is wrong or doubtful in a true course: things in one another, moves that overlap, things put in the air."""
+"""Finds faults and doubts in a true course: things in one another, moves that overlap, things put in the air."""
 
 from __future__ import annotations
 
@@ -40,7 +40,11 @@ _TURNS = 4  # squares within a circle, turned against each other, whose union is
 
 
 def deepest(name: str, pose: Pose, others: dict[str, Pose], scenario: Scenario) -> tuple[str, float]:
-    """What an object at `pose` is deepest in, another one or the table, and how deep (m); ("", 0.0) for nothing.
+    """Name the body that an object at `pose` is deepest in, with the depth (m).
+
+    The body is another object or the table; ("", 0.0) for none.
+
+    ("", 0.0) for none.
 
     Args:
         name: of the object.
@@ -92,7 +96,7 @@ class Fault(msgspec.Struct, frozen=True):
     """Something that the file brings about and that cannot be meant, or is doubtful."""
 
     path: Path
-    """What of the file brings it about: `("event", 0)` is the first event."""
+    """Place in the file that brings the fault about: `("event", 0)` is the first event."""
     text: str
 
 
@@ -112,7 +116,11 @@ class _Move(msgspec.Struct, frozen=True):
 
 
 def faults(history: History) -> list[Fault]:
-    """What cannot be meant in a course that was played without any agent: one fault for each event, in their order.
+    """List the faults of a course that was played without any agent:
+
+    contents that cannot be meant. There is one fault for each event, in their order.
+
+    One for each event, in their order.
 
     Where a robot has something to do, things may be elsewhere when it acts: then only hands are looked at.
     """
@@ -131,7 +139,7 @@ def faults(history: History) -> list[Fault]:
 
 
 def doubts(history: History) -> list[Fault]:
-    """What may not be meant in a course that was played without any agent: things fall where they are put, events wait.
+    """List the doubts of a course that was played without any agent: things fall where they are put, events wait.
 
     Where a robot has something to do, only the start is looked at.
     """

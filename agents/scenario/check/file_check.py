@@ -1,4 +1,4 @@
-"""What `dsr scenario check` finds in a file: what cannot be meant, and what is doubtful."""
+"""Finds faults and doubts in a scenario file, for `dsr scenario check`."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ _MINDS = "perspectives"
 
 
 class Findings(msgspec.Struct, frozen=True):
-    """What was found, each with file and line."""
+    """The findings of a check, each with file and line."""
 
     errors: list[ConfigError] = []
-    """What cannot be meant."""
+    """Contents that cannot be meant."""
     doubts: list[ConfigError] = []
-    """What may be meant, but seldom is."""
+    """Contents that may be meant, but seldom are."""
 
 
 def look_through(name_or_path: str, *, play: bool = True, beside: bool = True) -> Findings:
-    """What is wrong or doubtful in a scenario.
+    """Check a scenario for faults and doubts.
 
     Args:
         name_or_path: a built-in scenario or a file.

@@ -1,4 +1,4 @@
-"""What `dsr scenario truth` tells: events, phases and final poses of the true course, for people and as JSON."""
+"""The report of `dsr scenario truth`: events, phases and final poses of the true course, for people and as JSON."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ Seven = tuple[float, float, float, float, float, float, float]
 
 
 class EventReport(msgspec.Struct, frozen=True, kw_only=True):
-    """What became of one event."""
+    """The course of one event."""
 
     number: int
     """In the file, from 1."""
     do: str
     text: str
-    """What it does, with its fields."""
+    """The event's effect in words, with its fields."""
     begin: float | None = None
     """s after the start; None if it has not begun"""
     end: float | None = None
@@ -71,7 +71,9 @@ class TruthReport(msgspec.Struct, frozen=True, kw_only=True):
     gone: list[str]
     """Objects that are not in the scene at the end."""
     tracks: dict[str, list[tuple[float, Seven]]]
-    """Of each object: s after the start, and world_from_object, whenever that had changed (20 times a second)."""
+    """Pose of each object over time: s after the start, and world_from_object, whenever it had changed (20 times a
+    second).
+    """
 
 
 def truth_report(history: History, seed: int) -> TruthReport:

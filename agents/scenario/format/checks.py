@@ -1,4 +1,4 @@
-"""What must be consistent in a scenario beyond the types of its fields."""
+"""Checks the consistency of a scenario beyond the types of its fields."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the experimenter does to the true world: one struct per move, told apart by `do`.
+"""Events, in which the experimenter changes the true world: one struct per move, told apart by `do`.
 
 Each event starts `at` a time (s after the start) or once the condition `when` has come true, plus `delay`
 seconds. The plant carries out all moves but `kill`, which is the runner's; it tells the runner of its condition.
@@ -27,7 +27,7 @@ from agents.scenario.format.units import (
 )
 
 HandNumber = Annotated[int, Meta(ge=0, le=1)]
-"""Of a human hand: 0 is a right one, 1 a left one."""
+"""Number of a human hand: 0 is a right one, 1 a left one."""
 
 
 class EventBase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="do"):
@@ -111,7 +111,7 @@ class Slide(MovedByHand, frozen=True, kw_only=True, tag="slide"):
     turn: Radians = 0.0
     """rad from its yaw before, instead of `yaw`"""
     pushes: tuple[str, ...] = ()
-    """What stands in its way and is meant to be pushed along or aside, by contact."""
+    """Names of the objects in the way that are meant to be pushed along or aside, by contact."""
     speed: Speed = 0.1
     """m/s"""
 
@@ -293,7 +293,7 @@ class HandGrasp(HandEvent, frozen=True, kw_only=True, tag="hand_grasp"):
 
     @property
     def named_objects(self) -> dict[str, str]:
-        """What it grasps."""
+        """The object that the hand grasps."""
         return {"object": self.object}
 
 

@@ -1,4 +1,4 @@
-"""What must hold in the working memory: one struct per check, told apart by `check`.
+"""Expectations of the working memory: one struct per check, told apart by `check`.
 
 A check is judged `at` a time (default: the end). Those with `after` look at the whole window from there on;
 its default is the scenario's `settle`. `objects` defaults to all objects that are then in the true world.
@@ -92,7 +92,7 @@ class BeliefError(OfObjects, frozen=True, kw_only=True, tag="belief_error"):
     at_rest: bool = False
     """Only moments count at which the true object lies still and nobody holds it; there must be one."""
     share: Share = 1.0
-    """Of the moments that count, so many must be right."""
+    """Share of the moments that count, in which the belief must be right."""
 
 
 class Perceived(OfObjects, frozen=True, kw_only=True, tag="perceived"):
@@ -136,7 +136,7 @@ class KnownIn(OfObjects, frozen=True, kw_only=True, tag="known_in"):
     position: Vector3 | None = None
     """m, where they are there, in the frame `world`"""
     right: bool | None = None
-    """They are there where they truly are; false: they are not."""
+    """Whether the objects are at their true places; None if this does not matter."""
     tolerance: Noise = 0.03
     """m, of `position` and `right`"""
     perceived: bool | None = None

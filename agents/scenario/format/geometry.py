@@ -66,7 +66,7 @@ class Body(NamedTuple):
     """A thing somewhere."""
 
     shape: Shape
-    """Its parts, in its frame; none: it is the box of `size`."""
+    """Parts of the shape, in the body's frame; none: it is the box of `size`."""
     size: Vector3
     """m"""
     pose: Pose
@@ -83,7 +83,7 @@ class Ball(msgspec.Struct, frozen=True):
 
 
 def pieces(shape: Shape, body: Box) -> list[Box | Ball]:
-    """What a body is made of, where its bounding box is `body`; a cylinder counts as the box around it."""
+    """List the pieces of a body with the bounding box `body`, in the world; a cylinder counts as the box around it."""
     found: list[Box | Ball] = []
     for part in shape or box(_vector(body.size)):
         center = body.center + body.rotation @ np.array(part.position)

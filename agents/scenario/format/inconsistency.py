@@ -1,4 +1,4 @@
-"""What the checks of a scenario share: the error that names a place in the file."""
+"""The error, shared by the checks of a scenario, that names a place in the file."""
 
 from __future__ import annotations
 

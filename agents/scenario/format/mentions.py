@@ -1,4 +1,4 @@
-"""What must be consistent about the names that expectations mention, so that none holds for a typo."""
+"""Checks the names that expectations mention, so that none holds for a typo."""
 
 from __future__ import annotations
 
@@ -179,7 +179,7 @@ def check_reach(event: HandGrasp, path: Path, scenario: Scenario) -> None:
 
 
 def check_doer(name: str, path: Path, scenario: Scenario) -> None:
-    """Who shall have done something is a hand of some event, or the gripper; systems of one's own may have others."""
+    """Check that an expected actor is a hand of some event, or the gripper; systems of one's own may have others."""
     known = {f"human_hand_{hand}" for hand in _hands(scenario)} | {UNKNOWN}
     known |= {"gripper"} if scenario.robot.exists else set()
     require(of_own_system(scenario) or name in known, path, f"nobody is called {name!r} here; {suggest(name, known)}")

@@ -91,7 +91,7 @@ class SensorSpec(Section, frozen=True, kw_only=True):
 
 
 class RandomSpec(Section, frozen=True, kw_only=True):
-    """What differs from seed to seed: where the objects start (see `start_poses`)."""
+    """Differences between seeds: the start poses of the objects (see `start_poses`)."""
 
     position: Noise = 0.0
     """m, uniform +- on x and y"""
@@ -111,7 +111,7 @@ class ObjectSpec(Section, frozen=True, kw_only=True):
     size: Size = (0.04, 0.04, 0.04)
     """m, along its own x, y and z"""
     shape: Shape = ()
-    """Its parts, from the model alone; without any it is a solid box"""
+    """Parts of the shape, from the model alone; without any the object is a solid box"""
     mass: Annotated[float, Meta(ge=LIGHTEST, le=HEAVIEST)] = 0.05
     """kg"""
     friction: Annotated[float, Meta(ge=0, le=5)] = 0.6
@@ -148,7 +148,7 @@ class PersonSpec(Section, frozen=True, kw_only=True):
 
 
 class MissionSpec(Section, frozen=True, kw_only=True):
-    """What the robot is told to achieve."""
+    """The goal that the robot is given."""
 
     goal: str
     """E.g. `on(cube_3, cube_4) & on(cube_6, cube_5)`."""
@@ -163,7 +163,7 @@ class PlanSpec(Section, frozen=True, kw_only=True):
 
     name: str
     goal: str
-    """What it is for, as the goal of a mission."""
+    """The goal that the plan serves, as the goal of a mission."""
     steps: Annotated[tuple[str, ...], Meta(min_length=1)]
     """E.g. `place cube_3 on cube_4`."""
 
@@ -182,7 +182,7 @@ class Scenario(Section, frozen=True, kw_only=True):
     linger: Annotated[float, Meta(gt=0, le=3600)] | None = None
     """s after all events are over and the mission, if any, is at rest, after which the run ends before `duration`"""
     camera: Literal["overhead", "wrist"] | CameraSpec = "overhead"
-    """What the objects are seen with; a table for one on a stand."""
+    """The camera that sees the objects; a table for one on a stand."""
     robot: RobotSpec = RobotSpec()
     table: TableSpec = TableSpec()
     sensor: SensorSpec = SensorSpec()
@@ -191,7 +191,7 @@ class Scenario(Section, frozen=True, kw_only=True):
     """Default: nobody wants anything."""
     persons: list[PersonSpec] = msgspec.field(name="person", default_factory=list)
     plans: list[PlanSpec] = msgspec.field(name="plan", default_factory=list)
-    """What comes of them is imagined, and the best is adopted."""
+    """Plans whose outcomes are imagined; the best is adopted."""
     objects: list[ObjectSpec] = msgspec.field(name="object", default_factory=list)
     events: list[Event] = msgspec.field(name="event", default_factory=list)
     expectations: list[Check] = msgspec.field(name="expect", default_factory=list)

@@ -1,4 +1,4 @@
-"""What must be consistent about what events change: it is not nothing, not too fast, and what rolls is a ball."""
+"""Checks the motions of events: not zero, not too fast, and only balls roll."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def check_motion(event: SetInMotion, path: Path, scenario: Scenario) -> None:
 
 
 def check_change(event: Event, path: Path) -> None:
-    """What an event changes is not zero."""
+    """Check that an event's change is not zero."""
     some: dict[str, tuple[float, ...]] = {}
     if isinstance(event, FalsePercept | CameraBump):
         some["an error" if isinstance(event, FalsePercept) else "a motion"] = (*event.translation, *event.rotation)

@@ -44,4 +44,4 @@ def _arm_links(scenario: Scenario) -> set[str]:
     return {f"arm_link_{joint}" for joint, _ in enumerate(scenario.robot.start, start=1)}
 
 GROUND = ("table",)
-"""What else things rest on, as a node of the working memory; the floor has none."""
+"""Names of other supports, as nodes of the working memory; the floor has none."""

@@ -21,7 +21,7 @@ Radians = Annotated[float, Meta(ge=-6.2832, le=6.2832)]
 Turn = Annotated[float, Meta(ge=0, le=3.1416)]
 """rad, the angle between two orientations"""
 Share = Annotated[float, Meta(gt=0, le=1)]
-"""Of a whole; more than nothing."""
+"""A share of a whole; more than nothing."""
 Speed = Annotated[float, Meta(gt=0, le=5)]
 """m/s or rad/s"""
 Velocity = Annotated[float, Meta(ge=-5, le=5)]

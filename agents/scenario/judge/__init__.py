@@ -1,1 +1,1 @@
-"""What a run is judged by: expectations that hold or fail, metrics, the result."""
+"""The judgement of a run: expectations that hold or fail, metrics, the result."""

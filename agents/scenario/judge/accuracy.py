@@ -26,7 +26,7 @@ _Pairs = frozenset[tuple[str, str]]
 
 
 def accuracy(history: History, window: Sequence[Sample]) -> dict[str, float]:
-    """Of actions over the whole run; of relations and unseen objects over `window`."""
+    """Measure the accuracy of actions over the whole run, and of relations and unseen objects over `window`."""
     return {**_of_actions(history), **_of_relations(history, window), **_of_unseen(history, window)}
 
 
@@ -70,7 +70,7 @@ def _of_relations(history: History, window: Sequence[Sample]) -> dict[str, float
 
 
 class TrueRelations:
-    """What truly is on and in what; computed anew when something has moved."""
+    """The true relations `on` and `in`; computed anew when something has moved."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
@@ -79,7 +79,9 @@ class TrueRelations:
         self._in: _Pairs = frozenset()
 
     def on(self, sample: Sample) -> tuple[_Pairs, _Pairs]:
-        """What rests on what; and what does not count: of what moves or is held, and of contents and container."""
+        """The true pairs of `on`, and the pairs that do not count: of objects that move or are held, and of contents
+        and container.
+        """
         self._update(sample)
         busy = sample.moving | sample.grasped.keys()
         told = _told(sample, "on")
@@ -87,7 +89,7 @@ class TrueRelations:
         return self._on - ignored, ignored
 
     def inside(self, sample: Sample) -> tuple[_Pairs, _Pairs]:
-        """What is in what; all counts."""
+        """The true pairs of `in`, and the pairs that do not count: none."""
         self._update(sample)
         return self._in, frozenset()
 

@@ -37,7 +37,9 @@ CAMERAS: dict[type, Callable[[Any, History, Sample], Finding]] = {
 
 
 def camera_metrics(history: History) -> dict[str, float]:
-    """Of runs in which a camera is bumped or calibrated: its error at the end, and how long that was wrong."""
+    """Measure the camera's error in runs in which a camera is bumped or calibrated: at the end, and for how long it was
+    wrong.
+    """
     bumps = [
         history.spans[number][0]
         for number, event in enumerate(history.scenario.events, start=1)

@@ -35,7 +35,7 @@ def rises(history: History, begin: float, end: float, names: set[str]) -> list[t
 
 
 def missing_events(history: History) -> list[str]:
-    """What was to happen and has not, e.g. `event 2 (slide) has not begun`."""
+    """List the events that were to happen and have not, e.g. `event 2 (slide) has not begun`."""
     numbered = enumerate(history.scenario.events, start=1)
     return [
         f"event {number} ({event.__struct_config__.tag}) {why}"

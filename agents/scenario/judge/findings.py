@@ -1,4 +1,4 @@
-"""What every judgement needs: at which time and of which objects it is made, and how findings are written."""
+"""The common parts of all judgements: their time and objects, and how findings are written."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ class Truth(msgspec.Struct, frozen=True):
     stamp: float
     """s"""
     objects: dict[str, _Seven]
-    """By name: position (m) and quaternion (x, y, z, w) in the world frame."""
+    """Poses by name: position (m) and quaternion (x, y, z, w) in the world frame."""
     held: str | None = None
     """Object in the gripper."""
     moving: frozenset[str] = frozenset()
@@ -49,9 +49,9 @@ class Truth(msgspec.Struct, frozen=True):
     grasped: dict[str, str] = {}
     """Objects that are held, and by what: `gripper`, the node of a hand, or `unknown` for the experimenter."""
     moves: dict[int, tuple[float, float | None]] = {}
-    """By the number of an event in the file (from 1): when its move began and ended, s after the start."""
+    """Begin and end (s after the start) of each move, by the number of its event in the file (from 1)."""
     given_up: dict[int, str] = {}
-    """Of those, the ones that could not be carried out, and why."""
+    """Reasons why moves could not be carried out, by the event's number."""
     hands: dict[int, tuple[tuple[float, float, float], ...]] = {}
     """21 landmarks (m, world) of each human hand in the scene, by number."""
     camera: dict[str, _Seven] = {}

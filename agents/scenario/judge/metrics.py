@@ -23,7 +23,7 @@ RECOVERED = 0.005
 
 
 def curves(history: History) -> dict[str, list[tuple[float, float]]]:
-    """What is measured over time in a finished run: (s, value in the unit at the end of the name)."""
+    """Measure curves of a finished run over time: (s, value in the unit at the end of the name)."""
     return unseen_curves(history, history.window(history.scenario.settle, history.end))
 
 

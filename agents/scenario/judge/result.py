@@ -16,10 +16,10 @@ class Verdict(msgspec.Struct, frozen=True):
     """The outcome of one expectation."""
 
     text: str
-    """What was expected."""
+    """The expectation, in words."""
     passed: bool
     actual: str
-    """What was found."""
+    """The finding, in words."""
 
 
 class Result(msgspec.Struct, frozen=True, kw_only=True):
@@ -37,9 +37,9 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
     metrics: dict[str, float]
     """SI units, the unit at the end of the name; only what could be measured, always finite."""
     curves: dict[str, list[tuple[float, float]]] = {}
-    """What was measured over time: (s, value), in the unit at the end of the name."""
+    """Measurements over time: (s, value), in the unit at the end of the name."""
     notes: list[str]
-    """What could not be measured, and why."""
+    """Metrics that could not be measured, and why."""
 
     def __post_init__(self) -> None:
         wrong = [name for name, value in self.metrics.items() if not math.isfinite(value)]

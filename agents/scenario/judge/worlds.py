@@ -33,7 +33,7 @@ class WorldWatch:
         self._kinds = {check.type for check in checks if isinstance(check, Edges)}
 
     def look(self) -> dict[str, WorldSample | None]:
-        """What is there now; what cannot be opened counts as not there."""
+        """Read the present worlds; a world that cannot be opened counts as not there."""
         found: dict[str, WorldSample | None] = {}
         for info in self._memory.worlds():
             if info.name == BASE:

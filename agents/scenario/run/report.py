@@ -1,4 +1,4 @@
-"""What a person sees of a run in the terminal: progress, then what came out."""
+"""Prints a run in the terminal: its progress, then its results."""
 
 from __future__ import annotations
 

@@ -180,7 +180,7 @@ def run_system(run: Run, system: System, observer: Observer | None = None) -> Re
 
 
 def true_course(run: Run) -> History:
-    """What truly happens without any agent: the plant alone, with the experimenter's moves. `kill` is only noted.
+    """Play the true course without any agent: the plant alone, with the experimenter's moves. `kill` is only noted.
 
     Raises:
         ConfigError: if the scenario cannot be played.

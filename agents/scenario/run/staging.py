@@ -13,7 +13,7 @@ from dsr.errors import ConfigError
 from dsr.runtime.system import System, find_system, load_system
 
 Sensor = Literal["pixels", "poses"]
-"""What the plant's camera delivers: rendered images, or the poses that would be measured in them."""
+"""The output of the plant's camera: rendered images, or the poses that would be measured in them."""
 
 
 Policy = Literal["hypotheses", "algorithm1", "published"]
@@ -26,7 +26,7 @@ MISSION = "mission"
 
 
 class Run(msgspec.Struct, frozen=True, kw_only=True):
-    """What is to be run."""
+    """A run of a scenario, before it begins."""
 
     scenario: Scenario
     file: Path

@@ -1,4 +1,4 @@
-"""What many runs of a scenario have in common: successes, medians, 95 % quantiles, and which seeds failed why."""
+"""Statistics of many runs of a scenario: successes, medians, 95 % quantiles, and which seeds failed why."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Spread(msgspec.Struct, frozen=True):
     """Runs that have it."""
     median: float
     p95: float
-    """Not exceeded by 95 % of the runs (linear interpolation)."""
+    """Value that 95 % of the runs do not exceed (linear interpolation)."""
     worst: float
     """The greatest."""
 
@@ -32,9 +32,9 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
     passed: int
     metrics: dict[str, Spread]
     curves: dict[str, list[tuple[float, Spread]]]
-    """What was measured over time, at each time (s) over the runs that have it then."""
+    """Statistics over time: at each time (s), over the runs that have it then."""
     failures: dict[str, list[int]]
-    """By expectation, or reason of a crash: the seeds that failed it."""
+    """Seeds that failed, by expectation, or by the reason of a crash."""
     wall_s: float
     """s of real time a run took, on average"""
 

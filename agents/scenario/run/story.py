@@ -1,4 +1,4 @@
-"""What a run has to tell, line by line: mission, plan, actions, moves of the experimenter, surprises, explanations."""
+"""The story of a run, line by line: mission, plan, actions, moves of the experimenter, surprises, explanations."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _LONGEST = 200  # characters of a line
 
 
 class Topic(StrEnum):
-    """What a line is about."""
+    """The topic of a line."""
 
     MISSION = "mission"
     PLAN = "plan"
@@ -83,7 +83,7 @@ class Story:
         self._calibrated: set[str] = set()
 
     def news(self, begun: Iterable[int]) -> list[Line]:
-        """What happened since the last call.
+        """Lines about everything since the last call.
 
         Args:
             begun: numbers of the scenario's events (from 1) that have begun.
@@ -183,7 +183,7 @@ class Story:
 
 
 def describe(event: Event) -> str:
-    """What an event does, such as `slide cube_4 by 0.1, 0.04`."""
+    """Describe an event in words, such as `slide cube_4 by 0.1, 0.04`."""
     fields: Mapping[str, object] = msgspec.to_builtins(event)
     objects = [str(fields["object"])] if "object" in fields else []
     defaults = {field.name: field.default for field in msgspec.structs.fields(event)}

@@ -38,7 +38,7 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True):
     failed: list[str]
     """The expectations that did not hold, without what was found."""
     found: list[str]
-    """What was found instead."""
+    """Findings in place of the expectations, in words."""
     crash: str = ""
     """Why there is no result."""
     metrics: dict[str, float] = {}

@@ -1,4 +1,4 @@
-"""What a person sees of a sweep: progress with the successes so far, then the statistics."""
+"""Prints a sweep in the terminal: its progress with the successes so far, then the statistics."""
 
 from __future__ import annotations
 

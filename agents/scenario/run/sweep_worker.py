@@ -22,7 +22,7 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
     """One run."""
 
     name: str
-    """Of the scenario."""
+    """Name of the scenario."""
     file: str
     """Path of the scenario's file."""
     seed: int

@@ -1,4 +1,4 @@
-"""What hands and the gripper truly did, read off who held what and how it moved; and which of that was inferred."""
+"""Derives the true actions of hands and gripper from holders and motions, and compares them with the inferred ones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was true, perceived and believed at each moment of a run."""
+"""The history of a run: truth, percepts and beliefs at each moment."""
 
 from __future__ import annotations
 
@@ -48,11 +48,11 @@ class Sample(msgspec.Struct, frozen=True, kw_only=True):
     """The newest of each object, however old."""
     beliefs: dict[str, Pose] = {}
     perceived: dict[str, bool] = {}
-    """Of each object that has a node."""
+    """Whether each object is perceived, for those that have a node."""
     edges: frozenset[tuple[str, str, str]] = frozenset()
     """Type, source, destination."""
     attributes: dict[tuple[str, str], Any] = {}
-    """By node and name, those that the scenario asks for."""
+    """The attributes that the scenario asks for, by node and name."""
     held: str | None = None
     """True: the object in the gripper."""
     grasped: dict[str, str] = {}
@@ -69,7 +69,7 @@ class Sample(msgspec.Struct, frozen=True, kw_only=True):
     absent: frozenset[str] = frozenset()
     """Objects believed to have left the scene."""
     worlds: dict[str, WorldSample | None] = {}
-    """By name, all that are listed, the base excepted; None for those that no expectation looks into."""
+    """The listed worlds by name, without the base; None for those that no expectation looks into."""
 
     def poses(self, source: Source) -> dict[str, Pose]:
         """The percepts or the beliefs."""
@@ -77,7 +77,7 @@ class Sample(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class MissionState(msgspec.Struct, frozen=True):
-    """What an intention's node said from some time on."""
+    """The state of an intention's node from some time on."""
 
     time: float
     """s after the start"""

@@ -83,7 +83,7 @@ def pose_boxes(scenario: Scenario, poses: dict[str, Pose]) -> dict[str, Box]:
 
 
 def pose_pieces(scenario: Scenario, poses: dict[str, Pose]) -> dict[str, list[Piece]]:
-    """What the scenario's objects at `poses` are made of, there."""
+    """List the pieces of the scenario's objects at `poses`, in the world."""
     shapes = {spec.name: spec.shape for spec in scenario.objects}
     return {name: pieces(shapes[name], box) for name, box in pose_boxes(scenario, poses).items()}
 

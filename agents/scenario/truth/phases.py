@@ -17,7 +17,7 @@ from dsr.math3d.transforms import Pose
 STEP_LENGTH = 0.0005
 """m from one sample (1/20 s) to the next, by which an object that is not called moving yet has moved: 10 mm/s"""
 STEP_TURN = 0.005
-"""rad likewise: 0.1 rad/s, as the plant calls still"""
+"""rad in one step, below which an object is still: 0.1 rad/s, as in the plant"""
 PAUSE = 0.25
 """s, the longest rest within one phase: what is taken, tilts or bounces stands still for moments"""
 
@@ -41,9 +41,9 @@ class Phase(msgspec.Struct, frozen=True, kw_only=True):
     fell_at: float | None = None
     """s after the start, when that began first"""
     comes: bool = False
-    """It was not in the scene before."""
+    """Whether the object comes into the scene in this phase."""
     gone: bool = False
-    """It was taken out of the scene."""
+    """Whether the object was taken out of the scene."""
     position: tuple[float, float, float] | None = None
     """m, centre, world, at the end; None if it is gone"""
     rests_on: tuple[str, ...] = ()
@@ -60,7 +60,7 @@ def phases(history: History) -> list[Phase]:
 
 
 def supports(scenario: Scenario, sample: Sample, name: str) -> tuple[str, ...]:
-    """What an object truly rests on then: other objects, `table` or `floor`; nothing in the air."""
+    """Names of the true supports of an object at that moment: other objects, `table` or `floor`; none in the air."""
     found = tuple(sorted(lower for upper, lower in true_relations(scenario, sample.truth) if upper == name))
     below_table = sample.truth[name].t[2] < table_box(scenario.table).bottom
     lies = below_table and name not in sample.moving and name not in sample.grasped

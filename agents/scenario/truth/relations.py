@@ -1,4 +1,4 @@
-"""What rests on what in the true world, from where everything is."""
+"""Derives the true relations of resting from the poses in the true world."""
 
 from __future__ import annotations
 

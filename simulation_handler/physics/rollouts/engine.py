@@ -30,7 +30,7 @@ class Outcome:
     poses: dict[str, Placing]
     """world_from_body of all bodies, by name."""
     contacts: list[Contact]
-    """What touches what, sorted; nothing is said of bodies that are both fixed."""
+    """Contacts between bodies, sorted; pairs of fixed bodies are left out."""
     drift: dict[str, float]
     """m that each body's centre is from where the scene had it."""
     speeds: dict[str, tuple[float, float]]

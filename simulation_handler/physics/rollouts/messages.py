@@ -1,4 +1,4 @@
-"""What passes between a pool and its workers: MessagePack, each message after its length."""
+"""Messages between a pool and its workers: MessagePack, each message after its length."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Job(msgspec.Struct, frozen=True, array_like=True):
 
 
 class Reply(msgspec.Struct, frozen=True, array_like=True):
-    """What came of the job of that number; neither outcome nor error for the first message: ready."""
+    """The outcome of the job of that number; neither outcome nor error for the first message: ready."""
 
     number: int
     outcome: Outcome | None = None

@@ -81,7 +81,7 @@ class WorkerProcess:
 
     @property
     def pid(self) -> int:
-        """Of the process."""
+        """Id of the process."""
         return self._process.pid
 
     def give(self, job: Job, now: float) -> None:
@@ -92,7 +92,7 @@ class WorkerProcess:
         send(self.connection, job)
 
     def take(self) -> Reply:
-        """What it has answered; raises `OSError` if it has died."""
+        """Return the worker's answer; raises `OSError` if the worker has died."""
         reply = receive_reply(self.connection)
         self.job, self.deaths = None, 0
         return reply

@@ -27,22 +27,22 @@ class Body(NamedTuple):
     size: Vector3
     """Edge lengths of its bounding box, m."""
     position: Vector3
-    """Of its centre in the world, m."""
+    """Position of the body's centre in the world, m."""
     rotation: Quaternion = (0.0, 0.0, 0.0, 1.0)
     mass: float = 0.0
     """kg; 0 for one that can never move."""
     friction: float = 0.5
     """Coulomb coefficient; that of a contact is the product of both bodies'."""
     fixed: bool = False
-    """It stays where it is: a fixture, or an object that is held in place."""
+    """Whether the body stays where it is: a fixture, or an object that is held in place."""
     shape: Shape = ()
-    """Its pieces; none for a solid box."""
+    """Pieces of the body's shape; none for a solid box."""
     rolling_friction: float | None = None
     """m, lever arm of the resistance to rolling; None if that is not known"""
     velocity: Vector3 = STILL
-    """Of its centre in the world at the beginning, m/s."""
+    """Velocity of the body's centre in the world at the beginning, m/s."""
     spin: Vector3 = STILL
-    """Its angular velocity in the world at the beginning, rad/s."""
+    """Angular velocity of the body in the world at the beginning, rad/s."""
 
     @property
     def solid(self) -> Solid:
@@ -76,7 +76,7 @@ class Scene:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of all bodies, sorted."""
+        """Names of all bodies, sorted."""
         return tuple(self._by_name)
 
     def moved(self, placings: Mapping[str, Placing]) -> Scene:
