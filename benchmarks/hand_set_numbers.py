@@ -5,8 +5,9 @@
     python -m benchmarks.hand_set_numbers --markdown > docs/numbers.md
 
 Such are named constants, defaults of configuration fields and of parameters, and numbers in expressions. Unit vectors
-and zeros do not count; in expressions, nor do 0, 1, 2, their halves and opposites, indices and sizes of arrays. What a
-number means is told beside it: in a string below, a comment behind it, or one above the block.
+and zeros do not count. In expressions and as defaults of parameters, nor do 0, 1, 2, their halves and opposites, and
+1000 (mm in a m). Indices, sizes of arrays and digits do not count either. The meaning of a number is told beside it: in
+a string below, a comment behind it, or one above the block.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import io
 import re
 import tokenize
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,8 +28,17 @@ from rich.table import Table
 PACKAGES = ("simulation_handler", "surprise", "planner", "agents/action_inference")
 """Those that reason."""
 _ROOT = Path(__file__).parents[1]
-_PLAIN = {0.0, 0.5, 1.0, 2.0}
-_SIZED = {"eye", "zeros", "ones", "empty", "full", "reshape", "tile", "repeat"}
+_TITLE = """# Numbers set by hand
+
+All numbers that somebody chose in the packages that reason, by file. `python -m benchmarks.hand_set_numbers --markdown`
+writes this page. A constant of one name means one thing."""
+_PLAIN = {0.0, 0.5, 1.0, 2.0, 1000.0}
+"""The last one converts m to mm."""
+_SIZED = {
+    *("eye", "zeros", "ones", "empty", "full", "reshape", "tile", "repeat"),
+    *("range", "split", "round", "moveaxis", "chr"),
+}
+"""Functions that take sizes, places and digits rather than quantities."""
 _UNIT = re.compile(r"(m|mm|s|rad|kg|N|Hz|nats|px|m/s|rad/s|m/s\^2|m\^2|ms|MiB|bytes|%)\b")
 
 
@@ -69,7 +79,7 @@ def numbers_in(file: Path) -> Iterator[Number]:
                 yield Number(name, statement.lineno, target, ast.unparse(value), meaning)
     for node in ast.walk(tree):
         for parameter, default in _defaults(node):
-            if default not in told and _counts(default):
+            if default not in told and _counts(default) and not _is_plain(getattr(default, "value", None)):
                 told.update(ast.walk(default))
                 yield Number(name, default.lineno, parameter, ast.unparse(default), _told_of(node, parameter))
     told |= {part for node in ast.walk(tree) if _is_of_arrays(node) for part in ast.walk(node)}
@@ -87,6 +97,20 @@ def hand_set_numbers(packages: tuple[str, ...] = PACKAGES) -> list[Number]:
         for file in sorted((_ROOT / package).rglob("*.py")):
             found += sorted(numbers_in(file), key=lambda number: number.line)
     return found
+
+
+def as_markdown(numbers: Iterable[Number]) -> str:
+    """A page with a table for each file, as in `docs/numbers.md`."""
+    by_file: dict[str, list[Number]] = {}
+    for number in numbers:
+        by_file.setdefault(number.file, []).append(number)
+    lines = [_TITLE]
+    for file, those in by_file.items():
+        lines += [f"\n## {file}\n", "| name | value | unit | meaning |", "|---|---|---|---|"]
+        for one in those:
+            cells = (f"`{one.name}`" if one.name else "", f"`{one.value}`", one.unit, one.meaning)
+            lines.append(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in cells)} |")
+    return "\n".join(lines) + "\n"
 
 
 def _assigned(node: ast.stmt) -> tuple[str, ast.expr | None]:
@@ -115,7 +139,8 @@ def _counts(value: ast.expr) -> bool:
     """Whether an expression holds a number that somebody chose."""
     if any(isinstance(part, ast.Name) and part.id in ("Annotated", "__file__") for part in ast.walk(value)):
         return False
-    chosen = [part for part in ast.walk(value) if _is_set(part)]
+    sizes = {part for node in ast.walk(value) if _is_of_arrays(node) for part in ast.walk(node)}
+    chosen = [part for part in ast.walk(value) if _is_set(part) and part not in sizes]
     is_vector = not isinstance(value, ast.Constant | ast.UnaryOp)
     return bool(chosen) and not (is_vector and all(_is_plain(ast.literal_eval(part)) for part in chosen))
 
@@ -134,6 +159,8 @@ def _is_of_arrays(node: ast.AST) -> bool:
     """Whether whole numbers in it are indices, or sizes of arrays."""
     if isinstance(node, ast.Call):
         return ast.unparse(node.func).rpartition(".")[2] in _SIZED
+    if isinstance(node, ast.Compare):
+        return any(re.match(r"len\(|.*\.(shape|ndim)$", ast.unparse(side)) for side in (node.left, *node.comparators))
     return isinstance(node, ast.Subscript)
 
 
@@ -178,12 +205,11 @@ def main() -> None:
     except FileNotFoundError as error:
         parser.error(str(error))
     shown = [number for number in found if not (options.unexplained and number.meaning)]
+    if options.markdown:
+        print(as_markdown(shown), end="")
+        return
     rows = [(f"{n.file}:{n.line}", n.name, n.value, n.unit, n.meaning) for n in shown]
     headings = ("where", "name", "value", "unit", "meaning")
-    if options.markdown:
-        print(f"| {' | '.join(headings)} |\n|{'---|' * len(headings)}")
-        print("\n".join(f"| {' | '.join(cell.replace('|', chr(92) + '|') for cell in row)} |" for row in rows))
-        return
     table = Table(*headings, title=f"{len(shown)} of {len(found)} numbers that are set by hand")
     for row in rows:
         table.add_row(*row)

@@ -10,6 +10,9 @@ import threading
 import time
 from typing import Protocol
 
+ROUNDING = 1e-6
+"""s by which a span that is a sum of times may fall short by rounding alone"""
+
 
 class Clock(Protocol):
     """A source of time: `now` for stamps, `monotonic` for durations, and `wait`."""

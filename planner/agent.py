@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from dsr.agent import Access, Agent
+from dsr.clock import ROUNDING
 from dsr.errors import GoalError
 from dsr.vocabulary.goals import Goal, parse_goal
 from dsr.vocabulary.intentions import ACTIVE, FAILED, HALT, INVALID, MAINTAINED, REACHED, UNSOLVABLE, WANTED
@@ -20,6 +21,8 @@ from planner.foresight import Foresight
 from planner.intentions import Intention, read_intentions, tell
 from planner.making import PlanMaker
 from planner.monitor import doubtful, surprising
+
+_LEAST_PATIENCE = 0.1  # s for an answer of the simulator, where the configuration gives less
 
 
 @dataclass
@@ -42,7 +45,7 @@ class Planner(Agent):
     """
 
     name = "planner"
-    rate_hz = 10.0
+    rate_hz = 10.0  # Hz, ticks
     reads = Access(
         nodes=("intention", "action", "gripper", "camera", "arm", *THINGS, *SURFACES),
         edges=("on", "grasping", "has", "next", "sees", "RT", "Virtual_RT"),
@@ -125,7 +128,7 @@ class Planner(Agent):
             self._watched[execution.intention.name] = watched
 
     def _foresight(self) -> Foresight:
-        what_if = WhatIf(self.bus, self.keys, self.clock, max(self.config.what_if_patience, 0.1))
+        what_if = WhatIf(self.bus, self.keys, self.clock, max(self.config.what_if_patience, _LEAST_PATIENCE))
         return Foresight(what_if, self.config, lambda: self._time, self.log)
 
     # ---- choosing
@@ -185,7 +188,7 @@ class Planner(Agent):
         if watched.broken_since is None:
             watched.broken_since = self._time
         limit = self.config.explain if surprising(self.memory) else self.config.debounce
-        if self._time - watched.broken_since >= limit - 1e-6 and not doubtful(self.memory):
+        if self._time - watched.broken_since >= limit - ROUNDING and not doubtful(self.memory):
             why = f"no longer true: {' & '.join(map(str, missing))}"
             self.log.warning("%s: %s", intention.name, why)
             tell(self.memory, intention.name, WANTED, why, replans=intention.replans + 1)

@@ -18,7 +18,7 @@ from planner.grounding import OBSERVE
 
 Script = Generator[None, None, None]
 """Does a part of its work each time it is resumed."""
-_FOUND = 0.5
+_LIKELY_FOUND = 0.5
 """Share of what a camera recognises a thing by (edge `sees`, `detectable`) from which it is likely found."""
 _ONE_LOOK = 0.5
 """s in which the arm sees a request"""
@@ -136,7 +136,7 @@ class Arm:
         relations = read_relations(self._memory)
         covered = {support for _, support in relations.on} | relations.held
         views = [self._views(name) for name in things if name not in covered]
-        return any(edges and all(edge.get("detectable", 0.0) < _FOUND for edge in edges) for edges in views)
+        return any(edges and all(edge.get("detectable", 0.0) < _LIKELY_FOUND for edge in edges) for edges in views)
 
     def may_hide_something(self) -> bool:
         """Whether the arm may hide something where it is; it does unless all is known to be in view."""

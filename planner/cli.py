@@ -33,10 +33,11 @@ from planner.config import PlannerConfig
 from planner.intentions import read_intentions
 from planner.waiting import known_names, may_appear, running_agents
 
-_PERIOD = 0.1  # s between two looks
+_POLL_PERIOD = 0.1  # s between two looks
 _ALONE = 5.0  # s without any other process of the graph until it counts as gone
 _TIDY_WITHIN = 20.0  # s that the planner may take to bring the arm to rest
-_INTERRUPTED = 130
+_PICTURES_PER_SECOND = 8  # Hz, of the picture in the terminal
+_INTERRUPTED = 130  # 1, exit code of a command that Ctrl-C ended, as in shells
 _MARKS = {DONE: "[green]✓[/]", RUNNING: "[yellow]▶[/]", FAILED: "[red]✗[/]", HALTED: "[red]■[/]"}
 
 app = typer.Typer(
@@ -116,13 +117,13 @@ def _follow(memory: Memory, name: str, timeout: float, *, quiet: bool) -> dict[s
     """Show how an intention goes until it has an outcome, which is returned."""
     began, state, told = WALL_CLOCK.monotonic(), describe(memory, name), ""
     in_company = began
-    with Live(console=console, refresh_per_second=8, transient=False, auto_refresh=False) as live:
+    with Live(console=console, refresh_per_second=_PICTURES_PER_SECOND, transient=False, auto_refresh=False) as live:
         try:
             while state["status"] not in (*FULFILLED, *GIVEN_UP):
                 if timeout and WALL_CLOCK.monotonic() - began > timeout:
                     hint = f"still {state['status']} after {timeout:g} s; dsr mission --cancel {name} ends it"
                     return state | {"status": "timeout", "explanation": hint}
-                WALL_CLOCK.wait(threading.Event(), _PERIOD)
+                WALL_CLOCK.wait(threading.Event(), _POLL_PERIOD)
                 in_company = WALL_CLOCK.monotonic() if memory.peers else in_company
                 if WALL_CLOCK.monotonic() - in_company > _ALONE:
                     return state | {"status": "lost", "explanation": "the system has ended, or cannot be reached"}
@@ -210,5 +211,5 @@ def _cancel(memory: Memory, name: str | None, *, wait: bool) -> None:
     memory.remove_node(name)
     began = WALL_CLOCK.monotonic()
     while wait and any(action in memory for action in planned) and WALL_CLOCK.monotonic() - began < _TIDY_WITHIN:
-        WALL_CLOCK.wait(threading.Event(), _PERIOD)
+        WALL_CLOCK.wait(threading.Event(), _POLL_PERIOD)
     console.print(f"{name} is cancelled")

@@ -21,8 +21,9 @@ class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """s of a manual clock after which the solver's result is there: as long as it takes on a slow machine. On the wall
     clock the result is taken as soon as it is there."""
     conflict_limit: float = 10.0
-    """s for which it is tried, with the solver, which relations of an unsolvable goal conflict: each try takes about
-    `solver_delay`, so this is enough for goals of some twenty relations. Then those that are left are told."""
+    """s for which the planner tries, with the solver, which relations of an unsolvable goal conflict.
+    Each try takes about `solver_delay`: this is enough for goals of some twenty relations.
+    """
 
     settle: float = 0.5
     """s that the relations must have been the same, and nothing surprising, before a plan is made of them."""
@@ -39,11 +40,13 @@ class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     confirm: float = 1.0
     """s that a goal must hold without a break to be reached."""
     patience: float = 10.0
-    """s that things which the goal names may take to be believed to be somewhere, while those who see and believe run:
-    long enough for a hand in front of a camera to go away. Then the goal counts as failed."""
+    """s that the belief may take to know where the things of a goal are, while agents that see and believe run.
+    That is long enough for a hand in front of a camera to go away.
+    """
     start_up: float = 30.0
-    """s that it may take until anything at all is believed to be somewhere, from when those who see and believe run:
-    their devices and models are still starting then, on a slow machine for half a minute."""
+    """s that the belief may take to know where anything at all is, from when agents that see and believe run.
+    Their devices and models may start for half a minute on a slow machine.
+    """
     look_after: float = 2.0
     """s after which the arm looks for things that are nowhere: what is in view is seen and believed within one."""
     look_for: float = 1.0

@@ -9,6 +9,7 @@ import logging
 from collections.abc import Callable, Generator, Iterable, Mapping
 from dataclasses import dataclass, field
 
+from dsr.clock import ROUNDING
 from dsr.errors import GoalError
 from dsr.memory import Memory
 from dsr.vocabulary.contradictions import by_meaning
@@ -207,7 +208,7 @@ class Execution:
             explained = not surprises or now - began >= config.settle + config.explain
             if not self._waiting.missing_agents():
                 still_for = config.calm if self._disturbed else config.settle
-                if explained and not doubted and now - self._last_since >= still_for - 1e-6:
+                if explained and not doubted and now - self._last_since >= still_for - ROUNDING:
                     self._disturbed = False
                     return
                 if doubted:
@@ -363,7 +364,7 @@ class Execution:
     def _confirmed(self, goal: Goal) -> Generator[None, None, bool]:
         """Whether the goal holds without a break."""
         began = self._now()
-        while self._now() - began < self._config.confirm - 1e-6:
+        while self._now() - began < self._config.confirm - ROUNDING:
             yield
             if not goal.holds(self._relations()):
                 return False

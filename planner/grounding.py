@@ -16,11 +16,11 @@ from planner.errors import NoPlace
 from planner.plan import PlanStep
 from planner.state import KnownSolid, WorldState
 
-_GRID = 0.02
+_PLACE_GRID = 0.02
 """m between places that are considered"""
 _CLEARANCES = (1.0, 0.5, 0.2)
 """Shares of the clearance that are tried, one after the other, where the table is full"""
-_UPRIGHT = 0.2
+_KEEPS_ROTATION = 0.2
 """rad that a thing may lean and still keep its turn about the vertical when it is put down"""
 
 Place = tuple[float, float]
@@ -81,7 +81,7 @@ def place_on_table(thing: str, state: WorldState, config: PlannerConfig, avoid: 
     table = state.solids.get(state.table or "")
     if solid is None or table is None:
         raise NoPlace(f"{thing} cannot be put down: {'its size or pose' if table else 'a table'} is not known")
-    places = grid(table, solid.radius + config.edge_margin, _GRID)
+    places = grid(table, solid.radius + config.edge_margin, _PLACE_GRID)
     places = places[_usable(places, solid, state, config, avoid)]
     gaps = _gaps(places, thing, solid, state)
     for share in _CLEARANCES:
@@ -131,7 +131,7 @@ def _usable(
     reach = np.hypot(*(places - state.base).T)
     usable: NDArray[np.bool_] = (config.least_reach <= reach) & (reach <= config.most_reach)
     for bad in avoid:
-        usable &= np.hypot(*(places - bad).T) >= _GRID
+        usable &= np.hypot(*(places - bad).T) >= _PLACE_GRID
     table = state.solids.get(state.table or "")
     top = solid.size[2] + (table.pose.t[2] if table else 0.0)
     points = np.column_stack([places, np.full(len(places), top)])
@@ -155,7 +155,7 @@ def _gaps(places: Array, thing: str, solid: KnownSolid, state: WorldState) -> Ar
 def _turn(pose: Pose) -> tuple[float, float, float, float]:
     """The rotation of `pose` about the vertical, if it stands upright; else none."""
     tilt = math.acos(max(-1.0, min(1.0, quaternions.rotate(pose.q, (0.0, 0.0, 1.0))[2])))
-    if tilt > _UPRIGHT:
+    if tilt > _KEEPS_ROTATION:
         return (0.0, 0.0, 0.0, 1.0)
     x, y, _ = quaternions.rotate(pose.q, (1.0, 0.0, 0.0))
     half = 0.5 * math.atan2(y, x)

@@ -10,6 +10,9 @@ from dsr.graph.elements import Node
 from dsr.memory import Memory
 from dsr.vocabulary.intentions import PREFIX, WANTED
 
+_AFTER_ALL = 1 << 31  # count, as which a name without a number counts
+_MOST_DIGITS = 10  # count, from which a name is no number of an intention
+
 
 @dataclass(frozen=True)
 class Intention:
@@ -31,7 +34,8 @@ class Intention:
 def number_of(name: str) -> int:
     """N of `intention_N`; those of other names come after all numbers."""
     digits = name.removeprefix(PREFIX)
-    return int(digits) if digits.isascii() and digits.isdigit() and len(digits) < 10 else 1 << 31
+    is_number = digits.isascii() and digits.isdigit() and len(digits) < _MOST_DIGITS
+    return int(digits) if is_number else _AFTER_ALL
 
 
 def read_intentions(memory: Memory) -> list[Intention]:

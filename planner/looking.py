@@ -18,7 +18,7 @@ from planner.errors import Setback
 from planner.grounding import Skill, grid
 from planner.state import KnownSolid, WorldState, read_state
 
-_GRID = 0.05
+_LOOK_GRID = 0.05
 """m between places that are to be seen: about the size of what is looked for"""
 _DOWN = (1.0, 0.0, 0.0, 0.0)
 """world_from_camera of a camera that looks straight down"""
@@ -133,7 +133,7 @@ def _radius(lens: Intrinsics, config: PlannerConfig) -> float:
 
 def _within_reach(table: KnownSolid, state: WorldState, config: PlannerConfig) -> Array:
     """(n, 2) places on the table, x and y in the world (m), where the arm can put something."""
-    places = grid(table, 0.0, _GRID)
+    places = grid(table, 0.0, _LOOK_GRID)
     reach = np.hypot(*(places - state.base).T)
     near_enough: Array = places[(config.least_reach <= reach) & (reach <= config.most_reach)]
     return near_enough

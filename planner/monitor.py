@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from dsr.clock import ROUNDING
 from dsr.math3d.quaternions import Vector3
 from dsr.memory import Memory
 from dsr.vocabulary.calibration import IN_DOUBT
@@ -62,7 +63,7 @@ class RelationMonitor:
         self.about_step = self._concerns_thing(relations)
         patient = bool(surprises) and not self._concerns_step(relations)
         limit = self._config.explain if patient else self._config.debounce
-        return now - self._since >= limit - 1e-6
+        return now - self._since >= limit - ROUNDING
 
     def _changed(self, relations: Relations) -> set[str]:
         step = self._step

@@ -19,6 +19,8 @@ from planner.looking import Search
 _UNKNOWN = "never seen or heard of"
 """Reason why a thing is nowhere whose name no node has"""
 
+_MOST_SUGGESTED = 6  # count of names that are suggested for an unknown one
+
 
 def known_names(memory: Memory) -> set[str]:
     """Names of all that a goal can be about, believed to be somewhere or not."""
@@ -123,7 +125,8 @@ class Waiting:
             reasons.setdefault(self._reason(name), []).append(name)
         texts = [f"{reason}: {', '.join(names)}" for reason, names in reasons.items()]
         unknown = reasons.get(_UNKNOWN, []) if self._is_started() else []
-        return ", ".join(texts) + "".join(f" ({suggest(name, known_names(self._memory), 6)})" for name in unknown[:1])
+        known = known_names(self._memory)
+        return ", ".join(texts) + "".join(f" ({suggest(name, known, _MOST_SUGGESTED)})" for name in unknown[:1])
 
     def _reason(self, name: str) -> str:
         node = self._memory.get_node(name)

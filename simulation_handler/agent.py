@@ -33,7 +33,7 @@ class SimulationHandler(Agent):
     """
 
     name = "simulation_handler"
-    rate_hz = 20.0
+    rate_hz = 20.0  # Hz, ticks
     reads = Access(
         nodes=(*FIXTURES, *OBJECTS, *PARTS, "world", "camera", "gripper", "action", CALIBRATION, *WRITTEN_NODES),
         edges=("RT", "Virtual_RT", "on", "in", "sees", "grasping", "has"),

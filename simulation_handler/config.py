@@ -27,8 +27,8 @@ class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     gate: float = 4.0
     """Standard deviations (Mahalanobis) beyond which a percept disagrees with the track."""
     recent_gate: float = 5.0
-    """Standard deviations beyond which the mean of the last ten percepts disagrees with the track: the test is made at
-    each percept, so it is stricter.
+    """Standard deviations beyond which the mean of the last ten percepts disagrees with the track.
+    The test is made at each percept, so the gate is wider than that of a single one.
     """
     confirm_frames: int = 3
     """Percepts in a row that must disagree before the object has moved."""

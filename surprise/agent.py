@@ -34,7 +34,7 @@ class SurpriseDetector(Agent):
     """
 
     name = "surprise"
-    rate_hz = 20.0
+    rate_hz = 20.0  # Hz, ticks
     reads = Access(
         nodes=(*THINGS, "camera", "gripper", "world"),
         edges=("RT", "Virtual_RT", "sees", "grasping"),

@@ -43,6 +43,7 @@ class SurpriseConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     held_needed: Count = 6
     """Percepts that must disagree alike for an object that the gripper holds or has just released."""
     held_window: Count = 8
+    """count of its newest percepts that are looked at, while the gripper holds it or has just released it"""
     held_grace: NotNegative = 1.0
     """s after its release that an object counts as held"""
     alike: Annotated[float, msgspec.Meta(ge=-1, le=1)] = 0.7

@@ -16,7 +16,7 @@ from dsr.vocabulary.relations import THINGS
 from surprise.config import SurpriseConfig
 from surprise.evidence import Reason
 
-_KEPT = 64  # stamps
+_KEPT_STAMPS = 64  # stamps
 _LATENCY = 0.15  # s after a change of the belief during which percepts may still be from before
 
 
@@ -29,7 +29,7 @@ class _Outlook:
     hidden_since: float | None = None
     """s, since when it cannot be seen"""
     covered_by: str = ""
-    stamps: deque[float] = field(default_factory=lambda: deque(maxlen=_KEPT))
+    stamps: deque[float] = field(default_factory=lambda: deque(maxlen=_KEPT_STAMPS))
     """s, of its percepts"""
 
     def expect(self, edge: Edge | None, now: float, config: SurpriseConfig, *, hidden: bool) -> None:
@@ -52,7 +52,7 @@ class _Camera:
 
     def __init__(self) -> None:
         self.outlooks: dict[str, _Outlook] = {}
-        self.frames: deque[float] = deque(maxlen=_KEPT)
+        self.frames: deque[float] = deque(maxlen=_KEPT_STAMPS)
         """s, stamps of the frames that showed anything"""
         self.pose: Pose | None = None
         """world_from_camera at the last look"""

@@ -12,24 +12,24 @@ from __future__ import annotations
 import math
 
 from agents.action_inference.attribution import Attribution
-from agents.action_inference.bumps import Bumps
+from agents.action_inference.bumps import FRESH, Bumps
 from agents.action_inference.config import ActionInferenceConfig
 from agents.action_inference.heights import Height, Heights
 from agents.action_inference.observation import ObservedThing, Snapshot
 from agents.action_inference.policy import Inference
 from agents.action_inference.track import ThingTrack
+from dsr.clock import ROUNDING
 from dsr.math3d import quaternions
 from dsr.vocabulary.observed_actions import PICK, PLACE, RELEASE, UNKNOWN, Action
 
 _SURE, _LIKELY, _GUESSED = 0.95, 0.85, 0.7
 """Confidences: something holds it; a hand is near, or it is seen to rest; nothing but its motion tells."""
-_FRESH = 0.3  # s up to which a percept is of a thing as it is now
 _GONE = 0.7  # s without a percept after which a thing may be anywhere when it is seen again
-_DOUBTED = 3.0  # s after which it is given up to know whether a thing was lifted or the camera bumped
-_FALLING = -0.7  # m/s, faster than anybody puts things down
-_REMEMBERED = 1.0  # s for which what was beneath a thing may still carry it
-_FOUND = 0.3  # s for which a thing must hover in a hand that has it when it is first seen
-_MOVED = 0.03  # m that a hand must have moved that thing, to have put it down
+_DOUBT_ENDS = 3.0  # s after which it is given up to know whether a thing was lifted or the camera bumped
+_FASTER_THAN_PUT = -0.7  # m/s, faster than anybody puts things down
+_SUPPORT_REMEMBERED = 1.0  # s for which what was beneath a thing may still carry it
+_HOVERS_FOR = 0.3  # s for which a thing must hover in a hand that has it when it is first seen
+_HAND_MOVED = 0.03  # m that a hand must have moved that thing, to have put it down
 _UNPLAUSIBLE_DROP = 0.03  # m that the belief must be below where a thing was last seen, for it to have fallen
 _PUT_DOWN = 0.3  # m that a thing may have come down unseen and yet have been put down: more often than dropped
 _UNDISPUTED = 1.5  # s for which it must be believed to stand there: longer than it takes to see that it does not
@@ -37,11 +37,11 @@ _ABOUT = 0.15  # m on the ground from where it was out of sight, within which it
 _GOES_ON = 0.02  # m that a palm comes down after it seems to have let go, from which it was still putting it down
 _LOWERED = 0.05  # m/s from which it is being lowered
 _DRAGGED = 1.5  # s for which a hand that has put a thing down may seem to take it along, until its fingers are seen
-_THERE = 0.05  # m from where it rested in the hand, within which it was left there
+_LEFT_WITHIN = 0.05  # m from where it rested in the hand, within which it was left there
 _AGAIN = 0.03  # m by which it must be seen higher to have been lifted again
 _EVEN = 0.001  # m by which the edges of a cube or ball differ at most
 _AS_LOW = 0.001  # m by which it may be higher and yet rest as low as before
-_UPRIGHT = 0.95  # cosine of how far it may lean then
+_UPRIGHT_COSINE = 0.95  # cosine of how far it may lean then
 
 
 class AttributedPolicy:
@@ -147,7 +147,7 @@ class AttributedPolicy:
         is_doubted = thing.in_doubt or self._bumps.may_be(snapshot.now)
         if self._is_seen_now(thing, snapshot.now) and track.seen.lies and track.seen.is_lifted:
             if is_doubted:
-                if snapshot.now - track.seen.departed() > _DOUBTED:
+                if snapshot.now - track.seen.departed() > _DOUBT_ENDS:
                     track.seen.forget()
                 return None
             if not track.returned or not thing.plausible:
@@ -165,7 +165,7 @@ class AttributedPolicy:
             track.hovers_since = None
         elif track.hovers_since is None:
             track.hovers_since = snapshot.now
-        elif snapshot.now - track.hovers_since >= _FOUND - 1e-6:
+        elif snapshot.now - track.hovers_since >= _HOVERS_FOR - ROUNDING:
             track.held, track.by, track.found, track.hovers_since = True, thing.grasps[-1].holder, track.seen.last, None
             track.resting_since, track.returned = None, False
 
@@ -189,7 +189,7 @@ class AttributedPolicy:
         waiting = [thing.name]
         while waiting:
             when, beneath = self._track(waiting.pop()).beneath
-            if snapshot.now - when > _REMEMBERED:
+            if snapshot.now - when > _SUPPORT_REMEMBERED:
                 continue
             for name in sorted(beneath - checked):
                 checked.add(name)
@@ -237,7 +237,7 @@ class AttributedPolicy:
         if current is None:
             return None
         lowered = let_go.bottom - current.bottom
-        if seen is not None and seen.time > let_go_at and track.seen.speed() < _FALLING:
+        if seen is not None and seen.time > let_go_at and track.seen.speed() < _FASTER_THAN_PUT:
             track.hidden = None
         if lowered - self._palm_lowered(track, snapshot) > config.fallen:
             inference = self._came_down(thing, track, snapshot, let_go_at, current)
@@ -258,7 +258,7 @@ class AttributedPolicy:
         rests, rested = self._rests(thing, track, snapshot), self._rested_in_hand(track, let_go_at)
         if rested is not None and not rests:
             return None
-        if rested is not None and math.dist(rested.position, current.position) < _THERE:
+        if rested is not None and math.dist(rested.position, current.position) < _LEFT_WITHIN:
             why = f"{track.by} left it where it had come to rest"
             return self._let_go(thing, track, PLACE, rested.time, _LIKELY, why)
         unseen = self._put_down_unseen(thing, track, current)
@@ -289,7 +289,7 @@ class AttributedPolicy:
     def _lowered_out_of_sight(self, thing: ObservedThing, track: ThingTrack, current: Height) -> float | None:
         """When (s) it came down to where it stands now, if it was being lowered when it was last seen; else None."""
         last, speed = track.seen.last, track.seen.lowering()
-        if last is None or not _LOWERED < speed < -_FALLING or last.bottom - current.bottom > _PUT_DOWN:
+        if last is None or not _LOWERED < speed < -_FASTER_THAN_PUT or last.bottom - current.bottom > _PUT_DOWN:
             return None
         return min(last.time + (last.bottom - current.bottom) / speed, current.time) if self._stands(thing) else None
 
@@ -297,7 +297,7 @@ class AttributedPolicy:
         """Whether it is believed to be upright, or has the same height on every side."""
         if thing.believed is None or max(thing.size) - min(thing.size) < _EVEN:
             return thing.believed is not None
-        return abs(quaternions.to_matrix(thing.believed.q)[2][2]) > _UPRIGHT
+        return abs(quaternions.to_matrix(thing.believed.q)[2][2]) > _UPRIGHT_COSINE
 
     def _palm_lowered(self, track: ThingTrack, snapshot: Snapshot) -> float:
         """How far the hand that held it has come down since, m, if it has: it may still hold it, unseen."""
@@ -310,7 +310,7 @@ class AttributedPolicy:
         if last is None:
             return None
         if self._is_seen_now(thing, snapshot.now):
-            if track.seen.speed() < _FALLING:
+            if track.seen.speed() < _FASTER_THAN_PUT:
                 return self._let_go(thing, track, RELEASE, self._last_high(track), near, "it falls")
             if track.seen.is_steady() and thing.plausible and self._rests(thing, track, snapshot):
                 return self._let_go(thing, track, PLACE, track.seen.settled(), _LIKELY, "it rests again")
@@ -340,8 +340,8 @@ class AttributedPolicy:
         """When it was last seen before it came down, s; half a frame later is as likely as any moment."""
         last = track.seen.last
         assert last is not None
-        if track.seen.speed() < _FALLING:
-            before = track.seen.before(last.time - 1e-6)
+        if track.seen.speed() < _FASTER_THAN_PUT:
+            before = track.seen.before(last.time - ROUNDING)
             return last.time if before is None else before.time
         return last.time
 
@@ -358,17 +358,17 @@ class AttributedPolicy:
             return False
         if track.resting_since is None:
             track.resting_since = snapshot.now
-        return snapshot.now - track.resting_since >= max(self._config.settle, least) - 1e-6
+        return snapshot.now - track.resting_since >= max(self._config.settle, least) - ROUNDING
 
     def _is_seen_now(self, thing: ObservedThing, now: float) -> bool:
-        return thing.perceived and thing.seen is not None and now - thing.seen.stamp <= _FRESH
+        return thing.perceived and thing.seen is not None and now - thing.seen.stamp <= FRESH
 
     def _let_go(
         self, thing: ObservedThing, track: ThingTrack, kind: str, time: float, confidence: float, why: str
     ) -> Inference | None:
         action = Action(time, kind, thing.name, track.by)
         found, last = track.found, track.believed.last or track.seen.last
-        stayed = found is not None and last is not None and math.dist(found.position, last.position) < _MOVED
+        stayed = found is not None and last is not None and math.dist(found.position, last.position) < _HAND_MOVED
         track.held, track.by, track.last_grasp, track.let_go, track.resting_since = False, UNKNOWN, None, None, None
         track.returned, track.found, track.rested = False, None, None
         track.seen.forget()

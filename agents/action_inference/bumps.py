@@ -10,13 +10,14 @@ from agents.action_inference.observation import ObservedThing, Snapshot
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 
-_BEFORE = 1.2  # s in which a thing must have lain still before it seemed to move
-_STILL = 0.01  # m within which it did
+_STILL_BEFORE = 1.2  # s in which a thing must have lain still before it seemed to move
+_STILL_WITHIN = 0.01  # m within which it did
 _JUMP = 0.012  # m from there, from which it seems to have moved
 _FEW, _NEWEST = 3, 2  # percepts in a row that must show each
-_FRESH = 0.3  # s up to which a percept is of a thing as it is now
-_FEWEST = 3  # things that must seem to move, unless there are only two
-_DOUBTED = 1.5  # s for which it stays open: longer than the camera takes to be in doubt
+FRESH = 0.3
+"""s up to which a percept is of a thing as it is now"""
+_FEWEST_THINGS = 3  # things that must seem to move, unless there are only two
+_BUMP_OPEN = 1.5  # s for which it stays open: longer than the camera takes to be in doubt
 
 
 class Bumps:
@@ -35,25 +36,25 @@ class Bumps:
                 self._add(thing.name, thing.seen)
         free = [thing for thing in snapshot.things.values() if self._stands_by_itself(thing, snapshot)]
         moved = sum(self._has_jumped(thing.name) for thing in free)
-        if moved >= 2 and 2 * moved >= len(free) and moved >= min(_FEWEST, len(free)):
-            if snapshot.now - self._last > _DOUBTED:
+        if moved >= 2 and 2 * moved >= len(free) and moved >= min(_FEWEST_THINGS, len(free)):
+            if snapshot.now - self._last > _BUMP_OPEN:
                 self._since = snapshot.now
             self._last = snapshot.now
 
     def may_be(self, now: float) -> bool:
         """Whether a camera may have been bumped in the last moments before `now` (s)."""
-        return now - self._since <= _DOUBTED
+        return now - self._since <= _BUMP_OPEN
 
     def _add(self, name: str, pose: Pose) -> None:
         seen = self._seen.setdefault(name, deque())
         if not seen or pose.stamp > seen[-1].stamp:
             seen.append(pose)
-        while seen[0].stamp < pose.stamp - _BEFORE:
+        while seen[0].stamp < pose.stamp - _STILL_BEFORE:
             seen.popleft()
 
     @staticmethod
     def _stands_by_itself(thing: ObservedThing, snapshot: Snapshot) -> bool:
-        is_seen = thing.perceived and thing.seen is not None and snapshot.now - thing.seen.stamp <= _FRESH
+        is_seen = thing.perceived and thing.seen is not None and snapshot.now - thing.seen.stamp <= FRESH
         return is_seen and not thing.grasps and snapshot.things.keys().isdisjoint(thing.on | thing.inside)
 
     def _has_jumped(self, name: str) -> bool:
@@ -66,6 +67,6 @@ def _still(places: list[Vector3]) -> Iterator[Vector3]:
     """Where it lay still, in the middle of each few places in a row that are together."""
     for end in range(_FEW, len(places) + 1):
         few = places[end - _FEW : end]
-        if max(math.dist(one, few[0]) for one in few) < _STILL:
+        if max(math.dist(one, few[0]) for one in few) < _STILL_WITHIN:
             x, y, z = (sum(values) / _FEW for values in zip(*few, strict=True))
             yield (x, y, z)

@@ -10,10 +10,11 @@ from typing import NamedTuple
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 
-_KEPT = 40  # samples
+_NEWEST_SAMPLES = 3  # count of the newest samples that tell whether a thing is steady, and how fast it comes down
+_KEPT_SAMPLES = 40  # samples
 _ADAPT = 0.1  # share by which where it lies follows a sample
 _ANEW = 5  # samples
-_SIGMAS = 3.0  # by which it must be higher to be lifted
+_LIFTED_SIGMAS = 3.0  # by which it must be higher to be lifted
 _LOW = 0.4  # of the threshold, up to which it may still lie
 
 
@@ -49,7 +50,7 @@ class Heights:
         self._lifted = lifted
         self._frames = frames
         self._steady = steady
-        self._samples: deque[Height] = deque(maxlen=_KEPT)
+        self._samples: deque[Height] = deque(maxlen=_KEPT_SAMPLES)
         self._stayed_since: float | None = None  # s, of a sample that is not kept, since which it has not moved
         self._rest: Height | None = None
 
@@ -67,7 +68,7 @@ class Heights:
         """Take in a sample; one that is not newer than the last is ignored."""
         if self._samples and sample.time <= self._samples[-1].time:
             return
-        if len(self._samples) == _KEPT:
+        if len(self._samples) == _KEPT_SAMPLES:
             oldest = self._samples[0]
             since = oldest.time if self._stayed_since is None else self._stayed_since
             self._stayed_since = since if self._are_together([oldest, sample]) else None
@@ -125,7 +126,7 @@ class Heights:
         newest = list(self._samples)[-self._frames :]
         return len(newest) == self._frames and all(map(self._is_high, newest))
 
-    def is_steady(self, count: int = 3) -> bool:
+    def is_steady(self, count: int = _NEWEST_SAMPLES) -> bool:
         """Whether the last samples are at one place."""
         newest = list(self._samples)[-count:]
         return len(newest) == count and self._are_together(newest)
@@ -164,7 +165,7 @@ class Heights:
         before, last = self._samples[-2], self._samples[-1]
         return (last.bottom - before.bottom) / (last.time - before.time)
 
-    def lowering(self, count: int = 3) -> float:
+    def lowering(self, count: int = _NEWEST_SAMPLES) -> float:
         """How fast (m/s) it came down in so many steps before the last sample; 0 if it did not in one of them."""
         newest = list(self._samples)[-count - 1 :]
         if len(newest) <= count or any(later.bottom >= sample.bottom for sample, later in pairwise(newest)):
@@ -176,7 +177,7 @@ class Heights:
         return next((sample for sample in reversed(self._samples) if sample.time <= time), None)
 
     def _is_high(self, sample: Height) -> bool:
-        return self.rise(sample) > max(self._lifted, _SIGMAS * sample.sigma)
+        return self.rise(sample) > max(self._lifted, _LIFTED_SIGMAS * sample.sigma)
 
     def _are_together(self, samples: list[Height]) -> bool:
         spans = (

@@ -11,8 +11,9 @@ import numpy as np
 from dsr.math3d.boxes import Array, depths_along, stacked
 from simulation_handler.shapes.geometry import Solid
 
-_ROUNDS = 3  # what leads out of one may lead into another
-_GAP = 5e-5  # m that are left between the two
+_LEAVING_ROUNDS = 3  # count: what leads out of one may lead into another
+GAP = 5e-5
+"""m left between bodies that were moved apart: less than physics lets them overlap"""
 
 
 def depenetrated(solid: Solid, others: Iterable[Solid], direction: Array) -> Solid:
@@ -21,7 +22,7 @@ def depenetrated(solid: Solid, others: Iterable[Solid], direction: Array) -> Sol
     Of bodies of several pieces these count; round ones as the boxes around them.
     """
     obstacles = [part for other in others if other.name != solid.name for part in other.parts]
-    for _ in range(_ROUNDS):
+    for _ in range(_LEAVING_ROUNDS):
         pairs = [pair for pair in product(solid.parts, obstacles) if _are_near(*pair)]
         if not pairs:
             break
@@ -29,7 +30,7 @@ def depenetrated(solid: Solid, others: Iterable[Solid], direction: Array) -> Sol
         depth = float(depths_along(these, those, direction).max())
         if depth <= 0.0:
             break
-        x, y, z = (np.array(solid.position) + (depth + _GAP) * direction).tolist()
+        x, y, z = (np.array(solid.position) + (depth + GAP) * direction).tolist()
         solid = solid.moved((x, y, z))
     return solid
 

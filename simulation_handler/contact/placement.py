@@ -15,15 +15,15 @@ import numpy as np
 from dsr.math3d.polygons import Point, area, contains, hull, intersection, overlap
 from dsr.math3d.quaternions import Vector3
 from simulation_handler.config import BeliefConfig
+from simulation_handler.contact.depenetration import GAP
 from simulation_handler.perception.percepts import Array
 from simulation_handler.shapes.geometry import Solid
 
-_LEVEL = 0.002  # m, tops that differ by less carry an object together
-_GAP = 5e-5  # m left between bodies that were pushed apart
+_LEVEL_TOPS = 0.002  # m, tops that differ by less carry an object together
 _SIDE_BY_SIDE = 0.25  # share of the lower one's height above which two bodies are neighbours, not a stack
 _SLIVER = 0.1  # share of the smaller footprint below which an overlap does not carry
 _ASKEW = 0.003  # rad, from which the floor of a container seems to be beside what lies on it
-_SWEEPS = 25
+_SWEEPS = 25  # count of passes over all pairs: piles of ten have come apart by then
 _HEIGHT_STD = 0.0003  # m, what is left of the height's uncertainty on a support
 
 _Pair = tuple[str, str, list[tuple[int, int]]]  # two names, and which parts of the two are side by side
@@ -91,7 +91,7 @@ def find_support(
     touching.sort(reverse=True)
     while touching:
         level = touching[0][0]
-        carrying = [entry for entry in touching if level - entry[0] <= _LEVEL]
+        carrying = [entry for entry in touching if level - entry[0] <= _LEVEL_TOPS]
         carried = hull([point for entry in carrying for point in entry[2]])
         if contains(carried, solid.position[:2]):
             return tuple(sorted({entry[1] for entry in carrying})), level
@@ -225,7 +225,7 @@ def _push_apart(placed: dict[str, Solid], pair: _Pair, weights: Mapping[str, flo
     if depth <= 0.0:
         return False
     share = weights.get(a.name, 0.0) / (weights.get(a.name, 0.0) + weights.get(b.name, 0.0))
-    for solid, push in ((a, share * (depth + _GAP)), (b, (share - 1.0) * (depth + _GAP))):
+    for solid, push in ((a, share * (depth + GAP)), (b, (share - 1.0) * (depth + GAP))):
         px, py, pz = solid.position
         placed[solid.name] = solid.moved((px + push * x, py + push * y, pz))
     return True

@@ -21,8 +21,8 @@ from simulation_handler.shapes.geometry import Solid
 
 UNKNOWN = ""
 """Name of a support that is no object of the graph."""
-_MOST_BENEATH = 4
-_MOST_CANDIDATES = 8
+_MOST_BENEATH = 4  # count of unseen objects that may be beneath one
+_MOST_CANDIDATES = 8  # count of unseen objects that are tried: the orders of more take too long
 _DIGITS = 6  # of heights in m: what differs by less is as high
 
 

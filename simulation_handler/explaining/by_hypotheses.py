@@ -51,9 +51,12 @@ def _kind(hypothesis: Hypothesis) -> Hypothesis:
 
 
 _TOO_LATE = 1.5
-"""s of evidence after which even an incomplete search must do: half of the 3 s in which a surprise is to be explained
-on a busy machine, where the last search, and the ticks before and after, take the other half."""
-_SAME_PLACE = 0.005  # m
+"""s of evidence after which even an incomplete search must do.
+
+A surprise is to be explained within 3 s on a busy machine. The last search and the ticks around it take the other half.
+
+"""
+_SAME_OUTCOME = 0.005  # m
 _PUSHED = 0.001  # m from where what nobody sees counts as moved by something else
 _ALTERNATIVES = 5  # that are kept on record
 
@@ -173,7 +176,7 @@ class ByHypotheses:
 def _differ(a: Candidate, b: Candidate) -> bool:
     """Whether two hypotheses leave something in different places."""
     return a.settled.keys() != b.settled.keys() or any(
-        math.dist(solid.position, b.settled[name].position) > _SAME_PLACE for name, solid in a.settled.items()
+        math.dist(solid.position, b.settled[name].position) > _SAME_OUTCOME for name, solid in a.settled.items()
     )
 
 

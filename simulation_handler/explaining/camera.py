@@ -17,6 +17,7 @@ from simulation_handler.explaining.hypotheses import Hypothesis
 from simulation_handler.explaining.situation import Seen, Situation
 from simulation_handler.perception.percepts import Array
 from simulation_handler.shapes.geometry import Solid
+from simulation_handler.state.objects import SURE_OF_ROTATION
 
 FEWEST = 2
 """Objects that must be explained by one motion of the camera, for that to be told from moved objects."""
@@ -24,8 +25,7 @@ FEWEST = 2
 _ARM = 0.02  # m: an object's rotation counts as much as points that far from its centre
 _NEARLY = 0.03  # m up to which an object is where a motion guessed from a single object would have it
 _TURNED = 0.3  # rad up to which it is turned as that motion would have it
-_SURE_OF_ROTATION = 0.75  # rad^2, trace of a rotation's covariance up to which a percept tells it
-_ROUNDS = 4
+_CAMERA_ROUNDS = 4  # count of fits, each without the objects that the one before did not explain
 _GUESSES = 8  # objects without a rotation, those displaced most, of which any three let a motion be guessed
 _SAME_FRAME = 0.15  # s between percepts of one moment
 
@@ -87,14 +87,14 @@ def _guesses(situation: Situation, names: Sequence[str]) -> Iterator[tuple[str, 
     yield from ((name,) for name in names)
     turned = [name for name in names if not _tells_rotation(situation, name)]
     far = sorted(turned, key=lambda name: (-_displacement(situation, [name]), name))
-    yield from combinations(far[:_GUESSES], 3)
+    yield from combinations(far[:_GUESSES], 3)  # count of points that fix a motion
 
 
 def _consensus(situation: Situation, names: Sequence[str], motion: tuple[Array, Array]) -> frozenset[str]:
     """The objects that agree with a motion like this one: looked for roughly first, then closely."""
     rotation, shift = motion
     agreeing = {name for name in names if _may_agree(situation, name, rotation, shift)}
-    for _ in range(_ROUNDS):
+    for _ in range(_CAMERA_ROUNDS):
         if len(agreeing) < FEWEST:
             return frozenset()
         rotation, shift = _motion(situation, sorted(agreeing))
@@ -126,7 +126,7 @@ def _points(solid: Solid, has_rotation: bool) -> Array:
 
 
 def _tells_rotation(situation: Situation, name: str) -> bool:
-    return float(np.trace(situation.seen[name].turning)) < _SURE_OF_ROTATION
+    return float(np.trace(situation.seen[name].turning)) < SURE_OF_ROTATION
 
 
 def _may_agree(situation: Situation, name: str, rotation: Array, shift: Array) -> bool:

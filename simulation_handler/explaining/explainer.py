@@ -21,12 +21,12 @@ from simulation_handler.state.objects import BelievedObject
 
 EXPLANATION = "explanation"
 """Source of relations that hold because of an explanation."""
-_MOST_WAITING = 64
-_REMEMBERED = 10.0  # s for which it is known what was beneath an object
+_MOST_NEWS = 64  # count of explanations that wait to be written; older ones are dropped
+_BENEATH_REMEMBERED = 10.0  # s for which it is known what was beneath an object
 _PAUSE = 0.09  # s until a better look at what is not clear yet: the next frame of the camera
 _AFTER_DOUBT = 0.7  # s until what is seen is seen from where the camera is now known to be
 _TOGETHER = 3.0  # s for which what moved together is taken to go on doing so
-_STEP = 0.0005  # m that an object must have moved for its riders to follow
+_DRAG_STEP = 0.0005  # m that an object must have moved for its riders to follow
 
 
 class Explainer:
@@ -98,7 +98,7 @@ class Explainer:
 
     def notice(self, now: float) -> None:
         """Compare percepts with beliefs at time `now` (s)."""
-        self._planned |= dict.fromkeys(self.planned, now + _REMEMBERED)
+        self._planned |= dict.fromkeys(self.planned, now + _BENEATH_REMEMBERED)
         self._discrepancies.update(now, self.look)
         for name, item in self._bodies.objects.items():
             is_seen = now - item.track.last_stamp < THIS_FRAME and item.track.estimate is not None
@@ -119,7 +119,7 @@ class Explainer:
                 if leader not in bodies.sim or not self._may_be_dragged(rider, now):
                     continue
                 there = bodies.pose(leader) @ leader_from_rider
-                if bodies.pose(rider).distance(there)[0] > _STEP:
+                if bodies.pose(rider).distance(there)[0] > _DRAG_STEP:
                     bodies.put(bodies.object(rider), there.t, there.q)
                     discrepancies.follow([leader], now)
 
@@ -150,7 +150,7 @@ class Explainer:
         told, until = self._told
         is_news = explanation.changes != told or now > until
         if is_news:  # what only goes on is told once
-            self._news = [*self._news, (now, explanation)][-_MOST_WAITING:]
+            self._news = [*self._news, (now, explanation)][-_MOST_NEWS:]
         camera_moved = any(change.kind == CAMERA_MOVED for change in explanation.changes)
         if is_news or not camera_moved:  # a moved camera is told again until somebody did something about it
             self._told = (explanation.changes, now + 2.0 * self._config.follow_for)
@@ -264,7 +264,7 @@ class Explainer:
         for upper, lower in self._relations.current():
             if upper in self._bodies.objects and lower in self._bodies.objects and upper in sim and lower in sim:
                 upper_from_lower = self._bodies.pose(upper).inverse() @ self._bodies.pose(lower)
-                self._former[upper, lower] = (now + _REMEMBERED, upper_from_lower)
+                self._former[upper, lower] = (now + _BENEATH_REMEMBERED, upper_from_lower)
 
     def _adopt(self, explanation: Explanation, now: float) -> None:
         """Make the belief what the explanation says."""

@@ -13,7 +13,7 @@ from simulation_handler.explaining.situation import Situation
 
 AS_GOOD = 1.0
 """nats between two explanations that explain the same as well: what noise makes of the same score"""
-_STEP = 0.005  # m, sum over all objects: what physics alone makes of the same places
+_CHANGE_STEP = 0.005  # m, sum over all objects: what physics alone makes of the same places
 
 
 def with_least_change(situation: Situation, ranking: Sequence[Candidate]) -> list[Candidate]:
@@ -26,7 +26,7 @@ def with_least_change(situation: Situation, ranking: Sequence[Candidate]) -> lis
         return []
     best = ranking[0]
     rivals = [candidate for candidate in ranking if _is_as_good(situation, candidate, best)]
-    first = min(rivals, key=lambda candidate: round(change(situation, candidate) / _STEP))
+    first = min(rivals, key=lambda candidate: round(change(situation, candidate) / _CHANGE_STEP))
     return [first, *(candidate for candidate in ranking if candidate is not first)]
 
 

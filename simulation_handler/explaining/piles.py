@@ -11,7 +11,7 @@ from simulation_handler.contact.supports import stacks_of
 from simulation_handler.explaining.situation import Situation
 from simulation_handler.shapes.geometry import Solid
 
-_MOST_PILES = 3
+_MOST_PILES = 3  # count of orders of unseen objects that are tried for each seen one
 
 
 def piles_beneath(

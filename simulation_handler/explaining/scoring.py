@@ -23,9 +23,9 @@ from simulation_handler.shapes.geometry import Solid
 SURE = 0.9
 """Share of a face from which it should be seen."""
 
-_FRAMES_PER_SECOND = 10.0
-_HIDDEN = 0.05  # share of a face up to which it cannot be seen
-_SLACK = 0.010  # m, standard deviation of where what is not seen really is, about where a hypothesis says it is
+_FRAMES_PER_SECOND = 10.0  # Hz, of the cameras that the prices of missed frames are for
+_HIDDEN_SHARE = 0.05  # share of a face up to which it cannot be seen
+_UNSEEN_SLACK = 0.010  # m, standard deviation of where what is not seen really is, about where a hypothesis says it is
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,9 @@ def _drifting(
     said = {**situation.believed, **{name: placement.solid for name, placement in drafted.placements.items()}}
     unseen = settled.keys() - situation.seen.keys() - situation.held - dict(hypothesis.fallen).keys()
     drifts = {name: math.dist(settled[name].position, said[name].position) for name in unseen}
-    changed = hypothesis.moved.keys() | hypothesis.unseen | {name for name, drift in drifts.items() if drift > _SLACK}
+    changed = hypothesis.moved.keys() | hypothesis.unseen | {
+        name for name, drift in drifts.items() if drift > _UNSEEN_SLACK
+    }
 
     def most(name: str) -> float:
         carriers = {*situation.beneath.get(name, ()), *situation.inside.get(name, ())}
@@ -83,7 +85,7 @@ def _drifting(
             return nats.MOST_MISFIT
         return nats.MOVED if carriers and carriers.isdisjoint(changed) else nats.LOST_SUPPORT
 
-    return {name: min(0.5 * (drift / _SLACK) ** 2, most(name)) for name, drift in drifts.items()}
+    return {name: min(0.5 * (drift / _UNSEEN_SLACK) ** 2, most(name)) for name, drift in drifts.items()}
 
 
 def prior(situation: Situation, hypothesis: Hypothesis) -> float:
@@ -140,7 +142,7 @@ def _visibility(situation: Situation, hypothesis: Hypothesis, settled: Mapping[s
     for name, by_camera in glances.items():
         share = max(glance.share for glance in by_camera)
         if name in situation.seen:
-            covered = share <= _HIDDEN and _is_covered(by_camera, settled)
+            covered = share <= _HIDDEN_SHARE and _is_covered(by_camera, settled)
             if covered and name not in hypothesis.kept and situation.seen[name].age < THIS_FRAME:
                 costs[name] = nats.SEEN_THOUGH_HIDDEN
         elif share >= SURE and name not in situation.held:

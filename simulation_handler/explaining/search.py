@@ -24,7 +24,7 @@ Simulate = Callable[[Situation, Sequence[Draft]], Sequence[Mapping[str, Solid] |
 """Where everything is some time after each of the drafts; None for what could not be simulated in time."""
 
 _MOST_EXTENDED = 3  # objects left unexplained about which a hypothesis is extended at once, the worst first
-_PATIENCE = 3  # expansions without a better hypothesis after which the search ends
+_VAIN_EXPANSIONS = 3  # expansions without a better hypothesis after which the search ends
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def search(situation: Situation, simulate: Simulate, most: int, first: Hypothesi
             return found
     evaluate(_beginnings(situation))
     stale = 0
-    while stale < _PATIENCE and len(seen) < most:
+    while stale < _VAIN_EXPANSIONS and len(seen) < most:
         open_ = [c for c in found if c.hypothesis not in expanded and c.score.residuals]
         if not open_ or (found[0] is not open_[0] and prior(situation, open_[0].hypothesis) > found[0].score.total):
             break

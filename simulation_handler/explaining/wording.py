@@ -16,8 +16,8 @@ _FALSE_PERCEPT = "false_percept"
 _LASTING = (_FALSE_PERCEPT, NOTHING_CHANGED)  # kinds that leave the belief as it is, so that their cause goes on
 _WITH_SUPPORTS, _WITH_CONTENTS, _UNDER = "moved_with_supports", "moved_with_contents", "put_back_under"
 _HELD = "held_"  # before the kind of a move, if something unknown holds the object
-_SAME_PLACE = 0.015  # m
-_BESIDE = 0.010  # m by which something moved, rather than only turned
+_SWAPPED_PLACE = 0.015  # m
+_ASIDE = 0.010  # m by which something moved, rather than only turned
 
 
 def describe(situation: Situation, candidate: Candidate) -> tuple[ExplainedChange, ...]:
@@ -75,7 +75,7 @@ def _alone(situation: Situation, name: str, candidate: Candidate) -> ExplainedCh
     if before - after:
         return ExplainedChange("relation_ended", ((name, *sorted(before - after)),))
     moved = math.dist(situation.believed[name].position[:2], situation.seen[name].percept.position[:2])
-    return ExplainedChange("moved_alone" if moved > _BESIDE else "turned", ((name,),))
+    return ExplainedChange("moved_alone" if moved > _ASIDE else "turned", ((name,),))
 
 
 def _swaps(situation: Situation, hypothesis: Hypothesis, settled: Mapping[str, Solid]) -> list[tuple[str, str]]:
@@ -90,4 +90,4 @@ def _swaps(situation: Situation, hypothesis: Hypothesis, settled: Mapping[str, S
 
 
 def _is_near(a: Solid, b: Solid) -> bool:
-    return math.dist(a.position, b.position) < _SAME_PLACE
+    return math.dist(a.position, b.position) < _SWAPPED_PLACE

@@ -12,7 +12,7 @@ from dsr.timeline import EXPLAINED, Chronicle, Retention
 from dsr.vocabulary.explained import ATTRIBUTE, encoded
 from simulation_handler.explaining import Explanation
 
-_KEPT = 20  # events in the graph
+_KEPT_EVENTS = 20  # events in the graph
 
 
 class Events:
@@ -26,7 +26,7 @@ class Events:
 
     def __init__(self, memory: Memory, policy: str, log: logging.Logger) -> None:
         self._memory = memory
-        self._chronicle = Chronicle(memory, keep=Retention(count=_KEPT))
+        self._chronicle = Chronicle(memory, keep=Retention(count=_KEPT_EVENTS))
         self._policy = policy
         self._log = log
 

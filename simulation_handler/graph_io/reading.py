@@ -38,7 +38,8 @@ OBJECTS = THINGS
 EXPLAINED = ("cube",)
 """Node types of objects whose moves are always explained: they may have been part of a tower that nobody sees."""
 _MOST_OFF = 0.001  # m that the bounds of a shape may differ from the size
-_FARTHEST = 100.0  # m from the world's origin that a hand may be
+FARTHEST = 100.0
+"""m from the world's origin that anything may be: farther is an error, not a tabletop"""
 
 Properties = tuple[Vector3, float | None, float | None, float | None, Shape]
 """Size (m), mass (kg), friction, rolling friction (m) and shape of an object; None where its node does not say."""
@@ -131,8 +132,8 @@ class GraphReader:
         pose = None if edge is None else edge.get("pose")
         if pose is None or (node.type == "finger" and node.get("perceived") is False):
             return None
-        if math.hypot(*pose.t) > _FARTHEST:
-            raise SchemaError(f"{node}: {math.hypot(*pose.t):.3g} m from the world's origin; at most {_FARTHEST}")
+        if math.hypot(*pose.t) > FARTHEST:
+            raise SchemaError(f"{node}: {math.hypot(*pose.t):.3g} m from the world's origin; at most {FARTHEST}")
         checked: Pose = pose
         return checked
 

@@ -24,9 +24,9 @@ SEEN = ("share", "visible", "hidden_by", "detectable", "covered_by")
 _LIMITS = {"share": (LEAST_SHARE,), "detectable": (0.05, 0.5, 0.95)}
 """What is news at any step: what counts as seen; what surely cannot be recognised, likely can be, and surely should."""
 
-_PERIOD = 0.1  # s between two looks
-_SLACK = 1e-3  # s by which a tick may be early
-_STEP = 0.1  # of the share, that is news
+_LOOK_PERIOD = 0.1  # s between two looks
+_TICK_SLACK = 1e-3  # s by which a tick may be early
+_NEWS_STEP = 0.1  # of the share, that is news
 
 
 class Seeing:
@@ -46,7 +46,7 @@ class Seeing:
 
     def update(self, now: float) -> None:
         """Look with each camera at the belief of time `now` (s), at most ten times a second, and write what is news."""
-        if self._last <= now < self._last + _PERIOD - _SLACK:
+        if self._last <= now < self._last + _LOOK_PERIOD - _TICK_SLACK:
             return
         self._last = now
         with contextlib.suppress(np.linalg.LinAlgError):
@@ -86,6 +86,6 @@ def _is_news(written: Edge, values: Mapping[str, Any]) -> bool:
 
 def _differs(before: float | None, share: float, limits: Iterable[float]) -> bool:
     """Whether a share is another one than before, or on the other side of a limit."""
-    if before is None or abs(share - before) > _STEP:
+    if before is None or abs(share - before) > _NEWS_STEP:
         return True
     return any((share >= limit) != (before >= limit) for limit in limits)

@@ -17,6 +17,7 @@ from dsr.network.keys import Keys
 from dsr.network.transport import Transport
 from dsr.vocabulary.what_if import SERVICE, Answer, Question, Supposed, decode_question, encode_answer
 from simulation_handler.contact.relations import STEEP
+from simulation_handler.graph_io.reading import FARTHEST
 from simulation_handler.physics.rollouts.engine import Engine, RolloutOutcome
 from simulation_handler.physics.rollouts.scene import Placing, RolloutBody, RolloutScene
 from simulation_handler.shapes.geometry import Solid
@@ -24,11 +25,10 @@ from simulation_handler.state.bodies import FLOOR
 
 KEY = f"service/{SERVICE}"
 """Where it answers, below the graph's root: what a secured graph must grant."""
-_DEEPEST = 0.005  # m that an object may be placed into another: physics pushes it out, but does not throw it
-_MOST_WAITING = 16
+_DEEPEST_PLACED = 0.005  # m that an object may be placed into another: physics pushes it out, but does not throw it
+_MOST_QUESTIONS = 16  # count of questions that wait; further ones are refused
 _LEAST_SIZE = 1e-3  # m, of what is added
 _HEAVIEST = 1e3  # kg
-_FARTHEST = 100.0  # m from the world's origin that something may be put
 
 _log = logging.getLogger("simulation_handler.graph_io.what_if")
 
@@ -50,7 +50,7 @@ class WhatIfService:
         self._engine: Engine | None = None
         self._closed = False
         self._one_at_a_time = threading.Lock()
-        self._seats = threading.BoundedSemaphore(_MOST_WAITING)
+        self._seats = threading.BoundedSemaphore(_MOST_QUESTIONS)
         self._subscription = bus.serve(keys.service(SERVICE), lambda _, payload: encode_answer(self.answer(payload)))
 
     def offer(self, scene: RolloutScene, now: float) -> None:
@@ -77,7 +77,7 @@ class WhatIfService:
 
     def _answer(self, question: Question) -> Answer:
         if not self._seats.acquire(blocking=False):
-            raise RefusedError(f"{_MOST_WAITING} questions wait already; ask again later")
+            raise RefusedError(f"{_MOST_QUESTIONS} questions wait already; ask again later")
         try:
             with self._one_at_a_time:
                 return self._simulated(question)
@@ -124,8 +124,8 @@ def added(scene: RolloutScene, change: Supposed) -> RolloutBody:
         raise RefusedError(f"{name!r} is there already; place it elsewhere instead")
     if change.pose is None or size is None:
         raise RefusedError(f"to add {name!r} takes a pose and a size")
-    if not (_LEAST_SIZE <= min(size) <= max(size) <= _FARTHEST):
-        raise RefusedError(f"size of {name!r}: {size}; expected {_LEAST_SIZE} to {_FARTHEST} m along each axis")
+    if not (_LEAST_SIZE <= min(size) <= max(size) <= FARTHEST):
+        raise RefusedError(f"size of {name!r}: {size}; expected {_LEAST_SIZE} to {FARTHEST} m along each axis")
     if not (0.0 < change.mass <= _HEAVIEST and 0.0 <= change.friction <= _HEAVIEST):
         raise RefusedError(f"mass {change.mass} kg, friction {change.friction} of {name!r}: expected 0 to {_HEAVIEST}")
     try:
@@ -142,7 +142,7 @@ def check_room(scene: RolloutScene, placed: Collection[str]) -> None:
         solid = scene[name].solid
         for body in scene.bodies:
             depth = 0.0 if body.name == name else _depth(solid, body.solid)
-            if depth > _DEEPEST:
+            if depth > _DEEPEST_PLACED:
                 raise RefusedError(f"{name!r} would be {1e3 * depth:.0f} mm inside {body.name!r} there")
 
 
@@ -161,9 +161,9 @@ def _placing(name: str, numbers: tuple[float, ...]) -> Placing:
         pose = Pose(numbers[:3], numbers[3:])
     except ValueError as error:
         raise RefusedError(f"pose of {name!r}: {error}") from error
-    if math.hypot(*pose.t) > _FARTHEST:
+    if math.hypot(*pose.t) > FARTHEST:
         raise RefusedError(
-            f"pose of {name!r}: {math.hypot(*pose.t):.3g} m from the world's origin; at most {_FARTHEST}"
+            f"pose of {name!r}: {math.hypot(*pose.t):.3g} m from the world's origin; at most {FARTHEST}"
         )
     return pose.t, pose.q
 

@@ -11,12 +11,11 @@ from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.transforms import Pose
 from simulation_handler.contact.relations import Relation
 from simulation_handler.hands.covering import is_within_reach
-from simulation_handler.hands.state import UNSEEN, Hand
+from simulation_handler.hands.state import FINGERS, UNSEEN, Hand
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
-_FINGERS = 5
 _WAY = 0.04
 """m that an object must go with a palm: farther than a palm, of which a part is hidden, seems to go by itself."""
 _RIGID = 0.25
@@ -56,7 +55,7 @@ class Carrying:
             if item.name in held or not _hovers(item, now):
                 continue
             for name, hand in hands.items():
-                if not hand.perceived or hand.measured >= _FINGERS:
+                if not hand.perceived or hand.measured >= FINGERS:
                     continue
                 stamp = min(hand.path.newest, item.path.newest)
                 palm, there = hand.path.at(stamp), item.path.at(stamp)

@@ -16,7 +16,7 @@ from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from simulation_handler.contact.relations import Relation
 from simulation_handler.explaining.situation import Look
-from simulation_handler.hands.state import UNSEEN, Hand
+from simulation_handler.hands.state import HALF, UNSEEN, Hand
 from simulation_handler.perception.paths import Path, between
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
@@ -24,20 +24,19 @@ from simulation_handler.state.objects import BelievedObject
 
 RESOLVED = 2
 """Fingertips that are seen, from which contact tells what they touch."""
-_HALF = 0.5  # of what there is to see of an object
 _RESTS = 0.8  # s
-_STILL = 0.02  # m, in half of that
+_PALM_STILL = 0.02  # m, in half of that
 _GRIPS = tuple((x, 0.0, 0.0) for x in (0.0, 0.03, 0.06, 0.09, 0.12))
 """m, in the palm's frame: where a hand may have what it holds, from the palm to between the fingertips"""
-_REACH = 0.05  # m from there to the surface of the object
-_LEFT = 0.022  # m that the palm must go away from where it rested, until it has taken something along
-_ELSEWHERE = 0.06  # m from where its hand would have it, from which what is seen is not in that
-_BLEND = 0.1  # weight of the newest in how a hand holds an object
+_GRIP_REACH = 0.05  # m from there to the surface of the object
+_PALM_AWAY = 0.022  # m that the palm must go away from where it rested, until it has taken something along
+_NOT_IN_HAND = 0.06  # m from where its hand would have it, from which what is seen is not in that
+_COVER_BLEND = 0.1  # weight of the newest in how a hand holds an object
 _TURNING = 1.5  # s in which what a hand covers turns with it
-_SETTLING = 0.3  # s, likewise, before it covers anything
-_LOST = 0.5  # s without a hand, after which it is seen anew
-_STEP = 1e-3  # s between two places that a way begins with
-_BEFORE = 0.3  # s before it was last seen, that a hand may have covered an object
+_COVER_SETTLING = 0.3  # s, likewise, before it covers anything
+_HAND_LOST = 0.5  # s without a hand, after which it is seen anew
+_PATH_STEP = 1e-3  # s between two places that a way begins with
+_COVERED_BEFORE = 0.3  # s before it was last seen, that a hand may have covered an object
 
 
 @dataclass
@@ -82,7 +81,7 @@ class Covering:
     def take(self, name: str, now: float) -> str:
         """The hand that must have taken an object which is missing, and has it from now on; empty if none can have."""
         time, hand, there = self._passed.get(name, (-math.inf, "", None))
-        if there is None or time < self._bodies.object(name).track.last_stamp - _BEFORE:
+        if there is None or time < self._bodies.object(name).track.last_stamp - _COVERED_BEFORE:
             return ""
         self.recall((hand, name), there, now)
         return hand
@@ -93,7 +92,7 @@ class Covering:
         self._covers[relation] = Cover(since, hand_from_object, _point(nowhere), nowhere, taken=True)
         if relation[1] in self._bodies.sim:
             begin = self._bodies.pose(relation[1])
-            for stamp in (since - _STEP, since):
+            for stamp in (since - _PATH_STEP, since):
                 self._bodies.object(relation[1]).path.add(begin.with_stamp(stamp))
 
     def update(self, hands: Mapping[str, Hand], busy: Collection[Relation], look: Look | None, now: float) -> None:
@@ -119,7 +118,7 @@ class Covering:
             if thing:
                 there = self._palms[name].inverse() @ self._bodies.pose(thing)
                 self._passed[thing] = (now, name, there)
-                if hand.path.is_still(_RESTS, _STILL, math.inf):
+                if hand.path.is_still(_RESTS, _PALM_STILL, math.inf):
                     self._covers[name, thing] = Cover(now, there, _mean(hand.path), self._bodies.pose(thing).t)
                     taken.add(thing)
 
@@ -133,8 +132,8 @@ class Covering:
             if hand.perceived:
                 last = hand.path.last
                 before = self._palms.get(name, last)
-                share = 1.0 - math.exp(-seconds / (_TURNING if name in covering else _SETTLING))
-                is_lost = last.stamp - before.stamp > _LOST
+                share = 1.0 - math.exp(-seconds / (_TURNING if name in covering else _COVER_SETTLING))
+                is_lost = last.stamp - before.stamp > _HAND_LOST
                 turned = last.q if is_lost else quaternions.slerp(before.q, last.q, share)
                 self._palms[name] = Pose.unchecked(last.t, turned, last.stamp)
 
@@ -144,19 +143,19 @@ class Covering:
             return True
         palm = self._palms[name]
         is_seen = now - item.track.last_stamp <= UNSEEN
-        has_left = hand.path.strays_from(cover.anchor, _LEFT)
+        has_left = hand.path.strays_from(cover.anchor, _PALM_AWAY)
         if is_seen and item.path.newest > -math.inf:
             stamp = min(hand.path.newest, item.path.newest)
             there = Pose.unchecked(hand.path.at(stamp).t, palm.q).inverse() @ item.path.at(stamp)
-            cover.taken |= math.dist(item.path.last.t, cover.place) > _LEFT
-            if math.dist(there.t, cover.hand_from_object.t) > _ELSEWHERE or (has_left and not cover.taken):
+            cover.taken |= math.dist(item.path.last.t, cover.place) > _PALM_AWAY
+            if math.dist(there.t, cover.hand_from_object.t) > _NOT_IN_HAND or (has_left and not cover.taken):
                 return False
-            cover.hand_from_object = between(cover.hand_from_object, there, _BLEND)
+            cover.hand_from_object = between(cover.hand_from_object, there, _COVER_BLEND)
         elif has_left:
             cover.taken = True
         elif not cover.taken:
             here = self._bodies.pose(item.name)
-            cover.hand_from_object = between(cover.hand_from_object, palm.inverse() @ here, _BLEND)
+            cover.hand_from_object = between(cover.hand_from_object, palm.inverse() @ here, _COVER_BLEND)
             item.path.add(here.with_stamp(palm.stamp))  # where its way in the hand begins
         return True
 
@@ -174,7 +173,7 @@ class Covering:
         hidden = []
         for item in near:
             seen = [glance for (_, thing), glance in glances.items() if thing == item.name]
-            if all(g.share < _HALF for g in seen) and any(g.hidden_by == name for g in seen):
+            if all(g.share < HALF for g in seen) and any(g.hidden_by == name for g in seen):
                 hidden.append((self._distance(hand, item.name), item.name))
         return min(hidden)[1] if hidden else ""
 
@@ -185,12 +184,13 @@ class Covering:
 
 def is_within_reach(palm: Pose, solid: Solid) -> bool:
     """Whether a hand, whose palm is there in the world, may have a body in it."""
-    return any(solid.signed_distance((palm @ _point(grip)).t)[0] <= _REACH for grip in _GRIPS)
+    return any(solid.signed_distance((palm @ _point(grip)).t)[0] <= _GRIP_REACH for grip in _GRIPS)
 
 
 def _mean(path: Path) -> Pose:
     """Where something was, that rests."""
-    places = [path.at(path.newest - share * _RESTS).t for share in (0.2, 0.4, 0.6, 0.8)]
+    shares = (0.2, 0.4, 0.6, 0.8)  # 1, of the time at rest: the ends of it may belong to motions
+    places = [path.at(path.newest - share * _RESTS).t for share in shares]
     x, y, z = (sum(values) / len(places) for values in zip(*places, strict=True))
     return _point((x, y, z))
 

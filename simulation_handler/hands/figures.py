@@ -15,12 +15,13 @@ from dsr.math3d.shapes import Part, Shape, bounds, centred
 from dsr.math3d.transforms import Pose
 from simulation_handler.shapes.geometry import Solid
 
-_PALM = Part("box", (0.115, 0.095, 0.035), (-0.012, 0.0, 0.0))
+_PALM = Part("box", (0.115, 0.095, 0.035), (-0.012, 0.0, 0.0))  # m, size of a palm and its centre in the palm's frame
 _FOREARM = (
     Part("box", (0.16, 0.08, 0.08), (-0.13, 0.0, -0.01)),
     Part("box", (0.16, 0.12, 0.12), (-0.27, 0.0, -0.025)),
 )
 """Where its direction is less and less certain, the wider: wrists bend."""
+# m, in the palm's frame, of the thumb first
 _KNUCKLES: tuple[Vector3, ...] = (
     (-0.02, 0.04, -0.006),
     (0.022, 0.03, 0.0),
@@ -28,7 +29,7 @@ _KNUCKLES: tuple[Vector3, ...] = (
     (0.018, -0.016, 0.0),
     (0.008, -0.034, 0.0),
 )
-_AT_REST: tuple[Vector3, ...] = (
+_RESTING_FINGERS: tuple[Vector3, ...] = (
     (0.044, 0.072, -0.02),
     (0.107, 0.04, -0.009),
     (0.113, 0.006, -0.01),
@@ -52,7 +53,7 @@ def hand_solid(name: str, world_from_hand: Pose, tips: Mapping[int, Vector3], *,
     hand_from_world = world_from_hand.inverse()
     mirror = -1.0 if is_left else 1.0
     fingers = []
-    for finger, ((x, y, z), (u, v, w)) in enumerate(zip(_KNUCKLES, _AT_REST, strict=True)):
+    for finger, ((x, y, z), (u, v, w)) in enumerate(zip(_KNUCKLES, _RESTING_FINGERS, strict=True)):
         start, end = (x, mirror * y, z), (u, mirror * v, w)
         if finger in tips:
             end = (hand_from_world @ Pose.unchecked(tips[finger], (0.0, 0.0, 0.0, 1.0))).t

@@ -16,20 +16,20 @@ from dsr.math3d.quaternions import Vector3
 from simulation_handler.contact.containment import Containment
 from simulation_handler.hands.state import UNSEEN
 from simulation_handler.hands.touching import Touching
+from simulation_handler.motion.driving import HURRY
 from simulation_handler.perception.paths import Path
 from simulation_handler.physics.simulator import FINGER_RADIUS
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
-_LAG = 0.1  # s by which a sphere is behind what is seen: the newest place is not smoothed yet
-_HURRY = 2.0  # how much faster than it was seen to it may move to catch up
+_SPHERE_LAG = 0.1  # s by which a sphere is behind what is seen: the newest place is not smoothed yet
 _LONGEST_LAG = 0.5  # s, at most, that is caught up with: the time until an object counts as unseen
-_FASTEST = 1.0  # m/s
-_SLACK = 0.004  # m that a fingertip may move without its sphere
-_REACH = 0.012  # m from an object within which a fingertip has a sphere
-_DEEPEST = 0.015  # m into an object, deeper than which a fingertip is in front of it or behind
-_ASTRAY = 0.03  # m from its place, beyond which a sphere is stuck: what it pushes cannot be where it is believed
+_FASTEST_SPHERE = 1.0  # m/s
+_SPHERE_SLACK = 0.004  # m that a fingertip may move without its sphere
+_SPHERE_REACH = 0.012  # m from an object within which a fingertip has a sphere
+_DEEPEST_SPHERE = 0.015  # m into an object, deeper than which a fingertip is in front of it or behind
+_SPHERE_STUCK = 0.03  # m from its place, beyond which a sphere is stuck: what it pushes cannot be where it is believed
 
 
 @dataclass
@@ -76,7 +76,7 @@ class Fingers:
         for name, path in paths.items():
             tip = self._tips.get(name)
             if tip is None:
-                tip = self._tips[name] = _Tip(now - _LAG, _at(path, now - _LAG))
+                tip = self._tips[name] = _Tip(now - _SPHERE_LAG, _at(path, now - _SPHERE_LAG))
             self._go_back(tip, path, now, self._loose.keys() - before)
             self._go_on(name, tip, path, now, seconds, count)
 
@@ -110,11 +110,11 @@ class Fingers:
             tip.place = _at(path, tip.played)
 
     def _go_on(self, name: str, tip: _Tip, path: Path, now: float, seconds: float, count: int) -> None:
-        late = now - _LAG - tip.played
-        tip.played += min(late, _HURRY * seconds) if late > 0.0 else 0.0
-        place = _followed(tip.place, _at(path, tip.played), _FASTEST * seconds)
+        late = now - _SPHERE_LAG - tip.played
+        tip.played += min(late, HURRY * seconds) if late > 0.0 else 0.0
+        place = _followed(tip.place, _at(path, tip.played), _FASTEST_SPHERE * seconds)
         fingers = self._bodies.sim.fingers
-        if name in fingers and math.dist(fingers.position(name), tip.centre) > _ASTRAY:
+        if name in fingers and math.dist(fingers.position(name), tip.centre) > _SPHERE_STUCK:
             fingers.remove(name)
             tip.met, tip.shift = set(), (0.0, 0.0, 0.0)
         near = [thing for thing in self._loose if self._is_near(tip.place, thing) or self._is_near(place, thing)]
@@ -137,9 +137,9 @@ class Fingers:
     def _is_near(self, point: Vector3, thing: str) -> bool:
         """Whether a fingertip there could push an object soon; what is in something seen only from within that."""
         solid = self._loose[thing]
-        if math.dist(point, solid.position) > solid.radius + FINGER_RADIUS + _REACH:
+        if math.dist(point, solid.position) > solid.radius + FINGER_RADIUS + _SPHERE_REACH:
             return False
-        if self._overlap(point, thing)[0] < -_REACH:
+        if self._overlap(point, thing)[0] < -_SPHERE_REACH:
             return False
         hollows = [hollow for inner, hollow in self._containment.current() if inner == thing]
         return all(
@@ -151,7 +151,7 @@ class Fingers:
     def _is_outside(self, tip: _Tip, thing: str) -> bool:
         """Whether a sphere may meet an object from now on; one that is in it by noise is shifted out."""
         overlap, (x, y, z) = self._overlap(tip.centre, thing)
-        if overlap > _DEEPEST:
+        if overlap > _DEEPEST_SPHERE:
             return False
         if overlap > 0.0:
             tip.shift = _sum(tip.shift, (overlap * x, overlap * y, overlap * z))
@@ -171,9 +171,9 @@ def _at(path: Path, stamp: float) -> Vector3:
 def _followed(here: Vector3, there: Vector3, most: float) -> Vector3:
     """Towards a fingertip, up to the slack, and by `most` m at most."""
     metres = math.dist(here, there)
-    if metres <= _SLACK:
+    if metres <= _SPHERE_SLACK:
         return here
-    share = min(metres - _SLACK, most) / metres
+    share = min(metres - _SPHERE_SLACK, most) / metres
     x, y, z = (a + share * (b - a) for a, b in zip(here, there, strict=True))
     return x, y, z
 

@@ -21,10 +21,10 @@ WITHDRAWN = 0.010
 """m by which a fingertip that touches no more is further away than it was while it touched"""
 
 _SOON, _LATE = 0.4, 0.1  # weights of the newest gap in what it is now, and in what it was while it touched
-_LEAST = -0.002  # m, as which less than that counts: fingertips are not in objects
+_LEAST_GAP = -0.002  # m, as which less than that counts: fingertips are not in objects
 _FORGOTTEN = 0.5  # s
-_REACH = 0.040  # m, further than which no fingertip is at an object
-_DEEPEST = -0.020  # m, deeper than which no fingertip is in an object: it is in front of it or behind
+_TIP_REACH = 0.040  # m, further than which no fingertip is at an object
+_DEEPEST_TIP = -0.020  # m, deeper than which no fingertip is in an object: it is in front of it or behind
 _OPPOSED = -0.5  # cosine between the ways out of the object at two fingertips
 
 
@@ -60,7 +60,7 @@ class Gaps:
                 found.add(relation)
                 if gap <= touched + 0.5 * WITHDRAWN:
                     touched = gap if math.isinf(touched) else touched + _LATE * (gap - touched)
-            self._gaps[relation] = here, max(touched, _LEAST), now
+            self._gaps[relation] = here, max(touched, _LEAST_GAP), now
         return found
 
 
@@ -81,10 +81,10 @@ def meet(solid: Solid, points: Mapping[str, Vector3]) -> dict[str, Met]:
 
 def _near(solid: Solid, point: Vector3) -> Met | None:
     """A fingertip at an object; None if it is far from it."""
-    if math.dist(point, solid.position) > solid.radius + TIP_RADIUS + _REACH:
+    if math.dist(point, solid.position) > solid.radius + TIP_RADIUS + _TIP_REACH:
         return None
     distance, normal = solid.signed_distance(point)
-    return Met(distance - TIP_RADIUS, normal, point) if _DEEPEST <= distance - TIP_RADIUS <= _REACH else None
+    return Met(distance - TIP_RADIUS, normal, point) if _DEEPEST_TIP <= distance - TIP_RADIUS <= _TIP_REACH else None
 
 
 def is_opposed(fingertips: Mapping[str, Met | None]) -> bool:

@@ -8,13 +8,17 @@ from dataclasses import dataclass
 from dsr.math3d.transforms import Pose
 from simulation_handler.contact.relations import Relation
 from simulation_handler.explaining.situation import Look
+from simulation_handler.hands.state import HALF
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
 _ABSENT, _ABSENT_IN_PART = 0.4, 1.5
-"""s for which it should have been seen and was not, after which the hand does not have it; likewise of what a hand that
-was always in sight hides in part: it may hide all of it, and not seem to."""
-_HALF, _CLEAR = 0.5, 0.95  # of what there is to see of an object
+"""s for which an object should have been seen and was not, after which the hand does not have it.
+
+A hand that was always in sight may hide all of an object too, and not seem to.
+
+"""
+_CLEAR = 0.95  # 1, share of what there is to see of an object, from which nothing hides it
 
 
 @dataclass
@@ -56,7 +60,7 @@ class LeftBehind:
         unseen, item = self._unseen[relation], self._bodies.objects[relation[1]]
         share = 0.0 if look is None else self._share(item, there, look)
         may_hide = not (unseen.was_hidden or share > _CLEAR)
-        if look is None or share < _HALF or (may_hide and self._share(item, sure, look) >= _HALF):
+        if look is None or share < HALF or (may_hide and self._share(item, sure, look) >= HALF):
             unseen.absent_since = None
             return None
         if unseen.absent_since is None:
@@ -74,7 +78,7 @@ class LeftBehind:
             return None
         if unseen.absent_since is None:
             item = self._bodies.objects[relation[1]]
-            if look is None or not unseen.was_hidden or self._share(item, item.path.last, look) < _HALF:
+            if look is None or not unseen.was_hidden or self._share(item, item.path.last, look) < HALF:
                 return None
         return unseen.place
 

@@ -17,6 +17,10 @@ TOUCH, PINCH = "touch", "pinch"
 UNSEEN = 0.25
 """s after its last percept, from which an object is where its hand has it, or pushes it."""
 _MEASURED = 0.15  # s up to which a fingertip is known
+FINGERS = 5
+"""count of fingers: a hand of which so many are measured hides none"""
+HALF = 0.5
+"""1, share of what there is to see of an object, below which it counts as hidden"""
 
 
 class HandPercept(NamedTuple):

@@ -18,26 +18,24 @@ from simulation_handler.hands.carrying import Carrying, levelled, without_yaw
 from simulation_handler.hands.contacts import TOUCH_DELAY, Contacts, drops
 from simulation_handler.hands.covering import RESOLVED, Covering
 from simulation_handler.hands.left_behind import LeftBehind
-from simulation_handler.hands.state import PINCH, TOUCH, UNSEEN, Hand, HandGrasp, HandPercept
+from simulation_handler.hands.state import FINGERS, HALF, PINCH, TOUCH, UNSEEN, Hand, HandGrasp, HandPercept
 from simulation_handler.perception.paths import Path, between
 from simulation_handler.perception.sight import ExpectedVisibility
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
-_HIDDEN = 0.6  # s for which a fingertip that touched what is seen may be hidden while its palm is in sight
-_ELSEWHERE = 0.05  # m from where its hand would have it, from which an object at rest is not held
+_TIP_HIDDEN = 0.6  # s for which a fingertip that touched what is seen may be hidden while its palm is in sight
+_NOT_HELD = 0.05  # m from where its hand would have it, from which an object at rest is not held
 _PRESUMED = 0.3  # s that a hand must touch what it hides, to be presumed to hold it
-_HALF = 0.5  # of what there is to see of an object
-_FINGERS = 5
-_AT_REST = (0.4, 0.015, math.pi)  # s, m and rad: a palm that moved less than that has not opened, nor drawn back
+_PALM_AT_REST = (0.4, 0.015, math.pi)  # s, m and rad: a palm that moved less than that has not opened, nor drawn back
 _DRAWN_BACK = 0.12  # m that an opening hand may draw back before its fingertips are seen
 _DRIFT = 0.1  # share by which a palm that does not move as its fingertips do is taken to have moved by itself
 _ALONG = 0.15  # m from there, as a palm of poor rotation may be: what is in the air is in that hand, or falls
 _JUMPED = 0.05  # m that a palm seems to have gone from what it holds
 _PASSING = 0.04  # m that a palm must move along what it touches to pass by: more than a hand does while it closes
 _WALL = 0.012  # m into the wall of a container that what its hand moves may seem to be
-_THERE = 0.02  # m from where a hand left it, within which an object is there
-_BLEND = 0.2  # weight of the newest in how a hand holds an object
+_LEFT_THERE = 0.02  # m from where a hand left it, within which an object is there
+_GRIP_BLEND = 0.2  # weight of the newest in how a hand holds an object
 
 
 class Touching:
@@ -100,7 +98,7 @@ class Touching:
         """Whether a fingertip that is hidden goes on touching: what is hidden with it, or anything for a short time."""
         now = hand.path.newest
         touched = [self._bodies.objects[thing] for name, thing in self._contacts.touches if name == tip]
-        is_short = now - hand.tips[tip].newest <= _HIDDEN
+        is_short = now - hand.tips[tip].newest <= _TIP_HIDDEN
         return any(is_short or now - item.track.last_stamp > UNSEEN for item in touched)
 
     def recall(self, relation: Relation, grasp: HandGrasp, now: float) -> None:
@@ -176,7 +174,7 @@ class Touching:
         """Whether a hand is presumed to hold what it hides, if only in part, with the fingertips that would tell."""
         (name, thing), hand = relation, self._hands.get(relation[0])
         is_seen = now - self._bodies.objects[thing].track.last_stamp <= UNSEEN
-        if is_seen or not self._grasps[relation].presumed or hand is None or hand.measured >= _FINGERS:
+        if is_seen or not self._grasps[relation].presumed or hand is None or hand.measured >= FINGERS:
             return False
         return any(glance.hidden_by == name for glance in self._glances(thing))
 
@@ -185,7 +183,7 @@ class Touching:
         there, bodies = self._left_behind.place((hand, item.name), self.look), self._bodies
         if there is None or now - item.track.last_stamp <= UNSEEN:
             return
-        if math.dist(there.t, bodies.sim.position(item.name)) < _THERE:
+        if math.dist(there.t, bodies.sim.position(item.name)) < _LEFT_THERE:
             return
         moved = {item.name: item.solid(there.t, there.q).face_down()[0]}
         for solid in (moved | with_contents(moved, bodies.scene(leaving_out=()))).values():
@@ -206,9 +204,9 @@ class Touching:
         by_fingertips = grasp.at_fingertips(touching, there.q)
         if by_fingertips is None:
             known = grasp.sure or item.path.at(item.track.last_stamp)
-            rest = item.path.at(palm.stamp - 0.5 * _AT_REST[0])
+            rest = item.path.at(palm.stamp - 0.5 * _PALM_AT_REST[0])
             has_gone_on = math.dist(known.t, rest.t) > _DRAWN_BACK
-            grasp.sure = rest if has_gone_on and hand.path.is_still(*_AT_REST) else known
+            grasp.sure = rest if has_gone_on and hand.path.is_still(*_PALM_AT_REST) else known
             return Pose.unchecked(there.t, there.q, palm.stamp)
         before = item.path.last.t
         position = min(there.t, by_fingertips, key=lambda place: math.dist(place, before))
@@ -297,16 +295,16 @@ class Touching:
             before = grasp.hand_from_object
             if not item.shows_tilt:
                 there = Pose.unchecked(there.t, before.q)
-            grasp.hand_from_object = between(before, there, _BLEND)
+            grasp.hand_from_object = between(before, there, _GRIP_BLEND)
             self._note_places(grasp, hand, item, now)
 
     def _hides(self, name: str, thing: str) -> bool:
         """Whether a hand hides an object that it touches, and some of its own fingertips are hidden, too."""
         hand = self._hands[name]
-        if self.look is None or hand.measured >= _FINGERS:
+        if self.look is None or hand.measured >= FINGERS:
             return False
         glances = self._glances(thing)
-        return all(glance.share < _HALF for glance in glances) and any(glance.hidden_by == name for glance in glances)
+        return all(glance.share < HALF for glance in glances) and any(glance.hidden_by == name for glance in glances)
 
     def _glances(self, thing: str) -> list[ExpectedVisibility]:
         """What each camera should see of an object."""
@@ -327,7 +325,7 @@ class Touching:
         """Whether a hand carries an object in the air, or did until that was hidden a moment before the hand."""
         grasp, hand = self._grasps[relation], self._hands.get(relation[0])
         is_seen = now - self._bodies.objects[relation[1]].track.last_stamp <= UNSEEN
-        goes_on = now - grasp.aloft <= (TOUCH_DELAY if is_seen else _HIDDEN)
+        goes_on = now - grasp.aloft <= (TOUCH_DELAY if is_seen else _TIP_HIDDEN)
         if (goes_on and hand is not None and not hand.perceived) or self._carries(relation, now):
             grasp.aloft = now
         return goes_on or grasp.aloft == now
@@ -356,7 +354,7 @@ class Touching:
             if (tip, item.name) in self._contacts.touches and hand.measures(path):
                 place = object_from_world @ path.at(stamp)
                 before = grasp.places.get(tip, place.t)
-                x, y, z = (a + _BLEND * (b - a) for a, b in zip(before, place.t, strict=True))
+                x, y, z = (a + _GRIP_BLEND * (b - a) for a, b in zip(before, place.t, strict=True))
                 grasp.places[tip] = (x, y, z)
 
     def _is_elsewhere(self, relation: Relation, now: float) -> bool:
@@ -373,7 +371,7 @@ class Touching:
         there = hand.path.last @ self._grasps[relation].hand_from_object if hand.path.newest > -math.inf else None
         away = math.inf if there is None else math.dist(there.t, self._bodies.sim.position(thing))
         rests = not item.driven and item.placement is not None and item.placement.rests
-        return (rests and away > _ELSEWHERE) or (not hand.perceived and away > _ALONG and self._pinches(thing, name))
+        return (rests and away > _NOT_HELD) or (not hand.perceived and away > _ALONG and self._pinches(thing, name))
 
     def _pinches(self, thing: str, besides: str) -> bool:
         """Whether a hand in sight pinches an object, besides the one of that name."""

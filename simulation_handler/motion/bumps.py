@@ -17,7 +17,7 @@ from simulation_handler.explaining.situation import Properties, Seen, Situation
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.objects import BelievedObject
 
-_FEWEST = 3  # objects that must agree on one motion of the camera: two boxes may be moved so that they do
+_FEWEST_AGREEING = 3  # objects that must agree on one motion of the camera: two boxes may be moved so that they do
 _FEWEST_DISPLACED = 2  # of them, that must be seen elsewhere than believed: one is moved by itself
 _FLOOR = 0.002  # m, standard deviation of what is no noise of percepts
 
@@ -35,12 +35,12 @@ def seem_bumped(
     """
     seen = {name: _newest(items[name], config, now) for name in rested}
     displaced = {name for name, one in seen.items() if is_displaced(one, rested[name], config)}
-    if len(rested) < _FEWEST or len(displaced) < _FEWEST_DISPLACED:
+    if len(rested) < _FEWEST_AGREEING or len(displaced) < _FEWEST_DISPLACED:
         return frozenset()
     properties = {name: Properties(items[name].mass, items[name].friction) for name in rested}
     situation = Situation(now, config, {}, rested, properties, seen, surprising=tuple(sorted(displaced)))
     alike = explained_by_camera(situation)
-    enough = len(alike) >= _FEWEST and len(alike & displaced) >= _FEWEST_DISPLACED
+    enough = len(alike) >= _FEWEST_AGREEING and len(alike & displaced) >= _FEWEST_DISPLACED
     return alike if enough else frozenset()
 
 

@@ -36,20 +36,21 @@ from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
-_LAG = 0.05  # s by which a body is behind what is seen
-_HURRY = 2.0  # how much faster than it was seen to a body may move to catch up
-_LEFT = 0.020  # m from where it was believed to be, from which an object has left there
+_BODY_LAG = 0.05  # s by which a body is behind what is seen
+HURRY = 2.0
+"""1, how many times as fast as it was seen to a body may move to catch up"""
+_HAS_LEFT = 0.020  # m from where it was believed to be, from which an object has left there
 _CATCHING_UP = 0.25  # m/s by which a body is faster than what it follows at most: what is in it is not thrown up
 _CAUGHT_UP = 0.15  # s in which it catches up what is more than that
 _REACTION = 0.03  # s in which a body makes up for being off its way
-_FASTEST = 1.5  # m/s
+_FASTEST_BODY = 1.5  # m/s
 _FASTEST_TURN = 8.0  # rad/s
-_STILL = 0.6  # s that an object must be seen to stay where it is
-_AT_REST = 0.25  # s of that, at the end, in which it surely was where it is
+_STILL_SECONDS = 0.6  # s that an object must be seen to stay where it is
+_SURE_REST = 0.25  # s of that, at the end, in which it surely was where it is
 _SHORTEST = 0.3  # s of a drive: what sets out slowly has been seen to stay for a while
-_STILL_METRES = 0.012
-_STILL_RADIANS = 0.2
-_ASTRAY = 0.012  # m from where it was, and
+_STILL_METRES = 0.012  # m that percepts of an object at rest may be apart
+_STILL_RADIANS = 0.2  # rad that percepts of an object at rest may be turned against each other
+_ASTRAY_METRES = 0.012  # m from where it was, and
 _SURELY = 2.5  # times the noise, from which two percepts tell that an object is on its way
 _LIKELY = 1.5  # times the noise, from which three tell that, each of which is farther away
 _ASTRAY_BOTH = 0.008  # m, likewise, from which an object and the hand that holds it tell that
@@ -58,12 +59,12 @@ _ARRIVED = 0.004  # m
 _STUCK = 1.0  # s after which a body that cannot get where it is seen is driven no more
 _VAGUE: Array = np.diag((1e-5, 1e-5, 1e-4))  # m^2, of what is unseen in a hand
 _NEARER = 0.015  # m that a stand must be nearer to what is seen than a lean that a hand tells, to be believed
-_ALIKE = 0.5  # of the way that a load was seen to take, by which that of what it stands on is another one
+_OTHER_MOTION = 0.5  # of the way that a load was seen to take, by which that of what it stands on is another one
 _SURELY_APART = 0.03  # m of its way, from which a load is seen to leave what it stands on
-_BESIDE = 0.02  # m of height that both bodies share, from which neither stands on the other
+_SHARED_HEIGHT = 0.02  # m of height that both bodies share, from which neither stands on the other
 _LATELY = 0.3  # s in which the speed of what is seen is measured
 _JUST = 0.15  # s for which a percept tells where what moves is
-_LOST = 0.06  # m from where it is seen, beyond which what is in or on a driven object does not ride with it
+_RIDES_NO_MORE = 0.06  # m from where it is seen, beyond which what is in or on a driven object does not ride with it
 
 
 @dataclass
@@ -178,7 +179,7 @@ class Driving:
                 if not item.drivable or item.holder or load.hand or item.estimate_at(now) is None:
                     continue
                 way, other = self._way(item), self._way(load)
-                if float(np.linalg.norm(way - other)) < _ALIKE * float(np.linalg.norm(other)):
+                if float(np.linalg.norm(way - other)) < _OTHER_MOTION * float(np.linalg.norm(other)):
                     self._begin(item, start)
                 elif float(np.linalg.norm(other)) < _SURELY_APART:
                     self._drives.pop(name, None)
@@ -208,7 +209,7 @@ class Driving:
         """Whether neither of two bodies can be about to stand on the other, or both are driven."""
         one, other = map(self._bodies.solid, pair)
         overlap = min(one.top, other.top) - max(one.bottom, other.bottom)
-        return overlap > _BESIDE or self._drives.keys() >= set(pair)
+        return overlap > _SHARED_HEIGHT or self._drives.keys() >= set(pair)
 
     def step(self, count: int) -> None:
         """Let `count` steps of physics pass."""
@@ -258,13 +259,13 @@ class Driving:
             return item.path.newest
         if not strays and not is_displaced(seen_now(item, self._config, now), solid, self._config):
             return None
-        start = item.path.start(solid.pose, _LEFT)
+        start = item.path.start(solid.pose, _HAS_LEFT)
         return item.path.newest if start is None and item.hand else start
 
     def _strays(self, item: BelievedObject, pose: Pose) -> bool:
         """Whether percepts say that an object is on its way from where it is believed to be."""
         noise = item.noise + (self._config.depth_bias if item.bias is None else 0.0)
-        two, three = max(_ASTRAY, _SURELY * noise), max(_ASTRAY, _LIKELY * noise)
+        two, three = max(_ASTRAY_METRES, _SURELY * noise), max(_ASTRAY_METRES, _LIKELY * noise)
         return item.path.strays_from(pose, two) or item.path.goes_away(pose, three)
 
     def _begin(self, item: BelievedObject, start: float) -> None:
@@ -273,8 +274,8 @@ class Driving:
         self._drives[item.name] = _Drive(self._now, start, here, here, here)
 
     def _go_on(self, item: BelievedObject, drive: _Drive, now: float, seconds: float) -> None:
-        before, late = item.path.at(drive.played), now - _LAG - drive.played
-        drive.played += min(late, _HURRY * seconds) if late > 0.0 else 0.0
+        before, late = item.path.at(drive.played), now - _BODY_LAG - drive.played
+        drive.played += min(late, HURRY * seconds) if late > 0.0 else 0.0
         drive.begin = drive.end
         drive.by_hand = bool(item.hand) or (drive.by_hand and not drive.rests)
         self._aim(item, drive)
@@ -296,8 +297,8 @@ class Driving:
             drive.still_since = None
 
     def _is_still(self, item: BelievedObject, drive: _Drive) -> bool:
-        was_played = drive.played >= item.path.newest - _STILL
-        return was_played and item.path.is_still(_STILL, _STILL_METRES, _STILL_RADIANS)
+        was_played = drive.played >= item.path.newest - _STILL_SECONDS
+        return was_played and item.path.is_still(_STILL_SECONDS, _STILL_METRES, _STILL_RADIANS)
 
     def _aim(self, item: BelievedObject, drive: _Drive) -> None:
         """Where the body should be at the end of this step: where it was seen, as far as other bodies allow."""
@@ -323,7 +324,7 @@ class Driving:
             self._supported.take_along(load, self._bodies.pose(item.name), drive.velocity, HALTED)
         del self._drives[item.name]
         item.put, item.placement, item.strikes = self._bodies.pose(item.name), None, 0
-        item.track.begin_anew(item.path.newest - _AT_REST)
+        item.track.begin_anew(item.path.newest - _SURE_REST)
         self._bodies.sim.set_velocity(item.name, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         is_unseen = item.vanished_when_let_go or not item.track.is_fresh(self._now)
         is_let_go = drive.by_hand and not item.hand and is_unseen
@@ -334,7 +335,7 @@ class Driving:
         """Whether an object is seen far from where its container should have taken it."""
         if now - item.track.last_stamp > _JUST or item.estimate_at(now) is None or item.name not in self._bodies.sim:
             return False
-        return math.dist(item.percept().position, self._bodies.sim.position(item.name)) > _LOST
+        return math.dist(item.percept().position, self._bodies.sim.position(item.name)) > _RIDES_NO_MORE
 
 
 def _goes_with_hand(item: BelievedObject, position: Vector3) -> bool:
@@ -368,7 +369,7 @@ def _is_lifted(item: BelievedObject, drive: _Drive) -> bool:
 
 def _speed(path: Path, time: float) -> float:
     """m/s at which something was seen to move up to that time (s), or a moment before."""
-    places = [path.at(time - k * _LATELY).t for k in range(3)]
+    places = [path.at(time - k * _LATELY).t for k in range(3)]  # count of places: now and twice before
     return max(math.dist(a, b) for a, b in pairwise(places)) / _LATELY
 
 
@@ -385,7 +386,7 @@ def _velocity(here: Pose, drive: _Drive, share: float, seconds: float) -> Twist:
     turning = [angle / seconds for angle in turn_between(drive.begin.q, drive.end.q)]
     off = [(b - a) / _REACTION for a, b in zip(here.t, there.t, strict=True)]
     askew = [angle / _REACTION for angle in turn_between(here.q, there.q)]
-    linear = _limited([a + b for a, b in zip(steady, off, strict=True)], _FASTEST)
+    linear = _limited([a + b for a, b in zip(steady, off, strict=True)], _FASTEST_BODY)
     return linear, _limited([a + b for a, b in zip(turning, askew, strict=True)], _FASTEST_TURN)
 
 

@@ -19,18 +19,18 @@ from simulation_handler.physics.rollouts.scene import Placing, RolloutBody, Roll
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
 
-_WAYS = 32
-_TRIES = 96  # of which those are no ways that are in other bodies
+_WAYS = 32  # count of falls that are simulated: their medoid moves little with more
+_TRIES = 96  # count of samples, of which those are no ways that are in other bodies
 _METRES = 0.01  # standard deviation of where along each axis it is, of what nobody sees roll in what is poured
 _SPEED = 0.1  # m/s, likewise of how fast
 _SPIN = 5.0  # rad/s, likewise of how fast it turns
-_SPREAD: Array = np.repeat((_METRES, _SPEED, _SPIN), 3)
+_SPREAD: Array = np.repeat((_METRES, _SPEED, _SPIN), 3)  # m, m/s and rad/s, along each axis
 _SECONDS = 1.5  # after which it lies
 _MOST = 0.9  # of all ends
 _LYING = 0.02  # m/s and rad/s
 _AROUND = 0.3  # m
-_MOVED = 0.01  # m
-_DEEPEST = 0.002  # m that its middle part may be in other bodies
+_SPILL_MOVED = 0.01  # m
+_DEEPEST_PART = 0.002  # m that its middle part may be in other bodies
 
 
 class _Fall(NamedTuple):
@@ -99,7 +99,7 @@ class Spilling:
         """Whether what the object may lie on or beside has not been moved since."""
         sim = self._bodies.sim
         near = [name for name, place in fall.around.items() if math.dist(place, fall.end[0]) < _AROUND]
-        return all(name in sim and math.dist(sim.position(name), fall.around[name]) < _MOVED for name in near)
+        return all(name in sim and math.dist(sim.position(name), fall.around[name]) < _SPILL_MOVED for name in near)
 
     def _moving(self, name: str) -> RolloutBody:
         velocity, spin = self._bodies.sim.velocity(name)
@@ -125,7 +125,7 @@ class Spilling:
     def _candidates(self, scene: RolloutScene, body: RolloutBody) -> list[RolloutBody]:
         """How the body may be on its way, without being in others."""
         solids = [other.solid for other in scene.bodies if other.name != body.name]
-        reach = 0.5 * min(body.size) - _DEEPEST
+        reach = 0.5 * min(body.size) - _DEEPEST_PART
         falls: list[RolloutBody] = []
         for shift, push, turn in zip(*np.split(_normal() * _SPREAD, 3, axis=1), strict=True):
             position, velocity, spin = (
@@ -141,7 +141,7 @@ class Spilling:
 @cache
 def _normal() -> Array:
     """(_TRIES, 9) evenly spread samples of a normal distribution: a Halton sequence."""
-    sequence = qmc.Halton(9, scramble=False)
+    sequence = qmc.Halton(9, scramble=False)  # count of dimensions: position, velocity and spin
     sequence.fast_forward(1)
     samples: Array = norm.ppf(sequence.random(_TRIES))
     return samples

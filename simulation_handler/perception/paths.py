@@ -11,14 +11,14 @@ from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.transforms import Pose
 
-_KEPT = 24  # percepts
+_KEPT_PERCEPTS = 24  # percepts
 _LONGEST_GAP = 0.45  # s between two percepts of a way without a break
-_FASTEST = 1.2  # m/s
+_FASTEST_SEEN = 1.2  # m/s
 _NOISE = 0.03  # m
 _MOST_AHEAD = 0.1  # s
 _PERIODS = 3  # between percepts, over which the velocity is measured
 _SLOWEST = 0.06  # m/s, below which it is not on its way
-_FALLING = 0.4  # m/s downwards, faster than what somebody puts down
+_FALLING_SPEED = 0.4  # m/s downwards, faster than what somebody puts down
 _CENTRE = 0.5  # weight of a percept in its mean with the two around it
 
 
@@ -26,7 +26,7 @@ class Path:
     """The newest percepts of one object; poses are in the world."""
 
     def __init__(self) -> None:
-        self._poses: deque[Pose] = deque(maxlen=_KEPT)
+        self._poses: deque[Pose] = deque(maxlen=_KEPT_PERCEPTS)
         self._doubted: Pose | None = None
 
     def add(self, pose: Pose) -> None:
@@ -57,7 +57,7 @@ class Path:
         if len(self._poses) < 2:
             return False
         before, last = self._poses[-2], self._poses[-1]
-        return before.t[2] - last.t[2] > _FALLING * (last.stamp - before.stamp)
+        return before.t[2] - last.t[2] > _FALLING_SPEED * (last.stamp - before.stamp)
 
     def start(self, pose: Pose, distance: float) -> float | None:
         """When (s) the object left `pose`: the stamp of the last percept that is within `distance` m of it.
@@ -89,13 +89,13 @@ class Path:
         """Whether it was seen, over the last `seconds`, to move by less than `metres` and `radians` in half of them."""
         if not self._poses or self._poses[0].stamp > self.newest - seconds:
             return False
-        before, after = (self.at(self.newest - share * seconds) for share in (0.75, 0.25))
+        before, after = (self.at(self.newest - share * seconds) for share in (0.75, 0.25))  # 1, of the time
         apart, turned = before.distance(after)
         return apart <= metres and turned <= radians
 
     def strays_from(self, pose: Pose, metres: float) -> bool:
         """Whether it was seen farther than `metres` from `pose` in the last percepts, not just in one."""
-        if len(self._poses) < 3:
+        if len(self._poses) < 3:  # count: a single wrong percept shows no motion
             return False
         return min(math.dist(self._smooth(k).t, pose.t) for k in (len(self._poses) - 2, len(self._poses) - 1)) > metres
 
@@ -139,4 +139,4 @@ def _is_break(a: Pose, b: Pose) -> bool:
     seconds = b.stamp - a.stamp
     if seconds > _LONGEST_GAP:
         return True
-    return math.dist(a.t, b.t) > _FASTEST * seconds + _NOISE
+    return math.dist(a.t, b.t) > _FASTEST_SEEN * seconds + _NOISE

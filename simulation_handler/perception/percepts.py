@@ -14,7 +14,7 @@ from simulation_handler.config import BeliefConfig
 
 Array = NDArray[np.float64]
 
-_ROUNDING = 1e-9
+_ROUNDING = 1e-9  # 1, share of the trace up to which a negative eigenvalue is a rounding error
 _LONG = 2.0  # ratio of standard deviations from which the longest axis is taken for the viewing ray
 _ALIGNED = 0.95  # cosine of the angle between the two up to which that can be
 _EYE = np.eye(3)

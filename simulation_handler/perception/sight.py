@@ -32,19 +32,19 @@ STEEPEST = math.radians(75)
 SMALLEST = 12.0
 """px, the side of the smallest tag that is found, and the width of the smallest spot of a colour"""
 
-_GRID = 5  # rays along each side of a tag
-_REACH = 0.95  # of half a tag's side, up to which the rays go
-_MARGIN = 0.005  # m around an obstacle within which a camera counts as in it
+_RAY_GRID = 5  # rays along each side of a tag
+_TAG_REACH = 0.95  # of half a tag's side, up to which the rays go
+_EYE_MARGIN = 0.005  # m around an obstacle within which a camera counts as in it
 _HOUSING = 0.03  # m from a camera up to which what it is in may be its own housing, and hides nothing
-_SIGMAS = 3.0  # standard deviations by which what should be in the image may be elsewhere in it
-_LEAST = 1e-12  # stands for what must not be divided by
-_FARTHEST = 1e6  # m; whatever is said to be further away, or larger, is there and so large
+_IMAGE_SIGMAS = 3.0  # standard deviations by which what should be in the image may be elsewhere in it
+_DIVISOR = 1e-12  # stands for what must not be divided by
+_FARTHEST_SHOWN = 1e6  # m; whatever is said to be further away, or larger, is there and so large
 _POINTS = 48  # on the surface of an object that is recognised by its colour, at most
-_STEP = 1e3  # 1/m, to which an eye's place is rounded for those
-_CACHED = 1024
+_EYE_STEP = 1e3  # 1/m, to which an eye's place is rounded for those
+_CACHED = 1024  # count of results that are kept
 _KINDS = ("box", "cylinder", "sphere")  # as in dsr.math3d.surfaces.Solids
 
-_SIDE = np.linspace(-_REACH, _REACH, _GRID)
+_SIDE = np.linspace(-_TAG_REACH, _TAG_REACH, _RAY_GRID)
 _RAYS = np.stack(np.meshgrid(_SIDE, _SIDE), axis=-1).reshape(-1, 2)  # (rays, 2), in half sides of the tag
 
 
@@ -89,7 +89,7 @@ class _Bodies(NamedTuple):
             [solid.name for solid in solids],
             _bounded([solid.position for solid in solids]),
             np.array(turns, dtype=np.float64).reshape(-1, 3, 3),
-            np.minimum(half, _FARTHEST),
+            np.minimum(half, _FARTHEST_SHOWN),
         )
 
     def contain(self, point: Array, margin: float) -> Flags:
@@ -165,7 +165,7 @@ class _Camera:
         self.eye = _bounded([view.world_from_camera.t])[0]
         self.turn = np.array(quaternions.to_matrix(view.world_from_camera.q))
         obstacles = (*obstacles, *view.obstacles)
-        around = _Bodies.of(obstacles).contain(self.eye, _MARGIN)
+        around = _Bodies.of(obstacles).contain(self.eye, _EYE_MARGIN)
         self.obstacles = [obstacle.name for obstacle in obstacles]
         self.parts = _Parts.of(obstacles, np.where(around, housing, 0.0))
 
@@ -264,8 +264,10 @@ def _targets(camera: _Camera, bodies: _Bodies, solids: Sequence[Solid], colored:
     weights[:, :rays] = 1.0 / rays
     eyes = bodies.into(camera.eye)
     for index in np.flatnonzero(colored).tolist():
-        x, y, z = np.rint(eyes[index] * _STEP).tolist()
-        points, shares = _surface(solids[index].shape, solids[index].size, (x / _STEP, y / _STEP, z / _STEP))
+        x, y, z = np.rint(eyes[index] * _EYE_STEP).tolist()
+        points, shares = _surface(
+            solids[index].shape, solids[index].size, (x / _EYE_STEP, y / _EYE_STEP, z / _EYE_STEP)
+        )
         weights[index] = 0.0
         local[index], weights[index, : len(shares)] = 0.0, shares
         local[index, : len(points)] = points
@@ -282,7 +284,7 @@ def _surface(shape: Shape, size: Vector3, eye: Vector3) -> tuple[Array, Array]:
     points, weights = seen_alone(shape, size, np.array(eye))
     step = max(1, math.ceil(len(points) / _POINTS))
     points, weights = points[::step], weights[::step]
-    return points, weights / max(float(weights.sum()), _LEAST)
+    return points, weights / max(float(weights.sum()), _DIVISOR)
 
 
 def _found(camera: _Camera, bodies: _Bodies, targets: _Targets, colored: Flags, smallest: float) -> Flags:
@@ -290,7 +292,7 @@ def _found(camera: _Camera, bodies: _Bodies, targets: _Targets, colored: Flags, 
     lens = camera.view.intrinsics
     points = (targets.points - camera.eye) @ camera.turn
     depth = points[..., 2]
-    ahead = depth > _LEAST
+    ahead = depth > _DIVISOR
     safe = np.where(ahead, depth, 1.0)
     pixels = lens.project(np.where(ahead[..., None], points, 1.0))
     u, v = pixels[..., 0], pixels[..., 1]
@@ -313,20 +315,20 @@ def _margins(view: CameraView, points: Array) -> Array:
     """(n, 2) px by which points (n, 3), in the camera's frame, may be elsewhere in the image, across and down."""
     if view.world_from_camera.covariance is None:
         return np.zeros((len(points), 2))
-    lens, depth = view.intrinsics, np.where(points[:, 2] > _LEAST, points[:, 2], 1.0)
+    lens, depth = view.intrinsics, np.where(points[:, 2] > _DIVISOR, points[:, 2], 1.0)
     shifts = np.zeros((len(points), 2, 3))  # of the pixel with the point
     shifts[:, 0, 0], shifts[:, 1, 1] = lens.fx / depth, lens.fy / depth
     shifts[:, :, 2] = -points[:, :2] / depth[:, None] * (lens.fx, lens.fy) / depth[:, None]
     shifts = np.concatenate([shifts, np.cross(points[:, None], shifts)], axis=2)  # minus that with the camera
     variances = np.einsum("nki,ij,nkj->nk", shifts, view.world_from_camera.covariance, shifts)
-    margins: Array = _SIGMAS * np.sqrt(np.maximum(variances, 0.0))
+    margins: Array = _IMAGE_SIGMAS * np.sqrt(np.maximum(variances, 0.0))
     return margins
 
 
 def _span(values: Array, counted: Flags) -> Array:
     """(n,) from the least to the greatest of the values (n, m) that count; negative without any."""
-    greatest = np.where(counted, values, -_FARTHEST).max(axis=1)
-    span: Array = greatest - np.where(counted, values, _FARTHEST).min(axis=1)
+    greatest = np.where(counted, values, -_FARTHEST_SHOWN).max(axis=1)
+    span: Array = greatest - np.where(counted, values, _FARTHEST_SHOWN).min(axis=1)
     return span
 
 
@@ -334,7 +336,7 @@ def _candidates(eye: Array, targets: _Targets, seen: Flags, parts: _Parts) -> tu
     """Pairs (target, part) of which the part may hide it: its ball meets the tube around the rays to the target."""
     ray = targets.middle - eye
     to_part = parts.bodies.centre - eye
-    along = np.clip((ray @ to_part.T) / np.maximum((ray * ray).sum(axis=1), _LEAST)[:, None], 0.0, 1.0)
+    along = np.clip((ray @ to_part.T) / np.maximum((ray * ray).sum(axis=1), _DIVISOR)[:, None], 0.0, 1.0)
     gap = to_part[None] - along[:, :, None] * ray[:, None]
     reach: Array = parts.radius[None] + targets.reach[:, None]
     near: Flags = np.less_equal((gap * gap).sum(axis=2), reach * reach)
@@ -356,4 +358,4 @@ def _cut_off(eye: Array, targets: Array, parts: _Parts, part: Indexes) -> Flags:
 
 def _bounded(positions: Sequence[Vector3]) -> Array:
     """(n, 3) m, none of it so far that squares of it overflow."""
-    return np.clip(np.array(positions, dtype=np.float64).reshape(-1, 3), -_FARTHEST, _FARTHEST)
+    return np.clip(np.array(positions, dtype=np.float64).reshape(-1, 3), -_FARTHEST_SHOWN, _FARTHEST_SHOWN)

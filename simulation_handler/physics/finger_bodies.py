@@ -15,7 +15,7 @@ from dsr.math3d.quaternions import Vector3
 
 _FORCE = 5.0  # N, with which a finger is pulled to its place at most
 _MASS = 0.01  # kg
-_FRICTION = 1.0
+_FRICTION = 1.0  # 1, Coulomb coefficient of a fingertip
 _PARKED: Vector3 = (0.0, 0.0, -1000.0)  # m, where spheres are that nobody needs
 _UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 _STILL: Vector3 = (0.0, 0.0, 0.0)

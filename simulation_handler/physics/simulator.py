@@ -31,7 +31,7 @@ GRAVITY = 9.81
 FINGER_RADIUS = 0.005
 """m, of the spheres of fingertips: less than a fingertip's by what landmarks are off."""
 _WAKE_REACH = 0.003  # m, bodies this close to a moved one are woken
-_STRIDE = 0.0004  # m that a body may move in one step: it gets that far into what it hits
+_STEP_REACH = 0.0004  # m that a body may move in one step: it gets that far into what it hits
 _MOST_PARTS = 16  # of a step, enough for a fall of 0.12 m
 _RECOVERY = 0.08  # share of an interpenetration that is undone in 1/240 s, as pybullet has it
 _ENABLE_SLEEPING: int = pybullet.ACTIVATION_STATE_ENABLE_SLEEPING
@@ -43,6 +43,8 @@ _GEOMETRIES: dict[PartKind, int] = {
     "cylinder": pybullet.GEOM_CYLINDER,
     "sphere": pybullet.GEOM_SPHERE,
 }
+TOUCHING = 0.001
+"""m between two surfaces up to which bodies touch"""
 
 
 class SimulationError(DsrError):
@@ -253,7 +255,7 @@ class Simulator:
             for _ in range(parts):
                 pybullet.stepSimulation(physicsClientId=self._client)
 
-    def contacts(self, within: float = 0.001) -> list[Contact]:
+    def contacts(self, within: float = TOUCHING) -> list[Contact]:
         """Pairs of bodies whose surfaces are closer than `within` m: the deepest point of each pair, sorted."""
         deepest: dict[tuple[str, str], Contact] = {}
         for point in pybullet.getContactPoints(physicsClientId=self._client):
@@ -299,7 +301,7 @@ class Simulator:
         """Into how many steps 1/240 s must be divided so that nothing gets far into what it hits."""
         bodies = [*self._names, *self.fingers.bodies]
         fastest = max(map(self._corner_speed, bodies), default=0.0) + GRAVITY * TIME_STEP
-        return min(math.ceil(fastest * TIME_STEP / _STRIDE), _MOST_PARTS)
+        return min(math.ceil(fastest * TIME_STEP / _STEP_REACH), _MOST_PARTS)
 
     def _corner_speed(self, body: int) -> float:
         """Upper bound of the speed of a body's corners, m/s."""

@@ -21,7 +21,7 @@ Points = NDArray[np.float64]
 _CONCAVITIES = (0.005, 0.02, 0.08)  # by how much a piece may be hollow, in V-HACD's measure: the finest first
 _RESOLUTION = 50_000  # voxels
 _CORNERS = 32  # of a piece
-_PATIENCE = 60.0  # s
+_DECOMPOSING_LIMIT = 60.0  # s
 
 
 def decomposed(vertices: Points, triangles: NDArray[np.int64], most: int) -> list[Points] | None:
@@ -43,7 +43,9 @@ def decomposed(vertices: Points, triangles: NDArray[np.int64], most: int) -> lis
         for concavity in _CONCAVITIES:
             command = [sys.executable, "-m", __name__, str(source), str(result), str(concavity)]
             try:
-                subprocess.run(command, check=True, timeout=_PATIENCE, capture_output=True, stdin=subprocess.DEVNULL)
+                subprocess.run(
+                    command, check=True, timeout=_DECOMPOSING_LIMIT, capture_output=True, stdin=subprocess.DEVNULL
+                )
                 pieces = _pieces(result.read_text(encoding="ascii"))
             except (OSError, ValueError, subprocess.SubprocessError):
                 return None

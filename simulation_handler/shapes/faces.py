@@ -13,15 +13,16 @@ from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Part, Shape
 
-_ALIKE = 0.3  # rad between two sides, of which only the larger one counts: the other is a bevel, or a gap
-_ROUND = tuple((math.cos(math.pi * k / 8), math.sin(math.pi * k / 8)) for k in range(16))
-_AXIS = 1e-6
-_BESIDE = 1e-4  # m, beside a side that is below the centre, from which a body on that tips over
+_BEVEL = 0.3  # rad between two sides, of which only the larger one counts: the other is a bevel, or a gap
+ROUND = tuple((math.cos(math.pi * k / 8), math.sin(math.pi * k / 8)) for k in range(16))
+"""count 16: corners (x, y) of the regular polygon that stands for a circle of radius 1"""
+_AXIS = 1e-6  # 1, sine of the tilt up to which a direction counts as along an axis
+_TIPS_BESIDE = 1e-4  # m, beside a side that is below the centre, from which a body on that tips over
 
 Points = NDArray[np.float64]
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=256)  # count: far more shapes than a scene has
 def faces(shape: Shape) -> tuple[Vector3, ...]:
     """Outward normals (unit, in the body's frame) of the flat sides of a body on which it does not tip over.
 
@@ -36,7 +37,7 @@ def faces(shape: Shape) -> tuple[Vector3, ...]:
     areas: dict[Vector3, float] = {}
     for plane, triangle in zip(planes, hull.points[hull.simplices], strict=True):
         below_centre = -plane[3] * plane[:3]
-        if (planes[:, :3] @ below_centre + planes[:, 3]).max() > _BESIDE:
+        if (planes[:, :3] @ below_centre + planes[:, 3]).max() > _TIPS_BESIDE:
             continue
         edge, other = triangle[1:] - triangle[0]
         x, y, z = (value + 0.0 for value in plane[:3].round(3).tolist())
@@ -44,7 +45,7 @@ def faces(shape: Shape) -> tuple[Vector3, ...]:
     found: list[Vector3] = []
     for normal in sorted(areas, key=lambda normal: (-areas[normal], normal)):
         unit = _unit(normal)
-        if all(dot(unit, other) < math.cos(_ALIKE) for other in found):
+        if all(dot(unit, other) < math.cos(_BEVEL) for other in found):
             found.append(unit)
     is_box = all(max(map(abs, normal)) > 1.0 - _AXIS for normal in found)
     return () if is_box else tuple(found)
@@ -73,7 +74,7 @@ def _reach(part: Part, down: Vector3) -> float:
 
 def _corners(part: Part) -> Points:
     """(n, 3) m in the body's frame."""
-    outline = _ROUND if part.kind == "cylinder" else ((-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (1.0, -1.0))
+    outline = ROUND if part.kind == "cylinder" else ((-1.0, -1.0), (-1.0, 1.0), (1.0, 1.0), (1.0, -1.0))
     own = 0.5 * np.array([(x, y, z) for x, y in outline for z in (-1.0, 1.0)]) * part.size
     return np.asarray(own @ np.array(quaternions.to_matrix(part.rotation)).T + part.position)
 

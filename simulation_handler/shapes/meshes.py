@@ -32,6 +32,7 @@ _MOST_KEPT = 256  # forms
 _AT_ONCE = 20  # directions
 _MOST_LOOKED_AT = 2000  # points of a surface
 _MOST_EXACT = 2000  # points whose hull is made of all
+_TRIPLE = 6.0  # 1, triple product of the edges of a tetrahedron over its volume
 
 
 class Form(NamedTuple):
@@ -154,7 +155,7 @@ def _connected(whole: _Piece) -> list[_Piece]:
     order = np.argsort(keys, kind="stable")
     _, first, sharing = np.unique(keys[order], return_index=True, return_counts=True)
     pairs = first[sharing == 2]
-    ends = order[pairs] // 3, order[pairs + 1] // 3
+    ends = order[pairs] // 3, order[pairs + 1] // 3  # count of a triangle's edges
     graph = coo_array((np.ones(len(pairs)), ends), shape=(len(triangles), len(triangles)))
     count, labels = connected_components(graph, directed=False)
     if count > MOST_PARTS:
@@ -202,7 +203,7 @@ def _is_filled(piece: _Piece, outermost: Points, hulls: list[Points]) -> bool:
     if _is_on(piece, hull):
         return False
     a, b, c = np.moveaxis(piece.points[piece.triangles] - piece.points.mean(axis=0), 1, 0)
-    volume = abs(float(np.einsum("ni,ni->", a, np.cross(b, c)))) / 6.0
+    volume = abs(float(np.einsum("ni,ni->", a, np.cross(b, c)))) / _TRIPLE
     empty = hull.volume - volume
     filled = sum(ConvexHull(part).volume for part in hulls) - volume
     return empty > _HOLLOW * hull.volume and filled > _FILLED * empty
@@ -233,10 +234,11 @@ def _spread(count: int) -> Points:
     """Directions that cover the sphere evenly: the six axes, and a golden spiral."""
     index = np.arange(count)
     height = 1.0 - (2.0 * index + 1.0) / count
-    angle = index * math.pi * (3.0 - math.sqrt(5.0))
+    angle = index * math.pi * (3.0 - math.sqrt(5.0))  # rad, the golden angle
     across = np.sqrt(1.0 - height**2)
     spiral = np.column_stack([across * np.cos(angle), across * np.sin(angle), height])
     return np.concatenate([np.eye(3), -np.eye(3), spiral])
 
 
+# count 500: directions in which a hull is measured where more corners than that are left out
 _DIRECTIONS, _MANY_DIRECTIONS = _spread(_MOST_CORNERS - 6), _spread(500)

@@ -19,7 +19,7 @@ from simulation_handler.state.objects import BelievedObject
 FLOOR = "_floor"
 _HIGHER = 0.001  # m
 _SLOW = 0.05  # m/s up to which a body counts as at rest
-_FLOOR_SIZE = (20.0, 20.0, 0.2)
+_FLOOR_SIZE = (20.0, 20.0, 0.2)  # m
 
 
 class Bodies:

@@ -20,9 +20,10 @@ from simulation_handler.perception.percepts import Array, WeighedPercept
 from simulation_handler.perception.tracking import PerceptTrack
 from simulation_handler.shapes.geometry import Solid
 
-_PERCEPTS_TO_LEARN = 10
+_PERCEPTS_TO_LEARN = 10  # count of percepts at rest, after which the systematic error of depth is known
 _STRIKE_MEMORY = 1.0  # s
-_SURE_OF_ROTATION = 0.75  # rad^2, trace of a rotation's covariance up to which a percept tells it
+SURE_OF_ROTATION = 0.75
+"""rad^2, trace of a rotation's covariance up to which a percept tells it"""
 _SURE_OF_TILT = 0.1  # rad^2, likewise, about the horizontal axes alone
 
 
@@ -105,7 +106,7 @@ class BelievedObject:
         self.seen_by[camera] = percept.stamp
         x, y, z = (percept.position - (self.bias or 0.0) * percept.ray).tolist()
         self.noise = math.sqrt(float(np.trace(percept.position_covariance)))
-        self.shows_rotation = float(np.trace(percept.rotation_covariance)) < _SURE_OF_ROTATION
+        self.shows_rotation = float(np.trace(percept.rotation_covariance)) < SURE_OF_ROTATION
         self.shows_tilt = float(np.trace(percept.rotation_covariance[:2, :2])) < _SURE_OF_TILT
         rotation = percept.rotation
         if self.turned_by_hand is not None and not (self.shows_rotation or self.shows_tilt):

@@ -56,3 +56,20 @@ def test_every_package_that_reasons_has_some() -> None:
     assert packages == {"simulation_handler", "surprise", "planner", "agents"}
     with pytest.raises(FileNotFoundError, match="nowhere: no such package"):
         hand_set_numbers.hand_set_numbers(("nowhere",))
+
+
+def test_each_has_a_meaning_and_the_page_shows_them_all() -> None:
+    found = hand_set_numbers.hand_set_numbers()
+    assert [number for number in found if not number.meaning] == []
+    page = Path(__file__).parents[2] / "docs/numbers.md"
+    assert page.read_text(encoding="utf-8") == hand_set_numbers.as_markdown(found), (
+        "run python -m benchmarks.hand_set_numbers --markdown > docs/numbers.md"
+    )
+
+
+def test_a_constant_of_one_name_means_one_thing() -> None:
+    places: dict[str, set[str]] = {}
+    for number in hand_set_numbers.hand_set_numbers():
+        if number.name.isupper():
+            places.setdefault(number.name, set()).add(number.file)
+    assert {name: files for name, files in places.items() if len(files) > 1} == {}

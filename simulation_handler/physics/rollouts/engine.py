@@ -17,10 +17,10 @@ from itertools import takewhile
 from simulation_handler.physics.rollouts.scene import STILL, Placing, RolloutBody, RolloutScene
 from simulation_handler.physics.simulator import TIME_STEP, Contact, SimulationError, Simulator
 
-_STRIDE = 8  # steps from one look at what still moves to the next
-_STILL = 2e-6  # m that a corner moves in those steps at most when its body is at rest
-_SETTLING = 1e-5  # m, likewise, when it also gets slower by _DECAY or more: contacts settle, what topples gets faster
-_DECAY = 0.75
+_LOOK_STRIDE = 8  # steps from one look at what still moves to the next
+_STILL_STEP = 2e-6  # m that a corner moves in those steps at most when its body is at rest
+_SETTLING_STEP = 1e-5  # m, of the same corner when it also gets slower by _DECAY or more: contacts settle
+_DECAY = 0.75  # 1, share of the last motion that remains; what topples gets faster instead
 
 
 @dataclass(frozen=True)
@@ -70,12 +70,12 @@ class Engine:
         motions = [math.inf] * len(free)
         at_rest = False
         while left and not at_rest:
-            count = min(left, _STRIDE)
+            count = min(left, _LOOK_STRIDE)
             self._sim.step(count)
             left -= count
             before, poses = poses, {body.name: self._sim.pose(body.name) for body in free}
             earlier, motions = motions, [_motion(body, before, poses) for body in free]
-            at_rest = count == _STRIDE and all(map(_is_at_rest, earlier, motions))
+            at_rest = count == _LOOK_STRIDE and all(map(_is_at_rest, earlier, motions))
         return self._outcome(scene, poses, (steps - left) * TIME_STEP, at_rest)
 
     def _load(self, scene: RolloutScene) -> None:
@@ -123,7 +123,7 @@ def _what_stays(body: RolloutBody) -> RolloutBody:
 
 def _is_at_rest(earlier: float, motion: float) -> bool:
     """Whether a body that moved by `earlier` and then by `motion` m, in a stride each, will stay where it is."""
-    return motion <= _STILL or motion <= min(_SETTLING, _DECAY * earlier)
+    return motion <= _STILL_STEP or motion <= min(_SETTLING_STEP, _DECAY * earlier)
 
 
 def _motion(body: RolloutBody, before: Mapping[str, Placing], now: Mapping[str, Placing]) -> float:

@@ -14,12 +14,15 @@ import psutil
 from simulation_handler.physics.rollouts.messages import READY, Reply, RolloutJob, receive_reply, send
 
 _ROOT = Path(__file__).parents[3]
-_PATIENCE = 1.0  # s for a message that has begun
+_MESSAGE_PATIENCE = 1.0  # s for a message that has begun
 _MOST_WORK = 5.0
 """s of processor time on one job from which a worker is stuck: a hundred times what the longest one takes."""
 _MOST_REST = 5.0
-"""s for which a worker may have a job before it is stuck if it does nothing about it: it neither works nor waits for a
-processor or a disk. Who works never rests for longer than a page takes to come from a disk."""
+"""s for which a worker may have a job and do nothing about it, before it is stuck.
+
+A worker does something while it works, or waits for a processor or a disk.
+
+"""
 _AT_WORK = (psutil.STATUS_RUNNING, psutil.STATUS_WAKING, psutil.STATUS_DISK_SLEEP)
 
 
@@ -46,7 +49,7 @@ class WorkerProcess:
                 start_new_session=True,
                 env={**os.environ, "PYTHONPATH": os.pathsep.join(_search_path())},
             )
-        ours.settimeout(_PATIENCE)
+        ours.settimeout(_MESSAGE_PATIENCE)
         self.connection = ours
         self.job: int | None = READY.number
         """Number of what it is busy with; None while it waits."""

@@ -47,7 +47,7 @@ def test_outcomes_are_bit_identical_whatever_ran_before(engine: Engine, monkeypa
 
 def test_when_it_ends_does_not_depend_on_what_ran_before(engine: Engine, monkeypatch: pytest.MonkeyPatch):
     """A run ends at once if nothing has moved since the scene's poses, whatever the last scene's were."""
-    monkeypatch.setattr(engine_module, "_STILL", 1.0)
+    monkeypatch.setattr(engine_module, "_STILL_STEP", 1.0)
     low, high = scene_of(cube("a", 0.0, 0.0, 0.1)), scene_of(cube("a", 0.0, 0.0, 5.0))
     assert [engine.run(scene, 0.5).seconds for scene in (low, high, low)] == [8 / 240] * 3
 
