@@ -23,13 +23,13 @@ class ArmState(msgspec.Struct, frozen=True):
     """One sample of an arm's joints and gripper."""
 
     stamp: float
-    """s"""
+    """Time of the sample, s."""
     names: tuple[str, ...]
     """Joint names as in the URDF, without the gripper's."""
     positions: tuple[float, ...]
-    """rad"""
+    """Joint positions, rad, in the order of the chain."""
     velocities: tuple[float, ...]
-    """rad/s"""
+    """Joint velocities, rad/s, in the order of the chain."""
     gripper_opening: float
     """m between the finger pads"""
     gripper_contact: bool
@@ -67,7 +67,7 @@ class TagReadings(msgspec.Struct, frozen=True):
     """The objects that a camera recognises at one instant, by tags and by colours."""
 
     stamp: float
-    """s"""
+    """Time of the exposure, s."""
     readings: list[TagReading]
     lens: Intrinsics | None = None
     """Through which they are seen, if the device tells."""
@@ -91,7 +91,7 @@ class HandReadings(msgspec.Struct, frozen=True):
     """The human hands that a camera sees at one instant, in no particular order."""
 
     stamp: float
-    """s"""
+    """Time of the exposure, s."""
     hands: list[HandReading]
     lens: Intrinsics | None = None
     """Through which they are seen, if the device tells."""
@@ -116,7 +116,7 @@ class PersonReadings(msgspec.Struct, frozen=True):
     """The persons that are in the scene at one instant."""
 
     stamp: float
-    """s"""
+    """Time of the readings, s."""
     persons: list[PersonReading]
 
 

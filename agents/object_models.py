@@ -41,7 +41,7 @@ class ObjectModel(NamedTuple):
     shape: Shape
     """Parts of the shape, in the frame at the centre of the bounding box; none for a solid box."""
     mass: float
-    """kg"""
+    """Mass of the object, kg."""
     friction: float
     """Coulomb coefficient"""
     rolling_friction: float

@@ -324,7 +324,7 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
 
     @property
     def statistics(self) -> Statistics:
-        """How often messages were lost, skipped or malformed, and repaired."""
+        """Counts of messages that were lost, skipped or malformed, and of repairs."""
         return self._replica.statistics
 
     def wait_joined(self, timeout: float, *, all_known: bool = False, begin: bool = False) -> None:

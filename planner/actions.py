@@ -20,7 +20,7 @@ class Progress(NamedTuple):
     status: str
     explanation: str
     hopeless: bool = False
-    """Whether it would fail again while what is believed stays as it is."""
+    """Whether the action would fail again while the belief stays as it is."""
 
 
 GONE = Progress(FAILED, "somebody removed the action")
@@ -93,7 +93,7 @@ def _progress(node: Node) -> Progress:
 
 
 def own_actions(memory: Memory) -> list[Node]:
-    """All action nodes that a planner wrote, in order of their names."""
+    """List all action nodes that a planner wrote, in order of their names."""
     return sorted((node for node in memory.nodes("action") if node.get("source") == _SOURCE), key=lambda n: n.name)
 
 

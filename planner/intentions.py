@@ -35,7 +35,7 @@ def number_of(name: str) -> int:
 
 
 def read_intentions(memory: Memory) -> list[Intention]:
-    """All intentions, the most urgent first."""
+    """Read all intentions, the most urgent first."""
     return sorted(map(_read, memory.nodes("intention")), key=lambda intention: intention.urgency)
 
 

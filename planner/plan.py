@@ -47,7 +47,7 @@ class Step(NamedTuple):
         return fact.name == "holding" or self.name == "pick" or fact == self.effect
 
     def possible(self, relations: Relations) -> bool:
-        """Whether it can be begun."""
+        """Whether the step can begin."""
         return all(relations.holds(relation) for relation in self.starts_from)
 
     def after(self, relations: Relations) -> Relations:

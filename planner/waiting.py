@@ -59,7 +59,7 @@ class Waiting:
 
     @property
     def is_blocked(self) -> bool:
-        """Whether it waits for a thing, or for an agent."""
+        """Whether the intention waits for a thing, or for an agent."""
         return self._lacks or bool(self.missing_agents())
 
     def missing_agents(self) -> list[str]:

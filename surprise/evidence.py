@@ -26,7 +26,7 @@ class Reason:
     kind: str
     text: str
     extent: float = 0.0
-    """How much, m or rad; 0 where there is no such thing."""
+    """Extent of the deviation, m or rad; 0 where there is no such thing."""
 
 
 @dataclass
@@ -34,7 +34,7 @@ class Sighting:
     """A percept and how far it is from the belief."""
 
     stamp: float
-    """s"""
+    """Time of the percept, s."""
     pose: Pose
     """world_from_object"""
     eye: Vector3

@@ -17,7 +17,7 @@ class ActionInferenceConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=T
     """Configuration of the agent `action_inference`."""
 
     policy: str = "attributed"
-    """Which method infers: ours, or what a package provides under another name."""
+    """Name of the method that infers: ours, or one that a package provides."""
     parameters: dict[str, float] = {}
     """Parameters of a method that a package provides, by name."""
 

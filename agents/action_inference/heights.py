@@ -21,7 +21,7 @@ class Height(NamedTuple):
     """Where a thing was at one moment."""
 
     time: float
-    """s"""
+    """Time of the sample, s."""
     bottom: float
     """World z of its lowest point, m."""
     position: Vector3
@@ -60,7 +60,7 @@ class Heights:
 
     @property
     def lies(self) -> bool:
-        """Whether it is known where it lay."""
+        """Whether the resting place of the thing is known."""
         return self._rest is not None
 
     def add(self, sample: Height) -> None:
@@ -115,7 +115,7 @@ class Heights:
 
     @property
     def is_lowered(self) -> bool:
-        """Whether it is now lower than where it lay."""
+        """Whether the thing is now lower than its resting place."""
         newest = list(self._samples)[-self._frames :]
         return len(newest) == self._frames and all(self.rise(sample) < -self._lifted for sample in newest)
 

@@ -21,13 +21,13 @@ class Track:
     let_go: Height | None = None
     """Believed height of the thing when it was let go; None while it is held."""
     rested: Height | None = None
-    """Where it last rested on something while it was held."""
+    """Height of the thing when it last rested on something while it was held."""
     palm_height: float | None = None
     """World z of the palm of the hand that held it then, m; None if that was not perceived."""
     hidden: Height | None = None
     """Where it was believed when both it and who holds it were last out of sight, since it was last seen."""
     beneath: tuple[float, frozenset[str]] = (0.0, frozenset())
-    """When (s) what was last beneath or around it."""
+    """Time (s) and names of the last supports or containers."""
     resting_since: float | None = None
     """s, since when it rests on something untouched."""
     returned: bool = False

@@ -14,7 +14,7 @@ class Mount(msgspec.Struct, frozen=True):
     """Where something is fixed in its parent's frame."""
 
     translation: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """m"""
+    """Position of the mounted thing in its parent's frame, m."""
     rotation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
     """Quaternion (x, y, z, w)"""
 
@@ -31,7 +31,7 @@ class CameraConfig(msgspec.Struct, frozen=True):
 
     driver: str = "agents.plant.driver:PlantCamera"
     name: str = ""
-    """Which of the driver's cameras; the node's name if empty."""
+    """Name of the camera at the driver; the node's name if empty."""
     link: str = ""
     """URDF link of the optical frame, fixed to the end effector; if given, `parent` and `mount` are not used."""
     parent: str = "world"

@@ -18,11 +18,11 @@ class Joints(msgspec.Struct, frozen=True):
     """One sample of the arm, joints in the order of the chain."""
 
     stamp: float
-    """s"""
+    """Time of the sample, s."""
     positions: tuple[float, ...]
-    """rad"""
+    """Joint positions, rad."""
     velocities: tuple[float, ...]
-    """rad/s"""
+    """Joint velocities, rad/s."""
     opening: float
     """m between the finger pads"""
     contact: bool

@@ -33,7 +33,7 @@ class Load:
     opening: float
     """m between the fingers"""
     held: tuple[Box, ...] = ()
-    """In the tool's frame."""
+    """Boxes of the held object, in the tool's frame."""
 
 
 class Obstacles:

@@ -23,7 +23,7 @@ class Boxes(NamedTuple):
     """Boxes as arrays over any leading shape."""
 
     centers: Array
-    """(..., 3) m"""
+    """Centres (..., 3) of the boxes, m."""
     axes: Array
     """(..., 3, 3) rotation matrices"""
     halves: Array

@@ -31,7 +31,7 @@ class Room:
 
     @property
     def reach(self) -> float:
-        """How far the fingers reach beyond the tool point, m."""
+        """Length (m) by which the fingers reach beyond the tool point."""
         return self._figure.reach
 
     def blockers(self, tools: Sequence[Pose], width: float, opening: float) -> list[tuple[str, ...]]:

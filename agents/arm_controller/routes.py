@@ -39,7 +39,7 @@ class Goal:
     """Where a route ends."""
 
     positions: Array
-    """(n,) rad"""
+    """Joint positions (n,) at the end of the route, rad."""
     approach: float = 0.0
     """m, length of the straight way down at its end"""
 

@@ -31,7 +31,7 @@ class Trajectory:
     times: Array
     """(m,) s since it begins"""
     positions: Array
-    """(m, n) rad"""
+    """Joint positions (m, n), rad: m samples of n joints."""
 
     @property
     def duration(self) -> float:

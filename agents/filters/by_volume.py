@@ -14,9 +14,9 @@ class ByVolumeConfig(FilterConfig, frozen=True, forbid_unknown_fields=True):
     """Which volumes, of the box around a thing."""
 
     least: float = 0.0
-    """m^3"""
+    """Least volume that is passed on, m^3."""
     most: float = math.inf
-    """m^3"""
+    """Greatest volume that is passed on, m^3."""
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.least <= self.most:

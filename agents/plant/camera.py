@@ -28,7 +28,7 @@ class Illusion:
     frames: int
     """How many more frames show it so."""
     translation: Vector3
-    """m, world"""
+    """Displacement of the percept in the world, m."""
     turn: Quaternion
     """World, about the object's centre."""
 

@@ -35,7 +35,7 @@ class MoveJoints(msgspec.Struct, frozen=True, tag="move_joints"):
     """Go to joint positions."""
 
     positions: tuple[float, ...]
-    """rad"""
+    """Wanted joint positions, rad."""
     speed: Annotated[float, Meta(gt=0, le=1)] = 1.0
     """Share of the joints' limits."""
 
@@ -53,7 +53,7 @@ class MoveGripper(msgspec.Struct, frozen=True, tag="move_gripper"):
     """Open or close the gripper."""
 
     opening: Annotated[float, Meta(ge=0)]
-    """m"""
+    """Wanted distance between the pads, m."""
 
 
 class Stop(msgspec.Struct, frozen=True, tag="stop"):
@@ -67,7 +67,7 @@ class Truth(msgspec.Struct, frozen=True):
     """One instant of the true world: for judges and recordings, never for agents."""
 
     stamp: float
-    """s"""
+    """Time of the instant, s."""
     objects: dict[str, Seven]
     """world_from_object by name, at the centre; removed objects are not there."""
     robot: tuple[float, ...]

@@ -56,7 +56,7 @@ RATE_HZ = 240
 """Physics steps a second."""
 STEP = 1 / RATE_HZ
 GRAVITY = 9.81
-"""m/s^2"""
+"""m/s^2, acceleration of gravity, downwards"""
 FLOOR_BELOW_TABLE = 0.72
 """m, from the table top down to the floor"""
 STILL_SPEED = 0.005

@@ -155,7 +155,9 @@ class MeshExchange:
         return mesh
 
     def hand_over(self, hashes: Iterable[str], others: Sequence[str], timeout: float) -> None:
-        """See to it that somebody else has these meshes too, before this process ends; needs threads.
+        """Wait until somebody else has these meshes, too, before this process ends, at most `timeout` (s).
+
+        Needs threads.
 
         Args:
             hashes: of meshes that are here.

@@ -30,7 +30,7 @@ class Offer(msgspec.Struct, frozen=True, array_like=True):
     size: int
     """Number of the mesh's canonical bytes; 0 if the mesh is not here yet."""
     place: Place | None = None
-    """Where processes of the same machine can read it."""
+    """Shared memory in which processes of the same machine can read the mesh; None if there is none."""
 
 
 _encoder = msgspec.msgpack.Encoder()

@@ -151,7 +151,7 @@ class Edge(_Element):
 
     @property
     def pose(self) -> Pose:
-        """Where the destination is in the source, source_from_destination. Raises `GraphError` if unset."""
+        """Pose of the destination in the source, source_from_destination. Raises `GraphError` if unset."""
         pose = self._value("pose")
         if not isinstance(pose, Pose):
             raise GraphError(f"{self} has no pose")

@@ -88,5 +88,5 @@ def far_stamps(elements: Iterable[Node | Edge], now: float) -> Iterator[FarStamp
 
 
 def by_agent(found: Iterable[FarStamp]) -> Mapping[str, int]:
-    """How many of these attributes each agent wrote last."""
+    """Count by agent the attributes that the agent wrote last."""
     return Counter(agent_of(stamp.writer) or stamp.writer for stamp in found)

@@ -18,7 +18,7 @@ _HANDLES_LAST = 200
 K = TypeVar("K")
 V = TypeVar("V")
 Groups = MutableMapping[str, MutableMapping[K, V]]
-"""Some of the elements by a name that they share."""
+"""Elements grouped by a name that they share."""
 
 
 class Fork(Protocol):
@@ -57,7 +57,7 @@ class Sharing(Observer):
         return self.store.entries.get(dot)
 
     def is_known(self, dot: Dot) -> bool:
-        """Whether it is clear what became of what was created under `dot`."""
+        """Whether `dot` was seen, here or below: its element is here, or was removed."""
         return dot in self.store.context
 
     def forget_handles(self) -> None:

@@ -112,7 +112,7 @@ class Watch:
             return self._ready.pop() if self._ready and not self._closed else None
 
     def poll(self) -> list[Change]:
-        """All changes since the last call, oldest element first; never waits."""
+        """Return all changes since the last call, oldest element first; never waits."""
         with self._condition:
             changes = self._ready[::-1] + self._take()
             self._ready = []
@@ -129,7 +129,7 @@ class Watch:
 
     @property
     def closed(self) -> bool:
-        """Whether it was closed."""
+        """Whether the watch was closed."""
         return self._closed
 
     def offer(self, kind: ChangeKind, element: Node | Edge, attribute: str | None = None) -> None:

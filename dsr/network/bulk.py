@@ -159,5 +159,5 @@ class BulkReader:
 
 
 def decode_descriptor(payload: bytes) -> SlotDescriptor | None:
-    """Where a large message is; None if it is not in shared memory. Raises `WireError`."""
+    """Decode the descriptor of a large message; None if the message is not in shared memory. Raises `WireError`."""
     return decoded(payload, "descriptor of a large message", _decoder.decode)

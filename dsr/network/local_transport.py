@@ -99,7 +99,7 @@ class LocalNetwork:
         return count
 
     def partition(self, *groups: Iterable[str]) -> None:
-        """Only transports named in the same group reach each other; those in no group reach nobody."""
+        """Divide the network: only transports in the same group reach each other; those in no group reach nobody."""
         self._change_reach([frozenset(group) for group in groups])
 
     def heal(self) -> None:

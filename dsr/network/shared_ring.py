@@ -54,7 +54,7 @@ class SlotDescriptor(msgspec.Struct, frozen=True, array_like=True):
     slot_size: int
     slot: int
     sequence: int
-    """Which message of the ring it is; another one may be in the slot meanwhile."""
+    """Number of the message in its ring; the slot may hold a later message meanwhile."""
     length: int
 
 

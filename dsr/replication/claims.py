@@ -31,7 +31,7 @@ MAX_EARLY = 1000
 MAX_NEWCOMERS = 1000
 """Replicas that may begin to write within `WHILE`: as many as are listened to."""
 WHILE = 60.0
-"""s"""
+"""s, time within which at most `MAX_NEWCOMERS` replicas may begin to write"""
 MAX_REPLICAS = 1 << 14
 """Replica ids in a context after which none is taken over of which nothing is left: those of eleven days with a restart
 a minute. A request has 500 kB then, and takes 20 ms to read."""
@@ -54,7 +54,7 @@ class Claims:
         self._while_ends = 0.0
 
     def look(self, now: float) -> None:
-        """To be called often with the monotonic time, s."""
+        """Bring the counts up to date; call this often with the monotonic time, s."""
         if now >= self._while_ends:
             self._newcomers.clear()
             self._while_ends = now + WHILE

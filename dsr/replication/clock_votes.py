@@ -33,7 +33,7 @@ class Verdict:
     """How this process's clock stands beside those of other agents."""
 
     agents: int = 0
-    """How many other agents were heard of lately."""
+    """Number of other agents that were heard of lately."""
     slower: tuple[str, ...] = ()
     """Agents whose clock is behind ours, as they say."""
     faster: tuple[str, ...] = ()

@@ -68,7 +68,7 @@ class Joining:
 
     @property
     def others(self) -> list[str]:
-        """All who may hold something."""
+        """Ids of all replicas that may hold content."""
         return list(dict.fromkeys([*self.holders, *self._present]))
 
     @property

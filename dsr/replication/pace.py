@@ -33,7 +33,7 @@ class Pace:
         self._last_look = math.inf
 
     def look(self, now: float) -> None:
-        """To be called often: notices that this process did not run for a while."""
+        """Notice a pause of this process; call this often with the monotonic time, s."""
         if now - self._last_look > ABSENCE:
             self.hurry(now)
         self._last_look = now
@@ -70,5 +70,5 @@ class Pace:
         self.patience = max(FIRST_PATIENCE, self.patience / 2)
 
     def unanswered(self) -> None:
-        """None came in time: the answer may be long, so wait longer next time."""
+        """Note that no answer came in time: it may be long, so wait longer next time."""
         self.patience = min(2 * self.patience, LAST_PATIENCE)

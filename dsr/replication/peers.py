@@ -44,14 +44,14 @@ class Peer:
     ahead: bool = False
     """Whether the peer's physical clock was more than MAX_DRIFT in our future."""
     asked: int = 0
-    """How often it was asked for something."""
+    """Number of requests to the peer."""
     asked_at: float = -math.inf
     in_vain: int = 0
-    """How many of its answers changed nothing, one after the other."""
+    """Number of the peer's answers that changed nothing, one after the other."""
     acknowledged: int = 0
     """The highest counter of ours that it told to have seen."""
     withdrawn_at: float | None = None
-    """When its token went, if it has not answered since."""
+    """Time (s) when the peer's token went, if it has not answered since; None otherwise."""
 
     @property
     def is_leaving(self) -> bool:
@@ -64,7 +64,7 @@ class Peer:
         return min(FIRST_PAUSE * 2.0 ** min(self.in_vain - 1, 10), LAST_PAUSE) if self.in_vain else 0.0
 
     def is_gone(self, now: float) -> bool:
-        """Whether nothing is to be expected of it any more."""
+        """Whether the peer counts as gone: nothing is expected of it any more."""
         if self.withdrawn_at is not None and now - max(self.withdrawn_at, self.heard_at) > DEPARTURE:
             return True
         if self.digest is None:

@@ -49,9 +49,9 @@ class Statistics(NamedTuple):
     """Counts of the faults that a replica has met since it began; all of them are repaired."""
 
     repairs: int
-    """How often it asked a peer for something that it had missed."""
+    """Number of requests to peers for missed changes."""
     outbox_overflows: int
-    """How often so much waited for a congested network that it was left to the repair."""
+    """Number of times when too many changes waited for a congested network, and were left to the repair."""
     skipped: int
     """Messages passed over because merging could not keep up."""
     forgotten: int
@@ -63,7 +63,7 @@ class Statistics(NamedTuple):
     passed_over: int
     """Claims beyond what is taken from one sender (`replication.claims`), and replicas beyond those listened to."""
     new_ids: int
-    """How often somebody spoke in its name, so that it took another replica id."""
+    """Number of times when somebody spoke in the replica's name, so that it took another id."""
 
 
 class Replica:

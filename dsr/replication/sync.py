@@ -71,7 +71,7 @@ class Gate(Protocol):
         """The allowed part of a synchronisation reply."""
 
     def trusts(self, rid: str) -> bool:
-        """Whether that replica may speak for others."""
+        """Whether replica `rid` may speak for others."""
 
 
 @dataclass
@@ -86,7 +86,7 @@ class Synchroniser:
     repairs: int = 0
     """Replies that brought something that was missing."""
     new_ids: int = 0
-    """How often this replica took another id."""
+    """Number of times when this replica took another id."""
     clocks: Verdict = field(default_factory=Verdict)
     """How our clock stands beside those of the agents heard of lately."""
     pieces: int = 0

@@ -54,7 +54,7 @@ class AgentRow(msgspec.Struct, frozen=True):
 
     @property
     def is_ready(self) -> bool:
-        """Whether it had a good tick."""
+        """Whether the agent had a good tick."""
         return self.state in (State.READY, State.DEGRADED)
 
 

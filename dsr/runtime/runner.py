@@ -130,7 +130,7 @@ class Runner:
 
     @property
     def status_due(self) -> float:
-        """When the next status is due, s on the monotonic clock."""
+        """Time of the next status, s on the monotonic clock."""
         return self._told + PERIOD
 
     def tell(self) -> None:

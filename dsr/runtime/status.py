@@ -57,10 +57,10 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     errors: int = 0
     """Failed ticks since the start."""
     restarts: int = 0
-    """How often its launcher started it again."""
+    """Number of restarts of the agent by its launcher."""
     last_error: str = ""
     stamp: float = 0.0
-    """s"""
+    """Time of the status, s since the Unix epoch."""
     clock: str = ""
     """Fault of the agent's clock, or of another one, in words; empty if all agree."""
     worlds: list[WorldUse] = []

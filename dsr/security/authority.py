@@ -41,7 +41,7 @@ class Lifetime(NamedTuple):
     file: Path
     """The certificate that ends first: its own, or that of the authority."""
     ends: float
-    """When that is, s since the Unix epoch."""
+    """Time when the certificate ends, s since the Unix epoch."""
 
 
 class SecurityFolder:

@@ -40,7 +40,7 @@ class Gate:
         self._trusted = {name for name, grant in policy.agents.items() if grant.trusted}
 
     def trusts(self, rid: str) -> bool:
-        """Whether that replica may speak for others."""
+        """Whether replica `rid` may speak for others."""
         return agent_of(rid) in self._trusted
 
     def delta(self, sender: str, delta: Delta, store: Store) -> Delta:

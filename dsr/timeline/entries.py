@@ -41,13 +41,13 @@ class Entry(msgspec.Struct, frozen=True, kw_only=True):
     outcome: str = ""
     """How a situation ended; empty for an event."""
     confidence: float = 1.0
-    """0 to 1"""
+    """Probability (0 to 1) that the entry is true."""
     source: str = ""
     """The source of the entry: an agent, or the evidence that it used (`contact`, `gripper`)."""
     writers: tuple[str, ...] = ()
     """The agents that wrote it."""
     details: dict[str, Any] = {}
-    """All other attributes."""
+    """All other attributes of the entry's node."""
 
     @property
     def interval(self) -> Interval:
@@ -56,12 +56,12 @@ class Entry(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def is_open(self) -> bool:
-        """Whether it lasts."""
+        """Whether the situation lasts."""
         return self.end is None
 
     @property
     def last(self) -> float:
-        """When it was over (s): infinity while it lasts."""
+        """Time (s) when the entry was over; infinity while it lasts."""
         return math.inf if self.end is None else self.end
 
 

@@ -20,7 +20,7 @@ class Event(msgspec.Struct, frozen=True):
     subject: str
     """The subject of the event: nodes (comma-separated), an edge as `source type destination`, or an agent."""
     text: str
-    """One line for people."""
+    """One line for people about the event."""
     details: dict[str, Any] = {}
     """The same for programs, by attribute."""
 

@@ -70,7 +70,7 @@ class VisibilityMonitor:
 
     @property
     def glances(self) -> Mapping[tuple[str, str], Glance]:
-        """At the last look, by (perspective, thing), of all perspectives there were."""
+        """Glances of the last look, by (perspective, thing), for all perspectives."""
         return self._glances
 
     @property

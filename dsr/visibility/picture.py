@@ -73,7 +73,7 @@ class Window(NamedTuple):
         return self.left >= self.right or self.top >= self.bottom
 
     def slices(self, within: Window) -> tuple[slice, slice]:
-        """Where it is in an array that covers `within`."""
+        """The slices of this window in an array that covers `within`."""
         return (
             slice(self.top - within.top, self.bottom - within.top),
             slice(self.left - within.left, self.right - within.left),

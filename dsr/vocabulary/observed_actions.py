@@ -29,7 +29,7 @@ class Action(NamedTuple):
     time: float
     """s, when it happened"""
     kind: str
-    """One of `KINDS`."""
+    """Kind of the action, one of `KINDS`."""
     thing: str
     by: str = UNKNOWN
     """Node of a hand or gripper, or `UNKNOWN`."""

@@ -22,7 +22,7 @@ class Relation(NamedTuple):
     """A relation between things, true or not: `on(cube_3, cube_4)`."""
 
     name: str
-    """One of `ARITY`."""
+    """Name of the relation, one of `ARITY`."""
     arguments: tuple[str, ...]
     """Names of nodes."""
 

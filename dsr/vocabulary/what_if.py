@@ -47,7 +47,7 @@ class Change(msgspec.Struct, frozen=True, omit_defaults=True):
     shape: Annotated[tuple[float, ...], msgspec.Meta(max_length=_MOST_NUMBERS)] = ()
     """Parts of the shape, as in the attribute `shape` of a node; none for a solid box."""
     mass: float = 0.1
-    """kg"""
+    """kg, mass of an added object."""
     friction: float = 0.5
     """Coulomb coefficient"""
 
@@ -108,7 +108,7 @@ class Answer(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True):
     rests_on: dict[str, tuple[str, ...]] = {}
     """Names of the supports of each object: none for an object in the air, or on the floor, which has no name."""
     touches: tuple[tuple[str, str], ...] = ()
-    """All pairs that are in contact, sorted, each in the order of the alphabet."""
+    """Pairs of bodies in contact, sorted, each in the order of the alphabet."""
     on_floor: tuple[str, ...] = ()
     """Objects on the floor beneath the tables."""
 

@@ -172,7 +172,7 @@ class WorldAccess(OpenWorld, Generic[World]):
 
     @property
     def closed(self) -> bool:
-        """Whether it was closed, or its world deleted; then nothing changes in it any more."""
+        """Whether this memory was closed, or its world deleted; then nothing changes in it any more."""
         return self._closed
 
     def poll(self) -> None:

@@ -141,7 +141,7 @@ class Parts(NamedTuple):
     said: Entries
     """Entries of the layer: its own incarnations, and its patches of the parent's."""
     all: Entries
-    """All incarnations."""
+    """All incarnations of the element."""
 
 
 class Layered:
@@ -178,7 +178,7 @@ class Layered:
         return frozenset(name for entry in entries for name in list(entry.registers))
 
     def all_entries(self) -> Entries:
-        """All incarnations."""
+        """All incarnations of the element."""
         return self.refresh().all
 
     def value(self, attribute: str) -> Any:

@@ -33,7 +33,7 @@ class WorldInfo(msgspec.Struct, frozen=True):
     parent: str | None = None
     """The world that it was forked from; None if it was made anew."""
     follows: bool = False
-    """Whether it is an overlay: shows its parent, live, where it holds nothing of its own."""
+    """Whether the world is an overlay: it shows its parent, live, where it holds nothing of its own."""
     creator: str = ""
     """The agent that made it; empty for the base."""
     created: float = 0.0

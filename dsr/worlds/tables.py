@@ -101,7 +101,7 @@ class Elements(MutableMapping[K, V], Generic[K, V]):
         self._version += 1
 
     def listed(self) -> dict[K, V]:
-        """All by key; not to be changed."""
+        """Visible elements by key; do not change the result."""
         listed, version = self._listed, self._version
         if listed is not None and listed[0] == version:
             return listed[1]

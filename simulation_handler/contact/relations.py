@@ -17,7 +17,7 @@ STEEP = 0.7
 
 
 def resting(contacts: Iterable[Contact]) -> set[Relation]:
-    """Which body carries which, by steep contacts."""
+    """Find which body rests on which, by steep contacts."""
     return {(contact.upper, contact.lower) for contact in contacts if contact.steepness >= STEEP}
 
 

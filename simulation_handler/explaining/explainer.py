@@ -166,7 +166,7 @@ class Explainer:
         self._told = (changes, (now if is_lasting(changes) else time) + 2.0 * self._config.follow_for)
 
     def settle_relations(self, now: float) -> None:
-        """After physics: let the relations of what was put elsewhere be those of its contacts."""
+        """Give objects that were put elsewhere the relations of their contacts; call this after physics."""
         if self._moved:
             self._relations.establish(self._moved, self._bodies.sim.contacts(), now, EXPLANATION)
             self._moved.clear()

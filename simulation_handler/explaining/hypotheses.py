@@ -29,7 +29,7 @@ class Hypothesis:
     """Changes that together lead from what was believed to what is seen."""
 
     moves: tuple[Move, ...] = ()
-    """One for each object that moved and is seen, sorted."""
+    """One move for each object that moved and is seen, sorted."""
     removed: frozenset[str] = frozenset()
     """Objects that were taken away altogether."""
     fallen: tuple[tuple[str, int], ...] = ()

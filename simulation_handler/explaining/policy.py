@@ -22,7 +22,7 @@ class Explanation:
     about: tuple[str, ...]
     """Objects that it explains, sorted."""
     solids: Mapping[str, Solid] = field(default_factory=dict)
-    """Where objects are to be put."""
+    """Solids of the objects that the explanation puts elsewhere, at their new poses, by name."""
     placements: Mapping[str, Placement] = field(default_factory=dict)
     """Placements of those objects among `solids` that are seen."""
     held: frozenset[str] = frozenset()

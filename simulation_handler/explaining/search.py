@@ -34,7 +34,7 @@ class Candidate:
     hypothesis: Hypothesis
     drafted: Draft
     settled: Mapping[str, Solid]
-    """Where everything comes to be by physics."""
+    """Solids after the rollout, by name."""
     score: Score
 
 

@@ -89,7 +89,7 @@ class Properties:
     """Physical properties of a body."""
 
     mass: float
-    """kg"""
+    """Mass of the body, kg."""
     friction: float
     """Coulomb coefficient."""
     shape: Shape = ()
@@ -103,11 +103,11 @@ class Situation:
     """One moment in the life of the belief; a value, which nobody changes."""
 
     now: float
-    """s"""
+    """Time of the situation, s."""
     config: BeliefConfig
     fixtures: Mapping[str, Solid]
     believed: Mapping[str, Solid]
-    """All objects with a place, where they are believed to be."""
+    """Solids of all objects with a place, at their believed poses."""
     properties: Mapping[str, Properties]
     """Properties of all objects and fixtures, by name."""
     seen: Mapping[str, Seen]
@@ -129,7 +129,7 @@ class Situation:
     planned: frozenset[tuple[str, str]] = frozenset()
     """(object, support): where a plan has just put something."""
     confirmed: Mapping[str, Solid] = field(default_factory=dict)
-    """Where perception last agreed that objects are, unless they have moved with something since."""
+    """Solids where perception last agreed with the belief, without objects that have moved with something since."""
     glimpsed: Mapping[str, Glimpse] = field(default_factory=dict)
     """Unseen objects that were on their way when they were last seen, and how."""
     missing_for: Mapping[str, float] = field(default_factory=dict)
@@ -137,7 +137,7 @@ class Situation:
     evidence: float = 1.0
     """s for which cameras have shown things as they are now."""
     look: Look | None = None
-    """None without a camera whose place is known."""
+    """Predicts what cameras should see; None without a camera whose pose is known."""
     sure: frozenset[str] = frozenset()
     """Seen by a camera that is known not to have moved."""
 
@@ -151,7 +151,7 @@ class Situation:
         return tuple(chain)
 
     def known_beneath(self, name: str) -> set[str]:
-        """All that is, or was until lately, beneath an object, directly and indirectly."""
+        """Names of all that is, or was until lately, beneath an object, directly and indirectly."""
         found: set[str] = set()
         level = {name}
         while (
@@ -206,7 +206,7 @@ class Situation:
         return Solid(name, self.size(name), position, rotation, shape=self.properties[name].shape)
 
     def carried(self, name: str, rider: str) -> Solid:
-        """Where a rider is if it has moved rigidly with a seen object."""
+        """The solid of a rider that has moved rigidly with a seen object."""
         offset = self.former.get(name, {}).get(rider)
         if offset is None:
             offset = as_pose(self.believed[name]).inverse() @ as_pose(self.believed[rider])

@@ -28,7 +28,7 @@ class Recalling:
         self._lived_until = max((pose.stamp for pose in poses if pose is not None), default=-math.inf)
 
     def recall_explanations(self, now: float) -> None:
-        """Know at time `now` (s) what was explained: what only goes on is not explained anew."""
+        """Take over the explanations of an earlier run at time `now` (s), so that a lasting one is not told again."""
         for entry in query(self._memory, kind=EXPLAINED):
             self._belief.recall_explanation(changes_of(entry.details, entry.text), entry.begin, now)
 

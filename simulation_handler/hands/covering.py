@@ -46,10 +46,10 @@ class Cover:
     """A hand that covers an object."""
 
     since: float
-    """s"""
+    """Begin of the cover, s."""
     hand_from_object: Pose
     anchor: Pose
-    """Where its palm rested"""
+    """Pose of the palm in the world while it rested"""
     place: Vector3
     """(3,) m, where the object was then"""
     taken: bool = False

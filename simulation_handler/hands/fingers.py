@@ -82,7 +82,7 @@ class Fingers:
             self._go_on(name, tip, path, now, seconds, count)
 
     def note_pushes(self) -> None:
-        """After physics: what was seen of an object before it was pushed says nothing any more."""
+        """Forget the percepts of objects from before they were pushed; call this after physics."""
         for thing in sorted({thing for tip in self._tips.values() for thing in tip.met}):
             item = self._bodies.objects.get(thing)
             if item is not None and item.track.estimate is not None and self._bodies.has_left(item):

@@ -47,7 +47,8 @@ class Gaps:
         self._gaps: dict[Relation, tuple[float, float, float]] = {}  # now and while it touched, m; when, s
 
     def touching(self, gaps: Mapping[Relation, float], known: Collection[Relation], now: float) -> set[Relation]:
-        """Which (fingertip, object), at `gaps` (m) at time `now` (s), touch, where `known` ones did.
+        """Find the pairs (fingertip, object) that touch at time `now` (s), by `gaps` (m) and the pairs that touched
+        before.
 
         Those that were not near enough to have a gap for some time are forgotten: they come to touch anew.
         """

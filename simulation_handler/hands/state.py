@@ -44,7 +44,7 @@ class Hand:
 
     @property
     def measured(self) -> int:
-        """How many of its fingertips are."""
+        """Number of fingertips that are measured now."""
         return sum(self.measures(tip) for tip in self.tips.values())
 
 
@@ -53,7 +53,7 @@ class HandGrasp:
     """An object that a hand touches."""
 
     since: float
-    """s"""
+    """Begin of the grasp, s."""
     grip: str
     """`TOUCH` or `PINCH`."""
     hand_from_object: Pose

@@ -14,7 +14,7 @@ from simulation_handler.contact.relations import Relations
 from simulation_handler.state.bodies import Bodies
 
 Twist = tuple[Vector3, Vector3]
-"""m/s and rad/s, in the world"""
+"""Velocity (m/s) and angular velocity (rad/s), in the world"""
 HALTED: Twist = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 _UPRIGHT = 0.35  # rad of tilt, up to which what stands on a driven body does not slide
 

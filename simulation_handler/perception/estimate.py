@@ -103,7 +103,7 @@ class Estimate:
         return math.sqrt(0.5 * (position[0, 0] + position[1, 1])), math.sqrt(rotation[2, 2])
 
     def innovation(self, percept: Percept) -> Innovation:
-        """How far the percept is from the estimate."""
+        """Measure the difference between a percept and the estimate."""
         return percept.position - self.position, self._turn_to(percept.rotation)
 
     def _turn_to(self, rotation: Quaternion) -> Array:

@@ -53,7 +53,7 @@ class Path:
 
     @property
     def is_falling(self) -> bool:
-        """Whether it was falling when it was last seen."""
+        """Whether the object was falling when it was last seen."""
         if len(self._poses) < 2:
             return False
         before, last = self._poses[-2], self._poses[-1]
@@ -125,7 +125,7 @@ class Path:
 
 
 def between(a: Pose, b: Pose, share: float) -> Pose:
-    """From a (share 0) to b (share 1), in a straight line and turning evenly."""
+    """Interpolate from pose a (share 0) to pose b (share 1), in a straight line and turning evenly."""
     x, y, z = (p + share * (q - p) for p, q in zip(a.t, b.t, strict=True))
     return Pose.unchecked((x, y, z), quaternions.slerp(a.q, b.q, share), a.stamp + share * (b.stamp - a.stamp))
 

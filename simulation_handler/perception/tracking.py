@@ -79,7 +79,7 @@ class Track:
         self._recent.clear()
 
     def is_fresh(self, now: float) -> bool:
-        """Whether it was seen lately."""
+        """Whether the object was seen lately."""
         return self.is_recent(self.last_stamp, now)
 
     def is_recent(self, stamp: float, now: float) -> bool:

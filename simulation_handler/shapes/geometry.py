@@ -122,7 +122,7 @@ class Solid:
 
     @property
     def is_round(self) -> bool:
-        """Whether it is round seen from above: a ball, or a cylinder that stands."""
+        """Whether the solid is round seen from above: a ball, or a cylinder that stands."""
         if self.kind == "cylinder":
             return abs(abs(quaternions.to_matrix(self.rotation)[2][2]) - 1.0) < _LEVEL
         return self.kind == "sphere"

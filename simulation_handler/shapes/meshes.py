@@ -38,7 +38,7 @@ class Form(NamedTuple):
     """A body made of meshes."""
 
     bounds: Bounds
-    """In the frame of its node."""
+    """Bounds of the body in the frame of its node, m."""
     shape: Shape
     """Convex pieces, in the frame at the centre of the bounds."""
     is_true: bool

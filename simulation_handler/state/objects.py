@@ -34,7 +34,7 @@ class BelievedObject:
     size: Vector3
     """Edge lengths of its bounding box, m."""
     mass: float
-    """kg"""
+    """Mass of the object, kg."""
     friction: float
     """Coulomb coefficient."""
     track: Track
@@ -53,21 +53,21 @@ class BelievedObject:
     rides: bool = False
     """Whether the object is in or on a driven one: contact takes it along, and percepts count less."""
     placement: Placement | None = None
-    """Where perception last led to."""
+    """Placement to which perception last led; None if there is none."""
     put: Pose | None = None
-    """Where its body was last put; physics may have moved it since."""
+    """Pose at which the body was last put; physics may have moved it since."""
     static: bool = False
     """Whether the body is held in place: it hovers, and nothing known carries it."""
     bias: float | None = None
     """m along the viewing ray, the systematic error of its percepts; learned when it rests on something."""
     hovering_since: float | None = None
-    """s"""
+    """Time (s) since when the object hovers; None if it does not."""
     prop: Solid | None = None
     """An unknown support that explains why it hovers."""
     strikes: int = 0
-    """How often physics moved it from where it is seen, lately."""
+    """Number of recent times when physics moved the body from its percept."""
     last_strike: float = 0.0
-    """s"""
+    """Time (s) of the last strike."""
     restarts: int = 0
     """Number of restarts of the track when it was last looked at."""
     holder: str = ""
@@ -83,7 +83,7 @@ class BelievedObject:
     turned_by_hand: Quaternion | None = None
     """How it leans as far as that hand tells: for percepts that say nothing of rotations, such as those by colour."""
     place_by_hand: Vector3 | None = None
-    """Where that hand, which is seen, has it, m."""
+    """Position (m, world) where the visible hand that holds the object has it; None otherwise."""
     confirmed: Solid | None = None
     """Where perception last agreed that it is, unless it has moved since with something, or in a gripper."""
     gone: bool = False
@@ -120,7 +120,7 @@ class BelievedObject:
 
     @property
     def vanished_when_let_go(self) -> bool:
-        """Whether it was not seen any more after a hand had let go of it."""
+        """Whether the object was not seen any more after a hand had let go of it."""
         return self.track.last_stamp <= self.let_go_at
 
     @property

@@ -175,7 +175,7 @@ class Manipulator:
         yield from self.go(trajectory, "rise", held)
 
     def start(self, trajectory: Trajectory) -> None:
-        """Set out on a way."""
+        """Begin to follow a trajectory."""
         self._goal = trajectory.positions[-1]
         self._end = self.joints.stamp + trajectory.duration
         self._follow(trajectory)

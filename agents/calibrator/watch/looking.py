@@ -82,7 +82,7 @@ class Looking:
         return self._script is None
 
     def update(self) -> None:
-        """Go on."""
+        """Continue the script of moves by one step."""
         if self._script is not None:
             try:
                 next(self._script)
