@@ -35,7 +35,7 @@ class ObjectModel(NamedTuple):
     """An object as its description (URDF) defines it."""
 
     type: str
-    """One of `dsr.vocabulary.relations.THINGS`."""
+    """Node type, one of `dsr.vocabulary.relations.THINGS`."""
     size: Vector3
     """Edge lengths of the bounding box, m."""
     shape: Shape

@@ -35,7 +35,7 @@ class Trajectory:
 
     @property
     def duration(self) -> float:
-        """How long it takes, s."""
+        """Duration of the trajectory, s."""
         return float(self.times[-1])
 
 

@@ -162,7 +162,7 @@ class Company:
             yield Fact(AGENT, run, begin, repr(begin), False, text)
 
     def ending(self, entry: Entry, now: float) -> tuple[float, str]:
-        """When (s) and how an agent's run ended; of one that never was heard, `now`."""
+        """Time (s) and manner of the end of an agent's run; `now` for an agent that was never heard."""
         agent, rid = (*entry.participants, "", "")[:2]
         return self._gone.get((agent, rid), (now, f"{agent} is not heard"))
 

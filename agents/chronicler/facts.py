@@ -27,7 +27,7 @@ class Fact(NamedTuple):
 
 
 def read_facts(memory: Memory, relations: Iterable[str], surprising: Iterable[str], now: float) -> list[Fact]:
-    """All that holds at time `now` (s).
+    """Read all facts that hold at time `now` (s).
 
     Args:
         memory: the graph.

@@ -26,7 +26,7 @@ class FixedCameraConfig(msgspec.Struct, frozen=True):
     options: dict[str, Any] = {}
     """Passed to the driver."""
     mount: CameraSpec | None = None
-    """Where it stands and looks."""
+    """Pose of the camera on its stand; None if the `[camera]` of a scenario tells it."""
     scenario: str = ""
     """Name or file of the scenario whose `[camera]` tells that, if `mount` is not given."""
 

@@ -21,7 +21,7 @@ from dsr.vocabulary.what_if import WhatIf
 from dsr.worlds import ROOT
 
 PREFIX = "plan_"
-"""Before the name of a plan in that of its world."""
+"""Prefix of a plan's name in the name of its world."""
 ADOPTED = "adopted"
 """`status` of the root of the world whose plan was chosen; its `goal` is what that plan is for."""
 NotNegative = Annotated[float, msgspec.Meta(ge=0)]

@@ -18,7 +18,7 @@ from dsr.visibility import BAND, LEAST_SHARE, PERSON, PERSPECTIVES, WIDTH, Visib
 from dsr.vocabulary.relations import SURFACES
 
 PREFIX = "view_of_"
-"""Before the name of a person in that of their world."""
+"""Prefix of a person's name in the name of the person's world."""
 _TOLD = (*LOOKS, "perceived", "present", "last_seen", "seen_at", "fov", "source", "share", "visible")
 Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
 

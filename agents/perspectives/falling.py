@@ -14,7 +14,9 @@ from dsr.visibility import bodies_of, read_posed, shape_of_thing
 
 
 def fallen(world: Memory, thing: Node, where: Pose) -> Pose | None:
-    """Where a thing comes to lie that falls straight down, without turning.
+    """Compute the pose at which a thing comes to lie that falls straight down, without turning;
+
+    None if nothing is below.
 
     Args:
         world: what somebody believes to be around, and where.

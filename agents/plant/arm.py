@@ -71,7 +71,7 @@ class Ramp:
 
     @property
     def is_resting(self) -> bool:
-        """Whether it has arrived: another step would change nothing."""
+        """Whether the ramp has arrived: another step would change nothing."""
         return self._trajectory is None and not self.velocities.any() and bool((self.positions == self._target).all())
 
     def step(self, duration: float) -> None:
@@ -165,7 +165,7 @@ class Arm:
 
     @property
     def positions(self) -> tuple[float, ...]:
-        """rad, measured."""
+        """Measured joint positions, rad."""
         return tuple(state[0] for state in self._bullet.getJointStates(self.body, self._joints))
 
     @property

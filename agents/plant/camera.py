@@ -26,7 +26,7 @@ class Illusion:
     """An object that is seen elsewhere than it is."""
 
     frames: int
-    """How many more frames show it so."""
+    """Number of further frames that show the object displaced."""
     translation: Vector3
     """Displacement of the percept in the world, m."""
     turn: Quaternion

@@ -18,9 +18,9 @@ from dsr.network.keys import Keys
 from dsr.vocabulary.intrinsics import Intrinsics
 
 MOST_HANDS = 16
-"""In one message."""
+"""Number of hands that one message may have."""
 MOST_PERSONS = 64
-"""In one message."""
+"""Number of persons that one message may have."""
 LANDMARKS = 21
 """Number of landmarks of one hand."""
 MOST_POINTS = 5000
@@ -233,30 +233,30 @@ def seven(pose: Pose) -> Seven:
 
 
 def arm_state_key(keys: Keys) -> str:
-    """Where the arm tells its state (`agents.drivers.ArmState`)."""
+    """Key on which the arm sends its state (`agents.drivers.ArmState`)."""
     return keys.device("arm/state")
 
 
 def arm_command_key(keys: Keys) -> str:
-    """Where the arm takes commands (`Command`)."""
+    """Key on which the arm takes commands (`Command`)."""
     return keys.device("arm/command")
 
 
 def frame_key(keys: Keys, camera: str) -> str:
-    """Where a camera sends frames (`dsr.images.blobs.Frame`)."""
+    """Key on which a camera sends frames (`dsr.images.blobs.Frame`)."""
     return keys.device(f"camera/{camera}")
 
 
 def readings_key(keys: Keys, camera: str) -> str:
-    """Where a camera sends `TagReadings` instead of frames."""
+    """Key on which a camera sends `TagReadings` instead of frames."""
     return keys.device(f"camera/{camera}/poses")
 
 
 def hands_key(keys: Keys, camera: str) -> str:
-    """Where a camera sends `HandReadings` instead of frames."""
+    """Key on which a camera sends `HandReadings` instead of frames."""
     return keys.device(f"camera/{camera}/hands")
 
 
 def persons_key(keys: Keys) -> str:
-    """Where the tracker of persons sends `PersonReadings`."""
+    """Key on which the tracker of persons sends `PersonReadings`."""
     return keys.device("persons")

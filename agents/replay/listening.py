@@ -78,7 +78,7 @@ class History(NamedTuple):
     """The past as a recording tells it."""
 
     events: list[Event]
-    """In the order of their times (stamps, s)."""
+    """Events in the order of their times (stamps, s)."""
     names: set[str]
     """Nodes that there ever were, without those of the timeline."""
     entries: list[Entry]
@@ -88,7 +88,7 @@ class History(NamedTuple):
 
 
 def history_of(source: ReplayedGraph) -> History:
-    """All that happened in a recording, read from its beginning."""
+    """Read the whole past of a recording, from its beginning."""
     source.restart()
     timeline, events = Timeline(), []
     names: set[str] = set()

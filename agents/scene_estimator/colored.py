@@ -44,7 +44,7 @@ class ColoredObject(NamedTuple):
     size: Vector3
     """Edge lengths of its bounding box, m."""
     shape: Shape
-    """None for a solid box."""
+    """Shape of the object; none for a solid box."""
 
 
 class ColorSighting(NamedTuple):

@@ -36,7 +36,7 @@ class Wish(NamedTuple):
     """Edges that somebody wants."""
 
     relations: tuple[str, ...]
-    """Some of `SPATIAL`."""
+    """Names of the wanted relations, some of `SPATIAL`."""
     things: frozenset[str] | None
     """Names of the sources; None for all things."""
     others: frozenset[str] | None
@@ -78,7 +78,7 @@ class SpatialRelationsConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=
     """Which edges are kept without being requested, and how steadily."""
 
     relations: list[str] = []
-    """Some of `dsr.spatial.SPATIAL`; none: requests only."""
+    """Names of the relations that are kept without a request, some of `dsr.spatial.SPATIAL`; none: requests only."""
     things: list[str] = []
     """Sources; all things if empty."""
     others: list[str] = []

@@ -155,7 +155,9 @@ class MeshExchange:
         return mesh
 
     def hand_over(self, hashes: Iterable[str], others: Sequence[str], timeout: float) -> None:
-        """Wait until somebody else has these meshes, too, before this process ends, at most `timeout` (s).
+        """Wait until somebody else has these meshes, too, before this process ends.
+
+        Waits at most `timeout` (s); needs threads.
 
         Needs threads.
 

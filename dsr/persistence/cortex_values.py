@@ -50,7 +50,7 @@ class Note(msgspec.Struct, frozen=True, omit_defaults=True):
     out.
     """
     extra: dict[str, Any] = {}
-    """Further members."""
+    """Further members of the element in the CORTEX file, by name."""
 
     def encoded(self) -> str:
         """The note as the value of an attribute."""

@@ -116,7 +116,7 @@ class Manipulator:
 
     @property
     def tool_from_held(self) -> Pose | None:
-        """Where the held object is between the pads."""
+        """Pose of the held object in the tool's frame, between the pads; None if nothing is held."""
         return self.holding.tool_from_object
 
     def held_box(self) -> tuple[Box, ...]:
@@ -194,7 +194,7 @@ class Manipulator:
         return False
 
     def away(self) -> float:
-        """How far the tool point is from where it was sent, m."""
+        """Distance of the tool point from its commanded place, m."""
         return self._router.tool(self._goal).distance(self.tool)[0]
 
     def go(self, trajectory: Trajectory, step: str, held: str | None) -> Steps[None]:

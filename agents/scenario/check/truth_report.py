@@ -36,7 +36,7 @@ class EventReport(msgspec.Struct, frozen=True, kw_only=True):
     """The course of one event."""
 
     number: int
-    """In the file, from 1."""
+    """Number of the event in the file, from 1."""
     do: str
     text: str
     """The event's effect in words, with its fields."""

@@ -176,7 +176,7 @@ class Topple(ObjectEvent, frozen=True, kw_only=True, tag="topple"):
     """Push the object over the edge of what it stands on, then let it fall."""
 
     direction: Vector2 = (1.0, 0.0)
-    """Where to, along world x and y; its length does not matter."""
+    """Direction of the push along world x and y; its length does not matter."""
     speed: Speed = 0.5
     """m/s"""
     hand: HandNumber | None = None
@@ -191,7 +191,7 @@ class SetInMotion(ObjectEvent, frozen=True, kw_only=True):
 
     @property
     def along(self) -> Vector3:
-        """Where to, along world x, y and z; its length does not matter."""
+        """Direction of the velocity along world x, y and z; its length does not matter."""
         raise NotImplementedError
 
 

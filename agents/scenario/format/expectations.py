@@ -108,7 +108,7 @@ class Attribute(Expectation, frozen=True, kw_only=True, tag="attribute"):
     name: str
     value: bool | int | float | str
     tolerance: Annotated[float, Meta(ge=0)] = 1e-9
-    """In the unit of the attribute."""
+    """Greatest difference of numbers, in the unit of the attribute."""
 
 
 class Edges(Expectation, frozen=True, kw_only=True, tag="edges"):
@@ -121,7 +121,7 @@ class Edges(Expectation, frozen=True, kw_only=True, tag="edges"):
     present: tuple[tuple[str, str], ...] = ()
     absent: tuple[tuple[str, str], ...] = ()
     world: str = BASE
-    """In which world."""
+    """Name of the world with the edges."""
 
 
 class KnownIn(OfObjects, frozen=True, kw_only=True, tag="known_in"):
@@ -147,7 +147,7 @@ class Worlds(Expectation, frozen=True, kw_only=True, tag="worlds"):
     """The worlds `present` are in the list of worlds, and none that is `absent`."""
 
     ever: bool = False
-    """At some moment from the start, or from `after`, on."""
+    """Whether one moment from the start, or from `after`, is enough."""
 
     after: Seconds | None = None
     """If given, this holds at every moment from then on."""
@@ -178,15 +178,15 @@ class Actions(OfObjects, frozen=True, kw_only=True, tag="actions"):
     after: Seconds | None = None
     """s after the start, or after `event`, from when on they count; default: 0"""
     sequence: tuple[str, ...] | None = None
-    """All of them, in the order in which they happened: neither one more nor one less."""
+    """All actions in the order in which they happened: neither one more nor one less."""
     present: tuple[str, ...] = ()
     """Each was inferred, whatever else."""
     absent: tuple[str, ...] = ()
-    """None was inferred."""
+    """Actions of which none was inferred."""
 
     @property
     def terms(self) -> tuple[tuple[str, int, str], ...]:
-        """All terms, each with its field and index there."""
+        """All terms of the check, each with its field and index there."""
         fields = {"sequence": self.sequence or (), "present": self.present, "absent": self.absent}
         return tuple((field, index, term) for field, terms in fields.items() for index, term in enumerate(terms))
 

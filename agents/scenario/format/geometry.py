@@ -127,7 +127,7 @@ def penetration(a: Box, b: Box) -> float:
 
 
 def footprint_overlap(a: Box, b: Box) -> float:
-    """As `penetration`, of the outlines seen from above."""
+    """Measure the overlap (m) of two bodies' outlines seen from above, as `penetration` does for bodies."""
     axes = np.vstack([_horizontal_normals(a), _horizontal_normals(b)])
     return _least_overlap(a, b, axes)
 

@@ -144,7 +144,7 @@ class PersonSpec(Section, frozen=True, kw_only=True):
     fov: tuple[Angle, Angle] = (1.745, 1.396)
     """rad, horizontal and vertical: what they see at once"""
     present: bool = True
-    """In the scene from the beginning; else from a `person_enter` on."""
+    """Whether the person is in the scene from the beginning; else from a `person_enter` on."""
 
 
 class MissionSpec(Section, frozen=True, kw_only=True):
@@ -198,7 +198,7 @@ class Scenario(Section, frozen=True, kw_only=True):
 
     @property
     def camera_name(self) -> str:
-        """As the plant calls it: `overhead`, `wrist` or `fixed`."""
+        """Name of the camera in the plant: `overhead`, `wrist` or `fixed`."""
         return self.camera if isinstance(self.camera, str) else "fixed"
 
     def object(self, name: str) -> ObjectSpec:

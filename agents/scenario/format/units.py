@@ -30,7 +30,7 @@ Impulse = Annotated[float, Meta(ge=-500, le=500)]
 """N s, along one axis: at most that which gives the heaviest object 5 m/s"""
 
 Count = Annotated[int, Meta(ge=0, le=1000000)]
-"""How often something happens."""
+"""A number of times, 0 or more."""
 
 Vector2 = tuple[Metres, Metres]
 Vector3 = tuple[Metres, Metres, Metres]

@@ -49,7 +49,7 @@ class Recovery(msgspec.Struct, frozen=True):
 
 
 def perturbations(history: History) -> list[Perturbation]:
-    """In order of time; those that overlap are one."""
+    """List the perturbations of a run in order of time; those that overlap are one."""
     end_of_run = history.end
     groups: list[tuple[list[int], float, float]] = []
     for number, (begin, end) in sorted(history.spans.items(), key=lambda item: item[1][0]):
@@ -68,7 +68,7 @@ def perturbations(history: History) -> list[Perturbation]:
 
 
 def event_end(history: History, number: int) -> float | None:
-    """When an event (numbered from 1) was over, as `clear_from` says; None if it was not."""
+    """Time (s after the start) when an event (numbered from 1) was over, as `clear_from` says; None if it was not."""
     begin, end = history.spans.get(number, (0.0, None))
     return None if end is None or number in history.given_up else clear_from(history, begin, end, math.inf)
 

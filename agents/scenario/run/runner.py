@@ -148,7 +148,7 @@ def run_lockstep(run: Run, observer: Observer | None = None) -> Result:
 
 
 def run_system(run: Run, system: System, observer: Observer | None = None) -> Result:
-    """As `run_lockstep`, with a system that the caller has made of `staged_system`."""
+    """Run as `run_lockstep` does, with a system that the caller has made of `staged_system`."""
     observer = observer or Silent()
     scenario = run.scenario
     with Lockstep(system.agents, graph=system.graph, seed=run.seed) as lockstep:

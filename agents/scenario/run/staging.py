@@ -30,11 +30,11 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
 
     scenario: Scenario
     file: Path
-    """Where the scenario comes from; agents read it again."""
+    """The scenario's file; agents read it again."""
     seed: int = 0
     sensor: Sensor = "pixels"
     policy: Policy | None = None
-    """Which method explains surprises; None for the simulation handler's own choice."""
+    """Name of the method that explains surprises; None for the simulation handler's own choice."""
     folder: Path | None = None
     """Gets recording, logs and result; None for nothing of that."""
     window: bool = False

@@ -72,7 +72,7 @@ class Sweep:
         self.close()
 
     def outcomes(self) -> Iterator[Outcome]:
-        """One outcome of each job, as they come."""
+        """Yield the outcome of each job, as they come."""
         self._workers = [_Worker(Path(self._folder.name) / f"{number}.log") for number in range(self._count)]
         for worker in self._workers:
             self._give(worker)

@@ -53,7 +53,7 @@ class Phase(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def phases(history: History) -> list[Phase]:
-    """All phases of all objects until the end of the run, in order of their beginnings."""
+    """List all phases of all objects until the end of the run, in order of their beginnings."""
     names = [spec.name for spec in history.scenario.objects]
     found = [phase for name in names for phase in _phases_of(name, history)]
     return sorted(found, key=lambda phase: (phase.begin, names.index(phase.object)))
