@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import logging
-import math
+
+import msgspec
 
 from agents.drivers import CameraDriver
 from dsr import Frame, Memory
-
-_INTRINSICS = ("fx", "fy", "cx", "cy")
+from dsr.vocabulary.intrinsics import INTRINSICS, Intrinsics
 
 
 class CameraFeed:
@@ -46,7 +46,8 @@ class CameraFeed:
         description = describe(frame)
         if description is None:
             if not self._complained:
-                self._log.warning("camera %r: frames lack an image or some of %s", self._node, ", ".join(_INTRINSICS))
+                lacking = ", ".join(INTRINSICS[:4])
+                self._log.warning("camera %r: frames lack an image or some of %s", self._node, lacking)
             self._complained = True
         elif description != self._described or self._node not in self._memory:
             self._memory.add_node(self._node, "camera", stream=self._node, **description)
@@ -56,9 +57,7 @@ class CameraFeed:
 def describe(frame: Frame) -> dict[str, float | int | str] | None:
     """Attributes of a camera that takes such frames: intrinsics and image size in px; None if not all are known."""
     images = [array for array in frame.arrays.values() if array.ndim >= 2]
-    numbers = [frame.meta.get(name) for name in _INTRINSICS]
-    lens = [float(number) for number in numbers if isinstance(number, int | float) and math.isfinite(number)]
-    if not images or len(lens) < len(_INTRINSICS):
+    try:
+        return msgspec.structs.asdict(Intrinsics.from_meta(frame.meta, images[0].shape)) if images else None
+    except ValueError:
         return None
-    height, width = images[0].shape[:2]
-    return {**dict(zip(_INTRINSICS, lens, strict=True)), "width": width, "height": height}

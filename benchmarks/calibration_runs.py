@@ -18,7 +18,6 @@ from agents.calibrator.solve.problem import Sighting
 from agents.calibrator.watch.doubt import Doubt
 from agents.plant.config import PlantConfig
 from agents.plant.reality import Reality
-from agents.plant.tags import TAG_RATIO
 from agents.scenario.format.model import RobotSpec
 from agents.scenario.format.scenario import parse_scenario
 from agents.scenario.judge.result import Result
@@ -27,6 +26,7 @@ from agents.scenario.run.staging import Sensor, make_run, staged_system, without
 from dsr.math3d.transforms import Array, Pose
 from dsr.runtime.system import AgentSpec, System
 from dsr.vocabulary.intrinsics import Intrinsics
+from dsr.vocabulary.tags import TAG_RATIO
 
 SIZE = 0.04
 """m, of the cubes"""

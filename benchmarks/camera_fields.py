@@ -88,7 +88,7 @@ def footprint(world_from_camera: Pose, lens: Intrinsics, height: float) -> Array
         np.column_stack([np.full(_POINTS, across[0]), down[::-1]]),
     ]
     pixels = np.vstack(borders)
-    rays = np.column_stack([(pixels - (lens.cx, lens.cy)) / (lens.fx, lens.fy), np.ones(len(pixels))])
+    rays = lens.rays(pixels)
     rays = rays @ world_from_camera.rotation_matrix.T
     drop = height - world_from_camera.t[2]
     if drop >= 0 or not (rays[:, 2] < 0).any():

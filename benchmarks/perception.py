@@ -38,7 +38,7 @@ from rich.table import Table
 
 from agents.object_models import model_files
 from agents.scene_estimator.color_reader import ColorReader
-from agents.scene_estimator.geometry import Intrinsics, tag_corners
+from agents.scene_estimator.detection import tag_corners
 from agents.scene_estimator.pose import NoiseModel
 from agents.scene_estimator.sighting import FrameReader
 from agents.scene_estimator.turning import nearest_alike, order
@@ -47,9 +47,10 @@ from benchmarks.tag_camera import DICTIONARY, Camera, facing
 from dsr.clock import WALL_CLOCK
 from dsr.images.blobs import Frame
 from dsr.math3d.transforms import Pose
+from dsr.vocabulary.intrinsics import Intrinsics
+from dsr.vocabulary.tags import TAG_RATIO
 
 SIZE = 0.04
-TAG_RATIO = 0.8
 MARKER = 5
 STEEPEST = np.radians(50)
 FLIP = np.radians(15)
@@ -154,7 +155,7 @@ def plain_ippe() -> Method:
         if len(quads) == 0:
             return None
         corners = np.asarray(quads[0], dtype=np.float64).reshape(4, 2)
-        matrix = Intrinsics.from_meta(frame.meta).matrix
+        matrix = Intrinsics.from_meta(frame.meta, frame.arrays["color"].shape[:2]).matrix
         _, rotation, translation = cv2.solvePnP(square, corners, matrix, None, flags=cv2.SOLVEPNP_IPPE_SQUARE)
         return Pose.from_rotvec(translation.ravel(), rotation.ravel())
 

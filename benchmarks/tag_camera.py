@@ -9,11 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from agents.scene_estimator.geometry import Intrinsics
 from dsr.images.blobs import Frame
+from dsr.math3d.boxes import CORNERS
 from dsr.math3d.transforms import Pose
+from dsr.vocabulary.intrinsics import Intrinsics
+from dsr.vocabulary.tags import TAG_RATIO
 
 Array = NDArray[np.float64]
+
 DICTIONARY = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
 SUPERSAMPLING = 3
 TEXELS = 20
@@ -42,7 +45,7 @@ class Camera:
     @property
     def intrinsics(self) -> Intrinsics:
         """As of its frames."""
-        return Intrinsics.from_meta(self.meta)
+        return Intrinsics.from_meta(self.meta, (self.height, self.width))
 
     def frame(
         self,
@@ -50,7 +53,7 @@ class Camera:
         rng: np.random.Generator,
         *,
         size: float = 0.04,
-        tag_ratio: float = 0.8,
+        tag_ratio: float = TAG_RATIO,
         bias: float = 0.0,
         stamp: float = 0.0,
     ) -> Frame:
@@ -76,15 +79,14 @@ class Camera:
     def _draw(
         self, color: Array, depth: Array, marker_id: int, pose: Pose, size: float, ratio: float, bias: float
     ) -> None:
-        signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
-        pixels = self.intrinsics.pixels(pose.apply(signs * size / 2))
+        pixels = self.intrinsics.project(pose.apply(CORNERS * size / 2))
         low = np.maximum(np.floor(pixels.min(axis=0)).astype(int) - 2, 0)
         high = np.minimum(np.ceil(pixels.max(axis=0)).astype(int) + 3, [self.width, self.height])
         steps = (np.arange(SUPERSAMPLING) + 0.5) / SUPERSAMPLING - 0.5
         u = (np.arange(low[0], high[0])[:, None] + steps).ravel()
         v = (np.arange(low[1], high[1])[:, None] + steps).ravel()
         pixels = np.stack(np.meshgrid(u, v), axis=-1)
-        rays = self.intrinsics.rays(pixels.reshape(-1, 2)).reshape(*pixels.shape[:2], 3)
+        rays = self.intrinsics.rays(pixels)
         distance, grey = _trace(rays, marker_id, pose, size, ratio)
         shape = (high[1] - low[1], SUPERSAMPLING, high[0] - low[0], SUPERSAMPLING)
         hit = np.isfinite(distance)

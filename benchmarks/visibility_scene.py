@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from dsr.math3d.boxes import CORNERS
 from dsr.math3d.shapes import Part, Shape, box
 from dsr.math3d.surfaces import crossings
 from dsr.math3d.transforms import Pose
@@ -13,7 +14,6 @@ from dsr.visibility import Body, placed
 from dsr.visibility.picture import NEAREST
 from dsr.vocabulary.intrinsics import Intrinsics
 
-_CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 LENS = Intrinsics.from_fov(80, 60, 1.05)
 TABLE = placed("table", box((1.2, 1.2, 0.04)), Pose((0.0, 0.0, -0.02)))
 
@@ -61,7 +61,7 @@ def cast(view: Pose, lens: Intrinsics, bodies: Sequence[Body]) -> dict[str, tupl
         grid.ravel()
         for grid in np.meshgrid(np.arange(-across, lens.width + across), np.arange(-down, lens.height + down))
     )
-    rays = np.stack([(u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy, np.ones(len(u))], axis=1)
+    rays = lens.rays(np.column_stack([u, v]))
     depths = np.array([_depth(view.translation, rays @ view.rotation_matrix.T, body) for body in bodies])
     inside = (u >= 0) & (u < lens.width) & (v >= 0) & (v < lens.height)
     first = depths.argmin(axis=0)
@@ -82,7 +82,7 @@ def shares(view: Pose, lens: Intrinsics, bodies: Sequence[Body], side: int = 24)
 
 def _share(view: Pose, lens: Intrinsics, bodies: Sequence[Body], body: Body, side: int) -> float:
     solids = body.solids
-    corners = solids.centre[:, None] + (_CORNERS * solids.half[:, None]) @ solids.turn.transpose(0, 2, 1)
+    corners = solids.centre[:, None] + (CORNERS * solids.half[:, None]) @ solids.turn.transpose(0, 2, 1)
     points = (corners.reshape(-1, 3) - view.translation) @ view.rotation_matrix
     if points[:, 2].min() <= NEAREST:
         return 0.0
@@ -90,7 +90,7 @@ def _share(view: Pose, lens: Intrinsics, bodies: Sequence[Body], body: Body, sid
     low, high = pixels.min(axis=0), pixels.max(axis=0)
     steps = (np.arange(side) + 0.5) / side
     u, v = (grid.ravel() for grid in np.meshgrid(*(low[k] + steps * (high[k] - low[k]) for k in range(2))))
-    rays = np.stack([(u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy, np.ones(len(u))], axis=1)
+    rays = lens.rays(np.column_stack([u, v]))
     depths = np.array([_depth(view.translation, rays @ view.rotation_matrix.T, other) for other in bodies])
     own = depths[bodies.index(body)]
     hit = np.isfinite(own)

@@ -17,7 +17,7 @@ from typing import Any
 
 from dsr.clock import WALL_CLOCK, Clock
 from dsr.crdt.delta import Delta, EdgeKey
-from dsr.errors import ClockDriftError, TransportError
+from dsr.errors import ClockDriftError, TransformError, TransportError
 from dsr.forking import leave_to_parent
 from dsr.frames.tree import Types
 from dsr.geometry.exchange import MeshExchange
@@ -143,18 +143,21 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
         """The node `name`, or None."""
         return self._graph.nodes.get(name)
 
-    def nodes(self, type: str | None = None) -> list[Node]:
-        """All nodes, or those of one type. Raises `SchemaError` for an unknown type."""
+    def nodes(self, type: str | Iterable[str] | None = None) -> list[Node]:
+        """All nodes, or those of one type or several. Raises `SchemaError` for an unknown type."""
         if type is None:
             nodes = list(self._graph.nodes.values())
             if self._graph.nodes_by_type.get(WORLD_RECORD):  # the list of worlds is no part of them
                 return [node for node in nodes if node.type != WORLD_RECORD]
             return nodes
-        found = self._graph.nodes_by_type.get(type)
-        if found is None:
-            self._check_type(type, self.schema.node_types, "node")
-            return []
-        return list(found.values())
+        nodes = []
+        for one in (type,) if isinstance(type, str) else type:
+            found = self._graph.nodes_by_type.get(one)
+            if found is None:
+                self._check_type(one, self.schema.node_types, "node")
+            else:
+                nodes += found.values()
+        return nodes
 
     def add_node(self, name: str, type: str, /, **attributes: Any) -> Node:
         """Create a node; if it is there already, only write the attributes. Raises `SchemaError`."""
@@ -259,6 +262,15 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
         Raises `NoPathError`, `ExtrapolationError`, `CycleError`.
         """
         return self._frames.transform(target, source, at, types)
+
+    def get_transform(
+        self, target: str, source: str, *, at: float | None = None, types: Types = ("RT",)
+    ) -> Pose | None:
+        """As `transform`; None where that raises, because the frame is nowhere in the other, or was not then."""
+        try:
+            return self._frames.transform(target, source, at, types)
+        except TransformError:
+            return None
 
     def transforms(
         self, target: str, sources: Sequence[str], *, at: float | None = None, types: Types = ("RT",)

@@ -10,7 +10,7 @@ from dsr.math3d.transforms import Array, Pose
 from dsr.memory import Memory
 from dsr.vocabulary.intentions import DONE
 from dsr.vocabulary.intrinsics import Intrinsics, read_intrinsics
-from dsr.vocabulary.relations import read_relations
+from dsr.vocabulary.relations import nodes_by_name, read_relations
 from planner.actions import other_action
 from planner.arm import Arm, Script
 from planner.config import PlannerConfig
@@ -96,7 +96,7 @@ class Looking:
 def carried_camera(memory: Memory) -> tuple[str, Intrinsics | None]:
     """The first camera by name that is fixed to a gripper, and how it takes images."""
     grippers = {node.name for node in memory.nodes("gripper")}
-    for camera in sorted(memory.nodes("camera"), key=lambda node: node.name):
+    for camera in nodes_by_name(memory, "camera"):
         lens = read_intrinsics(camera)
         if lens is not None and any(edge.src in grippers for edge in memory.edges("RT", dst=camera.name)):
             return camera.name, lens

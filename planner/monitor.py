@@ -15,7 +15,7 @@ from planner.plan import Step
 
 def surprising(memory: Memory) -> list[str]:
     """Names of the things that are being explained, in order."""
-    return sorted(node.name for kind in THINGS for node in memory.nodes(kind) if node.get("surprising") is True)
+    return sorted(node.name for node in memory.nodes(THINGS) if node.get("surprising") is True)
 
 
 def doubtful(memory: Memory) -> list[str]:

@@ -10,15 +10,13 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from dsr.errors import TransformError
+from dsr.frames.tree import BELIEVED, WORLD
 from dsr.math3d.transforms import Array, Pose
 from dsr.memory import Memory
 from dsr.vocabulary.intrinsics import Intrinsics, read_intrinsics
-from dsr.vocabulary.relations import Relations, read_relations
+from dsr.vocabulary.relations import Relations, nodes_by_name, read_relations
 from planner.config import PlannerConfig
 
-_BELIEVED = ("Virtual_RT", "RT")
-_WORLD = "world"
 FLAT = ("cube", "box")
 """Node types on which something can be put."""
 
@@ -79,7 +77,7 @@ def read_state(memory: Memory, config: PlannerConfig) -> WorldState:
     relations = read_relations(memory)
     solids: dict[str, Solid] = {}
     for name in sorted(relations.things | relations.tables):
-        node, pose = memory.get_node(name), _pose(memory, name)
+        node, pose = memory.get_node(name), memory.get_transform(WORLD, name, types=BELIEVED)
         size = None if node is None else node.get("size")
         if pose is not None and size is not None:
             solids[name] = Solid(size, pose)
@@ -90,17 +88,10 @@ def read_state(memory: Memory, config: PlannerConfig) -> WorldState:
         graspable=frozenset(
             name for name in relations.things - relations.taken if name in solids and _fits(solids[name], config)
         ),
-        flat=frozenset(node.name for kind in FLAT for node in memory.nodes(kind) if node.name in relations.things),
+        flat=frozenset(node.name for node in memory.nodes(FLAT) if node.name in relations.things),
         base=_base(memory, config.robot),
         views=_views(memory),
     )
-
-
-def _pose(memory: Memory, name: str) -> Pose | None:
-    try:
-        return memory.transform(_WORLD, name, types=_BELIEVED)
-    except TransformError:
-        return None
 
 
 def _choose_table(relations: Relations, solids: Mapping[str, Solid]) -> str | None:
@@ -115,15 +106,15 @@ def _fits(solid: Solid, config: PlannerConfig) -> bool:
 
 
 def _base(memory: Memory, robot: str) -> tuple[float, float]:
-    pose = _pose(memory, robot) if robot in memory else None
+    pose = memory.get_transform(WORLD, robot, types=BELIEVED) if robot in memory else None
     return (0.0, 0.0) if pose is None else (pose.t[0], pose.t[1])
 
 
 def _views(memory: Memory) -> tuple[View, ...]:
     """The cameras that hang from the world by one edge."""
     views = []
-    for camera in sorted(memory.nodes("camera"), key=lambda node: node.name):
-        edge = memory.get_edge(_WORLD, camera.name, "RT")
+    for camera in nodes_by_name(memory, "camera"):
+        edge = memory.get_edge(WORLD, camera.name, "RT")
         intrinsics = read_intrinsics(camera)
         if edge is not None and intrinsics is not None and "pose" in edge:
             views.append(View(edge.pose.inverse(), intrinsics))

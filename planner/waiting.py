@@ -9,7 +9,7 @@ from dsr.memory import Memory
 from dsr.network.keys import agent_of
 from dsr.vocabulary.goals import Goal
 from dsr.vocabulary.intentions import FAILED, INVALID, WAITING
-from dsr.vocabulary.relations import SURFACES, THINGS, read_relations
+from dsr.vocabulary.relations import SURFACES, THINGS, is_present, read_relations
 from dsr.vocabulary.tags import tag_of
 from planner.arm import Script, Tell
 from planner.config import PlannerConfig
@@ -30,7 +30,7 @@ def may_appear(memory: Memory, name: str) -> bool:
     tag = tag_of(name)
     if not known_names(memory):
         return True
-    return tag is not None and all(node.get("marker_id") != tag for kind in THINGS for node in memory.nodes(kind))
+    return tag is not None and all(node.get("marker_id") != tag for node in memory.nodes(THINGS))
 
 
 def running_agents(memory: Memory) -> set[str]:
@@ -129,7 +129,7 @@ class Waiting:
         node = self._memory.get_node(name)
         if node is None:
             return "removed from the graph" if name in self._believed else _UNKNOWN
-        if node.get("present") is False:
+        if not is_present(node):
             return "believed to be gone"
         if name in self._believed:
             return "no longer known where"

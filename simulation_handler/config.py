@@ -5,9 +5,10 @@ from __future__ import annotations
 import msgspec
 
 from dsr.config.plugins import EXPLAINERS, REASONERS, checked_name
+from dsr.perception.noise import PerceptNoise
 
 
-class BeliefConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     """How far percepts are trusted, and when the belief changes.
 
     The defaults are for a tabletop seen by an RGB-D camera at 0.3 to 1 m: systematic depth errors of 5-15 mm,
@@ -18,29 +19,10 @@ class BeliefConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """m that a percept may be above or below its support by noise alone; beyond, something else holds it."""
     tilt_tolerance: float = 0.44
     """rad that a percept may be tilted by noise alone."""
-    depth_bias: float = 0.010
-    """m, standard deviation of the systematic error along the viewing ray, which averaging does not remove."""
-    learned_bias: float = 0.003
-    """m, what is left of that once it was learned from the object's resting on something."""
-
-    position_noise: float = 0.001
-    """m, standard deviation that is added to each percept's own covariance."""
-    depth_noise: float = 0.003
-    """m along the viewing ray, standard deviation that is added to each percept's own covariance: depth errors of a
-    frame are common to all pixels of an object.
-    """
-    rotation_noise: float = 0.01
-    """rad, standard deviation of rotation that is added to each percept's own covariance."""
-    tilt_noise: float = 0.04
-    """rad, standard deviation of tilt alone that is added to each percept's own covariance: tilt is the least certain,
-    and an object at rest has none.
-    """
     default_depth_noise: float = 0.004
     """m along the viewing ray, of a percept without covariance."""
     default_lateral_noise: float = 0.001
     """m across the viewing ray, of a percept without covariance."""
-    default_rotation_noise: float = 0.03
-    """rad, of a percept without covariance."""
 
     gate: float = 4.0
     """Standard deviations (Mahalanobis) beyond which a percept disagrees with the track."""
@@ -76,7 +58,7 @@ class BeliefConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     reasoner: str = "belief"
     """Name of the method that keeps the belief: "belief" for the built-in one, or one that a package provides."""
-    parameters: dict[str, float] = {}
+    parameters: dict[str, float] = msgspec.field(default_factory=dict)
     """Parameters of a reasoner that a package provides, by name."""
 
     policy: str = "hypotheses"

@@ -9,7 +9,7 @@ from dsr.agent import Access, Agent
 from dsr.errors import DsrError
 from dsr.graph.elements import Node
 from dsr.perception.percepts import Percept, PerceptReader
-from dsr.vocabulary.relations import THINGS
+from dsr.vocabulary.relations import THINGS, is_present, nodes_by_name
 from surprise.beliefs import Beliefs
 from surprise.config import SurpriseConfig
 from surprise.evidence import Reason, Track
@@ -70,7 +70,7 @@ class SurpriseDetector(Agent):
             self.log.warning("the clock was set back by %.1f s: beginning anew", self._now - now)
             self._start_anew()
         self._now = now
-        objects = sorted((node for type in THINGS for node in self.memory.nodes(type)), key=lambda node: node.name)
+        objects = nodes_by_name(self.memory, THINGS)
         held = self._note_held(now)
         jumped = self._beliefs.update(now, objects, held)
         names = {node.name for node in objects}
@@ -144,7 +144,7 @@ class SurpriseDetector(Agent):
 
     def _seen_though_gone(self, node: Node, now: float) -> Reason | None:
         """Whether an object is seen that is believed to be gone."""
-        if node.get("present") is not False:
+        if is_present(node):
             self._gone_since.pop(node.name, None)
             return None
         since = self._gone_since.setdefault(node.name, now)

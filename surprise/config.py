@@ -6,12 +6,14 @@ from typing import Annotated
 
 import msgspec
 
+from dsr.perception.noise import PerceptNoise
+
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 NotNegative = Annotated[float, msgspec.Meta(ge=0)]
 Count = Annotated[int, msgspec.Meta(ge=1)]
 
 
-class SurpriseConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class SurpriseConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     """Limits from which percept and belief disagree, and how long a disagreement must last.
 
     The defaults are for percepts 10 times a second from an RGB-D camera at 0.3 to 1 m whose depth is off by up to
@@ -48,24 +50,10 @@ class SurpriseConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     close: Positive = 0.5
     """... and how far apart they may be, in lengths of the greater."""
 
-    depth_bias: NotNegative = 0.010
-    """m, the part of a percept's standard deviation along the viewing ray that is systematic"""
-    learned_bias: NotNegative = 0.003
-    """m, what is left of it once it was learned"""
     learn_after: Count = 10
     """Percepts that agree after which it is known."""
     learn_window: Count = 50
     """Percepts over which it is averaged."""
-    position_noise: Positive = 0.001
-    """m, standard deviation that is added to each percept's own covariance"""
-    depth_noise: NotNegative = 0.003
-    """m along the viewing ray, standard deviation that is added to each percept's own covariance"""
-    rotation_noise: Positive = 0.01
-    """rad, standard deviation of rotation that is added to each percept's own covariance"""
-    tilt_noise: NotNegative = 0.04
-    """rad about horizontal axes, standard deviation that is added to each percept's own covariance"""
-    default_rotation_noise: NotNegative = 0.03
-    """rad, of a percept without covariance"""
     unseen_noise: NotNegative = 0.005
     """m, of a belief without covariance: of what was never seen where it is believed to be"""
     unseen_rotation_noise: NotNegative = 0.1

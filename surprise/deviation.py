@@ -16,7 +16,6 @@ from surprise.config import SurpriseConfig
 Array = NDArray[np.float64]
 
 _EYE = np.eye(3)
-_HORIZONTAL = np.diag((1.0, 1.0, 0.0))
 _NOTHING = 1e-9  # m or rad
 
 
@@ -80,12 +79,10 @@ def compare(percept: Pose, eye: Vector3, belief: Pose, config: SurpriseConfig) -
 def _percept_noise(percept: Pose, ray: Array, config: SurpriseConfig) -> tuple[Array, Array]:
     """Covariances (3, 3) of its position (m^2) and rotation (rad^2) in the world frame."""
     if percept.cov is None:
-        place = config.depth_bias**2 * np.outer(ray, ray)
-        rotation = config.default_rotation_noise**2 * _EYE
+        own, rotation = config.depth_bias**2 * np.outer(ray, ray), None
     else:
-        place, rotation = percept.parent_covariances()
-    place = place + config.position_noise**2 * _EYE
-    return place, rotation + config.rotation_noise**2 * _EYE + config.tilt_noise**2 * _HORIZONTAL
+        own, rotation = percept.parent_covariances()
+    return config.position_covariance(own), config.rotation_covariance(rotation)
 
 
 def _belief_noise(belief: Pose, config: SurpriseConfig) -> tuple[Array, Array]:

@@ -7,7 +7,6 @@ from collections import deque
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 
-from dsr.errors import TransformError
 from dsr.frames.tree import WORLD
 from dsr.graph.elements import Edge
 from dsr.math3d.transforms import Pose
@@ -84,7 +83,7 @@ class Expectations:
     def update(self, now: float, percepts: Iterable[Percept], changed: Collection[str]) -> None:
         """Bring it to time `now` (s). What is expected of the objects in `changed` begins anew: their belief did."""
         edges = {(edge.src, edge.dst): edge for edge in self._memory.edges("sees")}
-        names = {node.name for type in THINGS for node in self._memory.nodes(type)}
+        names = {node.name for node in self._memory.nodes(THINGS)}
         self._cameras = {node.name: self._cameras.get(node.name) or _Camera() for node in self._memory.nodes("camera")}
         self._last_percept = {name: stamp for name, stamp in self._last_percept.items() if name in names}
         for percept in percepts:
@@ -172,10 +171,7 @@ class Expectations:
         """Whether a camera has moved in the last `elapsed` s; nothing is published while it does."""
         camera = self._cameras[name]
         before = camera.pose
-        try:
-            camera.pose = self._memory.transform(WORLD, name)
-        except TransformError:
-            camera.pose = None
+        camera.pose = self._memory.get_transform(WORLD, name)
         if before is None or camera.pose is None or before is camera.pose:
             return before is None
         metres, radians = before.distance(camera.pose)

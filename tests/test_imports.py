@@ -28,6 +28,7 @@ SHARED_BY_AGENTS = (
     "agents.camera_feed",
     "agents.colors",
     "agents.drivers",
+    "agents.frame_images",
     "agents.inbox",
     "agents.object_models",
     "agents.recorder",

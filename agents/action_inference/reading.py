@@ -15,7 +15,7 @@ from dsr.memory import Memory
 from dsr.perception.percepts import PerceptReader
 from dsr.vocabulary.calibration import IN_DOUBT
 from dsr.vocabulary.perceived import is_perceived
-from dsr.vocabulary.relations import SURFACES, THINGS
+from dsr.vocabulary.relations import SURFACES, THINGS, is_present
 
 HOLDERS = ("hand", "gripper")
 """Node types of what can hold a thing."""
@@ -36,10 +36,10 @@ class Reading:
 
     def snapshot(self, now: float) -> Snapshot:
         """Read the snapshot of the memory at `now` (s)."""
-        nodes = [node for kind in THINGS for node in self._memory.nodes(kind)]
+        nodes = self._memory.nodes(THINGS)
         self._read_percepts({node.name for node in nodes}, now)
-        things = {node.name: self._thing(node) for node in nodes if node.get("present") is not False}
-        holders = [node for kind in HOLDERS for node in self._memory.nodes(kind)]
+        things = {node.name: self._thing(node) for node in nodes if is_present(node)}
+        holders = self._memory.nodes(HOLDERS)
         found = (self._holder(node, now) for node in holders)
         return Snapshot(now, things, {holder.name: holder for holder in found if holder}, self._floor_below())
 
@@ -92,7 +92,7 @@ class Reading:
 
     def _floor_below(self) -> float:
         tops = []
-        for node in (node for kind in SURFACES for node in self._memory.nodes(kind)):
+        for node in self._memory.nodes(SURFACES):
             try:
                 tops.append(self._memory.transform(WORLD, node.name).t[2])
             except DsrError:

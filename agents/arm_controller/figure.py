@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.arm_controller.kinematics import Chain
-from agents.arm_controller.overlap import Array, Boxes, gaps
 from agents.arm_controller.shapes import Box
 from agents.arm_controller.urdf import Robot, fixed_pose
 from dsr.errors import ConfigError
+from dsr.math3d.boxes import Array, Boxes, gaps
 
 _NEIGHBOURS = 2
 """Links this many joints apart or less touch by construction."""

@@ -12,10 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.arm_controller.obstacles import GRIPPER_MARGIN
-from agents.arm_controller.overlap import Array
 from agents.arm_controller.room import Room
 from agents.arm_controller.scene import Thing
 from dsr.errors import DsrError
+from dsr.math3d.boxes import Array
 from dsr.math3d.transforms import Pose
 
 MOST_TILT = 0.26

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from agents.arm_controller.urdf import Joint
 from dsr.errors import DsrError
+from dsr.math3d.batches import rotvecs, skew
 from dsr.math3d.transforms import Pose
 
 Array = NDArray[np.float64]
@@ -73,7 +74,7 @@ class Chain:
         """Which joints are continuous"""
         self._prismatic = np.array([joint.kind == "prismatic" for joint in self.joints])
         self._axes = np.array([joint.axis for joint in self.joints]).reshape(-1, 3)
-        self._skew = _skew(self._axes)
+        self._skew = skew(self._axes)
         self._skew2 = self._skew @ self._skew
         self._origins, self._tip = _origins(joints)
 
@@ -252,34 +253,13 @@ def _errors(base_from_tip: Array, target: Array) -> Array:
     """(m, 6) way (m) and rotation vector (rad), in the base frame, from tips (m, 4, 4) to the targets (.., 4, 4)."""
     translation = target[..., :3, 3] - base_from_tip[:, :3, 3]
     return np.concatenate(
-        [translation, _rotvecs(target[..., :3, :3] @ base_from_tip[:, :3, :3].transpose(0, 2, 1))], axis=1
+        [translation, rotvecs(target[..., :3, :3] @ base_from_tip[:, :3, :3].transpose(0, 2, 1))], axis=1
     )
-
-
-def _rotvecs(r: Array) -> Array:
-    """(m, 3) rotation vectors of matrices (m, 3, 3); near half a turn the axis comes from the symmetric part."""
-    twice_sine = np.stack([r[:, 2, 1] - r[:, 1, 2], r[:, 0, 2] - r[:, 2, 0], r[:, 1, 0] - r[:, 0, 1]], axis=1)
-    norm = np.linalg.norm(twice_sine, axis=1)
-    angle = np.arctan2(norm, np.trace(r, axis1=1, axis2=2) - 1.0)
-    scale = np.where(norm > 1e-9, angle / np.maximum(norm, 1e-9), 0.5)
-    rotvecs = scale[:, None] * twice_sine
-    for index in np.flatnonzero((norm <= 1e-6) & (angle > 1.0)):
-        column = r[index] + np.eye(3)
-        axis = column[:, int(np.argmax(np.diag(column)))]
-        rotvecs[index] = angle[index] * axis / np.linalg.norm(axis)
-    return rotvecs
 
 
 def _row(positions: ArrayLike) -> Array:
     """(1, n) of (n,)."""
     return np.asarray(positions, dtype=np.float64)[None]
-
-
-def _skew(v: Array) -> Array:
-    """(n, 3, 3) matrices of the cross product with each of v (n, 3)."""
-    x, y, z = v.T
-    zero = np.zeros(len(v))
-    return np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
 
 
 def _wrapped(angles: Array) -> Array:

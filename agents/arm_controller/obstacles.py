@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from agents.arm_controller.figure import Figure
-from agents.arm_controller.overlap import Array, Boxes, room, stacked
+from agents.arm_controller.overlap import room
 from agents.arm_controller.scene import Thing
 from agents.arm_controller.shapes import Box
+from dsr.math3d.boxes import Array, Boxes, stacked
 from dsr.math3d.transforms import Pose
 
 MARGIN = 0.01

@@ -9,8 +9,9 @@ import numpy as np
 
 from agents.arm_controller.figure import Figure
 from agents.arm_controller.obstacles import STANDOFF
-from agents.arm_controller.overlap import Array, Boxes, room, stacked
+from agents.arm_controller.overlap import room
 from agents.arm_controller.scene import Thing
+from dsr.math3d.boxes import Array, Boxes, stacked
 from dsr.math3d.transforms import Pose
 
 _STROKE_STEP = 0.005  # m that a finger moves between two openings that are looked at; half of its thinnest box

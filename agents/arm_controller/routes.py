@@ -9,9 +9,9 @@ import numpy as np
 
 from agents.arm_controller.kinematics import Chain
 from agents.arm_controller.obstacles import ITSELF, Load, Obstacles
-from agents.arm_controller.overlap import Array
 from agents.arm_controller.trajectory import SPACING, Trajectory, resampled, rounded, timed
 from dsr.errors import DsrError
+from dsr.math3d.boxes import Array
 from dsr.math3d.transforms import Pose
 
 _LINE_STEP = 0.02  # m between two solved poses on a straight line

@@ -8,12 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsr import Memory, Node
-from dsr.errors import TransformError
-from dsr.frames.tree import WORLD
+from dsr.frames.tree import BELIEVED, WORLD
 from dsr.geometry import own_bounds
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
-from dsr.vocabulary.relations import MODELLED
+from dsr.vocabulary.relations import MODELLED, is_present
 
 Array = NDArray[np.float64]
 
@@ -57,7 +56,7 @@ class Scene:
         """The object, or None if it is not believed to be anywhere."""
         edge = self._memory.get_edge(WORLD, name, "Virtual_RT")
         node = self._memory.get_node(name)
-        if edge is None or node is None or node.get("present") is False:
+        if edge is None or node is None or not is_present(node):
             return None
         pose, size = edge.get("pose"), node.get("size")
         return None if pose is None or size is None else Thing(name, pose, size)
@@ -78,11 +77,8 @@ class Scene:
         if node is None or node.type != "table":
             return None
         size = node.get("size")
-        try:
-            pose = self._memory.transform(WORLD, name)
-        except TransformError:
-            return None
-        return None if size is None else Thing(name, pose @ Pose((0.0, 0.0, -size[2] / 2)), size)
+        pose = self._memory.get_transform(WORLD, name)
+        return None if size is None or pose is None else Thing(name, pose @ Pose((0.0, 0.0, -size[2] / 2)), size)
 
     def tables(self) -> list[Thing]:
         """List all tables."""
@@ -93,16 +89,15 @@ class Scene:
 
         Not what the robot carries as a part of it, nor what is around the arm's base, such as a room.
         """
-        found = [thing for kind in MODELLED for node in self._memory.nodes(kind) if (thing := self._model(node))]
+        found = [thing for node in self._memory.nodes(MODELLED) if (thing := self._model(node))]
         return [thing for thing in found if not thing.contains(base)]
 
     def _model(self, node: Node) -> Thing | None:
-        bounds = None if node.get("present") is False else own_bounds(self._memory, node)
+        bounds = None if not is_present(node) else own_bounds(self._memory, node)
         if bounds is None or self._is_of_robot(node.name):
             return None
-        try:
-            pose = self._memory.transform(WORLD, node.name, types=("Virtual_RT", "RT"))
-        except TransformError:
+        pose = self._memory.get_transform(WORLD, node.name, types=BELIEVED)
+        if pose is None:
             return None
         low, high = np.array(bounds.low), np.array(bounds.high)
         x, y, z = (high - low).tolist()

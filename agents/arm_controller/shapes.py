@@ -11,14 +11,11 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agents.urdf_elements import attribute, number, origin, vector
+from dsr.math3d.boxes import CORNERS, Array
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
-
-Array = NDArray[np.float64]
-_CORNERS = np.array(np.meshgrid((-1.0, 1.0), (-1.0, 1.0), (-1.0, 1.0))).reshape(3, 8).T
 
 
 @dataclass(frozen=True)
@@ -39,7 +36,7 @@ class Box:
     @property
     def corners(self) -> Array:
         """(8, 3) in the link's frame, m."""
-        return self.pose.apply(_CORNERS * self.half)
+        return self.pose.apply(CORNERS * self.half)
 
     def seen_from(self, frame_from_link: Pose) -> Box:
         """The same box in another frame."""

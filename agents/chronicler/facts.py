@@ -9,6 +9,7 @@ from dsr.graph.elements import Edge, Node
 from dsr.memory import Memory
 from dsr.timeline import ACTION, INTENTION, OBJECTS, PRESENT, SURPRISING, Entry
 from dsr.vocabulary.intentions import ACTIVE, RUNNING
+from dsr.vocabulary.relations import is_present
 
 
 class Fact(NamedTuple):
@@ -36,7 +37,7 @@ def read_facts(memory: Memory, relations: Iterable[str], surprising: Iterable[st
         now: s.
     """
     found = [_relation(edge, now) for kind in relations for edge in memory.edges(kind)]
-    found += [_presence(node, now) for kind in OBJECTS for node in memory.nodes(kind) if is_present(node)]
+    found += [_presence(node, now) for node in memory.nodes(OBJECTS) if is_present(node)]
     nodes = (memory.get_node(name) for name in sorted(surprising))
     found += [_surprise(node, now) for node in nodes if node is not None and node.get("surprising") is True]
     return [*found, *_doings(memory, now)]
@@ -59,11 +60,6 @@ def describe_status(node: Node) -> str:
     """The status of an intention or an action, with why."""
     status, why = str(node.get("status", "")) or "new", str(node.get("explanation", ""))
     return f"{status}: {why}" if why else status
-
-
-def is_present(node: Node) -> bool:
-    """Whether a thing is believed to be in the scene."""
-    return node.get("present", True) is not False
 
 
 def _relation(edge: Edge, now: float) -> Fact:

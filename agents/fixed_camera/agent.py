@@ -11,9 +11,8 @@ from agents.drivers import CameraDriver, make_driver
 from agents.scenario.format.scenario import CameraSpec, load_scenario
 from dsr.agent import Access, Agent
 from dsr.errors import ConfigError
+from dsr.frames.tree import WORLD
 from dsr.vocabulary.intrinsics import INTRINSICS
-
-_WORLD = "world"
 
 
 class FixedCameraConfig(msgspec.Struct, frozen=True):
@@ -51,12 +50,12 @@ class FixedCamera(Agent):
         driver: CameraDriver = make_driver(config.driver, self.bus, self.keys, **config.options)
         self._feed = CameraFeed(self.memory, config.node, driver, self.log)
         with self.memory.batch():
-            if _WORLD not in self.memory:
-                self.memory.add_node(_WORLD, "world")
+            if WORLD not in self.memory:
+                self.memory.add_node(WORLD, "world")
             if config.node not in self.memory:
                 self.memory.add_node(config.node, "camera", stream=config.node)
-            if self.memory.get_edge(_WORLD, config.node, "RT") is None:
-                self.memory.add_edge(_WORLD, config.node, "RT", pose=pose)
+            if self.memory.get_edge(WORLD, config.node, "RT") is None:
+                self.memory.add_edge(WORLD, config.node, "RT", pose=pose)
 
     def tick(self, now: float) -> None:
         """Forward the newest frame."""

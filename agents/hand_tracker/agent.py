@@ -181,9 +181,8 @@ class HandTracker(Agent):
         tables = self.memory.nodes("table")
         if not tables:
             return None
-        try:
-            camera_from_table = self.memory.transform(camera, tables[0].name, at=stamp)
-        except TransformError:
+        camera_from_table = self.memory.get_transform(camera, tables[0].name, at=stamp)
+        if camera_from_table is None:
             return None
         up = camera_from_table.rotation_matrix[:, 2]
         return np.array([*up, -float(up @ camera_from_table.translation)])

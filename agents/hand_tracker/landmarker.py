@@ -12,8 +12,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.frame_images import Color, Depth
 from agents.hand_tracker.config import HandTrackerConfig
-from agents.hand_tracker.depth import Color, Depth, behind_surface, depth_at, images
+from agents.hand_tracker.depth import behind_surface, depth_at, images_with_depth
 from agents.hand_tracker.sighting import LANDMARKS, TIPS, SeenHand, Side, Source, hand_of_landmarks
 from dsr.errors import ConfigError
 from dsr.images.blobs import Frame
@@ -59,7 +60,7 @@ class MediaPipeFinder:
 
     def find(self, frame: Frame, table: Array | None) -> list[SeenHand]:
         """The hands in a frame; `table` is not needed. Raises `WireError` for an unusable frame, or `FAILURES`."""
-        color, depth, lens = images(frame)
+        color, depth, lens = images_with_depth(frame)
         self._milliseconds = max(self._milliseconds + 1, round(frame.stamp * 1000.0))
         result = self._landmarker.detect(np.ascontiguousarray(color), self._milliseconds)
         found = []

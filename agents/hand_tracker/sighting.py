@@ -6,9 +6,10 @@ from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from dsr.images.blobs import Frame
+from dsr.math3d import quaternions
+from dsr.math3d.batches import rigid_fit
 from dsr.math3d.quaternions import Quaternion
 from dsr.math3d.transforms import Pose
 
@@ -103,8 +104,6 @@ def _fit(shape: Array, there: Array) -> tuple[Array, Quaternion | None]:
     spread = np.linalg.svd(b, compute_uv=False)
     if spread[1] < _LEAST_SPREAD:
         return there_mean, None
-    rotation, _ = Rotation.align_vectors(b, a)
-    turned = rotation.apply(a)
-    scale = float((turned * b).sum() / (a * a).sum())
-    x, y, z, w = (float(part) for part in rotation.as_quat())
-    return there_mean - scale * rotation.apply(shape_mean), (x, y, z, w)
+    rotation, _ = rigid_fit(a, b)
+    scale = float(((a @ rotation.T) * b).sum() / (a * a).sum())
+    return there_mean - scale * (rotation @ shape_mean), quaternions.from_matrix(rotation.tolist())

@@ -13,8 +13,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.frame_images import Color, Depth
 from agents.hand_tracker.config import HandTrackerConfig, SkinModel
-from agents.hand_tracker.depth import Color, Depth, behind_surface, depth_at, images, rays
+from agents.hand_tracker.depth import behind_surface, depth_at, images_with_depth
 from agents.hand_tracker.fingertips import Patch, Tip, fingertips
 from agents.hand_tracker.sighting import SeenHand, Source
 from dsr.images.blobs import Frame
@@ -132,7 +133,7 @@ class SkinFinder:
 
     def find(self, frame: Frame, table: Array | None) -> list[SeenHand]:
         """The hands in a frame, at most `MOST_HANDS`. Raises `WireError` for an unusable frame."""
-        color, depth, lens = images(frame)
+        color, depth, lens = images_with_depth(frame)
         colored, near = skin(color, self._config.skin), in_band(depth, lens, table, self._config.skin)
         found = []
         for patch in self._patches(colored & near, depth, lens):
@@ -230,8 +231,7 @@ def in_band(depth: Depth, lens: Intrinsics, table: Array | None, model: SkinMode
     near, far = model.depth
     good = (depth == 0) | ((depth >= near) & (depth <= far))
     if table is not None:
-        x = (np.arange(lens.width, dtype=np.float32) - lens.cx) / lens.fx
-        y = (np.arange(lens.height, dtype=np.float32) - lens.cy) / lens.fy
+        x, y = lens.slopes()
         slope = (table[0] * x[None, :] + table[1] * y[:, None] + table[2]).astype(np.float32)
         good &= (depth == 0) | (depth * slope + np.float32(table[3]) >= model.above_table)
     return np.asarray(good)
@@ -262,7 +262,7 @@ def _along(
         direction = np.sum([way / max(float(np.linalg.norm(way)), 1e-9) for way in ways], axis=0)
     else:
         rows, columns = np.nonzero(mask & (depth > 0))
-        points = rays(np.column_stack([columns, rows])[::7].astype(float), lens)
+        points = lens.rays(np.column_stack([columns, rows])[::7].astype(float))
         points = points * depth[rows[::7], columns[::7]][:, None]
         direction = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][0]
     return np.asarray(direction / max(float(np.linalg.norm(direction)), 1e-9))

@@ -108,7 +108,7 @@ class Perspectives(Agent):
         """Whose worlds are kept now."""
         if not self.config.of:
             return sorted(node.name for node in source.nodes(PERSON))
-        known = sorted(node.name for kind in PERSPECTIVES for node in source.nodes(kind))
+        known = sorted(node.name for node in source.nodes(PERSPECTIVES))
         for name in self.config.of:
             if name not in known and name not in self._views:
                 self._warn(name, source, known)

@@ -8,7 +8,7 @@ from typing import Any
 from agents.perspectives.chronicle import PersonalTimeline
 from agents.perspectives.containment import carried, covers
 from agents.perspectives.falling import fallen
-from dsr.errors import TransformError
+from dsr.frames.tree import BELIEVED, WORLD
 from dsr.graph.elements import Node
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
@@ -28,8 +28,6 @@ LOOKS = ("size", "shape", "bounds", "mesh", "color", "marker_id", "model", "mass
 """Attributes that are taken over from what is seen."""
 RELATIONS = ("on", "in")
 """Edges likewise."""
-_WORLD = "world"
-_BELIEVED = ("Virtual_RT", "RT")
 _MOVED = 1e-3, 1e-2  # m, rad, from which a pose is another one
 _SWAYED = 5e-3, 2e-2  # likewise, of who looks: heads are never still
 _TELL_EVERY = 0.5  # s, between two writings of when something was last seen that is seen all the time
@@ -95,7 +93,7 @@ class PersonalView:
         """Know what is seen as it is; returns where what has moved was, and is."""
         moved = {}
         for name in seen:
-            node, pose = self._source.get_node(name), _pose_in(self._source, name)
+            node, pose = self._source.get_node(name), self._source.get_transform(WORLD, name, types=BELIEVED)
             if node is None or pose is None:
                 continue
             self._copy(node, {"present": True, "perceived": True})
@@ -110,13 +108,13 @@ class PersonalView:
 
     def _put(self, name: str, pose: Pose, least: tuple[float, float] = _MOVED) -> Pose | None:
         """Let something be somewhere; returns where it was before if that was somewhere else, by `least` m or rad."""
-        edge = self.world.get_edge(_WORLD, name, "RT")
+        edge = self.world.get_edge(WORLD, name, "RT")
         if edge is not None:
             distance, angle = edge.pose.distance(pose)
             if distance < least[0] and angle < least[1]:
                 return None
         before = None if edge is None else edge.pose
-        self.world.add_edge(_WORLD, name, "RT", pose=pose)
+        self.world.add_edge(WORLD, name, "RT", pose=pose)
         return before
 
     def _relate(self, seen: Collection[str]) -> None:
@@ -146,7 +144,7 @@ class PersonalView:
 
     def _at(self, name: str) -> Pose | None:
         """Where the person believes something to be."""
-        edge = self.world.get_edge(_WORLD, name, "RT")
+        edge = self.world.get_edge(WORLD, name, "RT")
         return None if edge is None else edge.pose
 
     def _connect(self, name: str, thing: str, share: float) -> None:
@@ -157,7 +155,7 @@ class PersonalView:
     # ---- what is remembered
 
     def _known(self) -> list[Node]:
-        return [node for kind in KINDS for node in self.world.nodes(kind)]
+        return self.world.nodes(KINDS)
 
     def _lose(self, names: Iterable[str]) -> None:
         """Remember what is not seen any more: when and where it was."""
@@ -165,7 +163,7 @@ class PersonalView:
             node = self.world.node(name)
             if node.get("perceived") is not True:
                 continue
-            where = self.world.get_edge(_WORLD, name, "RT")
+            where = self.world.get_edge(WORLD, name, "RT")
             told: dict[str, Any] = {} if where is None else {"seen_at": where.pose}
             self.world.update_node(name, perceived=False, last_seen=self._last_seen.get(name, 0.0), **told)
             self.world.remove_edge(self.name, name, "sees")
@@ -183,7 +181,7 @@ class PersonalView:
             ]
             level = []
             for name, container in sorted(contents):
-                where = self.world.get_edge(_WORLD, name, "RT")
+                where = self.world.get_edge(WORLD, name, "RT")
                 if where is None or name in shifts:
                     continue
                 goal = carried(self.world.node(container), *shifts[container], where.pose)
@@ -191,7 +189,7 @@ class PersonalView:
                     self.world.remove_edge(name, container, "in")
                     continue
                 shifts[name] = where.pose, goal
-                self.world.add_edge(_WORLD, name, "RT", pose=goal.with_stamp(now))
+                self.world.add_edge(WORLD, name, "RT", pose=goal.with_stamp(now))
                 level.append(name)
 
     def _let_fall(self, picture: Picture, lost: Iterable[Node], now: float) -> None:
@@ -207,7 +205,7 @@ class PersonalView:
     def _notice_empty_places(self, picture: Picture, seen: Collection[str], now: float) -> None:
         """What is not where it would be seen is nowhere."""
         for node in self._known():
-            where = self.world.get_edge(_WORLD, node.name, "RT")
+            where = self.world.get_edge(WORLD, node.name, "RT")
             if node.name in seen or where is None or not self._is_empty(picture, node, where.pose):
                 self._empty_since.pop(node.name, None)
                 continue
@@ -248,9 +246,9 @@ class PersonalView:
 
     def _see_others(self, picture: Picture | None, now: float) -> None:
         """Other persons and cameras are where they were last seen."""
-        nodes = (node for memory in (self._source, self.world) for kind in PERSPECTIVES for node in memory.nodes(kind))
+        nodes = (node for memory in (self._source, self.world) for node in memory.nodes(PERSPECTIVES))
         for name in sorted({node.name for node in nodes} - {self.name}):
-            node, pose = self._source.get_node(name), _pose_in(self._source, name)
+            node, pose = self._source.get_node(name), self._source.get_transform(WORLD, name, types=BELIEVED)
             if picture is not None and node is not None and pose is not None and _is_shown(node, pose, picture):
                 self._place(node, now, {"perceived": True})
                 if now - self.world.node(name).get("last_seen", 0.0) >= _TELL_EVERY:
@@ -266,7 +264,7 @@ class PersonalView:
 
     def _place(self, node: Node, now: float, told: Mapping[str, Any]) -> None:
         """Let a node of the source be known, with its place."""
-        pose = _pose_in(self._source, node.name)
+        pose = self._source.get_transform(WORLD, node.name, types=BELIEVED)
         if pose is not None:
             self._copy(node, told)
             self._put(node.name, pose.with_covariance(None).with_stamp(now), _SWAYED)
@@ -293,11 +291,3 @@ def _is_shown(node: Node, pose: Pose, picture: Picture) -> bool:
     if node.type == PERSON:
         return node.get("perceived") is True and picture.glance(node.name).pixels >= LEAST_PIXELS
     return picture.shows(pose.translation)
-
-
-def _pose_in(memory: Memory, name: str) -> Pose | None:
-    """world_from_node, where it is believed to be; None if that is not known."""
-    try:
-        return memory.transform(_WORLD, name, types=_BELIEVED)
-    except TransformError:
-        return None

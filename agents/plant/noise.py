@@ -97,10 +97,9 @@ class SensorModel:
 
 def shift_bodies(depth: Depth, bodies: NDArray[np.int32], errors: Mapping[int, float], lens: Intrinsics) -> Depth:
     """The depth with each body of `errors` (m) brought nearer by that much along the viewing rays."""
-    x = (np.arange(lens.width, dtype=np.float32) - lens.cx) / lens.fx
-    y = (np.arange(lens.height, dtype=np.float32) - lens.cy) / lens.fy
+    x, y = lens.slopes()
     along_axis = 1 / np.sqrt(1 + x[None, :] ** 2 + y[:, None] ** 2)
     nearer = np.zeros_like(depth)
     for body, error in errors.items():
         nearer[bodies == body] = error
-    return (depth - nearer * along_axis).astype(np.float32)
+    return np.asarray(depth - nearer * along_axis, dtype=np.float32)

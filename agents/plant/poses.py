@@ -12,12 +12,12 @@ from agents.drivers import ColorReading, TagReading, TagReadings
 from agents.plant.camera import Camera
 from agents.plant.hands import Hands
 from agents.plant.messages import seven
-from agents.plant.tags import TAG_RATIO
 from agents.plant.world import World
 from agents.scenario.format.scenario import ObjectSpec
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.surfaces import seen_alone
 from dsr.math3d.transforms import Pose
+from dsr.vocabulary.tags import TAG_RATIO
 
 DISTANCES = (0.3, 0.6, 1.0)
 """m from the camera, at which the errors below were measured (32 mm tag, 640 x 480, plane fitted to depth)"""

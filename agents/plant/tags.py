@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-TAG_RATIO = 0.8
-"""Side of the tag (its black border) over the shorter side of the face that carries it."""
+from dsr.vocabulary.tags import TAG_RATIO
+
 _CELL = 16  # px; a tag of the family 36h11 is 8 x 8 cells, border included
 _DICTIONARY = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
 

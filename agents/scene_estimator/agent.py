@@ -16,7 +16,8 @@ from agents.scene_estimator.objects import TaggedObjects
 from agents.scene_estimator.sighting import FrameReader, Outlines, Sighting, read_sensor
 from agents.stillness import stood_still
 from dsr.agent import Access, Agent
-from dsr.errors import TransformError, WireError
+from dsr.errors import WireError
+from dsr.frames.tree import WORLD
 from dsr.images.blobs import Frame
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.intrinsics import INTRINSICS, Intrinsics
@@ -124,11 +125,10 @@ class SceneEstimator(Agent):
 
     def _world_from_camera(self, camera: str, stamp: float) -> Pose | None:
         """None, and counted, if it is not known."""
-        try:
-            return self.memory.transform("world", camera, at=stamp)
-        except TransformError:
+        pose = self.memory.get_transform(WORLD, camera, at=stamp)
+        if pose is None:
             self._skip("no camera pose", f"{camera}: its pose in the world is not known then")
-            return None
+        return pose
 
     def _show(self, camera: str, stamp: float, outlines: Outlines) -> None:
         """Publish where in the image the tags were found, for viewers."""
@@ -171,7 +171,7 @@ class SceneEstimator(Agent):
 
     def _age(self, now: float) -> None:
         """Also those that an earlier run of this agent saw: their nodes say when."""
-        for node in (node for kind in THINGS for node in self.memory.nodes(kind)):
+        for node in self.memory.nodes(THINGS):
             if node.get("perceived") and now - self._seen_at(node.name, now) > self.config.max_age:
                 self.memory.update_node(node.name, perceived=False)
 

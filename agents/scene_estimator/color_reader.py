@@ -6,12 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from agents.frame_images import images
 from agents.scene_estimator.colored import ColoredObject, ColorSighting
 from agents.scene_estimator.fitting import View
 from agents.scene_estimator.placing import Guess, Placed, place
 from agents.scene_estimator.pose import NoiseModel
 from agents.scene_estimator.segmentation import ColorImage
-from agents.scene_estimator.sighting import images
 from dsr.images.blobs import Frame
 from dsr.math3d.transforms import Pose
 

@@ -9,7 +9,6 @@ import numpy as np
 
 from agents.colors import TOLERANCE, spectral_angle
 from agents.drivers import ColorReading, TagReadings
-from agents.scene_estimator.geometry import Array
 from agents.scene_estimator.pose import NoiseModel
 from agents.scene_estimator.turning import ROUND, nearest_turn, order
 from dsr.errors import SchemaError, WireError
@@ -17,7 +16,7 @@ from dsr.graph.elements import Node
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.shapes import Shape, from_numbers
-from dsr.math3d.transforms import Pose
+from dsr.math3d.transforms import Array, Pose
 from dsr.memory import Memory
 from dsr.vocabulary.relations import THINGS
 
@@ -93,7 +92,7 @@ class ColoredObjects:
         """Take note of what was written to nodes."""
         news = [watch.poll() for watch in self._watches]
         if any(news):
-            nodes = [node for kind in THINGS for node in self._memory.nodes(kind)]
+            nodes = self._memory.nodes(THINGS)
             found = map(_colored, sorted(nodes, key=lambda node: node.name))
             self.known = [colored for colored in found if colored is not None]
 

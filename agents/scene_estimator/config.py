@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import msgspec
 
 from agents.scene_estimator.pose import NoiseModel, NotNegative, Positive
+from dsr.vocabulary.tags import TAG_RATIO
 
 
 class TagSensor(msgspec.Struct, frozen=True):
@@ -25,7 +26,7 @@ class SceneEstimatorConfig(msgspec.Struct, frozen=True):
     """Camera nodes whose frames are looked at, when there are any."""
     tag_sensors: dict[str, TagSensor] = {}
     """Tag sensors by camera node."""
-    tag_ratio: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.8
+    tag_ratio: Annotated[float, msgspec.Meta(gt=0, le=1)] = TAG_RATIO
     """Side of a tag's black square over that of the face it is on."""
     default_size: Positive = 0.04
     """m, edge of a cube that is seen for the first time."""

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.scene_estimator.geometry import Array, Intrinsics
+from dsr.math3d.transforms import Array
+from dsr.vocabulary.intrinsics import Intrinsics
 
 _INSET = 0.95  # of the tag's half diagonals, so that no pixel straddles its edge
 _MAX_PIXELS = 2000

@@ -13,6 +13,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from dsr.math3d.transforms import Array
+
 APRILTAG_BIAS = 0.42
 """px in u and v that OpenCV's apriltag refinement adds (measured on exact renders)."""
 APRILTAG_STD = 0.1
@@ -69,3 +71,8 @@ def _tags(detector: cv2.aruco.ArucoDetector, grey: Any, bias: float, std: float)
         return []
     corners = (np.asarray(quad, dtype=np.float64).reshape(4, 2) - bias for quad in quads)
     return [Tag(int(marker), quad, std) for marker, quad in zip(ids.ravel(), corners, strict=True)]
+
+
+def tag_corners(tag_size: float) -> Array:
+    """(4, 3) corners in the tag frame (x right, y up, z off the face), in the detector's order, m."""
+    return 0.5 * tag_size * np.array([[-1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [-1.0, -1.0, 0.0]])

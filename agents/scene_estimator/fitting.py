@@ -15,12 +15,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.scene_estimator.geometry import Array, Intrinsics
 from agents.scene_estimator.segmentation import Mask
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Shape
 from dsr.math3d.surfaces import distances, seen_alone
-from dsr.math3d.transforms import Pose
+from dsr.math3d.transforms import Array, Pose
+from dsr.vocabulary.intrinsics import Intrinsics
 
 SMALLEST = 8
 """px, the width of the smallest spot that is used"""
@@ -85,7 +85,7 @@ class Scene:
         local = self._camera_from_world.apply(points)
         depth = np.maximum(local[:, 2], 1e-6)
         height, width = self._mask.shape
-        column, row = np.rint(self._view.intrinsics.pixels(np.column_stack([local[:, :2], depth]))).T
+        column, row = np.rint(self._view.intrinsics.project(np.column_stack([local[:, :2], depth]))).T
         inside = (column >= 0) & (column < width) & (row >= 0) & (row < height) & (local[:, 2] > 0.0)
         place = np.where(inside, row, 0).astype(int), np.where(inside, column, 0).astype(int)
         colored = self._mask[place] & inside

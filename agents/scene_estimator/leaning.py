@@ -13,11 +13,11 @@ from typing import NamedTuple
 import numpy as np
 
 from agents.scene_estimator.fitting import ROUGH, ROUGH_POINTS, Fit, Scene, fit, judged
-from agents.scene_estimator.geometry import Array
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.shapes import Shape
 from dsr.math3d.surfaces import signed_distances
+from dsr.math3d.transforms import Array
 
 _STEPS = 15
 _SHARE = 300  # points at which the surface is looked for

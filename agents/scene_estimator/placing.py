@@ -13,13 +13,13 @@ import numpy as np
 
 from agents.scene_estimator.colored import LEANS, UPRIGHT
 from agents.scene_estimator.fitting import BEFORE, ROUGH, ROUGH_POINTS, Fit, Scene, View, cloud, fit, settled
-from agents.scene_estimator.geometry import Array
 from agents.scene_estimator.leaning import is_unlike_fallen, lean, leaning, tilt, turned
 from agents.scene_estimator.segmentation import Mask
 from agents.scene_estimator.turning import ROUND, nearest_alike, order
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.shapes import Shape
+from dsr.math3d.transforms import Array
 
 LEAST_SHARE = 0.35
 """Share of an object's image, as it would be with no others before it, that must be seen"""

@@ -17,10 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.scene_estimator.depth_plane import DepthPlane, fit_depth_plane
-from agents.scene_estimator.detection import Tag
-from agents.scene_estimator.geometry import Array, Intrinsics, skew, tag_corners
+from agents.scene_estimator.detection import Tag, tag_corners
 from dsr.math3d import quaternions
-from dsr.math3d.transforms import Pose, log
+from dsr.math3d.batches import skew
+from dsr.math3d.transforms import Array, Pose, log
+from dsr.vocabulary.intrinsics import Intrinsics
 
 _CERTAIN = 50.0  # log odds
 
@@ -56,7 +57,7 @@ def _candidates(tag: Tag, intrinsics: Intrinsics, tag_size: float) -> list[Pose]
 
 def _cost(pose: Pose, tag: Tag, intrinsics: Intrinsics, tag_size: float) -> float:
     """Squared normalised reprojection error."""
-    reprojected = intrinsics.pixels(pose.apply(tag_corners(tag_size)))
+    reprojected = intrinsics.project(pose.apply(tag_corners(tag_size)))
     return float(((reprojected - tag.corners) ** 2).sum()) / tag.corner_std**2
 
 

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.drivers import TagReading, TagReadings
+from agents.frame_images import images
 from agents.scene_estimator.detection import TagDetector
-from agents.scene_estimator.geometry import Intrinsics
 from agents.scene_estimator.pose import NoiseModel, estimate_tag_pose
 from dsr.errors import WireError
 from dsr.images.blobs import Frame
@@ -87,16 +87,3 @@ def _sensed(reading: TagReading, stamp: float, noise: NoiseModel) -> Sighting:
     covariance = np.diag([reading.sigma_translation**2] * 3 + [reading.sigma_rotation**2] * 3)
     covariance[:3, :3] += noise.depth_bias_std**2 * np.outer(ray, ray)
     return Sighting(reading.marker_id, camera_from_object.with_covariance(covariance))
-
-
-def images(frame: Frame) -> tuple[NDArray[np.uint8], NDArray[np.float32] | None, Intrinsics]:
-    """Colour, depth if there is any, and intrinsics of a frame. Raises `WireError` for an unusable one."""
-    color, depth = frame.arrays.get("color"), frame.arrays.get("depth")
-    if color is None or color.ndim != 3 or color.shape[2] != 3 or color.dtype != np.uint8 or min(color.shape) < 1:
-        raise WireError(f"frame at {frame.stamp}: expected a colour image (h, w, 3) of uint8")
-    if depth is not None and (depth.shape != color.shape[:2] or depth.dtype != np.float32):
-        raise WireError(f"frame at {frame.stamp}: depth {depth.shape} {depth.dtype}, colour {color.shape}")
-    try:
-        return color, depth, Intrinsics.from_meta(frame.meta)
-    except ValueError as error:
-        raise WireError(f"frame at {frame.stamp}: {error}") from error

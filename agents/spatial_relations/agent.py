@@ -29,7 +29,7 @@ from dsr.spatial import (
 )
 from dsr.spatial.scene import check_no_view
 from dsr.timeline.entries import split_names
-from dsr.vocabulary.relations import MODELLED, SURFACES, THINGS
+from dsr.vocabulary.relations import MODELLED, SURFACES, THINGS, nodes_by_name
 
 
 class Wish(NamedTuple):
@@ -133,7 +133,7 @@ class SpatialRelations(Agent):
         """Bring the edges into step with the scene."""
         wishes = dict(self._own)
         problems: dict[str, str] = {}
-        for node in sorted(self.memory.nodes(QUERY), key=lambda node: node.name):
+        for node in nodes_by_name(self.memory, QUERY):
             try:
                 wishes[node.name] = read_wish(node)
             except ConfigError as error:

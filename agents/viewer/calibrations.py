@@ -12,10 +12,11 @@ from agents.viewer import palette
 from agents.viewer.model import Camera, Place, place_of
 from agents.viewer.scene import ENTITY, pinhole, transform
 from agents.viewer.texts import markdown
-from dsr import Change, Memory, Pose, TransformError
+from dsr import Change, Memory, Pose
 from dsr.frames.tree import WORLD
 from dsr.timeline import EVENT, read_entry
 from dsr.vocabulary.calibration import CALIBRATED, CALIBRATION, STEADY, Report, read_report
+from dsr.vocabulary.relations import nodes_by_name
 
 PAGE = "mind/calibrations"
 RESIDUALS = "series/residual_mm"
@@ -36,7 +37,7 @@ class CalibrationView:
 
     def draw(self, changes: Iterable[Change], memory: Memory, cameras: list[Camera], now: float) -> None:
         """Log what is not at time `now` (s) as it was before."""
-        for node in sorted(memory.nodes(CALIBRATION), key=lambda node: node.name):
+        for node in nodes_by_name(memory, CALIBRATION):
             report = read_report(memory, node.name)
             if report is not None and (report.unchanged or not report.adopted):
                 self._note(node.name, report)
@@ -98,7 +99,7 @@ def _written(changes: Iterable[Change], memory: Memory) -> list[tuple[float, str
 
 def calibrations_page(memory: Memory, reports: list[Report]) -> str:
     """Markdown: cameras that are in doubt, and the newest calibrations with their residuals."""
-    cameras = sorted(memory.nodes("camera"), key=lambda node: node.name)
+    cameras = nodes_by_name(memory, "camera")
     parts = [
         f"**{markdown(node.name)}: {markdown(node['mount'])}** {markdown(node.get('explanation', ''))}"
         for node in cameras
@@ -120,8 +121,6 @@ def _told(report: Report) -> str:
 
 def _place(memory: Memory, report: Report) -> Place | None:
     """Where the camera would be had it not been calibrated."""
-    try:
-        world_from_parent = memory.transform(WORLD, report.parent)
-    except TransformError:
-        return None
-    return place_of(world_from_parent @ Pose(report.before[:3], report.before[3:]))
+    world_from_parent = memory.get_transform(WORLD, report.parent)
+    before = Pose(report.before[:3], report.before[3:])
+    return None if world_from_parent is None else place_of(world_from_parent @ before)

@@ -11,6 +11,7 @@ from agents.viewer.texts import markdown
 from dsr import Memory, Node
 from dsr.timeline import explanations
 from dsr.vocabulary.intentions import RUNNING, WANTED, describe_action
+from dsr.vocabulary.relations import nodes_by_name
 
 PLAN = "mind/plan"
 EXPLANATIONS = "mind/explanations"
@@ -40,7 +41,7 @@ class MindView:
 
 def plan_page(memory: Memory) -> str:
     """Markdown: each intention with its status and its actions, and what the gripper holds."""
-    intentions = sorted(memory.nodes("intention"), key=lambda node: node.name)
+    intentions = nodes_by_name(memory, "intention")
     held = sorted(edge.dst for edge in memory.edges("grasping"))
     holds = f"Holds **{markdown(', '.join(held))}**." if held else "Holds nothing."
     return "\n\n".join([holds, *([_intention(memory, node) for node in intentions] or ["*Nothing is wanted.*"])])

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 import msgspec
 
-from dsr import Memory, Node, Pose, TransformError
-from dsr.frames.tree import WORLD
+from dsr import Memory, Node, Pose
+from dsr.frames.tree import BELIEVED, WORLD
 from dsr.vocabulary.intrinsics import Intrinsics, read_intrinsics
-from dsr.vocabulary.relations import THINGS
+from dsr.vocabulary.relations import THINGS, nodes_by_name
 
 OBJECT_TYPES = (*THINGS, "hand", "finger")
-BELIEF_FIRST = ("Virtual_RT", "RT")
 _BODY_TYPES = ("robot", "arm", "body", "gripper")
 _FRAME_TYPES = (WORLD, "robot", "gripper", "camera", "table")
 _DEFAULT_SIZE = {"table": (1.0, 1.0, 0.02), "hand": (0.08, 0.08, 0.08), "finger": (0.016, 0.016, 0.016)}
@@ -84,22 +81,22 @@ class Scene(msgspec.Struct, frozen=True):
 
 def read_scene(memory: Memory) -> Scene:
     """The scene as the memory has it now; what is not connected to the world is left out."""
-    objects = _nodes(memory, OBJECT_TYPES)
+    objects = nodes_by_name(memory, OBJECT_TYPES)
     percepts = [solid for node in objects if (solid := _solid(memory, node, ("RT",)))]
     believed = [node for node in objects if memory.edges("Virtual_RT", dst=node.name)]
-    beliefs = [solid for node in believed if (solid := _solid(memory, node, BELIEF_FIRST))]
+    beliefs = [solid for node in believed if (solid := _solid(memory, node, BELIEVED))]
     known = {solid.name: solid for solid in [*percepts, *beliefs]}
     return Scene(
-        tables=[solid for node in _nodes(memory, ("table",)) if (solid := _solid(memory, node, BELIEF_FIRST))],
+        tables=[solid for node in nodes_by_name(memory, ("table",)) if (solid := _solid(memory, node, BELIEVED))],
         percepts=percepts,
         ghosts=[percept for percept in percepts if _differs(percept, known[percept.name])],
         beliefs=beliefs,
         surprising=[known[node.name] for node in objects if node.get("surprising", False) and node.name in known],
-        parts=[part for node in _nodes(memory, _BODY_TYPES) if (part := _part(memory, node))],
-        frames=[place for node in _nodes(memory, _FRAME_TYPES) if (place := _place(memory, node.name))],
+        parts=[part for node in nodes_by_name(memory, _BODY_TYPES) if (part := _part(memory, node))],
+        frames=[place for node in nodes_by_name(memory, _FRAME_TYPES) if (place := _place(memory, node.name))],
         links=_links(memory),
-        grippers=[gripper for node in _nodes(memory, ("gripper",)) if (gripper := _gripper(memory, node))],
-        cameras=[_camera(memory, node) for node in _nodes(memory, ("camera",))],
+        grippers=[gripper for node in nodes_by_name(memory, ("gripper",)) if (gripper := _gripper(memory, node))],
+        cameras=[_camera(memory, node) for node in nodes_by_name(memory, ("camera",))],
     )
 
 
@@ -108,15 +105,9 @@ def place_of(pose: Pose) -> Place:
     return Place(pose.t, pose.q)
 
 
-def _nodes(memory: Memory, types: Iterable[str]) -> list[Node]:
-    return sorted((node for type in types for node in memory.nodes(type)), key=lambda node: node.name)
-
-
 def _place(memory: Memory, name: str, types: tuple[str, ...] = ("RT",)) -> Place | None:
-    try:
-        return place_of(memory.transform(WORLD, name, types=types))
-    except TransformError:
-        return None
+    pose = memory.get_transform(WORLD, name, types=types)
+    return None if pose is None else place_of(pose)
 
 
 def _solid(memory: Memory, node: Node, types: tuple[str, ...]) -> Solid | None:
@@ -159,7 +150,7 @@ def _part(memory: Memory, node: Node) -> Solid | None:
 def _links(memory: Memory) -> list[tuple[Vector, Vector]]:
     """From frame to frame along the RT edges between parts of a robot."""
     links = []
-    for dst in _nodes(memory, _BODY_TYPES):
+    for dst in nodes_by_name(memory, _BODY_TYPES):
         for edge in memory.edges("RT", dst=dst.name):
             src = memory.get_node(edge.src)
             if src is not None and src.type in _BODY_TYPES:

@@ -11,15 +11,16 @@ import numpy as np
 import rerun as rr
 
 from agents.viewer import palette
-from agents.viewer.model import BELIEF_FIRST, Camera, Gripper, Place, Scene, Solid, Vector, moved, place_of
+from agents.viewer.model import Camera, Gripper, Place, Scene, Solid, Vector, moved, place_of
 from agents.viewer.palette import Color
 from dsr import Change, Memory, Mesh, Node, Pose, SchemaError, TransformError
-from dsr.frames.tree import WORLD
+from dsr.frames.tree import BELIEVED, WORLD
 from dsr.geometry import mesh_hashes
 from dsr.visibility import PERSON
 from dsr.visibility.persons import HEAD, TRUNK, upright
 from dsr.vocabulary.intrinsics import Intrinsics
 from dsr.vocabulary.perceived import is_perceived
+from dsr.vocabulary.relations import nodes_by_name
 
 ENTITY = "world"
 _LINK_RADIUS = 0.038  # m, as all lengths below
@@ -253,12 +254,9 @@ class PersonView:
 def read_persons(memory: Memory) -> list[Shown]:
     """List the persons that are perceived now and whose place is known, by name."""
     found = []
-    for node in sorted(memory.nodes(PERSON), key=lambda node: node.name):
-        if not is_perceived(node, memory.clock.now()):
-            continue
-        try:
-            pose = memory.transform(WORLD, node.name, types=BELIEF_FIRST)
-        except TransformError:
+    for node in nodes_by_name(memory, PERSON):
+        pose = memory.get_transform(WORLD, node.name, types=BELIEVED)
+        if pose is None or not is_perceived(node, memory.clock.now()):
             continue
         eyes = _rounded(pose)
         shoulders = _rounded(Pose.from_matrix(upright(pose.matrix)))
@@ -309,7 +307,7 @@ class MeshView:
         if node is None:
             return
         try:
-            place = place_of(self._memory.transform(WORLD, node.name, types=BELIEF_FIRST))
+            place = place_of(self._memory.transform(WORLD, node.name, types=BELIEVED))
             hashes = mesh_hashes(node)
         except (SchemaError, TransformError):
             self._clear(node.name)

@@ -13,8 +13,8 @@ from benchmarks.mutants.drawing import Mutant
 from benchmarks.mutants.nearness import stages
 from benchmarks.mutants.sandbox import Sandbox
 
-FILE_SECONDS = 30.0
-"""s that a test file is measured; tests that come later are left out. Most files need less than ten."""
+FILE_SECONDS = 120.0
+"""s that a test file is measured; tests that come later are left out. Most files need less than 20."""
 _PATIENCE = 60.0
 """s beyond that for starting and for one slow test."""
 
@@ -79,20 +79,23 @@ class Survey:
     def tests(self, mutant: Mutant, stage: int, seconds: float) -> list[Test]:
         """The tests of a stage that run the mutated function, nearest first, that take so many s together.
 
-        Among files that are equally near, and in a file, the quickest come first. In the first stage also tests that do
-        not seem to run the function, after the others: child processes are not looked into.
+        Those that run the function come first; in a file, the quickest. In the first stage there are also tests that do
+        not seem to run the function, and in the second if none of the package does: what runs in child processes is not
+        seen.
         """
-        files = stages(self._sandbox.root, mutant.path)[stage]
+        near, package, _ = found = stages(self._sandbox.root, mutant.path)
+        files = found[stage]
         function = f"{mutant.path}:{mutant.function}"
         chosen: list[Test] = []
         with self._lock:
             self._measure(files)
-            for is_user in (True, False) if stage == 0 else (True,):
+            known = self._kept.files
+            is_open = stage == 0 or (stage == 1 and all(function not in known[file].users for file in near + package))
+            for is_user in (True, False) if is_open else (True,):
                 for file in files:
-                    measured = self._kept.files[file]
-                    users = measured.users.get(function, [])
-                    found = [test for test in measured.tests if (test.name in users or file in users) == is_user]
-                    for test in sorted(found, key=lambda test: test.seconds):
+                    users = known[file].users.get(function, [])
+                    tests = [test for test in known[file].tests if (test.name in users or file in users) == is_user]
+                    for test in sorted(tests, key=lambda test: test.seconds):
                         if sum(one.seconds for one in chosen) + test.seconds <= seconds:
                             chosen.append(test)
         return chosen

@@ -23,7 +23,7 @@ from dsr.cli.common import (
     reading,
     shown,
 )
-from dsr.errors import TransformError
+from dsr.frames.tree import BELIEVED, WORLD
 from dsr.graph.elements import Edge, Node
 from dsr.memory import Memory
 from dsr.network.keys import BASE
@@ -33,7 +33,6 @@ app = typer.Typer()
 
 _STRUCTURE = ("RT", "has", "next")
 """Edge types along which `dsr tree` goes down."""
-_BELIEF = ("Virtual_RT", "RT")
 _NOTES = {("perceived", False): "not seen", ("plausible", False): "implausible", ("surprising", True): "surprising"}
 """What `dsr ls` says about a node with this value of this attribute."""
 
@@ -71,17 +70,15 @@ def _summary(memory: Memory, node: Node) -> dict[str, Any]:
         "name": node.name,
         "type": node.type,
         "perceived_at_m": _position(memory, node.name, ("RT",)),
-        "believed_at_m": _position(memory, node.name, _BELIEF) if believed else None,
+        "believed_at_m": _position(memory, node.name, BELIEVED) if believed else None,
         "attributes": sorted(node),
         "notes": [note for (name, value), note in _NOTES.items() if node.get(name) is value],
     }
 
 
 def _position(memory: Memory, name: str, types: tuple[str, ...]) -> list[float] | None:
-    try:
-        return [float(number) for number in memory.transform("world", name, types=types).translation]
-    except TransformError:
-        return None
+    pose = memory.get_transform(WORLD, name, types=types)
+    return None if pose is None else list(pose.t)
 
 
 def _place(position: list[float] | None) -> str:

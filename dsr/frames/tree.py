@@ -18,6 +18,8 @@ from dsr.frames.pose_history import PoseHistory
 from dsr.math3d.transforms import Array, Pose
 
 WORLD = "world"
+BELIEVED: Types = ("Virtual_RT", "RT")
+"""Edge types by which each frame is where it is believed to be, if it is, else where it was perceived or measured."""
 """Name of the frame at the root of all others."""
 
 Types = tuple[str, ...]

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from dsr.errors import SchemaError, TransformError
-from dsr.frames.tree import Types
+from dsr.errors import SchemaError
+from dsr.frames.tree import BELIEVED, Types
 from dsr.geometry.mesh import Bounds, joined_bounds, mesh_hashes
 from dsr.graph.elements import Node
 from dsr.math3d.transforms import Pose
@@ -24,7 +24,6 @@ from dsr.math3d.transforms import Pose
 if TYPE_CHECKING:
     from dsr.memory import Memory
 
-BELIEVED: Types = ("Virtual_RT", "RT")
 _ON_TOP = ("table",)
 """Node types whose frame is at the centre of the top, not of the middle."""
 
@@ -102,9 +101,8 @@ def _placed(memory: Memory, node: Node, frame: str, types: Types, exact: bool) -
     bounds = None if whole and len(whole) == len(meshes) else own_bounds(memory, node)
     if bounds is None and not whole:
         return None
-    try:
-        pose = Pose() if node.name == frame else memory.transform(frame, node.name, types=types)
-    except TransformError:
+    pose = Pose() if node.name == frame else memory.get_transform(frame, node.name, types=types)
+    if pose is None:
         return None
     if bounds is not None:
         return transformed(bounds, pose)

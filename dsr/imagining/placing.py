@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator, Mapping
 
 from dsr.errors import ConfigError, ImaginationError, TransformError, suggest
-from dsr.frames.tree import WORLD
-from dsr.imagining.scenes import BELIEVED, IMPRECISE, differences, keep, place_of, surface_below
+from dsr.frames.tree import BELIEVED, WORLD
+from dsr.imagining.scenes import IMPRECISE, differences, keep, place_of, surface_below
 from dsr.imagining.thinking import Thought
 from dsr.math3d.quaternions import from_rotvec, rotate
 from dsr.math3d.transforms import Pose
@@ -124,7 +124,7 @@ def _half(box: Box, direction: tuple[float, float]) -> float:
 
 def _floor_heights(world: Memory) -> list[float]:
     """m, from which a thing falls onto the floor, whose height no graph tells."""
-    tops = [pose.t[2] for kind in SURFACES for node in world.nodes(kind) if (pose := place_of(world, node.name))]
+    tops = [pose.t[2] for node in world.nodes(SURFACES) if (pose := place_of(world, node.name))]
     lowest = min(tops, default=0.0)
     return [lowest - 0.67, lowest - 0.4]
 

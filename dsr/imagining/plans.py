@@ -177,7 +177,7 @@ def _failure(step: Step, answer: Answer) -> str:
 
 
 def _things(world: Memory, steps: Sequence[Step]) -> list[str]:
-    return sorted({node.name for kind in THINGS for node in world.nodes(kind)} | {step.target for step in steps})
+    return sorted({node.name for node in world.nodes(THINGS)} | {step.target for step in steps})
 
 
 def _fallen(world: Memory, answer: Answer, start: Mapping[str, Pose]) -> tuple[str, ...]:

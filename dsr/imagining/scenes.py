@@ -5,20 +5,19 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from types import MappingProxyType
 
-from dsr.errors import SchemaError, TransformError
-from dsr.frames.tree import WORLD
+from dsr.errors import SchemaError
+from dsr.frames.tree import BELIEVED, WORLD
 from dsr.graph.elements import Node
 from dsr.math3d.shapes import from_numbers
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
-from dsr.vocabulary.relations import SURFACES, THINGS
+from dsr.vocabulary.relations import SURFACES, THINGS, is_present
 from dsr.vocabulary.what_if import Answer, Change
 
 IMAGINED = "imagination"
 """`source` of edges `on` that follow from what was imagined."""
 IMPRECISE = (0.006, 0.004)
 """m, along x and y, by which things are first tried beside the middle: what only balances there falls, as it would."""
-BELIEVED = ("Virtual_RT", "RT")
 NOTHING: Mapping[str, Pose] = MappingProxyType({})
 _SAME = 5e-4, 2e-3  # m, rad: what differs by less is where it is believed to be
 _MASS, _FRICTION = 0.1, 0.5  # kg; of what does not tell
@@ -27,12 +26,9 @@ _MASS, _FRICTION = 0.1, 0.5  # kg; of what does not tell
 def place_of(memory: Memory, name: str) -> Pose | None:
     """world_from_thing where it is believed to be; None if it is nowhere."""
     node = memory.get_node(name)
-    if node is None or node.get("present") is False:
+    if node is None or not is_present(node):
         return None
-    try:
-        return memory.transform(WORLD, name, types=BELIEVED)
-    except TransformError:
-        return None
+    return memory.get_transform(WORLD, name, types=BELIEVED)
 
 
 def differences(
@@ -49,9 +45,9 @@ def differences(
         elsewhere: world_from_thing of things that are not where the other world has them.
     """
     changes = []
-    for name in sorted({node.name for memory in (base, world) for kind in THINGS for node in memory.nodes(kind)}):
+    for name in sorted({node.name for memory in (base, world) for node in memory.nodes(THINGS)}):
         believed = base.get_edge(WORLD, name, "Virtual_RT")
-        before = None if believed is None or base.node(name).get("present") is False else believed.pose
+        before = None if believed is None or not is_present(base.node(name)) else believed.pose
         now = elsewhere.get(name) or place_of(world, name)
         if now is None:
             if before is not None:
@@ -107,7 +103,7 @@ def _is_elsewhere(before: Pose, now: Pose) -> bool:
 def surface_below(world: Memory, x: float, y: float) -> tuple[str, float] | None:
     """The highest table beneath a place, with the height of its top (m); None beside all tables."""
     found: tuple[str, float] | None = None
-    for node in (node for kind in SURFACES for node in world.nodes(kind)):
+    for node in world.nodes(SURFACES):
         size, pose = node.get("size"), place_of(world, node.name)
         if pose is None or not isinstance(size, tuple):
             continue

@@ -1,4 +1,4 @@
-"""Convex polygons in the horizontal plane: hulls, common parts and overlaps.
+"""Convex polygons in the horizontal plane: hulls, common parts, overlaps and gaps.
 
 Counter-clockwise, (x, y) in m. On a handful of points plain floats are several times faster than numpy.
 """
@@ -74,25 +74,57 @@ def contains(polygon: Polygon, point: Point) -> bool:
     return len(polygon) > 2 and all(_cross(polygon[i - 1], polygon[i], point) >= 0.0 for i in range(len(polygon)))
 
 
+def normals(polygon: Polygon) -> list[Point]:
+    """Unit normals of its edges, outward; the first is that of the edge from the last corner to the first."""
+    found = []
+    for i, (x, y) in enumerate(polygon):
+        ex, ey = x - polygon[i - 1][0], y - polygon[i - 1][1]
+        length = math.hypot(ex, ey) or 1.0
+        found.append((ey / length, -ex / length))
+    return found
+
+
 def overlap(a: Polygon, b: Polygon) -> tuple[float, Point]:
     """How deep two convex polygons overlap, m, and the unit direction in which `a` leaves `b` soonest.
 
-    Separating axis theorem: the least overlap over the edge normals of both; zero or less if they are apart.
+    Separating axis theorem: the least overlap over the edge normals of both. If they are apart, it is negative, and no
+    more than their distance.
     """
     depth, way = math.inf, (0.0, 0.0)
-    for polygon in (a, b):
-        for i in range(len(polygon)):
-            ex, ey = polygon[i][0] - polygon[i - 1][0], polygon[i][1] - polygon[i - 1][1]
-            length = math.hypot(ex, ey)
-            normal = (ey / length, -ex / length)
-            (low_a, high_a), (low_b, high_b) = _extent(a, normal), _extent(b, normal)
-            forward, backward = high_b - low_a, high_a - low_b
-            if min(forward, backward) < depth:
-                sign = 1.0 if forward <= backward else -1.0
-                depth, way = min(forward, backward), (sign * normal[0], sign * normal[1])
-            if depth <= 0.0:
-                return depth, way
+    for normal in (*normals(a), *normals(b)):
+        (low_a, high_a), (low_b, high_b) = _extent(a, normal), _extent(b, normal)
+        forward, backward = high_b - low_a, high_a - low_b
+        if min(forward, backward) < depth:
+            sign = 1.0 if forward <= backward else -1.0
+            depth, way = min(forward, backward), (sign * normal[0], sign * normal[1])
     return depth, way
+
+
+def inclusion(a: Polygon, b: Polygon) -> float:
+    """How far (m) a polygon stays within a convex one `b`; negative: how far it sticks out."""
+    edges = list(zip(b, normals(b), strict=True))
+    return min(nx * (cx - x) + ny * (cy - y) for (cx, cy), (nx, ny) in edges for x, y in a)
+
+
+def gap(a: Polygon, b: Polygon) -> float:
+    """Distance of two convex polygons, m; negative, as deep as they overlap, if they do."""
+    depth, _ = overlap(a, b)
+    if depth >= 0.0:
+        return -depth
+    return min(_distance(point, other) for one, other in ((a, b), (b, a)) for point in one)
+
+
+def _distance(point: Point, polygon: Polygon) -> float:
+    """From a point outside a polygon to it."""
+    return min(_to_segment(point, polygon[i - 1], polygon[i]) for i in range(len(polygon)))
+
+
+def _to_segment(point: Point, a: Point, b: Point) -> float:
+    dx, dy = b[0] - a[0], b[1] - a[1]
+    squared = dx * dx + dy * dy
+    share = ((point[0] - a[0]) * dx + (point[1] - a[1]) * dy) / squared if squared else 0.0
+    share = min(1.0, max(0.0, share))
+    return math.hypot(point[0] - a[0] - share * dx, point[1] - a[1] - share * dy)
 
 
 def _extent(polygon: Polygon, direction: Point) -> tuple[float, float]:

@@ -40,13 +40,22 @@ class Part(NamedTuple):
 
     def contains(self, point: Vector3) -> bool:
         """Whether a point (m, in the body's frame) is inside or on the surface."""
-        x, y, z = rotate(conjugate(self.rotation), _minus(point, self.position))
-        half_x, half_y, half_z = (0.5 * edge for edge in self.size)
+        return self.signed_distance(point)[0] <= 0.0
+
+    def signed_distance(self, point: Vector3) -> tuple[float, Vector3]:
+        """How far (m) a point in the body's frame is outside, negative within, and the unit vector out of it there."""
+        x, y, z = local = rotate(conjugate(self.rotation), _minus(point, self.position))
+        half = 0.5 * self.size[0]
         if self.kind == "sphere":
-            return math.hypot(x, y, z) <= half_x
-        if self.kind == "cylinder":
-            return math.hypot(x, y) <= half_x and abs(z) <= half_z
-        return abs(x) <= half_x and abs(y) <= half_y and abs(z) <= half_z
+            length = math.hypot(x, y, z)
+            distance, normal = length - half, (x / length, y / length, z / length) if length else (0.0, 0.0, 1.0)
+        elif self.kind == "cylinder":
+            length = math.hypot(x, y)
+            radial = (x / length, y / length, 0.0) if length else (1.0, 0.0, 0.0)
+            distance, normal = _from_faces([(length - half, radial), _from_face(local, self.size, 2)])
+        else:
+            distance, normal = _from_faces([_from_face(local, self.size, axis) for axis in range(3)])
+        return distance, rotate(self.rotation, normal)
 
 
 Shape = tuple[Part, ...]
@@ -115,6 +124,23 @@ def _extent(part: Part) -> Vector3:
         return x, y, z
     x, y, z = (0.5 * sum(abs(a) * edge for a, edge in zip(row, part.size, strict=True)) for row in rows)
     return x, y, z
+
+
+def _from_face(point: Vector3, size: Vector3, axis: int) -> tuple[float, Vector3]:
+    """How far (m) a point is beyond the nearer one of the two faces of a box across an axis, and its normal."""
+    sign = math.copysign(1.0, point[axis])
+    normal = (sign * (axis == 0), sign * (axis == 1), sign * (axis == 2))
+    return abs(point[axis]) - 0.5 * size[axis], normal
+
+
+def _from_faces(faces: Sequence[tuple[float, Vector3]]) -> tuple[float, Vector3]:
+    """Signed distance and normal at a point, from those of faces in orthogonal directions."""
+    beyond = [(distance, normal) for distance, normal in faces if distance > 0.0]
+    if not beyond:
+        return max(faces)
+    distance = math.hypot(*(distance for distance, _ in beyond))
+    x, y, z = (sum(part * normal[k] for part, normal in beyond) / distance for k in range(3))
+    return distance, (x, y, z)
 
 
 def _minus(a: Vector3, b: Vector3) -> Vector3:

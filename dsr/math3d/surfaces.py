@@ -7,7 +7,6 @@ their end.
 from __future__ import annotations
 
 import functools
-import itertools
 import math
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -16,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsr.math3d import quaternions
+from dsr.math3d.boxes import CORNERS
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Part, PartKind, Shape, box
 
@@ -66,7 +66,7 @@ def surface(shape: Shape, size: Vector3, count: int = _POINTS) -> Surface:
     spacing = math.sqrt(sum(_area(part) for part in parts) / count)
     pieces = [_placed(part, piece) for part in parts for piece in _pieces(part, spacing)]
     points, normals, areas = (np.concatenate(arrays) for arrays in zip(*pieces, strict=True))
-    outside = ~_inside_any(parts, points + GAP * normals)
+    outside = signed_distances(parts, size, points + GAP * normals) > 0.0
     return Surface(points[outside], normals[outside], areas[outside])
 
 
@@ -225,18 +225,6 @@ def _through_round(start: Array, ray: Array, radius: Array) -> tuple[Array, Arra
     return np.where(missed, np.inf, (-b - root) / a), np.where(missed, -np.inf, (-b + root) / a)
 
 
-def _inside_any(parts: Shape, points: Array) -> Flags:
-    solids = Solids.of(parts)
-    local = solids.into(points)
-    flat = (np.abs(local) <= solids.half[:, None]).all(axis=2)
-    radius = solids.half[:, :1]
-    round_section = np.hypot(local[..., 0], local[..., 1]) <= radius
-    ball = np.sqrt((local * local).sum(axis=2)) <= radius
-    kinds = solids.kinds[:, None]
-    hit = np.where(kinds == 0, True, np.where(kinds == 1, round_section, ball))
-    return np.asarray((flat & hit).any(axis=0))
-
-
 def _is_thing(part: Part) -> bool:
     return min(part.size) >= _THIN and max(*part.size, *map(abs, part.position)) <= _VAST
 
@@ -257,8 +245,7 @@ def _edges(part: Part, world_from_body: Array) -> Array:
         below = np.minimum(outwards[:, :2] @ up[:2], outwards[:, 2] * up[2]) < _FACING
         edges = outwards[below] * half
     else:
-        outwards = np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
-        edges = outwards[(outwards * up).min(axis=1) < _FACING] * half
+        edges = CORNERS[(CORNERS * up).min(axis=1) < _FACING] * half
     return np.asarray(edges @ turn.T + part.position)
 
 

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+from dsr.math3d import polygons
 from dsr.math3d.polygons import Point, hull
 from dsr.math3d.quaternions import Rows3, Vector3, to_matrix
 from dsr.math3d.transforms import Pose
@@ -77,53 +77,20 @@ class Box:
 def overlap(a: Box, b: Box) -> float:
     """How far the footprints reach into each other (m): how far one must be moved until they only touch.
 
-    Negative if they are apart (then no more than the distance). By the separating axis theorem.
+    Negative if they are apart (then no more than the distance).
     """
     (ax, ay, _), (bx, by, _) = a.pose.t, b.pose.t
     apart = math.hypot(ax - bx, ay - by) - 0.5 * (a.diagonal + b.diagonal)
     if apart > 0.0:
         return -apart
-    depths = []
-    for polygon in (a.footprint, b.footprint):
-        for nx, ny in _normals(polygon):
-            along_a = [nx * x + ny * y for x, y in a.footprint]
-            along_b = [nx * x + ny * y for x, y in b.footprint]
-            depths.append(min(max(along_a) - min(along_b), max(along_b) - min(along_a)))
-    return min(depths)
+    return polygons.overlap(a.footprint, b.footprint)[0]
 
 
 def inclusion(a: Box, b: Box) -> float:
     """How far the footprint of `a` stays within that of `b` (m); negative: how far it sticks out."""
-    edges = zip(b.footprint, _normals(b.footprint), strict=True)
-    return min(nx * (cx - x) + ny * (cy - y) for (cx, cy), (nx, ny) in edges for x, y in a.footprint)
+    return polygons.inclusion(a.footprint, b.footprint)
 
 
 def gap(a: Box, b: Box) -> float:
     """Distance between the footprints, m; negative, as deep as they overlap, if they do."""
-    depth = overlap(a, b)
-    if depth >= 0.0:
-        return -depth
-    p, q = a.footprint, b.footprint
-    return min(*(_distance(point, q) for point in p), *(_distance(point, p) for point in q))
-
-
-def _normals(polygon: Sequence[Point]) -> list[Point]:
-    """Unit normals of its edges, outward; the first belongs to the edge from the first corner to the second."""
-    found = []
-    for (ax, ay), (bx, by) in zip(polygon, (*polygon[1:], polygon[0]), strict=True):
-        length = math.hypot(bx - ax, by - ay) or 1.0
-        found.append(((by - ay) / length, (ax - bx) / length))
-    return found
-
-
-def _distance(point: Point, polygon: Sequence[Point]) -> float:
-    """From a point outside a polygon to it."""
-    return min(_to_segment(point, a, b) for a, b in zip(polygon, (*polygon[1:], polygon[0]), strict=True))
-
-
-def _to_segment(point: Point, a: Point, b: Point) -> float:
-    dx, dy = b[0] - a[0], b[1] - a[1]
-    squared = dx * dx + dy * dy
-    share = ((point[0] - a[0]) * dx + (point[1] - a[1]) * dy) / squared if squared else 0.0
-    share = min(1.0, max(0.0, share))
-    return math.hypot(point[0] - a[0] - share * dx, point[1] - a[1] - share * dy)
+    return polygons.gap(a.footprint, b.footprint)

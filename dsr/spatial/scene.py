@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from dsr.errors import ConfigError, TransformError, suggest
-from dsr.frames.tree import WORLD
+from dsr.frames.tree import BELIEVED, WORLD
 from dsr.geometry import own_bounds
 from dsr.graph.elements import Node
 from dsr.math3d.quaternions import Vector3
@@ -15,9 +15,8 @@ from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.spatial.boxes import Box
 from dsr.spatial.definitions import ALLOCENTRIC, EGOCENTRIC, SPATIAL, View, margin
-from dsr.vocabulary.relations import MODELLED, SURFACES, THINGS
+from dsr.vocabulary.relations import MODELLED, SURFACES, THINGS, is_present
 
-_BELIEVED = ("Virtual_RT", "RT")
 _THINNEST = 1e-4  # m, of what is flat
 
 
@@ -86,7 +85,7 @@ def read_scene(memory: Memory) -> Scene:
     boxes = {}
     for kind in (*THINGS, *SURFACES, *MODELLED):
         for node in memory.nodes(kind):
-            box = None if node.get("present") is False else _box(memory, node)
+            box = None if not is_present(node) else _box(memory, node)
             if box is not None:
                 boxes[node.name] = box
     return Scene(dict(sorted(boxes.items())))
@@ -101,7 +100,7 @@ def read_view(memory: Memory, name: str) -> View:
     """
     optical = memory.node(name).type == "camera"
     try:
-        pose = memory.transform(WORLD, name, types=_BELIEVED) if name != WORLD else Pose()
+        pose = memory.transform(WORLD, name, types=BELIEVED) if name != WORLD else Pose()
     except TransformError as error:
         raise ConfigError(f"viewpoint {name!r}: {error}") from error
     return View.of(pose, optical=optical)
@@ -131,10 +130,8 @@ def box_at(memory: Memory, node: Node, world_from_node: Pose) -> Box | None:
 
 
 def _box(memory: Memory, node: Node) -> Box | None:
-    try:
-        return box_at(memory, node, memory.transform(WORLD, node.name, types=_BELIEVED))
-    except TransformError:
-        return None
+    pose = memory.get_transform(WORLD, node.name, types=BELIEVED)
+    return None if pose is None else box_at(memory, node, pose)
 
 
 def _extent(memory: Memory, node: Node) -> tuple[Vector3 | None, Vector3 | None]:

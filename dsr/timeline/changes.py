@@ -17,6 +17,7 @@ from dsr.runtime.status import SILENT_AFTER, State, Status
 from dsr.timeline.entries import EVENT, EXPLAINED, SITUATION, kind_of, read_entry
 from dsr.timeline.kinds import DERIVED, OBJECTS, RELATIONS
 from dsr.timeline.telling import Event, tell
+from dsr.vocabulary.relations import is_present
 
 EVENT_KINDS = ("explained", "surprised", "calmed", "began", "ended", "appeared", "gone", "intention", "action", "agent")
 """Kinds of the events that are read off changes; agents add their own, such as `Pick`, on the timeline in the graph."""
@@ -109,7 +110,7 @@ class Timeline:
             yield Event(now, "calmed", change.name, f"{change.name} is no longer surprising")
 
     def _presence(self, change: Change, node: Node | None, now: float) -> Iterator[Event]:
-        present = node is not None and node.get("present", True) is not False
+        present = node is not None and is_present(node)
         if present is not self._present.get(change.name, False):
             kind = "appeared" if present else "gone"
             yield Event(now, kind, change.name, f"{change.name} {kind}")

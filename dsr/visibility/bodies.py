@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dsr.errors import DsrError, SchemaError
+from dsr.frames.tree import BELIEVED, WORLD
 from dsr.geometry import own_bounds
 from dsr.graph.elements import Node
 from dsr.graph.schema import WORLD_RECORD
@@ -20,16 +21,15 @@ from dsr.math3d.surfaces import Solids
 from dsr.math3d.transforms import Array, Pose
 from dsr.memory import Memory
 from dsr.visibility.persons import HEAD, TRUNK, upright
-from dsr.visibility.perspectives import BELIEVED, PERSON
+from dsr.visibility.perspectives import PERSON
 from dsr.visibility.picture import Body
 from dsr.vocabulary.perceived import is_perceived
-from dsr.vocabulary.relations import MODELLED, SURFACES, THINGS
+from dsr.vocabulary.relations import MODELLED, SURFACES, THINGS, is_present
 
-_WORLD = "world"
 _FARTHEST = 1e4  # m from the world's origin, or across: what is said to be beyond is nowhere
 _FLAT = 2  # axes along which a mesh has an extent, at least
-_PALM = Part("box", (0.19, 0.095, 0.04), (0.03, 0.0, 0.0))
-"""What a hand hides: x towards the fingers, z out of the back."""
+_HAND = Part("box", (0.19, 0.095, 0.04), (0.03, 0.0, 0.0))
+"""What a hand hides, palm and fingers: x towards the fingers, z out of the back."""
 
 
 class Posed(NamedTuple):
@@ -64,7 +64,7 @@ def read_posed(memory: Memory) -> list[Posed]:
     formed.sort(key=lambda pair: pair[0].name)
     if not formed:
         return []
-    matrices = memory.transforms(_WORLD, [node.name for node, _ in formed], types=BELIEVED)
+    matrices = memory.transforms(WORLD, [node.name for node, _ in formed], types=BELIEVED)
     found = []
     for (node, shape), matrix in zip(formed, matrices, strict=True):
         if math.isfinite(float(matrix.sum())) and float(np.abs(matrix[:3, 3]).max()) < _FARTHEST:
@@ -113,13 +113,13 @@ def _joined(bodies: list[Body]) -> Body:
 
 
 def _shape_of(memory: Memory, node: Node, now: float) -> Shape | None:
-    if node.get("present") is False or (node.type == PERSON and not is_perceived(node, now)):
+    if not is_present(node) or (node.type == PERSON and not is_perceived(node, now)):
         return None
     size = node.get("size")
     if node.type in SURFACES and _is_size(size):
         return (Part("box", size, (0.0, 0.0, -0.5 * size[2])),)
     if node.type == "hand" and node.get("perceived") is not False:
-        return (_PALM,)
+        return (_HAND,)
     return _form_of(memory, node) or (HEAD if node.type == PERSON else None)
 
 

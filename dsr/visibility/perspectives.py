@@ -11,7 +11,8 @@ import math
 from collections.abc import Iterable
 from typing import NamedTuple
 
-from dsr.errors import ConfigError, TransformError, suggest
+from dsr.errors import ConfigError, suggest
+from dsr.frames.tree import BELIEVED, WORLD
 from dsr.graph.elements import Node
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
@@ -31,12 +32,10 @@ WIDTH = 320
 """px, of the pictures that are drawn"""
 MOST_WIDTH = 4096
 """px, of a picture"""
-BELIEVED = ("Virtual_RT", "RT")
 _WIDEST = math.radians(170.0)
 _MOST_ROWS = 4  # times the columns
 _MOST_TOLD = 256
 _told: set[str] = set()  # nodes whose field of view was warned of
-_WORLD = "world"
 GAZE = Pose((0.0, 0.0, 0.0), (-0.5, 0.5, -0.5, 0.5))
 """person_from_optical: z of the optical frame is x of the person's, and its x is minus the person's y."""
 
@@ -65,7 +64,7 @@ def read_perspectives(memory: Memory, names: Iterable[str] | None = None, width:
     """
     if not 1 <= width <= MOST_WIDTH:
         raise ConfigError(f"width {width}: expected 1 to {MOST_WIDTH} px")
-    nodes = {node.name: node for kind in PERSPECTIVES for node in memory.nodes(kind)}
+    nodes = {node.name: node for node in memory.nodes(PERSPECTIVES)}
     wanted = sorted(nodes) if names is None else list(names)
     for name in wanted:
         if name not in nodes:
@@ -77,9 +76,8 @@ def read_perspectives(memory: Memory, names: Iterable[str] | None = None, width:
 def _perspective(memory: Memory, node: Node, width: int) -> Perspective | None:
     if node.type == PERSON and not is_perceived(node, memory.clock.now()):
         return None
-    try:
-        pose = memory.transform(_WORLD, node.name, types=BELIEVED)
-    except TransformError:
+    pose = memory.get_transform(WORLD, node.name, types=BELIEVED)
+    if pose is None:
         return None
     view = pose @ GAZE if node.type == PERSON else pose
     return Perspective(node.name, view, lens_of(node, width))

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dsr.math3d.boxes import CORNERS
 from dsr.math3d.surfaces import Solids, crossings
 from dsr.math3d.transforms import Pose
 from dsr.visibility.triangles import draw_triangles
@@ -26,7 +27,6 @@ NEAREST = 1e-3
 _MARGIN = 0.005  # m around a part within which an eye counts as in it: it hides nothing from that eye
 _LEVEL = 1e-12  # stands for the slope of a bound that does not depend on the column
 _ROUNDING = 1e-9  # of a nearness, by which a body that touches another is no less near
-_CORNERS = np.array([[x, y, z] for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 
 
 class Body(NamedTuple):
@@ -223,7 +223,7 @@ class _Parts(NamedTuple):
 
     def windows(self, lens: Intrinsics) -> dict[int, Window]:
         """Around each part that may be seen."""
-        corners = self.centres[:, None] + (_CORNERS * self.half[:, None]) @ self.axes.transpose(0, 2, 1)
+        corners = self.centres[:, None] + (CORNERS * self.half[:, None]) @ self.axes.transpose(0, 2, 1)
         depth = corners[..., 2]
         ahead: Flags = np.greater(depth, NEAREST)
         safe = np.where(ahead, depth, 1.0)

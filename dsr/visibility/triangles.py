@@ -52,13 +52,13 @@ def _around(corners: Array, lens: Intrinsics, nearest: float) -> tuple[Array, Ar
     """Least and greatest pixel (n, 2) of what of triangles is beyond `nearest`; each has a corner there."""
     ahead = corners[..., 2] > nearest
     if ahead.all():
-        pixels = _pixels(corners, lens)
+        pixels = lens.project(corners)
         return pixels.min(axis=1), pixels.max(axis=1)
-    pixels = _pixels(np.where(ahead[..., None], corners, 1.0), lens)
+    pixels = lens.project(np.where(ahead[..., None], corners, 1.0))
     first = np.where(ahead[..., None], pixels, np.inf).min(axis=1)
     last = np.where(ahead[..., None], pixels, -np.inf).max(axis=1)
     crossing = np.flatnonzero(~ahead.all(axis=1))
-    cuts = _pixels(_cuts(corners[crossing], ahead[crossing], nearest), lens)
+    cuts = lens.project(_cuts(corners[crossing], ahead[crossing], nearest))
     first[crossing] = np.minimum(first[crossing], cuts.min(axis=1))
     last[crossing] = np.maximum(last[crossing], cuts.max(axis=1))
     return first, last
@@ -73,12 +73,6 @@ def _cuts(corners: Array, ahead: NDArray[np.bool_], nearest: float) -> Array:
     cuts: Array = tip + share * (others - tip)
     cuts[..., 2] = nearest
     return cuts
-
-
-def _pixels(points: Array, lens: Intrinsics) -> Array:
-    """(..., 2) of points (..., 3)"""
-    pixels: Array = points[..., :2] / points[..., 2:] * (lens.fx, lens.fy) + (lens.cx, lens.cy)
-    return pixels
 
 
 def _draw(
@@ -99,7 +93,7 @@ def _draw(
     number = np.arange(len(triangle)) - np.repeat(np.cumsum(counts) - counts, counts)
     width = (high - low)[triangle, 0]
     u, v = low[triangle, 0] + number % width, low[triangle, 1] + number // width
-    rays = np.stack([(u - lens.cx) / lens.fx, (v - lens.cy) / lens.fy, np.ones(len(u))], axis=1)
+    rays = lens.rays(np.column_stack([u, v]))
     sides = np.cross(np.roll(corners, -1, axis=1), np.roll(corners, -2, axis=1))  # side k is opposite to corner k
     volume = np.einsum("nj,nj->n", corners[:, 0], sides[:, 0])
     flat = np.abs(volume) < _THIN

@@ -1,15 +1,20 @@
-"""Intrinsics of a camera: how points before it come into its image."""
+"""Intrinsics of a camera: how points before it come into its image, and back."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from dsr.graph.elements import Node
 from dsr.math3d.transforms import Array
 
 INTRINSICS = ("fx", "fy", "cx", "cy", "width", "height")
 """Attributes of a camera's node that tell them."""
+_MOST_PIXELS = 1e5
+"""px, no focal length or principal point is beyond."""
 
 
 class Intrinsics(msgspec.Struct, frozen=True):
@@ -31,10 +36,41 @@ class Intrinsics(msgspec.Struct, frozen=True):
         focal = width / 2 / float(np.tan(fov / 2))
         return Intrinsics(focal, focal, (width - 1) / 2, (height - 1) / 2, width, height)
 
+    @staticmethod
+    def from_meta(meta: Mapping[str, float | int | str], shape: tuple[int, ...]) -> Intrinsics:
+        """Those that a frame with images of `shape` (height, width, ...) tells beside them: fx, fy, cx, cy in px.
+
+        Raises:
+            ValueError: if one is missing, or no camera has such ones.
+        """
+        missing = [name for name in INTRINSICS[:4] if not isinstance(meta.get(name), (int, float))]
+        if missing:
+            raise ValueError(f"intrinsics {', '.join(missing)} missing; expected numbers fx, fy, cx, cy in px")
+        fx, fy, cx, cy = values = tuple(float(meta[name]) for name in INTRINSICS[:4])
+        if not (min(fx, fy) >= 1.0 and all(abs(value) <= _MOST_PIXELS for value in values)):
+            raise ValueError(f"intrinsics {values}: expected fx, fy >= 1 px and none beyond {_MOST_PIXELS} px")
+        return Intrinsics(fx, fy, cx, cy, shape[1], shape[0])
+
+    @property
+    def matrix(self) -> Array:
+        """(3, 3) camera matrix, px."""
+        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
     def project(self, points: Array) -> Array:
-        """Pixels (n, 2) of points (n, 3) m in the optical frame (z forward, x right, y down), with z > 0."""
-        pixels: Array = points[:, :2] / points[:, 2:] * np.array([self.fx, self.fy]) + np.array([self.cx, self.cy])
+        """Pixels (..., 2) of points (..., 3) m in the optical frame (z forward, x right, y down), with z > 0."""
+        pixels: Array = points[..., :2] / points[..., 2:] * (self.fx, self.fy) + (self.cx, self.cy)
         return pixels
+
+    def rays(self, pixels: Array) -> Array:
+        """Viewing rays (..., 3) with z = 1 through pixels (..., 2)."""
+        xy = (pixels - (self.cx, self.cy)) / (self.fx, self.fy)
+        return np.concatenate([xy, np.ones((*xy.shape[:-1], 1))], axis=-1)
+
+    def slopes(self) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """The x (width,) of the viewing rays with z = 1 of all columns, and the y (height,) of all rows."""
+        x = (np.arange(self.width, dtype=np.float32) - self.cx) / self.fx
+        y = (np.arange(self.height, dtype=np.float32) - self.cy) / self.fy
+        return x, y
 
 
 def read_intrinsics(camera: Node) -> Intrinsics | None:

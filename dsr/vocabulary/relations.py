@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from dsr.graph.elements import Node
 from dsr.memory import Memory
 
 THINGS = ("cube", "box", "container", "cup", "ball")
@@ -80,6 +82,26 @@ class Relations:
         return free and all(support != thing for _, support in self.on)
 
 
+def nodes_by_name(memory: Memory, types: str | Iterable[str]) -> list[Node]:
+    """The nodes of one type or several, in the order of their names. Raises `SchemaError` for an unknown type."""
+    return sorted(memory.nodes(types), key=lambda node: node.name)
+
+
+def is_present(node: Node) -> bool:
+    """Whether a thing is believed to be in the scene."""
+    return node.get("present", True) is not False
+
+
+def present_things(memory: Memory) -> list[Node]:
+    """The things that are believed to be in the scene."""
+    return [node for node in memory.nodes(THINGS) if is_present(node)]
+
+
+def grasped_things(memory: Memory) -> set[str]:
+    """Names of what is held or touched, by whatever hand or gripper."""
+    return {edge.dst for edge in memory.edges("grasping")}
+
+
 def read_relations(memory: Memory) -> Relations:
     """Read the present relations of `memory`.
 
@@ -87,9 +109,9 @@ def read_relations(memory: Memory) -> Relations:
     """
     grasps = [(edge.src, edge.dst) for edge in memory.edges("grasping")]
     grasped = {thing for _, thing in grasps}
-    nodes = [node for kind in THINGS for node in memory.nodes(kind) if node.get("present") is not False]
-    things = frozenset(node.name for node in nodes if node.name in grasped or memory.edges("Virtual_RT", dst=node.name))
-    tables = frozenset(node.name for kind in SURFACES for node in memory.nodes(kind))
+    names = (node.name for node in present_things(memory))
+    things = frozenset(name for name in names if name in grasped or memory.edges("Virtual_RT", dst=name))
+    tables = frozenset(node.name for node in memory.nodes(SURFACES))
     grippers = {node.name for node in memory.nodes("gripper")}
     return Relations(
         things=things,

@@ -1,9 +1,11 @@
-"""Names of things of which the robot knows nothing but their tag."""
+"""Tags on things: how large they are, and what the robot calls a thing of which it knows nothing but its tag."""
 
 from __future__ import annotations
 
 COUNT = 587
 """Ids of AprilTags of the family 36h11, from 0."""
+TAG_RATIO = 0.8
+"""Side of a tag (its black border) over the shorter side of the face (+z) that carries it, in its middle."""
 _PREFIX = "cube_"
 
 

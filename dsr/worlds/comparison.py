@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from dsr.errors import TransformError
-from dsr.frames.tree import Types
+from dsr.frames.tree import BELIEVED
 from dsr.graph.elements import Edge, Node
 from dsr.math3d.transforms import Pose
 from dsr.worlds.registry import ROOT, VIA
@@ -17,7 +16,6 @@ from dsr.worlds.registry import ROOT, VIA
 if TYPE_CHECKING:
     from dsr.memory import Memory
 
-_BELIEVED: Types = ("Virtual_RT", "RT")
 
 
 class Tolerance(msgspec.Struct, frozen=True):
@@ -159,17 +157,10 @@ def _moved_edge(one: Edge, other: Edge, limits: Tolerance) -> MovedEdge | None:
 
 
 def _moved_node(name: str, first: Memory, second: Memory, limits: Tolerance) -> MovedNode | None:
-    here, there = _place(first, name), _place(second, name)
+    here, there = (world.get_transform(ROOT, name, types=BELIEVED) for world in (first, second))
     if here is None and there is None:
         return None
     if here is None or there is None:
         return MovedNode(name, math.inf, 0.0)
     metres, radians = here.distance(there)
     return None if _is_near(metres, radians, limits) else MovedNode(name, metres, radians)
-
-
-def _place(memory: Memory, name: str) -> Pose | None:
-    try:
-        return memory.transform(ROOT, name, types=_BELIEVED)
-    except TransformError:
-        return None

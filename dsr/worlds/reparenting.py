@@ -6,7 +6,8 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, NamedTuple
 
 from dsr.crdt.delta import EdgeKey
-from dsr.errors import CycleError, NodeNotFoundError, TransformError
+from dsr.errors import CycleError, NodeNotFoundError
+from dsr.frames.tree import BELIEVED
 from dsr.graph.elements import Edge, Node
 from dsr.math3d.transforms import Pose
 from dsr.worlds.registry import VIA
@@ -14,7 +15,7 @@ from dsr.worlds.registry import VIA
 if TYPE_CHECKING:
     from dsr.memory import Memory
 
-FRAMES = {"RT": ("RT",), "Virtual_RT": ("Virtual_RT", "RT")}
+FRAMES = {"RT": ("RT",), "Virtual_RT": BELIEVED}
 """Edge types that place a node, each with those by which its chain goes on upwards."""
 _SAME = 1e-9  # m, rad
 
@@ -138,10 +139,8 @@ class Reparenting:
         parent = next((name for name in _ancestors(memory, edge.src, types) if name in self._target), None)
         if parent is None:
             return None
-        try:
-            return _Place(parent, memory.transform(parent, edge.dst, types=types), via)
-        except TransformError:
-            return None
+        pose = memory.get_transform(parent, edge.dst, types=types)
+        return None if pose is None else _Place(parent, pose, via)
 
     def _is_passed_on(self, key: EdgeKey) -> bool:
         """Whether the sources have such an edge themselves."""

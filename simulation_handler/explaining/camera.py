@@ -10,6 +10,7 @@ from itertools import combinations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dsr.math3d.batches import rigid_fit
 from dsr.math3d.quaternions import Quaternion
 from dsr.vocabulary import nats
 from simulation_handler.explaining.hypotheses import Hypothesis
@@ -110,13 +111,10 @@ def _displacement(situation: Situation, names: Collection[str]) -> float:
 
 
 def _motion(situation: Situation, names: Collection[str]) -> tuple[Array, Array]:
-    """Rotation (3, 3) and shift (3,) that bring what is seen closest to what is believed (Kabsch, 1976)."""
+    """Rotation (3, 3) and shift (3,) that bring what is seen closest to what is believed."""
     seen = np.concatenate([_points(situation.seen[n].shown, _tells_rotation(situation, n)) for n in names])
     believed = np.concatenate([_points(situation.believed[n], _tells_rotation(situation, n)) for n in names])
-    left, _, right = np.linalg.svd((seen - seen.mean(0)).T @ (believed - believed.mean(0)))
-    sign = np.sign(np.linalg.det(right.T @ left.T))
-    rotation: Array = right.T @ np.diag((1.0, 1.0, sign)) @ left.T
-    return rotation, believed.mean(0) - rotation @ seen.mean(0)
+    return rigid_fit(seen, believed)
 
 
 def _points(solid: Solid, has_rotation: bool) -> Array:

@@ -6,7 +6,7 @@ import contextlib
 import logging
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -22,7 +22,7 @@ from dsr.perception.percepts import Percept, PerceptReader
 from dsr.vocabulary.calibration import CONFIRMED, IN_DOUBT
 from dsr.vocabulary.intentions import RUNNING
 from dsr.vocabulary.perceived import is_perceived
-from dsr.vocabulary.relations import SURFACES, THINGS
+from dsr.vocabulary.relations import SURFACES, THINGS, nodes_by_name
 from simulation_handler.graph_io.recalling import Recalling
 from simulation_handler.hands.state import HandPercept
 from simulation_handler.motion.holding import Grasp
@@ -68,8 +68,8 @@ class Reading:
         if self._recalling is None:
             self._recalling = Recalling(self._memory, self._belief)
             self._recalling.recall_explanations(now)
-        fixtures = {node.name: node for node in self._nodes(FIXTURES)}
-        present = {node.name: node for node in self._nodes(OBJECTS)}
+        fixtures = {node.name: node for node in nodes_by_name(self._memory, FIXTURES)}
+        present = {node.name: node for node in nodes_by_name(self._memory, OBJECTS)}
         for name in sorted((self._known.keys() | self._fixed) - present.keys() - fixtures.keys()):
             self._forget(name)
         for name, node in fixtures.items():
@@ -111,9 +111,9 @@ class Reading:
 
     def _hands(self, now: float) -> dict[str, HandPercept]:
         """The human hands whose place is known."""
-        fingers = {node.name: node for node in self._nodes(("finger",))}
+        fingers = {node.name: node for node in nodes_by_name(self._memory, ("finger",))}
         hands: dict[str, HandPercept] = {}
-        for node in self._nodes(("hand",)):
+        for node in nodes_by_name(self._memory, ("hand",)):
             with self._skipping(node.name):
                 pose = self._placed(node)
                 tips = {
@@ -135,9 +135,6 @@ class Reading:
             raise SchemaError(f"{node}: {math.hypot(*pose.t):.3g} m from the world's origin; at most {_FARTHEST}")
         checked: Pose = pose
         return checked
-
-    def _nodes(self, types: Iterable[str]) -> list[Node]:
-        return sorted((node for type in types for node in self._memory.nodes(type)), key=lambda node: node.name)
 
     def _note_fixture(self, node: Node) -> None:
         """Put a table where its node says: the frame is at the centre of its top; what has a mesh once that is here."""

@@ -9,6 +9,7 @@ from dsr.graph.elements import Node
 from dsr.memory import Memory
 from dsr.timeline import EXPLAINED, query
 from dsr.vocabulary.explained import changes_of
+from dsr.vocabulary.relations import is_present
 from simulation_handler.contact.relations import BOUNDS, CONTACT
 from simulation_handler.explaining.explainer import EXPLANATION
 from simulation_handler.hands.state import TOUCH, HandGrasp
@@ -44,7 +45,7 @@ class Recalling:
             self._belief.recall(node.name, edge.pose, held=node.get("plausible") is False)
             self._recall_relations(node, now)
             return max(self._lived_until, edge.pose.stamp)
-        if node.get("present") is False:
+        if not is_present(node):
             self._belief.recall_gone(node.name)
             return self._lived_until
         return -math.inf

@@ -21,7 +21,7 @@ from dsr.visibility.persons import HEAD, TRUNK, upright
 from dsr.vocabulary.calibration import pose_of, provisional
 from dsr.vocabulary.intrinsics import Intrinsics, read_intrinsics
 from dsr.vocabulary.perceived import MOST_SILENT, is_perceived, seconds_unseen
-from dsr.vocabulary.relations import SURFACES, THINGS
+from dsr.vocabulary.relations import SURFACES, THINGS, nodes_by_name
 from simulation_handler.graph_io.reading import MODELLED
 from simulation_handler.hands.figures import hand_solid
 from simulation_handler.perception.sight import View
@@ -35,7 +35,7 @@ _FINGER = re.compile(r"_finger_([0-4])$")
 
 def views(memory: Memory) -> list[View]:
     """All cameras whose place and intrinsics are known, by name; now, or when their chains were last known."""
-    nodes = sorted(memory.nodes("camera"), key=lambda node: node.name)
+    nodes = nodes_by_name(memory, "camera")
     return [
         _view(memory, node.name, pose, intrinsics)
         for node, pose in zip(nodes, _places(memory, nodes), strict=True)
@@ -56,14 +56,14 @@ def _mount_covariance(memory: Memory, camera: str) -> Array | None:
 
 def obstacles(memory: Memory) -> list[Solid]:
     """Boxes around parts of bodies (`bounds`), and tables, where they are now. What cannot be used is left out."""
-    tables = sorted((node for type in SURFACES for node in memory.nodes(type)), key=lambda node: node.name)
+    tables = nodes_by_name(memory, SURFACES)
     return _boxes(memory, [*_parts(memory), *tables])
 
 
 def _parts(memory: Memory) -> list[Node]:
     """Parts of bodies that hide what is behind them, by name; of persons, those who are there."""
     now = memory.clock.now()
-    found = (node for type in PARTS for node in memory.nodes(type) if "bounds" in node)
+    found = (node for node in memory.nodes(PARTS) if "bounds" in node)
     there = (node for node in found if node.type != PERSON or is_perceived(node, now))
     return sorted(there, key=lambda node: node.name)
 
@@ -101,7 +101,7 @@ def modelled(memory: Memory, forms: Forms) -> list[Solid]:
     left out.
     """
     found = []
-    for node in sorted(memory.nodes(MODELLED), key=lambda node: node.name):
+    for node in nodes_by_name(memory, MODELLED):
         with contextlib.suppress(DsrError):
             form = forms.of(node)
             if form is not None and form.is_true:
@@ -113,7 +113,7 @@ def modelled(memory: Memory, forms: Forms) -> list[Solid]:
 def hands(memory: Memory, now: float) -> list[Solid]:
     """Human hands that are in sight, or were until just before `now` (s): they may still hide something."""
     found = []
-    for node in sorted(memory.nodes("hand"), key=lambda node: node.name):
+    for node in nodes_by_name(memory, "hand"):
         pose = _measured(memory, node)
         if pose is not None and seconds_unseen(node, now) <= MOST_SILENT:
             fingers = (memory.get_node(edge.dst) for edge in memory.edges("has", src=node.name))
@@ -150,7 +150,7 @@ def _measured(memory: Memory, node: Node) -> Pose | None:
 
 def by_color(memory: Memory) -> frozenset[str]:
     """Names of the things that are recognised by their colour: they have one, and no tag."""
-    things = (node for type in THINGS for node in memory.nodes(type))
+    things = (node for node in memory.nodes(THINGS))
     return frozenset(node.name for node in things if "color" in node and "marker_id" not in node)
 
 

@@ -19,7 +19,6 @@ from simulation_handler.explaining.situation import Look
 from simulation_handler.hands.state import UNSEEN, Hand
 from simulation_handler.perception.paths import Path, between
 from simulation_handler.shapes.geometry import Solid
-from simulation_handler.shapes.surfaces import signed_distance
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
@@ -186,7 +185,7 @@ class Covering:
 
 def is_within_reach(palm: Pose, solid: Solid) -> bool:
     """Whether a hand, whose palm is there in the world, may have a body in it."""
-    return any(signed_distance(solid, (palm @ _point(grip)).t)[0] <= _REACH for grip in _GRIPS)
+    return any(solid.signed_distance((palm @ _point(grip)).t)[0] <= _REACH for grip in _GRIPS)
 
 
 def _mean(path: Path) -> Pose:

@@ -19,7 +19,6 @@ from simulation_handler.hands.touching import Touching
 from simulation_handler.perception.paths import Path
 from simulation_handler.physics.simulator import FINGER_RADIUS
 from simulation_handler.shapes.geometry import Solid
-from simulation_handler.shapes.surfaces import signed_distance
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
@@ -160,7 +159,7 @@ class Fingers:
 
     def _overlap(self, point: Vector3, thing: str) -> tuple[float, Vector3]:
         """How far (m) a sphere there is in an object, and the way out."""
-        distance, normal = signed_distance(self._loose[thing], point)
+        distance, normal = self._loose[thing].signed_distance(point)
         return FINGER_RADIUS - distance, normal
 
 

@@ -10,7 +10,6 @@ from typing import NamedTuple
 from dsr.math3d.quaternions import Vector3
 from simulation_handler.contact.relations import Relation
 from simulation_handler.shapes.geometry import Solid
-from simulation_handler.shapes.surfaces import signed_distance
 
 TIP_RADIUS = 0.008
 """m, radius of a fingertip"""
@@ -85,7 +84,7 @@ def _near(solid: Solid, point: Vector3) -> Met | None:
     """A fingertip at an object; None if it is far from it."""
     if math.dist(point, solid.position) > solid.radius + TIP_RADIUS + _REACH:
         return None
-    distance, normal = signed_distance(solid, point)
+    distance, normal = solid.signed_distance(point)
     return Met(distance - TIP_RADIUS, normal, point) if _DEEPEST <= distance - TIP_RADIUS <= _REACH else None
 
 

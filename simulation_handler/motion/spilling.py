@@ -17,7 +17,6 @@ from simulation_handler.perception.percepts import Array
 from simulation_handler.physics.rollouts.engine import Engine
 from simulation_handler.physics.rollouts.scene import Body, Placing, Scene
 from simulation_handler.shapes.geometry import Solid
-from simulation_handler.shapes.surfaces import signed_distance
 from simulation_handler.state.bodies import Bodies
 
 _WAYS = 32
@@ -155,7 +154,7 @@ def _sum(vector: Vector3, change: Array) -> Vector3:
 
 def _distance(solid: Solid, point: Vector3, reach: float) -> float:
     """How far (m) a point is from the surface of a solid, if that may be less than `reach`."""
-    return math.inf if math.dist(solid.position, point) > solid.radius + reach else signed_distance(solid, point)[0]
+    return math.inf if math.dist(solid.position, point) > solid.radius + reach else solid.signed_distance(point)[0]
 
 
 def _with(scene: Scene, body: Body) -> Scene:

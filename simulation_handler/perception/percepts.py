@@ -18,7 +18,6 @@ _ROUNDING = 1e-9
 _LONG = 2.0  # ratio of standard deviations from which the longest axis is taken for the viewing ray
 _ALIGNED = 0.95  # cosine of the angle between the two up to which that can be
 _EYE = np.eye(3)
-_HORIZONTAL = np.diag((1.0, 1.0, 0.0))
 _DOWNWARDS = np.array((0.0, 0.0, -1.0))
 
 
@@ -57,13 +56,12 @@ def make_percept(pose: Pose, stamp: float, seen_from: Vector3 | None, config: Be
     if pose.cov is None:
         depth, lateral = config.default_depth_noise, config.default_lateral_noise
         noise = lateral**2 * _EYE + (depth**2 - lateral**2) * np.outer(ray, ray)
-        turning = config.default_rotation_noise**2 * _EYE
+        turning = None
     else:
         _check_covariance(pose)
         noise, turning = pose.parent_covariances()
         noise, ray = _without_bias(noise, ray, config.depth_bias)
-    noise = noise + config.position_noise**2 * _EYE + config.depth_noise**2 * np.outer(ray, ray)
-    turning = turning + config.rotation_noise**2 * _EYE + config.tilt_noise**2 * _HORIZONTAL
+    noise, turning = config.position_covariance(noise, ray), config.rotation_covariance(turning)
     return Percept(stamp, position, pose.q, noise, turning, ray)
 
 

@@ -20,14 +20,13 @@ from dsr.math3d.shapes import Shape
 from dsr.math3d.surfaces import GAP, crossings, meets, seen_alone
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.intrinsics import Intrinsics
+from dsr.vocabulary.tags import TAG_RATIO
 from simulation_handler.shapes.geometry import Solid
 
 Array = NDArray[np.float64]
 Indexes = NDArray[np.int64]
 Flags = NDArray[np.bool_]
 
-TAG_RATIO = 0.8
-"""Side of a tag over the shorter side of the face (+z) that carries it."""
 STEEPEST = math.radians(75)
 """rad between a tag's normal and the viewing ray, beyond which it is not found"""
 SMALLEST = 12.0
@@ -293,7 +292,8 @@ def _found(camera: _Camera, bodies: _Bodies, targets: _Targets, colored: Flags, 
     depth = points[..., 2]
     ahead = depth > _LEAST
     safe = np.where(ahead, depth, 1.0)
-    u, v = points[..., 0] / safe * lens.fx + lens.cx, points[..., 1] / safe * lens.fy + lens.cy
+    pixels = lens.project(np.where(ahead[..., None], points, 1.0))
+    u, v = pixels[..., 0], pixels[..., 1]
     ray = targets.middle - camera.eye
     across, down = _margins(camera.view, ray @ camera.turn).T[..., None]
     inside: Flags = ahead & (u >= across) & (u <= lens.width - 1 - across)

@@ -14,7 +14,7 @@ from functools import cached_property
 from dsr.math3d import quaternions
 from dsr.math3d.polygons import Point, Polygon, hull
 from dsr.math3d.quaternions import Quaternion, Vector3
-from dsr.math3d.shapes import Part, PartKind, Shape
+from dsr.math3d.shapes import Part, PartKind, Shape, box
 from dsr.math3d.transforms import Pose
 from simulation_handler.shapes.faces import depth, dot, faces
 
@@ -126,6 +126,13 @@ class Solid:
         if self.kind == "cylinder":
             return abs(abs(quaternions.to_matrix(self.rotation)[2][2]) - 1.0) < _LEVEL
         return self.kind == "sphere"
+
+    def signed_distance(self, point: Vector3) -> tuple[float, Vector3]:
+        """How far (m) a point in the world is outside, negative within, and the unit vector out of it there."""
+        away = (point[0] - self.position[0], point[1] - self.position[1], point[2] - self.position[2])
+        local = quaternions.rotate(quaternions.conjugate(self.rotation), away)
+        distance, normal = min(part.signed_distance(local) for part in self.shape or box(self.size))
+        return distance, quaternions.rotate(self.rotation, normal)
 
     def moved(self, position: Vector3) -> Solid:
         """The same solid elsewhere."""

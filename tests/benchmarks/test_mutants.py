@@ -158,8 +158,16 @@ def test_measurements_are_kept_for_the_next_run_and_made_anew_for_changed_tests(
     assert [one.verdict for one in tried(toy, *only).mutants] == ["survived"]
 
 
+def test_what_runs_in_child_processes_only_is_tried_with_all_tests_of_its_package(toy: Path) -> None:
+    child = "import subprocess, sys\n\ndef test_it(): subprocess.run([sys.executable, '-m', 'toy.program'], check=True)"
+    (toy / "tests/toy/test_all.py").write_text(child)
+    (toy / "toy/program.py").write_text("def main():\n    code = max(0, 1)\n    raise SystemExit(code - 1)\n\nmain()\n")
+    (mutant,) = tried(toy, "--only", "toy/program.py:2:12:min-max").mutants
+    assert (mutant.verdict, mutant.stage, mutant.test) == ("caught", "package", "tests/toy/test_all.py::test_it")
+
+
 def test_what_does_not_end_is_caught(toy: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(trial, "_START", 3.0)
+    monkeypatch.setattr(trial, "_START", 10.0)
     (mutant,) = tried(toy, "--only", "toy/counting.py:14:9:delete").mutants
     assert (mutant.verdict, mutant.test) == ("timed out", "tests/toy/test_counting.py::test_down")
 

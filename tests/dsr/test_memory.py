@@ -38,6 +38,10 @@ def test_what_was_written_is_read(net: Net) -> None:
     edge = memory.edge("world", "cube_3", "RT")
     assert edge["translation"].tolist() == [0.3, 0.1, 0.02] and edge["stamp"] == 5.0 and "covariance" not in edge
     assert memory.transform("table", "cube_3").t == pytest.approx((0, 0.1, 0.02))
+    assert memory.get_transform("table", "cube_3") == memory.transform("table", "cube_3")
+    assert memory.nodes(("table", "cube")) == memory.nodes("table") + memory.nodes("cube")
+    with pytest.raises(SchemaError):
+        memory.nodes(("table", "no such type"))
 
 
 def test_views_are_live(net: Net) -> None:
@@ -79,6 +83,7 @@ def test_removing_a_node_removes_its_edges_for_good(net: Net) -> None:
     assert memory.edges(dst="cube_3") == [] and "mass" not in memory.node("cube_3")
     with pytest.raises(NoPathError):
         memory.transform("world", "cube_3")
+    assert memory.get_transform("world", "cube_3") is None
 
 
 def test_attributes_and_edges_can_be_taken_away(net: Net) -> None:

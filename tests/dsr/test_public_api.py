@@ -28,7 +28,8 @@ MODULES = {
     },
     "dsr.vocabulary.intrinsics": {"INTRINSICS", "Intrinsics", "read_intrinsics"},
     "dsr.vocabulary.relations": {
-        "ARITY", "MODELLED", "SURFACES", "THINGS", "Pair", "Relation", "Relations", "read_relations",
+        "ARITY", "MODELLED", "SURFACES", "THINGS", "Pair", "Relation", "Relations", "grasped_things", "is_present",
+        "nodes_by_name", "present_things", "read_relations",
     },
     "dsr.spatial": {
         "ALLOCENTRIC", "Box", "EDGE_TYPES", "EGOCENTRIC", "EPSILON", "Fact", "Hysteresis", "MIRRORED", "QUERY",

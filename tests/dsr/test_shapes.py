@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -11,6 +12,7 @@ from hypothesis import strategies as st
 from dsr.errors import SchemaError
 from dsr.math3d.quaternions import from_rotvec
 from dsr.math3d.shapes import Part, bounds, box, centred, from_numbers, to_numbers
+from dsr.math3d.surfaces import signed_distances
 
 EDGE = st.floats(0.01, 1.0)
 SIZE = st.tuples(EDGE, EDGE, EDGE)
@@ -32,6 +34,19 @@ def test_what_a_part_contains_is_within_its_bounds(part: Part, point: tuple[floa
     if part.contains(point):
         assert all(a - 1e-9 <= x <= b + 1e-9 for a, x, b in zip(low, point, high, strict=True))
     assert part.contains(part.position)
+
+
+@given(PART, VECTOR)
+def test_the_nearest_point_of_a_surface_is_a_distance_along_the_normal(
+    part: Part, point: tuple[float, float, float]
+) -> None:
+    distance, normal = part.signed_distance(point)
+    assert distance == pytest.approx(float(signed_distances((part,), part.size, np.array([point]))[0]), abs=1e-9)
+    assert math.hypot(*normal) == pytest.approx(1.0)
+    assert part.contains(point) == (distance <= 0.0)
+    if distance > 1e-6:
+        x, y, z = (value - distance * way for value, way in zip(point, normal, strict=True))
+        assert part.signed_distance((x, y, z))[0] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_bounds_touch_the_surface() -> None:

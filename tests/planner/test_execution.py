@@ -284,6 +284,17 @@ def test_a_killed_planner_goes_on_from_the_graph(skill: str, after: float) -> No
         assert run.memory.nodes("action") == []
 
 
+@pytest.mark.parametrize(("replans", "status"), [(0, "executing"), (1, "waiting")])
+def test_who_takes_up_an_intention_that_was_disturbed_waits_until_the_scene_is_left_alone(
+    replans: int, status: str
+) -> None:
+    with Run(calm=3.0) as run:
+        run.memory.update_node(run.want(), replans=replans)
+        run.go(2.5)
+        assert run.status == status
+        run.until("executing", 2.0)
+
+
 def test_a_planner_that_starts_again_later_finds_what_is_maintained() -> None:
     with Run() as run:
         run.want(maintain=True)

@@ -202,6 +202,15 @@ def test_objects_that_were_never_seen_are_found_beneath_a_hovering_one() -> None
     assert ("cube_2", "cube_1") in world.belief.supports()
 
 
+def test_what_hovered_stands_on_what_is_found_beneath_it_at_once() -> None:
+    world = World({f"cube_{level}": cube_at(0.45, 0.1, 0.02 + 0.04 * level) for level in range(3)})
+    world.seen = {"cube_2"}
+    while world.belief.pose("cube_0") is None:
+        world.tick()
+    assert world.error("cube_2") < 0.002
+    assert world.belief.plausible("cube_2")
+
+
 def test_what_nothing_known_carries_is_held_and_does_not_fall_again_and_again() -> None:
     world = World({"a": cube_at(0.45, 0.1, 0.10)})
     world.run(0.3)

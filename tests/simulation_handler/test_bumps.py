@@ -56,6 +56,24 @@ def test_what_rests_stays_where_it_is_believed_when_the_camera_is_bumped(seed: i
     assert set(world.texts()) == {"camera_moved()"}
 
 
+def test_what_set_out_before_the_others_showed_the_bump_is_put_back() -> None:
+    world = cups(0)
+    perceive, begin = world.percept, world.now
+    bump(world, BUMPS[0])
+    bumped = world.percept
+
+    def one_first(name: str) -> Pose:
+        return (bumped if name == "cup_1" or world.now > begin + 0.3 else perceive)(name)
+
+    world.percept = one_first  # type: ignore[method-assign]
+    errors = []
+    for _ in range(20):
+        world.tick()
+        errors.append(world.error("cup_1"))
+    assert max(errors) > 0.01
+    assert errors[-1] < 0.005
+
+
 def test_what_only_a_camera_in_doubt_shows_elsewhere_stays_until_that_is_known_to_stand() -> None:
     world = cups(0)
     world.belief.doubt_cameras({""}, standing=())

@@ -289,6 +289,16 @@ def test_a_box_that_slides_stays_on_the_table() -> None:
         assert ("box", "table") in world.belief.supports()
 
 
+def test_what_is_carried_through_the_air_does_not_sag_on_its_way() -> None:
+    world = Occlusion({"box": standing(0.3, 0.0, BOX)}, noise=0.0)
+    world.run(1.0)
+    world.move("box", standing(0.3, 0.0, BOX, on=0.2))
+    for step in range(1, 11):
+        world.move("box", standing(0.3 + 0.02 * step, 0.0, BOX, on=0.2))
+        if step > 4:  # it has caught up
+            assert world.pose("box").t[2] == pytest.approx(0.2 + 0.5 * BOX[2], abs=0.001)
+
+
 def test_what_a_hand_lays_down_out_of_sight_is_plausible_there() -> None:
     world = Occlusion({"box": standing(0.3, 0.0, BOX), "ball": standing(0.3, 0.3, BALL)})
     world.run(2.0)

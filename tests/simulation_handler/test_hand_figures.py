@@ -37,3 +37,9 @@ def test_what_is_too_far_for_a_fingertip_is_none() -> None:
     hand = hand_solid("hand", Pose.identity(), {1: (0.5, 0.0, 0.0)})
     assert not covers(hand, (0.3, 0.0, 0.0))
     assert covers(hand, (-0.15, 0.0, 0.0)), "the forearm"
+
+
+def test_the_box_around_a_hand_holds_its_fingertips_and_its_forearm() -> None:
+    hand = hand_solid("hand", Pose.identity(), {})
+    for point in ((0.113, 0.006, -0.01), (0.044, 0.072, -0.02), (-0.345, 0.055, -0.08)):
+        assert all(abs(p - q) < 0.5 * side for p, q, side in zip(point, hand.position, hand.size, strict=True))

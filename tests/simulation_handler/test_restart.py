@@ -134,6 +134,18 @@ def test_what_moved_along_unseen_was_not_last_glimpsed_where_it_stood_before(
     assert explained(table)[-1] == "moved_with_supports(cube_3; cube_4)"
 
 
+def test_what_has_just_moved_together_is_known_to_do_so_without_a_restart_too(
+    table: Table, situations: list[Situation]
+) -> None:
+    build_tower(table)
+    table.truths["cube_3"] = cube_at(0.3, 0.1, 0.06)
+    table.run(1.5)
+    del situations[:]
+    table.truths["cube_3"] = cube_at(0.3, 0.2, 0.06)
+    table.run(1.5)
+    assert situations[0].companions == {"cube_3": {"cube_4"}}
+
+
 def test_what_only_goes_on_is_not_told_anew(table: Table, monkeypatch: pytest.MonkeyPatch) -> None:
     nothing = Explanation((Change("nothing_changed"),), ("cube_5",), changes_belief=False)
     monkeypatch.setattr(ByHypotheses, "explain", lambda self, situation: nothing)

@@ -16,7 +16,6 @@ from simulation_handler.hands.carrying import levelled, without_yaw
 from simulation_handler.hands.state import PINCH, TOUCH, HandPercept
 from simulation_handler.perception.sight import Glance
 from simulation_handler.shapes.geometry import Solid
-from simulation_handler.shapes.surfaces import signed_distance
 from tests.simulation_handler.occluded import BOX, SMALL, Occlusion, standing
 from tests.simulation_handler.worlds import BALL, CUBE, ROUND, WALL, container
 
@@ -495,8 +494,8 @@ def test_hands_disturb_nothing_that_they_only_pass(seed: int) -> None:
 def test_how_far_a_point_is_from_a_body(
     solid: Solid, point: tuple[float, float, float], distance: float, normal: tuple[float, float, float]
 ) -> None:
-    assert signed_distance(solid, point)[0] == pytest.approx(distance)
-    assert signed_distance(solid, point)[1] == pytest.approx(normal)
+    assert solid.signed_distance(point)[0] == pytest.approx(distance)
+    assert solid.signed_distance(point)[1] == pytest.approx(normal)
 
 
 def test_a_hand_that_passes_along_what_it_touches_does_not_grasp_it() -> None:

@@ -14,7 +14,6 @@ from agents.arm_controller.holding import Holding
 from agents.arm_controller.joints import Joints
 from agents.arm_controller.kinematics import Chain, UnreachableError
 from agents.arm_controller.obstacles import Load, Obstacles
-from agents.arm_controller.overlap import Array
 from agents.arm_controller.room import Room
 from agents.arm_controller.routes import BlockedError, Goal, Router
 from agents.arm_controller.scene import Scene, Thing
@@ -22,6 +21,7 @@ from agents.arm_controller.shapes import Box
 from agents.arm_controller.trajectory import Trajectory
 from agents.drivers import ArmDriver
 from dsr.errors import DsrError
+from dsr.math3d.boxes import Array
 from dsr.math3d.transforms import Pose
 
 T = TypeVar("T")

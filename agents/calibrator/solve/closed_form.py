@@ -10,6 +10,7 @@ import numpy as np
 
 from agents.calibrator.solve.estimate import Estimate, equation_1
 from agents.calibrator.solve.problem import Problem
+from dsr.math3d.batches import rigid_fit
 from dsr.math3d.transforms import Array
 
 SCALE = 12.6
@@ -57,14 +58,8 @@ class _Points:
     def fit(self, weights: Array) -> Array:
         """(4, 4) camera pose that maps seen onto believed points best, each sighting weighted by `weights` (n,)."""
         by_point = (weights[:, None] * self._weights).ravel()
-        by_point = by_point / by_point.sum()
-        seen, believed = self._seen.reshape(-1, 3), self._believed.reshape(-1, 3)
-        seen_mean, believed_mean = by_point @ seen, by_point @ believed
-        moment = (believed - believed_mean).T @ (by_point[:, None] * (seen - seen_mean))
-        u, _, vt = np.linalg.svd(moment)
         pose = np.eye(4)
-        pose[:3, :3] = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
-        pose[:3, 3] = believed_mean - pose[:3, :3] @ seen_mean
+        pose[:3, :3], pose[:3, 3] = rigid_fit(self._seen.reshape(-1, 3), self._believed.reshape(-1, 3), by_point)
         return pose
 
 

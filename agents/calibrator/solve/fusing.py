@@ -7,8 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from agents.calibrator.solve import se3
 from agents.calibrator.solve.robust import OUTLIER
+from dsr.math3d import batches, transforms
 from dsr.math3d.transforms import Array, Pose
 
 MOST_INDEPENDENT = 4
@@ -36,7 +36,7 @@ def fuse(percepts: Sequence[Pose], depth_bias: float, depth_scatter: float) -> P
     middle, agreeing = _agreeing(percepts)
     mean = agreeing.mean(axis=0)
     counted = min(len(agreeing), MOST_INDEPENDENT)
-    pose = Pose.from_matrix(percepts[middle].matrix @ se3.exp(mean))
+    pose = Pose.from_matrix(percepts[middle].matrix @ transforms.exp(mean).matrix)
     ray = pose.rotation_matrix.T @ pose.translation
     ray = ray / max(float(np.linalg.norm(ray)), 1e-9)
     excess = _excess(percepts[middle], agreeing, ray, depth_bias)
@@ -51,7 +51,7 @@ def _agreeing(percepts: Sequence[Pose]) -> tuple[int, Array]:
     """The index of the percept with most agreement, and the twists (k, 6) from it to those that agree with it."""
     matrices = np.array([percept.matrix for percept in percepts])
     information = np.linalg.inv(np.array([_regular(percept.covariance) for percept in percepts]))
-    between = [se3.logs(se3.inverses(matrices[index]) @ matrices) for index in range(len(percepts))]
+    between = [batches.logs(batches.inverses(matrices[index]) @ matrices) for index in range(len(percepts))]
     squared = [np.einsum("ni,ij,nj->n", twists, 0.5 * information[i], twists) for i, twists in enumerate(between)]
     middle = int(np.argmin([np.minimum(row, OUTLIER).sum() for row in squared]))
     return middle, between[middle][squared[middle] < OUTLIER]

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.calibrator.solve import se3
+from dsr.math3d import batches
 from dsr.math3d.transforms import Array, Pose
 
 _LEAST_VARIANCES = np.array([1e-4**2] * 3 + [2e-4**2] * 3)  # m^2, rad^2: nothing is known better
@@ -50,8 +50,8 @@ class Problem:
         """(n, 4, 4) parent_from_object"""
         self.covariances = np.array([_covariance(sighting) for sighting in sightings])
         """(n, 6, 6) of the errors"""
-        self._object_from_camera = se3.inverses(self.seen)
-        self._adjoints = se3.adjoints(self._object_from_camera)
+        self._object_from_camera = batches.inverses(self.seen)
+        self._adjoints = batches.adjoints(self._object_from_camera)
         self._whitening = np.linalg.inv(np.linalg.cholesky(self.covariances))
 
     def __len__(self) -> int:
@@ -63,7 +63,7 @@ class Problem:
 
     def errors(self, pose: Array) -> Array:
         """(n, 6) errors under the camera pose (4, 4), m and rad."""
-        return se3.logs(self._object_from_camera @ (se3.inverses(pose) @ self.believed))
+        return batches.logs(self._object_from_camera @ (batches.inverses(pose) @ self.believed))
 
     def whitened(self, pose: Array) -> Array:
         """(n, 6) errors in standard deviations."""
@@ -78,7 +78,7 @@ class Problem:
     def linearised(self, pose: Array) -> tuple[Array, Array]:
         """Whitened errors (n, 6) and their derivatives (n, 6, 6) by a right perturbation of the camera pose."""
         errors = self.errors(pose)
-        derivatives = -self._whitening @ se3.inverse_left_jacobians(errors) @ self._adjoints
+        derivatives = -self._whitening @ batches.inverse_left_jacobians(errors) @ self._adjoints
         return np.einsum("nij,nj->ni", self._whitening, errors), derivatives
 
     def normal_equations(self, pose: Array, weights: Array) -> tuple[Array, Array]:

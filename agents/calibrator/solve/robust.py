@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.calibrator.solve import closed_form, se3
+from agents.calibrator.solve import closed_form
 from agents.calibrator.solve.estimate import Estimate, equation_1
 from agents.calibrator.solve.problem import Problem, solved
+from dsr.math3d import transforms
 from dsr.math3d.transforms import Array
 
 OUTLIER = 22.5
@@ -59,7 +60,7 @@ def _minimise(problem: Problem, pose: Array, whole: Problem) -> tuple[Array, lis
     for _ in range(_ITERATIONS):
         step = _step(problem, pose)
         for _ in range(_HALVINGS):
-            tried = pose @ se3.exp(step)
+            tried = pose @ transforms.exp(step).matrix
             if (reached := _loss(problem.squared(tried))) <= cost:
                 break
             step = 0.5 * step

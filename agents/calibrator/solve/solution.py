@@ -7,11 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agents.calibrator.solve import se3
 from agents.calibrator.solve.estimate import Estimate
 from agents.calibrator.solve.problem import Problem, solved
 from agents.calibrator.solve.robust import OUTLIER
-from agents.calibrator.solve.se3 import inverses, logs
+from dsr.math3d.batches import inverses, logs, skew
 from dsr.math3d.transforms import Array, Pose
 
 ARM = 0.01
@@ -53,7 +52,7 @@ def geometry_of(problem: Problem) -> Geometry:
 def _information(points: Array) -> Array:
     """(6, 6) about a twist of the camera, of points (n, 3) in its frame that are known equally well."""
     distance = np.sqrt((points**2).sum(axis=1).mean())
-    derivatives = np.concatenate([np.tile(np.eye(3), (len(points), 1, 1)), -se3.skews(points) / distance], axis=2)
+    derivatives = np.concatenate([np.tile(np.eye(3), (len(points), 1, 1)), -skew(points) / distance], axis=2)
     result: Array = np.einsum("nki,nkj->ij", derivatives, derivatives)
     return result
 

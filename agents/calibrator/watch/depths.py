@@ -12,7 +12,7 @@ from dsr.frames.tree import WORLD
 from dsr.math3d.transforms import Array, Pose
 from dsr.memory import Memory
 from dsr.perception.percepts import PerceptReader
-from dsr.vocabulary.relations import THINGS
+from dsr.vocabulary.relations import THINGS, grasped_things
 
 _SHARE = 0.1  # of the newest percept in the average
 _LEARNED = 10  # percepts after which it is known
@@ -45,7 +45,7 @@ class Depths:
 
     def learn(self, camera: str, now: float) -> None:
         """Take in what `camera` sees at time `now` (s) of what is believed to stand still."""
-        held = {edge.dst for edge in self._memory.edges("grasping")}
+        held = grasped_things(self._memory)
         believed = {
             node.name: edge["pose"]
             for kind in THINGS

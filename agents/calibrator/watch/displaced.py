@@ -19,6 +19,7 @@ from agents.calibrator.watch.views import Views
 from dsr.frames.tree import WORLD
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
+from dsr.vocabulary.relations import grasped_things
 
 LOOKBACK = 0.3
 """s before an explanation, from when beliefs are taken: it has changed them since"""
@@ -54,7 +55,7 @@ class Displaced:
 
     def update(self, now: float) -> None:
         """Take note of what is held at time `now` (s); what was moved on purpose tells nothing any more."""
-        held = {edge.dst for edge in self._memory.edges("grasping")}
+        held = grasped_things(self._memory)
         self._held |= dict.fromkeys(held, now)
         for camera, series in list(self._series.items()):
             if now - series.began > _LASTS or camera not in self._memory:

@@ -15,6 +15,7 @@ from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.network.keys import agent_of
 from dsr.vocabulary.intentions import DONE, ENDED, FAILED, HALT, NOTHING_GRASPED, PLANNED, RUN, RUNNING
+from dsr.vocabulary.relations import nodes_by_name
 
 Script = Generator[None, None, None]
 
@@ -224,6 +225,6 @@ class Touch:
         """Name, target, status and explanation of the actions `pick`."""
         return [
             (node.name, node.get("target", ""), node.get("status", ""), node.get("explanation", ""))
-            for node in sorted(self._memory.nodes("action"), key=lambda node: node.name)
+            for node in nodes_by_name(self._memory, "action")
             if node.get("skill") == "pick"
         ]

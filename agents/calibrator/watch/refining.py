@@ -14,6 +14,7 @@ from dsr.frames.tree import WORLD
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.timeline import Chronicle
+from dsr.vocabulary.relations import grasped_things
 
 _LASTS = 30.0  # s after the adoption
 _SAME = 1e-6  # m, rad
@@ -61,7 +62,7 @@ class Refining:
 
     def update(self, now: float) -> None:
         """Take in what is seen at time `now` (s), and calibrate anew if there is more of it."""
-        held = {edge.dst for edge in self._memory.edges("grasping")}
+        held = grasped_things(self._memory)
         for camera, adopted in list(self._adopted.items()):
             edge = self._memory.get_edge(WORLD, camera, "RT")
             if now > adopted.until or edge is None or max(edge["pose"].distance(adopted.pose)) > _SAME:

@@ -9,12 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from agents.calibrator.watch.decision import FEWEST
-from dsr.errors import TransformError
 from dsr.frames.tree import WORLD
 from dsr.math3d.transforms import Array, Pose
 from dsr.memory import Memory
 from dsr.perception.percepts import PerceptReader
-from dsr.vocabulary.relations import THINGS
+from dsr.vocabulary.relations import THINGS, grasped_things, present_things
 
 REACH = 2.0
 """s before a step is found, from when on what was believed may have followed it."""
@@ -31,7 +30,7 @@ _MISFIT = 4.0  # chi-squared per degree of freedom that it may leave
 
 def carried_things(memory: Memory) -> frozenset[str]:
     """Objects that are on or in others, with which they are moved."""
-    things = {node.name for kind in THINGS for node in memory.nodes(kind)}
+    things = {node.name for node in memory.nodes(THINGS)}
     return frozenset(edge.src for kind in ("on", "in") for edge in memory.edges(kind) if edge.dst in things)
 
 
@@ -70,17 +69,16 @@ class Steps:
             del self._samples[key]
 
     def _take(self, camera: str, now: float) -> None:
-        try:
-            world_from_camera = self._memory.transform(WORLD, camera)
-        except TransformError:
+        world_from_camera = self._memory.get_transform(WORLD, camera)
+        if world_from_camera is None:
             return
         metres, radians = world_from_camera.distance(self._parents.get(camera, world_from_camera))
         if metres > _STILL[0] or radians > _STILL[1]:
             self.forget(camera)
         if metres > _STILL[0] or radians > _STILL[1] or camera not in self._parents:
             self._parents[camera] = world_from_camera
-        held = {edge.dst for edge in self._memory.edges("grasping")}
-        here = {node.name for kind in THINGS for node in self._memory.nodes(kind) if node.get("present") is not False}
+        held = grasped_things(self._memory)
+        here = {node.name for node in present_things(self._memory)}
         for percept in self._percepts.new(now, here - held, (camera,)):
             place = percept.world_from_camera.apply(percept.seen.translation[None])[0]
             self._samples.setdefault((camera, percept.name), deque()).append(_Sample(percept.stamp, place))

@@ -33,7 +33,7 @@ class Surprises:
 
     def are_over(self, now: float) -> bool:
         """Whether nothing has been surprising for a while before `now` (s); to be asked all the time."""
-        if any(node.get("surprising") is True for kind in THINGS for node in self._memory.nodes(kind)):
+        if any(node.get("surprising") is True for node in self._memory.nodes(THINGS)):
             self._calm_since = None
         elif self._calm_since is None:
             self._calm_since = now

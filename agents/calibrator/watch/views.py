@@ -12,13 +12,13 @@ from agents.calibrator.config import CalibratorConfig
 from agents.calibrator.solve.fusing import fuse
 from agents.calibrator.solve.problem import Sighting
 from agents.calibrator.watch.depths import DepthError, without_error
-from dsr.errors import ConfigError, TransformError, suggest
+from dsr.errors import ConfigError, suggest
 from dsr.frames.tree import WORLD
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.perception.percepts import Percept, PerceptReader
-from dsr.vocabulary.relations import THINGS
+from dsr.vocabulary.relations import THINGS, grasped_things, present_things
 
 _MOST_PERCEPTS = 30
 """Of one object in one view."""
@@ -159,9 +159,9 @@ class Views:
 
     def update(self) -> None:
         """Take in what was seen since the last call."""
-        things = {node.name for kind in THINGS for node in self._memory.nodes(kind) if node.get("present") is not False}
+        things = {node.name for node in present_things(self._memory)}
         things -= self.stopped
-        held = {edge.dst for edge in self._memory.edges("grasping")}
+        held = grasped_things(self._memory)
         for percept in self._percepts.new(self._memory.clock.now(), things, (self.camera,)):
             if percept.stamp < self._since:
                 continue
@@ -211,9 +211,8 @@ class Views:
         return view.latest - view.began >= self._config.span
 
     def _take(self, percept: Percept, believed: Pose) -> None:
-        try:
-            world_from_parent = self._memory.transform(WORLD, self.parent, at=percept.stamp)
-        except TransformError:
+        world_from_parent = self._memory.get_transform(WORLD, self.parent, at=percept.stamp)
+        if world_from_parent is None:
             self.skipped["the camera's parent is nowhere then"] += 1
             return
         view = self._view(world_from_parent, percept.stamp)

@@ -8,18 +8,15 @@ from typing import NamedTuple
 
 import msgspec
 import numpy as np
-from numpy.typing import NDArray
 
 from dsr.math3d import quaternions
+from dsr.math3d.boxes import Array, Boxes, gaps
+from dsr.math3d.polygons import Polygon, hull
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Shape, box
-from dsr.math3d.surfaces import Solids, room_below, underside
+from dsr.math3d.surfaces import Solids, room_below, signed_distances, underside
 from dsr.math3d.transforms import Pose
 
-Array = NDArray[np.float64]
-
-_SIGNS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
-_PARALLEL = 1e-9
 _FACE = 0.4  # of an object's shorter side, from the middle of its upper face: as far as a tag reaches
 _SKIN = 1e-4  # m, below the upper face
 _STEEPEST = math.sqrt(2.0)
@@ -39,10 +36,20 @@ class Box(msgspec.Struct, frozen=True):
     """(3,) m, along its own axes"""
 
     @property
+    def as_boxes(self) -> Boxes:
+        """It alone, (1)."""
+        return Boxes(self.center[None], self.rotation[None], 0.5 * self.size[None])
+
+    @property
     def corners(self) -> Array:
         """(8, 3) m, world."""
-        corners: Array = self.center + (_SIGNS * self.size / 2) @ self.rotation.T
+        corners: Array = self.as_boxes.corners[0]
         return corners
+
+    @property
+    def footprint(self) -> Polygon:
+        """Its outline seen from above, m."""
+        return hull([(x, y) for x, y, _ in self.corners.tolist()])
 
     @property
     def bottom(self) -> float:
@@ -78,7 +85,7 @@ class Ball(msgspec.Struct, frozen=True):
 def pieces(shape: Shape, body: Box) -> list[Box | Ball]:
     """List the pieces of a body with the bounding box `body`, in the world; a cylinder counts as the box around it."""
     found: list[Box | Ball] = []
-    for part in shape or box((float(body.size[0]), float(body.size[1]), float(body.size[2]))):
+    for part in shape or box(_vector(body.size)):
         center = body.center + body.rotation @ np.array(part.position)
         if part.kind == "sphere":
             found.append(Ball(center, 0.5 * part.size[0]))
@@ -104,8 +111,7 @@ def overlap(a: Box | Ball, b: Box | Ball) -> float:
     ball, block = (a, b) if isinstance(a, Ball) else (b, a)
     assert isinstance(ball, Ball) and isinstance(block, Box)
     inside = block.rotation.T @ (ball.center - block.center)
-    outside = np.abs(inside) - 0.5 * block.size
-    return ball.radius - float(np.linalg.norm(np.maximum(outside, 0.0)) + min(0.0, outside.max()))
+    return ball.radius - float(signed_distances((), _vector(block.size), inside[None])[0])
 
 
 def upright_box(position: Iterable[float], yaw: float, size: Iterable[float]) -> Box:
@@ -116,20 +122,8 @@ def upright_box(position: Iterable[float], yaw: float, size: Iterable[float]) ->
 
 
 def penetration(a: Box, b: Box) -> float:
-    """Least distance (m) by which `a` must be moved to be free of `b`; negative: a gap along the best axis.
-
-    Separating axis theorem for oriented boxes (Gottschalk et al. 1996): 6 face normals and 9 edge pairs.
-    """
-    crosses = np.cross(a.rotation.T[:, None, :], b.rotation.T[None, :, :]).reshape(9, 3)
-    lengths = np.linalg.norm(crosses, axis=1)
-    edges = crosses[lengths > _PARALLEL] / lengths[lengths > _PARALLEL, None]
-    return _least_overlap(a, b, np.vstack([a.rotation.T, b.rotation.T, edges]))
-
-
-def footprint_overlap(a: Box, b: Box) -> float:
-    """Measure the overlap (m) of two bodies' outlines seen from above, as `penetration` does for bodies."""
-    axes = np.vstack([_horizontal_normals(a), _horizontal_normals(b)])
-    return _least_overlap(a, b, axes)
+    """Least distance (m) by which `a` must be moved to be free of `b`; negative: a gap along the best axis."""
+    return -float(gaps(a.as_boxes, b.as_boxes)[0])
 
 
 def gap_below(body: Body, others: Iterable[Body]) -> float:
@@ -155,16 +149,6 @@ def _sunk(points: Array, solids: Solids) -> float:
     return found
 
 
-def _least_overlap(a: Box, b: Box, axes: Array) -> float:
-    """Overlap of the projections (m), least over the unit `axes` (n, 3)."""
-    along_a, along_b = a.corners @ axes.T, b.corners @ axes.T
-    overlap = np.minimum(along_a.max(0) - along_b.min(0), along_b.max(0) - along_a.min(0))
-    return float(overlap.min())
-
-
-def _horizontal_normals(box: Box) -> Array:
-    """(n, 3) normals of the outline seen from above: perpendicular to the box's edges, horizontal."""
-    normals = np.cross(box.rotation.T, (0.0, 0.0, 1.0))
-    lengths = np.linalg.norm(normals, axis=1)
-    kept: Array = normals[lengths > _PARALLEL] / lengths[lengths > _PARALLEL, None]
-    return kept
+def _vector(size: Array) -> Vector3:
+    x, y, z = size.tolist()
+    return x, y, z

@@ -5,9 +5,10 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
-from agents.scenario.format.geometry import Box, footprint_overlap, overlap, penetration, pieces, upright_box
+from agents.scenario.format.geometry import Box, overlap, penetration, pieces, upright_box
 from agents.scenario.format.model import ObjectSpec, Scenario, TableSpec
 from dsr.errors import ConfigError
+from dsr.math3d import polygons
 
 TOUCH = 0.0005
 """m, how deep boxes may overlap and still count as touching only"""
@@ -86,7 +87,7 @@ def _tower_of_each(objects: list[ObjectSpec]) -> list[int]:
 
 def _stands_on(upper: Box, lower: Box) -> bool:
     touches = abs(upper.bottom - lower.top) < 2 * TOUCH
-    return touches and footprint_overlap(upper, lower) > TOUCH
+    return touches and polygons.overlap(upper.footprint, lower.footprint)[0] > TOUCH
 
 
 def _is_in(box: Box, other: Box) -> bool:

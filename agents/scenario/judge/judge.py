@@ -18,6 +18,7 @@ from agents.scenario.judge.verdicts import judge_check
 from agents.scenario.judge.worlds import WorldWatch
 from agents.scenario.truth.history import Error, Explained, History, Inferred, MissionState, Sample
 from dsr.errors import TransformError, WireError
+from dsr.frames.tree import WORLD
 from dsr.graph.elements import Node
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
@@ -191,7 +192,7 @@ class Judge:
         return Sample(
             time=time,
             truth=truth.poses(),
-            percepts=_present({name: self._percept(name) for name in nodes}),
+            percepts=_present({name: self._memory.get_transform(WORLD, name) for name in nodes}),
             beliefs=_present({name: self._belief(name) for name in nodes}),
             perceived={name: bool(node.get("perceived", False)) for name, node in nodes.items()},
             edges=frozenset((edge.type, edge.src, edge.dst) for edge in self._relations()),
@@ -242,12 +243,6 @@ class Judge:
     def _is_surprising(self, name: str) -> bool:
         node = self._memory.get_node(name)
         return node is not None and bool(node.get("surprising", False))
-
-    def _percept(self, name: str) -> Pose | None:
-        try:
-            return self._memory.transform("world", name)
-        except TransformError:
-            return None
 
     def _belief(self, name: str) -> Pose | None:
         edge = self._memory.get_edge("world", name, "Virtual_RT")

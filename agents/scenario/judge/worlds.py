@@ -9,12 +9,12 @@ from agents.scenario.format.expectations import Edges, KnownIn, Worlds
 from agents.scenario.format.model import Scenario
 from agents.scenario.judge.findings import Finding, begin_of, each, mm, pairs
 from agents.scenario.truth.history import History, Sample, WorldSample
-from dsr.errors import TransformError, TransportError, WorldNotFoundError
+from dsr.errors import TransportError, WorldNotFoundError
+from dsr.frames.tree import BELIEVED, WORLD
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.network.keys import BASE
-
-_BELIEVED = ("Virtual_RT", "RT")
+from dsr.vocabulary.relations import is_present
 
 
 class WorldWatch:
@@ -51,9 +51,9 @@ class WorldWatch:
         places, perceived = {}, set()
         for name in self._objects:
             node = world.get_node(name)
-            if node is None or node.get("present") is False:
+            if node is None or not is_present(node):
                 continue
-            pose = _place(world, name)
+            pose = world.get_transform(WORLD, name, types=BELIEVED)
             if pose is not None:
                 places[name] = pose
             if node.get("perceived") is True:
@@ -122,13 +122,6 @@ def _worlds(check: Worlds, history: History, sample: Sample) -> Finding:
         if not holds(one):
             return False, f"{', '.join(sorted(one.worlds)) or 'none'} at {one.time:.2f} s"
     return True, ", ".join(sorted(sample.worlds)) or "none"
-
-
-def _place(world: Memory, name: str) -> Pose | None:
-    try:
-        return world.transform("world", name, types=_BELIEVED)
-    except TransformError:
-        return None
 
 
 def _samples(check: Edges | KnownIn | Worlds, history: History, sample: Sample) -> Iterable[Sample]:

@@ -28,6 +28,7 @@ from dsr.vocabulary.intentions import (
     describe_action,
     nobody_pursues,
 )
+from dsr.vocabulary.relations import nodes_by_name
 
 _TO_DO = (PLANNED, RUNNING)
 _NO_PLAN = ("", "observe", "look")
@@ -114,18 +115,18 @@ class Story:
 
     def _cameras(self) -> Iterator[Line]:
         """Cameras that come into doubt, or out of it, and where they were found to be."""
-        for event in sorted(self._memory.nodes("event"), key=lambda node: node.name):
+        for event in nodes_by_name(self._memory, "event"):
             if event.get("kind") == CALIBRATED and event.name not in self._calibrated:
                 self._calibrated.add(event.name)
                 yield Line(Topic.CAMERA, event.get("text", ""))
-        for node in sorted(self._memory.nodes("camera"), key=lambda node: node.name):
+        for node in nodes_by_name(self._memory, "camera"):
             mount, before = node.get("mount", STEADY), self._mounts.get(node.name, STEADY)
             self._mounts[node.name] = mount
             if mount not in (before, STEADY):
                 yield Line(Topic.CAMERA, f"{node.name} {mount}: {node.get('explanation', '')}", mount != IN_DOUBT)
 
     def _missions(self) -> Iterator[Line]:
-        for node in sorted(self._memory.nodes("intention"), key=lambda node: node.name):
+        for node in nodes_by_name(self._memory, "intention"):
             status, replans = node.get("status", ""), node.get("replans", 0)
             why = "" if status in _TOLD_BY_ACTIONS else node.get("explanation", "")
             before = self._intentions.get(node.name)

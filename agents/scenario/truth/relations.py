@@ -9,10 +9,11 @@ from itertools import permutations
 import msgspec
 import numpy as np
 
-from agents.scenario.format.geometry import Box, footprint_overlap, overlap
+from agents.scenario.format.geometry import Box, overlap
 from agents.scenario.format.layout import table_box
 from agents.scenario.format.model import Scenario
 from agents.scenario.truth.measures import Piece, pose_pieces
+from dsr.math3d import polygons
 from dsr.math3d.polygons import Polygon, area, hull, intersection
 from dsr.math3d.transforms import Pose
 
@@ -77,7 +78,7 @@ def _rests(upper: Piece, lower: Piece) -> bool:
     if lower.center[2] >= upper.center[2] or bottom - REACH >= high or bottom < 0.5 * (low + high):
         return False
     lowered = msgspec.structs.replace(upper, center=upper.center - (0.0, 0.0, REACH))
-    beside = footprint_overlap(_outline(upper), _outline(lower))
+    beside, _ = polygons.overlap(_outline(upper).footprint, _outline(lower).footprint)
     return beside > _LEAST_OVERLAP and overlap(lowered, lower) > 0.0
 
 

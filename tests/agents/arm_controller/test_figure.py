@@ -9,11 +9,11 @@ from agents.arm_controller.config import ArmControllerConfig
 from agents.arm_controller.figure import Figure
 from agents.arm_controller.kinematics import Chain
 from agents.arm_controller.obstacles import ITSELF, Load, Obstacles
-from agents.arm_controller.overlap import Boxes
 from agents.arm_controller.scene import Thing
 from agents.arm_controller.shapes import Box
 from agents.arm_controller.urdf import load_robot
 from dsr import Pose
+from dsr.math3d.boxes import Boxes
 
 from .conftest import GEN3, HOME
 

@@ -6,7 +6,8 @@ import cv2
 import numpy as np
 import pytest
 
-from agents.plant.tags import TAG_RATIO, tagged_face
+from agents.plant.tags import tagged_face
+from dsr.vocabulary.tags import TAG_RATIO
 
 DICTIONARY = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
 

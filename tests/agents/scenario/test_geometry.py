@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from agents.scenario.format.geometry import Body, Box, footprint_overlap, gap_below, penetration, upright_box
+from agents.scenario.format.geometry import Body, Box, gap_below, penetration, upright_box
+from dsr.math3d.polygons import overlap
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Part
 from dsr.math3d.transforms import Pose
@@ -78,7 +79,7 @@ def test_overlap_agrees_with_points_sampled_in_both_boxes():
 
 def test_footprints_ignore_height():
     a, b = upright_box((0, 0, 0), 0.3, CUBE), upright_box((0.03, 0, 5), 0.3, CUBE)
-    assert footprint_overlap(a, b) == pytest.approx(0.04 - 0.03 * math.cos(0.3))
+    assert overlap(a.footprint, b.footprint)[0] == pytest.approx(0.04 - 0.03 * math.cos(0.3))
 
 
 def cube(x: float, y: float, z: float, yaw: float = 0.0) -> Body:

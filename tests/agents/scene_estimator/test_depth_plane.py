@@ -7,10 +7,10 @@ import pytest
 from numpy.typing import NDArray
 
 from agents.scene_estimator.depth_plane import DepthPlane, fit_depth_plane
-from agents.scene_estimator.geometry import Intrinsics
+from dsr.vocabulary.intrinsics import Intrinsics
 
 Depth = NDArray[np.float32]
-LENS = Intrinsics(600.0, 600.0, 79.5, 59.5)
+LENS = Intrinsics(600.0, 600.0, 79.5, 59.5, 160, 120)
 CORNERS = np.array([[60.0, 40.0], [100.0, 42.0], [98.0, 82.0], [58.0, 80.0]])
 P = np.array([0.4, -0.3, 1.6])
 """1/m, the true plane: 1/z = P . ray."""
@@ -48,7 +48,7 @@ def test_rays_meet_the_plane_at_its_points(depth: Depth) -> None:
     assert plane is not None
     points = plane.points(LENS.rays(CORNERS))
     assert points @ plane.p == pytest.approx(np.ones(4))
-    assert LENS.pixels(points) == pytest.approx(CORNERS)
+    assert LENS.project(points) == pytest.approx(CORNERS)
 
 
 def test_a_fifth_of_wrong_depths_does_not_turn_it(depth: Depth) -> None:
@@ -101,7 +101,7 @@ def test_covariance_tells_the_spread(rng: np.random.Generator) -> None:
 
 def test_large_tags_cost_no_precision(rng: np.random.Generator) -> None:
     """Their pixels are thinned out, and the covariance knows."""
-    lens = Intrinsics(600.0, 600.0, 319.5, 239.5)
+    lens = Intrinsics(600.0, 600.0, 319.5, 239.5, 640, 480)
     corners = np.array([[100.0, 50.0], [500.0, 50.0], [500.0, 450.0], [100.0, 450.0]])
     depth = np.full((480, 640), 0.5) + rng.normal(0.0, 1e-3, (480, 640))
     plane = fit_depth_plane(corners, depth.astype(np.float32), lens, noise_floor=FLOOR, correlation=4.0)

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agents.scene_estimator.detection import APRILTAG_STD, TagDetector
-from agents.scene_estimator.geometry import tag_corners
+from agents.scene_estimator.detection import APRILTAG_STD, TagDetector, tag_corners
 from benchmarks.tag_camera import Camera, facing
 from dsr import Pose
 
@@ -27,7 +26,7 @@ def test_corners_are_those_of_the_tag(detector: TagDetector, camera: Camera, rng
         (tag,) = detector.detect(camera.frame({7: camera_from_cube}, rng).arrays["color"])
         assert tag.marker_id == 7
         assert tag.corner_std == APRILTAG_STD
-        errors.append(tag.corners - camera.intrinsics.pixels(square))
+        errors.append(tag.corners - camera.intrinsics.project(square))
     assert np.mean(errors, axis=(0, 1)) == pytest.approx([0.0, 0.0], abs=0.03)
     assert np.std(errors) < APRILTAG_STD
 

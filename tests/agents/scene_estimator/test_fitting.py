@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from agents.frame_images import images
 from agents.scene_estimator.fitting import BEFORE, Scene, View, cloud, fit, judged, settled
 from agents.scene_estimator.segmentation import ColorImage
-from agents.scene_estimator.sighting import images
 from benchmarks.color_scene import ColorScene, looking_at
 from dsr import Pose
 

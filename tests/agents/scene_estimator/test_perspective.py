@@ -5,22 +5,22 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from agents.scene_estimator.detection import Tag
-from agents.scene_estimator.geometry import Intrinsics, tag_corners
+from agents.scene_estimator.detection import Tag, tag_corners
 from agents.scene_estimator.pose import pose_from_perspective
 from benchmarks.tag_camera import facing
 from dsr import Pose
+from dsr.vocabulary.intrinsics import Intrinsics
 
 from .conftest import covariance, nees
 
-LENS = Intrinsics(600.0, 600.0, 319.5, 239.5)
+LENS = Intrinsics(600.0, 600.0, 319.5, 239.5, 640, 480)
 SIDE = 0.032
 STD = 0.1
 
 
 def seen(pose: Pose, noise: float = 0.0, rng: np.random.Generator | None = None) -> Tag:
     """The tag at `pose`, with an error of its corners in px."""
-    corners = LENS.pixels(pose.apply(tag_corners(SIDE)))
+    corners = LENS.project(pose.apply(tag_corners(SIDE)))
     return Tag(1, corners if rng is None else corners + rng.normal(0.0, noise, (4, 2)), STD)
 
 

@@ -38,7 +38,7 @@ def test_a_cube_is_seen_where_and_when_it_was(frame: Frame) -> None:
     assert outlines.ids.tolist() == [MARKER]
     assert outlines.corners.shape == (1, 4, 2)
     assert outlines.corners[0].mean(axis=0) == pytest.approx(
-        SMALL.intrinsics.pixels(CUBE.apply([[0, 0, 0.02]]))[0], abs=1
+        SMALL.intrinsics.project(CUBE.apply([[0, 0, 0.02]]))[0], abs=1
     )
 
 

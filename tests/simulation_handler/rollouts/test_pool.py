@@ -17,6 +17,7 @@ import pytest
 from dsr.clock import WALL_CLOCK
 from simulation_handler.physics.rollouts import pool as pool_module
 from simulation_handler.physics.rollouts import process as process_module
+from simulation_handler.physics.rollouts.messages import READY, Job
 from simulation_handler.physics.rollouts.pool import Pool
 from simulation_handler.physics.simulator import SimulationError
 from tests.simulation_handler.rollouts.scenes import cube, random_scene, scene_of
@@ -79,6 +80,24 @@ def test_a_scene_that_cannot_be_is_an_error_and_the_pool_goes_on(shared: Pool):
         with pytest.raises(SimulationError, match="body 'a': size"):
             shared.run([SCENES[0], bad, SCENES[1]], 0.1)
     assert None not in shared.run(SCENES, 0.1)
+
+
+def test_a_worker_answers_with_the_error_what_cannot_be_simulated_and_goes_on():
+    worker = process_module.WorkerProcess(0.0)
+    bad = scene_of(cube("a", 0.0, 0.0)._replace(size=(0.0, 0.0, 0.0)))
+    replies = []
+    try:
+        for job in (None, Job(1, bad.bodies, 0.1), Job(2, SCENES[0].bodies, 0.1)):
+            if job is not None:
+                worker.give(job, 0.0)
+            assert select.select([worker.connection], [], [], PLENTY)[0]
+            replies.append(worker.take())
+    finally:
+        worker.close()
+    ready, refused, done = replies
+    assert ready == READY
+    assert (refused.number, refused.outcome) == (1, None) and "body 'a': size" in refused.error
+    assert done.number == 2 and done.outcome is not None
 
 
 def test_a_worker_that_dies_is_replaced_and_its_scene_is_not_lost():

@@ -1,4 +1,4 @@
-"""Gaps between boxes, compared with the closest points that an optimiser finds."""
+"""Gaps between boxes, compared with the closest points that an optimiser finds, and ways out of one another."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ import pytest
 from scipy.optimize import lsq_linear
 from scipy.spatial.transform import Rotation
 
-from agents.arm_controller.overlap import Boxes, gaps
+from dsr.math3d.boxes import CORNERS, Boxes, depths_along, gaps, stacked
+from dsr.math3d.transforms import Pose
 
 
 def random_boxes(rng: np.random.Generator, count: int) -> Boxes:
@@ -49,3 +50,25 @@ def test_edges_that_cross_are_told_apart() -> None:
     reach = 2 * 0.01 * np.sqrt(2)
     assert gaps(a, Boxes(np.array([[0.0, 0.0, reach + 0.001]]), turn, halves))[0] == pytest.approx(0.001, abs=1e-9)
     assert gaps(a, Boxes(np.array([[0.0, 0.0, reach - 0.001]]), turn, halves))[0] < 0.0
+
+
+def test_a_box_that_went_as_deep_as_it_was_is_just_free() -> None:
+    rng = np.random.default_rng(1)
+    a, b = random_boxes(rng, 200), random_boxes(rng, 200)
+    direction = np.array((0.48, 0.6, 0.64))
+    depths = depths_along(a, b, direction)
+    apart = gaps(a, b) >= 0.0
+    assert (depths[apart] == 0.0).all() and (depths[~apart] > 0.0).all()
+    assert 50 < apart.sum() < 150
+    assert gaps(a._replace(centers=a.centers + depths[:, None] * direction), b)[~apart] == pytest.approx(0.0, abs=1e-9)
+    for share in (0.3, 0.99):
+        on_the_way = a._replace(centers=a.centers + share * depths[:, None] * direction)
+        assert (gaps(on_the_way, b)[~apart] < 0.0).all()
+
+
+def test_corners_are_where_the_edges_end() -> None:
+    poses = [Pose((1.0, 2.0, 3.0)), Pose.from_rotvec((0.0, 0.1, 0.0), (0.3, -0.2, 0.9))]
+    corners = stacked((pose, (0.2, 0.4, 0.6)) for pose in poses).corners
+    assert corners.shape == (2, 8, 3)
+    for pose, found in zip(poses, corners, strict=True):
+        assert found == pytest.approx(pose.apply(CORNERS * (0.1, 0.2, 0.3)))
