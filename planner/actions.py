@@ -98,7 +98,7 @@ def own_actions(memory: Memory) -> list[Node]:
 
 
 def is_under_way(node: Node) -> bool:
-    """Whether the arm runs it, or may be about to."""
+    """Whether the arm runs the action, or may be about to."""
     status = _progress(node).status
     return status == RUNNING or (status == PLANNED and node.get("request", "") == RUN)
 

@@ -9,7 +9,7 @@ class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """How long the planner waits for what, and where it puts things. The defaults are for cubes of 4 cm and a Gen3."""
 
     arm_agent: str = "arm_controller"
-    """The agent that carries out actions; while it is away nothing is begun."""
+    """Name of the agent that carries out actions; while it is away no action begins."""
     belief_agents: tuple[str, ...] = ("scene_estimator", "simulation_handler")
     """The agents by which things come to be believed; while one of them is away nothing is begun either."""
     robot: str = "arm"
@@ -84,6 +84,6 @@ class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     what_if_seconds: float = 1.0
     """s that are simulated for it: what topples has left its place by then."""
     what_if_shift: float = 0.015
-    """m that a thing may be off its place then."""
+    """m that an object may move in the simulation and still count as staying."""
     what_if_turn: float = 0.3
     """rad that an object may turn in the simulation and still count as staying."""

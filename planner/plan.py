@@ -41,7 +41,7 @@ class Step(NamedTuple):
         return Relation("holding", (self.thing,)) if self.name == "pick" else Relation("on", (self.thing, self.support))
 
     def may_change(self, fact: Relation) -> bool:
-        """Whether a fact (`on` or `holding`) may begin or end while this is being done."""
+        """Whether a fact (`on` or `holding`) may begin or end while this step is carried out."""
         if fact.arguments[0] != self.thing:
             return False
         return fact.name == "holding" or self.name == "pick" or fact == self.effect

@@ -63,7 +63,7 @@ class Waiting:
         return self._lacks or bool(self.missing_agents())
 
     def missing_agents(self) -> list[str]:
-        """The agents that must run for anything to be begun, and do not."""
+        """Names of the agents that must run before an action begins, and do not."""
         return self._away((self._config.arm_agent, *self._config.belief_agents))
 
     def tell_missing(self) -> None:

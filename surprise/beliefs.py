@@ -14,7 +14,7 @@ _SOON = 0.15  # s between two samples of a belief that is on its way; it rested 
 
 
 class Beliefs:
-    """Where objects are believed to be (Virtual_RT), with their recent past."""
+    """The believed poses of objects (Virtual_RT), with their recent past."""
 
     def __init__(self, memory: Memory, jump: float, jump_turn: float) -> None:
         self._memory = memory

@@ -31,7 +31,7 @@ class Reason:
 
 @dataclass
 class Sighting:
-    """A percept and how far it is from the belief."""
+    """A percept with its deviation from the belief."""
 
     stamp: float
     """Time of the percept, s."""

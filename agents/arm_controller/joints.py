@@ -26,7 +26,7 @@ class Joints(msgspec.Struct, frozen=True):
     opening: float
     """m between the finger pads"""
     contact: bool
-    """Both pads touch something."""
+    """Whether both pads touch something."""
 
 
 def read_joints(state: ArmState, names: Sequence[str]) -> Joints:

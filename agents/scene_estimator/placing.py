@@ -49,7 +49,7 @@ _TRUST = 1.5  # times the mean distance of the points from the shape: how far of
 
 
 class Guess(NamedTuple):
-    """How an object was turned in the frame before."""
+    """The rotation of an object in the frame before."""
 
     yaw: float = 0.0
     """Yaw of the object about the world's vertical, rad."""
@@ -60,7 +60,7 @@ class Guess(NamedTuple):
 
 
 class Placed(NamedTuple):
-    """Where an object is."""
+    """The pose of an object as the fit found it."""
 
     position: Array
     """(3,) m, its centre in the camera frame"""

@@ -82,7 +82,7 @@ class CausalContext:
         return start > last or (place < len(beyond) and beyond[place][0] <= start and last <= beyond[place][1])
 
     def knows(self, rid: str) -> bool:
-        """Whether any dot of that replica is included."""
+        """Whether any dot of replica `rid` is included."""
         return rid in self.vector or rid in self.cloud
 
     def gaps(self, rid: str) -> int:

@@ -60,7 +60,10 @@ class Piece(msgspec.Struct):
 
 
 def piece_of(store: Store, seen: CausalContext, begin: Place = START) -> Piece:
-    """The piece that begins there of what a replica that has seen `seen` lacks; the store must not change meanwhile."""
+    """Make the piece that begins at `begin`, of the changes that a replica with the context `seen` lacks.
+
+    The store must not change meanwhile.
+    """
     piece = Piece(begin)
     if begin == START:
         piece.whole = list(store.context.ranges())

@@ -25,7 +25,7 @@ class Ask(msgspec.Struct, frozen=True, array_like=True):
 
 
 class Offer(msgspec.Struct, frozen=True, array_like=True):
-    """Somebody has a mesh."""
+    """An offer of a mesh by a process that has it."""
 
     size: int
     """Number of the mesh's canonical bytes; 0 if the mesh is not here yet."""

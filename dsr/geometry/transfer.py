@@ -46,7 +46,7 @@ class Network(Protocol):
 
 
 class Source(NamedTuple):
-    """Somebody who has the mesh."""
+    """A replica that has the mesh."""
 
     holder: str
     """Replica id."""

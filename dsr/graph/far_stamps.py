@@ -38,7 +38,7 @@ class FarStamp(NamedTuple):
     writer: str
     """Replica id of who wrote the present value: who raised the stamp, or overwrote it since."""
     ahead: float
-    """s ahead of the clock that judges."""
+    """Time (s) by which the stamp is ahead of the clock that judges."""
 
 
 class FarStamps:

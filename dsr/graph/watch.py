@@ -20,7 +20,7 @@ ChangeKind = Literal["added", "updated", "removed"]
 
 
 class Change(msgspec.Struct, frozen=True):
-    """One element changed."""
+    """A change of one element."""
 
     kind: ChangeKind
     element: Literal["node", "edge"]
@@ -37,7 +37,7 @@ class Change(msgspec.Struct, frozen=True):
 
 
 class Filter(msgspec.Struct, frozen=True):
-    """Which changes a reader wants; None means any. Node and edge types alone exclude the other element.
+    """A filter of changes; None means any. Node and edge types alone exclude the other element.
 
     The list of worlds is no part of a world: its nodes are reported only if asked for by their type.
     """

@@ -34,7 +34,7 @@ def place_of(memory: Memory, name: str) -> Pose | None:
 def differences(
     base: Memory, world: Memory, *, held: Collection[str] = (), elsewhere: Mapping[str, Pose] = NOTHING
 ) -> tuple[Change, ...]:
-    """The changes that make of the scene that the base believes in the scene of another world.
+    """List the changes that turn the believed scene of the base into the scene of another world.
 
     What the base does not believe to be anywhere is added, if it tells its `size`.
 

@@ -26,7 +26,7 @@ _ROOM = 1.25  # times the size of the first message
 
 
 class Outlet(Protocol):
-    """Where messages of one key leave."""
+    """A sender of the messages of one key."""
 
     @property
     def wanted(self) -> bool:

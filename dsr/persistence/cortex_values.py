@@ -27,7 +27,7 @@ PREFIX = "cortex."
 
 
 class Origin(msgspec.Struct, frozen=True, omit_defaults=True):
-    """How one attribute stood in the file."""
+    """The form that one attribute had in the CORTEX file."""
 
     code: int
     name: str | None = None
@@ -39,7 +39,7 @@ class Origin(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Note(msgspec.Struct, frozen=True, omit_defaults=True):
-    """How a node or link stood in the file; kept as compact JSON."""
+    """The form that a node or link had in the CORTEX file; kept as compact JSON."""
 
     id: str = ""
     name: str | None = None

@@ -134,7 +134,9 @@ class Claims:
         return Delta(reply.adds, reply.writes, reply.removed, kept, reply.live, reply.examined)
 
     def tidy(self, sender: str, reply: Delta) -> bool:
-        """After a reply was joined: close the lowest gaps of a replica that has too many; whether there were any.
+        """Close the lowest gaps of a replica that has too many, after a reply was joined.
+
+        Returns whether there were any.
 
         Two replicas may lack different messages of a third one that is gone. What nobody brought then is given up.
         """

@@ -9,7 +9,7 @@ DIGEST_PERIOD = 1.0
 HURRIED_PERIOD = 0.25
 """s between two digests while the network changes: the first ones may be lost on routes that are not complete yet."""
 HURRY = 1.0
-"""s that this goes on after a peer appeared."""
+"""s, duration of the hurry after a peer appeared."""
 RENEWAL_DELAY = 0.75
 """s after a peer appeared until what is listened to is declared again: then the network has come to rest."""
 ABSENCE = 1.0

@@ -37,7 +37,7 @@ class Peer:
     appeared_at: float
     digest: Digest | None = None
     covered: Digest | None = None
-    """The last digest that told nothing that is not known here."""
+    """The last digest of the peer without anything that is unknown here."""
     rest_known: bool = False
     """Whether, when its digest came, there was no difference beyond what that lists."""
     heard_at: float = -math.inf
@@ -49,13 +49,13 @@ class Peer:
     in_vain: int = 0
     """Number of the peer's answers that changed nothing, one after the other."""
     acknowledged: int = 0
-    """The highest counter of ours that it told to have seen."""
+    """The highest counter of ours that the peer said to have seen."""
     withdrawn_at: float | None = None
     """Time (s) when the peer's token went, if it has not answered since; None otherwise."""
 
     @property
     def is_leaving(self) -> bool:
-        """Whether its token went, and it was not asked since whether it is still there."""
+        """Whether the peer's token went, and the peer was not asked since whether it is still there."""
         return self.withdrawn_at is not None and self.asked_at <= self.withdrawn_at
 
     @property
@@ -89,7 +89,7 @@ class Peers(dict[str, Peer]):
             del self._of_agent[agent]
 
     def appeared(self, rid: str, now: float) -> bool:
-        """A token of it came; whether it is listened to."""
+        """Note that a token of replica `rid` came at time `now` (s), and tell whether the replica is listened to."""
         if rid in self:
             self[rid].withdrawn_at = None
             return True

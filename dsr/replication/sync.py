@@ -56,7 +56,7 @@ REQUEST_TIMEOUT = 10.0
 MAX_DRIFT = 0.5
 """s that a peer's clock may be ahead of ours."""
 LONG_WAIT = 1.0
-"""s after which a newcomer says for whom it waits."""
+"""s of waiting after which a newcomer says for which replicas it waits."""
 JOIN_RETRY = 0.02
 """s after which a newcomer asks the same peer again, whose answer found no way yet."""
 
@@ -285,7 +285,7 @@ class Synchroniser:
         self._fetch = self._under_way = None
 
     def nobody_there(self) -> None:
-        """The caller knows that the graph begins here, or wants it to: nothing to wait for."""
+        """Note that there is nothing to wait for: the caller knows that the graph begins here, or wants this."""
         self.joined = True
 
     def answer(self, sender: str, payload: bytes) -> Piece | None:
@@ -394,7 +394,7 @@ class Synchroniser:
 
     @property
     def delivered(self) -> bool:
-        """Whether every peer that is heard told that it has seen all that was written here."""
+        """Whether every peer that is heard has seen all that was written here."""
         rid, store = self.graph.rid, self.graph.store
         samples = [entry.registers[name] for dot, name in store.unsettled if (entry := store.find(dot))]
         settled = all(sample.writer != rid for sample in samples)

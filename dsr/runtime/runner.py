@@ -20,7 +20,7 @@ _LINGERS = 2.0  # s for which a process that crashed may still seem to be there
 
 
 class Schedule:
-    """When the ticks of a rate are due: start + n / rate, without drift; ticks that came too late are left out."""
+    """The due times of the ticks at a rate: start + n / rate, without drift; ticks that came too late are left out."""
 
     def __init__(self, start: float, rate_hz: float) -> None:
         if not (math.isfinite(rate_hz) and rate_hz > 0):

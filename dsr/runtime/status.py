@@ -25,7 +25,7 @@ _log = logging.getLogger("dsr.runtime.status")
 
 
 class State(enum.StrEnum):
-    """Where an agent is in its life."""
+    """The state of an agent in its life."""
 
     STARTING = "starting"
     READY = "ready"

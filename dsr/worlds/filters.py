@@ -14,7 +14,10 @@ class FilterConfig(WorldsConfig, frozen=True, forbid_unknown_fields=True):
     """Where a filter is at home, and what it does about things that several of its worlds hold."""
 
     conflict: Conflict = "newest"
-    """newest: of each attribute the value written last; first: what the first listed world that has the thing says."""
+    """Rule for things that several worlds hold.
+
+    "newest": of each attribute the value written last; "first": the thing of the first listed world that has it.
+    """
 
 
 class Filter(Client):

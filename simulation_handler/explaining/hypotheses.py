@@ -13,7 +13,7 @@ FROM_GLIMPSE = -1
 
 @dataclass(frozen=True, order=True)
 class Move:
-    """A seen object is where it is seen, and so is what came with it."""
+    """A move of a seen object to its percept, with its riders."""
 
     name: str
     riders: tuple[str, ...] = ()

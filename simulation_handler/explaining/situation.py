@@ -21,7 +21,7 @@ from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.objects import BelievedObject
 
 THIS_FRAME = 0.25
-"""s up to which a percept is of things as they are now"""
+"""s, age up to which a percept shows the present"""
 _PLACE_FLOOR = 0.002  # m, standard deviation of what is no noise of percepts: of bodies in contact, of models
 _TURN_FLOOR = 0.03  # rad, likewise
 
@@ -31,7 +31,7 @@ Look = Callable[[Sequence[Solid]], Mapping[tuple[str, str], Glance]]
 
 @dataclass(frozen=True)
 class Seen:
-    """An object as perception has it now."""
+    """The present percept of an object."""
 
     percept: Solid
     """Without the systematic error that is known, and without the tilt that noise alone may have given it."""
@@ -135,7 +135,7 @@ class Situation:
     missing_for: Mapping[str, float] = field(default_factory=dict)
     """s for which each object has not been seen although it should have been."""
     evidence: float = 1.0
-    """s for which cameras have shown things as they are now."""
+    """Time (s) for which cameras have shown the scene as it is now."""
     look: Look | None = None
     """Predicts what cameras should see; None without a camera whose pose is known."""
     sure: frozenset[str] = frozenset()

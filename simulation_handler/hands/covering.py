@@ -80,7 +80,9 @@ class Covering:
         self._passed.pop(name, None)
 
     def take(self, name: str, now: float) -> str:
-        """The hand that must have taken an object which is missing, and has it from now on; empty if none can have."""
+        """Find the hand that must have taken a missing object, and let that hand have it from now on; empty if none can
+        have.
+        """
         time, hand, there = self._passed.get(name, (-math.inf, "", None))
         if there is None or time < self._bodies.object(name).track.last_stamp - _BEFORE:
             return ""

@@ -16,9 +16,9 @@ TIP_RADIUS = 0.008
 NEAR = 0.010
 """m between surfaces up to which a touch begins: what hands and percepts are off"""
 FAR = 0.018
-"""m up to which it goes on, at most"""
+"""m between surfaces up to which a touch goes on, at most"""
 WITHDRAWN = 0.010
-"""m by which a fingertip that touches no more is further away than it was while it touched"""
+"""m, growth of the gap between the surfaces since they touched, from which a touch ends"""
 
 _SOON, _LATE = 0.4, 0.1  # weights of the newest gap in what it is now, and in what it was while it touched
 _LEAST = -0.002  # m, as which less than that counts: fingertips are not in objects
@@ -40,7 +40,7 @@ class Met(NamedTuple):
 
 
 class Gaps:
-    """How far from objects fingertips are seen, now and while they touched: what is seen of both is off by as much."""
+    """The gaps between fingertips and objects, now and while they touched: both percepts share their error."""
 
     def __init__(self) -> None:
         self._gaps: dict[Relation, tuple[float, float, float]] = {}  # now and while it touched, m; when, s

@@ -32,7 +32,7 @@ class HandPercept(NamedTuple):
 
 @dataclass
 class Hand:
-    """A hand and the ways it took."""
+    """A human hand, and the paths that it took."""
 
     perceived: bool = False
     path: Path = field(default_factory=Path)

@@ -71,7 +71,7 @@ class Touching:
         }
 
     def paths(self) -> dict[str, Path]:
-        """The ways that the fingertips in sight took, by name."""
+        """Paths of the fingertips in sight, by name."""
         return {
             name: path
             for hand in self._hands.values()
@@ -104,7 +104,7 @@ class Touching:
         return any(is_short or now - item.track.last_stamp > UNSEEN for item in touched)
 
     def recall(self, relation: Relation, grasp: HandGrasp, now: float) -> None:
-        """Take over a grasp that held before."""
+        """Restore a grasp that held in an earlier run."""
         if grasp.covered:
             self._covering.recall(relation, grasp.hand_from_object, grasp.since)
             return
@@ -121,7 +121,9 @@ class Touching:
         self._covering.forget(name)
 
     def take(self, name: str, now: float) -> str:
-        """The hand that must have taken what is missing, and has it from now on; empty if none covered it."""
+        """Find the hand that must have taken a missing object, and let that hand have it from now on; empty if none
+        covered it.
+        """
         return self._covering.take(name, now)
 
     def update(self, now: float) -> None:

@@ -237,7 +237,7 @@ class Driving:
         return {(name, base) for name, drive in drives for base in drive.supports or () if base != UNKNOWN}
 
     def rests(self, name: str) -> bool:
-        """Whether something carries a driven object where it is seen, and it does not move any more."""
+        """Whether something carries a driven object where it is seen, and the object does not move any more."""
         drive = self._drives[name]
         return drive.rests and drive.still_since is not None
 

@@ -1,4 +1,4 @@
-"""The way that an object was seen to take: percepts, and poses in between."""
+"""The path of an object as it was seen: percepts, and poses in between."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Path:
         self._doubted: Pose | None = None
 
     def add(self, pose: Pose) -> None:
-        """Take in a percept that is newer than the last; one that is far from that counts once the next confirms it."""
+        """Take in a percept that is newer than the last one. A distant one counts once the next percept confirms it."""
         if pose.stamp <= self.newest:
             return
         if self._poses and _is_break(self._poses[-1], pose):
@@ -94,7 +94,7 @@ class Path:
         return apart <= metres and turned <= radians
 
     def strays_from(self, pose: Pose, metres: float) -> bool:
-        """Whether it was seen farther than `metres` from `pose` in the last percepts, not just in one."""
+        """Whether the object was farther than `metres` from `pose` in several of the last percepts, not just in one."""
         if len(self._poses) < 3:
             return False
         return min(math.dist(self._smooth(k).t, pose.t) for k in (len(self._poses) - 2, len(self._poses) - 1)) > metres

@@ -83,7 +83,7 @@ class Track:
         return self.is_recent(self.last_stamp, now)
 
     def is_recent(self, stamp: float, now: float) -> bool:
-        """Whether a percept of that time (s) still counts."""
+        """Whether a percept of time `stamp` (s) still counts at time `now`."""
         return now - stamp <= self._config.perceived_max_age
 
     def _needed(self) -> int:

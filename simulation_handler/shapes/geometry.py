@@ -92,7 +92,7 @@ class Solid:
 
     @cached_property
     def bottom(self) -> float:
-        """Height of its lowest point, m."""
+        """Height of the solid's lowest point in the world, m."""
         return self.position[2] - self.half_height
 
     @cached_property

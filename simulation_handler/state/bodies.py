@@ -159,7 +159,7 @@ class Bodies:
             item.static = static
 
     def has_left(self, item: BelievedObject) -> bool:
-        """Whether physics has moved an object from where it was put."""
+        """Whether physics has moved an object from the pose at which it was put."""
         return item.name in self.sim and item.has_left(self.pose(item.name), self._config)
 
     def in_motion(self) -> set[str]:

@@ -45,7 +45,7 @@ class BelievedObject:
     rolling_friction: float | None = None
     """m, lever arm of the resistance to rolling; None if that is not known"""
     path: Path = field(default_factory=Path)
-    """The way that it was seen to take."""
+    """The path of the object as it was seen."""
     noise: float = 0.0
     """m, root mean square distance by which its newest percept is off, beside what is systematic"""
     driven: bool = False
@@ -63,7 +63,7 @@ class BelievedObject:
     hovering_since: float | None = None
     """Time (s) since when the object hovers; None if it does not."""
     prop: Solid | None = None
-    """An unknown support that explains why it hovers."""
+    """An unknown support that explains why the object hovers; None if there is none."""
     strikes: int = 0
     """Number of recent times when physics moved the body from its percept."""
     last_strike: float = 0.0
@@ -71,17 +71,22 @@ class BelievedObject:
     restarts: int = 0
     """Number of restarts of the track when it was last looked at."""
     holder: str = ""
-    """The gripper that holds it; percepts then say nothing of it."""
+    """Name of the gripper that holds the object; percepts then say nothing of it. Empty for none."""
     hand: str = ""
-    """The human hand that holds it: where it is unseen, it goes where that goes."""
+    """Name of the human hand that holds the object: while the object is unseen, it goes with the hand.
+
+    Empty for none.
+    """
     let_go_at: float = -math.inf
-    """s, when a hand was last known to hold it no more"""
+    """Time (s) when a hand was last known to let go of the object"""
     shows_rotation: bool = True
     """Whether percepts tell the object's rotation."""
     shows_tilt: bool = True
     """Whether percepts tell how the object leans, if not its yaw."""
     turned_by_hand: Quaternion | None = None
-    """How it leans as far as that hand tells: for percepts that say nothing of rotations, such as those by colour."""
+    """Rotation in the world that the hand tells, for objects whose percepts tell none, such as those by colour; None
+    without one.
+    """
     place_by_hand: Vector3 | None = None
     """Position (m, world) where the visible hand that holds the object has it; None otherwise."""
     confirmed: Solid | None = None
@@ -96,7 +101,7 @@ class BelievedObject:
         return self.track.estimate if self.track.is_fresh(now) else None
 
     def cameras_at(self, now: float) -> frozenset[str]:
-        """The cameras that have seen it lately, at `now` (s)."""
+        """Names of the cameras that have lately seen the object, at `now` (s)."""
         return frozenset(camera for camera, stamp in self.seen_by.items() if self.track.is_recent(stamp, now))
 
     def observe(self, percept: Percept, camera: str) -> None:
@@ -129,7 +134,7 @@ class BelievedObject:
         return bool(self.holder) or self.driven or self.rides
 
     def percept(self) -> Solid:
-        """The object as perception has it, without the systematic error that is known."""
+        """The object at its perceived pose, without the known systematic error."""
         estimate = self.track.estimate
         assert estimate is not None
         x, y, z = estimate.corrected(self.bias or 0.0).tolist()
@@ -145,7 +150,7 @@ class BelievedObject:
         return self.track.estimate.total_covariance(config.depth_bias if self.bias is None else config.learned_bias)
 
     def is_carried(self) -> bool:
-        """Whether a body of the simulation carries it, so that it needs no holding."""
+        """Whether a body of the simulation carries the object, so that it needs no holding."""
         return self.placement is not None and any(name != UNKNOWN for name in self.placement.supports)
 
     def adopt(self, placement: Placement) -> None:
@@ -190,7 +195,7 @@ class BelievedObject:
             self.restarts, self.strikes = self.track.restarts, 0
 
     def has_left(self, pose: Pose, config: BeliefConfig) -> bool:
-        """Whether its body, now at `pose`, is no longer where it was put."""
+        """Whether the object's body, now at `pose`, has left the pose at which it was put."""
         if self.put is None or self.static:
             return False
         metres, radians = self.put.distance(pose)

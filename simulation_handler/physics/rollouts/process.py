@@ -85,7 +85,7 @@ class WorkerProcess:
         return self._process.pid
 
     def give(self, job: Job, now: float) -> None:
-        """Let it simulate a scene, at time `now`; raises `OSError` if it has died."""
+        """Let the worker simulate a scene, at time `now` (s); raises `OSError` if the worker has died."""
         self.job, self.since = job.number, now
         with contextlib.suppress(psutil.NoSuchProcess):
             self._worked = self._work()
