@@ -49,7 +49,7 @@ class TagReading(msgspec.Struct, frozen=True):
 
 
 class ColorReading(msgspec.Struct, frozen=True):
-    """Where an object is that is recognised by its colour, and at most how it leans."""
+    """The place of an object that is recognised by its colour, and at most how it leans."""
 
     color: tuple[float, float, float]
     """Red, green, blue, 0 to 1, as the object's node has it"""

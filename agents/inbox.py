@@ -14,7 +14,7 @@ class Message(NamedTuple):
     """A message as it arrived."""
 
     stamp: float
-    """s, when it arrived"""
+    """Time (s) when the message arrived"""
     key: str
     payload: bytes
 

@@ -51,7 +51,7 @@ class ObjectModel(NamedTuple):
 
 
 def model_files() -> dict[str, Path]:
-    """The models that come with the system, by name: `etc/objects` here or where the package is installed from."""
+    """Find the models that come with the system, by name: `etc/objects` here or in the installed package."""
     folders = (ETC / "objects", Path("etc/objects"))
     return {file.stem: file for folder in folders for file in sorted(folder.glob("*.urdf"))}
 

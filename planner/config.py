@@ -11,12 +11,12 @@ class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     arm_agent: str = "arm_controller"
     """Name of the agent that carries out actions; while it is away no action begins."""
     belief_agents: tuple[str, ...] = ("scene_estimator", "simulation_handler")
-    """The agents by which things come to be believed; while one of them is away nothing is begun either."""
+    """Names of the agents that see and believe; while one of them is away no action begins."""
     robot: str = "arm"
     """Node at the arm's base, from which the reach is measured."""
 
     solver_limit: float = 20.0
-    """s after which the solver is ended."""
+    """s after which a search for a plan is ended."""
     solver_delay: float = 0.5
     """s of a manual clock after which the solver's result is there: as long as it takes on a slow machine. On the wall
     clock the result is taken as soon as it is there."""

@@ -256,7 +256,7 @@ class Belief:
         return self._bodies.frozen()
 
     def supports(self) -> dict[Relation, float]:
-        """(object, what it rests on) and since when (s); nothing is said of the floor."""
+        """Pairs (object, support) that hold, with the time (s) since when; pairs with the floor are left out."""
         return {relation: since for relation, since in self._relations.current().items() if FLOOR not in relation}
 
     def contents(self) -> dict[Relation, float]:

@@ -45,7 +45,7 @@ _UPRIGHT = 0.95  # cosine of how far it may lean then
 
 
 class AttributedPolicy:
-    """See the module.
+    """Infers actions by percepts and grasps, and attributes each to a hand or gripper; see the module.
 
     Args:
         config: tolerances.

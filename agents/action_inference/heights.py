@@ -18,7 +18,7 @@ _LOW = 0.4  # of the threshold, up to which it may still lie
 
 
 class Height(NamedTuple):
-    """Where a thing was at one moment."""
+    """The height of a thing at one moment."""
 
     time: float
     """Time of the sample, s."""
@@ -86,7 +86,7 @@ class Heights:
             self._rest = Height(last.time, bottom, (*last.position[:2], z))
 
     def lie_anew(self, since: float) -> bool:
-        """Let it lie where it was seen on average since then (s); false while there are too few samples for that.
+        """Take the mean of the samples since then (s) for the resting place; false while there are too few samples.
 
         The few percepts before it was hidden may have been of a part of it, and so off.
         """
@@ -110,7 +110,7 @@ class Heights:
 
     @property
     def is_rising(self) -> bool:
-        """Whether the newest sample is higher than noise would have it."""
+        """Whether the newest sample is above the resting place by more than noise."""
         return bool(self._samples) and self.rise(self._samples[-1]) > _LOW * self._lifted
 
     @property
@@ -121,7 +121,7 @@ class Heights:
 
     @property
     def is_lifted(self) -> bool:
-        """Whether enough samples in a row show that it is above where it lay."""
+        """Whether enough samples in a row show the thing above its resting place."""
         newest = list(self._samples)[-self._frames :]
         return len(newest) == self._frames and all(map(self._is_high, newest))
 

@@ -33,7 +33,7 @@ class Thing:
     seen: Pose | None = None
     """world_from_object of the newest percept, with its stamp."""
     in_doubt: bool = False
-    """The camera of that percept may have been bumped."""
+    """Whether the camera of the percept may have been bumped."""
     believed: Pose | None = None
     """world_from_object"""
     on: frozenset[str] = frozenset()

@@ -11,7 +11,7 @@ from dsr.math3d.transforms import Pose
 
 
 class Mount(msgspec.Struct, frozen=True):
-    """Where something is fixed in its parent's frame."""
+    """The pose of something that is fixed in its parent's frame."""
 
     translation: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Position of the mounted thing in its parent's frame, m."""
@@ -54,7 +54,7 @@ class ArmControllerConfig(msgspec.Struct, frozen=True):
     end_effector_link: str = "end_effector_link"
     """The flange, node `gripper`."""
     tool_link: str = "tool_link"
-    """The point that goes to `target_pose`."""
+    """Name of the link whose frame goes to `target_pose`."""
     robot: str = "robot"
     arm: str = "arm"
     gripper: str = "gripper"

@@ -36,7 +36,7 @@ class BlockedError(DsrError):
 
 @dataclass(frozen=True)
 class Goal:
-    """Where a route ends."""
+    """The end of a route."""
 
     positions: Array
     """Joint positions (n,) at the end of the route, rad."""

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 SPACING = 0.02
-"""rad between two points of a path, along the joint that moves most"""
+"""rad between two points of a path, along the joint with the largest motion"""
 PERIOD = 0.02
 """s between two points of a trajectory"""
 _LEAST_POINTS = 5  # so that there is room to gain speed and lose it

@@ -13,7 +13,7 @@ from dsr.vocabulary.relations import is_present
 
 
 class Fact(NamedTuple):
-    """Something that holds."""
+    """A fact that holds now."""
 
     kind: str
     participants: tuple[str, ...]

@@ -11,7 +11,7 @@ from dsr.worlds import Filter, FilterConfig
 
 
 class ByVolumeConfig(FilterConfig, frozen=True, forbid_unknown_fields=True):
-    """Which volumes, of the box around a thing."""
+    """Limits of the volume of the box around a thing."""
 
     least: float = 0.0
     """Least volume that is passed on, m^3."""

@@ -16,7 +16,7 @@ from dsr.vocabulary.intrinsics import INTRINSICS
 
 
 class FixedCameraConfig(msgspec.Struct, frozen=True):
-    """Where the camera is believed to be, and where its frames come from."""
+    """The believed pose of the camera, and the source of its frames."""
 
     node: str = "camera_fixed"
     """Name of its node, which is also that of its stream of frames."""

@@ -29,7 +29,7 @@ class PerspectivesConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True
     of: tuple[str, ...] = ()
     """Names of persons and cameras, which may come later; all persons that come if empty."""
     world: str = BASE
-    """The world that they see."""
+    """Name of the world that the persons see."""
     least_share: Share = LEAST_SHARE
     """Least share of a thing's pixels, as it would have alone, from which on it is visible."""
     band: Share = BAND

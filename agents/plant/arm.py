@@ -107,7 +107,7 @@ class Ramp:
 CAMERA_LINK = "camera_wrist_link"
 """Link of the URDF that is the optical frame of the wrist camera."""
 GRIP_FORCE = 20.0
-"""N, of each finger while it closes"""
+"""N, force of each finger while it closes"""
 
 _HOLD_FORCE = 5.0  # N, of each finger on what is held by the constraint already
 _HOLD_STRENGTH = 200.0  # N, of the constraint

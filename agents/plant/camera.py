@@ -67,7 +67,7 @@ class Camera:
         return self._mount() @ self._displacement
 
     def bump(self, displacement: Pose) -> None:
-        """Move it by `displacement`, given in its own optical frame; its mount is not told."""
+        """Move the camera by `displacement`, given in its own optical frame; the believed mount does not change."""
         self._displacement = self._displacement @ displacement
 
     def seen_poses(self, world: World) -> dict[str, Pose]:

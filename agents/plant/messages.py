@@ -106,7 +106,7 @@ _command_decoder: msgspec.msgpack.Decoder[Command] = msgspec.msgpack.Decoder(Com
 
 
 def decode_command(payload: bytes, joints: int) -> Command:
-    """The command for an arm with that many joints; raises `WireError` for anything else."""
+    """Decode a command for an arm with `joints` joints; raises `WireError` for anything else."""
     command = decoded(payload, "arm command", _command_decoder.decode)
     if not all(map(math.isfinite, _numbers(command))):
         raise WireError(f"arm command {command!s:.200}: expected finite numbers")

@@ -28,7 +28,7 @@ from dsr.network.transport import Qos, Subscription
 MOST_STEPS = RATE_HZ // 4
 """Steps in one tick; a plant that is later than that lets its world wait."""
 COMPLAINT_PERIOD = 10.0
-"""s between two complaints about that."""
+"""s between two complaints that the machine is too slow."""
 _COMMANDS_KEPT = 256
 _ROUNDING = 1e-3  # steps; stamps of today are exact to 6e-5 steps
 

@@ -112,7 +112,7 @@ class World:
         return self._bodies[name]
 
     def name_of(self, body: int) -> str | None:
-        """The object with that number; None for table, floor and robot."""
+        """Name of the object with the number `body`; None for table, floor and robot."""
         return next((name for name, known in self._bodies.items() if known == body), None)
 
     def pose(self, name: str) -> Pose:

@@ -42,7 +42,7 @@ class Record(NamedTuple):
     """One recorded message."""
 
     stamp: float
-    """s, when it arrived"""
+    """Time (s) when the message arrived"""
     topic: str
     """The key without the graph's root, such as `d/arm_controller-5f0c12aa`."""
     payload: bytes

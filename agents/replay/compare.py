@@ -23,7 +23,7 @@ _COMPARED = ("explained", "surprised", "calmed", "began", "ended", "appeared", "
 
 
 class Stretch(msgspec.Struct):
-    """How long something was so."""
+    """The duration of a state."""
 
     total_s: float = 0.0
     longest_s: float = 0.0
@@ -39,7 +39,7 @@ class Stretch(msgspec.Struct):
 
 
 class PoseDifference(msgspec.Struct):
-    """How far a geometric edge differs between the two runs."""
+    """The difference of a geometric edge between the two runs."""
 
     edge: str
     """`type source destination`"""
@@ -57,7 +57,7 @@ class PoseDifference(msgspec.Struct):
 
 
 class Disagreement(msgspec.Struct):
-    """How long something held in one run only."""
+    """The duration of something that held in one run only."""
 
     what: str
     only_recorded: Stretch = msgspec.field(default_factory=Stretch)

@@ -287,7 +287,7 @@ def _by_maker(delta: Delta) -> Iterator[tuple[str, bytes]]:
 
 
 def feeder_for(agent: type[Agent], feed: Feed, name: str | None = None) -> type[Feeder]:
-    """The feeder that ticks just before the agent of this class and name; without a name, after all agents."""
+    """Make the feeder that ticks just before the agent of this class and name; without a name, after all agents."""
     rank = feed.last_rank if name is None else feed.rank(name)
     fields = {"feed": feed, "rank": rank, "rate_hz": agent.rate_hz}
     return type("Feeder", (Feeder,), fields)

@@ -32,7 +32,7 @@ class Listener:
 
     @property
     def keeper(self) -> str | None:
-        """The agent that writes the timeline; None if nobody does."""
+        """Name of the agent that writes the timeline; None if nobody does."""
         return kept_by(self._memory)
 
     def events(self) -> list[Event]:

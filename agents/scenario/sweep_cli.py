@@ -37,7 +37,7 @@ class SweptPolicy(enum.StrEnum):
     ALGORITHM1 = "algorithm1"
     PUBLISHED = "published"
     BOTH = "both"
-    """The two that explain surprises."""
+    """Both policies that explain surprises."""
 
 
 class Report(msgspec.Struct, frozen=True):

@@ -97,7 +97,7 @@ class ColoredObjects:
             self.known = [colored for colored in found if colored is not None]
 
     def find(self, color: Vector3) -> ColoredObject | None:
-        """The object of that colour, or None."""
+        """Find the object of that colour; None if there is none."""
         angles = {colored: spectral_angle(color, colored.color) for colored in self.known}
         best = min(angles, key=lambda colored: angles[colored], default=None)
         return best if best is not None and angles[best] < TOLERANCE else None

@@ -67,7 +67,7 @@ def leaning(scene: Scene, shape: Shape, size: Vector3, guess: Array, good: float
 
 
 class Turned(NamedTuple):
-    """How surely a fitted shape is turned as it is."""
+    """How certain the rotation of a fitted shape is."""
 
     tilt_sigma: float
     """rad, standard deviation of the worse known of the two directions in which it may lean"""
@@ -106,7 +106,7 @@ def tilt(turn: Array) -> float:
 
 
 def lean(turn: Array, upright: Array) -> Quaternion:
-    """The rotation in the world that takes an object from `upright` to `turn`, both (3, 3)."""
+    """Compute the rotation in the world that takes an object from `upright` to `turn`, both (3, 3)."""
     return quaternions.from_matrix((turn @ upright.T).tolist())
 
 

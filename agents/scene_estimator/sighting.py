@@ -29,7 +29,7 @@ class Sighting(NamedTuple):
 
 
 class Outlines(NamedTuple):
-    """Where in the image the tags were found."""
+    """The outlines of the found tags in the image."""
 
     ids: NDArray[np.int32]
     """(n,)"""

@@ -14,7 +14,7 @@ from dsr.vocabulary.relations import THINGS
 
 
 class SceneSetupConfig(msgspec.Struct, frozen=True):
-    """Which scene."""
+    """The scene that is put into the graph."""
 
     scenario: str = ""
     """Name or file of the scenario that describes it; empty for a table of the usual size with nothing on it."""

@@ -46,7 +46,7 @@ class Wish(NamedTuple):
 
 
 def make_wish(relations: str, things: str, others: str, viewpoint: str) -> Wish:
-    """The wish that these lists of names, comma-separated, amount to. Raises `ConfigError`."""
+    """Make a wish from these lists of names, comma-separated. Raises `ConfigError`."""
     names = checked_relations(split_names(relations))
     if not names:
         raise ConfigError(f"no relation is named; some of {', '.join(SPATIAL)} are expected")
@@ -75,7 +75,7 @@ _STILL = 5e-4, 2e-3  # m, rad: what moved by less is where it was
 
 
 class SpatialRelationsConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Which edges are kept without being requested, and how steadily."""
+    """The relations that are kept without a request, and how steadily."""
 
     relations: list[str] = []
     """Names of the relations that are kept without a request, some of `dsr.spatial.SPATIAL`; none: requests only."""

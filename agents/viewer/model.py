@@ -38,9 +38,9 @@ class Solid(msgspec.Struct, frozen=True):
     size: Vector
     """m, extent along its own x, y, z"""
     seen: bool = True
-    """A camera perceives it now."""
+    """Whether a camera perceives the object now."""
     held: bool = False
-    """The gripper holds it, as far as is known."""
+    """Whether the gripper holds the object, as far as is known."""
 
 
 class Camera(msgspec.Struct, frozen=True):

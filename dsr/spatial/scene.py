@@ -33,7 +33,7 @@ class Fact(NamedTuple):
 
 @dataclass(frozen=True)
 class Scene:
-    """Where things are believed to be."""
+    """The believed places of things, as boxes."""
 
     boxes: Mapping[str, Box] = field(default_factory=dict)
     """Boxes of the things, by name."""

@@ -45,7 +45,7 @@ class Entry(msgspec.Struct, frozen=True, kw_only=True):
     source: str = ""
     """The source of the entry: an agent, or the evidence that it used (`contact`, `gripper`)."""
     writers: tuple[str, ...] = ()
-    """The agents that wrote it."""
+    """Names of the agents that wrote the entry."""
     details: dict[str, Any] = {}
     """All other attributes of the entry's node."""
 
@@ -99,7 +99,7 @@ def kind_of(node: Node) -> str:
 
 
 def explanations(memory: Memory) -> list[Node]:
-    """The event nodes that say what explains a surprise, oldest first."""
+    """List the event nodes of explanations, oldest first."""
     found = [node for node in memory.nodes(EVENT) if kind_of(node) == EXPLAINED]
     return sorted(found, key=lambda node: (_time(node, "time") or 0.0, node.name))
 

@@ -19,7 +19,7 @@ _STEADY = 5e-3, 1e-2  # m, rad: a perspective that moved by less shows the same
 
 
 class SightChange(NamedTuple):
-    """Something came into somebody's sight, or went out of it."""
+    """A change of visibility: a thing came into the sight of a perspective, or went out of it."""
 
     perspective: str
     thing: str

@@ -30,7 +30,7 @@ _ROUNDING = 1e-9  # of a nearness, by which a body that touches another is no le
 
 
 class Body(NamedTuple):
-    """Something that is seen, and hides."""
+    """A body that can be seen, and hides others."""
 
     name: str
     solids: Solids
@@ -49,7 +49,7 @@ class Glance(NamedTuple):
     alone: int
     """Number of pixels that would show the body if nothing else were there, also half a picture beyond the edges."""
     hidden_by: str
-    """The body that hides most of it; empty if nothing does."""
+    """Name of the body that hides most of this one; empty if nothing does."""
 
 
 class Window(NamedTuple):
@@ -69,7 +69,7 @@ class Window(NamedTuple):
 
     @property
     def is_empty(self) -> bool:
-        """Whether there is no pixel in it."""
+        """Whether the window has no pixel."""
         return self.left >= self.right or self.top >= self.bottom
 
     def slices(self, within: Window) -> tuple[slice, slice]:

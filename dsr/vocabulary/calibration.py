@@ -42,7 +42,7 @@ _SAME = 1e-6  # m, rad, up to which two poses are the same
 
 
 class ObjectReport(msgspec.Struct, frozen=True):
-    """How far one object is seen from where it is believed, before and after: root mean squares over its views."""
+    """The distance of one object from its believed pose, before and after: root mean squares over its views."""
 
     name: str
     before_m: float
@@ -58,7 +58,7 @@ class Report(msgspec.Struct, frozen=True):
 
     camera: str
     parent: str
-    """The frame that carries it."""
+    """Name of the frame that carries the camera."""
     method: str
     adopted: bool
     """Whether its pose is known now."""

@@ -34,7 +34,7 @@ class Relation(NamedTuple):
 
 @dataclass(frozen=True)
 class Relations:
-    """Which relations hold at one moment. Two are equal if the same things are in the same relations."""
+    """The relations that hold at one moment. Two are equal if the same things are in the same relations."""
 
     things: frozenset[str] = frozenset()
     """Names of the things that are believed to be somewhere."""

@@ -35,7 +35,7 @@ Action = Literal["place", "hold", "remove", "add"]
 
 
 class Change(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Something that is different from what is believed; `place`, `hold`, `remove` and `add` make one."""
+    """A change of the believed scene; `place`, `hold`, `remove` and `add` make one."""
 
     object: str
     """Name of an object or a fixture (a table)."""
@@ -53,7 +53,7 @@ class Change(msgspec.Struct, frozen=True, omit_defaults=True):
 
     @staticmethod
     def place(name: str, pose: Pose) -> Change:
-        """Let it be at `pose` (world_from_object), at rest, and free to move from there."""
+        """Place an object at `pose` (world_from_object), at rest, and free to move from there."""
         return Change(name, "place", (*pose.t, *pose.q))
 
     @staticmethod
@@ -71,7 +71,7 @@ class Change(msgspec.Struct, frozen=True, omit_defaults=True):
 
     @staticmethod
     def remove(name: str) -> Change:
-        """Let it be gone."""
+        """Remove an object."""
         return Change(name, "remove")
 
 

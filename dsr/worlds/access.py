@@ -19,7 +19,7 @@ from dsr.worlds.opened import OpenWorld, World, Worlds
 from dsr.worlds.registry import VIA, WorldInfo
 
 TIMEOUT = 5.0
-"""s that others get to hand on a world that is opened."""
+"""s within which others must hand on a world that is opened."""
 _NOBODY: Dot = ("", 0)
 
 

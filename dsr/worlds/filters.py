@@ -11,7 +11,7 @@ from dsr.worlds.mirror import Conflict, Mirror
 
 
 class FilterConfig(WorldsConfig, frozen=True, forbid_unknown_fields=True):
-    """Where a filter is at home, and what it does about things that several of its worlds hold."""
+    """The worlds of a filter, and its rule for things that several of them hold."""
 
     conflict: Conflict = "newest"
     """Rule for things that several worlds hold.
@@ -48,7 +48,7 @@ class Filter(Client):
         return True
 
     def edit(self, element: Node | Edge, values: Mapping[str, Any]) -> Mapping[str, Any]:
-        """The attributes that an element has in the output, given those that it has in the input."""
+        """Compute the attributes of an element in the output from those in the input."""
         return values
 
     def refresh(self) -> None:

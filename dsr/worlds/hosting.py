@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class HostedConfig(WorldsConfig, frozen=True, forbid_unknown_fields=True):
-    """Where the agent is at work, and its own configuration."""
+    """The worlds in which the agent is at work, and its own configuration."""
 
     agent: dict[str, Any] = msgspec.field(default_factory=dict)
     """The configuration of the agent itself."""

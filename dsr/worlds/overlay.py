@@ -191,7 +191,7 @@ class Overlay(Graph, LayerObserver):
     # ---- what the parent reports
 
     def below_came(self, element: Node | Edge) -> None:
-        """The parent shows an element that it did not."""
+        """Note that the parent shows an element that it did not show before."""
         key = key_of(element)
         self._outdate(element)
         if key in self._taken or self._concerns(element):

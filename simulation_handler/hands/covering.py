@@ -23,7 +23,7 @@ from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
 RESOLVED = 2
-"""Fingertips that are seen, from which contact tells what they touch."""
+"""Number of visible fingertips from which contact tells what a hand touches"""
 _HALF = 0.5  # of what there is to see of an object
 _RESTS = 0.8  # s
 _STILL = 0.02  # m, in half of that

@@ -29,7 +29,7 @@ Steps = Generator[str, None, T]
 """Yields the name of the step under way at each tick."""
 
 CLEARANCE = 0.06
-"""m between what is carried, when it travels, and all that is below"""
+"""m between a carried object on its way and everything below"""
 PATIENCE = 0.5
 """s that a motion may take longer than planned"""
 GRIP_PATIENCE = 2.0
@@ -37,7 +37,7 @@ GRIP_PATIENCE = 2.0
 STILL_OPENING = 0.0002
 """m per sample; less is no motion of the fingers"""
 FARTHEST = 10.0
-"""m from its base that no arm reaches"""
+"""m from the arm's base that no arm reaches"""
 _OPENED = 0.003  # m short of an opening that will do
 
 

@@ -61,7 +61,7 @@ _UNFINISHED = 4.7  # standard deviations: the 99.9 % quantile of six numbers
 
 
 class Residual(NamedTuple):
-    """How far one object is seen from where it is believed: root mean squares over its sightings."""
+    """The distance of one object from its believed pose: root mean squares over its sightings."""
 
     name: str
     before: tuple[float, float]
@@ -127,7 +127,7 @@ class Solution(NamedTuple):
 
     @property
     def is_adoptable(self) -> bool:
-        """Whether most of what is seen agrees with the pose, and determines it."""
+        """Whether most sightings agree with the pose, and determine it."""
         return not self.problem
 
     @property

@@ -49,7 +49,7 @@ class EventReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FinalPose(msgspec.Struct, frozen=True, kw_only=True):
-    """Where an object is at the end."""
+    """The pose of an object at the end."""
 
     object: str
     pose: Seven

@@ -31,10 +31,10 @@ HandNumber = Annotated[int, Meta(ge=0, le=1)]
 
 
 class EventBase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="do"):
-    """When an event starts: `at` or `when`, exactly one of them."""
+    """The start of an event: `at` or `when`, exactly one of them."""
 
     by_runner: ClassVar[bool] = False
-    """The runner carries it out, not the plant."""
+    """Whether the runner carries the event out, and not the plant."""
 
     at: Seconds | None = None
     """s after the start"""
@@ -95,7 +95,7 @@ class MovedByHand(ObjectEvent, frozen=True, kw_only=True):
 
     @property
     def moves_contents(self) -> bool:
-        """Whether everything on it comes along rigidly."""
+        """Whether everything on or in the object comes along rigidly."""
         return self.hand is None if self.contents is None else self.contents
 
 

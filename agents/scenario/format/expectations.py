@@ -16,7 +16,7 @@ from dsr.network.keys import BASE
 
 
 class Expectation(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="check"):
-    """When a check is judged."""
+    """A check of the working memory, and the time when it is judged."""
 
     at: Seconds | None = None
     """s after the start, or after `event`; default: the end"""
@@ -232,7 +232,7 @@ class Surprising(OfObjects, frozen=True, kw_only=True, tag="surprising"):
 
 
 class Surprises(OfObjects, frozen=True, kw_only=True, tag="surprises"):
-    """How often the objects have become surprising, all together, from `after` until it is judged."""
+    """The number of times the objects have become surprising, all together, from `after` until the check is judged."""
 
     after: Seconds | None = None
     """s after the start, or after `event`; default: 0"""
@@ -250,7 +250,7 @@ class CameraError(Expectation, frozen=True, kw_only=True, tag="camera_error"):
 
 
 class Calibrations(Expectation, frozen=True, kw_only=True, tag="calibrations"):
-    """How often a pose of a camera was adopted, or taken back, until it is judged."""
+    """The number of times a pose of a camera was adopted, or taken back, until the check is judged."""
 
     least: Count = 0
     most: Count | None = None
@@ -263,7 +263,7 @@ class Mission(Expectation, frozen=True, kw_only=True, tag="mission"):
 
 
 class Replans(Expectation, frozen=True, kw_only=True, tag="replans"):
-    """How often a new plan was made for the mission until it is judged."""
+    """The number of new plans for the mission until the check is judged."""
 
     least: Count = 0
     most: Count | None = None

@@ -63,7 +63,7 @@ def samples_of(check: Windowed, history: History) -> Sequence[Sample]:
 
 
 def names_of(check: OfObjects, sample: Sample) -> Sequence[str]:
-    """The objects that it is about."""
+    """Names of the objects that the check is about."""
     return list(sample.truth) if check.objects is None else check.objects
 
 

@@ -43,7 +43,7 @@ class Truth(msgspec.Struct, frozen=True):
     held: str | None = None
     """Object in the gripper."""
     moving: frozenset[str] = frozenset()
-    """Objects that do not lie still."""
+    """Names of the objects that do not lie still."""
     in_view: frozenset[str] = frozenset()
     """Objects whose tag the camera could see in its last frame."""
     grasped: dict[str, str] = {}

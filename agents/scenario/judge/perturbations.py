@@ -38,12 +38,12 @@ class Perturbation(msgspec.Struct, frozen=True):
 
 
 class Recovery(msgspec.Struct, frozen=True):
-    """How the belief came back to the truth after a perturbation."""
+    """The recovery of the belief after a perturbation."""
 
     seconds: float
     """s from its end until all beliefs stayed close; infinite if one did not"""
     last: str
-    """The object that took longest; empty without objects."""
+    """Name of the object that took longest; empty without objects."""
     error: float
     """m of that object when it was last too far away; infinite without a belief"""
 

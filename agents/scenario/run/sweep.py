@@ -28,7 +28,7 @@ _context = multiprocessing.get_context("spawn")
 
 
 class Outcome(msgspec.Struct, frozen=True, kw_only=True):
-    """How one run ended."""
+    """The outcome of one run."""
 
     scenario: str
     seed: int
@@ -36,7 +36,7 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True):
     policy: Policy | None
     passed: bool
     failed: list[str]
-    """The expectations that did not hold, without what was found."""
+    """The expectations that did not hold, without the findings."""
     found: list[str]
     """Findings in place of the expectations, in words."""
     crash: str = ""
@@ -46,7 +46,7 @@ class Outcome(msgspec.Struct, frozen=True, kw_only=True):
     """See `Result`."""
     notes: list[str] = []
     wall_s: float
-    """s of real time that it took"""
+    """s of real time that the run took"""
 
 
 class Sweep:

@@ -31,7 +31,7 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class Answer(msgspec.Struct, frozen=True):
-    """How a run ended."""
+    """The outcome of a run, or its crash."""
 
     result: Result | None = None
     reason: str = ""

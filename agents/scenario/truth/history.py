@@ -19,7 +19,7 @@ _SLACK = 1e-6
 
 
 class Error(msgspec.Struct, frozen=True):
-    """How far a pose is from the true one."""
+    """The distance of a pose from the true one."""
 
     position: float
     """m"""
