@@ -52,7 +52,7 @@ class Agent:
     most_failures: ClassVar[int] = 25
     """Number of failed ticks in a row after which the agent gives up."""
     Config: ClassVar[type[Any]] = NoConfig
-    """A frozen msgspec Struct whose fields all have defaults."""
+    """Type of the configuration: a frozen msgspec Struct whose fields all have defaults."""
 
     memory: Memory
     bus: Transport

@@ -62,7 +62,7 @@ class ArmControllerConfig(msgspec.Struct, frozen=True):
     mount: Mount = Mount()
     """world_from_robot"""
     arm_mount: Mount = Mount()
-    """robot_from_arm"""
+    """Pose of the arm's base in the robot's frame, robot_from_arm"""
     cameras: dict[str, CameraConfig] = {}
     """Cameras by the name of their node."""
     default_speed: float = 0.5

@@ -78,7 +78,10 @@ class Turned(NamedTuple):
 
 
 def turned(scene: Scene, shape: Shape, size: Vector3, found: Fit, sigma: float) -> Turned:
-    """From the sum of squared distances around the fit, if points are off by `sigma` m, ten together."""
+    """Estimate how certain the rotation of a fit is, if points are off by `sigma` (m), ten of them together.
+
+    The estimate uses the sum of squared distances around the fit.
+    """
     near = scene.points[scene.around(found.position, size)]
     near = near[:: max(1, len(near) // _SHARE)]
     jacobian, distance = _linear(near, shape, size, found.turn, found.position)

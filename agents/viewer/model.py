@@ -24,7 +24,7 @@ class Place(msgspec.Struct, frozen=True):
     """A pose in the world, comparable by its numbers."""
 
     translation: Vector
-    """m"""
+    """m, position in the world"""
     rotation: tuple[float, float, float, float]
     """Quaternion (x, y, z, w)"""
 
@@ -57,7 +57,7 @@ class Gripper(msgspec.Struct, frozen=True):
 
     place: Place
     opening: float
-    """m"""
+    """m between the pads"""
 
 
 class Scene(msgspec.Struct, frozen=True):

@@ -247,7 +247,7 @@ class LocalTransport:
                 self._network.later(0.0, _bind(handler, key, alive))
 
     def renew(self) -> None:
-        """Nothing is ever forgotten here."""
+        """Do nothing: this transport forgets no declarations."""
 
     def pump(self) -> None:
         """Deliver what is due."""

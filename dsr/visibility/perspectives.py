@@ -23,7 +23,7 @@ _log = logging.getLogger("dsr.visibility")
 
 CAMERA, PERSON = "camera", "person"
 PERSPECTIVES = (CAMERA, PERSON)
-"""Node types."""
+"""Node types of perspectives."""
 PERSON_FOV = (math.radians(100.0), math.radians(80.0))
 """rad, horizontal and vertical: what a person sees who does not move the head, and no tag says otherwise"""
 CAMERA_FOV = (math.radians(60.0), math.radians(46.8))

@@ -34,7 +34,7 @@ MODELLED = "object"
 FIXTURES = (*SURFACES, MODELLED)
 """Node types of what never moves by itself."""
 OBJECTS = THINGS
-"""Node types of what the belief follows."""
+"""Node types of the objects that the belief follows."""
 EXPLAINED = ("cube",)
 """Node types of objects whose moves are always explained: they may have been part of a tower that nobody sees."""
 _MOST_OFF = 0.001  # m that the bounds of a shape may differ from the size

@@ -109,7 +109,7 @@ class Driving:
         self._now = -math.inf
 
     def update(self, now: float, unmoved: Set[str] = frozenset(), in_doubt: Set[str] = frozenset()) -> None:
-        """Begin, go on and end at time `now` (s).
+        """Begin, continue and end drives at time `now` (s).
 
         Args:
             now: s

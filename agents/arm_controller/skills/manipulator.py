@@ -168,7 +168,7 @@ class Manipulator:
         return Room(self.figure, [thing for thing in self._things() if thing.name != target])
 
     def rise(self, held: str | None) -> Steps[None]:
-        """Straight up, with `held` in the gripper."""
+        """Move the tool straight up, with `held` in the gripper."""
         load = Load(self.joints.opening, self.held_box())
         obstacles = self._obstacles(self._things(), "")
         trajectory = self._router.rise(self._here, self.config.approach, load, obstacles, self._limits)

@@ -56,35 +56,35 @@ class NoInterpenetration(Windowed, frozen=True, kw_only=True, tag="no_interpenet
     """No belief overlaps another one, or the table, deeper than `tolerance` at any moment of the window."""
 
     tolerance: Noise = 0.0005
-    """m"""
+    """m, greatest depth of an overlap"""
 
 
 class NoDrift(Windowed, frozen=True, kw_only=True, tag="no_drift"):
     """The belief never gets further than `tolerance` from where it was when the window began."""
 
     tolerance: Noise = 0.001
-    """m"""
+    """m, greatest distance from the first place"""
 
 
 class Resting(OfObjects, frozen=True, kw_only=True, tag="resting"):
     """The belief stands on the table or on another belief, gap at most `tolerance`, and is still."""
 
     tolerance: Noise = 0.001
-    """m"""
+    """m, greatest gap"""
 
 
 class RestingHeight(OfObjects, frozen=True, kw_only=True, tag="resting_height"):
     """The height of the belief differs from the true one by at most `tolerance`."""
 
     tolerance: Noise = 0.001
-    """m"""
+    """m, greatest difference of height"""
 
 
 class BeliefError(OfObjects, frozen=True, kw_only=True, tag="belief_error"):
     """The belief is within `tolerance` of the truth, and within `angle` if that is given."""
 
     tolerance: Noise = 0.005
-    """m"""
+    """m, greatest distance from the truth"""
     angle: Turn | None = None
     """rad; default: the rotation is not judged"""
     after: Seconds | None = None
@@ -216,7 +216,7 @@ class BeliefRecovered(OfObjects, frozen=True, kw_only=True, tag="belief_recovere
 
     within: Seconds = 1.5
     tolerance: Noise = 0.005
-    """m"""
+    """m, greatest distance from the truth"""
 
 
 class Gone(OfObjects, frozen=True, kw_only=True, tag="gone"):
@@ -244,9 +244,9 @@ class CameraError(Expectation, frozen=True, kw_only=True, tag="camera_error"):
     """The scenario's camera is believed to be within `tolerance` and `angle` of where it truly is."""
 
     tolerance: Noise = 0.003
-    """m"""
+    """m, greatest distance from the truth"""
     angle: Turn = 0.00524
-    """rad"""
+    """rad, greatest angle to the truth"""
 
 
 class Calibrations(Expectation, frozen=True, kw_only=True, tag="calibrations"):

@@ -37,7 +37,7 @@ class Truth(msgspec.Struct, frozen=True):
     """One instant of the true world."""
 
     stamp: float
-    """s"""
+    """Time of the instant, s."""
     objects: dict[str, _Seven]
     """Poses by name: position (m) and quaternion (x, y, z, w) in the world frame."""
     held: str | None = None

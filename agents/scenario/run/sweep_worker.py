@@ -19,7 +19,7 @@ _COLLECT = (100_000, 20, 20)  # much less often than by default: a tenth faster,
 
 
 class Job(msgspec.Struct, frozen=True, kw_only=True):
-    """One run."""
+    """One run of a sweep: scenario, seed, sensor and policy."""
 
     name: str
     """Name of the scenario."""

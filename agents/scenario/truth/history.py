@@ -22,9 +22,9 @@ class Error(msgspec.Struct, frozen=True):
     """The distance of a pose from the true one."""
 
     position: float
-    """m"""
+    """m, distance"""
     rotation: float
-    """rad"""
+    """rad, angle"""
 
 
 class WorldSample(msgspec.Struct, frozen=True):
