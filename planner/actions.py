@@ -1,4 +1,4 @@
-"""Action nodes: the plan as the graph has it, what is asked of the arm, and what the arm says."""
+"""Action nodes: the plan in the graph, the requests to the arm, and the arm's reports."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class Actions:
         self._names: list[str] = []
 
     def write(self, skills: list[Skill]) -> list[str]:
-        """Write a plan behind what is there; returns the names of its nodes."""
+        """Write a plan behind the present actions; returns the names of its nodes."""
         names = []
         for skill in skills:
             name = f"{self._stem}{self._next}"

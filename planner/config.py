@@ -6,7 +6,7 @@ import msgspec
 
 
 class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How long the planner waits for what, and where it puts things. The defaults are for cubes of 4 cm and a Gen3."""
+    """Times and places of the planner. The defaults are for cubes of 4 cm and a Gen3."""
 
     arm_agent: str = "arm_controller"
     """Name of the agent that carries out actions; while it is away no action begins."""
@@ -45,13 +45,13 @@ class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """s that it may take until anything at all is believed to be somewhere, from when those who see and believe run:
     their devices and models are still starting then, on a slow machine for half a minute."""
     look_after: float = 2.0
-    """s after which the arm looks for things that are nowhere: what is in view is seen and believed within one."""
+    """s after which the arm looks for things that are nowhere: a thing in view is seen and believed within one."""
     look_for: float = 1.0
     """s that a camera which the arm carries stays at each place from which it looks: for some ten images."""
     look_height: float = 0.3
     """m above the table from which it looks: there it reads tags of 2 cm, and the arm is above all towers."""
     most_looks: int = 8
-    """Places from which it looks at most, 3 s each: after half a minute what is sought counts as not there."""
+    """Places from which the arm looks at most, 3 s each: after half a minute a sought thing counts as not there."""
     begin: float = 5.0
     """s that the arm may take to begin an action; then the status says that it does not."""
     action_limit: float = 90.0
@@ -82,7 +82,7 @@ class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     what_if_patience: float = 1.0
     """s that the answer may take whether something would topple where it is to be put; with 0 nobody is asked."""
     what_if_seconds: float = 1.0
-    """s that are simulated for it: what topples has left its place by then."""
+    """s that are simulated for a what-if question: an object that topples has left its place by then."""
     what_if_shift: float = 0.015
     """m that an object may move in the simulation and still count as staying."""
     what_if_turn: float = 0.3

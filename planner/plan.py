@@ -1,4 +1,4 @@
-"""Plans: steps as the solver wrote them, and what they do to the relations."""
+"""Plans: steps as the solver wrote them, and their effects on the relations."""
 
 from __future__ import annotations
 

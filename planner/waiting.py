@@ -1,4 +1,4 @@
-"""Waits until all that a goal is about is believed to be somewhere, says what is lacking and why, and looks for it."""
+"""Waits until all things of a goal are believed to be somewhere, says which are missing and why, and looks for them."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class Waiting:
         self._tell(WAITING, _not_running(self.missing_agents()))
 
     def lacking(self, goal: Goal) -> list[str]:
-        """Names in the goal of what is not believed to be anywhere."""
+        """Names in the goal of things that are not believed to be anywhere."""
         relations = read_relations(self._memory)
         known = relations.things | relations.tables
         self._believed |= known

@@ -272,7 +272,8 @@ class Belief:
         return self._bodies.object(name).estimate_at(now) is not None
 
     def plausible(self, name: str) -> bool:
-        """Whether what is seen of it now, if anything is, fits a pose that physics allows, up to its noise."""
+        """Whether the present percept of an object, if there is one, fits a physically possible pose, up to its noise.
+        """
         item = self._bodies.object(name)
         if item.holder:
             return True

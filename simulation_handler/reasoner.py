@@ -19,7 +19,7 @@ from simulation_handler.shapes.geometry import Solid
 
 
 class Reasoner(Protocol):
-    """A belief about objects, kept in step with perception. See `Belief` for what its methods mean in full."""
+    """A belief about objects, kept in step with perception. See `Belief` for the full meaning of its methods."""
 
     config: BeliefConfig
 
@@ -111,16 +111,16 @@ class Reasoner(Protocol):
         """The present scene: all bodies that have a place."""
 
     def supports(self) -> Mapping[Relation, float]:
-        """(object, what it rests on) and since when (s)."""
+        """Pairs (object, support) that hold, with the time (s) since when."""
 
     def contents(self) -> Mapping[Relation, float]:
-        """(object, what it is in) and since when (s)."""
+        """Pairs (object, container) that hold, with the time (s) since when."""
 
     def source(self, relation: Relation) -> str:
         """The source of a relation that holds."""
 
     def plausible(self, name: str) -> bool:
-        """Whether what is perceived of an object is physically possible."""
+        """Whether the percept of an object is physically possible."""
 
     def is_gone(self, name: str) -> bool:
         """Whether the object is believed to have been taken out of the scene."""

@@ -55,7 +55,7 @@ class SurpriseConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     learn_window: Count = 50
     """Percepts over which it is averaged."""
     unseen_noise: NotNegative = 0.005
-    """m, of a belief without covariance: of what was never seen where it is believed to be"""
+    """m, of a belief without covariance: of an object that was never seen where it is believed to be"""
     unseen_rotation_noise: NotNegative = 0.1
     """rad, of a belief without covariance: of an object that was never seen where it is believed to be"""
 

@@ -76,7 +76,7 @@ def _overlap(one: str, other: str) -> bool:
 
 
 class WriteGuard:
-    """Called with every write that an agent is about to make; refuses what it did not declare."""
+    """Refuses the writes that an agent did not declare; it is called before each write."""
 
     def __init__(self, agent: str, writes: Access, world: str = BASE) -> None:
         self._agent = agent

@@ -146,7 +146,7 @@ class Edge(_Element):
 
     @property
     def key(self) -> tuple[str, str, str]:
-        """(source, destination, type): what identifies the edge."""
+        """The identity of the edge: (source, destination, type)."""
         return self.src, self.dst, self.type_name
 
     @property

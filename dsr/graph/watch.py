@@ -1,4 +1,4 @@
-"""Subscriptions: what changed since the reader last looked, conflated per node or edge.
+"""Subscriptions: changes since the reader last looked, conflated per node or edge.
 
 A slow reader never blocks anybody and never misses that something came or went: pending changes of one
 element are merged, so at most one entry an element waits, however many updates there were.
@@ -82,7 +82,7 @@ class _Pending:
 
 
 class Watch:
-    """Changes that match a filter. Iterate to wait for them, or `poll` to take what is there."""
+    """Changes that match a filter. Iterate to wait for them, or `poll` to take the present ones."""
 
     def __init__(self, wanted: Filter, notify: Callable[[], None] | None = None) -> None:
         self._filter = wanted

@@ -1,4 +1,4 @@
-"""The surfaces of shapes and rays that meet them: what of a body can be seen from a point.
+"""Surfaces of shapes, and rays that meet them: the part of a body that can be seen from a point.
 
 Arrays are numpy; lengths in metres. Rays are given by where they start and how far they go, so that a parameter of 1 is
 their end.

@@ -27,7 +27,7 @@ def is_key(text: str) -> bool:
 
 
 def agent_of(rid: str) -> str:
-    """The agent whose replica has the id `rid`: what is before the boot nonce."""
+    """The agent whose replica has the id `rid`: the part before the boot nonce."""
     return rid.rpartition("-")[0]
 
 

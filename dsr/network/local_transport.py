@@ -250,7 +250,7 @@ class LocalTransport:
         """Do nothing: this transport forgets no declarations."""
 
     def pump(self) -> None:
-        """Deliver what is due."""
+        """Deliver the messages that are due."""
         self._network.deliver()
 
     def close(self) -> None:

@@ -109,7 +109,7 @@ class Transport(Protocol):
         """Call `handler` for each announced key that matches: first the present ones, then each change."""
 
     def renew(self) -> None:
-        """Say again what is subscribed to and served here: a network that has changed may have forgotten it."""
+        """Declare the subscriptions and services again: a network that has changed may have forgotten them."""
 
     def pump(self) -> None:
         """Hand over what is under way, in a network where nothing moves by itself; elsewhere nothing is to be done."""

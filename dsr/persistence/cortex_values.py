@@ -1,4 +1,4 @@
-"""Attribute values of CORTEX graph files: by type code to ours and back, with a note of what ours cannot tell."""
+"""Attribute values of CORTEX graph files: by type code to ours and back, with a note of the rest."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _VECTORS = {FLOATS: None, 10: 2, 11: 3, 12: 4, 13: 6}
 """Codes of vectors, with their lengths."""
 
 NOTE = "cortex"
-"""Attribute in which an element keeps what a CORTEX file said beyond our graph, see `Note`."""
+"""Attribute with the content of a CORTEX file that our graph cannot hold, see `Note`."""
 _DIGITS = re.compile(r"\s*[+-]?[0-9]{1,100}\s*")
 PREFIX = "cortex."
 """Prefix of attribute names for values that the graph cannot hold: such values are kept as JSON text."""

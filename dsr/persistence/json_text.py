@@ -107,7 +107,7 @@ class JsonFile:
 
 
 class Problems:
-    """Collects what is wrong with a file; with more problems than are told, reading ends at once."""
+    """Collects the faults of a file; with more faults than are told, reading ends at once."""
 
     def __init__(self, file: JsonFile) -> None:
         self._file = file

@@ -27,7 +27,7 @@ from dsr.graph.graph import Graph
 MAX_GAPS = 1000
 """Gaps among the counters of one replica: as many messages lost one by one as wait for a slow reader."""
 MAX_EARLY = 1000
-"""Removals that came before what they remove: a race of milliseconds between two senders."""
+"""Removals that may come before their elements: a race of milliseconds between two senders."""
 MAX_NEWCOMERS = 1000
 """Replicas that may begin to write within `WHILE`: as many as are listened to."""
 WHILE = 60.0
@@ -42,7 +42,7 @@ all.
 
 
 class Claims:
-    """Watches over what is claimed to one replica."""
+    """Watches over the claims of others to one replica."""
 
     def __init__(self, graph: Graph) -> None:
         self.passed_over = 0

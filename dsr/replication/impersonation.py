@@ -17,7 +17,7 @@ NEW_ID_PAUSE = 10.0
 
 
 class Impersonation:
-    """Watches over what is said in the name of one replica."""
+    """Watches over messages that speak in the name of this replica."""
 
     def __init__(self, graph: Graph, complaints: Complaints) -> None:
         self.noticed = False

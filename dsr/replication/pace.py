@@ -59,7 +59,7 @@ class Pace:
         return True
 
     def renewal_due(self, now: float) -> bool:
-        """Whether to declare again what is listened to; true once after each hurry."""
+        """Whether to declare the subscriptions again; true once after each hurry."""
         if now < self._renewal_at:
             return False
         self._renewal_at = math.inf

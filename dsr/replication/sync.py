@@ -62,7 +62,7 @@ JOIN_RETRY = 0.02
 
 
 class Gate(Protocol):
-    """Decides what of an arriving message may be joined; see dsr/security/gate.py."""
+    """Selects the part of an arriving message that may be joined; see dsr/security/gate.py."""
 
     def delta(self, sender: str, delta: Delta, store: Store) -> Delta:
         """The allowed part of a delta."""
@@ -80,7 +80,7 @@ class Synchroniser:
 
     graph: Graph
     gate: Gate | None = None
-    """Checks what arrives; None if everybody is believed."""
+    """Checks arriving messages; None if everybody is believed."""
     joined: bool = False
     complaints: Complaints = field(default_factory=Complaints)
     repairs: int = 0

@@ -45,7 +45,7 @@ class Containment:
 
 
 def inside(solids: Collection[Solid], known: Collection[Relation] = ()) -> set[Relation]:
-    """(object, container) of all that is inside another one; what is `known` to be stays so within the hysteresis."""
+    """Find the pairs (object, container); pairs in `known` stay within the hysteresis."""
     return {
         (solid.name, hollow.name)
         for hollow in solids

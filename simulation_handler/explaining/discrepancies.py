@@ -16,7 +16,7 @@ _CONFIRMING = 0.2  # s that percepts have disagreed before that is confirmed
 
 
 class Discrepancies:
-    """Keeps count of since when objects disagree with what is seen."""
+    """Keeps for each object the time since when it disagrees with its percepts."""
 
     def __init__(self, bodies: Bodies, config: BeliefConfig) -> None:
         self._bodies = bodies

@@ -26,7 +26,7 @@ class Move:
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """Changes that together lead from what was believed to what is seen."""
+    """A set of changes that together lead from the beliefs to the percepts."""
 
     moves: tuple[Move, ...] = ()
     """One move for each object that moved and is seen, sorted."""
@@ -51,7 +51,7 @@ class Hypothesis:
         return frozenset(hidden) | self.removed | {name for name, _ in self.fallen}
 
     def with_move(self, move: Move) -> Hypothesis:
-        """This one, with another move of one object; what it takes along does nothing else."""
+        """Copy the hypothesis with another move of one object; its riders do nothing else."""
         taken = {*move.riders, *move.beneath}
         others = [
             replace(

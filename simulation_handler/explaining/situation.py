@@ -62,7 +62,7 @@ class Seen:
 
 
 def shown_now(item: BelievedObject, config: BeliefConfig) -> tuple[Solid, Solid]:
-    """An object as perception shows it: with what is noise of its tilt taken out, and as it is."""
+    """The object at its perceived pose, twice: with the noise of its tilt taken out, and as it is."""
     percept = item.percept()
     flat, tilt = percept.face_down()
     return (flat if tilt <= config.tilt_tolerance else percept), percept
@@ -119,7 +119,7 @@ class Situation:
     inside: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """Containers in which each object is."""
     former: Mapping[str, Mapping[str, Pose]] = field(default_factory=dict)
-    """upper_from_lower of what was beneath each object until lately, by the names of both."""
+    """upper_from_lower for the objects that were beneath each object until lately, by the names of both."""
     companions: Mapping[str, frozenset[str]] = field(default_factory=dict)
     """Names of the objects that have just moved together with each object."""
     unplaced: Mapping[str, Vector3] = field(default_factory=dict)
@@ -137,7 +137,7 @@ class Situation:
     evidence: float = 1.0
     """Time (s) for which cameras have shown the scene as it is now."""
     look: Look | None = None
-    """Predicts what cameras should see; None without a camera whose pose is known."""
+    """Predicts the objects that cameras should see; None without a camera whose pose is known."""
     sure: frozenset[str] = frozenset()
     """Seen by a camera that is known not to have moved."""
 

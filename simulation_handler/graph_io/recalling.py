@@ -1,4 +1,4 @@
-"""Takes up from the graph what an earlier run of this agent believed, and what it had explained already."""
+"""Restores the beliefs and explanations of an earlier run from the graph."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class Recalling:
             self._belief.recall_explanation(changes_of(entry.details, entry.text), entry.begin, now)
 
     def recall(self, node: Node, now: float) -> float:
-        """Believe of an object what was believed before.
+        """Restore the earlier belief about an object.
 
         Returns:
             Until when (s) its percepts have been taken in, for the belief is what became of them; minus infinity if

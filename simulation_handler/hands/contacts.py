@@ -1,4 +1,4 @@
-"""Which fingertips touch which objects, and which hands pinch them, as far as what is seen of both tells.
+"""Finds which fingertips touch which objects, and which hands pinch them, by the percepts of both.
 
 Contact is looked for where hand and object were seen at the same time, for the bodies of the simulation are a little
 late. Where the object is not seen it is looked for about the body, and about where the hand that holds it has it.

@@ -1,4 +1,4 @@
-"""Hands that cover what they take: neither their fingertips nor the object are seen when they close.
+"""Finds hands that cover an object while they take it: fingertips and object are unseen when they close.
 
 A hand that rests with its fingers at an object which it hides is presumed to touch it. If it goes away and the object
 is not seen where it was, it is in that hand, until it is seen elsewhere than there. What is seen to be missing where a
@@ -71,7 +71,7 @@ class Covering:
         return self._covers
 
     def place(self, hand: str, thing: str) -> Pose:
-        """World_from_object of what a hand has, as that is seen now."""
+        """World_from_object of a covered object, by the present pose of the hand."""
         return self._palms[hand] @ self._covers[hand, thing].hand_from_object
 
     def forget(self, name: str) -> None:
@@ -99,7 +99,7 @@ class Covering:
                 self._bodies.object(relation[1]).path.add(begin.with_stamp(stamp))
 
     def update(self, hands: Mapping[str, Hand], busy: Collection[Relation], look: Look | None, now: float) -> None:
-        """Decide at time `now` (s) what is covered.
+        """Decide at time `now` (s) which objects are covered.
 
         Args:
             hands: all that are known.

@@ -14,7 +14,7 @@ from simulation_handler.shapes.geometry import Solid
 TIP_RADIUS = 0.008
 """m, radius of a fingertip"""
 NEAR = 0.010
-"""m between surfaces up to which a touch begins: what hands and percepts are off"""
+"""m between surfaces up to which a touch begins: the error of hands and percepts"""
 FAR = 0.018
 """m between surfaces up to which a touch goes on, at most"""
 WITHDRAWN = 0.010

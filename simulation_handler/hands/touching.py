@@ -1,4 +1,4 @@
-"""Hands: which object they touch, how, and what goes with them where nobody sees it.
+"""Follows hands: the objects that they touch, how, and the objects that go with them unseen.
 
 What is seen of an object counts more than what is seen of the hand that holds it; while it is unseen, it is where
 the hand has it; while neither is seen, nothing changes.
@@ -41,7 +41,7 @@ _BLEND = 0.2  # weight of the newest in how a hand holds an object
 
 
 class Touching:
-    """Keeps track of hands and of what they hold."""
+    """Keeps track of hands and of the objects that they hold."""
 
     def __init__(self, bodies: Bodies, containment: Containment) -> None:
         self.look: Look | None = None
@@ -81,7 +81,7 @@ class Touching:
         }
 
     def observe(self, hands: Mapping[str, HandPercept]) -> None:
-        """Take in what is seen of all hands; those that are not among them are gone."""
+        """Take in the percepts of all hands; hands that are not among them are gone."""
         for name in self._hands.keys() - hands.keys():
             del self._hands[name]
         for name, percept in hands.items():
@@ -127,7 +127,7 @@ class Touching:
         return self._covering.take(name, now)
 
     def update(self, now: float) -> None:
-        """Decide at time `now` (s) what is touched and held, and let what is unseen and held go with its hand."""
+        """Decide at time `now` (s) which objects are touched and held. Unseen held objects go with their hand."""
         self._contacts.update(now)
         self._update_grasps(now)
         self._update_covered(now)

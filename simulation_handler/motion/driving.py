@@ -232,7 +232,7 @@ class Driving:
 
     @property
     def supports(self) -> set[Relation]:
-        """(object, what carries it) of the driven objects that slide or stand on something, which they hardly touch."""
+        """Pairs (object, support) of the driven objects that slide or stand on something, which they hardly touch."""
         drives = self._drives.items()
         return {(name, base) for name, drive in drives for base in drive.supports or () if base != UNKNOWN}
 

@@ -68,7 +68,7 @@ class FingerBodies:
         return position
 
     def add(self, name: str, position: Vector3) -> None:
-        """Add one at `position` (3,) m; it goes through everything until it is told what to meet."""
+        """Add a finger at `position` (3,) m; it goes through everything until `meet` names bodies."""
         body = self._parked.pop() if self._parked else self._make()
         pybullet.changeDynamics(body, -1, mass=_MASS, physicsClientId=self._client)
         self._put(body, position)

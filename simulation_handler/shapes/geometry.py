@@ -25,7 +25,7 @@ _ROUND = tuple((math.cos(math.pi * k / 8), math.sin(math.pi * k / 8)) for k in r
 
 @dataclass(frozen=True)
 class Solid:
-    """A body somewhere in the world: a box, or what its shape says."""
+    """A body somewhere in the world: a box, or the parts of its shape."""
 
     name: str
     size: Vector3

@@ -41,13 +41,15 @@ class BelievedObject:
     shape: Shape = ()
     """Pieces of the object's shape; none for a solid box."""
     drivable: bool = False
-    """Where it is seen to move, it takes along by contact what is in it, on it, or in its way."""
+    """Whether the object is driven along its seen path, and takes along by contact the things in it, on it, or in its
+    way.
+    """
     rolling_friction: float | None = None
     """m, lever arm of the resistance to rolling; None if that is not known"""
     path: Path = field(default_factory=Path)
     """The path of the object as it was seen."""
     noise: float = 0.0
-    """m, root mean square distance by which its newest percept is off, beside what is systematic"""
+    """m, root mean square error of the newest percept, beside systematic errors"""
     driven: bool = False
     """Whether the object is on its way, and its body is driven along the seen path."""
     rides: bool = False
@@ -190,7 +192,7 @@ class BelievedObject:
         self.last_strike = now
 
     def notice_restart(self) -> None:
-        """If it has moved since it was last looked at, what physics did to it before counts no more."""
+        """Forget the strikes of physics if the object has moved since the last call."""
         if self.restarts != self.track.restarts:
             self.restarts, self.strikes = self.track.restarts, 0
 

@@ -61,7 +61,7 @@ class Pool:
         return tuple(worker.pid for worker in self._workers)
 
     def run(self, scenes: Sequence[Scene], seconds: float, budget: float | None = None) -> list[Outcome | None]:
-        """Outcomes after `seconds`, in the order of the scenes; None for what did not fit into the budget.
+        """Simulate scenes for `seconds`, and return outcomes in their order; None for scenes beyond the budget.
 
         Raises:
             SimulationError: for a scene or time that cannot be simulated.

@@ -24,7 +24,7 @@ _AT_WORK = (psutil.STATUS_RUNNING, psutil.STATUS_WAKING, psutil.STATUS_DISK_SLEE
 
 
 class WorkerProcess:
-    """Begins at once; `is_starting` and `job` say what it is doing.
+    """A process that simulates scenes; it begins at once, `is_starting` and `job` tell its state.
 
     It is in a session of its own, so that Ctrl-C reaches only us, and ends when we do, however that happens.
     """
