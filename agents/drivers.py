@@ -1,4 +1,4 @@
-"""The driver interface: what an arm and a camera look like to the agents, whoever plays them.
+"""The interface of drivers for arms, cameras and sensors, real or simulated.
 
 The simulated plant is one driver (`agents.plant.driver`); a RealSense, a Kinova Kortex or ROS 2 topics
 plug in at the same place. Drivers are named in a system file as `module:Class` and are made with

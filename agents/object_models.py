@@ -1,4 +1,4 @@
-"""Descriptions of objects (URDF) in `etc/objects` or beside a scenario file: what they are made of and weigh.
+"""Descriptions of objects (URDF) in `etc/objects` or beside a scenario file: their shapes and masses.
 
 An object is one link without joints. The link is called after the type of the object: `cube`, `box`, `container`, `cup`
 or `ball`. Its <collision> elements (box, cylinder, sphere; at most 16) are its parts, so a container is one box for

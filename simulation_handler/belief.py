@@ -37,7 +37,7 @@ _MOST_STEPS = 48  # of physics in one step of the belief; time beyond is lost
 
 
 class Belief:
-    """Where the objects are and what they rest on, as far as perception and physics tell.
+    """The believed poses and supports of objects, by perception and physics.
 
     Args:
         config: tolerances.
@@ -272,8 +272,7 @@ class Belief:
         return self._bodies.object(name).estimate_at(now) is not None
 
     def plausible(self, name: str) -> bool:
-        """Whether the present percept of an object, if there is one, fits a physically possible pose, up to its noise.
-        """
+        """Whether the present percept of an object, if any, fits a physically possible pose, up to its noise."""
         item = self._bodies.object(name)
         if item.holder:
             return True

@@ -1,4 +1,4 @@
-"""Whether the gripper has room around an object: what it would touch there while the fingers close."""
+"""Checks whether the gripper has room around an object: the things that it would touch while the fingers close."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Finds a way for the arm among what is believed to be there: straight, or up, across and down again."""
+"""Finds a path for the arm among all that is believed to be there: straight, or up, across and down again."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ class ByVolumeConfig(FilterConfig, frozen=True, forbid_unknown_fields=True):
 
 
 class ByVolume(Filter):
-    """Passes on what is neither smaller nor larger than wanted, frames without extent included."""
+    """Passes on things that are neither too small nor too large, and frames without extent."""
 
     name = "by_volume"
     Config = ByVolumeConfig

@@ -1,4 +1,4 @@
-"""The perspective filter: keeps a world for each person, which holds what they see and what they remember."""
+"""The perspective filter: keeps a world for each person, with the things that they see and remember."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
 
 
 class PerspectivesConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Whose worlds are kept, and what counts as seen."""
+    """The persons whose worlds are kept, and the limits of visibility."""
 
     of: tuple[str, ...] = ()
     """Names of persons and cameras, which may come later; all persons that come if empty."""
@@ -47,7 +47,7 @@ class PerspectivesConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True
 
 
 class Perspectives(Agent):
-    """Keeps worlds `view_of_<person>`, one for each person that comes: see `PersonalView` for what they hold.
+    """Keeps worlds `view_of_<person>`, one for each person that comes: see `PersonalView` for their content.
 
     A world stays when the person leaves; after a restart of the agent it goes on, if somebody else holds it.
     """

@@ -1,4 +1,4 @@
-"""Where something comes to rest that falls straight down, by the forms of what somebody takes to lie beneath."""
+"""Computes where a thing that falls straight down comes to rest, by the forms of the bodies believed below."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The simulated arm: joints that follow targets, and a gripper that holds what both its pads touch."""
+"""The simulated arm: joints that follow targets, and a gripper that holds an object between its pads."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A simulated colour and depth camera: where it is, what it sees, and what becomes of it."""
+"""A simulated colour and depth camera: its pose, its images, and the bumps that it gets."""
 
 from __future__ import annotations
 

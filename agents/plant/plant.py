@@ -34,7 +34,7 @@ _ROUNDING = 1e-3  # steps; stamps of today are exact to 6e-5 steps
 
 
 class Plant(Agent):
-    """The simulated reality: publishes what real drivers publish and takes what they take.
+    """The simulated reality: publishes the data of real drivers, and takes their commands.
 
     It never reads the working memory. The world runs from the first tick on; the scenario's timeline starts
     with the runner's `Start` message, or at the configured time.

@@ -1,4 +1,4 @@
-"""The times of a recording: what it spans, and where reading must begin to know the graph at a time."""
+"""The times of a recording: its span, and where reading must begin to know the graph at a time."""
 
 from __future__ import annotations
 

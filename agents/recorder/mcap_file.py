@@ -113,7 +113,7 @@ class Piece(NamedTuple):
 
 
 class RecordingFile:
-    """Reads one MCAP file from its beginning; iterate over it once, then look at what was found.
+    """Reads one MCAP file from its beginning; iterate over it once, then look at the findings.
 
     Raises:
         RecordingError: if the file cannot be read or is no recording of ours.

@@ -254,7 +254,7 @@ class Feed:
 
 
 class Feeder(Agent):
-    """Publishes what a feed has for the agent that ticks next. Made into a class of its own for each agent."""
+    """Publishes the part of a feed for the agent that ticks next. Made into a class of its own for each agent."""
 
     uses_memory = False
     feed: ClassVar[Feed]

@@ -19,7 +19,7 @@ _MOST_TOLD = 20_000
 
 
 class Listener:
-    """Tells what happened before it was made, as far as the graph knows, and from then on."""
+    """Tells the events from before it was made, as far as the graph knows, and from then on."""
 
     def __init__(self, memory: Memory) -> None:
         self._memory = memory

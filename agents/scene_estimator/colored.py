@@ -1,4 +1,4 @@
-"""Objects that are recognised by their colour: which ones are known, and what a sighting of one says about its pose."""
+"""Objects that are recognised by their colour: the known ones, and the pose that a sighting of one tells."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ OVERTURNED: Quaternion = (1.0, 0.0, 0.0, 0.0)
 TURNED = 0.03
 """rad, likewise, of the yaw that a sensor without images tells of what stands upright"""
 LEANS = 0.25
-"""rad, from which what leans is told from what is upright"""
+"""rad of tilt from which an object counts as leaning"""
 _FARTHEST = 100.0  # m
 _ROUNDING = 1e-3
 

@@ -1,4 +1,4 @@
-"""Tells the working memory what the robot knows beforehand: the table, and the objects it was told about."""
+"""Tells the working memory the robot's prior knowledge: the table, and given objects."""
 
 from __future__ import annotations
 

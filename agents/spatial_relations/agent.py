@@ -70,7 +70,7 @@ def _names(text: str) -> frozenset[str] | None:
 Seen = tuple[Fact, str]
 """A relation, and the viewpoint from which it is so; empty for none."""
 KEPT = "kept"
-"""Status of a request that is answered; else it says what is wrong, or who is waited for."""
+"""Status of an answered request; another status names a fault, or the things that are waited for."""
 _STILL = 5e-4, 2e-3  # m, rad: what moved by less is where it was
 
 

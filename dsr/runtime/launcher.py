@@ -1,4 +1,4 @@
-"""Starts the agents of a system as processes, waits until they are ready, restarts what crashes, stops it all.
+"""Starts the agents of a system as processes, waits until they are ready, restarts crashed ones, stops all.
 
     with Launcher(load_system("tabletop"), folder) as launcher:
         launcher.wait_ready()

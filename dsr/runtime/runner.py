@@ -1,4 +1,4 @@
-"""The life of one agent, whatever drives it: setup, ticks, teardown; counts what goes wrong and tells its status."""
+"""The life of one agent in either mode: setup, ticks, teardown; counts failures and tells its status."""
 
 from __future__ import annotations
 

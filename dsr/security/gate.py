@@ -1,4 +1,4 @@
-"""Checks what arrives against what its sender may write; the rest is dropped and counted, and leaves no holes.
+"""Checks arriving changes against the grants of their writers; refused ones are counted, and leave no holes.
 
 Zenoh's access control makes the key of a message prove who sent it (dsr/security/configuration.py), and the key
 names the sender's replica. This gate looks inside:

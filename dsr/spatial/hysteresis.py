@@ -1,4 +1,4 @@
-"""Hysteresis: what began to hold goes on until it is clearly over, so that noise does not make it flicker; pure."""
+"""Hysteresis: a relation that began to hold goes on until it is clearly over, in spite of noise; pure."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ TIMELINE = "timeline"
 EVENT, SITUATION = "event", "situation"
 """Node types of an instant, and of what has a begin and, once it is over, an end."""
 EXPLAINED = "explained"
-"""Kind of the events that say what explains a surprise."""
+"""Kind of the events that explain a surprise."""
 _FIELDS = ("kind", "participants", "time", "begin", "end", "text", "outcome", "confidence", "source")
 
 

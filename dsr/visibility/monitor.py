@@ -1,4 +1,4 @@
-"""Follows who sees what in a world, and tells what comes into sight and what goes out of it."""
+"""Follows which perspective of a world sees which things, and tells the changes."""
 
 from __future__ import annotations
 

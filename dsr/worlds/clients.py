@@ -191,7 +191,7 @@ class Reader(Client):
 
 
 class Provider(Client):
-    """Writes a world from what comes from outside of all worlds: sensors, files, people."""
+    """Writes a world from data outside of all worlds: sensors, files, people."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -200,7 +200,7 @@ class Provider(Client):
 
 
 class Monitor(Client):
-    """Watches worlds and adds what it finds (relations, events, marks) to the first one that it reads.
+    """Watches worlds and adds its findings (relations, events, marks) to the first one that it reads.
 
     With `writes` it adds that to another world.
     """

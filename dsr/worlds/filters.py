@@ -1,4 +1,4 @@
-"""A world made from others: `Filter`, of which a subclass says what it passes on and how it changes that."""
+"""Derives a world from others: a subclass of `Filter` says which elements are passed on, and how they change."""
 
 from __future__ import annotations
 

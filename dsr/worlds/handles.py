@@ -122,7 +122,7 @@ class LiveEdge(Edge):
 
 
 class Splitting(Protocol):
-    """Tells what an overlay shows of an element."""
+    """Splits the entries of an element into those of the overlay and those of its parent."""
 
     def split(self, element: Node | Edge, below: Entries) -> tuple[Entries, Entries]:
         """The overlay's own incarnations, and those of the parent, which are `below`, that it shows."""

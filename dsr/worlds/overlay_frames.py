@@ -13,7 +13,7 @@ _TAKEN = Link("", "", None)
 
 
 class OverlayFrames(FrameTree):
-    """Frames that look through to those of `source`, but for what was taken over."""
+    """Frames that look through to those of `source`, except for frames that were taken over."""
 
     def __init__(self, source: FrameTree) -> None:
         super().__init__(history=source._history, samples=source._samples, extrapolation=source._extrapolation)

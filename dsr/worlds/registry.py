@@ -1,4 +1,4 @@
-"""The list of the worlds of a system, as nodes of the base graph: what is replicated there finds every late joiner.
+"""The list of the worlds of a system, as nodes of the base graph, whose replication reaches every late joiner.
 
 A record is a node of type `world_record` with one attribute, JSON, so that it changes as a whole. Its `channel` is part
 of the keys under which the world's replicas meet. A world that is deleted and made again has another channel, so

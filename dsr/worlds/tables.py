@@ -1,4 +1,4 @@
-"""Tables of a fork: what it has taken over, and below that, unchanged, what its parent holds.
+"""Tables of a fork: its own entries, and below them, unchanged, the entries of its parent.
 
 A key that is `taken` is the fork's alone; every other one is read from the parent. The parent takes each key over into
 its forks before it changes it, so whoever reads looks at the fork's own table, then at the parent's, and then makes

@@ -46,7 +46,7 @@ class SkillError(DsrError):
 
 
 class ImpossibleError(SkillError):
-    """A skill cannot be done as long as things are what and where they are believed to be."""
+    """A skill cannot be done as long as the belief about things stays as it is."""
 
 
 class StuckError(SkillError):
@@ -54,7 +54,7 @@ class StuckError(SkillError):
 
 
 class Manipulator:
-    """One arm with its gripper and what is believed around it; for one skill at a time.
+    """One arm with its gripper and its believed surroundings; for one skill at a time.
 
     Args:
         chain: from the arm's base to the tool point.

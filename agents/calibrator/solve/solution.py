@@ -1,4 +1,4 @@
-"""A calibration's outcome: the pose with its covariance, what is left unexplained, and what it is worth."""
+"""The outcome of a calibration: the pose with its covariance, the residuals, and whether it can be adopted."""
 
 from __future__ import annotations
 

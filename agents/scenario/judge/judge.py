@@ -87,7 +87,7 @@ _log = logging.getLogger("scenario.judge")
 
 
 class Judge:
-    """Collects what is true, perceived and believed.
+    """Collects truth, percepts and beliefs.
 
     Args:
         scenario: what is expected.

@@ -1,4 +1,4 @@
-"""Perturbations of a run: what the experimenter did, when that had ended, and how the belief came after it."""
+"""Perturbations of a run: the experimenter's changes, their ends, and the recovery of the belief."""
 
 from __future__ import annotations
 

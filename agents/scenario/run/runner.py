@@ -63,7 +63,7 @@ class Silent:
 
 
 class Teller:
-    """Tells an observer what happens.
+    """Tells an observer the events of a run.
 
     Args:
         observer: who is told.
@@ -86,7 +86,7 @@ class Teller:
 
 
 class Conductor:
-    """Does what the runner has to do at each moment: tells the start, kills agents, lets the judge look.
+    """Does the runner's work at each moment: tells the start, kills agents, lets the judge look.
 
     Args:
         scenario: what is played.
