@@ -11,10 +11,10 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from agents.arm_controller.kinematics import Chain
+from agents.arm_controller.kinematics import JointChain
 from agents.arm_controller.urdf import load_robot
 from agents.calibrator import Calibrator
-from agents.calibrator.solve.problem import Sighting
+from agents.calibrator.solve.problem import ObjectSighting
 from agents.calibrator.watch.doubt import Doubt
 from agents.plant.config import PlantConfig
 from agents.plant.reality import Reality
@@ -41,7 +41,7 @@ class Session(NamedTuple):
     """What came of one run."""
 
     result: Result
-    sightings: list[Sighting]
+    sightings: list[ObjectSighting]
     """What the calibrator had when it decided last; none if it never came to that."""
     before: Pose | None
     """parent_from_camera as it was believed then."""
@@ -117,7 +117,7 @@ def flip(number: int, turn: Array, frames: int, at: float = EVENT_AT) -> str:
 def observing() -> Pose:
     """world_from_camera of the camera at the gripper, where the arm starts."""
     robot = load_robot(_ROOT / "etc/robots/gen3.urdf")
-    chain = Chain(robot.between("base_link", "camera_wrist_link"))
+    chain = JointChain(robot.between("base_link", "camera_wrist_link"))
     return chain.forward(np.array(RobotSpec().start))
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from agents.calibrator.config import CalibratorConfig
 from agents.calibrator.solve.fusing import fuse
-from agents.calibrator.solve.problem import Sighting
+from agents.calibrator.solve.problem import ObjectSighting
 from agents.plant.poses import DISTANCES, SIGMA_ROTATION, SIGMA_TRANSLATION
 from dsr.math3d.transforms import Array, Pose
 
@@ -54,7 +54,7 @@ DEPTH = Depth((0.005, 0.015), 0.003)
 class Trial(NamedTuple):
     """One calibration to do."""
 
-    sightings: list[Sighting]
+    sightings: list[ObjectSighting]
     truth: Pose
     """gripper_from_camera"""
     believed: Pose
@@ -107,7 +107,7 @@ def make_trial(
             exact = world_from_camera.inverse() @ cube
             off = biases[number] + depth.jitter * rng.normal(size=FRAMES)
             seen = _seen(rng, exact @ _flip(rng) if rng.random() < flipped else exact, off)
-            sightings.append(Sighting(f"cube_{number + 1}", view, seen, gripper_from_world @ belief))
+            sightings.append(ObjectSighting(f"cube_{number + 1}", view, seen, gripper_from_world @ belief))
     return Trial(sightings, truth, truth @ Pose.from_rotvec(shift[:3], shift[3:]), cubes)
 
 

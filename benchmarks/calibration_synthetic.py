@@ -24,7 +24,7 @@ from rich.console import Console
 from rich.table import Table
 
 from agents.calibrator.solve.calibrate import calibrate
-from agents.calibrator.solve.solution import Solution
+from agents.calibrator.solve.solution import CalibrationSolution
 from benchmarks.calibration_scene import DEPTH, LAYOUTS, MEASURED_BY_HAND, Trial, make_trial, scattered, square
 from dsr.math3d.transforms import log
 from dsr.vocabulary.calibration import DEFAULT_METHOD, method_names
@@ -145,7 +145,7 @@ def processor_time() -> float:
     return usage.ru_utime + usage.ru_stime
 
 
-def _within_3_sigma(outcomes: Sequence[tuple[Trial, Solution]], twists: np.ndarray[Any, Any]) -> float:
+def _within_3_sigma(outcomes: Sequence[tuple[Trial, CalibrationSolution]], twists: np.ndarray[Any, Any]) -> float:
     """Share of the six numbers of all poses whose error is below three of the standard deviations that were told."""
     deviations = np.sqrt([np.diagonal(np.asarray(solution.pose.covariance)) for _, solution in outcomes])
     return float((np.abs(twists) < 3.0 * deviations).mean())

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.arm_controller.grasps import looking_down
-from agents.arm_controller.kinematics import Chain, UnreachableError
+from agents.arm_controller.kinematics import JointChain, UnreachableError
 from agents.arm_controller.urdf import load_robot
 from agents.plant.config import PlantConfig
 from agents.scenario.format.scenario import CameraSpec, RobotSpec, Scenario, TableSpec, load_scenario
@@ -65,13 +65,13 @@ def panels() -> list[Panel]:
     overhead = Pose(config.overhead[:3], config.overhead[3:])
     tabletop, stand = load_scenario("hovering"), load_scenario("cups_and_balls")
     robot = load_robot(ROBOT)
-    wrist = Chain(robot.between("base_link", "camera_wrist_link")).forward(RobotSpec().start)
+    wrist = JointChain(robot.between("base_link", "camera_wrist_link")).forward(RobotSpec().start)
     fields = (_field("overhead", overhead, tabletop), _field("wrist, at the start", wrist, tabletop))
     assert isinstance(stand.camera, CameraSpec)
     above = stand.table.position[2]
     x, y, z = stand.camera.position
     name = f"fixed, at {x:g}, {y:g}, {z - above:g} m"
-    reach = arm_reach(Chain(robot.between("base_link", "tool_link")))
+    reach = arm_reach(JointChain(robot.between("base_link", "tool_link")))
     return [
         Panel("tabletop, hands, imagination", tabletop.table, fields, reach),
         Panel("reasoner, people", stand.table, (_field(name, stand.camera.pose, stand),)),
@@ -100,7 +100,7 @@ def footprint(world_from_camera: Pose, lens: Intrinsics, height: float) -> Array
     return outline
 
 
-def arm_reach(chain: Chain) -> tuple[float, float]:
+def arm_reach(chain: JointChain) -> tuple[float, float]:
     """Least and greatest distance (m) from the base at which the tool can point straight down, `TOOL_HEIGHT` high."""
     rng = np.random.default_rng(0)
     reached = []

@@ -37,7 +37,7 @@ from agents.plant.config import PlantConfig
 from agents.plant.hand_sensor import landmarks_in_view
 from agents.plant.reality import Reality
 from agents.plant.world import RATE_HZ, STEP
-from agents.scenario.format.scenario import Event, HandEnter, HandGrasp, HandMove, ObjectSpec, Scenario
+from agents.scenario.format.scenario import Event, HandEnter, HandGraspEvent, HandMove, ObjectSpec, Scenario
 from dsr.clock import WALL_CLOCK
 from dsr.images.blobs import Frame
 from dsr.math3d.transforms import Pose
@@ -124,9 +124,9 @@ def _scenario(seed: int) -> Scenario:
     ]
     events: list[Event] = [
         HandEnter(at=0.1, hand=0, position=(0.48, 0.12, 0.10), side=sides[0]),
-        HandGrasp(at=1.5, hand=0, object="cube", side=sides[0]),
+        HandGraspEvent(at=1.5, hand=0, object="cube", side=sides[0]),
         HandMove(at=4.0, hand=0, by=(-0.03, 0.02, 0.08), turn=float(rng.uniform(-0.4, 0.4))),
-        HandGrasp(at=0.5, hand=1, object="box", style="touch", side=sides[1]),
+        HandGraspEvent(at=0.5, hand=1, object="box", style="touch", side=sides[1]),
         HandMove(at=5.0, hand=1, by=(0.04, -0.02, 0.0), speed=0.1),
     ]
     return Scenario(name="hands", title="", duration=SECONDS, objects=objects, events=events)

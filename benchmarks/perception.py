@@ -40,7 +40,7 @@ from agents.object_models import model_files
 from agents.scene_estimator.color_reader import ColorReader
 from agents.scene_estimator.detection import tag_corners
 from agents.scene_estimator.pose import NoiseModel
-from agents.scene_estimator.sighting import FrameReader
+from agents.scene_estimator.sighting import FrameSource
 from agents.scene_estimator.turning import nearest_alike, order
 from benchmarks.color_scene import ColorScene, looking_at
 from benchmarks.tag_camera import DICTIONARY, Camera, facing
@@ -133,7 +133,7 @@ def _positive(text: str) -> int:
 
 def ours(*, depth: bool = True) -> Method:
     """The scene estimator's way, as the agent calls it; or without the depth image."""
-    reader = FrameReader(lambda _: (SIZE, SIZE, SIZE), TAG_RATIO, NoiseModel())
+    reader = FrameSource(lambda _: (SIZE, SIZE, SIZE), TAG_RATIO, NoiseModel())
 
     def see(frame: Frame) -> Pose | None:
         seen = frame if depth else Frame(frame.stamp, {"color": frame.arrays["color"]}, frame.meta)

@@ -23,13 +23,13 @@ from rich.console import Console
 from rich.table import Table
 
 from dsr.clock import WALL_CLOCK
-from simulation_handler.physics.rollouts import Body, Placing, Pool, Scene
+from simulation_handler.physics.rollouts import Placing, Pool, RolloutBody, RolloutScene
 from simulation_handler.physics.simulator import TIME_STEP, Simulator
 
 _PATIENCE = 600.0  # s
 _UPRIGHT = (0.0, 0.0, 0.0, 1.0)
-_FLOOR = Body("_floor", (20.0, 20.0, 0.2), (0.0, 0.0, -0.8), fixed=True)
-_TABLE = Body("table", (1.2, 1.2, 0.04), (0.0, 0.0, -0.02), fixed=True)
+_FLOOR = RolloutBody("_floor", (20.0, 20.0, 0.2), (0.0, 0.0, -0.8), fixed=True)
+_TABLE = RolloutBody("table", (1.2, 1.2, 0.04), (0.0, 0.0, -0.02), fixed=True)
 
 
 def main() -> None:
@@ -66,18 +66,18 @@ def measured(objects: int, rollouts: int, seconds: float) -> dict[str, Any]:
     return row
 
 
-def settled(objects: int) -> Scene:
+def settled(objects: int) -> RolloutScene:
     """Stacks of two cubes on a table, at rest; five stacks in a row."""
     size, cubes = (0.04, 0.04, 0.04), []
     for number in range(objects):
         stack, level = divmod(number, 2)
         row, column = divmod(stack, 5)
         position = (0.1 * column, -0.1 * row, 0.02 + 0.04 * level)
-        cubes.append(Body(f"cube_{number:02}", size, position, mass=0.05))
-    return Scene((_FLOOR, _TABLE, *cubes))
+        cubes.append(RolloutBody(f"cube_{number:02}", size, position, mass=0.05))
+    return RolloutScene((_FLOOR, _TABLE, *cubes))
 
 
-def variants(objects: int, count: int) -> list[Scene]:
+def variants(objects: int, count: int) -> list[RolloutScene]:
     """The settled scene with one cube put beside the others, each time another one and elsewhere."""
     scene = settled(objects)
     cubes = [name for name in scene.names if name.startswith("cube")]
@@ -101,13 +101,13 @@ def _cpu(others: Sequence[int]) -> float:
     return float(sum(time.user + time.system for time in times))
 
 
-def _in_new_client(scene: Scene, seconds: float) -> list[Placing]:
+def _in_new_client(scene: RolloutScene, seconds: float) -> list[Placing]:
     with Simulator() as sim:
         _load(sim, scene)
         return _stepped(sim, seconds)
 
 
-def _from_snapshot(sim: Simulator, snapshot: int, scene: Scene, seconds: float) -> list[Placing]:
+def _from_snapshot(sim: Simulator, snapshot: int, scene: RolloutScene, seconds: float) -> list[Placing]:
     sim.restore(snapshot)
     for body in scene.bodies:
         if not body.fixed and sim.position(body.name) != body.position:
@@ -115,7 +115,7 @@ def _from_snapshot(sim: Simulator, snapshot: int, scene: Scene, seconds: float) 
     return _stepped(sim, seconds)
 
 
-def _load(sim: Simulator, scene: Scene) -> None:
+def _load(sim: Simulator, scene: RolloutScene) -> None:
     for body in scene.bodies:
         sim.add_box(body.name, body.size, body.position, body.rotation, mass=body.mass, friction=body.friction)
 

@@ -26,7 +26,7 @@ from dsr.graph.cycles import check_new_edge
 from dsr.graph.elements import Edge, Node
 from dsr.graph.graph import Graph
 from dsr.graph.schema import WORLD_RECORD, Schema, checked_names, with_pose
-from dsr.graph.watch import Filter, Watch
+from dsr.graph.watch import ChangeFilter, Watch
 from dsr.graph.watches import Watches
 from dsr.images.blob_access import BlobAccess
 from dsr.math3d.transforms import Array, Pose
@@ -34,7 +34,7 @@ from dsr.network.keys import Keys, check_name
 from dsr.network.transport import Transport
 from dsr.replication.replica import Replica, Statistics
 from dsr.replication.stamp_access import StampAccess
-from dsr.replication.sync import Gate
+from dsr.replication.sync import ChangeGate
 from dsr.replication.wire import decode_kept
 from dsr.worlds.access import WorldAccess
 from dsr.worlds.opened import WorldHandle, Worlds
@@ -78,7 +78,7 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
         clock: Clock = WALL_CLOCK,
         schema: Schema | None = None,
         guard: Guard | None = None,
-        gate: Gate | None = None,
+        gate: ChangeGate | None = None,
         rid: str | None = None,
         threaded: bool = False,
         holders: Callable[[], Sequence[str]] = tuple,
@@ -300,7 +300,7 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
         Raises:
             SchemaError: for an unknown name.
         """
-        wanted = Filter(
+        wanted = ChangeFilter(
             checked_names(node_type, self.schema.node_types, "node type"),
             checked_names(edge_type, self.schema.edge_types, "edge type"),
             checked_names(attribute, self.schema.attributes, "attribute"),

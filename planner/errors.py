@@ -41,7 +41,7 @@ class Setback(Exception):  # noqa: N818 - nothing is wrong with the program
     """Execution cannot go on as planned."""
 
 
-class Deviation(Setback):
+class PlanDeviation(Setback):
     """The relations changed, and nobody planned it."""
 
 

@@ -30,13 +30,13 @@ from planner.arm import Arm, Script
 from planner.config import PlannerConfig
 from planner.contradictions import by_state, searched
 from planner.errors import (
-    Deviation,
     Failure,
     GivingUp,
     GoalNotPossible,
     Interruption,
     NoPlace,
     Outdated,
+    PlanDeviation,
     PlanningError,
     Setback,
     SolverFailed,
@@ -46,10 +46,10 @@ from planner.errors import (
 from planner.foresight import Foresight
 from planner.grounding import OBSERVE, Place, Skill, stacked
 from planner.intentions import Intention, tell
-from planner.looking import Looking
+from planner.looking import Search
 from planner.making import PlanMaker
-from planner.monitor import Monitor, believed_places, differences, doubtful, have_moved, surprising
-from planner.plan import Step
+from planner.monitor import RelationMonitor, believed_places, differences, doubtful, have_moved, surprising
+from planner.plan import PlanStep
 from planner.state import read_state
 from planner.waiting import Waiting
 
@@ -86,7 +86,7 @@ class Execution:
         around = self.around
         self._arm = Arm(around.memory, self.intention.name, around.config, around.log, around.now, self._tell)
         self._actions = self._arm.actions
-        looking = Looking(around.memory, self._arm, around.config, around.now)
+        looking = Search(around.memory, self._arm, around.config, around.now)
         self._waiting = Waiting(around.memory, around.config, around.now, self._tell, looking)
         self._replans = self.intention.replans
         self._disturbed = self._replans > 0  # somebody has changed the scene, and may not have finished
@@ -220,7 +220,7 @@ class Execution:
                 self._waiting.tell_missing()
             yield
 
-    def _plan(self, goal: Goal) -> Generator[None, None, tuple[tuple[Step, ...], list[Skill]]]:
+    def _plan(self, goal: Goal) -> Generator[None, None, tuple[tuple[PlanStep, ...], list[Skill]]]:
         """A plan from what is believed now, in the graph. Raises `GivingUp`."""
         self._replans += self._plans > 0
         self._plans += 1
@@ -247,7 +247,7 @@ class Execution:
 
     # ---- acting
 
-    def _act(self, goal: Goal, steps: tuple[Step, ...], skills: list[Skill]) -> Script:
+    def _act(self, goal: Goal, steps: tuple[PlanStep, ...], skills: list[Skill]) -> Script:
         """Carry out a plan. Raises `Setback` when it cannot be finished."""
         self._actions.drop(ended_too=True)
         names = self._actions.write([*skills, OBSERVE])
@@ -259,7 +259,7 @@ class Execution:
             told = f"action {at + 1} of {len(names)}: {skills[at]}"
             try:
                 yield from self._do(step, skills[at], name, before, told)
-            except (Deviation, Interruption) as setback:
+            except (PlanDeviation, Interruption) as setback:
                 done = yield from self._resumable(step, before, setback)
                 if done is None:
                     raise
@@ -281,19 +281,19 @@ class Execution:
         self._actions.drop(ended_too=False)
         return self._actions.write([*skills, OBSERVE])
 
-    def _do(self, step: Step, skill: Skill, name: str, before: Relations, told: str) -> Script:
+    def _do(self, step: PlanStep, skill: Skill, name: str, before: Relations, told: str) -> Script:
         """Let the arm do a step, and see that it has its effect. Raises `Setback`."""
         if not step.possible(before):
             raise Outdated(f"{step} is not possible any more")
         if skill.name == "place":
             skill = yield from self._aimed(skill, name)
-        monitor = Monitor(before, step, self._config)
+        monitor = RelationMonitor(before, step, self._config)
 
         def watch() -> None:
             if doubted := doubtful(self._memory):
                 raise Interruption(f"{', '.join(doubted)} may have moved")
             if monitor.deviates(self._relations(), surprising(self._memory), self._now()):
-                kind = Failure if monitor.about_step else Deviation
+                kind = Failure if monitor.about_step else PlanDeviation
                 raise kind(f"during {skill}: {monitor.change}")
 
         progress = yield from self._arm.run(name, told, watch, lambda: monitor.change)
@@ -331,9 +331,9 @@ class Execution:
 
     # ---- setbacks
 
-    def _resumable(self, step: Step, before: Relations, setback: Setback) -> Generator[None, None, int | None]:
+    def _resumable(self, step: PlanStep, before: Relations, setback: Setback) -> Generator[None, None, int | None]:
         """Halt, look, and let the relations settle: 0 if they are as before the step, 1 as after it, else None."""
-        self._disturbed = isinstance(setback, Deviation)
+        self._disturbed = isinstance(setback, PlanDeviation)
         self._tell(WAITING, str(setback))
         yield from self._arm.halt()
         if self._arm.may_hide_something():

@@ -7,7 +7,7 @@ from collections.abc import Callable, Generator
 
 from dsr.errors import TransportError
 from dsr.math3d.transforms import Pose
-from dsr.vocabulary.what_if import Answer, Change, Pending, Question, WhatIf
+from dsr.vocabulary.what_if import Answer, Pending, Question, Supposed, WhatIf
 from planner.config import PlannerConfig
 
 
@@ -35,7 +35,7 @@ class Foresight:
         if self._config.what_if_patience <= 0.0:
             return ""
         try:
-            pending = self._what_if.ask(Question(self._config.what_if_seconds, (Change.place(thing, pose),)))
+            pending = self._what_if.ask(Question(self._config.what_if_seconds, (Supposed.place(thing, pose),)))
         except TransportError as error:
             return self._unknown(str(error))
         began = self._now()

@@ -13,8 +13,8 @@ from dsr.math3d import quaternions
 from dsr.math3d.transforms import Array, Pose
 from planner.config import PlannerConfig
 from planner.errors import NoPlace
-from planner.plan import Step
-from planner.state import Solid, WorldState
+from planner.plan import PlanStep
+from planner.state import KnownSolid, WorldState
 
 _GRID = 0.02
 """m between places that are considered"""
@@ -47,7 +47,7 @@ OBSERVE = Skill("observe")
 
 
 def ground(
-    steps: tuple[Step, ...], state: WorldState, config: PlannerConfig, avoid: Collection[Place] = ()
+    steps: tuple[PlanStep, ...], state: WorldState, config: PlannerConfig, avoid: Collection[Place] = ()
 ) -> list[Skill]:
     """The skills for `steps`, one each, with a place for whatever is put on the table.
 
@@ -64,12 +64,12 @@ def ground(
     return skills
 
 
-def _moved(state: WorldState, step: Step, pose: Pose | None) -> WorldState:
+def _moved(state: WorldState, step: PlanStep, pose: Pose | None) -> WorldState:
     """The state with the thing where the step puts it: at `pose`, or on its support."""
     pose = pose or stacked(step.thing, step.support, state)
     if pose is None:
         return state
-    return replace(state, solids={**state.solids, step.thing: Solid(state.solids[step.thing].size, pose)})
+    return replace(state, solids={**state.solids, step.thing: KnownSolid(state.solids[step.thing].size, pose)})
 
 
 def place_on_table(thing: str, state: WorldState, config: PlannerConfig, avoid: Collection[Place] = ()) -> Pose:
@@ -115,7 +115,7 @@ def stacked(thing: str, support: str, state: WorldState) -> Pose | None:
     return Pose((x, y, z + 0.5 * (below.size[2] + solid.size[2])), _turn(below.pose))
 
 
-def grid(table: Solid, margin: float, step: float) -> Array:
+def grid(table: KnownSolid, margin: float, step: float) -> Array:
     """(n, 2) places on the table's top, x and y in the world (m), `step` apart, at least `margin` inside its edges."""
     counts = [int((0.5 * edge - margin) / step) for edge in table.size[:2]]
     steps = [np.arange(-count, count + 1) * step for count in counts]
@@ -125,7 +125,7 @@ def grid(table: Solid, margin: float, step: float) -> Array:
 
 
 def _usable(
-    places: Array, solid: Solid, state: WorldState, config: PlannerConfig, avoid: Collection[Place]
+    places: Array, solid: KnownSolid, state: WorldState, config: PlannerConfig, avoid: Collection[Place]
 ) -> NDArray[np.bool_]:
     """(n,) which of the places (n, 2) are within reach, in view of all fixed cameras, and not to be avoided."""
     reach = np.hypot(*(places - state.base).T)
@@ -140,7 +140,7 @@ def _usable(
     return usable
 
 
-def _gaps(places: Array, thing: str, solid: Solid, state: WorldState) -> Array:
+def _gaps(places: Array, thing: str, solid: KnownSolid, state: WorldState) -> Array:
     """(n,) m between a thing at each of the places (n, 2) and the nearest other one; their footprints are circles."""
     others = [other for name, other in state.solids.items() if name != thing and name not in state.relations.tables]
     if not others:

@@ -16,7 +16,7 @@ from planner.arm import Arm, Script
 from planner.config import PlannerConfig
 from planner.errors import Setback
 from planner.grounding import Skill, grid
-from planner.state import Solid, WorldState, read_state
+from planner.state import KnownSolid, WorldState, read_state
 
 _GRID = 0.05
 """m between places that are to be seen: about the size of what is looked for"""
@@ -24,7 +24,7 @@ _DOWN = (1.0, 0.0, 0.0, 0.0)
 """world_from_camera of a camera that looks straight down"""
 
 
-class Looking:
+class Search:
     """Looks for things that are nowhere, once.
 
     Args:
@@ -131,7 +131,7 @@ def _radius(lens: Intrinsics, config: PlannerConfig) -> float:
     return config.look_height * margin * min(lens.width / lens.fx, lens.height / lens.fy) / 2.0
 
 
-def _within_reach(table: Solid, state: WorldState, config: PlannerConfig) -> Array:
+def _within_reach(table: KnownSolid, state: WorldState, config: PlannerConfig) -> Array:
     """(n, 2) places on the table, x and y in the world (m), where the arm can put something."""
     places = grid(table, 0.0, _GRID)
     reach = np.hypot(*(places - state.base).T)

@@ -13,8 +13,8 @@ from planner.config import PlannerConfig
 from planner.errors import NoPlace, SolverFailed, Unsolvable
 from planner.grounding import Place, Skill, ground, is_free, place_on_table
 from planner.pddl import DOMAIN, names_of, problem
-from planner.plan import Step, leads_to, read_plan
-from planner.solver import Solution, Solver
+from planner.plan import PlanStep, leads_to, read_plan
+from planner.solver import Solver, SolverAnswer
 from planner.state import WorldState
 
 
@@ -27,7 +27,7 @@ class PlanMaker:
 
     def make(
         self, state: WorldState, goal: Goal, avoid: Collection[Place]
-    ) -> Generator[None, None, tuple[tuple[Step, ...], list[Skill]]]:
+    ) -> Generator[None, None, tuple[tuple[PlanStep, ...], list[Skill]]]:
         """The steps to `goal` with a skill for each; waits at each yield. Raises `PlanningError`."""
         solution = yield from self._solve(problem(state, goal))
         steps = read_plan(solution.plan, names_of(state), state.table or "")
@@ -78,7 +78,7 @@ class PlanMaker:
             self._solver.close()
             self._solver = None
 
-    def _solve(self, text: str) -> Generator[None, None, Solution]:
+    def _solve(self, text: str) -> Generator[None, None, SolverAnswer]:
         config = self._config
         self._solver = Solver(DOMAIN, text, self._clock, limit=config.solver_limit, delay=config.solver_delay)
         try:

@@ -10,7 +10,7 @@ from dsr.memory import Memory
 from dsr.vocabulary.calibration import IN_DOUBT
 from dsr.vocabulary.relations import THINGS, Relations
 from planner.config import PlannerConfig
-from planner.plan import Step
+from planner.plan import PlanStep
 
 
 def surprising(memory: Memory) -> list[str]:
@@ -23,7 +23,7 @@ def doubtful(memory: Memory) -> list[str]:
     return sorted(node.name for node in memory.nodes("camera") if node.get("mount") == IN_DOUBT)
 
 
-def differences(before: Relations, after: Relations, step: Step | None = None) -> list[str]:
+def differences(before: Relations, after: Relations, step: PlanStep | None = None) -> list[str]:
     """List the relations that began or ended between two moments, but for the effects of `step`; as text, in order."""
     found = [(fact, "ended") for fact in before.facts - after.facts]
     found += [(fact, "began") for fact in after.facts - before.facts]
@@ -33,14 +33,14 @@ def differences(before: Relations, after: Relations, step: Step | None = None) -
     return sorted(texts)
 
 
-class Monitor:
+class RelationMonitor:
     """Tells when a change that `step` does not explain has lasted long enough to be believed.
 
     Relations flicker while a surprise is being explained. A change of what the step does not touch may then last
     longer; one of what it touches may not, for the arm is about to rely on it.
     """
 
-    def __init__(self, before: Relations, step: Step | None, config: PlannerConfig) -> None:
+    def __init__(self, before: Relations, step: PlanStep | None, config: PlannerConfig) -> None:
         self._before = before
         self._step = step
         self._config = config

@@ -15,7 +15,7 @@ _ARGUMENTS = {"pick": 1, "stack": 2, "putdown": 1}
 _ANY_GRIPPER = "gripper"
 
 
-class Step(NamedTuple):
+class PlanStep(NamedTuple):
     """One action of the domain."""
 
     name: str
@@ -59,7 +59,7 @@ class Step(NamedTuple):
         return replace(relations, on=on, grasping=frozenset())
 
 
-def read_plan(text: str, names: Names, table: str) -> tuple[Step, ...]:
+def read_plan(text: str, names: Names, table: str) -> tuple[PlanStep, ...]:
     """The steps in a plan file of the solver. Raises `SolverFailed` for anything else."""
     steps = []
     for written in text.splitlines():
@@ -74,11 +74,11 @@ def read_plan(text: str, names: Names, table: str) -> tuple[Step, ...]:
             things = [names.node(argument) for argument in arguments]
         except KeyError as error:
             raise SolverFailed(f"the solver wrote {line!r}, and there is no {error}") from None
-        steps.append(Step(name, *things, *([table] if name == "putdown" else [])))
+        steps.append(PlanStep(name, *things, *([table] if name == "putdown" else [])))
     return tuple(steps)
 
 
-def leads_to(steps: tuple[Step, ...], relations: Relations) -> Relations:
+def leads_to(steps: tuple[PlanStep, ...], relations: Relations) -> Relations:
     """Apply all steps one after the other, and return the relations then.
 
     Raises `SolverFailed` if a step is not possible.

@@ -56,7 +56,7 @@ def probe() -> str:
 
 
 @dataclass(frozen=True)
-class Solution:
+class SolverAnswer:
     """The result of the solver."""
 
     plan: str
@@ -105,7 +105,7 @@ class Solver:
             raise SolverFailed(f"the solver cannot be started: {error}") from error
         self._started = clock.monotonic()
 
-    def poll(self) -> Solution | None:
+    def poll(self) -> SolverAnswer | None:
         """The solution, or None while it is at work. After an answer it is closed.
 
         Raises:
@@ -136,11 +136,11 @@ class Solver:
         self._process.wait()
         shutil.rmtree(self._folder, ignore_errors=True)
 
-    def _result(self, code: int | None, elapsed: float) -> Solution:
+    def _result(self, code: int | None, elapsed: float) -> SolverAnswer:
         output = _text(self._folder / "output")
         plan = _text(self._folder / "sas_plan")
         if _COMPLETE in plan:  # whatever the exit code says: it is 23 if time ran out after a plan was written
-            return Solution(plan, output, elapsed)
+            return SolverAnswer(plan, output, elapsed)
         if code is None:
             raise SolverFailed(f"the solver found no plan in {self._limit:g} s and was ended")
         if code in UNSOLVABLE:
@@ -160,7 +160,7 @@ def _tail(output: str) -> str:
     return " | ".join(lines[-_TAIL:]) or "it printed nothing"
 
 
-def solve(domain: Path, problem: str, clock: Clock, *, limit: float) -> Solution:
+def solve(domain: Path, problem: str, clock: Clock, *, limit: float) -> SolverAnswer:
     """Run the solver to its end: for measurements and tests. Raises what `Solver` raises, and `PlanningError`."""
     solver = Solver(domain, problem, clock, limit=limit)
     try:

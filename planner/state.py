@@ -22,7 +22,7 @@ FLAT = ("cube", "box")
 
 
 @dataclass(frozen=True)
-class Solid:
+class KnownSolid:
     """A thing or a table: how large, and where."""
 
     size: tuple[float, float, float]
@@ -37,7 +37,7 @@ class Solid:
 
 
 @dataclass(frozen=True)
-class View:
+class TableCamera:
     """A camera that looks at the table."""
 
     camera_from_world: Pose
@@ -58,7 +58,7 @@ class WorldState:
     """The believed state of the world at one moment."""
 
     relations: Relations
-    solids: Mapping[str, Solid] = field(default_factory=dict)
+    solids: Mapping[str, KnownSolid] = field(default_factory=dict)
     """The things and the table, by name; without those whose size or pose is not known."""
     table: str | None = None
     """The table on which things are put down."""
@@ -68,19 +68,19 @@ class WorldState:
     """Things on which something can be put."""
     base: tuple[float, float] = (0.0, 0.0)
     """x, y (m) of the arm's base in the world."""
-    views: tuple[View, ...] = ()
+    views: tuple[TableCamera, ...] = ()
     """Cameras that do not move with the arm."""
 
 
 def read_state(memory: Memory, config: PlannerConfig) -> WorldState:
     """Read the present state of `memory`."""
     relations = read_relations(memory)
-    solids: dict[str, Solid] = {}
+    solids: dict[str, KnownSolid] = {}
     for name in sorted(relations.things | relations.tables):
         node, pose = memory.get_node(name), memory.get_transform(WORLD, name, types=BELIEVED)
         size = None if node is None else node.get("size")
         if pose is not None and size is not None:
-            solids[name] = Solid(size, pose)
+            solids[name] = KnownSolid(size, pose)
     return WorldState(
         relations=relations,
         solids=solids,
@@ -94,14 +94,14 @@ def read_state(memory: Memory, config: PlannerConfig) -> WorldState:
     )
 
 
-def _choose_table(relations: Relations, solids: Mapping[str, Solid]) -> str | None:
+def _choose_table(relations: Relations, solids: Mapping[str, KnownSolid]) -> str | None:
     """The one that carries most things; among equals, the first by name."""
     loads = Counter(support for _, support in relations.on)
     tables = sorted(name for name in relations.tables if name in solids)
     return max(tables, key=lambda name: loads[name], default=None)
 
 
-def _fits(solid: Solid, config: PlannerConfig) -> bool:
+def _fits(solid: KnownSolid, config: PlannerConfig) -> bool:
     return min(solid.size[:2]) <= config.widest_grip
 
 
@@ -110,12 +110,12 @@ def _base(memory: Memory, robot: str) -> tuple[float, float]:
     return (0.0, 0.0) if pose is None else (pose.t[0], pose.t[1])
 
 
-def _views(memory: Memory) -> tuple[View, ...]:
+def _views(memory: Memory) -> tuple[TableCamera, ...]:
     """The cameras that hang from the world by one edge."""
     views = []
     for camera in nodes_by_name(memory, "camera"):
         edge = memory.get_edge(WORLD, camera.name, "RT")
         intrinsics = read_intrinsics(camera)
         if edge is not None and intrinsics is not None and "pose" in edge:
-            views.append(View(edge.pose.inverse(), intrinsics))
+            views.append(TableCamera(edge.pose.inverse(), intrinsics))
     return tuple(views)

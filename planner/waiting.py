@@ -14,7 +14,7 @@ from dsr.vocabulary.tags import tag_of
 from planner.arm import Script, Tell
 from planner.config import PlannerConfig
 from planner.errors import GivingUp
-from planner.looking import Looking
+from planner.looking import Search
 
 _UNKNOWN = "never seen or heard of"
 """Reason why a thing is nowhere whose name no node has"""
@@ -50,7 +50,7 @@ class Waiting:
     """
 
     def __init__(
-        self, memory: Memory, config: PlannerConfig, now: Callable[[], float], tell: Tell, looking: Looking
+        self, memory: Memory, config: PlannerConfig, now: Callable[[], float], tell: Tell, looking: Search
     ) -> None:
         self._memory, self._config, self._now, self._tell = memory, config, now, tell
         self._looking = looking

@@ -10,7 +10,7 @@ from dsr.vocabulary.intrinsics import INTRINSICS
 from simulation_handler.belief import Belief
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining import make_policy
-from simulation_handler.graph_io.reading import FIXTURES, OBJECTS, Reading
+from simulation_handler.graph_io.reading import FIXTURES, OBJECTS, GraphReader
 from simulation_handler.graph_io.seeing import SEEN, Seeing
 from simulation_handler.graph_io.views import PARTS
 from simulation_handler.graph_io.what_if import KEY, WhatIfService
@@ -61,7 +61,7 @@ class SimulationHandler(Agent):
         """Begin with an empty simulation; the first tick fills it."""
         self._belief = self._make_reasoner()
         forms = self._forms = Forms(self.memory)
-        self._reading = Reading(self.memory, self._belief, self.log, forms)
+        self._reading = GraphReader(self.memory, self._belief, self.log, forms)
         self._writing = Writing(self.memory, self._belief, self.log)
         self._seeing = Seeing(self.memory, self._belief, forms)
         self._what_if = WhatIfService(self.bus, self.keys, self.clock)

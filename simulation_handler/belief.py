@@ -14,21 +14,21 @@ from collections.abc import Collection, Mapping
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Pose
-from dsr.vocabulary.explained import Change
+from dsr.vocabulary.explained import ExplainedChange
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.containment import Containment
-from simulation_handler.contact.relations import Relation, Relations, resting
-from simulation_handler.explaining import Explanation, Look, Policy, make_policy
+from simulation_handler.contact.relations import ContactRelations, Relation, resting
+from simulation_handler.explaining import ExplainingPolicy, Explanation, Look, make_policy
 from simulation_handler.explaining.explainer import Explainer
 from simulation_handler.hands.fingers import Fingers
 from simulation_handler.hands.state import HandGrasp, HandPercept
 from simulation_handler.hands.touching import Touching
 from simulation_handler.motion.correction import Correction
 from simulation_handler.motion.driving import Driving
-from simulation_handler.motion.holding import Grasp, Holding
+from simulation_handler.motion.holding import GripperGrasp, HeldObjects
 from simulation_handler.motion.spilling import Spilling
 from simulation_handler.perception.percepts import make_percept
-from simulation_handler.physics.rollouts.scene import Scene
+from simulation_handler.physics.rollouts.scene import RolloutScene
 from simulation_handler.physics.simulator import TIME_STEP
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR, Bodies
@@ -44,16 +44,16 @@ class Belief:
         policy: explains what is surprising; default: the one that `config` names, in this process.
     """
 
-    def __init__(self, config: BeliefConfig | None = None, policy: Policy | None = None) -> None:
+    def __init__(self, config: BeliefConfig | None = None, policy: ExplainingPolicy | None = None) -> None:
         self.config = config or BeliefConfig()
         self._bodies = Bodies(self.config)
         self._correction = Correction(self._bodies, self.config)
-        self._relations = Relations(self.config.relation_delay)
+        self._relations = ContactRelations(self.config.relation_delay)
         self._containment = Containment(self.config.relation_delay)
         self._driving = Driving(self._bodies, self._relations, self._containment, self.config)
         self._touching = Touching(self._bodies, self._containment)
         self._fingers = Fingers(self._bodies, self._touching, self._containment)
-        self._holding = Holding(self._bodies)
+        self._holding = HeldObjects(self._bodies)
         self._spilling = Spilling(self._bodies)
         policy = policy or make_policy(self.config)
         self._explainer = Explainer(self._bodies, self._relations, policy, self.config, self._containment)
@@ -130,7 +130,7 @@ class Belief:
         """Know that a camera last saw an object there at a time (s), of which the belief that was recalled was made."""
         self._bodies.object(name).recall_seen(world_pose, stamp, camera)
 
-    def recall_explanation(self, changes: tuple[Change, ...], time: float, now: float) -> None:
+    def recall_explanation(self, changes: tuple[ExplainedChange, ...], time: float, now: float) -> None:
         """Take over at time `now` (s) an explanation that an earlier run made at another `time` (s)."""
         self._explainer.recall(changes, time, now)
 
@@ -189,7 +189,7 @@ class Belief:
         """Take in the relations (object, support) that a plan is establishing now."""
         self._explainer.planned = frozenset(relations)
 
-    def hold(self, grasps: Mapping[str, Grasp]) -> None:
+    def hold(self, grasps: Mapping[str, GripperGrasp]) -> None:
         """Take in the objects, by name, that are in a gripper from now on; others are not."""
         self._holding.update(grasps)
 
@@ -251,7 +251,7 @@ class Belief:
         """Solids of all objects that have a place, at their believed poses."""
         return [self._bodies.solid(name) for name in self._bodies.objects if name in self._bodies.sim]
 
-    def scene(self) -> Scene:
+    def scene(self) -> RolloutScene:
         """All that has a place, fixtures and floor too, as it is now: to be simulated without disturbing the belief."""
         return self._bodies.frozen()
 

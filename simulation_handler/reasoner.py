@@ -8,13 +8,13 @@ from typing import Protocol
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Pose
-from dsr.vocabulary.explained import Change
+from dsr.vocabulary.explained import ExplainedChange
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.relations import Relation
 from simulation_handler.explaining import Explanation, Look
 from simulation_handler.hands.state import HandGrasp, HandPercept
-from simulation_handler.motion.holding import Grasp
-from simulation_handler.physics.rollouts.scene import Scene
+from simulation_handler.motion.holding import GripperGrasp
+from simulation_handler.physics.rollouts.scene import RolloutScene
 from simulation_handler.shapes.geometry import Solid
 
 
@@ -57,7 +57,7 @@ class Reasoner(Protocol):
     def recall_seen(self, name: str, world_pose: Pose, stamp: float, camera: str) -> None:
         """Take over where and when an object was last seen by an earlier run."""
 
-    def recall_explanation(self, changes: tuple[Change, ...], time: float, now: float) -> None:
+    def recall_explanation(self, changes: tuple[ExplainedChange, ...], time: float, now: float) -> None:
         """Take over an explanation of an earlier run."""
 
     def recall_support(self, relation: Relation, since: float, now: float, source: str) -> None:
@@ -86,7 +86,7 @@ class Reasoner(Protocol):
     def plan(self, relations: Collection[Relation]) -> None:
         """Take in the relations that a plan is establishing now."""
 
-    def hold(self, grasps: Mapping[str, Grasp]) -> None:
+    def hold(self, grasps: Mapping[str, GripperGrasp]) -> None:
         """Take in the objects that grippers hold."""
 
     def touch(self, hands: Mapping[str, HandPercept]) -> None:
@@ -107,7 +107,7 @@ class Reasoner(Protocol):
     def solids(self) -> list[Solid]:
         """Solids of all objects that have a place, at their believed poses."""
 
-    def scene(self) -> Scene:
+    def scene(self) -> RolloutScene:
         """The present scene: all bodies that have a place."""
 
     def supports(self) -> Mapping[Relation, float]:

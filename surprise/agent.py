@@ -12,7 +12,7 @@ from dsr.perception.percepts import Percept, PerceptReader
 from dsr.vocabulary.relations import THINGS, is_present, nodes_by_name
 from surprise.beliefs import Beliefs
 from surprise.config import SurpriseConfig
-from surprise.evidence import Reason, Track
+from surprise.evidence import EvidenceTrack, Reason
 from surprise.expectation import Expectations
 from surprise.suspicion import Suspicion
 
@@ -59,7 +59,7 @@ class SurpriseDetector(Agent):
         self._percepts = PerceptReader(self.memory, oldest=_OLDEST)
         self._beliefs = Beliefs(self.memory, config.jump, config.jump_turn)
         self._expectations = Expectations(self.memory, config)
-        self._tracks: dict[tuple[str, str], Track] = {}
+        self._tracks: dict[tuple[str, str], EvidenceTrack] = {}
         self._held_until: dict[str, float] = {}
         self._gone_since: dict[str, float] = {}
         self._now: float | None = None
@@ -114,7 +114,7 @@ class SurpriseDetector(Agent):
             now, then = self._beliefs.now(percept.name), self._beliefs.at(percept.name, percept.stamp)
             known = [belief for belief in (now, then if then is not now else None) if belief is not None]
             if known:
-                track = self._tracks.setdefault(percept[:2], Track(percept.camera, self.config))
+                track = self._tracks.setdefault(percept[:2], EvidenceTrack(percept.camera, self.config))
                 track.add(percept.stamp, percept.pose, percept.eye, known)
 
     def _judge_object(self, node: Node, now: float, held: set[str]) -> None:
@@ -129,7 +129,7 @@ class SurpriseDetector(Agent):
         if changed or (is_believed and "surprising" not in node):
             self._write(node, suspicion)
 
-    def _reasons(self, node: Node, tracks: list[Track], now: float, held: set[str]) -> list[Reason]:
+    def _reasons(self, node: Node, tracks: list[EvidenceTrack], now: float, held: set[str]) -> list[Reason]:
         """All that makes an object surprising."""
         name = node.name
         gone = self._seen_though_gone(node, now)

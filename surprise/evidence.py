@@ -30,7 +30,7 @@ class Reason:
 
 
 @dataclass
-class Sighting:
+class DeviationSighting:
     """A percept with its deviation from the belief."""
 
     stamp: float
@@ -42,13 +42,13 @@ class Sighting:
     deviation: Deviation
 
 
-class Track:
+class EvidenceTrack:
     """The last percepts of one object from one camera, against the belief."""
 
     def __init__(self, camera: str, config: SurpriseConfig) -> None:
         self._camera = camera
         self._config = config
-        self._sightings: deque[Sighting] = deque(maxlen=max(_KEPT, config.window, config.held_window))
+        self._sightings: deque[DeviationSighting] = deque(maxlen=max(_KEPT, config.window, config.held_window))
         self._offset = 0.0  # m along the viewing ray, mean of the percepts that agree
         self._learned = 0  # percepts of which that is made
         self._contradictions: dict[bool, list[Reason]] = {}  # by whether it is held, until something changes
@@ -66,7 +66,7 @@ class Track:
         """Take in a percept (world_from_object, seen from `eye`); of several beliefs, the one it fits best counts."""
         self._contradictions.clear()
         deviation = self._least([compare(pose, eye, belief, self._config) for belief in beliefs])
-        self._sightings.append(Sighting(stamp, pose, eye, deviation))
+        self._sightings.append(DeviationSighting(stamp, pose, eye, deviation))
         if not disagrees(deviation, self._bias, self._config):
             self._learned = min(self._learned + 1, self._config.learn_window)
             self._offset += (deviation.depth - self._offset) / self._learned

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from agents.action_inference.attributed import AttributedPolicy
 from agents.action_inference.config import ActionInferenceConfig
-from agents.action_inference.policy import Inference, Policy
-from agents.action_inference.reading import HOLDERS, Reading
+from agents.action_inference.policy import Inference, InferencePolicy
+from agents.action_inference.reading import HOLDERS, SnapshotReader
 from dsr.agent import Access, Agent
 from dsr.config.plugins import ACTION_POLICIES, load
 from dsr.timeline import WRITTEN_ATTRIBUTES, WRITTEN_EDGES, WRITTEN_NODES, Chronicle, Entry
@@ -33,12 +33,12 @@ class ActionInference(Agent):
 
     def setup(self) -> None:
         """Choose the policy."""
-        self._policy: Policy = (
+        self._policy: InferencePolicy = (
             AttributedPolicy(self.config)
             if self.config.policy == "attributed"
             else load(ACTION_POLICIES, self.config.policy)(self.config.parameters)
         )
-        self._reading = Reading(self.memory)
+        self._reading = SnapshotReader(self.memory)
         self._chronicle = Chronicle(self.memory, self.name)
         self._has_recalled = False
 

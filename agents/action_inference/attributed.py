@@ -15,9 +15,9 @@ from agents.action_inference.attribution import Attribution
 from agents.action_inference.bumps import Bumps
 from agents.action_inference.config import ActionInferenceConfig
 from agents.action_inference.heights import Height, Heights
-from agents.action_inference.observation import Snapshot, Thing
+from agents.action_inference.observation import ObservedThing, Snapshot
 from agents.action_inference.policy import Inference
-from agents.action_inference.track import Track
+from agents.action_inference.track import ThingTrack
 from dsr.math3d import quaternions
 from dsr.vocabulary.observed_actions import PICK, PLACE, RELEASE, UNKNOWN, Action
 
@@ -57,7 +57,7 @@ class AttributedPolicy:
         self._config = config or ActionInferenceConfig()
         self._attribution = Attribution(self._config.reach)
         self._bumps = Bumps()
-        self._tracks: dict[str, Track] = {}
+        self._tracks: dict[str, ThingTrack] = {}
 
     def update(self, snapshot: Snapshot) -> list[Inference]:
         """Take in the snapshot, and return the actions that have become known."""
@@ -81,14 +81,14 @@ class AttributedPolicy:
         track = self._track(action.thing)
         track.held, track.by, track.recalled = action.kind == PICK, action.by, True
 
-    def _track(self, name: str) -> Track:
+    def _track(self, name: str) -> ThingTrack:
         if name not in self._tracks:
             config = self._config
             seen = Heights(config.lifted, config.lifted_frames, config.steady)
-            self._tracks[name] = Track(seen, Heights(config.lifted, config.lifted_frames, config.steady))
+            self._tracks[name] = ThingTrack(seen, Heights(config.lifted, config.lifted_frames, config.steady))
         return self._tracks[name]
 
-    def _note(self, thing: Thing, snapshot: Snapshot) -> None:
+    def _note(self, thing: ObservedThing, snapshot: Snapshot) -> None:
         """Take in where it is, and what carries it."""
         track, now = self._track(thing.name), snapshot.now
         if thing.seen is not None:
@@ -109,7 +109,7 @@ class AttributedPolicy:
         if thing.grasps or (track.held and track.last_grasp is None):
             self._note_hidden(thing, track, snapshot)
 
-    def _note_rest(self, track: Track, now: float) -> None:
+    def _note_rest(self, track: ThingTrack, now: float) -> None:
         """It stays on something in the hand. The lowest place counts: it may be on that still when it seems to rise."""
         last, rested = track.believed.last, track.rested
         if last is None:
@@ -117,7 +117,7 @@ class AttributedPolicy:
         if rested is None or last.bottom < rested.bottom + _AS_LOW or now - rested.time > _DRAGGED:
             track.rested = last
 
-    def _note_hidden(self, thing: Thing, track: Track, snapshot: Snapshot) -> None:
+    def _note_hidden(self, thing: ObservedThing, track: ThingTrack, snapshot: Snapshot) -> None:
         """Whether nobody sees what whoever holds it does with it."""
         holder = thing.grasps[-1].holder if thing.grasps else track.by
         if self._is_seen_now(thing, snapshot.now):
@@ -134,7 +134,7 @@ class AttributedPolicy:
 
         return sorted(snapshot.things, key=height)
 
-    def _begin_of_hold(self, thing: Thing, track: Track, snapshot: Snapshot) -> Inference | None:
+    def _begin_of_hold(self, thing: ObservedThing, track: ThingTrack, snapshot: Snapshot) -> Inference | None:
         """`Pick`, if it has been lifted."""
         if self._is_carried(thing, snapshot):
             track.hovers_since = None
@@ -158,7 +158,7 @@ class AttributedPolicy:
         self._find(thing, track, snapshot)
         return None
 
-    def _find(self, thing: Thing, track: Track, snapshot: Snapshot) -> None:
+    def _find(self, thing: ObservedThing, track: ThingTrack, snapshot: Snapshot) -> None:
         """It is held from now on if it hovers in a hand, and nobody knows where that took it."""
         hovers = thing.grasps and not (thing.plausible or thing.on or thing.inside or track.seen.lies)
         if not hovers or track.believed.lies or not self._is_seen_now(thing, snapshot.now):
@@ -169,7 +169,7 @@ class AttributedPolicy:
             track.held, track.by, track.found, track.hovers_since = True, thing.grasps[-1].holder, track.seen.last, None
             track.resting_since, track.returned = None, False
 
-    def _lie(self, thing: Thing, track: Track) -> None:
+    def _lie(self, thing: ObservedThing, track: ThingTrack) -> None:
         """It is not held: note where it lies."""
         if track.seen.last is not None and (track.seen.lies or (thing.plausible and not thing.grasps)):
             track.seen.lie()
@@ -180,7 +180,7 @@ class AttributedPolicy:
         if track.believed.last is not None and not thing.grasps and thing.plausible:
             track.believed.lie()
 
-    def _is_carried(self, thing: Thing, snapshot: Snapshot, *, surely: bool = False) -> bool:
+    def _is_carried(self, thing: ObservedThing, snapshot: Snapshot, *, surely: bool = False) -> bool:
         """Whether what it is in or on is held or rises, itself or by what that is in or on.
 
         With `surely`, not by a percept alone, which may be noise.
@@ -201,7 +201,7 @@ class AttributedPolicy:
                     waiting.append(name)
         return False
 
-    def _pick(self, thing: Thing, track: Track, heights: Heights, snapshot: Snapshot) -> Inference:
+    def _pick(self, thing: ObservedThing, track: ThingTrack, heights: Heights, snapshot: Snapshot) -> Inference:
         time = min(heights.departed(), snapshot.now)
         pose = thing.seen if heights is track.seen and thing.seen is not None else thing.believed
         by, confidence, why = UNKNOWN, _GUESSED, "it is lifted"
@@ -217,7 +217,7 @@ class AttributedPolicy:
         track.last_grasp = snapshot.now if thing.grasps else None
         return Inference(Action(time, PICK, thing.name, by), confidence, why)
 
-    def _end_of_hold(self, thing: Thing, track: Track, snapshot: Snapshot) -> Inference | None:
+    def _end_of_hold(self, thing: ObservedThing, track: ThingTrack, snapshot: Snapshot) -> Inference | None:
         """`Place` or `Release`, if it has been let go."""
         if thing.grasps:
             track.by, track.resting_since = thing.grasps[-1].holder, None
@@ -227,7 +227,7 @@ class AttributedPolicy:
         return self._by_motion(thing, track, snapshot)
 
     def _after_grasp(
-        self, thing: Thing, track: Track, snapshot: Snapshot, let_go_at: float, let_go: Height
+        self, thing: ObservedThing, track: ThingTrack, snapshot: Snapshot, let_go_at: float, let_go: Height
     ) -> Inference | None:
         """Something held it, and does no longer."""
         now, config = snapshot.now, self._config
@@ -252,7 +252,7 @@ class AttributedPolicy:
         return inference
 
     def _came_down(
-        self, thing: Thing, track: Track, snapshot: Snapshot, let_go_at: float, current: Height
+        self, thing: ObservedThing, track: ThingTrack, snapshot: Snapshot, let_go_at: float, current: Height
     ) -> Inference | None:
         """It is lower than where it was let go of: dropped, or put down where nobody saw it."""
         rests, rested = self._rests(thing, track, snapshot), self._rested_in_hand(track, let_go_at)
@@ -271,7 +271,7 @@ class AttributedPolicy:
             return self._let_go(thing, track, PLACE, unseen, _GUESSED, "it was put down out of sight")
         return None
 
-    def _rested_in_hand(self, track: Track, let_go_at: float) -> Height | None:
+    def _rested_in_hand(self, track: ThingTrack, let_go_at: float) -> Height | None:
         """Where it rested shortly before it was let go of, unless it was seen to be lifted again."""
         rested, last = track.rested, track.seen.last
         if rested is None or let_go_at - rested.time > _DRAGGED:
@@ -279,32 +279,32 @@ class AttributedPolicy:
         is_seen_lifted = last is not None and last.time > rested.time and last.bottom > rested.bottom + _AGAIN
         return None if is_seen_lifted else rested
 
-    def _put_down_unseen(self, thing: Thing, track: Track, current: Height) -> float | None:
+    def _put_down_unseen(self, thing: ObservedThing, track: ThingTrack, current: Height) -> float | None:
         """When (s) it may have been put down where nobody saw it, if it stands about there now; else None."""
         hidden = track.hidden
         if hidden is None or hidden.bottom - current.bottom > _PUT_DOWN or not self._stands(thing):
             return None
         return hidden.time if math.dist(hidden.position[:2], current.position[:2]) < _ABOUT else None
 
-    def _lowered_out_of_sight(self, thing: Thing, track: Track, current: Height) -> float | None:
+    def _lowered_out_of_sight(self, thing: ObservedThing, track: ThingTrack, current: Height) -> float | None:
         """When (s) it came down to where it stands now, if it was being lowered when it was last seen; else None."""
         last, speed = track.seen.last, track.seen.lowering()
         if last is None or not _LOWERED < speed < -_FALLING or last.bottom - current.bottom > _PUT_DOWN:
             return None
         return min(last.time + (last.bottom - current.bottom) / speed, current.time) if self._stands(thing) else None
 
-    def _stands(self, thing: Thing) -> bool:
+    def _stands(self, thing: ObservedThing) -> bool:
         """Whether it is believed to be upright, or has the same height on every side."""
         if thing.believed is None or max(thing.size) - min(thing.size) < _EVEN:
             return thing.believed is not None
         return abs(quaternions.to_matrix(thing.believed.q)[2][2]) > _UPRIGHT
 
-    def _palm_lowered(self, track: Track, snapshot: Snapshot) -> float:
+    def _palm_lowered(self, track: ThingTrack, snapshot: Snapshot) -> float:
         """How far the hand that held it has come down since, m, if it has: it may still hold it, unseen."""
         palm_height = snapshot.palm_height(track.by)
         return 0.0 if palm_height is None or track.palm_height is None else max(0.0, track.palm_height - palm_height)
 
-    def _by_motion(self, thing: Thing, track: Track, snapshot: Snapshot) -> Inference | None:
+    def _by_motion(self, thing: ObservedThing, track: ThingTrack, snapshot: Snapshot) -> Inference | None:
         """Nothing is known to hold it but that it was lifted."""
         last, near = track.seen.last, _GUESSED if track.by == UNKNOWN else _LIKELY
         if last is None:
@@ -317,7 +317,9 @@ class AttributedPolicy:
             return None
         return self._out_of_sight(thing, track, snapshot, last)
 
-    def _out_of_sight(self, thing: Thing, track: Track, snapshot: Snapshot, last: Height) -> Inference | None:
+    def _out_of_sight(
+        self, thing: ObservedThing, track: ThingTrack, snapshot: Snapshot, last: Height
+    ) -> Inference | None:
         """Nobody sees it since `last`: it has been let go of if it is believed to lie below that."""
         believed = track.believed.last
         lies = thing.plausible or (bool(thing.on) and track.believed.is_steady())
@@ -334,7 +336,7 @@ class AttributedPolicy:
             return self._let_go(thing, track, PLACE, unseen, _GUESSED, "it was put down out of sight")
         return None
 
-    def _last_high(self, track: Track) -> float:
+    def _last_high(self, track: ThingTrack) -> float:
         """When it was last seen before it came down, s; half a frame later is as likely as any moment."""
         last = track.seen.last
         assert last is not None
@@ -343,12 +345,12 @@ class AttributedPolicy:
             return last.time if before is None else before.time
         return last.time
 
-    def _is_hidden_with_holder(self, track: Track, snapshot: Snapshot) -> bool:
+    def _is_hidden_with_holder(self, track: ThingTrack, snapshot: Snapshot) -> bool:
         """Whether the hand that had it is out of sight too."""
         holder = snapshot.holders.get(track.by)
         return track.by != UNKNOWN and (holder is None or not holder.perceived)
 
-    def _rests(self, thing: Thing, track: Track, snapshot: Snapshot, least: float = 0.0) -> bool:
+    def _rests(self, thing: ObservedThing, track: ThingTrack, snapshot: Snapshot, least: float = 0.0) -> bool:
         """Whether it has been on or in something, or on the floor, for long enough, and for `least` s."""
         on_floor = thing.believed is not None and thing.bottom(thing.believed) < snapshot.floor_below
         if not (thing.on or thing.inside or (on_floor and track.believed.is_steady())):
@@ -358,11 +360,11 @@ class AttributedPolicy:
             track.resting_since = snapshot.now
         return snapshot.now - track.resting_since >= max(self._config.settle, least) - 1e-6
 
-    def _is_seen_now(self, thing: Thing, now: float) -> bool:
+    def _is_seen_now(self, thing: ObservedThing, now: float) -> bool:
         return thing.perceived and thing.seen is not None and now - thing.seen.stamp <= _FRESH
 
     def _let_go(
-        self, thing: Thing, track: Track, kind: str, time: float, confidence: float, why: str
+        self, thing: ObservedThing, track: ThingTrack, kind: str, time: float, confidence: float, why: str
     ) -> Inference | None:
         action = Action(time, kind, thing.name, track.by)
         found, last = track.found, track.believed.last or track.seen.last

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from agents.action_inference.observation import Holder, Snapshot, Thing
+from agents.action_inference.observation import Holder, ObservedThing, Snapshot
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.observed_actions import UNKNOWN
 
@@ -28,7 +28,7 @@ class Attribution:
             (snapshot.now, perceived)
         ]
 
-    def nearest(self, thing: Thing, pose: Pose, time: float) -> str:
+    def nearest(self, thing: ObservedThing, pose: Pose, time: float) -> str:
         """Name of the hand that was nearest to the thing at `pose` around `time` (s), within reach; `UNKNOWN` if there
         was none.
         """

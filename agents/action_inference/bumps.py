@@ -6,7 +6,7 @@ import math
 from collections import deque
 from collections.abc import Iterator
 
-from agents.action_inference.observation import Snapshot, Thing
+from agents.action_inference.observation import ObservedThing, Snapshot
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 
@@ -52,7 +52,7 @@ class Bumps:
             seen.popleft()
 
     @staticmethod
-    def _stands_by_itself(thing: Thing, snapshot: Snapshot) -> bool:
+    def _stands_by_itself(thing: ObservedThing, snapshot: Snapshot) -> bool:
         is_seen = thing.perceived and thing.seen is not None and snapshot.now - thing.seen.stamp <= _FRESH
         return is_seen and not thing.grasps and snapshot.things.keys().isdisjoint(thing.on | thing.inside)
 

@@ -12,7 +12,7 @@ from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 
 
-class Grasp(NamedTuple):
+class ObservedGrasp(NamedTuple):
     """An edge `grasping`."""
 
     holder: str
@@ -22,7 +22,7 @@ class Grasp(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Thing:
+class ObservedThing:
     """An object."""
 
     name: str
@@ -40,7 +40,7 @@ class Thing:
     """Names of the supports of the thing."""
     inside: frozenset[str] = frozenset()
     """Names of the containers of the thing."""
-    grasps: tuple[Grasp, ...] = ()
+    grasps: tuple[ObservedGrasp, ...] = ()
     """Grasps of the thing, the newest last."""
 
     def bottom(self, pose: Pose) -> float:
@@ -74,7 +74,7 @@ class Snapshot:
 
     now: float
     """Time of the snapshot, s."""
-    things: Mapping[str, Thing] = field(default_factory=dict)
+    things: Mapping[str, ObservedThing] = field(default_factory=dict)
     holders: Mapping[str, Holder] = field(default_factory=dict)
     floor_below: float = -math.inf
     """m, world z below which a thing that lies still lies on the floor: well below all tables"""

@@ -19,7 +19,7 @@ class Inference(NamedTuple):
     """The evidence, in a few words."""
 
 
-class Policy(Protocol):
+class InferencePolicy(Protocol):
     """A method that infers actions."""
 
     name: str

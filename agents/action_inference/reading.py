@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 
-from agents.action_inference.observation import Grasp, Holder, Snapshot, Thing
+from agents.action_inference.observation import Holder, ObservedGrasp, ObservedThing, Snapshot
 from dsr.errors import DsrError
 from dsr.frames.tree import WORLD
 from dsr.graph.elements import Node
@@ -23,7 +23,7 @@ HOLDERS = ("hand", "gripper")
 _BELOW_TABLES = 0.1  # m
 
 
-class Reading:
+class SnapshotReader:
     """Observes a memory. Unusable nodes and edges are left out and counted."""
 
     def __init__(self, memory: Memory) -> None:
@@ -56,11 +56,11 @@ class Reading:
         if known is None or seen.stamp > known.stamp:
             self._seen[name], self._seen_in_doubt[name] = seen, in_doubt
 
-    def _thing(self, node: Node) -> Thing:
+    def _thing(self, node: Node) -> ObservedThing:
         name, memory = node.name, self._memory
         belief = memory.get_edge(WORLD, name, "Virtual_RT")
-        grasps = (Grasp(edge.src, edge.get("since", 0.0)) for edge in memory.edges("grasping", dst=name))
-        return Thing(
+        grasps = (ObservedGrasp(edge.src, edge.get("since", 0.0)) for edge in memory.edges("grasping", dst=name))
+        return ObservedThing(
             name=name,
             size=node.get("size", (0.0, 0.0, 0.0)),
             perceived=node.get("perceived") is True,

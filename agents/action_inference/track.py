@@ -9,7 +9,7 @@ from dsr.vocabulary.observed_actions import UNKNOWN
 
 
 @dataclass
-class Track:
+class ThingTrack:
     """The record of one thing."""
 
     seen: Heights

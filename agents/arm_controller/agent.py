@@ -6,17 +6,17 @@ import math
 
 import numpy as np
 
-from agents.arm_controller.body import Body
+from agents.arm_controller.body import RobotNodes
 from agents.arm_controller.config import ArmControllerConfig
 from agents.arm_controller.figure import Figure
-from agents.arm_controller.grip import Grip
-from agents.arm_controller.holding import Holding
+from agents.arm_controller.grip import GripperControl
+from agents.arm_controller.holding import GraspEdges
 from agents.arm_controller.joints import Joints, JointsError, read_joints, to_driver
-from agents.arm_controller.kinematics import Chain
-from agents.arm_controller.motion import Motion
+from agents.arm_controller.kinematics import JointChain
+from agents.arm_controller.motion import MotionControl
 from agents.arm_controller.report import NO_DRIVER
-from agents.arm_controller.scene import Scene
-from agents.arm_controller.skills.actions import Actions
+from agents.arm_controller.scene import ArmScene
+from agents.arm_controller.skills.actions import RunningActions
 from agents.arm_controller.skills.manipulator import Manipulator
 from agents.arm_controller.trajectory import Trajectory
 from agents.arm_controller.urdf import Robot, fixed_pose, load_robot
@@ -78,16 +78,16 @@ class ArmController(Agent):
         if robot.drawn_only:
             names = ", ".join(robot.drawn_only)
             self.log.warning("%s: drawn without a <collision>, so the arm meets nothing with: %s", config.urdf, names)
-        self._chain = Chain(robot.between(config.base_link, config.tool_link))
+        self._chain = JointChain(robot.between(config.base_link, config.tool_link))
         self._check_config()
-        self._body = Body(self.memory, robot, config)
+        self._body = RobotNodes(self.memory, robot, config)
         self._body.build()
         self._driver: ArmDriver = make_driver(config.driver, self.bus, self.keys, **config.options)
         self._feeds = self._make_feeds()
         self._state: ArmState | None = None
         self._heard = self.clock.now()
         self._complained = False
-        self._motion = Motion(
+        self._motion = MotionControl(
             self.memory,
             self._chain,
             config,
@@ -96,12 +96,12 @@ class ArmController(Agent):
             log=self.log,
             rng=np.random.default_rng(self.seed),
         )
-        self._scene = Scene(self.memory)
+        self._scene = ArmScene(self.memory)
         gripper_from_tool = fixed_pose(robot.between(config.end_effector_link, config.tool_link))
-        self._holding = Holding(self.memory, self._scene, config, self._chain.forward, gripper_from_tool)
-        self._actions = Actions(self.memory, self._make_manipulator(robot), config, self.log)
+        self._holding = GraspEdges(self.memory, self._scene, config, self._chain.forward, gripper_from_tool)
+        self._actions = RunningActions(self.memory, self._make_manipulator(robot), config, self.log)
         widest = robot.stroke(config.end_effector_link) or math.inf
-        self._grip = Grip(self.memory, config, widest, send=self._driver.move_gripper, log=self.log)
+        self._grip = GripperControl(self.memory, config, widest, send=self._driver.move_gripper, log=self.log)
 
     def tick(self, now: float) -> None:
         """Forward what the devices measured since the last tick, and follow the targets."""

@@ -50,7 +50,7 @@ class _Plan:
     """Box around what a node stands for, in its frame."""
 
 
-class Body:
+class RobotNodes:
     """Writes one robot into the memory.
 
     Args:

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.arm_controller.kinematics import Chain
-from agents.arm_controller.shapes import Box
+from agents.arm_controller.kinematics import JointChain
+from agents.arm_controller.shapes import LinkBox
 from agents.arm_controller.urdf import Robot, fixed_pose
 from dsr.errors import ConfigError
 from dsr.math3d.boxes import Array, Boxes, gaps
@@ -31,7 +31,7 @@ class Figure:
         ConfigError: for a link with a shape that is neither a part of the arm nor a finger.
     """
 
-    def __init__(self, robot: Robot, chain: Chain, base: str, end_effector: str, tool: str) -> None:
+    def __init__(self, robot: Robot, chain: JointChain, base: str, end_effector: str, tool: str) -> None:
         self._robot = robot
         self._chain = chain
         self._end_effector = end_effector
@@ -56,7 +56,7 @@ class Figure:
         fingers = [box.seen_from(self._tool_from_end) for box in self._robot.fingers(self._end_effector, 0.0)]
         return max((float(box.corners[:, 2].max()) for box in fingers), default=0.0)
 
-    def gripper(self, opening: float) -> list[Box]:
+    def gripper(self, opening: float) -> list[LinkBox]:
         """Boxes of all that is fixed to the tool, and of fingers `opening` m apart, in the tool's frame."""
         fingers = self._robot.fingers(self._end_effector, opening)
         return [*self._hand, *(box.seen_from(self._tool_from_end) for box in fingers)]
@@ -65,7 +65,7 @@ class Figure:
         """How many of the boxes are of the gripper: of all that is fixed to the tool, and of the fingers."""
         return len(self.gripper(opening))
 
-    def boxes(self, positions: Array, opening: float, held: Sequence[Box] = ()) -> Boxes:
+    def boxes(self, positions: Array, opening: float, held: Sequence[LinkBox] = ()) -> Boxes:
         """Boxes (m, b) in the base frame at joint `positions` (m, n), fingers `opening` m apart.
 
         Those of the links come first, then those of the gripper, then `held`, given in the tool's frame.

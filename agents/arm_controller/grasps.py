@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from agents.arm_controller.obstacles import GRIPPER_MARGIN
 from agents.arm_controller.room import Room
-from agents.arm_controller.scene import Thing
+from agents.arm_controller.scene import Obstacle
 from dsr.errors import DsrError
 from dsr.math3d.boxes import Array
 from dsr.math3d.transforms import Pose
@@ -88,7 +88,7 @@ class Upright:
         return float(self.center[2]) + self.height / 2
 
 
-def upright(thing: Thing) -> Upright:
+def upright(thing: Obstacle) -> Upright:
     """How the thing stands. Raises `GraspError` if it leans."""
     turn = thing.pose.rotation_matrix
     vertical = int(np.argmax(np.abs(turn[2])))
@@ -100,7 +100,7 @@ def upright(thing: Thing) -> Upright:
     return Upright(np.array(thing.pose.t), sides, thing.size[vertical])
 
 
-def grasps(thing: Thing, room: Room, widest: float) -> list[Grasp]:
+def grasps(thing: Obstacle, room: Room, widest: float) -> list[Grasp]:
     """Top grasps, each as deep as there is room for.
 
     Better are those that hold nearly as much as any, then those in the middle of the object, then those with more room
@@ -220,7 +220,7 @@ def looking_down(position: tuple[float, float, float], x_axis: Array) -> Pose:
     return Pose.from_matrix(matrix)
 
 
-def resting_poses(held: Thing, position: tuple[float, float], top: float, yaw: float) -> list[Pose]:
+def resting_poses(held: Obstacle, position: tuple[float, float], top: float, yaw: float) -> list[Pose]:
     """world_from_object of the held object, standing at x, y with its bottom at height `top` (m).
 
     Its yaw is `yaw`, up to turns that leave its outline as it is. Raises `GraspError` if it leans in the gripper.

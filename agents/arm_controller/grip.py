@@ -15,7 +15,7 @@ from agents.arm_controller.report import (
     REFUSED,
     STOPPED,
     UNREACHABLE,
-    Report,
+    NodeReport,
     StallDetector,
 )
 from dsr import Memory
@@ -24,7 +24,7 @@ _STILL = 0.0002  # m per sample; less is no motion
 _SLACK = 1e-6  # m
 
 
-class Grip:
+class GripperControl:
     """Follows `target_opening` of one gripper.
 
     Fingers that stand still before the opening is reached, for example at an object, are `stopped`.
@@ -46,7 +46,7 @@ class Grip:
         send: Callable[[float], None],
         log: logging.Logger,
     ) -> None:
-        self.report = Report(memory, config.gripper, log)
+        self.report = NodeReport(memory, config.gripper, log)
         self._memory = memory
         self._config = config
         self._widest = widest

@@ -11,7 +11,7 @@ import numpy as np
 
 from agents.arm_controller.config import ArmControllerConfig
 from agents.arm_controller.joints import Joints
-from agents.arm_controller.scene import Scene, Thing
+from agents.arm_controller.scene import ArmScene, Obstacle
 from dsr import Memory
 from dsr.errors import TransformError
 from dsr.math3d.transforms import Pose
@@ -27,7 +27,7 @@ _BESIDE = 0.012  # m that the tool point may be outside of the believed object
 _CATCHING_UP = 1.0  # s in which the belief of what is known to be held may come to where the gripper is
 
 
-class Holding:
+class GraspEdges:
     """Keeps the edge `gripper -grasping-> object` in step with the gripper.
 
     Args:
@@ -41,7 +41,7 @@ class Holding:
     def __init__(
         self,
         memory: Memory,
-        scene: Scene,
+        scene: ArmScene,
         config: ArmControllerConfig,
         forward: Callable[[tuple[float, ...]], Pose],
         gripper_from_tool: Pose,
@@ -105,12 +105,12 @@ class Holding:
             self._memory.remove_edge(edge.src, edge.dst, "grasping")
 
 
-def _between(things: list[Thing], world_from_tool: Pose, opening: float) -> Thing | None:
+def _between(things: list[Obstacle], world_from_tool: Pose, opening: float) -> Obstacle | None:
     """The one between pads that are `opening` m apart, the closest to the tool point; None if none fits."""
     tool_from_world = world_from_tool.inverse()
-    found: list[tuple[float, Thing]] = []
+    found: list[tuple[float, Obstacle]] = []
     for thing in things:
-        inside = Thing(thing.name, tool_from_world @ thing.pose, thing.size)
+        inside = Obstacle(thing.name, tool_from_world @ thing.pose, thing.size)
         fits = any(abs(edge - opening) <= WIDTH_TOLERANCE for edge in thing.size)
         beside = max(abs(offset) - half for offset, half in zip(inside.pose.t, (0.0, *inside.reach[1:]), strict=True))
         if fits and beside <= _BESIDE:

@@ -47,7 +47,7 @@ class UnreachableError(DsrError):
 
 
 @dataclass(frozen=True)
-class Solution:
+class InverseSolution:
     """Joint positions that bring the tip to a target."""
 
     positions: tuple[float, ...]
@@ -58,7 +58,7 @@ class Solution:
     """Angle of the tip to the target, rad."""
 
 
-class Chain:
+class JointChain:
     """A serial chain of joints from a base link to a tip link.
 
     Args:
@@ -114,7 +114,7 @@ class Chain:
         rng: np.random.Generator,
         posture: ArrayLike | None = None,
         restarts: int = 23,
-    ) -> Solution:
+    ) -> InverseSolution:
         """Joint positions that bring the tip to `base_from_tip`.
 
         Of the solutions found it is the one that takes the joints the least far from `start`.
@@ -140,7 +140,7 @@ class Chain:
             best = int(np.argmin(distance + angle))
             raise UnreachableError(float(distance[best]), float(angle[best]))
         best = int(np.argmin(np.where(reached, np.abs(q - first).max(axis=1), np.inf)))
-        return Solution(tuple(q[best].tolist()), float(distance[best]), float(angle[best]))
+        return InverseSolution(tuple(q[best].tolist()), float(distance[best]), float(angle[best]))
 
     def track(self, base_from_tips: Array, starts: Array, posture: ArrayLike) -> tuple[Array, NDArray[np.bool_]]:
         """Joint positions (m, n) that bring the tip to each of (m, 4, 4), the ones that the iteration leads to.

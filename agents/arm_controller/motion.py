@@ -14,7 +14,7 @@ import numpy as np
 
 from agents.arm_controller.config import ArmControllerConfig
 from agents.arm_controller.joints import Joints
-from agents.arm_controller.kinematics import Chain, UnreachableError
+from agents.arm_controller.kinematics import JointChain, UnreachableError
 from agents.arm_controller.report import (
     ACTING,
     IDLE,
@@ -23,7 +23,7 @@ from agents.arm_controller.report import (
     REFUSED,
     STOPPED,
     UNREACHABLE,
-    Report,
+    NodeReport,
     StallDetector,
 )
 from dsr import Memory, Node
@@ -42,7 +42,7 @@ class TargetError(ValueError):
     """A target that this arm cannot have."""
 
 
-class Motion:
+class MotionControl:
     """Follows the targets of one arm.
 
     Args:
@@ -58,7 +58,7 @@ class Motion:
     def __init__(
         self,
         memory: Memory,
-        chain: Chain,
+        chain: JointChain,
         config: ArmControllerConfig,
         *,
         send: Send,
@@ -66,7 +66,7 @@ class Motion:
         log: logging.Logger,
         rng: np.random.Generator,
     ) -> None:
-        self.report = Report(memory, config.arm, log)
+        self.report = NodeReport(memory, config.arm, log)
         self._memory = memory
         self._chain = chain
         self._config = config

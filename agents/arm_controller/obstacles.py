@@ -9,8 +9,8 @@ import numpy as np
 
 from agents.arm_controller.figure import Figure
 from agents.arm_controller.overlap import room
-from agents.arm_controller.scene import Thing
-from agents.arm_controller.shapes import Box
+from agents.arm_controller.scene import Obstacle
+from agents.arm_controller.shapes import LinkBox
 from dsr.math3d.boxes import Array, Boxes, stacked
 from dsr.math3d.transforms import Pose
 
@@ -33,7 +33,7 @@ class Load:
 
     opening: float
     """m between the fingers"""
-    held: tuple[Box, ...] = ()
+    held: tuple[LinkBox, ...] = ()
     """Boxes of the held object, in the tool's frame."""
 
 
@@ -47,7 +47,7 @@ class Obstacles:
         target: the one of them that the gripper may be around at the end of a path.
     """
 
-    def __init__(self, figure: Figure, things: Sequence[Thing], arm_from_world: Pose, target: str = "") -> None:
+    def __init__(self, figure: Figure, things: Sequence[Obstacle], arm_from_world: Pose, target: str = "") -> None:
         self._figure = figure
         self._names = [thing.name for thing in things]
         self._target = self._names.index(target) if target in self._names else None

@@ -20,7 +20,7 @@ PATIENCE = 1.0
 """s that something may stand still short of its target before it counts as stopped"""
 
 
-class Report:
+class NodeReport:
     """Writes the status of one node when it changes; failures are logged, too."""
 
     def __init__(self, memory: Memory, node: str, log: logging.Logger) -> None:

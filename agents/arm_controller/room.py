@@ -10,7 +10,7 @@ import numpy as np
 from agents.arm_controller.figure import Figure
 from agents.arm_controller.obstacles import STANDOFF
 from agents.arm_controller.overlap import room
-from agents.arm_controller.scene import Thing
+from agents.arm_controller.scene import Obstacle
 from dsr.math3d.boxes import Array, Boxes, stacked
 from dsr.math3d.transforms import Pose
 
@@ -25,7 +25,7 @@ class Room:
         things: what must not be touched, without the object itself.
     """
 
-    def __init__(self, figure: Figure, things: Sequence[Thing]) -> None:
+    def __init__(self, figure: Figure, things: Sequence[Obstacle]) -> None:
         self._figure = figure
         self._names = [thing.name for thing in things]
         self._boxes = stacked((thing.pose, thing.size) for thing in things)

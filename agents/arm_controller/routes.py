@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from agents.arm_controller.kinematics import Chain
+from agents.arm_controller.kinematics import JointChain
 from agents.arm_controller.obstacles import ITSELF, Load, Obstacles
 from agents.arm_controller.trajectory import SPACING, Trajectory, resampled, rounded, timed
 from dsr.errors import DsrError
@@ -35,7 +35,7 @@ class BlockedError(DsrError):
 
 
 @dataclass(frozen=True)
-class Goal:
+class JointGoal:
     """The end of a route."""
 
     positions: Array
@@ -64,7 +64,7 @@ class Router:
         world_from_arm: where the arm stands.
     """
 
-    def __init__(self, chain: Chain, world_from_arm: Pose) -> None:
+    def __init__(self, chain: JointChain, world_from_arm: Pose) -> None:
         self._chain = chain
         self._up = world_from_arm.rotation_matrix[2]
         self._world_from_arm = world_from_arm
@@ -79,7 +79,9 @@ class Router:
         return float((np.abs(goal - start) / self._velocity).max())
 
     def plan(
-        self, start: Array, goal: Goal, load: Load, obstacles: Obstacles, travel: float, limits: tuple[float, float]
+        self, start: Array, goal: JointGoal, load: Load, obstacles: Obstacles, travel: float, limits: tuple[
+            float, float
+        ]
     ) -> Trajectory:
         """A way from joint positions `start` (n,) rad to `goal`.
 
@@ -114,7 +116,7 @@ class Router:
             raise BlockedError(by)
         return timed(rows, limits[0] * self._velocity, limits[1])
 
-    def _paths(self, start: Array, goal: Goal, travel: float) -> Iterator[_Path]:
+    def _paths(self, start: Array, goal: JointGoal, travel: float) -> Iterator[_Path]:
         """Ways to try, in this order."""
         down = self._line(goal.positions, goal.approach)[::-1]
         if len(down):

@@ -20,7 +20,7 @@ _ROBOT = ("robot", "body", "arm", "gripper")
 
 
 @dataclass(frozen=True)
-class Thing:
+class Obstacle:
     """A box that is believed to be somewhere: an object, or a table."""
 
     name: str
@@ -46,45 +46,45 @@ class Thing:
         return float(self.pose.t[2] + self.reach[2])
 
 
-class Scene:
+class ArmScene:
     """The belief as the arm needs it; read anew with each call."""
 
     def __init__(self, memory: Memory) -> None:
         self._memory = memory
 
-    def object(self, name: str) -> Thing | None:
+    def object(self, name: str) -> Obstacle | None:
         """The object, or None if it is not believed to be anywhere."""
         edge = self._memory.get_edge(WORLD, name, "Virtual_RT")
         node = self._memory.get_node(name)
         if edge is None or node is None or not is_present(node):
             return None
         pose, size = edge.get("pose"), node.get("size")
-        return None if pose is None or size is None else Thing(name, pose, size)
+        return None if pose is None or size is None else Obstacle(name, pose, size)
 
     def is_perceived(self, name: str) -> bool:
         """Whether the object is seen now."""
         node = self._memory.get_node(name)
         return node is not None and node.get("perceived") is True
 
-    def objects(self) -> list[Thing]:
+    def objects(self) -> list[Obstacle]:
         """List all objects that are believed to be somewhere."""
         names = [edge.dst for edge in self._memory.edges("Virtual_RT", src=WORLD)]
         return [thing for name in names if (thing := self.object(name)) is not None]
 
-    def table(self, name: str) -> Thing | None:
+    def table(self, name: str) -> Obstacle | None:
         """The table, or None if it is unknown where it is."""
         node = self._memory.get_node(name)
         if node is None or node.type != "table":
             return None
         size = node.get("size")
         pose = self._memory.get_transform(WORLD, name)
-        return None if size is None or pose is None else Thing(name, pose @ Pose((0.0, 0.0, -size[2] / 2)), size)
+        return None if size is None or pose is None else Obstacle(name, pose @ Pose((0.0, 0.0, -size[2] / 2)), size)
 
-    def tables(self) -> list[Thing]:
+    def tables(self) -> list[Obstacle]:
         """List all tables."""
         return [thing for node in self._memory.nodes("table") if (thing := self.table(node.name)) is not None]
 
-    def models(self, base: Vector3) -> list[Thing]:
+    def models(self, base: Vector3) -> list[Obstacle]:
         """The boxes around objects with meshes that stand around an arm whose base is at `base` (m, world).
 
         Not what the robot carries as a part of it, nor what is around the arm's base, such as a room.
@@ -92,7 +92,7 @@ class Scene:
         found = [thing for node in self._memory.nodes(MODELLED) if (thing := self._model(node))]
         return [thing for thing in found if not thing.contains(base)]
 
-    def _model(self, node: Node) -> Thing | None:
+    def _model(self, node: Node) -> Obstacle | None:
         bounds = None if not is_present(node) else own_bounds(self._memory, node)
         if bounds is None or self._is_of_robot(node.name):
             return None
@@ -102,7 +102,7 @@ class Scene:
         low, high = np.array(bounds.low), np.array(bounds.high)
         x, y, z = (high - low).tolist()
         u, v, w = ((low + high) / 2).tolist()
-        return Thing(node.name, pose @ Pose((u, v, w)), (x, y, z))
+        return Obstacle(node.name, pose @ Pose((u, v, w)), (x, y, z))
 
     def _is_of_robot(self, name: str) -> bool:
         """Whether its frame hangs on one of the robot's."""

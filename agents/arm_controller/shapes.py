@@ -19,7 +19,7 @@ from dsr.math3d.transforms import Pose
 
 
 @dataclass(frozen=True)
-class Box:
+class LinkBox:
     """A box on a link."""
 
     pose: Pose
@@ -38,20 +38,20 @@ class Box:
         """(8, 3) in the link's frame, m."""
         return self.pose.apply(CORNERS * self.half)
 
-    def seen_from(self, frame_from_link: Pose) -> Box:
+    def seen_from(self, frame_from_link: Pose) -> LinkBox:
         """The same box in another frame."""
-        return Box(frame_from_link @ self.pose, self.half)
+        return LinkBox(frame_from_link @ self.pose, self.half)
 
 
-def read_boxes(link: ET.Element) -> tuple[Box, ...]:
+def read_boxes(link: ET.Element) -> tuple[LinkBox, ...]:
     """The boxes around the collision shapes of a <link>; ValueError for a shape that is not known or has no volume."""
     return tuple(
-        Box(origin(shape.find("origin")), _half_extent(attribute(link, "name"), shape))
+        LinkBox(origin(shape.find("origin")), _half_extent(attribute(link, "name"), shape))
         for shape in link.findall("collision")
     )
 
 
-def bounds(boxes: Iterable[Box]) -> tuple[float, ...] | None:
+def bounds(boxes: Iterable[LinkBox]) -> tuple[float, ...] | None:
     """The least, then the greatest x, y, z (m) that the boxes reach in their common frame; None without any."""
     corners = [box.corners for box in boxes]
     if not corners:

@@ -14,7 +14,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Literal, cast, get_args
 
-from agents.arm_controller.shapes import Box, read_boxes
+from agents.arm_controller.shapes import LinkBox, read_boxes
 from agents.urdf_elements import attribute, number, origin, parse_urdf, read_urdf, vector
 from dsr.errors import ConfigError, suggest
 from dsr.math3d.quaternions import Vector3, from_rotvec
@@ -77,7 +77,7 @@ class Robot:
     name: str
     root: str
     joints: tuple[Joint, ...]
-    boxes: Mapping[str, tuple[Box, ...]] = field(default_factory=dict)
+    boxes: Mapping[str, tuple[LinkBox, ...]] = field(default_factory=dict)
     """Around the collision shapes, by link, in its frame."""
     drawn_only: tuple[str, ...] = ()
     """Links that are drawn, but collide with nothing."""
@@ -107,7 +107,7 @@ class Robot:
                 yield joint
                 yield from self.below(joint.child)
 
-    def rigid(self, link: str, *, without: str = "") -> tuple[Box, ...]:
+    def rigid(self, link: str, *, without: str = "") -> tuple[LinkBox, ...]:
         """Boxes of `link` and all that is fixed to it, in its frame; not of link `without` and what hangs there."""
         fixed = self.fixed_to(link, without=without)
         return tuple(box.seen_from(pose) for other, pose in fixed for box in self.boxes.get(other, ()))
@@ -124,7 +124,7 @@ class Robot:
         """The fingers' joints: those that slide on `link`."""
         return [joint for joint in self.joints if joint.parent == link and joint.kind == "prismatic"]
 
-    def fingers(self, link: str, opening: float) -> tuple[Box, ...]:
+    def fingers(self, link: str, opening: float) -> tuple[LinkBox, ...]:
         """Boxes of the links that slide on `link`, in its frame, where they share `opening` m evenly."""
         sliding = self.sliding(link)
         return tuple(

@@ -11,7 +11,7 @@ from agents.calibrator.watch.doubt import believed_now
 from agents.calibrator.watch.looking import Looking, can_look
 from agents.calibrator.watch.undoing import taken_back
 from agents.calibrator.watch.views import Views, only_camera
-from agents.calibrator.watch.watch import Watch
+from agents.calibrator.watch.watch import MountWatch
 from dsr.agent import Access, Agent
 from dsr.errors import ConfigError
 from dsr.frames.tree import WORLD
@@ -41,7 +41,7 @@ class Calibrator(Agent):
     is written as its RT edge, with covariance and without a stamp: it holds at all times. Where the geometry is weak,
     or no pose of the camera explains what is seen, it is not, unless the request is forced. A restarted calibrator
     begins afresh with what is not answered yet. When the simulation handler explains that a camera moved, that is
-    looked into without a request, see `Watch`.
+    looked into without a request, see `MountWatch`.
     """
 
     name = "calibrator"
@@ -75,7 +75,7 @@ class Calibrator(Agent):
         self._answered: dict[str, float] = {}
         self._looking: dict[str, Looking] = {}
         self._chronicle = Chronicle(self.memory, self.name)
-        self._watch = Watch(self.memory, self._chronicle, self.config, self.log) if self.config.by_itself else None
+        self._watch = MountWatch(self.memory, self._chronicle, self.config, self.log) if self.config.by_itself else None
 
     def tick(self, now: float) -> None:
         """Go on with what is in doubt, and with each request."""

@@ -8,7 +8,7 @@ from typing import ClassVar
 
 import msgspec
 
-from agents.chronicler.facts import Fact, describe_status, ending, participants_of, read_facts, task_of
+from agents.chronicler.facts import ChronicledFact, describe_status, ending, participants_of, read_facts, task_of
 from agents.inbox import Inbox
 from dsr.agent import Access, Agent
 from dsr.errors import WireError
@@ -67,7 +67,7 @@ class Keeper:
         self._known: set[str] = set()
         self._missed: dict[str, float] = {}
 
-    def update(self, facts: Iterable[Fact], now: float) -> None:
+    def update(self, facts: Iterable[ChronicledFact], now: float) -> None:
         """Make the open situations those of `facts` at time `now` (s)."""
         open_ones = self._open()
         known = set()
@@ -85,7 +85,7 @@ class Keeper:
                 found[entry.kind, entry.participants].append(entry)
         return found
 
-    def _continued(self, fact: Fact, found: list[Entry]) -> str:
+    def _continued(self, fact: ChronicledFact, found: list[Entry]) -> str:
         """The name of the situation that a fact is, begun if it is new; `found` are the open ones that it may be."""
         if fact.is_dated:
             same = [entry for entry in found if entry.begin == fact.begin]
@@ -153,13 +153,13 @@ class Company:
         self._heard[run] = now
         return is_new
 
-    def facts(self, now: float) -> Iterator[Fact]:
+    def facts(self, now: float) -> Iterator[ChronicledFact]:
         """Yield a fact for each agent at work at time `now` (s); an agent that was silent for long is not any more."""
         for run, heard in list(self._heard.items()):
             if now - heard > SILENT_AFTER:
                 self._leave(run, heard, f"{run[0]} silent for {SILENT_AFTER:g} s")
         for run, (begin, text) in self._begins.items():
-            yield Fact(AGENT, run, begin, repr(begin), False, text)
+            yield ChronicledFact(AGENT, run, begin, repr(begin), False, text)
 
     def ending(self, entry: Entry, now: float) -> tuple[float, str]:
         """Time (s) and manner of the end of an agent's run; `now` for an agent that was never heard."""

@@ -12,7 +12,7 @@ from dsr.vocabulary.intentions import ACTIVE, RUNNING
 from dsr.vocabulary.relations import is_present
 
 
-class Fact(NamedTuple):
+class ChronicledFact(NamedTuple):
     """A fact that holds now."""
 
     kind: str
@@ -27,7 +27,7 @@ class Fact(NamedTuple):
     source: str = ""
 
 
-def read_facts(memory: Memory, relations: Iterable[str], surprising: Iterable[str], now: float) -> list[Fact]:
+def read_facts(memory: Memory, relations: Iterable[str], surprising: Iterable[str], now: float) -> list[ChronicledFact]:
     """Read all facts that hold at time `now` (s).
 
     Args:
@@ -62,37 +62,37 @@ def describe_status(node: Node) -> str:
     return f"{status}: {why}" if why else status
 
 
-def _relation(edge: Edge, now: float) -> Fact:
+def _relation(edge: Edge, now: float) -> ChronicledFact:
     what, source = f"{edge.src} {edge.type} {edge.dst}", str(edge.get("source", ""))
     text = f"{what} ({source})" if source else what
     since = edge.get("since")
     if isinstance(since, float) and 0.0 < since <= now:
-        return Fact(edge.type, (edge.src, edge.dst), since, repr(since), True, text, source)
+        return ChronicledFact(edge.type, (edge.src, edge.dst), since, repr(since), True, text, source)
     begin = min((edge.written_at(name) or now for name in edge), default=now)
-    return Fact(edge.type, (edge.src, edge.dst), min(begin, now), repr(edge.created[0]), False, text, source)
+    return ChronicledFact(edge.type, (edge.src, edge.dst), min(begin, now), repr(edge.created[0]), False, text, source)
 
 
-def _presence(node: Node, now: float) -> Fact:
+def _presence(node: Node, now: float) -> ChronicledFact:
     """Without `present`, since the oldest of its values: those that never change came with the node."""
     came = node.written_at("present")
     begin = min((node.written_at(name) or now for name in node), default=now) if came is None else came
     key = f"{node.created[0]} {came!r}"
-    return Fact(PRESENT, (node.name,), min(begin, now), key, False, f"{node.name} appeared")
+    return ChronicledFact(PRESENT, (node.name,), min(begin, now), key, False, f"{node.name} appeared")
 
 
-def _surprise(node: Node, now: float) -> Fact:
+def _surprise(node: Node, now: float) -> ChronicledFact:
     begin, why = _written(node, "surprising", now), str(node.get("surprise", ""))
     text = f"{node.name} is surprising{f': {why}' if why else ''}"
-    return Fact(SURPRISING, (node.name,), begin, repr(begin), False, text)
+    return ChronicledFact(SURPRISING, (node.name,), begin, repr(begin), False, text)
 
 
-def _doings(memory: Memory, now: float) -> Iterator[Fact]:
+def _doings(memory: Memory, now: float) -> Iterator[ChronicledFact]:
     """Intentions that are pursued and actions that run."""
     for kind, statuses in ((INTENTION, ACTIVE), (ACTION, (RUNNING,))):
         for node in memory.nodes(kind):
             if node.get("status") in statuses:
                 begin = _written(node, "status", now)
-                yield Fact(kind, participants_of(node), begin, repr(begin), False, task_of(node))
+                yield ChronicledFact(kind, participants_of(node), begin, repr(begin), False, task_of(node))
 
 
 def participants_of(node: Node) -> tuple[str, ...]:

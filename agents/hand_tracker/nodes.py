@@ -8,7 +8,7 @@ import numpy as np
 
 from agents.hand_tracker.config import HandTrackerConfig
 from agents.hand_tracker.sighting import Side
-from agents.hand_tracker.tracks import HANDS, Track
+from agents.hand_tracker.tracks import HANDS, HandTrack
 from dsr.errors import TransformError
 from dsr.graph.elements import Node
 from dsr.math3d.transforms import Pose
@@ -43,7 +43,7 @@ class HandNodes:
         self._memory = memory
         self._config = config
 
-    def known(self) -> list[Track]:
+    def known(self) -> list[HandTrack]:
         """The hands that an earlier run of the tracker left, as tracks without fingertips."""
         found = []
         for node in self._memory.nodes("hand"):
@@ -54,10 +54,10 @@ class HandNodes:
             side = node.get("side")
             palm = edge.pose.with_stamp(float(node.get("last_seen", edge.pose.stamp))).with_covariance(None)
             known_side: Side = side if side in ("left", "right") else "unknown"
-            found.append(Track(int(match[1]), self._config, palm, known_side, str(node.get("source", ""))))
+            found.append(HandTrack(int(match[1]), self._config, palm, known_side, str(node.get("source", ""))))
         return found
 
-    def write(self, track: Track, now: float) -> None:
+    def write(self, track: HandTrack, now: float) -> None:
         """Write a hand that was just seen. Raises `TransformError` without a world."""
         if "world" not in self._memory:
             raise TransformError("there is no world yet")

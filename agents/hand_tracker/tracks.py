@@ -115,7 +115,7 @@ class Fingertip:
         """(3,) m, where it was when it was last seen"""
 
 
-class Track:
+class HandTrack:
     """One hand over time, in the world.
 
     Args:
@@ -227,11 +227,11 @@ class Tracks:
 
     def __init__(self, config: HandTrackerConfig) -> None:
         self._config = config
-        self.by_number: dict[int, Track] = {}
+        self.by_number: dict[int, HandTrack] = {}
         self.ignored = 0
         """Hands seen that were one too many, or parts of others."""
 
-    def adopt(self, track: Track) -> None:
+    def adopt(self, track: HandTrack) -> None:
         """Go on with a hand that an earlier run knew."""
         self.by_number[track.number] = track
 
@@ -251,7 +251,7 @@ class Tracks:
                     unmatched.discard(int(column))
         return {number for index in sorted(unmatched) if (number := self._begin(hands[index], source)) is not None}
 
-    def _cost(self, track: Track, hand: SeenHand, stamp: float) -> float:
+    def _cost(self, track: HandTrack, hand: SeenHand, stamp: float) -> float:
         other_side = {track.side, hand.side} == {"left", "right"}
         distance = track.distance(hand)
         lost = stamp - track.last_seen > self._config.max_age
@@ -264,7 +264,7 @@ class Tracks:
         if number is None:
             self.ignored += 1
             return None
-        track = Track(number, self._config, hand.palm, hand.side, source)
+        track = HandTrack(number, self._config, hand.palm, hand.side, source)
         track.update(hand, source)
         self.by_number[number] = track
         return number

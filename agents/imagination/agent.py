@@ -27,7 +27,7 @@ ADOPTED = "adopted"
 NotNegative = Annotated[float, msgspec.Meta(ge=0)]
 
 
-class Candidate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class CandidateGoal(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A plan to be considered."""
 
     name: str
@@ -40,7 +40,7 @@ class Candidate(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 class ImaginationConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The candidate plans, and when they are compared."""
 
-    plans: tuple[Candidate, ...] = ()
+    plans: tuple[CandidateGoal, ...] = ()
     delay: NotNegative = 1.0
     """s between everything that the plans are about being believed and the forks"""
     hold: NotNegative = 0.0

@@ -116,7 +116,7 @@ _LET_GO = 0.002  # m, by which the target must exceed the opening to let go
 _POSITION_GAIN = 0.3
 
 
-class Arm:
+class SimulatedArm:
     """An arm of `etc/robots` at the world's origin, with two prismatic fingers.
 
     Args:
@@ -334,7 +334,7 @@ TOOL_LINK = "tool_link"
 _DAMPING = 1e-3  # m, keeps the joints' errors small near a singularity
 
 
-def displaced(arm: Arm, translation: Vector3) -> tuple[float, ...]:
+def displaced(arm: SimulatedArm, translation: Vector3) -> tuple[float, ...]:
     """The positions (rad) at which the tool would be `translation` m (world) from where it is, turned as it is.
 
     One step of damped least squares with the tool's Jacobian (Buss and Kim 2005): right to first order, that is to

@@ -38,7 +38,7 @@ class Illusion:
         return Pose((x, y, z), product(self.turn, pose.q))
 
 
-class Camera:
+class SimulatedCamera:
     """A camera on a mount that may move.
 
     Args:

@@ -37,7 +37,7 @@ log = logging.getLogger("agents.plant.driver")
 T = TypeVar("T")
 
 
-class Newest(Generic[T]):
+class NewestSample(Generic[T]):
     """The newest message on a key; those that cannot be decoded are counted and dropped."""
 
     def __init__(self, bus: Transport, key: str, decode: Callable[[bytes], T]) -> None:
@@ -75,7 +75,7 @@ class PlantArm:
     def __init__(self, bus: Transport, keys: Keys) -> None:
         self._bus = bus
         self._key = arm_command_key(keys)
-        self._states = Newest(bus, arm_state_key(keys), decode_arm_state)
+        self._states = NewestSample(bus, arm_state_key(keys), decode_arm_state)
         self._state: ArmState | None = None
 
     def state(self) -> ArmState | None:
@@ -132,7 +132,7 @@ class PlantPoses:
     """A simulated camera that tells poses of tags instead of images; arguments as of `PlantCamera`."""
 
     def __init__(self, bus: Transport, keys: Keys, name: str = "overhead") -> None:
-        self._readings = Newest(bus, readings_key(keys, name), decode_tag_readings)
+        self._readings = NewestSample(bus, readings_key(keys, name), decode_tag_readings)
 
     def readings(self) -> TagReadings | None:
         """The newest readings if they were not returned before, else None."""
@@ -147,7 +147,7 @@ class PlantHands:
     """A simulated camera that tells hand landmarks instead of images, a `HandDriver`; arguments as of `PlantCamera`."""
 
     def __init__(self, bus: Transport, keys: Keys, name: str = "overhead") -> None:
-        self._readings = Newest(bus, hands_key(keys, name), decode_hand_readings)
+        self._readings = NewestSample(bus, hands_key(keys, name), decode_hand_readings)
 
     def readings(self) -> HandReadings | None:
         """The newest readings if they were not returned before, else None."""
@@ -167,7 +167,7 @@ class PlantPersons:
     """
 
     def __init__(self, bus: Transport, keys: Keys) -> None:
-        self._readings = Newest(bus, persons_key(keys), decode_person_readings)
+        self._readings = NewestSample(bus, persons_key(keys), decode_person_readings)
 
     def readings(self) -> PersonReadings | None:
         """The newest readings if they were not returned before, else None."""

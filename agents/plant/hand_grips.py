@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.plant.hand_figure import TIP_RADIUS, palm_pose, relaxed
-from agents.plant.hands import Hand, Style
+from agents.plant.hands import SimulatedHand, Style
 from agents.plant.world import World
 from dsr.math3d.transforms import Pose
 
@@ -34,7 +34,7 @@ RAISED = 0.02
 _MOST_HITS = 6
 
 
-class Grip(NamedTuple):
+class HandGrip(NamedTuple):
     """A hand at an object."""
 
     pose: Pose
@@ -45,7 +45,7 @@ class Grip(NamedTuple):
     """(5, 3) the same shortly before"""
 
 
-def pinch(world: World, hand: Hand, name: str, side: tuple[float, float], above: float | None) -> Grip:
+def pinch(world: World, hand: SimulatedHand, name: str, side: tuple[float, float], above: float | None) -> HandGrip:
     """Thumb and index finger on opposite sides, the hand coming from `side` (world x, y).
 
     `above` is the height of the fingertips over the object's centre, m.
@@ -60,7 +60,7 @@ def pinch(world: World, hand: Hand, name: str, side: tuple[float, float], above:
     return _grip(hand, middle, side, moved)
 
 
-def touch(world: World, hand: Hand, name: str, side: tuple[float, float], above: float | None) -> Grip:
+def touch(world: World, hand: SimulatedHand, name: str, side: tuple[float, float], above: float | None) -> HandGrip:
     """Index and middle fingertips laid on the side of the object that the hand comes from."""
     towards = _unit(np.array([*side, 0.0]))
     across = np.array([towards[1], -towards[0], 0.0]) * (-1.0 if hand.side == "left" else 1.0)
@@ -73,7 +73,9 @@ def touch(world: World, hand: Hand, name: str, side: tuple[float, float], above:
     return _grip(hand, middle, side, moved)
 
 
-def take(world: World, hand: Hand, name: str, style: Style, side: tuple[float, float], above: float | None) -> Grip:
+def take(
+    world: World, hand: SimulatedHand, name: str, style: Style, side: tuple[float, float], above: float | None
+) -> HandGrip:
     """Compute how a hand takes an object in the style `style`."""
     return (pinch if style == "pinch" else touch)(world, hand, name, side, above)
 
@@ -108,7 +110,9 @@ def _contact_height(world: World, name: str, above: float | None) -> Array:
     return np.asarray(pose.translation + np.array([0.0, 0.0, above]))
 
 
-def _grip(hand: Hand, middle: Array, side: tuple[float, float], moved: dict[int, tuple[Array, Array]]) -> Grip:
+def _grip(
+    hand: SimulatedHand, middle: Array, side: tuple[float, float], moved: dict[int, tuple[Array, Array]]
+) -> HandGrip:
     """The palm `REACH` from `middle`; `moved` gives place and outward direction (world) of fingertips that touch."""
     towards = _unit(np.array([*side, 0.0]))
     palm = middle + REACH * (math.cos(PITCH) * towards + math.sin(PITCH) * np.array([0.0, 0.0, 1.0]))
@@ -121,7 +125,7 @@ def _grip(hand: Hand, middle: Array, side: tuple[float, float], moved: dict[int,
     opened = closed.copy()
     for finger, (tip, outwards) in moved.items():
         opened[finger] = palm_from_world.apply(tip + OPENED * outwards)
-    return Grip(pose, closed, opened)
+    return HandGrip(pose, closed, opened)
 
 
 def _spread(tips: Array, last: int, mirror: float) -> None:

@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from agents.plant.hand_figure import palm_pose, relaxed
-from agents.plant.hand_grips import OPENED, PITCH, Grip, take
-from agents.plant.hands import Array, Hand, Style
+from agents.plant.hand_grips import OPENED, PITCH, HandGrip, take
+from agents.plant.hands import Array, SimulatedHand, Style
 from agents.plant.moves import MOVES, TURN_SPEED, Move, Steps, follow, move, turned
 from agents.plant.person_moves import PERSON_MOVES
 from agents.plant.stage import Stage
@@ -18,7 +18,7 @@ from agents.scenario.format.scenario import (
     Drop,
     Event,
     HandEnter,
-    HandGrasp,
+    HandGraspEvent,
     HandLeave,
     HandMove,
     HandRelease,
@@ -115,8 +115,8 @@ def enter(event: HandEnter, stage: Stage) -> Steps:
     yield from _reach(hand, palm_pose(event.position, event.side, PITCH), relaxed(hand.side), event.speed)
 
 
-@move(HandGrasp)
-def grasp(event: HandGrasp, stage: Stage) -> Steps:
+@move(HandGraspEvent)
+def grasp(event: HandGraspEvent, stage: Stage) -> Steps:
     """A hand goes to an object and closes on it."""
     hand = stage.hands[event.hand]
     yield from _grasp(stage, hand, event.object, event.style, event.side, event.above, event.speed)
@@ -185,7 +185,7 @@ def _dropped(event: Drop, stage: Stage, steps: Steps) -> Steps:
 
 def _grasp(
     stage: Stage,
-    hand: Hand,
+    hand: SimulatedHand,
     name: str,
     style: Style,
     side: tuple[float, float],
@@ -207,17 +207,17 @@ def _grasp(
         _keep(stage, hand, name)
 
 
-def _close(hand: Hand, grip: Grip) -> Steps:
+def _close(hand: SimulatedHand, grip: HandGrip) -> Steps:
     yield from _reach(hand, grip.pose, grip.closed, 1.0)
 
 
-def _keep(stage: Stage, hand: Hand, name: str) -> None:
+def _keep(stage: Stage, hand: SimulatedHand, name: str) -> None:
     """Hold an object in the hand, what is on or in it being free."""
     stage.take(name, contents=False)
     hand.held = name
 
 
-def _release(stage: Stage, hand: Hand) -> Steps:
+def _release(stage: Stage, hand: SimulatedHand) -> Steps:
     """Open the fingers and draw back a little; what another hand holds as well stays in that."""
     if hand.held is not None and hand.style == "pinch" and not _is_held_by_another(stage, hand):
         stage.release(hand.held)
@@ -229,12 +229,12 @@ def _release(stage: Stage, hand: Hand) -> Steps:
     yield from _reach(hand, hand.pose @ Pose((-_BACK, 0.0, 0.0)), opened, 0.3)
 
 
-def _is_held_by_another(stage: Stage, hand: Hand) -> bool:
+def _is_held_by_another(stage: Stage, hand: SimulatedHand) -> bool:
     others = (other for other in stage.hands.present if other is not hand)
     return any(other.held == hand.held and other.style == "pinch" for other in others)
 
 
-def _pushing(stage: Stage, hand: Hand, name: str, steps: Steps) -> Steps:
+def _pushing(stage: Stage, hand: SimulatedHand, name: str, steps: Steps) -> Steps:
     """Let the hand go along with an object that it pushes, without turning."""
     start, pose = stage.world.pose(name).t, hand.pose
     hand.let_go()
@@ -244,7 +244,7 @@ def _pushing(stage: Stage, hand: Hand, name: str, steps: Steps) -> Steps:
         yield
 
 
-def _reach(hand: Hand, goal: Pose, tips: Array, speed: float) -> Steps:
+def _reach(hand: SimulatedHand, goal: Pose, tips: Array, speed: float) -> Steps:
     """Palm to `goal` at `speed` m/s and fingertips (5, 3) to their places in it, evenly."""
     start, begun = hand.pose, hand.tips
     distance, angle = start.distance(goal)
@@ -257,7 +257,7 @@ def _reach(hand: Hand, goal: Pose, tips: Array, speed: float) -> Steps:
         yield
 
 
-def _appear(hand: Hand, goal: Pose, side: tuple[float, float]) -> None:
+def _appear(hand: SimulatedHand, goal: Pose, side: tuple[float, float]) -> None:
     hand.from_side = side
     hand.pose, hand.tips = _away(goal, side), relaxed(hand.side)
     hand.is_present = True
@@ -276,7 +276,7 @@ def _goal(pose: Pose, event: HandMove) -> Pose:
     return Pose(position, turned(pose, event.turn))
 
 
-def _present(stage: Stage, number: int) -> Hand:
+def _present(stage: Stage, number: int) -> SimulatedHand:
     hand = stage.hands[number]
     if not hand.is_present:
         raise ConfigError(f"hand {number} is not in the scene; expected hand_enter or hand_grasp before")

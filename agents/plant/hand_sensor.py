@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.drivers import HandReading, HandReadings
-from agents.plant.camera import Camera
+from agents.plant.camera import SimulatedCamera
 from agents.plant.hand_figure import JOINTS, PALM, TIP_RADIUS
-from agents.plant.hands import Hand, Hands
+from agents.plant.hands import Hands, SimulatedHand
 from agents.plant.world import World
 
 Array = NDArray[np.float64]
@@ -20,7 +20,9 @@ LEAST_SEEN = 8
 _REACHED = 0.999  # share of a ray without obstacle that counts as reaching the landmark
 
 
-def read_hands(camera: Camera, world: World, hands: Hands, rng: np.random.Generator, stamp: float) -> HandReadings:
+def read_hands(
+    camera: SimulatedCamera, world: World, hands: Hands, rng: np.random.Generator, stamp: float
+) -> HandReadings:
     """Simulate the hands that `camera` sees now; errors are drawn also for hands that it does not see."""
     readings = []
     camera_from_world = camera.pose.inverse()
@@ -34,7 +36,7 @@ def read_hands(camera: Camera, world: World, hands: Hands, rng: np.random.Genera
     return HandReadings(stamp, readings, camera.lens)
 
 
-def landmarks_in_view(camera: Camera, world: World, hands: Hands, hand: Hand) -> NDArray[np.bool_]:
+def landmarks_in_view(camera: SimulatedCamera, world: World, hands: Hands, hand: SimulatedHand) -> NDArray[np.bool_]:
     """(21,) which landmarks are in the image with nothing in front of them but the flesh around them."""
     eye, points = camera.pose.translation, hand.landmarks
     local = camera.pose.inverse().apply(points)

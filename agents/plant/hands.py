@@ -121,7 +121,7 @@ _RADII = np.array([radius(bone) for bone in BONES])
 _STARTS, _ENDS = (np.array([bone[end] for bone in BONES]) for end in (0, 1))
 
 
-class Hand:
+class SimulatedHand:
     """One hand.
 
     Args:
@@ -182,14 +182,14 @@ class Hands:
 
     def __init__(self, bullet: Bullet, numbers: Iterable[int], *, seen: bool) -> None:
         self._bullet = bullet
-        self._hands = {number: Hand(number) for number in sorted(set(numbers))}
+        self._hands = {number: SimulatedHand(number) for number in sorted(set(numbers))}
         self._bodies = {number: self._make_bodies() for number in self._hands} if seen else {}
 
-    def __getitem__(self, number: int) -> Hand:
+    def __getitem__(self, number: int) -> SimulatedHand:
         return self._hands[number]
 
     @property
-    def present(self) -> list[Hand]:
+    def present(self) -> list[SimulatedHand]:
         """The hands in the scene, by number."""
         return [hand for hand in self._hands.values() if hand.is_present]
 
@@ -215,7 +215,7 @@ class Hands:
             hidden |= blocked(eye, targets, wrist[None], elbow[None], np.array([_SLEEVE_RADIUS]))[:, 0]
         return hidden
 
-    def hide_landmarks(self, eye: Array, hand: Hand) -> NDArray[np.bool_]:
+    def hide_landmarks(self, eye: Array, hand: SimulatedHand) -> NDArray[np.bool_]:
         """(21,) whether flesh or sleeves are between the eye and a hand's landmarks, but for what is around them."""
         points = hand.landmarks
         surface = points + TIP_RADIUS * _unit(eye - points)
@@ -258,7 +258,7 @@ def _own_pieces() -> NDArray[np.bool_]:
 _OWN = _own_pieces()
 
 
-def _poses(hand: Hand) -> list[Pose]:
+def _poses(hand: SimulatedHand) -> list[Pose]:
     points = hand.landmarks
     across = hand.pose.rotation_matrix[:, 1] * (_WRIST_WIDTH / 2)
     wrist, forearm = (points[0] - across, points[0] + across), _forearm(hand, points)
@@ -272,7 +272,7 @@ def _piece_pose(near: Array, far: Array, length: float) -> Pose:
     return capsule_pose(near, near + length * _unit(far - near))
 
 
-def _forearm(hand: Hand, points: Array) -> tuple[Array, Array]:
+def _forearm(hand: SimulatedHand, points: Array) -> tuple[Array, Array]:
     """Centres (3,) of its ends: near the wrist, and towards the elbow."""
     back = -hand.pose.rotation_matrix[:, 0] * (1.0, 1.0, _SLEEVE_RISE)
     back /= max(float(np.linalg.norm(back)), 1e-9)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from agents.plant.camera import Illusion
-from agents.plant.stage import Grip, Stage
+from agents.plant.stage import RigidGrip, Stage
 from agents.plant.world import STEP, upright, yaw_of
 from agents.scenario.format.scenario import (
     ArmError,
@@ -21,7 +21,7 @@ from agents.scenario.format.scenario import (
     Event,
     FalsePercept,
     Lift,
-    Place,
+    PlaceEvent,
     Remove,
     Slide,
     Swap,
@@ -53,8 +53,8 @@ def move(kind: type[Event]) -> Callable[[Move], Move]:
     return register
 
 
-@move(Place)
-def place(event: Place, stage: Stage) -> Steps:
+@move(PlaceEvent)
+def place(event: PlaceEvent, stage: Stage) -> Steps:
     """Put the object down elsewhere at once."""
     world = stage.world
     yaw = event.yaw if event.yaw is not None else yaw_of(world.pose(event.object)) if event.object in world else 0.0
@@ -208,7 +208,7 @@ def _set_down(stage: Stage, goals: list[tuple[str, Pose]]) -> None:
         stage.world.put(name, goal)
 
 
-def follow(grip: Grip, goal: Pose, speed: float) -> Steps:
+def follow(grip: RigidGrip, goal: Pose, speed: float) -> Steps:
     """Straight to `goal` at `speed` m/s, turning evenly on the way."""
     start = grip.pose
     distance, angle = start.distance(goal)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from agents.colors import Color
 from agents.drivers import ColorReading, TagReading, TagReadings
-from agents.plant.camera import Camera
+from agents.plant.camera import SimulatedCamera
 from agents.plant.hands import Hands
 from agents.plant.messages import seven
 from agents.plant.world import World
@@ -43,7 +43,7 @@ _ENOUGH_FOR_TILT = 0.5  # likewise, by which it is seen how it leans
 _REACHED = 0.999  # share of a ray without obstacle that counts as reaching its end; what is behind a thin wall is not
 
 
-def read_tags(camera: Camera, world: World, hands: Hands, stamp: float) -> TagReadings:
+def read_tags(camera: SimulatedCamera, world: World, hands: Hands, stamp: float) -> TagReadings:
     """Simulate the readings of `camera` by tags and colours, with its errors; drawn also for objects that it does not
     see.
     """
@@ -70,7 +70,7 @@ def read_tags(camera: Camera, world: World, hands: Hands, stamp: float) -> TagRe
     return seen
 
 
-def recognisable(camera: Camera, world: World, hands: Hands) -> list[str]:
+def recognisable(camera: SimulatedCamera, world: World, hands: Hands) -> list[str]:
     """Names of the objects that `camera` could recognise now."""
     camera_from_world = camera.pose.inverse()
     specs = [] if camera.covers else [spec for name, spec in world.specs.items() if name in world]
@@ -79,7 +79,9 @@ def recognisable(camera: Camera, world: World, hands: Hands) -> list[str]:
     return [spec.name for spec, pose in found if _share_seen(camera, world, hands, spec, pose) >= _ENOUGH]
 
 
-def _share_seen(camera: Camera, world: World, hands: Hands, spec: ObjectSpec, camera_from_object: Pose) -> float:
+def _share_seen(
+    camera: SimulatedCamera, world: World, hands: Hands, spec: ObjectSpec, camera_from_object: Pose
+) -> float:
     """1 or 0 for a tag; how much there is to see of the image of what is recognised by its colour; else 0."""
     if spec.marker_id is not None:
         return float(_sees(camera, world, hands, spec, camera_from_object))
@@ -119,7 +121,9 @@ def _measured_axes(camera_from_object: Pose, noise: NDArray[np.float64]) -> tupl
     return tuple(z_axis), tuple(x_axis)
 
 
-def _share_of_color(camera: Camera, world: World, hands: Hands, spec: ObjectSpec, camera_from_object: Pose) -> float:
+def _share_of_color(
+    camera: SimulatedCamera, world: World, hands: Hands, spec: ObjectSpec, camera_from_object: Pose
+) -> float:
     """Share of the object's image that is there: in the image, and with nothing in front of it."""
     points, weights = seen_alone(spec.shape, spec.size, camera_from_object.inverse().translation)
     points = camera_from_object.apply(points)
@@ -134,7 +138,7 @@ def _share_of_color(camera: Camera, world: World, hands: Hands, spec: ObjectSpec
     return float(weights[inside][free].sum())
 
 
-def _sees(camera: Camera, world: World, hands: Hands, spec: ObjectSpec, camera_from_object: Pose) -> bool:
+def _sees(camera: SimulatedCamera, world: World, hands: Hands, spec: ObjectSpec, camera_from_object: Pose) -> bool:
     """Whether the tag faces the camera, is large enough, and wholly in the image and in view."""
     half = TAG_RATIO * min(spec.size[:2]) / 2
     tag = np.column_stack([_LOOK * half, np.full(len(_LOOK), spec.size[2] / 2)])

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.drivers import ArmState, HandReadings, PersonReadings, TagReadings
-from agents.plant.arm import Arm, displaced
+from agents.plant.arm import SimulatedArm, displaced
 from agents.plant.bullet import Bullet
-from agents.plant.camera import Camera
+from agents.plant.camera import SimulatedCamera
 from agents.plant.config import PlantConfig
 from agents.plant.experimenter import Experimenter
 from agents.plant.hand_sensor import read_hands
@@ -132,7 +132,7 @@ class Reality:
         self.world = World(bullet, scenario.table, start_poses(scenario, layout))
         self.world.settle()
         robot = scenario.robot
-        self.arm = Arm(self.world, robot.model, robot.start) if robot.exists else NoArm()
+        self.arm = SimulatedArm(self.world, robot.model, robot.start) if robot.exists else NoArm()
         cameras = self._make_cameras(scenario, config, {"overhead": overhead, "wrist": wrist, "fixed": fixed})
         self.camera = cameras[scenario.camera_name]
         """The one that the scenario uses."""
@@ -148,17 +148,17 @@ class Reality:
 
     def _make_cameras(
         self, scenario: Scenario, config: PlantConfig, rngs: Mapping[str, np.random.Generator]
-    ) -> dict[str, Camera]:
+    ) -> dict[str, SimulatedCamera]:
         overhead = Pose(config.overhead[:3], config.overhead[3:])
         lens = Intrinsics.from_fov(config.width, config.height, config.fov)
         mounts: dict[str, Callable[[], Pose]] = {"overhead": lambda: overhead}
-        if isinstance(self.arm, Arm):
+        if isinstance(self.arm, SimulatedArm):
             mounts["wrist"] = self.arm.camera_pose
         if isinstance(scenario.camera, CameraSpec):
             fixed = scenario.camera.pose
             mounts["fixed"] = lambda: fixed
         return {
-            name: Camera(name, lens, mount, SensorModel(scenario.sensor, self.world.specs, rngs[name]))
+            name: SimulatedCamera(name, lens, mount, SensorModel(scenario.sensor, self.world.specs, rngs[name]))
             for name, mount in mounts.items()
         }
 

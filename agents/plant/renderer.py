@@ -46,7 +46,7 @@ raise SystemExit(0 if plugin >= 0 and len(image[2]) else 3)
 """
 
 
-class Picture(msgspec.Struct, frozen=True):
+class RenderedPicture(msgspec.Struct, frozen=True):
     """The images of an ideal camera: colour, depth and bodies, without noise."""
 
     color: NDArray[np.uint8]
@@ -81,7 +81,7 @@ class Renderer:
         """`egl` or `tiny`."""
         return "egl" if self._plugin >= 0 else "tiny"
 
-    def render(self, world_from_camera: Pose, lens: Intrinsics, *, bodies: bool = False) -> Picture:
+    def render(self, world_from_camera: Pose, lens: Intrinsics, *, bodies: bool = False) -> RenderedPicture:
         """The world seen from `world_from_camera` (optical frame), with body numbers if `bodies`."""
         egl = self._plugin >= 0
         _, _, color, depth, segments = self._bullet.getCameraImage(
@@ -95,7 +95,7 @@ class Renderer:
         )
         shape = (lens.height, lens.width)
         rgb = np.reshape(np.asarray(color, np.uint8), (*shape, 4))[..., :3]
-        return Picture(
+        return RenderedPicture(
             np.ascontiguousarray(rgb),
             _metric(np.reshape(np.asarray(depth, np.float32), shape)),
             _body_numbers(np.reshape(np.asarray(segments, np.int32), shape)) if bodies else None,

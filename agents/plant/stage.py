@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
-from agents.plant.arm import Arm
-from agents.plant.camera import Camera
+from agents.plant.arm import SimulatedArm
+from agents.plant.camera import SimulatedCamera
 from agents.plant.hands import Hands
 from agents.plant.no_arm import NoArm
 from agents.plant.persons import Persons
@@ -15,7 +15,7 @@ from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 
 
-class Grip:
+class RigidGrip:
     """An object in the experimenter's hand, and those that come along rigidly with it; its contents need not."""
 
     def __init__(self, world: World, leader: str, riders: Iterable[str]) -> None:
@@ -71,8 +71,8 @@ class Stage:
     def __init__(
         self,
         world: World,
-        arm: Arm | NoArm,
-        cameras: Mapping[str, Camera],
+        arm: SimulatedArm | NoArm,
+        cameras: Mapping[str, SimulatedCamera],
         default_camera: str,
         hands: Hands,
         persons: Persons,
@@ -83,21 +83,21 @@ class Stage:
         self.persons = persons
         self._cameras = cameras
         self._default_camera = default_camera
-        self._grips: dict[str, Grip] = {}
+        self._grips: dict[str, RigidGrip] = {}
         self.arm_error: Vector3 = (0.0, 0.0, 0.0)
         """m, world: where the arm's sensors say the tool is, minus where it is"""
 
-    def camera(self, name: str | None) -> Camera:
+    def camera(self, name: str | None) -> SimulatedCamera:
         """The camera called `name`, or the scenario's."""
         return self._cameras[name or self._default_camera]
 
-    def take(self, name: str, *, contents: bool) -> Grip:
+    def take(self, name: str, *, contents: bool) -> RigidGrip:
         """Take an object into the hand, with everything on it if `contents`; what lies in it is left to physics."""
         held = self._grips.get(name)
         if held is not None and contents and len(held.names) > 1:
             return held
         self.free(name)
-        grip = Grip(self.world, name, self.world.riders(name, enclosed=False) if contents else ())
+        grip = RigidGrip(self.world, name, self.world.riders(name, enclosed=False) if contents else ())
         for taken in grip.names:
             self.free(taken)
         self._grips[name] = grip

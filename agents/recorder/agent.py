@@ -12,7 +12,7 @@ import msgspec
 from agents.inbox import Inbox, Message
 from agents.recorder.channels import MESH, SNAPSHOT
 from agents.recorder.images import pack
-from agents.recorder.mcap_file import Record, RecordingWriter
+from agents.recorder.mcap_file import RecordedMessage, RecordingWriter
 from agents.recorder.reader import FILE_NAME
 from agents.segments import next_segment
 from dsr.agent import Access, Agent
@@ -46,7 +46,7 @@ class MeshRecorder:
         for hash in sorted(self._wanted):
             mesh = self._memory.get_mesh(hash)
             if mesh is not None:
-                self._writer.write(Record(now, MESH, bytes(mesh.data)))
+                self._writer.write(RecordedMessage(now, MESH, bytes(mesh.data)))
                 self._wanted.discard(hash)
                 self._written.add(hash)
 
@@ -149,7 +149,7 @@ class Recorder(Agent):
             self._write_snapshot(now)
         for message in messages:
             topic = message.key.removeprefix(self.keys.root + "/")
-            self._writer.write(Record(message.stamp, topic, message.payload))
+            self._writer.write(RecordedMessage(message.stamp, topic, message.payload))
         self._meshes.update(now)
         if now - self._last_snapshot >= self.config.snapshot_period or self._repairs != self.memory.statistics.repairs:
             self._write_snapshot(now)
@@ -190,7 +190,7 @@ class Recorder(Agent):
         """Also after a repair: what it brought came in no message that is recorded."""
         if self._writer is not None and self.memory.joined:
             self._repairs = self.memory.statistics.repairs
-            self._writer.write(Record(now, SNAPSHOT, self.memory.snapshot()))
+            self._writer.write(RecordedMessage(now, SNAPSHOT, self.memory.snapshot()))
             self._last_snapshot = now
 
     def _take(self, now: float) -> list[Message]:

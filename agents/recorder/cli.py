@@ -14,7 +14,7 @@ from agents.segments import segments
 from dsr.cli.common import GraphOption, RouterOption, console, new_run_folder, shown
 from dsr.errors import ConfigError
 from dsr.network.rendezvous import endpoints, graphs, running_graph
-from dsr.runtime.agent_process import Stop, run_process
+from dsr.runtime.agent_process import StopSignal, run_process
 from dsr.runtime.signals import set_on_signals
 
 _NAME = "record"
@@ -47,7 +47,7 @@ def record(
         raise ConfigError(f"no graph {name!r} runs on this machine; running: {', '.join(graphs()) or 'none'}")
     folder = folder or new_run_folder(_NAME)
     before = set(segments(folder, FILE_NAME))
-    stop = Stop()
+    stop = StopSignal()
     timer = threading.Timer(seconds, stop.set) if seconds is not None else None
     config: dict[str, Any] = {"folder": str(folder), "frames_hz": frames_hz}
     console.print(f"recording graph {name} to {folder}" + ("" if timer else "; Ctrl-C ends it"), soft_wrap=True)

@@ -38,7 +38,7 @@ class RecordingError(ConfigError):
     """A file that is no recording of ours."""
 
 
-class Record(NamedTuple):
+class RecordedMessage(NamedTuple):
     """One recorded message."""
 
     stamp: float
@@ -71,7 +71,7 @@ class RecordingWriter:
             self.abandon()
             raise
 
-    def write(self, record: Record) -> None:
+    def write(self, record: RecordedMessage) -> None:
         """Add a message; it is safe after the next `flush`."""
         time = round(record.stamp * 1e9)
         self._writer.add_message(self._channel(record.topic), time, record.payload, time)
@@ -104,12 +104,12 @@ class RecordingWriter:
         return self._channels[topic]
 
 
-class Piece(NamedTuple):
+class FilePiece(NamedTuple):
     """Messages that were written together."""
 
     position: int
     """Bytes before it in the file."""
-    records: list[Record]
+    records: list[RecordedMessage]
 
 
 class RecordingFile:
@@ -138,12 +138,12 @@ class RecordingFile:
         if start != _MAGIC[: len(start)]:
             raise RecordingError(f"{path}: no MCAP file, it begins with {start!r}, expected {_MAGIC!r}")
 
-    def __iter__(self) -> Iterator[Record]:
+    def __iter__(self) -> Iterator[RecordedMessage]:
         """The messages in the order they were written; damaged parts are left out."""
         for piece in self.pieces():
             yield from piece.records
 
-    def pieces(self, position: int = 0) -> Iterator[Piece]:
+    def pieces(self, position: int = 0) -> Iterator[FilePiece]:
         """The messages in pieces, one in memory at a time.
 
         Args:
@@ -161,7 +161,7 @@ class RecordingFile:
                 self.problems.append(f"not readable from byte {source.position} on ({_text(error)})")
             self.read_bytes = source.position
 
-    def _read_pieces(self, source: _WholeReads) -> Iterator[Piece]:
+    def _read_pieces(self, source: _WholeReads) -> Iterator[FilePiece]:
         reader = StreamReader(
             source,  # type: ignore[arg-type]
             skip_magic=source.position > 0,
@@ -171,14 +171,14 @@ class RecordingFile:
         begun = source.position
         for record in reader.records:
             if isinstance(record, Chunk):
-                yield Piece(begun, list(self._unpack(record, source.position)))
+                yield FilePiece(begun, list(self._unpack(record, source.position)))
             elif isinstance(record, Header) and record.profile != PROFILE:
                 raise RecordingError(f"{self.path}: an MCAP file of profile {record.profile!r}, expected {PROFILE!r}")
             elif isinstance(record, Metadata) and record.name == _METADATA:
                 self.metadata = record.metadata
             begun = source.position
 
-    def _unpack(self, chunk: Chunk, end: int) -> Iterator[Record]:
+    def _unpack(self, chunk: Chunk, end: int) -> Iterator[RecordedMessage]:
         """The messages of a chunk; topics by channel are known from it and the ones before."""
         topics = self._topics
         try:
@@ -190,7 +190,7 @@ class RecordingFile:
             if isinstance(record, Channel):
                 topics[record.id] = record.topic
             elif isinstance(record, Message) and record.channel_id in topics:
-                yield Record(record.log_time / 1e9, topics[record.channel_id], record.data)
+                yield RecordedMessage(record.log_time / 1e9, topics[record.channel_id], record.data)
 
 
 def _unpacked(chunk: Chunk) -> Chunk:

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import msgspec
 
-from agents.recorder.mcap_file import Record, RecordingError, RecordingFile
+from agents.recorder.mcap_file import RecordedMessage, RecordingError, RecordingFile
 from agents.segments import segments
 
-__all__ = ["FILE_NAME", "Record", "Recording", "RecordingError", "SegmentReport", "read_recording"]
+__all__ = ["FILE_NAME", "RecordedMessage", "Recording", "RecordingError", "SegmentReport", "read_recording"]
 
 FILE_NAME = "recording.mcap"
 
@@ -42,13 +42,13 @@ class Recording:
         self.metadata: dict[str, str] = RecordingFile(files[0]).metadata
         self.reports: list[SegmentReport] = []
 
-    def __iter__(self) -> Iterator[Record]:
+    def __iter__(self) -> Iterator[RecordedMessage]:
         """Raises `RecordingError` for a file of something else."""
         self.reports = []
         for path in self.files:
             yield from self._read(RecordingFile(path))
 
-    def _read(self, file: RecordingFile) -> Iterator[Record]:
+    def _read(self, file: RecordingFile) -> Iterator[RecordedMessage]:
         count, first, last = 0, 0.0, 0.0
         for record in file:
             first = first if count else record.stamp

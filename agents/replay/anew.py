@@ -10,7 +10,7 @@ import msgspec
 from agents.recorder.agent import ABOUT
 from agents.recorder.index import RecordingIndex
 from agents.replay.beginnings import beginnings
-from agents.replay.compare import Comparison, Outcome
+from agents.replay.compare import ReplayOutcome, RunComparison
 from agents.replay.feed import Feed, feeder_for
 from agents.replay.source import ReplayedGraph
 from dsr.clock import ManualClock
@@ -37,7 +37,7 @@ def run_anew(
     tolerance: float = 0.0,
     turn_tolerance: float = 0.0,
     on_progress: OnProgress = lambda time, duration: None,
-) -> Outcome:
+) -> ReplayOutcome:
     """Run agents on a recording and compare.
 
     They get all that was recorded at the time at which it was, without what they had written themselves, and tick on a
@@ -79,7 +79,7 @@ def run_anew(
         feed.memory = lockstep.memory
         for mesh in index.meshes():
             lockstep.memory.put_mesh(mesh)
-        comparison = Comparison(
+        comparison = RunComparison(
             reference.memory, lockstep.memory, _geometric(specs), index.begin, tolerance, turn_tolerance
         )
 

@@ -10,7 +10,7 @@ import msgspec
 import typer
 from rich.progress import Progress
 
-from agents.replay.compare import Outcome, show, to_json
+from agents.replay.compare import ReplayOutcome, show, to_json
 from agents.replay.control import Controls, parse_command, send
 from agents.replay.player import Player
 from agents.replay.session import Session
@@ -125,7 +125,7 @@ def read_settings(texts: list[str]) -> Settings:
     return settings
 
 
-def compare(path: Path, agents: list[str], **options: Any) -> Outcome:
+def compare(path: Path, agents: list[str], **options: Any) -> ReplayOutcome:
     """Run agents anew (options as of `run_anew`), with a progress bar in a terminal."""
     with Progress(console=errors, transient=True, disable=not errors.is_terminal) as progress:
         task = progress.add_task(f"{', '.join(agents)} anew", total=None)

@@ -64,7 +64,7 @@ class Disagreement(msgspec.Struct):
     only_anew: Stretch = msgspec.field(default_factory=Stretch)
 
 
-class Outcome(msgspec.Struct, kw_only=True):
+class ReplayOutcome(msgspec.Struct, kw_only=True):
     """The result of a comparison."""
 
     agents: list[str]
@@ -148,7 +148,7 @@ class _Side:
         return {node.name for node in self.memory.nodes() if node.get("surprising") is True}
 
 
-class Comparison:
+class RunComparison:
     """Compares two graphs at each call of `sample`.
 
     Args:
@@ -209,11 +209,11 @@ class Comparison:
                 found.mean_m += metres * passed  # a sum until `outcome`
             found.beyond.note(metres > self._tolerance or radians > self._turn_tolerance, passed)
 
-    def outcome(self, agents: Collection[str], notes: list[str]) -> Outcome:
+    def outcome(self, agents: Collection[str], notes: list[str]) -> ReplayOutcome:
         """Return the result until now; nothing may be sampled after that."""
         for pose in self._poses.values():
             pose.mean_m = pose.mean_m / pose.both_s if pose.both_s > 0.0 else 0.0
-        return Outcome(
+        return ReplayOutcome(
             agents=sorted(agents),
             seconds=self._last - self._begin,
             poses=sorted(self._poses.values(), key=lambda pose: pose.edge),
@@ -229,12 +229,12 @@ _TOLD = ("explained", "surprised", "calmed")
 """Kinds of events that the table shows; the JSON holds all."""
 
 
-def to_json(outcome: Outcome, differences: list[str]) -> dict[str, Any]:
+def to_json(outcome: ReplayOutcome, differences: list[str]) -> dict[str, Any]:
     """The outcome as plain data, with `equal` and what differs."""
     return {"equal": not differences, "differences": differences, **msgspec.to_builtins(outcome)}
 
 
-def show(outcome: Outcome, differences: list[str], console: Console) -> None:
+def show(outcome: ReplayOutcome, differences: list[str], console: Console) -> None:
     """Print tables, then the verdict."""
     if outcome.poses:
         console.print(_poses(outcome))
@@ -255,7 +255,7 @@ def show(outcome: Outcome, differences: list[str], console: Console) -> None:
     console.print(f"{verdict}: {what}", soft_wrap=True)
 
 
-def _poses(outcome: Outcome) -> Table:
+def _poses(outcome: ReplayOutcome) -> Table:
     table = Table("pose", box=SIMPLE_HEAD, pad_edge=False)
     for column in ("max", "mean", "max turn", "greatest at", "apart", "only recorded", "only anew"):
         table.add_column(column, justify="right", no_wrap=True)
@@ -283,7 +283,7 @@ def _disagreements(held: list[tuple[str, Disagreement]]) -> Table:
     return table
 
 
-def _events(outcome: Outcome) -> Table:
+def _events(outcome: ReplayOutcome) -> Table:
     table = Table("s", "run", "event", box=SIMPLE_HEAD, pad_edge=False)
     rows: list[tuple[Event, str]] = [(event, "recorded") for event in outcome.recorded_events]
     rows += [(event, "anew") for event in outcome.anew_events]

@@ -74,7 +74,7 @@ class Listener:
         return [*events, *self._timeline.note_silence(now)]
 
 
-class History(NamedTuple):
+class RecordedHistory(NamedTuple):
     """The past as a recording tells it."""
 
     events: list[Event]
@@ -87,7 +87,7 @@ class History(NamedTuple):
     """s, of the last record."""
 
 
-def history_of(source: ReplayedGraph) -> History:
+def history_of(source: ReplayedGraph) -> RecordedHistory:
     """Read the whole past of a recording, from its beginning."""
     source.restart()
     timeline, events = Timeline(), []
@@ -112,4 +112,4 @@ def history_of(source: ReplayedGraph) -> History:
                         entry = read_entry(node)
                         entries.update({} if entry is None else {entry.name: entry})
     ordered = sorted(entries.values(), key=lambda entry: (entry.begin, entry.name))
-    return History(sorted(events, key=lambda event: event.time), names, ordered, now)
+    return RecordedHistory(sorted(events, key=lambda event: event.time), names, ordered, now)

@@ -19,7 +19,7 @@ _CHUNK = 500
 """Elements that are written together: a replica's outbox is bounded."""
 
 
-class Mirror:
+class GraphMirror:
     """Writes into `target` all that it lacks of a source.
 
     Names that the target's schema lacks are registered there, as the values show. What cannot be written, because

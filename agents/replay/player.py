@@ -6,7 +6,7 @@ import contextlib
 import math
 from collections.abc import Callable
 
-from agents.replay.mirror import Mirror
+from agents.replay.mirror import GraphMirror
 from agents.replay.source import ReplayedGraph
 from agents.replay.traffic import Traffic
 from dsr.errors import SchemaError
@@ -66,7 +66,7 @@ class Player:
         pause_at: float | None = None,
     ) -> None:
         self._source = source
-        self.mirror = Mirror(target)
+        self.mirror = GraphMirror(target)
         self._meshes = MeshCheck(target)
         for mesh in source.index.meshes():
             target.put_mesh(mesh)

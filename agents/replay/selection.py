@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable, Sequence
 
 from dsr.errors import ConfigError, closest, suggest
 from dsr.timeline import DERIVED, EVENT, EVENT_KINDS, RELATIONS, SURPRISING, Entry, Event, Interval
-from dsr.timeline.queries import Question
+from dsr.timeline.queries import TimelineQuestion
 from dsr.vocabulary.calibration import CALIBRATED
 from dsr.vocabulary.observed_actions import KINDS as ACTIONS
 
@@ -138,8 +138,8 @@ class Asking:
             raise ConfigError(f"--of {name}: neither an entry nor a time {TIMES}; {suggest(name, times)}")
         return times[name]
 
-    def _question(self, of: Interval | None) -> Question:
-        return Question(type=self._type, open=self._open, relation=self._relations, of=of)
+    def _question(self, of: Interval | None) -> TimelineQuestion:
+        return TimelineQuestion(type=self._type, open=self._open, relation=self._relations, of=of)
 
 
 def _stretch(text: str) -> Interval | None:

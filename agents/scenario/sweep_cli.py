@@ -17,10 +17,10 @@ from agents.scenario.check.file_check import show_all
 from agents.scenario.format.scenario import find_scenario, load_scenario
 from agents.scenario.options import SensorChoice, check_writable
 from agents.scenario.run.staging import Policy
-from agents.scenario.run.statistics import Spread, Summary, summarise
-from agents.scenario.run.sweep import LIMIT, Outcome, Sweep
+from agents.scenario.run.statistics import RunSummary, Spread, summarise
+from agents.scenario.run.sweep import LIMIT, RunOutcome, Sweep
 from agents.scenario.run.sweep_report import SweepBar, show_sweep
-from agents.scenario.run.sweep_worker import Job
+from agents.scenario.run.sweep_worker import SweepJob
 from dsr.cli.common import console
 from dsr.errors import ConfigError
 from dsr.files.private_files import write_json
@@ -40,13 +40,13 @@ class SweptPolicy(enum.StrEnum):
     """Both policies that explain surprises."""
 
 
-class Report(msgspec.Struct, frozen=True):
+class SweepProgress(msgspec.Struct, frozen=True):
     """The content of the file of `--json`."""
 
     complete: bool
     """Every run was made."""
-    summaries: list[Summary]
-    runs: list[Outcome]
+    summaries: list[RunSummary]
+    runs: list[RunOutcome]
 
 
 def sweep(
@@ -79,7 +79,7 @@ def sweep(
             check_writable(file, option)
     for scenario in dict.fromkeys(scenarios):
         show_all(scenario, console)
-    outcomes: list[Outcome] = []
+    outcomes: list[RunOutcome] = []
     try:
         with Sweep(plan, jobs or os.cpu_count() or 1, limit) as running, SweepBar(len(plan), console) as bar:
             for outcome in running.outcomes():
@@ -91,7 +91,7 @@ def sweep(
     summaries = summarise(outcomes)
     show_sweep(summaries, console, metrics=metrics or len(set(scenarios)) == 1)
     if json:
-        write_report(Report(complete, summaries, outcomes), json)
+        write_report(SweepProgress(complete, summaries, outcomes), json)
         console.print(f"results  {json}", soft_wrap=True)
     if curves:
         write_curves(summaries, curves)
@@ -117,25 +117,25 @@ def parse_seeds(text: str) -> list[int]:
     return list(seeds)
 
 
-def make_jobs(scenarios: list[str], seeds: list[int], sensor: str, policies: list[Policy | None]) -> list[Job]:
+def make_jobs(scenarios: list[str], seeds: list[int], sensor: str, policies: list[Policy | None]) -> list[SweepJob]:
     """Make the jobs of all runs, scenario by scenario. Raises `ConfigError` for a scenario that is wrong."""
     files = {load_scenario(name).name: find_scenario(name).resolve() for name in scenarios}
     if len(files) < len({find_scenario(name).resolve() for name in scenarios}):
         raise ConfigError("two of the scenarios have the same name; expected different ones")
     return [
-        msgspec.convert({"name": name, "file": str(file), "seed": seed, "sensor": sensor, "policy": policy}, Job)
+        msgspec.convert({"name": name, "file": str(file), "seed": seed, "sensor": sensor, "policy": policy}, SweepJob)
         for name, file in files.items()
         for seed in seeds
         for policy in policies
     ]
 
 
-def write_report(report: Report, file: Path) -> None:
+def write_report(report: SweepProgress, file: Path) -> None:
     """Write `report` as JSON."""
     write_json(report, file)
 
 
-def write_curves(summaries: Sequence[Summary], file: Path) -> None:
+def write_curves(summaries: Sequence[RunSummary], file: Path) -> None:
     """Write what was measured over time as CSV: a line for each time at which some run has it."""
     with file.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream)

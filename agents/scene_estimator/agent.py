@@ -13,7 +13,7 @@ from agents.scene_estimator.color_reader import ColorReader
 from agents.scene_estimator.colored import ColoredObjects, ColorSighting, read_colors
 from agents.scene_estimator.config import SceneEstimatorConfig, TagSensor
 from agents.scene_estimator.objects import TaggedObjects
-from agents.scene_estimator.sighting import FrameReader, Outlines, Sighting, read_sensor
+from agents.scene_estimator.sighting import FrameSource, Outlines, Sighting, read_sensor
 from agents.stillness import stood_still
 from dsr.agent import Access, Agent
 from dsr.errors import WireError
@@ -58,7 +58,7 @@ class SceneEstimator(Agent):
         take = self._closing.enter_context
         self._objects = take(closing(TaggedObjects(self.memory, config, self.log)))
         self._colored = take(closing(ColoredObjects(self.memory)))
-        self._frame_reader = FrameReader(self._objects.size, config.tag_ratio, config.noise)
+        self._frame_reader = FrameSource(self._objects.size, config.tag_ratio, config.noise)
         self._color_reader = ColorReader(config.noise)
         self._streams = {camera: take(closing(self.memory.frames(camera))) for camera in config.cameras}
         self._sensors = {camera: take(closing(self._driver(sensor))) for camera, sensor in config.tag_sensors.items()}

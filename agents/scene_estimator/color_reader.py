@@ -8,7 +8,7 @@ import numpy as np
 
 from agents.frame_images import images
 from agents.scene_estimator.colored import ColoredObject, ColorSighting
-from agents.scene_estimator.fitting import View
+from agents.scene_estimator.fitting import FrameView
 from agents.scene_estimator.placing import Guess, Placed, place
 from agents.scene_estimator.pose import NoiseModel
 from agents.scene_estimator.segmentation import ColorImage
@@ -41,11 +41,11 @@ class ColorReader:
         color, depth, intrinsics = images(frame)
         if depth is None or not objects:
             return []
-        picture, view = ColorImage(color), View(depth, intrinsics, world_from_camera)
+        picture, view = ColorImage(color), FrameView(depth, intrinsics, world_from_camera)
         found = [(known.name, self._place(known, picture, view)) for known in objects]
         return [self._sighting(name, placed, frame.stamp) for name, placed in found if placed is not None]
 
-    def _place(self, known: ColoredObject, picture: ColorImage, view: View) -> Placed | None:
+    def _place(self, known: ColoredObject, picture: ColorImage, view: FrameView) -> Placed | None:
         last, noise = self._known.get(known.name, _Known()), self._noise.inverse_depth_std
         mask, may_search = picture.mask(known.color), last.frames == 0
         placed = place(view, mask, known.shape, known.size, noise, last.guess, search=may_search)

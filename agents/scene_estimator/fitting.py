@@ -45,7 +45,7 @@ _LONGEST_STEP = 0.02  # m
 _IN_FRONT = 0.015  # m, by which something must be nearer to hide a point
 
 
-class View(NamedTuple):
+class FrameView(NamedTuple):
     """One exposure."""
 
     depth: NDArray[np.float32]
@@ -69,10 +69,10 @@ class Fit(NamedTuple):
     """m, mean distance of the points from the surface"""
 
 
-class Scene:
+class ImagePart:
     """The visible points and their camera, in the world frame."""
 
-    def __init__(self, view: View, mask: Mask, points: Array, weights: Array) -> None:
+    def __init__(self, view: FrameView, mask: Mask, points: Array, weights: Array) -> None:
         self._view = view
         self._mask = mask
         self.eye = view.world_from_camera.translation
@@ -99,7 +99,7 @@ class Scene:
         return near
 
 
-def cloud(view: View, mask: Mask) -> tuple[Array, Array]:
+def cloud(view: FrameView, mask: Mask) -> tuple[Array, Array]:
     """Points (n, 3) of the mask's pixels with known depth, in the camera frame, and their solid angles (n,)."""
     rows, columns = np.nonzero(mask & (view.depth > 0.0) & np.isfinite(view.depth))
     step = max(1, math.ceil(len(rows) / _MOST_PIXELS))
@@ -111,7 +111,7 @@ def cloud(view: View, mask: Mask) -> tuple[Array, Array]:
 
 
 def fit(
-    scene: Scene,
+    scene: ImagePart,
     shape: Shape,
     size: Vector3,
     turn: Array,
@@ -141,7 +141,7 @@ def fit(
     return judged(scene, shape, size, turn, position, count)
 
 
-def settled(scene: Scene, shape: Shape, size: Vector3, found: Fit) -> Fit:
+def settled(scene: ImagePart, shape: Shape, size: Vector3, found: Fit) -> Fit:
     """A fit moved, not turned, to where the points near it lie on the surface: Gauss-Newton steps, Cauchy's weights."""
     position = found.position
     for _ in range(_STEPS):
@@ -166,7 +166,9 @@ def _step(points: Array, shape: Shape, size: Vector3, turn: Array, position: Arr
     return np.asarray(step * min(1.0, _LONGEST_STEP / max(float(np.linalg.norm(step)), _SETTLED)))
 
 
-def judged(scene: Scene, shape: Shape, size: Vector3, turn: Array, position: Array, count: int = _MODEL_POINTS) -> Fit:
+def judged(
+    scene: ImagePart, shape: Shape, size: Vector3, turn: Array, position: Array, count: int = _MODEL_POINTS
+) -> Fit:
     """How a shape at a place (3,) with a rotation (3, 3) lies on the points."""
     surface, weights = seen_alone(shape, size, turn.T @ (scene.eye - position), count)
     free, colored = scene.expected(surface @ turn.T + position)

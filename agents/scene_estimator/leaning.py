@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agents.scene_estimator.fitting import ROUGH, ROUGH_POINTS, Fit, Scene, fit, judged
+from agents.scene_estimator.fitting import ROUGH, ROUGH_POINTS, Fit, ImagePart, fit, judged
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.shapes import Shape
@@ -41,7 +41,7 @@ _FALLEN = [
 ]
 
 
-def leaning(scene: Scene, shape: Shape, size: Vector3, guess: Array, good: float) -> Fit | None:
+def leaning(scene: ImagePart, shape: Shape, size: Vector3, guess: Array, good: float) -> Fit | None:
     """The fit of a shape near the rotation `guess`; None if there is none, or only one far from the guess.
 
     Args:
@@ -77,7 +77,7 @@ class Turned(NamedTuple):
     """rad, by which it should be turned about that axis to lie better on the points"""
 
 
-def turned(scene: Scene, shape: Shape, size: Vector3, found: Fit, sigma: float) -> Turned:
+def turned(scene: ImagePart, shape: Shape, size: Vector3, found: Fit, sigma: float) -> Turned:
     """Estimate how certain the rotation of a fit is, if points are off by `sigma` (m), ten of them together.
 
     The estimate uses the sum of squared distances around the fit.
@@ -97,7 +97,7 @@ def turned(scene: Scene, shape: Shape, size: Vector3, found: Fit, sigma: float) 
     )
 
 
-def is_unlike_fallen(scene: Scene, shape: Shape, size: Vector3, found: Fit) -> bool:
+def is_unlike_fallen(scene: ImagePart, shape: Shape, size: Vector3, found: Fit) -> bool:
     """Whether what stands could not as well lie on a side, or on its head: as a cube could, or a box from below."""
     others = (fit(scene, shape, size, found.turn @ fallen, ROUGH, ROUGH_POINTS) for fallen in _FALLEN)
     return all(other is None or other.misfit > _UNLIKE * found.misfit for other in others)

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agents.scene_estimator.colored import LEANS, UPRIGHT
-from agents.scene_estimator.fitting import BEFORE, ROUGH, ROUGH_POINTS, Fit, Scene, View, cloud, fit, settled
+from agents.scene_estimator.fitting import BEFORE, ROUGH, ROUGH_POINTS, Fit, FrameView, ImagePart, cloud, fit, settled
 from agents.scene_estimator.leaning import is_unlike_fallen, lean, leaning, tilt, turned
 from agents.scene_estimator.segmentation import Mask
 from agents.scene_estimator.turning import ROUND, nearest_alike, order
@@ -77,7 +77,7 @@ class Placed(NamedTuple):
 
 
 def place(
-    view: View, mask: Mask, shape: Shape, size: Vector3, noise: float, guess: Guess, *, search: bool = True
+    view: FrameView, mask: Mask, shape: Shape, size: Vector3, noise: float, guess: Guess, *, search: bool = True
 ) -> Placed | None:
     """The place of an object, from the pixels of its colour.
 
@@ -96,7 +96,7 @@ def place(
     points, weights = cloud(view, mask)
     if len(points) == 0:
         return None
-    scene = Scene(view, mask, points, weights)
+    scene = ImagePart(view, mask, points, weights)
     expected = noise * float((points[:, 2] ** 2).mean())
     good = _GOOD_FIT * expected
     is_familiar = guess.misfit < math.inf
@@ -116,7 +116,7 @@ def place(
 
 
 def _sure_lean(
-    scene: Scene, shape: Shape, size: Vector3, found: Fit, guess: Guess, good: float, sigma: float
+    scene: ImagePart, shape: Shape, size: Vector3, found: Fit, guess: Guess, good: float, sigma: float
 ) -> Quaternion | None:
     """How it leans, if its tilt is known with a standard deviation of `sigma` rad."""
     if guess.lean != UPRIGHT and tilt(found.turn) > LEANS:
@@ -126,7 +126,7 @@ def _sure_lean(
 
 
 def _fitting(
-    scene: Scene, shape: Shape, size: Vector3, guess: Guess, good: float, *, search: bool
+    scene: ImagePart, shape: Shape, size: Vector3, guess: Guess, good: float, *, search: bool
 ) -> tuple[Fit | None, Guess]:
     """The best fit near the guess, or with any yaw; and how it is turned."""
     noisy, good = good, min(good, _USUALLY * max(guess.misfit, _FLOOR))
@@ -153,7 +153,7 @@ def _fitting(
     return standing, guess._replace(lean=UPRIGHT)
 
 
-def _stand(scene: Scene, shape: Shape, size: Vector3, upright: Array, good: float) -> Fit | None:
+def _stand(scene: ImagePart, shape: Shape, size: Vector3, upright: Array, good: float) -> Fit | None:
     """How it fits with that rotation (3, 3); the inside of something hollow may be what little is seen of it.
 
     None also if that tells two places.
@@ -173,7 +173,7 @@ def _better(fitted: Fit | None, other: Fit) -> bool:
     return fitted is not None and fitted.misfit < _CLEARLY * other.misfit
 
 
-def _in_camera(found: Fit, view: View, size: Vector3) -> tuple[Array, Array]:
+def _in_camera(found: Fit, view: FrameView, size: Vector3) -> tuple[Array, Array]:
     """Where a fitted object is in the camera frame, and how surely."""
     position = view.world_from_camera.inverse().apply(found.position)
     hidden = 1.0 - found.share * found.agreement
@@ -181,7 +181,7 @@ def _in_camera(found: Fit, view: View, size: Vector3) -> tuple[Array, Array]:
     return position, sum(value * value for value in sigma) * np.eye(3)
 
 
-def _best_yaw(scene: Scene, shape: Shape, size: Vector3, yaw: float) -> float:
+def _best_yaw(scene: ImagePart, shape: Shape, size: Vector3, yaw: float) -> float:
     """The yaw with which the shape fits best, looked for everywhere, then more and more finely around the best."""
     misfits: dict[float, float] = {}
     for angles in ((yaw, *_YAWS), *((-step, step) for step in _FINER)):

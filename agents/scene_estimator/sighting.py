@@ -37,7 +37,7 @@ class Outlines(NamedTuple):
     """(n, 4, 2) px, corners of the tags in the image"""
 
 
-class FrameReader:
+class FrameSource:
     """Finds tagged objects in camera frames.
 
     Args:

@@ -23,7 +23,7 @@ from agents.viewer.model import read_scene
 from agents.viewer.scene import MeshView, PersonView, SceneView
 from agents.viewer.series import SeriesView
 from agents.viewer.topology_view import TopologyView
-from agents.viewer.window import Window, WindowError
+from agents.viewer.window import ViewerWindow, WindowError
 from dsr.agent import Access, Agent
 
 FILE_NAME = "recording.rrd"
@@ -64,7 +64,7 @@ class Viewer(Agent):
     def setup(self) -> None:
         """Open the file, and the window if one is wanted, and begin to listen."""
         self._resources = contextlib.ExitStack()
-        self._window: Window | None = None
+        self._window: ViewerWindow | None = None
         recording = self._recording = self._open()
         self._graph = GraphView(recording)
         self._topology = TopologyView(recording)
@@ -117,7 +117,9 @@ class Viewer(Agent):
         sinks: list[rr.FileSink | rr.GrpcSink] = [rr.FileSink(path)]
         if self.config.spawn:
             try:
-                self._window = self._resources.enter_context(Window(folder / "window.log", self.config.memory_limit))
+                self._window = self._resources.enter_context(
+                    ViewerWindow(folder / "window.log", self.config.memory_limit)
+                )
                 sinks.append(rr.GrpcSink(self._window.url))
             except WindowError as error:
                 self.log.warning("no window (%s); recording to %s only", error, path)

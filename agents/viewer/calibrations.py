@@ -9,7 +9,7 @@ import numpy as np
 import rerun as rr
 
 from agents.viewer import palette
-from agents.viewer.model import Camera, Place, place_of
+from agents.viewer.model import DrawnCamera, DrawnPlace, place_of
 from agents.viewer.scene import ENTITY, pinhole, transform
 from agents.viewer.texts import markdown
 from dsr import Change, Memory, Pose
@@ -33,9 +33,9 @@ class CalibrationView:
         self._known: dict[str, Report] = {}  # by the name of the request or event
         self._page = ""
         self._before: dict[str, tuple[Report, float]] = {}
-        self._places: dict[str, Place] = {}
+        self._places: dict[str, DrawnPlace] = {}
 
-    def draw(self, changes: Iterable[Change], memory: Memory, cameras: list[Camera], now: float) -> None:
+    def draw(self, changes: Iterable[Change], memory: Memory, cameras: list[DrawnCamera], now: float) -> None:
         """Log what is not at time `now` (s) as it was before."""
         for node in nodes_by_name(memory, CALIBRATION):
             report = read_report(memory, node.name)
@@ -69,7 +69,7 @@ class CalibrationView:
             bars = rr.BarChart(heights, color=color, abscissa=numbers + shift, widths=widths)
             self._recording.log(f"{RESIDUALS}/{report.camera}/{name}", bars)
 
-    def _draw_before(self, memory: Memory, camera: Camera, now: float) -> None:
+    def _draw_before(self, memory: Memory, camera: DrawnCamera, now: float) -> None:
         """The frustum where the camera was thought to be, in grey, as its parent moves."""
         entity = f"{ENTITY}/cameras/{camera.name}_before"
         report, until = self._before.get(camera.name, (None, -math.inf))
@@ -119,7 +119,7 @@ def _told(report: Report) -> str:
     return "\n".join([markdown(report.text), "", "| | object | before | after |", "|---|---|---|---|", *rows])
 
 
-def _place(memory: Memory, report: Report) -> Place | None:
+def _place(memory: Memory, report: Report) -> DrawnPlace | None:
     """Where the camera would be had it not been calibrated."""
     world_from_parent = memory.get_transform(WORLD, report.parent)
     before = Pose(report.before[:3], report.before[3:])

@@ -13,7 +13,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from agents.viewer import palette
-from agents.viewer.model import Camera
+from agents.viewer.model import DrawnCamera
 from agents.viewer.scene import camera_entity
 from dsr import Frame, FrameReader, Memory
 from dsr.network.keys import is_key
@@ -50,7 +50,7 @@ class ImageView:
         """Cameras that have sent an image."""
         return sorted(self._last)
 
-    def draw(self, cameras: Iterable[Camera], now: float) -> None:
+    def draw(self, cameras: Iterable[DrawnCamera], now: float) -> None:
         """Log what is new at time `now` (s)."""
         for camera in cameras:
             if not is_key(camera.stream):

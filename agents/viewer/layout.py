@@ -31,7 +31,7 @@ _PARENTS = ("Virtual_RT", "RT", "has", "next", "in", "on")  # edge types by whic
 _FIRST = {"robot": 0, "camera": 1, "": 2, "table": 4}  # "" is a box of edges
 
 
-class Box(NamedTuple):
+class LabelBox(NamedTuple):
     """A labelled box."""
 
     id: str
@@ -44,7 +44,7 @@ class Box(NamedTuple):
 class Drawing(NamedTuple):
     """The elements of a drawing."""
 
-    boxes: list[Box]
+    boxes: list[LabelBox]
     arrows: list[tuple[str, str]]
     """Arrows from box to box, by id."""
 
@@ -138,7 +138,7 @@ def _place_grid(leaves: list[_Item], column: int, row: float) -> float:
     return row + min(len(leaves), _TALLEST)
 
 
-def _boxes(items: list[_Item]) -> list[Box]:
+def _boxes(items: list[_Item]) -> list[LabelBox]:
     """The items with their places in px."""
     widths: dict[int, float] = defaultdict(float)
     for item in items:
@@ -147,7 +147,7 @@ def _boxes(items: list[_Item]) -> list[Box]:
     for column in range(max(widths, default=0) + 1):
         centres[column] = x + widths[column] / 2
         x += widths[column] + _GAP
-    return [Box(item.id, item.label, item.color, centres[item.column], item.row * _ROW) for item in items]
+    return [LabelBox(item.id, item.label, item.color, centres[item.column], item.row * _ROW) for item in items]
 
 
 def _label(name: str, type: str) -> str:

@@ -20,7 +20,7 @@ _OTHER_SIZE = (0.04, 0.04, 0.04)
 Vector = tuple[float, float, float]
 
 
-class Place(msgspec.Struct, frozen=True):
+class DrawnPlace(msgspec.Struct, frozen=True):
     """A pose in the world, comparable by its numbers."""
 
     translation: Vector
@@ -29,12 +29,12 @@ class Place(msgspec.Struct, frozen=True):
     """Quaternion (x, y, z, w)"""
 
 
-class Solid(msgspec.Struct, frozen=True):
+class DrawnSolid(msgspec.Struct, frozen=True):
     """An object at a place."""
 
     name: str
     type: str
-    place: Place
+    place: DrawnPlace
     size: Vector
     """m, extent along its own x, y, z"""
     seen: bool = True
@@ -43,50 +43,50 @@ class Solid(msgspec.Struct, frozen=True):
     """Whether the gripper holds the object, as far as is known."""
 
 
-class Camera(msgspec.Struct, frozen=True):
+class DrawnCamera(msgspec.Struct, frozen=True):
     """A camera at a place, with its lens."""
 
     name: str
     stream: str
-    place: Place | None
+    place: DrawnPlace | None
     lens: Intrinsics | None
 
 
 class Gripper(msgspec.Struct, frozen=True):
     """A gripper and how far it is open."""
 
-    place: Place
+    place: DrawnPlace
     opening: float
     """m between the pads"""
 
 
-class Scene(msgspec.Struct, frozen=True):
+class DrawnScene(msgspec.Struct, frozen=True):
     """Everything at one instant."""
 
-    tables: list[Solid]
-    percepts: list[Solid]
-    ghosts: list[Solid]
+    tables: list[DrawnSolid]
+    percepts: list[DrawnSolid]
+    ghosts: list[DrawnSolid]
     """Percepts of which the belief differs, or is missing"""
-    beliefs: list[Solid]
-    surprising: list[Solid]
+    beliefs: list[DrawnSolid]
+    surprising: list[DrawnSolid]
     """Objects that are marked so, where they are believed to be, or perceived"""
-    parts: list[Solid]
+    parts: list[DrawnSolid]
     """Boxes around the parts of robots, by which views are known to be hidden"""
-    frames: list[Place]
+    frames: list[DrawnPlace]
     links: list[tuple[Vector, Vector]]
     """Segments of robots, from joint to joint"""
     grippers: list[Gripper]
-    cameras: list[Camera]
+    cameras: list[DrawnCamera]
 
 
-def read_scene(memory: Memory) -> Scene:
+def read_scene(memory: Memory) -> DrawnScene:
     """The scene as the memory has it now; what is not connected to the world is left out."""
     objects = nodes_by_name(memory, OBJECT_TYPES)
     percepts = [solid for node in objects if (solid := _solid(memory, node, ("RT",)))]
     believed = [node for node in objects if memory.edges("Virtual_RT", dst=node.name)]
     beliefs = [solid for node in believed if (solid := _solid(memory, node, BELIEVED))]
     known = {solid.name: solid for solid in [*percepts, *beliefs]}
-    return Scene(
+    return DrawnScene(
         tables=[solid for node in nodes_by_name(memory, ("table",)) if (solid := _solid(memory, node, BELIEVED))],
         percepts=percepts,
         ghosts=[percept for percept in percepts if _differs(percept, known[percept.name])],
@@ -100,26 +100,26 @@ def read_scene(memory: Memory) -> Scene:
     )
 
 
-def place_of(pose: Pose) -> Place:
+def place_of(pose: Pose) -> DrawnPlace:
     """The place of a world_from_something."""
-    return Place(pose.t, pose.q)
+    return DrawnPlace(pose.t, pose.q)
 
 
-def _place(memory: Memory, name: str, types: tuple[str, ...] = ("RT",)) -> Place | None:
+def _place(memory: Memory, name: str, types: tuple[str, ...] = ("RT",)) -> DrawnPlace | None:
     pose = memory.get_transform(WORLD, name, types=types)
     return None if pose is None else place_of(pose)
 
 
-def _solid(memory: Memory, node: Node, types: tuple[str, ...]) -> Solid | None:
+def _solid(memory: Memory, node: Node, types: tuple[str, ...]) -> DrawnSolid | None:
     place = _place(memory, node.name, types)
     if place is None:
         return None
     x, y, z = node.get("size", _DEFAULT_SIZE.get(node.type, _OTHER_SIZE))
     held = bool(memory.edges("grasping", dst=node.name))
-    return Solid(node.name, node.type, place, (x, y, z), bool(node.get("perceived", True)), held)
+    return DrawnSolid(node.name, node.type, place, (x, y, z), bool(node.get("perceived", True)), held)
 
 
-def _differs(percept: Solid, known: Solid) -> bool:
+def _differs(percept: DrawnSolid, known: DrawnSolid) -> bool:
     """Whether a percept is elsewhere than what is believed, or nothing is believed."""
     if known is percept:
         return True
@@ -127,16 +127,16 @@ def _differs(percept: Solid, known: Solid) -> bool:
     return apart > _APART or turn > _TURNED
 
 
-def _pose(place: Place) -> Pose:
+def _pose(place: DrawnPlace) -> Pose:
     return Pose.unchecked(place.translation, place.rotation)
 
 
-def moved(place: Place, offset: Vector) -> Place:
+def moved(place: DrawnPlace, offset: Vector) -> DrawnPlace:
     """The place at `offset` (m) in the frame of `place`."""
     return place_of(_pose(place) @ Pose(offset))
 
 
-def _part(memory: Memory, node: Node) -> Solid | None:
+def _part(memory: Memory, node: Node) -> DrawnSolid | None:
     """The box around a part of the robot."""
     bounds = node.get("bounds")
     place = None if bounds is None else _place(memory, node.name)
@@ -144,7 +144,7 @@ def _part(memory: Memory, node: Node) -> Solid | None:
         return None
     (x, y, z), (x_end, y_end, z_end) = bounds[:3], bounds[3:]
     centre = ((x + x_end) / 2, (y + y_end) / 2, (z + z_end) / 2)
-    return Solid(node.name, node.type, moved(place, centre), (abs(x_end - x), abs(y_end - y), abs(z_end - z)))
+    return DrawnSolid(node.name, node.type, moved(place, centre), (abs(x_end - x), abs(y_end - y), abs(z_end - z)))
 
 
 def _links(memory: Memory) -> list[tuple[Vector, Vector]]:
@@ -165,6 +165,6 @@ def _gripper(memory: Memory, node: Node) -> Gripper | None:
     return None if place is None else Gripper(place, float(node.get("opening", 0.0)))
 
 
-def _camera(memory: Memory, node: Node) -> Camera:
+def _camera(memory: Memory, node: Node) -> DrawnCamera:
     stream = node.get("stream") or node.name
-    return Camera(node.name, stream, _place(memory, node.name), read_intrinsics(node))
+    return DrawnCamera(node.name, stream, _place(memory, node.name), read_intrinsics(node))

@@ -11,7 +11,7 @@ import numpy as np
 import rerun as rr
 
 from agents.viewer import palette
-from agents.viewer.model import Camera, Gripper, Place, Scene, Solid, Vector, moved, place_of
+from agents.viewer.model import DrawnCamera, DrawnPlace, DrawnScene, DrawnSolid, Gripper, Vector, moved, place_of
 from agents.viewer.palette import Color
 from dsr import Change, Memory, Mesh, Node, Pose, SchemaError, TransformError
 from dsr.frames.tree import BELIEVED, WORLD
@@ -49,7 +49,7 @@ class SceneView:
         self._marks: dict[str, float] = {}
         recording.log(ENTITY, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
 
-    def draw(self, scene: Scene, now: float, meshed: Collection[str] = ()) -> None:
+    def draw(self, scene: DrawnScene, now: float, meshed: Collection[str] = ()) -> None:
         """Log what is not at time `now` (s) as it was before; what is shown as its mesh gets no box for its belief."""
         self._update("table", [table for table in scene.tables if table.name not in meshed], _tables)
         self._update("robot/links", scene.links, _links)
@@ -63,7 +63,7 @@ class SceneView:
         for camera in scene.cameras:
             self._draw_camera(camera)
 
-    def _marked(self, scene: Scene, now: float) -> list[Solid]:
+    def _marked(self, scene: DrawnScene, now: float) -> list[DrawnSolid]:
         """What is surprising, or was a moment ago: explanations come faster than eyes."""
         self._marks |= {solid.name: now + _LINGER for solid in scene.surprising}
         known = {solid.name: solid for solid in [*scene.percepts, *scene.beliefs]}
@@ -75,14 +75,14 @@ class SceneView:
             self._shown[entity] = content
             self._recording.log(f"{ENTITY}/{entity}", draw(content))
 
-    def _draw_camera(self, camera: Camera) -> None:
+    def _draw_camera(self, camera: DrawnCamera) -> None:
         if camera.place is not None:
             self._update(f"cameras/{camera.name}", camera.place, transform)
         if camera.lens is not None:
             self._update(f"cameras/{camera.name}/image", camera.lens, pinhole)
 
 
-def transform(place: Place) -> rr.Transform3D:
+def transform(place: DrawnPlace) -> rr.Transform3D:
     """Puts an entity there."""
     return rr.Transform3D(translation=place.translation, quaternion=rr.Quaternion(xyzw=place.rotation))
 
@@ -99,7 +99,7 @@ def pinhole(lens: Intrinsics, color: Color = palette.CAMERA) -> rr.Pinhole:
     )
 
 
-def _boxes(solids: list[Solid], **style: Any) -> rr.Boxes3D:
+def _boxes(solids: list[DrawnSolid], **style: Any) -> rr.Boxes3D:
     return rr.Boxes3D(
         centers=np.array([solid.place.translation for solid in solids]).reshape(-1, 3),
         sizes=np.array([solid.size for solid in solids]).reshape(-1, 3),
@@ -108,17 +108,17 @@ def _boxes(solids: list[Solid], **style: Any) -> rr.Boxes3D:
     )
 
 
-def _percepts(percepts: list[Solid]) -> rr.Boxes3D:
+def _percepts(percepts: list[DrawnSolid]) -> rr.Boxes3D:
     colors = [palette.PERCEPT if solid.seen else palette.UNSEEN_PERCEPT for solid in percepts]
     return _boxes(percepts, colors=colors, fill_mode="majorwireframe", radii=[0.0012] * len(percepts))
 
 
-def _beliefs(beliefs: list[Solid]) -> rr.Boxes3D:
+def _beliefs(beliefs: list[DrawnSolid]) -> rr.Boxes3D:
     colors = [palette.HELD if solid.held else palette.BELIEF for solid in beliefs]
     return _boxes(beliefs, colors=colors, fill_mode="solid")
 
 
-def _surprising(solids: list[Solid]) -> rr.Boxes3D:
+def _surprising(solids: list[DrawnSolid]) -> rr.Boxes3D:
     """A frame around each."""
     marks = [msgspec.structs.replace(solid, size=_larger(solid.size)) for solid in solids]
     count = len(solids)
@@ -129,11 +129,11 @@ def _larger(size: Vector) -> Vector:
     return _MARK * size[0], _MARK * size[1], _MARK * size[2]
 
 
-def _parts(parts: list[Solid]) -> rr.Boxes3D:
+def _parts(parts: list[DrawnSolid]) -> rr.Boxes3D:
     return _boxes(parts, colors=[palette.JOINT] * len(parts), fill_mode="majorwireframe", radii=[0.0008] * len(parts))
 
 
-def _names(solids: list[Solid]) -> rr.Points3D:
+def _names(solids: list[DrawnSolid]) -> rr.Points3D:
     """A name beside each object, where it does not hide what is above; all but invisible points carry them."""
     x, y = _ASIDE
     beside = [(at[0] + x, at[1] + y, at[2]) for solid in solids for at in [solid.place.translation]]
@@ -146,7 +146,7 @@ def _names(solids: list[Solid]) -> rr.Points3D:
     )
 
 
-def _tables(tables: list[Solid]) -> rr.Boxes3D:
+def _tables(tables: list[DrawnSolid]) -> rr.Boxes3D:
     """A table's frame is in the middle of its top surface."""
     centres = [moved(table.place, (0.0, 0.0, -table.size[2] / 2)) for table in tables]
     lowered = [msgspec.structs.replace(table, place=centre) for table, centre in zip(tables, centres, strict=True)]
@@ -180,15 +180,15 @@ def _grippers(grippers: list[Gripper]) -> rr.Boxes3D:
     return _boxes(parts, colors=[palette.JOINT] * len(parts), fill_mode="solid")
 
 
-def _gripper_parts(gripper: Gripper) -> list[Solid]:
-    parts = [Solid("palm", "gripper", moved(gripper.place, _PALM[0]), _PALM[1])]
+def _gripper_parts(gripper: Gripper) -> list[DrawnSolid]:
+    parts = [DrawnSolid("palm", "gripper", moved(gripper.place, _PALM[0]), _PALM[1])]
     for side in (-1.0, 1.0):
         offset = side * (gripper.opening + _FINGER[0]) / 2
-        parts.append(Solid("finger", "gripper", moved(gripper.place, (offset, 0.0, _FINGER_AHEAD)), _FINGER))
+        parts.append(DrawnSolid("finger", "gripper", moved(gripper.place, (offset, 0.0, _FINGER_AHEAD)), _FINGER))
     return parts
 
 
-def _axes(frames: list[Place]) -> rr.Arrows3D:
+def _axes(frames: list[DrawnPlace]) -> rr.Arrows3D:
     """x, y, z of each frame in red, green and blue."""
     rotations = [Pose.unchecked(frame.translation, frame.rotation).rotation_matrix for frame in frames]
     return rr.Arrows3D(
@@ -208,8 +208,8 @@ class Shown(msgspec.Struct, frozen=True):
     """A person who is there."""
 
     name: str
-    eyes: Place
-    body: tuple[Solid, ...]
+    eyes: DrawnPlace
+    body: tuple[DrawnSolid, ...]
 
 
 class PersonView:
@@ -262,7 +262,7 @@ def read_persons(memory: Memory) -> list[Shown]:
         shoulders = _rounded(Pose.from_matrix(upright(pose.matrix)))
         frames = ((eyes, HEAD, node.name), (shoulders, TRUNK, ""))
         body = (
-            Solid(name, PERSON, moved(frame, part.position), part.size)
+            DrawnSolid(name, PERSON, moved(frame, part.position), part.size)
             for frame, shape, name in frames
             for part in shape
         )
@@ -270,7 +270,7 @@ def read_persons(memory: Memory) -> list[Shown]:
     return found
 
 
-def _rounded(pose: Pose) -> Place:
+def _rounded(pose: Pose) -> DrawnPlace:
     x, y, z = (round(number, _ROUNDED) for number in pose.t)
     a, b, c, d = (round(number, _ROUNDED) for number in pose.q)
     return place_of(Pose((x, y, z), (a, b, c, d)))
@@ -287,7 +287,7 @@ class MeshView:
         self._memory = memory
         self._names: set[str] = set()
         self._drawn: dict[str, tuple[tuple[str, ...], Color]] = {}
-        self._places: dict[str, Place] = {}
+        self._places: dict[str, DrawnPlace] = {}
 
     def draw(self, changes: Iterable[Change]) -> set[str]:
         """Log what is not as it was before; returns the names of the nodes whose meshes are shown."""

@@ -10,7 +10,7 @@ import rerun as rr
 
 from agents.inbox import Message
 from agents.viewer import palette
-from agents.viewer.model import Scene, Solid, Vector
+from agents.viewer.model import DrawnScene, DrawnSolid, Vector
 from agents.viewer.palette import Color
 from agents.viewer.texts import drawable
 from dsr import WireError
@@ -46,7 +46,7 @@ class SeriesView:
         """Whether the truth is published."""
         return bool(self._truth)
 
-    def draw_distances(self, scene: Scene) -> None:
+    def draw_distances(self, scene: DrawnScene) -> None:
         """Log the distance of each object's percept to its belief, and of both to the truth if it is published."""
         percepts = {solid.name: solid for solid in scene.percepts if solid.seen}
         beliefs = {solid.name: solid for solid in scene.beliefs}
@@ -74,7 +74,7 @@ class SeriesView:
         else:
             self._truth = {name: seven[:3] for name, seven in truth.objects.items()}
 
-    def _draw_errors(self, what: str, solids: dict[str, Solid], color: Color) -> None:
+    def _draw_errors(self, what: str, solids: dict[str, DrawnSolid], color: Color) -> None:
         for name in sorted(solids.keys() & self._truth.keys()):
             error = math.dist(solids[name].place.translation, self._truth[name])
             self._log_scalar(f"{ERRORS}/{what}/{name}", f"{name} {what}", error * 1e3, color)

@@ -23,7 +23,7 @@ _FASTEST_TOLD = 0.5
 """Changes a second from which on a world counts as active."""
 
 
-class Placed(msgspec.Struct, frozen=True):
+class PlacedBoxes(msgspec.Struct, frozen=True):
     """A box of the drawing."""
 
     id: str
@@ -68,7 +68,7 @@ class TopologyView:
         )
 
 
-def arrange(found: Topology) -> tuple[list[Placed], list[tuple[str, str]]]:
+def arrange(found: Topology) -> tuple[list[PlacedBoxes], list[tuple[str, str]]]:
     """Boxes and arrows, from the left to the right in the direction in which content flows."""
     arrows = [
         arrow
@@ -88,7 +88,7 @@ def arrange(found: Topology) -> tuple[list[Placed], list[tuple[str, str]]]:
         column = columns[name]
         row = rows[column] = rows.get(column, -1) + 1
         lift = column * _GOLDEN % 1.0  # so that arrows over several columns do not run through the boxes between
-        boxes.append(Placed(name, labels[name], colors[name], column * _COLUMN, (row + lift) * _ROW))
+        boxes.append(PlacedBoxes(name, labels[name], colors[name], column * _COLUMN, (row + lift) * _ROW))
     return boxes, arrows
 
 

@@ -25,7 +25,7 @@ class WindowError(DsrError):
     """The viewer's window cannot be opened."""
 
 
-class Window:
+class ViewerWindow:
     """A running rerun viewer; a context manager that closes it.
 
     Args:
@@ -61,7 +61,7 @@ class Window:
             self.close()
             raise WindowError(f"the viewer does not start, see {log_file}")
 
-    def __enter__(self) -> Window:
+    def __enter__(self) -> ViewerWindow:
         return self
 
     def __exit__(self, *_: object) -> None:

@@ -10,7 +10,7 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from agents.action_inference.observation import Snapshot, Thing
+from agents.action_inference.observation import ObservedThing, Snapshot
 from agents.action_inference.policy import Inference
 from dsr.config.toml import convert
 from dsr.vocabulary.observed_actions import KINDS, PICK, PLACE, RELEASE, Action
@@ -96,7 +96,7 @@ class PublishedPolicy:
         """Go on in the state after this action."""
         self._machine(action.thing).state = _AFTER[action.kind]
 
-    def _infer(self, thing: Thing, now: float) -> Inference | None:
+    def _infer(self, thing: ObservedThing, now: float) -> Inference | None:
         if thing.believed is None:
             return None
         sure = self._machine(thing.name).update(thing.perceived, thing.plausible)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from dsr.vocabulary.explained import Change
+from dsr.vocabulary.explained import ExplainedChange
 from simulation_handler.explaining.drafting import draft
 from simulation_handler.explaining.hypotheses import Hypothesis, Move
 from simulation_handler.explaining.policy import Explanation
@@ -24,19 +24,19 @@ class Algorithm1:
 
     def explain(self, situation: Situation) -> Explanation | None:
         """What Algorithm 1 makes of the surprising objects that are seen; of the others it says nothing."""
-        hypothesis, changes, ended = Hypothesis(), list[Change](), []
+        hypothesis, changes, ended = Hypothesis(), list[ExplainedChange](), []
         about = [name for name in situation.surprising if name in situation.seen]
         for name in about:
             below = [other for other in situation.beneath.get(name, ()) if other in situation.believed]
             above = sorted(upper for upper, lower in situation.beneath.items() if name in lower)
             if below:
                 hypothesis = hypothesis.with_move(Move(name, beneath=(below[0],)))
-                changes.append(Change("placed_under", ((below[0],), (name,))))
+                changes.append(ExplainedChange("placed_under", ((below[0],), (name,))))
                 continue
             hypothesis = hypothesis.with_move(Move(name))
             ended += [(upper, name) for upper in above]
-            broken = [Change("relation_ended", ((upper, name),)) for upper in above]
-            changes += broken or [Change("moved_alone", ((name,),))]
+            broken = [ExplainedChange("relation_ended", ((upper, name),)) for upper in above]
+            changes += broken or [ExplainedChange("moved_alone", ((name,),))]
         if not about:
             return None
         drafted = draft(replace(situation, confirmed={}), hypothesis)  # "under it": not where it was last seen

@@ -8,14 +8,14 @@ import numpy as np
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation
 
-from agents.calibrator.solve.estimate import Estimate, equation_1
+from agents.calibrator.solve.estimate import PoseEstimate, equation_1
 from agents.calibrator.solve.problem import Problem
 from dsr.math3d.transforms import Array
 
 Values = np.ndarray[tuple[int], np.dtype[np.float64]]
 
 
-def solve(problem: Problem, start: Array) -> Estimate:
+def solve(problem: Problem, start: Array) -> PoseEstimate:
     """Minimise from the present pose on, with SciPy's own tolerances; it may end in a local minimum."""
     roll, pitch, yaw = Rotation.from_matrix(start[:3, :3]).as_euler("xyz")
     history = [equation_1(problem, start)]
@@ -28,7 +28,7 @@ def solve(problem: Problem, start: Array) -> Estimate:
 
     first: Values = np.array([*start[:3, 3].tolist(), roll, pitch, yaw], dtype=np.float64)
     found = minimize(error, first, method="Powell", callback=note)
-    return Estimate(_pose(found.x), tuple(history))
+    return PoseEstimate(_pose(found.x), tuple(history))
 
 
 def _pose(values: Values) -> Array:

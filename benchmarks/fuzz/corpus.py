@@ -17,8 +17,8 @@ from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Delta
 from dsr.crdt.pieces import START, Piece, piece_of, reply_to
 from dsr.geometry import Mesh
-from dsr.geometry.messages import Ask, Offer, encode_ask, encode_offer
-from dsr.geometry.shared import Place
+from dsr.geometry.messages import AskForMesh, Offer, encode_ask, encode_offer
+from dsr.geometry.shared import SharedPlace
 from dsr.graph.graph import Graph
 from dsr.images.blobs import Frame, encode_frame
 from dsr.network.shared_ring import SlotDescriptor
@@ -27,7 +27,7 @@ from dsr.replication.wire import Digest, encode_delta, encode_digest
 from dsr.runtime.logs import LogRecord
 from dsr.runtime.status import State, Status, encode_status
 from dsr.vocabulary.intrinsics import Intrinsics
-from dsr.vocabulary.what_if import Answer, Change, Question, encode_answer, encode_question
+from dsr.vocabulary.what_if import Answer, Question, Supposed, encode_answer, encode_question
 
 NOW = 1_000_000_000.0
 JOINTS = 7
@@ -115,12 +115,12 @@ def descriptors() -> list[bytes]:
 
 def mesh_requests() -> list[bytes]:
     """Who has a mesh; a piece of one."""
-    return [encode_ask(Ask("0123456789abcdef" * 4)), encode_ask(Ask("f" * 64, 1 << 20, 4096, keep=True))]
+    return [encode_ask(AskForMesh("0123456789abcdef" * 4)), encode_ask(AskForMesh("f" * 64, 1 << 20, 4096, keep=True))]
 
 
 def mesh_offers() -> list[bytes]:
     """A mesh that is to be had in pieces, and one that can be read in place."""
-    return [encode_offer(Offer(3_600_016)), encode_offer(Offer(4000, Place(1, 5, 4000)))]
+    return [encode_offer(Offer(3_600_016)), encode_offer(Offer(4000, SharedPlace(1, 5, 4000)))]
 
 
 def meshes() -> list[bytes]:
@@ -174,7 +174,7 @@ def truths() -> list[bytes]:
 
 def questions() -> list[bytes]:
     """Questions to the belief's simulator."""
-    changes = (Change.place("cube_3", Pose(_SEVEN[:3])), Change.hold("cube_4"), Change.remove("cube_5"))
+    changes = (Supposed.place("cube_3", Pose(_SEVEN[:3])), Supposed.hold("cube_4"), Supposed.remove("cube_5"))
     return [encode_question(Question(0.5, changes, NOW)), encode_question(Question(1.0))]
 
 

@@ -17,8 +17,8 @@ from dsr.runtime.system import load_class, load_system
 from dsr.security.authority import CERTIFICATE_DAYS, SecurityFolder, host_names
 from dsr.security.configuration import write_configuration
 from dsr.security.policy import (
+    AccessPolicy,
     Grant,
-    Policy,
     checked,
     grant_for,
     read_policy,
@@ -130,7 +130,7 @@ def _grant(kind: str | None, writes: list[str], roles: Grant) -> Grant:
     return msgspec.structs.replace(roles, **given)
 
 
-def _save(files: SecurityFolder, policy: Policy) -> None:
+def _save(files: SecurityFolder, policy: AccessPolicy) -> None:
     """Write the policy and, since each holds the rules for all, every agent's configuration."""
     write_policy(files.policy, policy)
     for name in policy.agents:
@@ -165,7 +165,7 @@ def _problem(files: SecurityFolder, name: str) -> str | None:
     return None
 
 
-def _table(files: SecurityFolder, policy: Policy, problems: dict[str, str | None]) -> Table:
+def _table(files: SecurityFolder, policy: AccessPolicy, problems: dict[str, str | None]) -> Table:
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
     table.add_column("agent", no_wrap=True)
     for column in ("may write", "valid until"):

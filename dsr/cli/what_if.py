@@ -26,7 +26,7 @@ from dsr.errors import ConfigError
 from dsr.imagining import differences
 from dsr.math3d.transforms import Pose
 from dsr.network.keys import BASE
-from dsr.vocabulary.what_if import MAX_SECONDS, TIMEOUT, Answer, Change, Question, WhatIf
+from dsr.vocabulary.what_if import MAX_SECONDS, TIMEOUT, Answer, Question, Supposed, WhatIf
 
 app = typer.Typer()
 
@@ -55,8 +55,8 @@ def what_if(
     With --world, the scene of another world is simulated, which nothing is written into either.
     """
     changes = [parsed_placing(text) for text in place or ()]
-    changes += [Change.hold(name) for name in hold or ()]
-    changes += [Change.remove(name) for name in remove or ()]
+    changes += [Supposed.hold(name) for name in hold or ()]
+    changes += [Supposed.remove(name) for name in remove or ()]
     with reading(graph, router, security, world) as memory:
         with naming():
             for change in changes:
@@ -71,7 +71,7 @@ def what_if(
         _show(answer)
 
 
-def parsed_placing(text: str) -> Change:
+def parsed_placing(text: str) -> Supposed:
     """The change that `NAME=X,Y,Z` asks for, with a yaw or a quaternion if more follows. Raises `ConfigError`."""
     expected = "expected NAME=X,Y,Z in m, and then a yaw (rad) or a quaternion QX,QY,QZ,QW if not upright"
     name, _, pose = text.rpartition("=")
@@ -81,9 +81,9 @@ def parsed_placing(text: str) -> Change:
         raise ConfigError(f"--place {text!r}: {expected}") from None
     try:
         if name and len(numbers) in (3, 4):
-            return Change.place(name, Pose.from_rotvec(numbers[:3], (0.0, 0.0, *(numbers[3:] or [0.0]))))
+            return Supposed.place(name, Pose.from_rotvec(numbers[:3], (0.0, 0.0, *(numbers[3:] or [0.0]))))
         if name and len(numbers) == 7:
-            return Change.place(name, Pose(numbers[:3], numbers[3:]))
+            return Supposed.place(name, Pose(numbers[:3], numbers[3:]))
     except ValueError as error:
         raise ConfigError(f"--place {text!r}: {error}") from error
     raise ConfigError(f"--place {text!r}: {expected}")

@@ -19,7 +19,7 @@ import msgspec
 
 from dsr.crdt.context import CausalContext, Dot, DotRange, to_ranges
 from dsr.crdt.delta import Add, Delta, Write
-from dsr.crdt.store import Entry, Store
+from dsr.crdt.store import Incarnation, Store
 
 Place = tuple[str, int, str]
 """Where a piece begins: (replica id, counter) of a creation dot, and an attribute if one element fills several."""
@@ -81,7 +81,7 @@ def piece_of(store: Store, seen: CausalContext, begin: Place = START) -> Piece:
     return piece
 
 
-def _take(store: Store, entry: Entry, seen: CausalContext, piece: Piece) -> int:
+def _take(store: Store, entry: Incarnation, seen: CausalContext, piece: Piece) -> int:
     """Add what is missing of one element; returns its weight."""
     weight = 0
     first = piece.begin[2] if entry.dot == piece.begin[:2] else ""

@@ -25,12 +25,12 @@ MAX_WAITING = 10_000
 _MASK = (1 << 64) - 1
 
 
-class Entry:
+class Incarnation:
     """One incarnation of a node or edge."""
 
     __slots__ = ("announced", "destinations", "dot", "key", "registers", "sources", "type")
 
-    def __init__(self, add: Add | Entry) -> None:
+    def __init__(self, add: Add | Incarnation) -> None:
         self.dot: Dot = add.dot
         self.key: Key = add.key
         self.type: str = add.type
@@ -48,16 +48,16 @@ class Observer:
     def before_change(self, key: Key) -> None:
         """The element `key` is about to change; only told by a store that shares entries (`Store.owned`)."""
 
-    def entry_copied(self, old: Entry, new: Entry) -> None:
+    def entry_copied(self, old: Incarnation, new: Incarnation) -> None:
         """`new` takes the place of `old`, which others go on reading, and is about to change."""
 
-    def entry_added(self, entry: Entry) -> None:
+    def entry_added(self, entry: Incarnation) -> None:
         """`entry` became live, with the registers that came with it."""
 
-    def entry_removed(self, entry: Entry) -> None:
+    def entry_removed(self, entry: Incarnation) -> None:
         """`entry` is not live any more."""
 
-    def register_changed(self, entry: Entry, attribute: str) -> None:
+    def register_changed(self, entry: Incarnation, attribute: str) -> None:
         """A register got another value (or a tombstone)."""
 
 
@@ -69,8 +69,8 @@ class Store:
 
     def __init__(self, observer: Observer | None = None) -> None:
         self.context = CausalContext()
-        self.entries: MutableMapping[Dot, Entry] = {}
-        self.by_key: MutableMapping[Key, dict[Dot, Entry]] = {}
+        self.entries: MutableMapping[Dot, Incarnation] = {}
+        self.by_key: MutableMapping[Key, dict[Dot, Incarnation]] = {}
         self._order: OrderedDots | None = OrderedDots()
         self.owned: set[Dot] | None = None
         """If entries are shared with forks: those that nobody else reads. The others are copied before they change."""
@@ -106,7 +106,7 @@ class Store:
         if added:
             self._announce(added)
 
-    def _announce(self, added: list[Entry]) -> None:
+    def _announce(self, added: list[Incarnation]) -> None:
         """Nodes first, so that whoever looks on never sees an edge without its ends."""
         for entry in added:
             self.context.add(entry.dot)
@@ -149,14 +149,14 @@ class Store:
         self.fingerprint ^= dot_hash(dot)
         self._observer.entry_removed(entry)
 
-    def _add(self, add: Add) -> Entry | None:
+    def _add(self, add: Add) -> Incarnation | None:
         """A dot already in the context lives already, or was removed: then a late addition is void."""
         if add.dot in self.entries or add.dot in self.context:
             return None
         if self.owned is not None:
             self._observer.before_change(add.key)
             self.owned.add(add.dot)
-        entry = Entry(add)
+        entry = Incarnation(add)
         self.entries[add.dot] = entry
         self._take_place(add.dot)
         self.by_key.setdefault(add.key, {})[add.dot] = entry
@@ -176,7 +176,7 @@ class Store:
         self._set(entry, write)
         return True
 
-    def _set(self, entry: Entry, write: Write) -> None:
+    def _set(self, entry: Incarnation, write: Write) -> None:
         """Let the greater of `write` and what the register holds win."""
         current = entry.registers.get(write.attribute)
         if current is not None:
@@ -194,14 +194,14 @@ class Store:
         if entry.announced:
             self._observer.register_changed(entry, write.attribute)
 
-    def _settle_same(self, entry: Entry, write: Write, current: Write) -> None:
+    def _settle_same(self, entry: Incarnation, write: Write, current: Write) -> None:
         """The same write again, now durable, or made durable by two replicas: the greatest dot stays."""
         if write.dot is not None and (current.dot is None or write.dot > current.dot):
             if self.owned is not None:
                 entry = self._own(entry)
             entry.registers[write.attribute] = replace(current, dot=write.dot)
 
-    def find(self, dot: Dot) -> Entry | None:
+    def find(self, dot: Dot) -> Incarnation | None:
         """Find the live entry that was created under `dot`, with the registers that are written here; None if there is
         none.
         """
@@ -234,17 +234,17 @@ class Store:
         """Whether `dot` was seen: its element is here, or was removed."""
         return dot in self.context
 
-    def element(self, dot: Dot) -> Entry | None:
+    def element(self, dot: Dot) -> Incarnation | None:
         """Find the live node or edge under `dot`; None if there is none."""
         return self.entries.get(dot)
 
-    def _own(self, entry: Entry) -> Entry:
+    def _own(self, entry: Incarnation) -> Incarnation:
         """The entry as one that may change: others that read it keep the old one."""
         assert self.owned is not None
         if entry.dot in self.owned:
             return entry
         self._observer.before_change(entry.key)
-        copy = Entry(entry)
+        copy = Incarnation(entry)
         copy.registers = entry.registers.copy()
         copy.announced = entry.announced
         self.entries[entry.dot] = self.by_key[entry.key][entry.dot] = copy

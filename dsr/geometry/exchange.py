@@ -15,8 +15,8 @@ from dsr.clock import Clock
 from dsr.errors import MeshError, MeshNotFoundError, TransportError, WireError
 from dsr.geometry.cache import DiskCache, cache_folder
 from dsr.geometry.mesh import Mesh, is_hash
-from dsr.geometry.messages import Ask, Offer, decode_ask, encode_ask, encode_offer
-from dsr.geometry.shared import Place, SharedBytes
+from dsr.geometry.messages import AskForMesh, Offer, decode_ask, encode_ask, encode_offer
+from dsr.geometry.shared import SharedBytes, SharedPlace
 from dsr.geometry.store import MeshStore
 from dsr.geometry.transfer import EVERYBODY, Transfer
 from dsr.network.keys import Keys
@@ -175,7 +175,7 @@ class MeshExchange:
             while not self._is_elsewhere(hash):
                 if self._clock.monotonic() >= deadline or not others:
                     raise MeshNotFoundError(f"nobody else took mesh {hash} within {timeout:g} s")
-                payload = encode_ask(Ask(hash, keep=True))
+                payload = encode_ask(AskForMesh(hash, keep=True))
                 self._transport.request(self._keys.mesh(others[asked % len(others)]), payload, _ignore, _nothing, 1.0)
                 asked += 1
                 self._clock.wait(self._stopped, 0.1)
@@ -320,7 +320,7 @@ class MeshExchange:
         self._counts["sent"] += len(piece)
         return piece
 
-    def _place(self, mesh: Mesh) -> Place | None:
+    def _place(self, mesh: Mesh) -> SharedPlace | None:
         """Where others on this machine can read it, if the transport reaches them so."""
         if not self.shares_memory:
             return None
@@ -345,7 +345,7 @@ class MeshExchange:
                 found.set()
                 answered.set()
 
-        self._transport.request(self._keys.mesh(EVERYBODY), encode_ask(Ask(hash)), reply, answered.set, 1.0)
+        self._transport.request(self._keys.mesh(EVERYBODY), encode_ask(AskForMesh(hash)), reply, answered.set, 1.0)
         self._clock.wait(answered, 1.5)
         return found.is_set()
 

@@ -6,14 +6,14 @@ import msgspec
 
 from dsr.errors import WireError
 from dsr.geometry.mesh import MOST_BYTES, is_hash
-from dsr.geometry.shared import Place
+from dsr.geometry.shared import SharedPlace
 from dsr.network.decoding import decoded
 
 MOST_ASKED = 1 << 20
 """Bytes of one piece."""
 
 
-class Ask(msgspec.Struct, frozen=True, array_like=True):
+class AskForMesh(msgspec.Struct, frozen=True, array_like=True):
     """Whether the one asked has a mesh (answered by an `Offer`), or a piece of it (answered by just those bytes)."""
 
     hash: str
@@ -29,16 +29,16 @@ class Offer(msgspec.Struct, frozen=True, array_like=True):
 
     size: int
     """Number of the mesh's canonical bytes; 0 if the mesh is not here yet."""
-    place: Place | None = None
+    place: SharedPlace | None = None
     """Shared memory in which processes of the same machine can read the mesh; None if there is none."""
 
 
 _encoder = msgspec.msgpack.Encoder()
-_asks = msgspec.msgpack.Decoder(Ask)
+_asks = msgspec.msgpack.Decoder(AskForMesh)
 _offers = msgspec.msgpack.Decoder(Offer)
 
 
-def encode_ask(ask: Ask) -> bytes:
+def encode_ask(ask: AskForMesh) -> bytes:
     """Encode a request for a mesh; `decode_ask` reads it."""
     return _encoder.encode(ask)
 
@@ -48,7 +48,7 @@ def encode_offer(offer: Offer) -> bytes:
     return _encoder.encode(offer)
 
 
-def decode_ask(payload: bytes) -> Ask:
+def decode_ask(payload: bytes) -> AskForMesh:
     """Raises `WireError` also for a hash that is none, or a piece that nobody may ask for."""
     ask = decoded(payload, "request for a mesh", _asks.decode)
     if not is_hash(ask.hash) or not (0 <= ask.length <= MOST_ASKED and 0 <= ask.offset < MOST_BYTES):

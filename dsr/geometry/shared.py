@@ -22,7 +22,7 @@ _SEALS = fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_WRITE | fcntl.F_
 ) else 0  # fmt: skip
 
 
-class Place(msgspec.Struct, frozen=True, array_like=True):
+class SharedPlace(msgspec.Struct, frozen=True, array_like=True):
     """The place of bytes in shared memory, for readers on the same machine."""
 
     process: int
@@ -43,11 +43,11 @@ class SharedBytes:
         while view:
             view = view[os.write(descriptor, view) :]
         fcntl.fcntl(descriptor, fcntl.F_ADD_SEALS, _SEALS)
-        self.place = Place(os.getpid(), descriptor, len(data))
+        self.place = SharedPlace(os.getpid(), descriptor, len(data))
         """For readers."""
 
 
-def read_in_place(place: Place) -> memoryview:
+def read_in_place(place: SharedPlace) -> memoryview:
     """The bytes there, which stay while anything refers to them.
 
     Raises:

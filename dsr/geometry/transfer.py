@@ -19,7 +19,7 @@ from typing import NamedTuple, Protocol
 
 from dsr.errors import WireError
 from dsr.geometry.mesh import Mesh, hash_of
-from dsr.geometry.messages import MOST_ASKED, Ask, Offer, decode_offer, encode_ask
+from dsr.geometry.messages import MOST_ASKED, AskForMesh, Offer, decode_offer, encode_ask
 from dsr.geometry.shared import read_in_place
 from dsr.network.keys import agent_of
 
@@ -45,7 +45,7 @@ class Network(Protocol):
         """Ask one holder (replica id), or `EVERYBODY`; `on_reply(holder, payload)` for each answer, then `on_done`."""
 
 
-class Source(NamedTuple):
+class MeshSource(NamedTuple):
     """A replica that has the mesh."""
 
     holder: str
@@ -56,7 +56,7 @@ class Source(NamedTuple):
 class _Pieces:
     """What came of one source."""
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: MeshSource) -> None:
         self.source = source
         self.buffer = bytearray(source.offer.size)  # takes memory only where a piece was put
         self.to_ask = deque(range(0, source.offer.size, MOST_ASKED))
@@ -83,7 +83,7 @@ class Transfer:
         self.finished = threading.Event()
         self._network = network
         self._counts = counts
-        self._waiting: list[Source] = []
+        self._waiting: list[MeshSource] = []
         self._offers: Counter[str] = Counter()
         """How many came, by agent."""
         self._tried: Counter[str] = Counter()
@@ -95,7 +95,7 @@ class Transfer:
 
     def begin(self) -> None:
         """Ask all replicas who has the mesh."""
-        self._network.ask(EVERYBODY, encode_ask(Ask(self.hash)), self._take_offer, self._end_of_offers)
+        self._network.ask(EVERYBODY, encode_ask(AskForMesh(self.hash)), self._take_offer, self._end_of_offers)
 
     def look(self, now: float) -> None:
         """Turn to the sources whose turn it is at monotonic time `now` (s)."""
@@ -126,15 +126,15 @@ class Transfer:
             self._drop(holder, "malformed", str(error))
             return
         if offer.size:
-            self._waiting.append(Source(holder, offer))
+            self._waiting.append(MeshSource(holder, offer))
 
     def _end_of_offers(self) -> None:
         self._locating = False
 
-    def _read_in_place(self, source: Source) -> None:
+    def _read_in_place(self, source: MeshSource) -> None:
         """Have the mesh so, if it can be had; what does not match may have changed since, and comes in pieces."""
         assert source.offer.place is not None
-        self._waiting.append(Source(source.holder, Offer(source.offer.size)))
+        self._waiting.append(MeshSource(source.holder, Offer(source.offer.size)))
         try:
             data = read_in_place(source.offer.place)
         except (OSError, ValueError) as error:
@@ -143,7 +143,7 @@ class Transfer:
         if self._verify(source, data):
             self._counts["in_place"] += len(data)
 
-    def _begin_pieces(self, source: Source) -> None:
+    def _begin_pieces(self, source: MeshSource) -> None:
         try:
             pieces = _Pieces(source)
         except MemoryError:
@@ -160,7 +160,7 @@ class Transfer:
         length = min(MOST_ASKED, pieces.source.offer.size - offset)
         self._network.ask(
             pieces.source.holder,
-            encode_ask(Ask(self.hash, offset, length)),
+            encode_ask(AskForMesh(self.hash, offset, length)),
             lambda _, payload: self._take_piece(pieces, offset, length, payload),
             lambda: self._end_of_piece(pieces, offset),
         )
@@ -185,7 +185,7 @@ class Transfer:
             self._running.remove(pieces)
             self._drop(pieces.source.holder, "silent", "it does not answer")
 
-    def _verify(self, source: Source, data: memoryview) -> bool:
+    def _verify(self, source: MeshSource, data: memoryview) -> bool:
         """Finish with these bytes if they are the mesh."""
         if hash_of(data) != self.hash:
             self._drop(source.holder, "mismatched", "its bytes do not match the hash")

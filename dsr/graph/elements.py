@@ -8,31 +8,31 @@ from typing import Any
 from dsr.crdt.context import Dot
 from dsr.crdt.delta import TOMBSTONE, Key, Write
 from dsr.crdt.hlc import physical_time
-from dsr.crdt.store import Entry
+from dsr.crdt.store import Incarnation
 from dsr.errors import GraphError, suggest
 from dsr.graph.schema import POSE_FIELDS
 from dsr.math3d.transforms import Pose
 
 
-def type_of(entries: tuple[Entry, ...]) -> str:
+def type_of(entries: tuple[Incarnation, ...]) -> str:
     """The type that the incarnations of one element have together: that of the greatest creation dot."""
     return entries[0].type if len(entries) == 1 else max(entries, key=lambda entry: entry.dot).type
 
 
-def winner(entries: tuple[Entry, ...], attribute: str) -> Write | None:
+def winner(entries: tuple[Incarnation, ...], attribute: str) -> Write | None:
     """The winning write among the incarnations of one element; of writes under one stamp, that to the greatest dot."""
     writes = [entry.registers[attribute] for entry in entries if attribute in entry.registers]
     return max(writes, key=lambda write: (write.stamp, write.writer, write.owner)) if writes else None
 
 
-def write_in(entries: tuple[Entry, ...], attribute: str) -> Write | None:
+def write_in(entries: tuple[Incarnation, ...], attribute: str) -> Write | None:
     """The winning write among the incarnations of one element, quickly of a single one."""
     if len(entries) == 1:
         return entries[0].registers.get(attribute)
     return winner(entries, attribute) if entries else None
 
 
-def stored(entries: tuple[Entry, ...], attribute: str) -> Any:
+def stored(entries: tuple[Incarnation, ...], attribute: str) -> Any:
     """The winning value among the incarnations of one element; `TOMBSTONE` if none is set."""
     write = write_in(entries, attribute)
     return TOMBSTONE if write is None else write.value
@@ -42,7 +42,7 @@ class _Element(Mapping[str, Any]):
     """Attributes of a node or an edge, by name."""
 
     __slots__ = ("_entries",)
-    _entries: tuple[Entry, ...]
+    _entries: tuple[Incarnation, ...]
 
     @property
     def type(self) -> str:
@@ -118,7 +118,7 @@ class Node(_Element):
 
     __slots__ = ("name",)
 
-    def __init__(self, name: str, entries: tuple[Entry, ...]) -> None:
+    def __init__(self, name: str, entries: tuple[Incarnation, ...]) -> None:
         self._entries = entries
         self.name = name
 
@@ -135,7 +135,7 @@ class Edge(_Element):
 
     __slots__ = ("dst", "src", "type_name")
 
-    def __init__(self, key: tuple[str, str, str], entries: tuple[Entry, ...]) -> None:
+    def __init__(self, key: tuple[str, str, str], entries: tuple[Incarnation, ...]) -> None:
         self._entries = entries
         self.src, self.dst, self.type_name = key
 

@@ -12,7 +12,7 @@ from typing import Any
 from dsr.crdt.context import Dot
 from dsr.crdt.delta import TOMBSTONE, Add, Delta, EdgeKey, Key, Write
 from dsr.crdt.hlc import HybridClock
-from dsr.crdt.store import Entry, Store
+from dsr.crdt.store import Incarnation, Store
 from dsr.errors import EdgeNotFoundError, NodeNotFoundError, suggest
 from dsr.graph.elements import Edge, Node, key_of, type_of
 from dsr.graph.far_stamps import FarStamps
@@ -42,7 +42,7 @@ class Graph(Stamping):
         """Keys of edges by the names of their ends, visible or not."""
         self.why_empty = ""
         """For people, why it holds nothing."""
-        self._unattached: dict[Dot, Entry] = {}
+        self._unattached: dict[Dot, Incarnation] = {}
         self.counter = 0
         """How many dots were issued here under the replica id."""
 
@@ -148,7 +148,7 @@ class Graph(Stamping):
     def _entries_of(self, key: Key, add: Add | None) -> list[Dot]:
         return [add.dot] if add else [entry.dot for entry in self.live(key)]
 
-    def live(self, key: Key) -> list[Entry]:
+    def live(self, key: Key) -> list[Incarnation]:
         """All incarnations of an element that live; the graph must be locked."""
         return list(self.store.by_key.get(key, {}).values())
 
@@ -232,7 +232,7 @@ class Graph(Stamping):
 
     # ---- what the store reports: keep the visible elements and the indexes
 
-    def entry_added(self, entry: Entry) -> None:
+    def entry_added(self, entry: Incarnation) -> None:
         """Show the new incarnation and what depends on it."""
         if isinstance(entry.key, str):
             self._refresh_node(entry.key)
@@ -250,7 +250,7 @@ class Graph(Stamping):
         for name in key[:2]:
             self.incident.setdefault(name, {})[key] = None
 
-    def entry_removed(self, entry: Entry) -> None:
+    def entry_removed(self, entry: Incarnation) -> None:
         """Hide the incarnation and what depended on it."""
         if isinstance(entry.key, str):
             self._refresh_edges_at(entry.key)
@@ -267,7 +267,7 @@ class Graph(Stamping):
                         del self.incident[name]
         self._refresh_edge(entry.key)
 
-    def register_changed(self, entry: Entry, attribute: str) -> None:
+    def register_changed(self, entry: Incarnation, attribute: str) -> None:
         """Pass on a change of a visible element."""
         element = self._visible(entry.key)
         if element is not None and entry in element._entries:
@@ -289,7 +289,7 @@ class Graph(Stamping):
             self.nodes_by_type.setdefault(node.type, {})[name] = node
             self.watches.added(node)
 
-    def _change_node(self, node: Node, entries: tuple[Entry, ...]) -> None:
+    def _change_node(self, node: Node, entries: tuple[Incarnation, ...]) -> None:
         """Another incarnation came or went; for watches, a node of another type is another node."""
         type = type_of(entries)
         if type == node.type:
@@ -301,7 +301,7 @@ class Graph(Stamping):
         self.nodes_by_type.setdefault(type, {})[node.name] = node
         self.watches.added(node)
 
-    def _change_incarnations(self, element: Node | Edge, entries: tuple[Entry, ...]) -> None:
+    def _change_incarnations(self, element: Node | Edge, entries: tuple[Incarnation, ...]) -> None:
         """Another incarnation of a visible element came or went: its values may be others now."""
         before = dict(element)
         others = element._entries != entries
@@ -340,18 +340,18 @@ class Graph(Stamping):
     def _edge_indexes(self, key: EdgeKey) -> list[tuple[Groups[EdgeKey, Edge], str]]:
         return [(self.edges_out, key[0]), (self.edges_in, key[1]), (self.edges_by_type, key[2])]
 
-    def _has_ends(self, entry: Entry) -> bool:
+    def _has_ends(self, entry: Incarnation) -> bool:
         live = self.store.entries.keys()
         return not live.isdisjoint(entry.sources) and not live.isdisjoint(entry.destinations)
 
-    def _is_dead(self, entry: Entry) -> bool:
+    def _is_dead(self, entry: Incarnation) -> bool:
         """Whether an end was removed for good: then the edge can never be seen again."""
         live, seen = self.store.entries, self.store.context
         return any(
             all(dot in seen and dot not in live for dot in ends) for ends in (entry.sources, entry.destinations)
         )
 
-    def _detach_or_bury(self, entries: list[Entry]) -> None:
+    def _detach_or_bury(self, entries: list[Incarnation]) -> None:
         """Look again at edges that have lost an end: another incarnation of it may be still to come."""
         for entry in entries:
             if not self._has_ends(entry):
@@ -367,7 +367,7 @@ class Graph(Stamping):
                 del self._unattached[dot]
                 self._bury([entry])
 
-    def _bury(self, dead: list[Entry]) -> None:
+    def _bury(self, dead: list[Incarnation]) -> None:
         """Drop edges that no replica can ever show again, so that state does not grow with history."""
         delta = Delta()
         delta.removed = [entry.dot for entry in dead]

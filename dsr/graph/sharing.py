@@ -8,7 +8,7 @@ from typing import Protocol, TypeVar
 
 from dsr.crdt.context import Dot
 from dsr.crdt.delta import EdgeKey, Key
-from dsr.crdt.store import Entry, Observer, Store
+from dsr.crdt.store import Incarnation, Observer, Store
 from dsr.graph.elements import Edge, Node
 from dsr.graph.watches import Watches
 
@@ -52,7 +52,7 @@ class Sharing(Observer):
         if not self._forks:
             self.store.owned = None
 
-    def element(self, dot: Dot) -> Entry | None:
+    def element(self, dot: Dot) -> Incarnation | None:
         """Find the live entry under a creation dot, in this graph or in its parent; None if there is none."""
         return self.store.entries.get(dot)
 
@@ -79,7 +79,7 @@ class Sharing(Observer):
             if fork is not None:
                 fork.take_over(key)
 
-    def entry_copied(self, old: Entry, new: Entry) -> None:
+    def entry_copied(self, old: Incarnation, new: Incarnation) -> None:
         """Show the copy, which is about to change, in the place of the one that forks read."""
         element = self._visible(new.key)
         if element is not None:

@@ -14,7 +14,7 @@ from typing import NamedTuple
 from dsr.crdt.context import Dot
 from dsr.crdt.delta import TOMBSTONE, Add, Delta, EdgeKey, Key, Write
 from dsr.crdt.hlc import MAX_LEAD, MAX_STAMP, HybridClock, stamp_at
-from dsr.crdt.store import Entry
+from dsr.crdt.store import Incarnation
 from dsr.errors import NoRoomError
 from dsr.graph.elements import Edge, Node
 from dsr.graph.far_stamps import FAR, FarStamps
@@ -40,7 +40,7 @@ class Stamping(Sharing):
     """Noticed stamps of the far future, which no honest clock can have made."""
     counter: int
 
-    def live(self, key: Key) -> list[Entry]:
+    def live(self, key: Key) -> list[Incarnation]:
         """See `Graph.live`."""
         raise NotImplementedError
 

@@ -36,7 +36,7 @@ class Change(msgspec.Struct, frozen=True):
     """An edge's destination; empty for a node."""
 
 
-class Filter(msgspec.Struct, frozen=True):
+class ChangeFilter(msgspec.Struct, frozen=True):
     """A filter of changes; None means any. Node and edge types alone exclude the other element.
 
     The list of worlds is no part of a world: its nodes are reported only if asked for by their type.
@@ -84,7 +84,7 @@ class _Pending:
 class Watch:
     """Changes that match a filter. Iterate to wait for them, or `poll` to take the present ones."""
 
-    def __init__(self, wanted: Filter, notify: Callable[[], None] | None = None) -> None:
+    def __init__(self, wanted: ChangeFilter, notify: Callable[[], None] | None = None) -> None:
         self._filter = wanted
         self._notify = notify
         self._pending: dict[Key, _Pending] = {}

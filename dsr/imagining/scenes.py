@@ -12,7 +12,7 @@ from dsr.math3d.shapes import from_numbers
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.vocabulary.relations import SURFACES, THINGS, is_present
-from dsr.vocabulary.what_if import Answer, Change
+from dsr.vocabulary.what_if import Answer, Supposed
 
 IMAGINED = "imagination"
 """`source` of edges `on` that follow from an imagined scene."""
@@ -33,7 +33,7 @@ def place_of(memory: Memory, name: str) -> Pose | None:
 
 def differences(
     base: Memory, world: Memory, *, held: Collection[str] = (), elsewhere: Mapping[str, Pose] = NOTHING
-) -> tuple[Change, ...]:
+) -> tuple[Supposed, ...]:
     """List the changes that turn the believed scene of the base into the scene of another world.
 
     What the base does not believe to be anywhere is added, if it tells its `size`.
@@ -51,13 +51,13 @@ def differences(
         now = elsewhere.get(name) or place_of(world, name)
         if now is None:
             if before is not None:
-                changes.append(Change.remove(name))
+                changes.append(Supposed.remove(name))
         elif before is None:
             changes += _added(world.node(name), now)
         elif name in held:
-            changes.append(Change.hold(name, now))
+            changes.append(Supposed.hold(name, now))
         elif name in elsewhere or _is_elsewhere(before, now):
-            changes.append(Change.place(name, now))
+            changes.append(Supposed.place(name, now))
     return tuple(changes)
 
 
@@ -83,7 +83,7 @@ def _rest(world: Memory, name: str, supports: Collection[str]) -> None:
             world.add_edge(name, support, "on", source=IMAGINED)
 
 
-def _added(node: Node, pose: Pose) -> list[Change]:
+def _added(node: Node, pose: Pose) -> list[Supposed]:
     size = node.get("size")
     if not isinstance(size, tuple) or len(size) != 3:
         return []
@@ -92,7 +92,7 @@ def _added(node: Node, pose: Pose) -> list[Change]:
     except SchemaError:
         return []
     mass, friction = node.get("mass", _MASS), node.get("friction", _FRICTION)
-    return [Change.add(node.name, pose, (size[0], size[1], size[2]), shape, mass, friction)]
+    return [Supposed.add(node.name, pose, (size[0], size[1], size[2]), shape, mass, friction)]
 
 
 def _is_elsewhere(before: Pose, now: Pose) -> bool:

@@ -8,14 +8,14 @@ from typing import Protocol, TypeVar
 from dsr.network.transport import MAX_ASKERS
 
 
-class Request(Protocol):
+class OpenRequest(Protocol):
     """A request that waits for an answer."""
 
     def drop(self) -> None:
         """Tell the asker that no answer comes."""
 
 
-R = TypeVar("R", bound=Request)
+R = TypeVar("R", bound=OpenRequest)
 
 
 def newest_of_each(

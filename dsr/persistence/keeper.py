@@ -26,7 +26,7 @@ from dsr.files.private_files import lock_file, private_folder
 from dsr.forking import leave_to_parent
 from dsr.memory import Memory
 from dsr.persistence.generations import Generations
-from dsr.persistence.pending import Pending, pieces
+from dsr.persistence.pending import PendingWrites, pieces
 from dsr.persistence.records import append_record
 from dsr.replication.collector import collector_paused
 from dsr.replication.wire import encode_delta
@@ -61,7 +61,7 @@ class StateKeeper:
         self._clock = memory.clock
         self._lock = memory.replica.lock
         self._graph = memory.replica.graph
-        self._pending = Pending()
+        self._pending = PendingWrites()
         self._journal: IO[bytes] | None = None
         self._journal_size = self._snapshot_size = 0
         self._retry_at: float | None = None
@@ -185,7 +185,7 @@ class StateKeeper:
             _log.error("the state cannot be kept in %s (%s); trying again every %g s", self.folder, reason, RETRY)
         with self._lock:
             self._graph.store.recorder = None
-            self._pending = Pending()
+            self._pending = PendingWrites()
         if self._journal is not None:
             with contextlib.suppress(OSError):
                 self._journal.close()

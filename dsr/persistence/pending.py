@@ -16,7 +16,7 @@ _PIECE = 200
 """Nodes and edges copied at a time: a writer waits no longer than that takes (about 0.5 ms)."""
 
 
-class Pending:
+class PendingWrites:
     """Everything that was joined since the last `take`; of each attribute only the write that won.
 
     The dots of the others count as seen with it. A synchronisation reply accounts for what was there before it and does

@@ -29,7 +29,7 @@ class Voice(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Verdict:
+class ClockVerdict:
     """The agreement of this process's clock with those of other agents."""
 
     agents: int = 0
@@ -70,14 +70,14 @@ class Verdict:
         return f"{', '.join(parts)}, or this one is wrong" if parts else ""
 
 
-def verdict(voices: Iterable[Voice]) -> Verdict:
+def verdict(voices: Iterable[Voice]) -> ClockVerdict:
     """The verdict of what was heard lately; of an agent with several replicas only the newest word counts."""
     newest: dict[str, Voice] = {}
     for voice in sorted(voices, key=lambda voice: voice.heard_at):
         newest[agent_of(voice.rid) or voice.rid] = voice
     slower = sorted(agent for agent, voice in newest.items() if voice.sees_us_ahead)
     faster = sorted(agent for agent, voice in newest.items() if voice.is_ahead)
-    return Verdict(len(newest), tuple(slower), tuple(faster))
+    return ClockVerdict(len(newest), tuple(slower), tuple(faster))
 
 
 def _named(agents: tuple[str, ...]) -> str:

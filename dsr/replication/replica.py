@@ -27,7 +27,7 @@ from dsr.replication.parcels import parcels
 from dsr.replication.piece_wire import asker_of, encode_piece
 from dsr.replication.polling import Poller
 from dsr.replication.renaming import going_on_as, next_id
-from dsr.replication.sync import REQUEST_TIMEOUT, Gate, Synchroniser
+from dsr.replication.sync import REQUEST_TIMEOUT, ChangeGate, Synchroniser
 from dsr.replication.wire import encode_delta
 
 MAX_INBOX = 10_000
@@ -76,7 +76,7 @@ class Replica:
         clock: Clock,
         keys: Keys,
         agent: str,
-        gate: Gate | None = None,
+        gate: ChangeGate | None = None,
         lock: threading.RLock | None = None,
     ) -> None:
         self.graph = graph

@@ -12,7 +12,7 @@ from dsr.errors import AgentError, ClockDriftError, NoRoomError
 from dsr.graph.elements import Edge, Node, key_of
 from dsr.graph.far_stamps import FarStamp, far_stamps
 from dsr.graph.graph import Graph
-from dsr.replication.clock_votes import Verdict
+from dsr.replication.clock_votes import ClockVerdict
 from dsr.replication.replica import Replica
 
 
@@ -48,7 +48,7 @@ class StampAccess:
         raise NotImplementedError
 
     @property
-    def clocks(self) -> Verdict:
+    def clocks(self) -> ClockVerdict:
         """Describe in words how this process's clock agrees with those of the other agents."""
         return self._replica.synchroniser.clocks
 

@@ -37,7 +37,7 @@ from dsr.crdt.store import Store
 from dsr.errors import WireError
 from dsr.graph.graph import Graph
 from dsr.replication.claims import Claims, without_word_of
-from dsr.replication.clock_votes import Verdict, Voice, verdict
+from dsr.replication.clock_votes import ClockVerdict, Voice, verdict
 from dsr.replication.collector import collector_paused
 from dsr.replication.complaints import Complaints
 from dsr.replication.fetching import Fetch, is_refusal
@@ -61,7 +61,7 @@ JOIN_RETRY = 0.02
 """s after which a newcomer asks the same peer again, whose answer found no way yet."""
 
 
-class Gate(Protocol):
+class ChangeGate(Protocol):
     """Selects the part of an arriving message that may be joined; see dsr/security/gate.py."""
 
     def delta(self, sender: str, delta: Delta, store: Store) -> Delta:
@@ -79,7 +79,7 @@ class Synchroniser:
     """Keeps one graph in step with its peers."""
 
     graph: Graph
-    gate: Gate | None = None
+    gate: ChangeGate | None = None
     """Checks arriving messages; None if everybody is believed."""
     joined: bool = False
     complaints: Complaints = field(default_factory=Complaints)
@@ -87,7 +87,7 @@ class Synchroniser:
     """Replies that brought something that was missing."""
     new_ids: int = 0
     """Number of times when this replica took another id."""
-    clocks: Verdict = field(default_factory=Verdict)
+    clocks: ClockVerdict = field(default_factory=ClockVerdict)
     """How our clock stands beside those of the agents heard of lately."""
     pieces: int = 0
     """Pieces of replies that came when they were asked for, of those who had not given all they have before."""
@@ -420,7 +420,7 @@ class Synchroniser:
         if kind in ("ahead", "behind") or self.clocks.slower:  # single ones that are ahead are told by `receive_digest`
             self.complaints.say(self.graph.rid, f"%s: clocks {kind}: %s", self.clocks)
 
-    def _verdict(self, now: float) -> Verdict:
+    def _verdict(self, now: float) -> ClockVerdict:
         return verdict(
             Voice(rid, peer.heard_at, self.graph.rid in peer.digest.ahead, peer.ahead)
             for rid, peer in self._peers.items()

@@ -39,7 +39,7 @@ EXIT_USAGE = 2
 _log = logging.getLogger("dsr.agent")
 
 
-class Stop(threading.Event):
+class StopSignal(threading.Event):
     """Set when an agent's process is to end; `bell` is set with it, and whenever the agent asks to be woken."""
 
     def __init__(self) -> None:
@@ -61,7 +61,7 @@ def run_command_line(kind: type[Agent], arguments: Sequence[str] | None = None) 
     """Run an agent with command line `arguments` until a signal; returns the exit code."""
     options = _parser(kind).parse_args(arguments)
     log_to_terminal(options.name, options.log_level)
-    stop = Stop()
+    stop = StopSignal()
     launcher_is_gone = follow_launcher(os.environ, stop)
     try:
         graph = running_graph(options.graph)
@@ -100,7 +100,7 @@ def run_process(
     config: dict[str, Any],
     router: str | None,
     seed: int,
-    stop: Stop,
+    stop: StopSignal,
 ) -> None:
     """Join `graph` as agent `name` and tick until `stop` is set; raises what ends the agent otherwise."""
     kind = kind.configured(config)
@@ -135,7 +135,7 @@ def _join(
     return None, bus, rid
 
 
-def _run_ticks(runner: Runner, stop: Stop) -> None:
+def _run_ticks(runner: Runner, stop: StopSignal) -> None:
     """Tick on schedule and when woken, and tell the status in between if the ticks are far apart."""
     clock = runner.agent.clock
     schedule = Schedule(clock.monotonic(), runner.agent.rate_hz)

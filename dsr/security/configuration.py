@@ -12,7 +12,7 @@ import msgspec
 
 from dsr.network.keys import PROTOCOL, Keys, descriptor_key
 from dsr.security.authority import SecurityFolder
-from dsr.security.policy import Grant, Policy
+from dsr.security.policy import AccessPolicy, Grant
 
 _ASK = ["declare_subscriber", "query", "declare_liveliness_subscriber", "liveliness_query"]
 _TELL = ["put", "reply", "declare_queryable", "liveliness_token"]
@@ -31,7 +31,7 @@ class _EveryGraph(Keys):
         self.state = f"{self.root}/world/*/*" if worlds else self.root
 
 
-def zenoh_settings(folder: SecurityFolder, policy: Policy, agent: str) -> dict[str, Any]:
+def zenoh_settings(folder: SecurityFolder, policy: AccessPolicy, agent: str) -> dict[str, Any]:
     """Make the settings that secure a Zenoh session of `agent`, by configuration key."""
     path = folder.path.resolve()
     files = SecurityFolder(path)
@@ -52,7 +52,7 @@ def zenoh_settings(folder: SecurityFolder, policy: Policy, agent: str) -> dict[s
     }
 
 
-def access_control(policy: Policy) -> dict[str, Any]:
+def access_control(policy: AccessPolicy) -> dict[str, Any]:
     """The rules: all in the policy may ask and be told everything, and tell only on keys of their own; relays on all.
 
     Who is connected to a relay hears others through it, and trusts it to have checked who they are as we would.
@@ -99,7 +99,7 @@ def _rule(name: str, flows: list[str], messages: list[str], keys: list[str]) -> 
     return {"id": name, "permission": "allow", "flows": flows, "messages": messages, "key_exprs": keys}
 
 
-def write_configuration(folder: SecurityFolder, policy: Policy, agent: str) -> None:
+def write_configuration(folder: SecurityFolder, policy: AccessPolicy, agent: str) -> None:
     """Write the configuration of `agent` to its file, as an example for other programs."""
     relay = policy.grant(agent).relay
     whole: dict[str, Any] = {

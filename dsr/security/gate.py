@@ -25,7 +25,7 @@ from dsr.crdt.store import Store
 from dsr.errors import AgentError
 from dsr.network.keys import agent_of
 from dsr.replication.claims import accounted_for
-from dsr.security.policy import Policy
+from dsr.security.policy import AccessPolicy
 
 _log = logging.getLogger("dsr.security")
 
@@ -33,7 +33,7 @@ _log = logging.getLogger("dsr.security")
 class Gate:
     """The door of one replica; implements `dsr.replication.sync.Gate`."""
 
-    def __init__(self, policy: Policy) -> None:
+    def __init__(self, policy: AccessPolicy) -> None:
         self.refused: Counter[str] = Counter()
         """Changes that were refused, by replica id of the sender."""
         self._guards = policy.guards()

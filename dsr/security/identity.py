@@ -15,7 +15,7 @@ from dsr.network.transport import Transport
 from dsr.security.authority import SecurityFolder
 from dsr.security.configuration import zenoh_settings
 from dsr.security.gate import Gate
-from dsr.security.policy import Grant, Policy, read_policy
+from dsr.security.policy import AccessPolicy, Grant, read_policy
 from dsr.security.silent_transport import SilentTransport
 
 
@@ -25,7 +25,7 @@ class Identity:
 
     agent: str
     grant: Grant
-    policy: Policy
+    policy: AccessPolicy
     zenoh: dict[str, Any]
     """Settings of its Zenoh session."""
     files: SecurityFolder

@@ -50,7 +50,7 @@ class Grant(msgspec.Struct, frozen=True, omit_defaults=True):
         return Access(self.nodes, self.edges, self.attributes)
 
 
-class Policy(msgspec.Struct, frozen=True):
+class AccessPolicy(msgspec.Struct, frozen=True):
     """The grants by agent name; whoever is not listed may nothing, not even read."""
 
     agents: dict[str, Grant]
@@ -84,22 +84,22 @@ def standard_grants() -> dict[str, Grant]:
     return {LAUNCHER: Grant(publishes=("device/**",), trusted=True), READER: Grant(read_only=True)}
 
 
-def read_policy(file: Path) -> Policy:
+def read_policy(file: Path) -> AccessPolicy:
     """The policy in `file`. Raises `ConfigError`, also for one that contradicts itself."""
     try:
         data = msgspec.json.decode(read_text(file))
     except (ConfigError, msgspec.MsgspecError) as error:
         raise ConfigError(f"no security policy can be read ({error}); make one with: dsr security init",
                           file=str(file)) from error  # fmt: skip
-    return checked(convert(data, Policy, str(file)).agents)
+    return checked(convert(data, AccessPolicy, str(file)).agents)
 
 
-def write_policy(file: Path, policy: Policy) -> None:
+def write_policy(file: Path, policy: AccessPolicy) -> None:
     """Write `policy` so that people can read it."""
     file.write_bytes(msgspec.json.format(msgspec.json.encode(policy), indent=2) + b"\n")
 
 
-def checked(agents: Mapping[str, Grant]) -> Policy:
+def checked(agents: Mapping[str, Grant]) -> AccessPolicy:
     """The policy with these grants. Raises `ConfigError` unless names and keys can be told apart."""
     for name, grant in agents.items():
         check_name("agent name", name)
@@ -112,4 +112,4 @@ def checked(agents: Mapping[str, Grant]) -> Policy:
                                   f"'blob/**', that does not begin with {', '.join(_OWN_TRAFFIC)}")  # fmt: skip
         if (grant.read_only or grant.relay) and grant not in (Grant(read_only=True), Grant(relay=True)):
             raise ConfigError(f"agent {name!r} is {'read-only' if grant.read_only else 'a relay'}, but may do more")
-    return Policy(dict(agents))
+    return AccessPolicy(dict(agents))

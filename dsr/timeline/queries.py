@@ -52,7 +52,7 @@ def query(
     Raises:
         ConfigError: for an unknown type or relation, a relation without `of`, and what is no name or no time.
     """
-    question = Question(
+    question = TimelineQuestion(
         type=type, kind=kind, participants=participants, during=during, since=since, until=until, source=source,
         open=open, relation=relation, of=of,
     )  # fmt: skip
@@ -66,7 +66,7 @@ def query(
     return sorted(found, key=lambda entry: (entry.begin, entry.name))
 
 
-class Question:
+class TimelineQuestion:
     """A query of a timeline that can be asked again; arguments as those of `query`, with the same errors."""
 
     def __init__(

@@ -6,7 +6,7 @@ came_into_sight = [change.thing for change in monitor.update() if change.seen]
 """
 
 from dsr.visibility.bodies import Posed, bodies_of, body_at, placed, read_posed, shape_of_thing
-from dsr.visibility.looking import BAND, LEAST_PIXELS, LEAST_SHARE, Scene, is_enough, is_seen, visibility
+from dsr.visibility.looking import BAND, LEAST_PIXELS, LEAST_SHARE, VisibleScene, is_enough, is_seen, visibility
 from dsr.visibility.monitor import SightChange, VisibilityMonitor
 from dsr.visibility.perspectives import (
     CAMERA,
@@ -18,7 +18,7 @@ from dsr.visibility.perspectives import (
     lens_of,
     read_perspectives,
 )
-from dsr.visibility.picture import Body, Glance, Picture
+from dsr.visibility.picture import Body, Picture, VisibleFraction
 
 __all__ = [
     "BAND",
@@ -30,13 +30,13 @@ __all__ = [
     "PERSPECTIVES",
     "WIDTH",
     "Body",
-    "Glance",
     "Perspective",
     "Picture",
     "Posed",
-    "Scene",
     "SightChange",
     "VisibilityMonitor",
+    "VisibleFraction",
+    "VisibleScene",
     "bodies_of",
     "body_at",
     "is_enough",

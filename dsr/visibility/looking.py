@@ -8,9 +8,9 @@ from typing import NamedTuple
 from dsr.memory import Memory
 from dsr.visibility.bodies import Posed, bodies_of, read_posed
 from dsr.visibility.perspectives import PERSON, WIDTH, Perspective, read_perspectives
-from dsr.visibility.picture import Body, Glance, Picture
+from dsr.visibility.picture import Body, Picture, VisibleFraction
 
-Sights = Mapping[tuple[str, str], Glance]
+Sights = Mapping[tuple[str, str], VisibleFraction]
 """Glances by (name of the perspective, name of the thing)."""
 
 LEAST_SHARE = 0.2
@@ -21,7 +21,7 @@ LEAST_PIXELS = 3
 """Least number of pixels of a visible thing."""
 
 
-class Scene(NamedTuple):
+class VisibleScene(NamedTuple):
     """The bodies of a world that can be seen, or hide others."""
 
     bodies: list[Body]
@@ -31,12 +31,12 @@ class Scene(NamedTuple):
     """Names of the persons."""
 
     @staticmethod
-    def of(memory: Memory, posed: list[Posed] | None = None) -> Scene:
+    def of(memory: Memory, posed: list[Posed] | None = None) -> VisibleScene:
         """The scene of a world, or of what was read of it."""
         posed = read_posed(memory) if posed is None else posed
         things = frozenset(one.name for one in posed if one.is_thing)
         persons = frozenset(one.name for one in posed if one.kind == PERSON)
-        return Scene(bodies_of(memory, posed), things, persons)
+        return VisibleScene(bodies_of(memory, posed), things, persons)
 
     def seen_from(self, perspective: Perspective) -> Picture:
         """Draw the scene from a perspective. A perspective's own body hides nothing from it."""
@@ -44,7 +44,9 @@ class Scene(NamedTuple):
         return Picture(perspective.world_from_view, perspective.lens, others, self.things | self.persons)
 
 
-def visibility(memory: Memory, names: Iterable[str] | None = None, width: int = WIDTH) -> dict[tuple[str, str], Glance]:
+def visibility(
+    memory: Memory, names: Iterable[str] | None = None, width: int = WIDTH
+) -> dict[tuple[str, str], VisibleFraction]:
     """Compute how much of every thing is seen from every perspective of a world, by (perspective, thing).
 
     Args:
@@ -56,7 +58,7 @@ def visibility(memory: Memory, names: Iterable[str] | None = None, width: int = 
         ConfigError: for a name of no perspective, or a width that no picture has.
     """
     perspectives = read_perspectives(memory, names, width)
-    scene = Scene.of(memory)
+    scene = VisibleScene.of(memory)
     return {
         (perspective.name, thing): picture.glance(thing)
         for perspective in perspectives
@@ -70,6 +72,6 @@ def is_enough(share: float, was_seen: bool, least_share: float = LEAST_SHARE, ba
     return share >= least_share - (band if was_seen else 0.0)
 
 
-def is_seen(glance: Glance, least_share: float = LEAST_SHARE, least_pixels: int = LEAST_PIXELS) -> bool:
+def is_seen(glance: VisibleFraction, least_share: float = LEAST_SHARE, least_pixels: int = LEAST_PIXELS) -> bool:
     """Whether a glance shows enough of a thing to call it visible."""
     return glance.share >= least_share and glance.pixels >= least_pixels

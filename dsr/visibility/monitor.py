@@ -9,9 +9,9 @@ import numpy as np
 
 from dsr.memory import Memory
 from dsr.visibility.bodies import Posed, read_posed
-from dsr.visibility.looking import BAND, LEAST_PIXELS, LEAST_SHARE, Scene, is_enough
+from dsr.visibility.looking import BAND, LEAST_PIXELS, LEAST_SHARE, VisibleScene, is_enough
 from dsr.visibility.perspectives import PERSON, PERSPECTIVES, WIDTH, Perspective, read_perspectives
-from dsr.visibility.picture import Glance, Picture
+from dsr.visibility.picture import Picture, VisibleFraction
 
 _STILL = 3e-4  # m, and of the entries of rotation matrices: what moved by less is where it was
 _SWAYS = 5e-3  # likewise, of persons
@@ -24,7 +24,7 @@ class SightChange(NamedTuple):
     perspective: str
     thing: str
     seen: bool
-    glance: Glance
+    glance: VisibleFraction
 
 
 class VisibilityMonitor:
@@ -61,15 +61,15 @@ class VisibilityMonitor:
         self._least_share, self._least_pixels, self._band, self._width = least_share, least_pixels, band, width
         self._posed: list[Posed] = []
         self._drawn: dict[str, tuple[Perspective, Picture]] = {}
-        self._glances: dict[tuple[str, str], Glance] = {}
+        self._glances: dict[tuple[str, str], VisibleFraction] = {}
         self._seen: frozenset[tuple[str, str]] = frozenset()
-        self.scene = Scene([], frozenset())
+        self.scene = VisibleScene([], frozenset())
         """What there was at the last look."""
         self.pictures = 0
         """How many were drawn."""
 
     @property
-    def glances(self) -> Mapping[tuple[str, str], Glance]:
+    def glances(self) -> Mapping[tuple[str, str], VisibleFraction]:
         """Glances of the last look, by (perspective, thing), for all perspectives."""
         return self._glances
 
@@ -96,7 +96,7 @@ class VisibilityMonitor:
         posed = read_posed(self._memory)
         if not _is_same(posed, self._posed) or any(one.meshes for one in posed):
             self._posed, self._drawn = posed, {}
-            self.scene = Scene.of(self._memory, posed)
+            self.scene = VisibleScene.of(self._memory, posed)
         self._look()
         things = sorted(self.scene.things)
         self._glances = {
@@ -106,7 +106,7 @@ class VisibilityMonitor:
             self._seen,
             frozenset(key for key, glance in self._glances.items() if self._is_seen(key, glance)),
         )
-        nothing = Glance(0.0, 0, 0, "")
+        nothing = VisibleFraction(0.0, 0, 0, "")
         return [
             SightChange(*key, key in self._seen, self._glances.get(key, nothing)) for key in sorted(before ^ self._seen)
         ]
@@ -127,7 +127,7 @@ class VisibilityMonitor:
             drawn[perspective.name] = known
         self._drawn = drawn
 
-    def _is_seen(self, key: tuple[str, str], glance: Glance) -> bool:
+    def _is_seen(self, key: tuple[str, str], glance: VisibleFraction) -> bool:
         enough = is_enough(glance.share, key in self._seen, self._least_share, self._band)
         return enough and glance.pixels >= self._least_pixels
 

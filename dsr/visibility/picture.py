@@ -39,7 +39,7 @@ class Body(NamedTuple):
     """(m, 3, 3) m, corners of triangles in the world, for what is no union of convex parts"""
 
 
-class Glance(NamedTuple):
+class VisibleFraction(NamedTuple):
     """The visibility of one body in a picture."""
 
     share: float
@@ -52,7 +52,7 @@ class Glance(NamedTuple):
     """Name of the body that hides most of this one; empty if nothing does."""
 
 
-class Window(NamedTuple):
+class PixelWindow(NamedTuple):
     """Columns and rows of a picture, the last ones not included; they may be beyond its edges."""
 
     left: int
@@ -60,9 +60,9 @@ class Window(NamedTuple):
     right: int
     bottom: int
 
-    def common(self, other: Window) -> Window:
+    def common(self, other: PixelWindow) -> PixelWindow:
         """The intersection of both windows."""
-        return Window(
+        return PixelWindow(
             max(self.left, other.left), max(self.top, other.top),
             min(self.right, other.right), min(self.bottom, other.bottom),
         )  # fmt: skip
@@ -72,7 +72,7 @@ class Window(NamedTuple):
         """Whether the window has no pixel."""
         return self.left >= self.right or self.top >= self.bottom
 
-    def slices(self, within: Window) -> tuple[slice, slice]:
+    def slices(self, within: PixelWindow) -> tuple[slice, slice]:
         """The slices of this window in an array that covers `within`."""
         return (
             slice(self.top - within.top, self.bottom - within.top),
@@ -83,7 +83,7 @@ class Window(NamedTuple):
 class Shot(NamedTuple):
     """A body in a picture, alone."""
 
-    window: Window
+    window: PixelWindow
     inverse_depth: Array
     """(rows, columns) 1/m, one over the depth along the axis; 0 where the body is not"""
 
@@ -102,7 +102,7 @@ class Picture:
         self, world_from_view: Pose, lens: Intrinsics, bodies: Sequence[Body], wanted: Collection[str]
     ) -> None:
         self.names = [body.name for body in bodies]
-        self.frame = Window(0, 0, lens.width, lens.height)
+        self.frame = PixelWindow(0, 0, lens.width, lens.height)
         self._lens = lens
         self._eye = world_from_view.translation
         self._turn = world_from_view.rotation_matrix
@@ -112,7 +112,7 @@ class Picture:
         """(h, w) index of the body that is seen in each pixel; -1 for none"""
         self._shots: dict[str, tuple[int, Shot]] = {}
         beyond = (lens.width // 2, lens.height // 2)
-        self._around = Window(-beyond[0], -beyond[1], lens.width + beyond[0], lens.height + beyond[1])
+        self._around = PixelWindow(-beyond[0], -beyond[1], lens.width + beyond[0], lens.height + beyond[1])
         limits = [self._around if body.name in wanted else self.frame for body in bodies]
         for index, (body, shot) in enumerate(zip(bodies, self._shoot(bodies, limits), strict=True)):
             if shot is not None:
@@ -120,25 +120,25 @@ class Picture:
                 if body.name in wanted:
                     self._shots[body.name] = (index, shot)
 
-    def glance(self, name: str) -> Glance:
+    def glance(self, name: str) -> VisibleFraction:
         """Tell how much of one of the wanted bodies is seen."""
         if name not in self._shots:
-            return Glance(0.0, 0, 0, "")
+            return VisibleFraction(0.0, 0, 0, "")
         index, shot = self._shots[name]
         inside = shot.window.common(self.frame)
         if inside.is_empty:
-            return Glance(0.0, 0, int(np.count_nonzero(shot.inverse_depth)), "")
+            return VisibleFraction(0.0, 0, int(np.count_nonzero(shot.inverse_depth)), "")
         there = self.bodies[inside.slices(self.frame)]
         return self._judge(shot, inside, there == index, there)
 
-    def would_show(self, body: Body) -> Glance:
+    def would_show(self, body: Body) -> VisibleFraction:
         """Tell how much would be seen of a body that is not in the picture, if it were there and all else as it is."""
         [shot] = self._shoot([body], [self._around])
         if shot is None:
-            return Glance(0.0, 0, 0, "")
+            return VisibleFraction(0.0, 0, 0, "")
         inside = shot.window.common(self.frame)
         if inside.is_empty:
-            return Glance(0.0, 0, int(np.count_nonzero(shot.inverse_depth)), "")
+            return VisibleFraction(0.0, 0, int(np.count_nonzero(shot.inverse_depth)), "")
         mine = shot.inverse_depth[inside.slices(shot.window)]
         free = (mine > 0.0) & (mine >= self.inverse_depth[inside.slices(self.frame)] * (1.0 - _ROUNDING))
         return self._judge(shot, inside, free, self.bodies[inside.slices(self.frame)])
@@ -153,12 +153,12 @@ class Picture:
         inside = 0 <= column < lens.width and 0 <= row < lens.height
         return bool(inside) and 1.0 / z >= float(self.inverse_depth[row, column])
 
-    def _judge(self, shot: Shot, inside: Window, seen: Flags, there: NDArray[np.int32]) -> Glance:
+    def _judge(self, shot: Shot, inside: PixelWindow, seen: Flags, there: NDArray[np.int32]) -> VisibleFraction:
         alone, pixels = int(np.count_nonzero(shot.inverse_depth)), int(np.count_nonzero(seen))
         hiding = there[(shot.inverse_depth[inside.slices(shot.window)] > 0.0) & ~seen]
         hiding = hiding[hiding >= 0]
         hidden_by = self.names[int(np.bincount(hiding).argmax())] if len(hiding) else ""
-        return Glance(pixels / alone if alone else 0.0, pixels, alone, hidden_by)
+        return VisibleFraction(pixels / alone if alone else 0.0, pixels, alone, hidden_by)
 
     def _draw(self, index: int, shot: Shot) -> None:
         inside = shot.window.common(self.frame)
@@ -169,7 +169,7 @@ class Picture:
         buffer[nearer] = near[nearer]
         self.bodies[inside.slices(self.frame)][nearer] = index
 
-    def _shoot(self, bodies: Sequence[Body], limits: Sequence[Window]) -> list[Shot | None]:
+    def _shoot(self, bodies: Sequence[Body], limits: Sequence[PixelWindow]) -> list[Shot | None]:
         """Each body alone, within its limits."""
         counts = [len(body.solids.kinds) for body in bodies]
         if not bodies:
@@ -188,7 +188,7 @@ class Picture:
         return found
 
     def _shoot_one(
-        self, body: Body, parts: _Parts, own: range, windows: Mapping[int, Window], limit: Window
+        self, body: Body, parts: _Parts, own: range, windows: Mapping[int, PixelWindow], limit: PixelWindow
     ) -> Shot | None:
         shown = {
             part: window for part in own if part in windows and not (window := windows[part].common(limit)).is_empty
@@ -198,10 +198,10 @@ class Picture:
             corners = (body.triangles - self._eye) @ self._turn
             drawn = draw_triangles(corners, self._lens, limit, NEAREST)
             if drawn is not None:
-                shots.append(Shot(Window(*drawn[0]), drawn[1]))
+                shots.append(Shot(PixelWindow(*drawn[0]), drawn[1]))
         return _joined(shots)
 
-    def _inverse_depth(self, parts: _Parts, part: int, window: Window) -> Array:
+    def _inverse_depth(self, parts: _Parts, part: int, window: PixelWindow) -> Array:
         lens = self._lens
         x: Array = (np.arange(window.left, window.right, dtype=np.float64) - lens.cx) / lens.fx
         y: Array = (np.arange(window.top, window.bottom, dtype=np.float64) - lens.cy) / lens.fy
@@ -221,7 +221,7 @@ class _Parts(NamedTuple):
     half: Array
     """(n, 3) m"""
 
-    def windows(self, lens: Intrinsics) -> dict[int, Window]:
+    def windows(self, lens: Intrinsics) -> dict[int, PixelWindow]:
         """Around each part that may be seen."""
         corners = self.centres[:, None] + (CORNERS * self.half[:, None]) @ self.axes.transpose(0, 2, 1)
         depth = corners[..., 2]
@@ -238,7 +238,7 @@ class _Parts(NamedTuple):
         outside = (np.abs(eye) > self.half + _MARGIN).any(axis=1)
         shown = np.flatnonzero(np.any(ahead, axis=1) & outside)
         edges = np.concatenate([low, high], axis=1).astype(np.int64)
-        return {part: Window(*edges[part].tolist()) for part in shown.tolist()}
+        return {part: PixelWindow(*edges[part].tolist()) for part in shown.tolist()}
 
 
 def _box_inverse_depth(centre: Array, axes: Array, half: Array, x: Array, y: Array) -> Array:
@@ -298,7 +298,7 @@ def _joined(shots: Sequence[Shot]) -> Shot | None:
     if len(shots) <= 1:
         return shots[0] if shots and shots[0].inverse_depth.any() else None
     edges = np.array([shot.window for shot in shots])
-    window = Window(*edges[:, :2].min(axis=0).tolist(), *edges[:, 2:].max(axis=0).tolist())
+    window = PixelWindow(*edges[:, :2].min(axis=0).tolist(), *edges[:, 2:].max(axis=0).tolist())
     inverse_depth = np.zeros((window.bottom - window.top, window.right - window.left))
     for shot in shots:
         place = inverse_depth[shot.window.slices(window)]

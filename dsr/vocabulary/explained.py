@@ -22,7 +22,7 @@ ATTRIBUTE = "changes"
 _WRITTEN = re.compile(r"(\w+)\(([^()]*)\)")
 
 
-class Change(msgspec.Struct, frozen=True, array_like=True):
+class ExplainedChange(msgspec.Struct, frozen=True, array_like=True):
     """One thing that happened, such as `moved_with_supports(cube_3; cube_4)`."""
 
     kind: str
@@ -34,17 +34,17 @@ class Change(msgspec.Struct, frozen=True, array_like=True):
         return f"{self.kind}({'; '.join(', '.join(group) for group in self.groups)})"
 
 
-def text_of(changes: Iterable[Change]) -> str:
+def text_of(changes: Iterable[ExplainedChange]) -> str:
     """The changes in a line, joined by `&`, for people."""
     return " & ".join(map(str, changes))
 
 
-def encoded(changes: tuple[Change, ...]) -> str:
+def encoded(changes: tuple[ExplainedChange, ...]) -> str:
     """JSON of the changes, for the attribute `changes`."""
     return msgspec.json.encode(changes).decode()
 
 
-def changes_of(attributes: Mapping[str, Any], text: str = "") -> tuple[Change, ...]:
+def changes_of(attributes: Mapping[str, Any], text: str = "") -> tuple[ExplainedChange, ...]:
     """The changes that an event `explained` tells; none if it is malformed.
 
     Args:
@@ -55,10 +55,10 @@ def changes_of(attributes: Mapping[str, Any], text: str = "") -> tuple[Change, .
     if not isinstance(written, str):
         return tuple(_as_written(kind, names) for kind, names in _WRITTEN.findall(text))
     try:
-        return msgspec.json.decode(written, type=tuple[Change, ...])
+        return msgspec.json.decode(written, type=tuple[ExplainedChange, ...])
     except msgspec.DecodeError:
         return ()
 
 
-def _as_written(kind: str, names: str) -> Change:
-    return Change(kind, tuple(tuple(group.split(", ")) for group in names.split("; ") if group))
+def _as_written(kind: str, names: str) -> ExplainedChange:
+    return ExplainedChange(kind, tuple(tuple(group.split(", ")) for group in names.split("; ") if group))

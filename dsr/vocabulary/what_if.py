@@ -34,7 +34,7 @@ Numbers = tuple[float, float, float, float, float, float, float]
 Action = Literal["place", "hold", "remove", "add"]
 
 
-class Change(msgspec.Struct, frozen=True, omit_defaults=True):
+class Supposed(msgspec.Struct, frozen=True, omit_defaults=True):
     """A change of the believed scene; `place`, `hold`, `remove` and `add` make one."""
 
     object: str
@@ -52,27 +52,27 @@ class Change(msgspec.Struct, frozen=True, omit_defaults=True):
     """Coulomb coefficient"""
 
     @staticmethod
-    def place(name: str, pose: Pose) -> Change:
+    def place(name: str, pose: Pose) -> Supposed:
         """Place an object at `pose` (world_from_object), at rest, and free to move from there."""
-        return Change(name, "place", (*pose.t, *pose.q))
+        return Supposed(name, "place", (*pose.t, *pose.q))
 
     @staticmethod
-    def hold(name: str, pose: Pose | None = None) -> Change:
+    def hold(name: str, pose: Pose | None = None) -> Supposed:
         """Hold it at `pose` or where it is, whatever pushes it."""
-        return Change(name, "hold", None if pose is None else (*pose.t, *pose.q))
+        return Supposed(name, "hold", None if pose is None else (*pose.t, *pose.q))
 
     @staticmethod
     def add(
         name: str, pose: Pose, size: Vector3, shape: Shape = (), mass: float = 0.1, friction: float = 0.5
-    ) -> Change:
+    ) -> Supposed:
         """Let there be one more object at `pose`, which nobody believes in, at rest and free to move from there."""
         numbers = to_numbers(shape) if shape else ()
-        return Change(name, "add", (*pose.t, *pose.q), size, numbers, mass, friction)
+        return Supposed(name, "add", (*pose.t, *pose.q), size, numbers, mass, friction)
 
     @staticmethod
-    def remove(name: str) -> Change:
+    def remove(name: str) -> Supposed:
         """Remove an object."""
-        return Change(name, "remove")
+        return Supposed(name, "remove")
 
 
 class Question(msgspec.Struct, frozen=True, omit_defaults=True):
@@ -80,7 +80,7 @@ class Question(msgspec.Struct, frozen=True, omit_defaults=True):
 
     seconds: Annotated[float, msgspec.Meta(ge=0.0, le=MAX_SECONDS)]
     """s to simulate; everything begins at rest."""
-    changes: Annotated[tuple[Change, ...], msgspec.Meta(max_length=MAX_CHANGES)] = ()
+    changes: Annotated[tuple[Supposed, ...], msgspec.Meta(max_length=MAX_CHANGES)] = ()
     expires: float = 0.0
     """s, when nobody waits for the answer any more, on the asker's clock; 0 for never. `WhatIf` fills it in."""
 

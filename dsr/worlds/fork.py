@@ -12,7 +12,7 @@ from typing import Any
 
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import EdgeKey, Key
-from dsr.crdt.store import Entry
+from dsr.crdt.store import Incarnation
 from dsr.graph.elements import Edge, Node
 from dsr.graph.graph import Graph
 from dsr.graph.watches import Watches
@@ -158,7 +158,7 @@ def _take(groups: MutableMapping[str, Any], name: str, key: Key, value: Any) -> 
     groups.take(name, key, value)
 
 
-def _copied(entry: Entry) -> Entry:
-    copy = Entry(entry)
+def _copied(entry: Incarnation) -> Incarnation:
+    copy = Incarnation(entry)
     copy.registers, copy.announced = entry.registers.copy(), entry.announced
     return copy

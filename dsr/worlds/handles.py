@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple, Protocol
 
 from dsr.crdt.delta import TOMBSTONE, EdgeKey, Write
-from dsr.crdt.store import Entry
+from dsr.crdt.store import Incarnation
 from dsr.graph.elements import Edge, Node, stored, type_of, write_in
 from dsr.graph.schema import POSE_FIELDS
 from dsr.math3d.transforms import Pose
 
-Entries = tuple[Entry, ...]
+Entries = tuple[Incarnation, ...]
 
 
 class SharedNode(Node):

@@ -11,7 +11,7 @@ from collections.abc import Callable
 
 from dsr.crdt.context import Dot
 from dsr.crdt.delta import Add, Delta, Write
-from dsr.crdt.store import Entry, Observer, Store
+from dsr.crdt.store import Incarnation, Observer, Store
 
 
 class LayerObserver(Observer):
@@ -41,11 +41,11 @@ class Layer(Store):
     def __init__(
         self,
         observer: LayerObserver,
-        below: Callable[[Dot], Entry | None],
+        below: Callable[[Dot], Incarnation | None],
         known_below: Callable[[Dot], bool],
     ) -> None:
         super().__init__(observer)
-        self.patches: dict[Dot, Entry] = {}
+        self.patches: dict[Dot, Incarnation] = {}
         """What is said of elements of the parent, by creation dot."""
         self._below = below
         self._known_below = known_below
@@ -56,7 +56,7 @@ class Layer(Store):
         if delta.live is not None:
             self._observer.replied()
 
-    def find(self, dot: Dot) -> Entry | None:
+    def find(self, dot: Dot) -> Incarnation | None:
         """See `Store.find`."""
         return self.entries.get(dot) or self.patches.get(dot)
 
@@ -68,7 +68,7 @@ class Layer(Store):
         """See `Store.is_known`."""
         return super().is_known(dot) or self._known_below(dot)
 
-    def element(self, dot: Dot) -> Entry | None:
+    def element(self, dot: Dot) -> Incarnation | None:
         """See `Store.element`; those of the parent, too."""
         return self.entries.get(dot) or (None if dot in self.context else self._below(dot))
 
@@ -82,12 +82,12 @@ class Layer(Store):
         if self.find(write.owner) is None and write.owner not in self.context:
             if self._known_below(write.owner) and self._below(write.owner) is None:
                 return True  # the parent has removed it
-            patch = self.patches[write.owner] = Entry(Add(write.owner, "", ""))
+            patch = self.patches[write.owner] = Incarnation(Add(write.owner, "", ""))
             patch.announced = True
             self._take_place(write.owner)
         return super()._write(write)
 
-    def _add(self, add: Add) -> Entry | None:
+    def _add(self, add: Add) -> Incarnation | None:
         entry = super()._add(add)
         patch = self.patches.pop(add.dot, None)
         if entry is not None and patch is not None:

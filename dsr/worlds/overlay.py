@@ -13,7 +13,7 @@ from typing import Any
 
 from dsr.crdt.context import Dot
 from dsr.crdt.delta import Add, Delta, EdgeKey, Key
-from dsr.crdt.store import Entry
+from dsr.crdt.store import Incarnation
 from dsr.graph.elements import Edge, Node, key_of
 from dsr.graph.graph import Graph
 from dsr.graph.watches import Watches
@@ -78,7 +78,7 @@ class Overlay(Graph, LayerObserver):
 
     # ---- incarnations, here and below
 
-    def live(self, key: Key) -> list[Entry]:
+    def live(self, key: Key) -> list[Incarnation]:
         """See `Graph.live`: own ones, and those of the parent that are not hidden."""
         below = [entry for entry in self.parent.live(key) if entry.dot not in self.store.context]
         return [*below, *super().live(key)]
@@ -87,7 +87,7 @@ class Overlay(Graph, LayerObserver):
         """See `Graph.incident_keys`."""
         return list(dict.fromkeys([*self.parent.incident_keys(name), *super().incident_keys(name)]))
 
-    def element(self, dot: Dot) -> Entry | None:
+    def element(self, dot: Dot) -> Incarnation | None:
         """See `Graph.element`."""
         return self.store.element(dot)
 
@@ -95,11 +95,11 @@ class Overlay(Graph, LayerObserver):
         """See `Graph.is_known`."""
         return self.store.is_known(dot)
 
-    def _has_ends(self, entry: Entry) -> bool:
+    def _has_ends(self, entry: Incarnation) -> bool:
         element = self.store.element
         return any(map(element, entry.sources)) and any(map(element, entry.destinations))
 
-    def _is_dead(self, entry: Entry) -> bool:
+    def _is_dead(self, entry: Incarnation) -> bool:
         known, element = self.store.is_known, self.store.element
         return any(all(known(dot) and not element(dot) for dot in ends) for ends in (entry.sources, entry.destinations))
 
@@ -108,7 +108,9 @@ class Overlay(Graph, LayerObserver):
         below = self.parent.newest_stamp(owner, attribute)
         return max(super().newest_stamp(owner, attribute), below if below <= self.hlc.limit else 0)
 
-    def split(self, element: Node | Edge, below: tuple[Entry, ...]) -> tuple[tuple[Entry, ...], tuple[Entry, ...]]:
+    def split(
+        self, element: Node | Edge, below: tuple[Incarnation, ...]
+    ) -> tuple[tuple[Incarnation, ...], tuple[Incarnation, ...]]:
         """See `Splitting.split`."""
         assert isinstance(element, LayeredNode | LayeredEdge)
         key: Key = element.name if isinstance(element, LayeredNode) else element.key
@@ -118,14 +120,14 @@ class Overlay(Graph, LayerObserver):
             return own, shown
         return tuple(filter(self._has_ends, own)), tuple(filter(self._has_ends, shown))
 
-    def patches_of(self, entries: Iterable[Entry]) -> tuple[Entry, ...]:
+    def patches_of(self, entries: Iterable[Incarnation]) -> tuple[Incarnation, ...]:
         """See `Splitting.patches_of`."""
         patches = self.store.patches
         return tuple(patches[entry.dot] for entry in entries if entry.dot in patches) if patches else ()
 
     # ---- what the layer's store reports
 
-    def entry_added(self, entry: Entry) -> None:
+    def entry_added(self, entry: Incarnation) -> None:
         """See `Graph.entry_added`."""
         if not isinstance(entry.key, str):
             self._note_incident(entry.key)
@@ -136,7 +138,7 @@ class Overlay(Graph, LayerObserver):
                     self._unattached[entry.dot] = entry
         self._refresh(entry.key)
 
-    def entry_removed(self, entry: Entry) -> None:
+    def entry_removed(self, entry: Incarnation) -> None:
         """See `Graph.entry_removed`."""
         key = entry.key
         if not isinstance(key, str) and key not in self.store.by_key:
@@ -147,7 +149,7 @@ class Overlay(Graph, LayerObserver):
                     self.incident.pop(name, None)
         self._refresh(key)
 
-    def register_changed(self, entry: Entry, attribute: str) -> None:
+    def register_changed(self, entry: Incarnation, attribute: str) -> None:
         """See `Graph.register_changed`."""
         below = self.parent.element(entry.dot) if entry.type == "" else entry
         if below is None:
@@ -185,7 +187,7 @@ class Overlay(Graph, LayerObserver):
             for entry in element._entries
         )
 
-    def _shows_ends(self, entry: Entry) -> bool:
+    def _shows_ends(self, entry: Incarnation) -> bool:
         return isinstance(entry.key, str) or self._has_ends(entry)
 
     # ---- what the parent reports

@@ -13,7 +13,7 @@ from typing import Any, Generic, TypeVar
 
 from dsr.crdt.context import Dot
 from dsr.crdt.delta import Key
-from dsr.crdt.store import Entry
+from dsr.crdt.store import Incarnation
 
 K = TypeVar("K", bound=Key)
 V = TypeVar("V")
@@ -274,15 +274,15 @@ class Groups(MutableMapping[str, MutableMapping[K, V]], Generic[K, V]):
         return len(dict.fromkeys([*self._parent(), *self._groups]))
 
 
-class Entries(MutableMapping[Dot, Entry]):
+class Entries(MutableMapping[Dot, Incarnation]):
     """Live entries by creation dot. The graph must be locked, as for all that concerns the store."""
 
-    def __init__(self, taken: Taken, parent: Callable[[], MutableMapping[Dot, Entry]]) -> None:
-        self.own: dict[Dot, Entry] = {}
+    def __init__(self, taken: Taken, parent: Callable[[], MutableMapping[Dot, Incarnation]]) -> None:
+        self.own: dict[Dot, Incarnation] = {}
         self._taken = taken
         self._parent = parent
 
-    def get(self, dot: Dot, default: Entry | None = None) -> Entry | None:  # type: ignore[override]
+    def get(self, dot: Dot, default: Incarnation | None = None) -> Incarnation | None:  # type: ignore[override]
         """See `MutableMapping`."""
         found = self.own.get(dot)
         if found is None:
@@ -291,7 +291,7 @@ class Entries(MutableMapping[Dot, Entry]):
                 return default
         return found
 
-    def __getitem__(self, dot: Dot) -> Entry:
+    def __getitem__(self, dot: Dot) -> Incarnation:
         found = self.get(dot)
         if found is None:
             raise KeyError(dot)
@@ -300,7 +300,7 @@ class Entries(MutableMapping[Dot, Entry]):
     def __contains__(self, dot: object) -> bool:
         return self.get(dot) is not None  # type: ignore[arg-type]
 
-    def __setitem__(self, dot: Dot, entry: Entry) -> None:
+    def __setitem__(self, dot: Dot, entry: Incarnation) -> None:
         self.own[dot] = entry
 
     def __delitem__(self, dot: Dot) -> None:
@@ -315,14 +315,14 @@ class Entries(MutableMapping[Dot, Entry]):
         return sum(1 for _ in self)
 
 
-class ByKey(MutableMapping[Key, dict[Dot, Entry]]):
+class ByKey(MutableMapping[Key, dict[Dot, Incarnation]]):
     """Live entries by node or edge, first own ones, then the parent's.
 
     Do not change entries of a key that is not taken.
     """
 
-    def __init__(self, taken: Taken, parent: Callable[[], MutableMapping[Key, dict[Dot, Entry]]]) -> None:
-        self.own: dict[Key, dict[Dot, Entry]] = {}
+    def __init__(self, taken: Taken, parent: Callable[[], MutableMapping[Key, dict[Dot, Incarnation]]]) -> None:
+        self.own: dict[Key, dict[Dot, Incarnation]] = {}
         self._taken = taken
         self._parent = parent
 
@@ -333,13 +333,13 @@ class ByKey(MutableMapping[Key, dict[Dot, Entry]]):
             found = self._parent().get(key)
         return default if found is None else found
 
-    def __getitem__(self, key: Key) -> dict[Dot, Entry]:
-        found: dict[Dot, Entry] | None = self.get(key)
+    def __getitem__(self, key: Key) -> dict[Dot, Incarnation]:
+        found: dict[Dot, Incarnation] | None = self.get(key)
         if found is None:
             raise KeyError(key)
         return found
 
-    def __setitem__(self, key: Key, entries: dict[Dot, Entry]) -> None:
+    def __setitem__(self, key: Key, entries: dict[Dot, Incarnation]) -> None:
         self.own[key] = entries
 
     def __delitem__(self, key: Key) -> None:

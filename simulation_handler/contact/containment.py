@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
 
-from simulation_handler.contact.relations import Relation, Relations
+from simulation_handler.contact.relations import ContactRelations, Relation
 from simulation_handler.shapes.geometry import Solid
 
 _FARTHEST_OUT = 0.010  # m that the centre of what is inside may get out of the container before it counts as outside
@@ -19,7 +19,7 @@ class Containment:
 
     def __init__(self, delay: float) -> None:
         """`delay`: s that something must be inside, or outside."""
-        self._relations = Relations(delay)
+        self._relations = ContactRelations(delay)
         self._found: set[Relation] = set()
         self.left: set[Relation] = set()
         """(object, container) that have just got out, in the last step; the relation may still hold for a moment."""

@@ -21,7 +21,7 @@ def resting(contacts: Iterable[Contact]) -> set[Relation]:
     return {(contact.upper, contact.lower) for contact in contacts if contact.steepness >= STEEP}
 
 
-class Relations:
+class ContactRelations:
     """Relations, such as `on`, that begin when they have lasted and end when they have been gone for some time."""
 
     def __init__(self, delay: float) -> None:

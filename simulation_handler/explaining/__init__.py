@@ -10,20 +10,20 @@ from dsr.clock import WALL_CLOCK, Clock, ManualClock
 from dsr.config.plugins import EXPLAINERS, load
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.by_hypotheses import ByHypotheses
-from simulation_handler.explaining.policy import Explanation, Policy
+from simulation_handler.explaining.policy import ExplainingPolicy, Explanation
 from simulation_handler.explaining.situation import Look
 from simulation_handler.physics.rollouts.pool import Pool
 
-__all__ = ["Explanation", "Look", "Policy", "make_policy"]
+__all__ = ["ExplainingPolicy", "Explanation", "Look", "make_policy"]
 
 
-def make_policy(config: BeliefConfig, clock: Clock = WALL_CLOCK) -> Policy:
+def make_policy(config: BeliefConfig, clock: Clock = WALL_CLOCK) -> ExplainingPolicy:
     """The policy that `config` names; `clock` measures its budget where processes simulate.
 
     On a manual clock no time passes while they do: everything is simulated right here then.
     """
     if config.policy != "hypotheses":
-        policy: Policy = load(EXPLAINERS, config.policy)()
+        policy: ExplainingPolicy = load(EXPLAINERS, config.policy)()
         return policy
     workers = 0 if isinstance(clock, ManualClock) else config.workers
     return ByHypotheses(Pool(workers, clock=clock), clock)

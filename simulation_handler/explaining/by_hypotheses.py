@@ -15,7 +15,7 @@ from simulation_handler.explaining.policy import Explanation
 from simulation_handler.explaining.search import Candidate, search
 from simulation_handler.explaining.situation import Situation
 from simulation_handler.explaining.wording import describe
-from simulation_handler.physics.rollouts import Body, Scene
+from simulation_handler.physics.rollouts import RolloutBody, RolloutScene
 from simulation_handler.physics.rollouts.pool import Pool
 from simulation_handler.physics.rollouts.scene import STILL
 from simulation_handler.shapes.geometry import Solid
@@ -177,7 +177,7 @@ def _differ(a: Candidate, b: Candidate) -> bool:
     )
 
 
-def scene_of(situation: Situation, drafted: Draft) -> Scene:
+def scene_of(situation: Situation, drafted: Draft) -> RolloutScene:
     """Make the scene of a draft that is to be simulated."""
     bodies = []
     for solid in (*situation.fixtures.values(), *drafted.solids.values()):
@@ -185,7 +185,7 @@ def scene_of(situation: Situation, drafted: Draft) -> Scene:
         properties = situation.properties[solid.name]
         motion = drafted.motions.get(solid.name)
         bodies.append(
-            Body(
+            RolloutBody(
                 solid.name,
                 solid.size,
                 solid.position,
@@ -199,4 +199,4 @@ def scene_of(situation: Situation, drafted: Draft) -> Scene:
                 spin=motion.spin if motion else STILL,
             )
         )
-    return Scene(tuple(bodies))
+    return RolloutScene(tuple(bodies))

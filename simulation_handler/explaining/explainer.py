@@ -7,13 +7,13 @@ from collections.abc import Callable, Collection, Iterable
 from dataclasses import replace
 
 from dsr.math3d.transforms import Pose
-from dsr.vocabulary.explained import CAMERA_MOVED, REMOVED, TAKEN_ALONG, Change
+from dsr.vocabulary.explained import CAMERA_MOVED, REMOVED, TAKEN_ALONG, ExplainedChange
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.containment import Containment
-from simulation_handler.contact.relations import Relation, Relations
+from simulation_handler.contact.relations import ContactRelations, Relation
 from simulation_handler.explaining.discrepancies import Discrepancies
 from simulation_handler.explaining.glimpses import Glimpse, glimpse_of
-from simulation_handler.explaining.policy import Explanation, Policy
+from simulation_handler.explaining.policy import ExplainingPolicy, Explanation
 from simulation_handler.explaining.situation import THIS_FRAME, Look, Properties, Situation, as_pose, seen_now
 from simulation_handler.explaining.wording import is_lasting, moved_together
 from simulation_handler.state.bodies import Bodies
@@ -41,7 +41,12 @@ class Explainer:
     """
 
     def __init__(
-        self, bodies: Bodies, relations: Relations, policy: Policy, config: BeliefConfig, containment: Containment
+        self,
+        bodies: Bodies,
+        relations: ContactRelations,
+        policy: ExplainingPolicy,
+        config: BeliefConfig,
+        containment: Containment,
     ) -> None:
         self.flagged: frozenset[str] = frozenset()
         """Objects that the working memory says are surprising."""
@@ -69,7 +74,9 @@ class Explainer:
         self._moved: set[str] = set()
         self._doubted_until: dict[str, float] = {}  # by camera
         self._look_again_at = -math.inf
-        self._told: tuple[tuple[Change, ...], float] = ((), -math.inf)  # the last, and until when the same is no news
+        self._told: tuple[
+            tuple[ExplainedChange, ...], float
+        ] = ((), -math.inf)  # the last, and until when the same is no news
 
     @property
     def waiting(self) -> Collection[str]:
@@ -152,12 +159,14 @@ class Explainer:
         """The same, but what was removed where a hand covered it is in that hand."""
         taken = {name: hand for name in sorted(explanation.removed) if (hand := self.take(name, now))}
         renamed = {
-            Change(REMOVED, ((name,),)): Change(TAKEN_ALONG, ((name,), (hand,))) for name, hand in taken.items()
+            ExplainedChange(REMOVED, ((name,),)): ExplainedChange(
+                TAKEN_ALONG, ((name,), (hand,))
+            ) for name, hand in taken.items()
         }
         changes = tuple(renamed.get(change, change) for change in explanation.changes)
         return replace(explanation, changes=changes, removed=explanation.removed - taken.keys())
 
-    def recall(self, changes: tuple[Change, ...], time: float, now: float) -> None:
+    def recall(self, changes: tuple[ExplainedChange, ...], time: float, now: float) -> None:
         """Take over at `now` (s) an explanation that an earlier run made at another `time` (s).
 
         The last call has the newest.

@@ -13,7 +13,7 @@ import numpy as np
 
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Vector3
-from simulation_handler.perception.percepts import Array, Percept
+from simulation_handler.perception.percepts import Array, WeighedPercept
 from simulation_handler.shapes.geometry import Solid
 
 DRAW_COUNT = 12
@@ -71,7 +71,7 @@ class Glimpse:
         return Motion(solid, _vector(velocity), _vector(_GROWTHS[draw % len(_GROWTHS)] * self.spin))
 
 
-def glimpse_of(solid: Solid, trail: tuple[Percept, ...], bias: float, bias_std: float) -> Glimpse:
+def glimpse_of(solid: Solid, trail: tuple[WeighedPercept, ...], bias: float, bias_std: float) -> Glimpse:
     """Estimate pose, velocity and spin of an object from its last percepts.
 
     Args:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from dsr.vocabulary.explained import Change, text_of
+from dsr.vocabulary.explained import ExplainedChange, text_of
 from simulation_handler.contact.placement import Placement
 from simulation_handler.explaining.hypotheses import Hypothesis
 from simulation_handler.explaining.situation import Situation
@@ -17,7 +17,7 @@ from simulation_handler.shapes.geometry import Solid
 class Explanation:
     """An explanation by some method, and the changes of the belief that follow from it."""
 
-    changes: tuple[Change, ...]
+    changes: tuple[ExplainedChange, ...]
     """What happened."""
     about: tuple[str, ...]
     """Objects that it explains, sorted."""
@@ -45,7 +45,7 @@ class Explanation:
         return text_of(self.changes)
 
 
-class Policy(Protocol):
+class ExplainingPolicy(Protocol):
     """A method that explains surprises."""
 
     name: str

@@ -17,7 +17,7 @@ from simulation_handler.explaining.camera import corrected
 from simulation_handler.explaining.drafting import Draft
 from simulation_handler.explaining.hypotheses import FROM_GLIMPSE, Hypothesis, Move
 from simulation_handler.explaining.situation import THIS_FRAME, Seen, Situation, as_pose
-from simulation_handler.perception.sight import Glance
+from simulation_handler.perception.sight import ExpectedVisibility
 from simulation_handler.shapes.geometry import Solid
 
 SURE = 0.9
@@ -133,7 +133,7 @@ def _visibility(situation: Situation, hypothesis: Hypothesis, settled: Mapping[s
     """Nats for each object that should be seen and is not, or is seen and should not be."""
     if situation.look is None or hypothesis.camera_moved:
         return {}
-    glances: dict[str, list[Glance]] = {}
+    glances: dict[str, list[ExpectedVisibility]] = {}
     for (_, name), glance in situation.look(list(settled.values())).items():
         glances.setdefault(name, []).append(glance)
     costs = {}
@@ -149,7 +149,7 @@ def _visibility(situation: Situation, hypothesis: Hypothesis, settled: Mapping[s
     return costs
 
 
-def _is_covered(glances: Collection[Glance], settled: Mapping[str, Solid]) -> bool:
+def _is_covered(glances: Collection[ExpectedVisibility], settled: Mapping[str, Solid]) -> bool:
     """Whether objects hide something from all cameras that look there; the boxes around the arm are too rough."""
     covers = {glance.hidden_by for glance in glances} - {""}
     return bool(covers) and covers <= settled.keys()

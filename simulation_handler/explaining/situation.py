@@ -16,7 +16,7 @@ from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.glimpses import Glimpse
 from simulation_handler.explaining.hypotheses import FALLS
 from simulation_handler.perception.percepts import Array
-from simulation_handler.perception.sight import Glance
+from simulation_handler.perception.sight import ExpectedVisibility
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.objects import BelievedObject
 
@@ -25,7 +25,7 @@ THIS_FRAME = 0.25
 _PLACE_FLOOR = 0.002  # m, standard deviation of what is no noise of percepts: of bodies in contact, of models
 _TURN_FLOOR = 0.03  # rad, likewise
 
-Look = Callable[[Sequence[Solid]], Mapping[tuple[str, str], Glance]]
+Look = Callable[[Sequence[Solid]], Mapping[tuple[str, str], ExpectedVisibility]]
 """Predicts the visibility of solids to cameras, by (camera, object)."""
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 
-from dsr.vocabulary.explained import CAMERA_MOVED, NOTHING_CHANGED, REMOVED, Change
+from dsr.vocabulary.explained import CAMERA_MOVED, NOTHING_CHANGED, REMOVED, ExplainedChange
 from simulation_handler.explaining.camera import corrected
 from simulation_handler.explaining.hypotheses import Hypothesis, Move
 from simulation_handler.explaining.search import Candidate
@@ -20,27 +20,27 @@ _SAME_PLACE = 0.015  # m
 _BESIDE = 0.010  # m by which something moved, rather than only turned
 
 
-def describe(situation: Situation, candidate: Candidate) -> tuple[Change, ...]:
+def describe(situation: Situation, candidate: Candidate) -> tuple[ExplainedChange, ...]:
     """The changes of a hypothesis."""
     hypothesis = candidate.hypothesis
     situation = corrected(situation, hypothesis)
     swaps = _swaps(situation, hypothesis, candidate.settled)
     swapped = {name for pair in swaps for name in pair}
-    changes = [Change(CAMERA_MOVED)] if hypothesis.camera_moved else []
-    changes += [Change("swapped", (pair,)) for pair in swaps]
+    changes = [ExplainedChange(CAMERA_MOVED)] if hypothesis.camera_moved else []
+    changes += [ExplainedChange("swapped", (pair,)) for pair in swaps]
     changes += [_move(situation, move, candidate) for move in hypothesis.moves if move.name not in swapped]
-    changes += [Change(REMOVED, ((name,),)) for name in sorted(hypothesis.removed)]
-    changes += [Change("fell", ((name,),)) for name, _ in hypothesis.fallen]
-    changes += [Change(_FALSE_PERCEPT, ((name,),)) for name in sorted(hypothesis.kept)]
-    return tuple(changes) or (Change(NOTHING_CHANGED),)
+    changes += [ExplainedChange(REMOVED, ((name,),)) for name in sorted(hypothesis.removed)]
+    changes += [ExplainedChange("fell", ((name,),)) for name, _ in hypothesis.fallen]
+    changes += [ExplainedChange(_FALSE_PERCEPT, ((name,),)) for name in sorted(hypothesis.kept)]
+    return tuple(changes) or (ExplainedChange(NOTHING_CHANGED),)
 
 
-def is_lasting(changes: Iterable[Change]) -> bool:
+def is_lasting(changes: Iterable[ExplainedChange]) -> bool:
     """Whether an explanation leaves the belief as it is."""
     return all(change.kind in _LASTING for change in changes)
 
 
-def moved_together(changes: Iterable[Change]) -> dict[str, frozenset[str]]:
+def moved_together(changes: Iterable[ExplainedChange]) -> dict[str, frozenset[str]]:
     """The objects that moved together with each seen object, by an explanation."""
     found = {}
     for change in changes:
@@ -52,30 +52,30 @@ def moved_together(changes: Iterable[Change]) -> dict[str, frozenset[str]]:
     return found
 
 
-def _move(situation: Situation, move: Move, candidate: Candidate) -> Change:
+def _move(situation: Situation, move: Move, candidate: Candidate) -> ExplainedChange:
     name = move.name
     hand = _HELD if move.held else ""
     if name not in situation.believed:
-        return Change(f"{hand}appeared", ((name,),))
+        return ExplainedChange(f"{hand}appeared", ((name,),))
     if move.riders:
         above = set(situation.chain_above(name))
         kind = _WITH_CONTENTS if set(move.riders) <= above else _WITH_SUPPORTS
-        return Change(f"{hand}{kind}", ((name,), move.riders))
+        return ExplainedChange(f"{hand}{kind}", ((name,), move.riders))
     if move.beneath:
-        return Change(_UNDER, (tuple(reversed(move.beneath)), (name,)))
-    return Change("held", ((name,),)) if move.held else _alone(situation, name, candidate)
+        return ExplainedChange(_UNDER, (tuple(reversed(move.beneath)), (name,)))
+    return ExplainedChange("held", ((name,),)) if move.held else _alone(situation, name, candidate)
 
 
-def _alone(situation: Situation, name: str, candidate: Candidate) -> Change:
+def _alone(situation: Situation, name: str, candidate: Candidate) -> ExplainedChange:
     before = set(situation.beneath.get(name, ())) - set(situation.fixtures)
     placement = candidate.drafted.placements.get(name)
     after = set(placement.supports if placement else ()) - set(situation.fixtures)
     if after - before:
-        return Change("put_on", ((name, *sorted(after)),))
+        return ExplainedChange("put_on", ((name, *sorted(after)),))
     if before - after:
-        return Change("relation_ended", ((name, *sorted(before - after)),))
+        return ExplainedChange("relation_ended", ((name, *sorted(before - after)),))
     moved = math.dist(situation.believed[name].position[:2], situation.seen[name].percept.position[:2])
-    return Change("moved_alone" if moved > _BESIDE else "turned", ((name,),))
+    return ExplainedChange("moved_alone" if moved > _BESIDE else "turned", ((name,),))
 
 
 def _swaps(situation: Situation, hypothesis: Hypothesis, settled: Mapping[str, Solid]) -> list[tuple[str, str]]:

@@ -25,7 +25,7 @@ from dsr.vocabulary.perceived import is_perceived
 from dsr.vocabulary.relations import SURFACES, THINGS, nodes_by_name
 from simulation_handler.graph_io.recalling import Recalling
 from simulation_handler.hands.state import HandPercept
-from simulation_handler.motion.holding import Grasp
+from simulation_handler.motion.holding import GripperGrasp
 from simulation_handler.reasoner import Reasoner
 from simulation_handler.shapes.meshes import Forms
 
@@ -44,7 +44,7 @@ Properties = tuple[Vector3, float | None, float | None, float | None, Shape]
 """Size (m), mass (kg), friction, rolling friction (m) and shape of an object; None where its node does not say."""
 
 
-class Reading:
+class GraphReader:
     """Keeps a belief in step with the graph's nodes and percepts. Unusable ones are counted, and logged once."""
 
     def __init__(self, memory: Memory, belief: Reasoner, log: logging.Logger, forms: Forms | None = None) -> None:
@@ -98,7 +98,7 @@ class Reading:
             (node.get("target", ""), node.get("destination", "")) for node in actions if node.get("status") == RUNNING
         }
 
-    def _grasps(self) -> dict[str, Grasp]:
+    def _grasps(self) -> dict[str, GripperGrasp]:
         """The objects that are held, and how."""
         grasps = {}
         for edge in self._memory.edges("grasping"):
@@ -106,7 +106,7 @@ class Reading:
             if edge.dst in self._known and gripper is not None and gripper.type == "gripper":
                 with self._skipping(edge.src):
                     world_from_gripper = self._memory.transform(WORLD, edge.src)
-                    grasps[edge.dst] = Grasp(edge.src, world_from_gripper, edge.get("held_at"))
+                    grasps[edge.dst] = GripperGrasp(edge.src, world_from_gripper, edge.get("held_at"))
         return grasps
 
     def _hands(self, now: float) -> dict[str, HandPercept]:

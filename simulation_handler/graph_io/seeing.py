@@ -15,7 +15,7 @@ from dsr.memory import Memory
 from dsr.visibility import LEAST_SHARE, is_enough
 from simulation_handler.explaining import Look
 from simulation_handler.graph_io.views import by_color, hands, modelled, obstacles, persons, views
-from simulation_handler.perception.sight import Glance, Sight
+from simulation_handler.perception.sight import ExpectedVisibility, Sight
 from simulation_handler.reasoner import Reasoner
 from simulation_handler.shapes.meshes import Forms
 
@@ -58,7 +58,7 @@ class Seeing:
             whole = Sight(cameras, hiding, whole=True).glances(solids)
             self._write({key: (whole[key], glance) for key, glance in sight.glances(solids).items()})
 
-    def _write(self, glances: Mapping[tuple[str, str], tuple[Glance, Glance]]) -> None:
+    def _write(self, glances: Mapping[tuple[str, str], tuple[ExpectedVisibility, ExpectedVisibility]]) -> None:
         """Of the whole of each object, and of what it is recognised by."""
         cameras = {node.name for node in self._memory.nodes("camera")}
         for edge in self._memory.edges("sees"):

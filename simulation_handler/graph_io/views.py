@@ -24,7 +24,7 @@ from dsr.vocabulary.perceived import MOST_SILENT, is_perceived, seconds_unseen
 from dsr.vocabulary.relations import SURFACES, THINGS, nodes_by_name
 from simulation_handler.graph_io.reading import MODELLED
 from simulation_handler.hands.figures import hand_solid
-from simulation_handler.perception.sight import View
+from simulation_handler.perception.sight import CameraView
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.shapes.meshes import Forms
 
@@ -33,7 +33,7 @@ PARTS = ("robot", "body", "arm", "gripper", "hand", "finger", PERSON)
 _FINGER = re.compile(r"_finger_([0-4])$")
 
 
-def views(memory: Memory) -> list[View]:
+def views(memory: Memory) -> list[CameraView]:
     """All cameras whose place and intrinsics are known, by name; now, or when their chains were last known."""
     nodes = nodes_by_name(memory, "camera")
     return [
@@ -43,9 +43,9 @@ def views(memory: Memory) -> list[View]:
     ]
 
 
-def _view(memory: Memory, camera: str, pose: Pose, intrinsics: Intrinsics) -> View:
+def _view(memory: Memory, camera: str, pose: Pose, intrinsics: Intrinsics) -> CameraView:
     known = pose.with_covariance(_mount_covariance(memory, camera))
-    return View(camera, known, intrinsics, tuple(_displaced(memory, camera, pose)))
+    return CameraView(camera, known, intrinsics, tuple(_displaced(memory, camera, pose)))
 
 
 def _mount_covariance(memory: Memory, camera: str) -> Array | None:

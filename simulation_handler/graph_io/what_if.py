@@ -15,10 +15,10 @@ from dsr.math3d.shapes import from_numbers
 from dsr.math3d.transforms import Pose
 from dsr.network.keys import Keys
 from dsr.network.transport import Transport
-from dsr.vocabulary.what_if import SERVICE, Answer, Change, Question, decode_question, encode_answer
+from dsr.vocabulary.what_if import SERVICE, Answer, Question, Supposed, decode_question, encode_answer
 from simulation_handler.contact.relations import STEEP
-from simulation_handler.physics.rollouts.engine import Engine, Outcome
-from simulation_handler.physics.rollouts.scene import Body, Placing, Scene
+from simulation_handler.physics.rollouts.engine import Engine, RolloutOutcome
+from simulation_handler.physics.rollouts.scene import Placing, RolloutBody, RolloutScene
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR
 
@@ -46,14 +46,14 @@ class WhatIfService:
 
     def __init__(self, bus: Transport, keys: Keys, clock: Clock) -> None:
         self._clock = clock
-        self._offered: tuple[Scene, float] | None = None
+        self._offered: tuple[RolloutScene, float] | None = None
         self._engine: Engine | None = None
         self._closed = False
         self._one_at_a_time = threading.Lock()
         self._seats = threading.BoundedSemaphore(_MOST_WAITING)
         self._subscription = bus.serve(keys.service(SERVICE), lambda _, payload: encode_answer(self.answer(payload)))
 
-    def offer(self, scene: Scene, now: float) -> None:
+    def offer(self, scene: RolloutScene, now: float) -> None:
         """Answer from this scene, as it is at `now` (s), from now on."""
         self._offered = (scene, now)
 
@@ -100,11 +100,11 @@ class WhatIfService:
         return _described(scene, self._engine.run(scene, question.seconds), now)
 
 
-def changed(scene: Scene, change: Change) -> Scene:
+def changed(scene: RolloutScene, change: Supposed) -> RolloutScene:
     """The scene with a change made. Raises `RefusedError` for one that makes no sense."""
     name = change.object
     if change.action == "add":
-        return Scene((*scene.bodies, added(scene, change)))
+        return RolloutScene((*scene.bodies, added(scene, change)))
     known = [body for body in scene.names if body != FLOOR]
     if name not in known:
         raise RefusedError(f"no object {name!r} has a place in the belief; {suggest(name, known)}")
@@ -117,7 +117,7 @@ def changed(scene: Scene, change: Change) -> Scene:
     return scene.held([name]) if change.action == "hold" else scene.released([name])
 
 
-def added(scene: Scene, change: Change) -> Body:
+def added(scene: RolloutScene, change: Supposed) -> RolloutBody:
     """Make the body that a change adds to the scene. Raises `RefusedError` if it cannot be, or is there already."""
     name, size = change.object, change.size
     if name in scene:
@@ -133,10 +133,10 @@ def added(scene: Scene, change: Change) -> Body:
     except SchemaError as error:
         raise RefusedError(str(error)) from error
     position, rotation = _placing(name, change.pose)
-    return Body(name, size, position, rotation, change.mass, change.friction, shape=shape)
+    return RolloutBody(name, size, position, rotation, change.mass, change.friction, shape=shape)
 
 
-def check_room(scene: Scene, placed: Collection[str]) -> None:
+def check_room(scene: RolloutScene, placed: Collection[str]) -> None:
     """Raise `RefusedError` if one of the objects that were `placed` would be inside another body."""
     for name in sorted(placed):
         solid = scene[name].solid
@@ -168,7 +168,7 @@ def _placing(name: str, numbers: tuple[float, ...]) -> Placing:
     return pose.t, pose.q
 
 
-def _described(scene: Scene, outcome: Outcome, now: float) -> Answer:
+def _described(scene: RolloutScene, outcome: RolloutOutcome, now: float) -> Answer:
     objects = [body for body in scene.bodies if body.mass > 0.0]
     contacts = [contact for contact in outcome.contacts if FLOOR not in contact[:2]]
     rests_on: dict[str, list[str]] = {body.name: [] for body in objects}
@@ -189,7 +189,7 @@ def _described(scene: Scene, outcome: Outcome, now: float) -> Answer:
     )
 
 
-def _angle(body: Body, outcome: Outcome) -> float:
+def _angle(body: RolloutBody, outcome: RolloutOutcome) -> float:
     """Between the rotation at the beginning and at the end, rad."""
     x, y, z, w = product(conjugate(body.rotation), outcome.poses[body.name][1])
     return 2.0 * math.atan2(math.hypot(x, y, z), abs(w))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 
-from simulation_handler.contact.relations import Relation, Relations
+from simulation_handler.contact.relations import ContactRelations, Relation
 from simulation_handler.hands.fingertips import Gaps, Met, is_opposed, meet, within
 from simulation_handler.hands.state import UNSEEN, Hand, HandGrasp
 from simulation_handler.shapes.geometry import Solid
@@ -32,8 +32,8 @@ class Contacts:
         self._bodies = bodies
         self._hands = hands
         self._grasps = grasps
-        self._touches = Relations(TOUCH_DELAY)
-        self._pinches = Relations(TOUCH_DELAY)
+        self._touches = ContactRelations(TOUCH_DELAY)
+        self._pinches = ContactRelations(TOUCH_DELAY)
         self._gaps = Gaps()
         self._now: tuple[set[Relation], set[Relation]] = set(), set()  # without delay
 

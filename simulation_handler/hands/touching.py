@@ -20,7 +20,7 @@ from simulation_handler.hands.covering import RESOLVED, Covering
 from simulation_handler.hands.left_behind import LeftBehind
 from simulation_handler.hands.state import PINCH, TOUCH, UNSEEN, Hand, HandGrasp, HandPercept
 from simulation_handler.perception.paths import Path, between
-from simulation_handler.perception.sight import Glance
+from simulation_handler.perception.sight import ExpectedVisibility
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
@@ -310,7 +310,7 @@ class Touching:
         glances = self._glances(thing)
         return all(glance.share < _HALF for glance in glances) and any(glance.hidden_by == name for glance in glances)
 
-    def _glances(self, thing: str) -> list[Glance]:
+    def _glances(self, thing: str) -> list[ExpectedVisibility]:
         """What each camera should see of an object."""
         if self.look is None or thing not in self._bodies.sim:
             return []

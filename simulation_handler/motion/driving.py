@@ -22,7 +22,7 @@ from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.containment import Containment
 from simulation_handler.contact.placement import Placement, place
-from simulation_handler.contact.relations import Relation, Relations
+from simulation_handler.contact.relations import ContactRelations, Relation
 from simulation_handler.contact.supports import UNKNOWN
 from simulation_handler.explaining.scoring import is_displaced
 from simulation_handler.explaining.situation import seen_now
@@ -100,7 +100,9 @@ class _Drive:
 class Driving:
     """Decides which bodies are driven, and drives them."""
 
-    def __init__(self, bodies: Bodies, relations: Relations, containment: Containment, config: BeliefConfig) -> None:
+    def __init__(
+        self, bodies: Bodies, relations: ContactRelations, containment: Containment, config: BeliefConfig
+    ) -> None:
         self._bodies = bodies
         self._supported = SupportedObjects(bodies, relations, containment)
         self._config = config

@@ -10,7 +10,7 @@ from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
 
-class Grasp(NamedTuple):
+class GripperGrasp(NamedTuple):
     """An object in a gripper."""
 
     gripper: str
@@ -21,14 +21,14 @@ class Grasp(NamedTuple):
     """As the gripper knows it; None for where the object is believed to be when it is grasped."""
 
 
-class Holding:
+class HeldObjects:
     """Attaches bodies to grippers."""
 
     def __init__(self, bodies: Bodies) -> None:
         self._bodies = bodies
         self._gripper_from_object: dict[str, Pose] = {}
 
-    def update(self, grasps: Mapping[str, Grasp]) -> None:
+    def update(self, grasps: Mapping[str, GripperGrasp]) -> None:
         """Hold these objects, by name, and no others: each body goes with its gripper."""
         for item in self._bodies.objects.values():
             grasp = grasps.get(item.name)
@@ -41,7 +41,7 @@ class Holding:
         """Forget an object that is no more."""
         self._gripper_from_object.pop(name, None)
 
-    def _carry(self, item: BelievedObject, grasp: Grasp) -> None:
+    def _carry(self, item: BelievedObject, grasp: GripperGrasp) -> None:
         if item.holder != grasp.gripper:
             self._gripper_from_object[item.name] = grasp.gripper_from_object or (
                 grasp.world_from_gripper.inverse() @ self._bodies.pose(item.name)

@@ -15,7 +15,7 @@ from simulation_handler.contact.relations import Relation
 from simulation_handler.hands.state import UNSEEN
 from simulation_handler.perception.percepts import Array
 from simulation_handler.physics.rollouts.engine import Engine
-from simulation_handler.physics.rollouts.scene import Body, Placing, Scene
+from simulation_handler.physics.rollouts.scene import Placing, RolloutBody, RolloutScene
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import Bodies
 
@@ -55,7 +55,7 @@ class Spilling:
     def __init__(self, bodies: Bodies) -> None:
         self._bodies = bodies
         self._engine: Engine | None = None
-        self._before: dict[str, Body] = {}  # what was inside in the last step, as it moved then
+        self._before: dict[str, RolloutBody] = {}  # what was inside in the last step, as it moved then
         self._falls: dict[str, _Fall] = {}
 
     def close(self) -> None:
@@ -101,11 +101,11 @@ class Spilling:
         near = [name for name, place in fall.around.items() if math.dist(place, fall.end[0]) < _AROUND]
         return all(name in sim and math.dist(sim.position(name), fall.around[name]) < _MOVED for name in near)
 
-    def _moving(self, name: str) -> Body:
+    def _moving(self, name: str) -> RolloutBody:
         velocity, spin = self._bodies.sim.velocity(name)
         return self._bodies.body(name)._replace(velocity=velocity, spin=spin)
 
-    def _fall(self, body: Body, container: str, now: float) -> _Fall | None:
+    def _fall(self, body: RolloutBody, container: str, now: float) -> _Fall | None:
         """How a body that moves so falls out of a container; None if it is stuck in others."""
         objects, sim = self._bodies.objects, self._bodies.sim
         scene = self._bodies.frozen().held([item.name for item in objects.values() if item.driven and item.name in sim])
@@ -122,11 +122,11 @@ class Spilling:
         }
         return _Fall(now, ends[medoid], around)
 
-    def _candidates(self, scene: Scene, body: Body) -> list[Body]:
+    def _candidates(self, scene: RolloutScene, body: RolloutBody) -> list[RolloutBody]:
         """How the body may be on its way, without being in others."""
         solids = [other.solid for other in scene.bodies if other.name != body.name]
         reach = 0.5 * min(body.size) - _DEEPEST
-        falls: list[Body] = []
+        falls: list[RolloutBody] = []
         for shift, push, turn in zip(*np.split(_normal() * _SPREAD, 3, axis=1), strict=True):
             position, velocity, spin = (
                 _sum(body.position, shift), _sum(body.velocity, push), _sum(body.spin, turn)
@@ -157,5 +157,5 @@ def _distance(solid: Solid, point: Vector3, reach: float) -> float:
     return math.inf if math.dist(solid.position, point) > solid.radius + reach else solid.signed_distance(point)[0]
 
 
-def _with(scene: Scene, body: Body) -> Scene:
-    return Scene(tuple(body if other.name == body.name else other for other in scene.bodies))
+def _with(scene: RolloutScene, body: RolloutBody) -> RolloutScene:
+    return RolloutScene(tuple(body if other.name == body.name else other for other in scene.bodies))

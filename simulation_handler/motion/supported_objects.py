@@ -10,7 +10,7 @@ import numpy as np
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from simulation_handler.contact.containment import Containment, carried_by
-from simulation_handler.contact.relations import Relations
+from simulation_handler.contact.relations import ContactRelations
 from simulation_handler.state.bodies import Bodies
 
 Twist = tuple[Vector3, Vector3]
@@ -22,7 +22,7 @@ _UPRIGHT = 0.35  # rad of tilt, up to which what stands on a driven body does no
 class SupportedObjects:
     """Finds the objects that go along with driven bodies, and lets them."""
 
-    def __init__(self, bodies: Bodies, relations: Relations, containment: Containment) -> None:
+    def __init__(self, bodies: Bodies, relations: ContactRelations, containment: Containment) -> None:
         self._bodies = bodies
         self._relations = relations
         self._containment = containment

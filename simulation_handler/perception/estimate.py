@@ -14,7 +14,7 @@ import numpy as np
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Quaternion
 from simulation_handler.config import BeliefConfig
-from simulation_handler.perception.percepts import Array, Percept
+from simulation_handler.perception.percepts import Array, WeighedPercept
 
 Innovation = tuple[Array, Array]
 """From an estimate to a percept, in the world frame: shift (3,) m and rotation vector (3,) rad."""
@@ -27,7 +27,7 @@ _STEEP_RAY = 0.5  # vertical part of a viewing ray from which a height tells the
 class Estimate:
     """Average of the percepts of an object at rest."""
 
-    def __init__(self, percept: Percept, config: BeliefConfig) -> None:
+    def __init__(self, percept: WeighedPercept, config: BeliefConfig) -> None:
         self.position = percept.position
         self.rotation = percept.rotation
         self.position_covariance = percept.position_covariance
@@ -36,11 +36,11 @@ class Estimate:
         self.count = 1
         self._config = config
 
-    def accepts(self, percept: Percept) -> bool:
+    def accepts(self, percept: WeighedPercept) -> bool:
         """Whether the percept may be of an object that has not moved: within the gate in place and rotation."""
         return self.agrees([self.innovation(percept)], percept, self._config.gate)
 
-    def agrees(self, innovations: Sequence[Innovation], percept: Percept, gate: float) -> bool:
+    def agrees(self, innovations: Sequence[Innovation], percept: WeighedPercept, gate: float) -> bool:
         """Whether the mean of some innovations is within the gate, each of them as noisy as `percept`."""
         shift, turn = np.mean(innovations, axis=0) if len(innovations) > 1 else innovations[0]
         limit, share = gate**2, 1.0 / len(innovations)
@@ -48,7 +48,7 @@ class Estimate:
         rotation_covariance = self.rotation_covariance + share * percept.rotation_covariance
         return _mahalanobis2(shift, position_covariance) <= limit and _mahalanobis2(turn, rotation_covariance) <= limit
 
-    def fuse(self, percept: Percept) -> None:
+    def fuse(self, percept: WeighedPercept) -> None:
         """Take in a percept; with more than the window's, the older ones count less and less (Kalman update)."""
         self.count += 1
         keep = 1.0 if self.count <= self._config.window else 1.0 - 1.0 / self._config.window
@@ -102,7 +102,7 @@ class Estimate:
         position, rotation = self.position_covariance, self.rotation_covariance
         return math.sqrt(0.5 * (position[0, 0] + position[1, 1])), math.sqrt(rotation[2, 2])
 
-    def innovation(self, percept: Percept) -> Innovation:
+    def innovation(self, percept: WeighedPercept) -> Innovation:
         """Measure the difference between a percept and the estimate."""
         return percept.position - self.position, self._turn_to(percept.rotation)
 
@@ -111,7 +111,7 @@ class Estimate:
         return np.array(quaternions.to_rotvec(quaternions.product(rotation, quaternions.conjugate(self.rotation))))
 
 
-def fused(percepts: Sequence[Percept], config: BeliefConfig) -> Estimate | None:
+def fused(percepts: Sequence[WeighedPercept], config: BeliefConfig) -> Estimate | None:
     """Their average, or None if they are not all of one pose."""
     estimate = Estimate(percepts[0], config)
     for percept in percepts[1:]:

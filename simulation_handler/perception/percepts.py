@@ -22,7 +22,7 @@ _DOWNWARDS = np.array((0.0, 0.0, -1.0))
 
 
 @dataclass(frozen=True)
-class Percept:
+class WeighedPercept:
     """One observation of an object, in the world frame."""
 
     stamp: float
@@ -38,7 +38,7 @@ class Percept:
     """(3,) unit vector, the direction away from the camera in which the systematic error is"""
 
 
-def make_percept(pose: Pose, stamp: float, seen_from: Vector3 | None, config: BeliefConfig) -> Percept:
+def make_percept(pose: Pose, stamp: float, seen_from: Vector3 | None, config: BeliefConfig) -> WeighedPercept:
     """Percept of a world_from_object pose.
 
     Args:
@@ -62,7 +62,7 @@ def make_percept(pose: Pose, stamp: float, seen_from: Vector3 | None, config: Be
         noise, turning = pose.parent_covariances()
         noise, ray = _without_bias(noise, ray, config.depth_bias)
     noise, turning = config.position_covariance(noise, ray), config.rotation_covariance(turning)
-    return Percept(stamp, position, pose.q, noise, turning, ray)
+    return WeighedPercept(stamp, position, pose.q, noise, turning, ray)
 
 
 def _check_covariance(pose: Pose) -> None:

@@ -49,7 +49,7 @@ _RAYS = np.stack(np.meshgrid(_SIDE, _SIDE), axis=-1).reshape(-1, 2)  # (rays, 2)
 
 
 @dataclass(frozen=True)
-class View:
+class CameraView:
     """A camera and its pose."""
 
     camera: str
@@ -61,7 +61,7 @@ class View:
     """Bodies that may hide something from this camera alone."""
 
 
-class Glance(NamedTuple):
+class ExpectedVisibility(NamedTuple):
     """The predicted visibility of one object to a camera."""
 
     share: float
@@ -159,7 +159,7 @@ class _Targets(NamedTuple):
 class _Camera:
     """A view made ready for many looks."""
 
-    def __init__(self, view: View, obstacles: Sequence[Solid], housing: float) -> None:
+    def __init__(self, view: CameraView, obstacles: Sequence[Solid], housing: float) -> None:
         """`housing`: m from the camera up to which what it is in hides nothing."""
         self.view = view
         self.eye = _bounded([view.world_from_camera.t])[0]
@@ -186,7 +186,7 @@ class Sight:
 
     def __init__(
         self,
-        views: Sequence[View],
+        views: Sequence[CameraView],
         obstacles: Sequence[Solid] = (),
         by_color: Collection[str] = (),
         *,
@@ -208,7 +208,7 @@ class Sight:
         """
         return {key: glance.share for key, glance in self.glances(solids).items()}
 
-    def glances(self, solids: Sequence[Solid]) -> dict[tuple[str, str], Glance]:
+    def glances(self, solids: Sequence[Solid]) -> dict[tuple[str, str], ExpectedVisibility]:
         """The same, also saying what hides most of each."""
         found, parts = {}, _Parts.of(solids)
         for camera in self._cameras:
@@ -218,11 +218,11 @@ class Sight:
             for index, (solid, share) in enumerate(zip(solids, shares.tolist(), strict=True)):
                 most = int(hiding[index].argmax())
                 hidden_by = names[most] if hiding[index, most] > 0.0 else ""
-                found[camera.view.camera, solid.name] = Glance(share, hidden_by)
+                found[camera.view.camera, solid.name] = ExpectedVisibility(share, hidden_by)
         return found
 
 
-def _certain(view: View) -> View:
+def _certain(view: CameraView) -> CameraView:
     """The view as if there were no doubt about where the camera is."""
     return replace(view, world_from_camera=view.world_from_camera.with_covariance(None), obstacles=())
 
@@ -309,7 +309,7 @@ def _found(camera: _Camera, bodies: _Bodies, targets: _Targets, colored: Flags, 
     return inside
 
 
-def _margins(view: View, points: Array) -> Array:
+def _margins(view: CameraView, points: Array) -> Array:
     """(n, 2) px by which points (n, 3), in the camera's frame, may be elsewhere in the image, across and down."""
     if view.world_from_camera.covariance is None:
         return np.zeros((len(points), 2))

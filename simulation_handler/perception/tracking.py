@@ -12,20 +12,20 @@ from collections.abc import Sequence
 
 from simulation_handler.config import BeliefConfig
 from simulation_handler.perception.estimate import Estimate, Innovation, fused
-from simulation_handler.perception.percepts import Percept
+from simulation_handler.perception.percepts import WeighedPercept
 
 _RECENT = 10  # percepts whose mean shows a move too small for the gate of a single one
 
 
-class Track:
+class PerceptTrack:
     """The percepts of one object over time, and the estimate that follows from them."""
 
     def __init__(self, config: BeliefConfig) -> None:
         self._config = config
         self._believed = False  # there is a belief without an estimate, which a single percept does not replace
-        self._pending: deque[Percept] = deque(maxlen=config.confirm_frames)
-        self._recent: deque[tuple[Percept, Innovation]] = deque(maxlen=_RECENT)
-        self._newest: deque[Percept] = deque(maxlen=_RECENT)
+        self._pending: deque[WeighedPercept] = deque(maxlen=config.confirm_frames)
+        self._recent: deque[tuple[WeighedPercept, Innovation]] = deque(maxlen=_RECENT)
+        self._newest: deque[WeighedPercept] = deque(maxlen=_RECENT)
         self.estimate: Estimate | None = None
         """None until perception is sure enough."""
         self.last_stamp = -math.inf
@@ -37,7 +37,7 @@ class Track:
         self.restarts = 0
         """How often the estimate was begun anew."""
 
-    def add(self, percept: Percept) -> None:
+    def add(self, percept: WeighedPercept) -> None:
         """Take in a percept; one that is not newer than the last is ignored."""
         if percept.stamp <= self.last_stamp:
             return
@@ -51,7 +51,7 @@ class Track:
             self._restart(list(self._pending), self.estimate)
 
     @property
-    def trail(self) -> tuple[Percept, ...]:
+    def trail(self) -> tuple[WeighedPercept, ...]:
         """The newest percepts, the last one at the end."""
         return tuple(self._newest)
 
@@ -93,7 +93,7 @@ class Track:
             return confirm_frames if self._believed else 1
         return confirm_frames if self.estimate.count > confirm_frames + 1 else 1
 
-    def _fuse(self, estimate: Estimate, percept: Percept) -> None:
+    def _fuse(self, estimate: Estimate, percept: WeighedPercept) -> None:
         """Take in a percept that agrees; if the recent ones together do not, weigh the newer of them anew."""
         self._recent.append((percept, estimate.innovation(percept)))
         self._pending.clear()
@@ -108,7 +108,7 @@ class Track:
         for recent in newer:
             estimate.fuse(recent)
 
-    def _restart(self, percepts: Sequence[Percept], old: Estimate | None) -> None:
+    def _restart(self, percepts: Sequence[WeighedPercept], old: Estimate | None) -> None:
         """Begin anew from these percepts if they agree, else from the newest; keep what still holds of `old`."""
         agreeing = fused(percepts, self._config)
         self.moving = agreeing is None or len(percepts) < self._config.confirm_frames

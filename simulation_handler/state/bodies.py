@@ -10,8 +10,8 @@ from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
-from simulation_handler.perception.tracking import Track
-from simulation_handler.physics.rollouts.scene import Body, Scene
+from simulation_handler.perception.tracking import PerceptTrack
+from simulation_handler.physics.rollouts.scene import RolloutBody, RolloutScene
 from simulation_handler.physics.simulator import SimulationError, Simulator
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.objects import BelievedObject
@@ -71,7 +71,7 @@ class Bodies:
         mass = self._config.default_mass if mass is None else mass
         friction = self._config.default_friction if friction is None else friction
         self.objects[name] = BelievedObject(
-            name, size, mass, friction, Track(self._config), shape, drivable, rolling_friction
+            name, size, mass, friction, PerceptTrack(self._config), shape, drivable, rolling_friction
         )
         return self.objects[name]
 
@@ -115,21 +115,21 @@ class Bodies:
         present = (name for name in self.objects if name in self.sim and name not in leaving_out)
         return self.fixtures | {name: self.solid(name) for name in present}
 
-    def frozen(self) -> Scene:
+    def frozen(self) -> RolloutScene:
         """Copy the present scene, to be simulated elsewhere: bodies that are held are fixed, speeds are left out."""
         friction = self._config.default_friction
         bodies = [
-            Body(
+            RolloutBody(
                 solid.name, solid.size, solid.position, solid.rotation, friction=friction, fixed=True, shape=solid.shape
             )
             for solid in self.fixtures.values()
         ]
-        return Scene((*bodies, *(self.body(name) for name in self.objects if name in self.sim)))
+        return RolloutScene((*bodies, *(self.body(name) for name in self.objects if name in self.sim)))
 
-    def body(self, name: str) -> Body:
+    def body(self, name: str) -> RolloutBody:
         """The body of an object as it is now, at rest."""
         item, pose = self.objects[name], self.sim.pose(name)
-        return Body(
+        return RolloutBody(
             name, item.size, *pose, item.mass, item.friction, item.static, item.shape, item.rolling_friction
         )  # fmt: skip
 

@@ -16,8 +16,8 @@ from simulation_handler.contact.placement import Placement
 from simulation_handler.contact.supports import UNKNOWN
 from simulation_handler.perception.estimate import Estimate
 from simulation_handler.perception.paths import Path
-from simulation_handler.perception.percepts import Array, Percept
-from simulation_handler.perception.tracking import Track
+from simulation_handler.perception.percepts import Array, WeighedPercept
+from simulation_handler.perception.tracking import PerceptTrack
 from simulation_handler.shapes.geometry import Solid
 
 _PERCEPTS_TO_LEARN = 10
@@ -37,7 +37,7 @@ class BelievedObject:
     """Mass of the object, kg."""
     friction: float
     """Coulomb coefficient."""
-    track: Track
+    track: PerceptTrack
     shape: Shape = ()
     """Pieces of the object's shape; none for a solid box."""
     drivable: bool = False
@@ -106,7 +106,7 @@ class BelievedObject:
         """Names of the cameras that have lately seen the object, at `now` (s)."""
         return frozenset(camera for camera, stamp in self.seen_by.items() if self.track.is_recent(stamp, now))
 
-    def observe(self, percept: Percept, camera: str) -> None:
+    def observe(self, percept: WeighedPercept, camera: str) -> None:
         """Take in a percept from a camera."""
         self.track.add(percept)
         self.seen_by[camera] = percept.stamp

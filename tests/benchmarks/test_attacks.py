@@ -18,7 +18,7 @@ from dsr.crdt.delta import Delta
 from dsr.crdt.hlc import HybridClock
 from dsr.graph.graph import Graph
 from dsr.replication import clock_votes
-from dsr.replication.clock_votes import Verdict
+from dsr.replication.clock_votes import ClockVerdict
 
 CASES = [(attack, graph) for attack in attacks().values() for graph in attack.settings]
 
@@ -46,7 +46,7 @@ OLD_DESIGNS: list[tuple[str, Any, str, Any]] = [
     ("stamp-greatest", Graph, "_stamp", lambda self, key, owners, attribute, tick: tick),
     ("stamp-cleaned", Graph, "renew", lambda self, key, now: Delta()),
     ("clock-votes", clock_votes, "agent_of", lambda rid: rid),
-    ("clock-of-two", Verdict, "_most", lambda self, agents: 2 * len(agents) > self.agents),
+    ("clock-of-two", ClockVerdict, "_most", lambda self, agents: 2 * len(agents) > self.agents),
 ]
 
 

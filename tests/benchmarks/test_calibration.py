@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agents.arm_controller.kinematics import Chain
+from agents.arm_controller.kinematics import JointChain
 from agents.arm_controller.urdf import load_robot
 from agents.scenario.format.model import RobotSpec
 from benchmarks import calibration as system
@@ -152,7 +152,9 @@ def test_from_other_arm_poses_the_camera_not_the_gripper_points_at_the_cubes() -
     robot = load_robot(Path(__file__).resolve().parents[2] / "etc/robots/gen3.urdf")
     start = np.array(RobotSpec().start)
     gripper, camera = (
-        Chain(robot.between("base_link", link)).forward(start) for link in ("end_effector_link", "camera_wrist_link")
+        JointChain(robot.between("base_link", link)).forward(start) for link in (
+            "end_effector_link", "camera_wrist_link"
+        )
     )
     gripper_from_camera = gripper.inverse() @ camera
     for place in EVALUATED_FROM:

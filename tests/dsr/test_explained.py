@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from dsr.vocabulary.explained import ATTRIBUTE, Change, changes_of, encoded, text_of
+from dsr.vocabulary.explained import ATTRIBUTE, ExplainedChange, changes_of, encoded, text_of
 
 CHANGES = (
-    Change("camera_moved"),
-    Change("moved_with_supports", (("cube_3",), ("cube_4", "cube_5"))),
-    Change("swapped", (("a", "b"),)),
+    ExplainedChange("camera_moved"),
+    ExplainedChange("moved_with_supports", (("cube_3",), ("cube_4", "cube_5"))),
+    ExplainedChange("swapped", (("a", "b"),)),
 )
 
 

@@ -44,12 +44,13 @@ MODULES = {
         "query", "read_entry", "relation", "relations", "tell", "ACTION", "AGENT", "INTENTION", "PRESENT", "SURPRISING",
     },
     "dsr.visibility": {
-        "BAND", "Body", "CAMERA", "Glance", "LEAST_PIXELS", "LEAST_SHARE", "PERSON", "PERSON_FOV", "PERSPECTIVES",
-        "Perspective", "Picture", "Posed", "Scene", "SightChange", "VisibilityMonitor", "WIDTH", "bodies_of", "body_at",
+        "BAND", "Body", "CAMERA", "LEAST_PIXELS", "LEAST_SHARE", "PERSON", "PERSON_FOV", "PERSPECTIVES",
+        "Perspective", "Picture", "Posed", "SightChange", "VisibilityMonitor", "VisibleScene", "VisibleFraction",
+        "WIDTH", "bodies_of", "body_at",
         "is_enough", "is_seen", "lens_of", "placed", "read_perspectives", "read_posed", "shape_of_thing", "visibility",
     },
     "dsr.vocabulary.what_if": {
-        "Action", "Answer", "Change", "MAX_CHANGES", "MAX_SECONDS", "Numbers", "Pending", "Question", "SERVICE",
+        "Action", "Answer", "MAX_CHANGES", "MAX_SECONDS", "Numbers", "Pending", "Question", "SERVICE", "Supposed",
         "TIMEOUT", "WhatIf", "decode_answer", "decode_question", "encode_answer", "encode_question",
     },
     "dsr.worlds": {

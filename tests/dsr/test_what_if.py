@@ -14,8 +14,8 @@ from dsr.network.transport import RequestHandler
 from dsr.vocabulary.what_if import (
     MAX_CHANGES,
     Answer,
-    Change,
     Question,
+    Supposed,
     WhatIf,
     decode_answer,
     decode_question,
@@ -39,7 +39,7 @@ ANSWER = Answer(
 
 def test_questions_and_answers_come_back_as_they_were() -> None:
     question = Question(
-        0.5, (Change.place("a", POSE), Change.hold("b"), Change.hold("c", POSE), Change.remove("d")), 9.0
+        0.5, (Supposed.place("a", POSE), Supposed.hold("b"), Supposed.hold("c", POSE), Supposed.remove("d")), 9.0
     )
     assert decode_question(encode_question(question)) == question
     assert decode_answer(encode_answer(ANSWER)) == ANSWER
@@ -48,7 +48,7 @@ def test_questions_and_answers_come_back_as_they_were() -> None:
 
 def test_a_question_is_a_map_that_any_language_can_write() -> None:
     plain = {"seconds": 1, "changes": [{"object": "a", "action": "hold"}]}
-    assert decode_question(msgspec.msgpack.encode(plain)) == Question(1.0, (Change.hold("a"),))
+    assert decode_question(msgspec.msgpack.encode(plain)) == Question(1.0, (Supposed.hold("a"),))
 
 
 @pytest.mark.parametrize(

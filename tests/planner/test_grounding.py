@@ -16,20 +16,20 @@ from dsr.vocabulary.relations import Relations
 from planner.config import PlannerConfig
 from planner.errors import NoPlace
 from planner.grounding import ground, is_free, place_on_table, stacked
-from planner.plan import Step
-from planner.state import Solid, View, WorldState, read_state
+from planner.plan import PlanStep
+from planner.state import KnownSolid, TableCamera, WorldState, read_state
 from tests.planner.table import set_table
 
 CONFIG = PlannerConfig()
 SIZE = (0.04, 0.04, 0.04)
-TABLE = Solid((1.2, 0.8, 0.03), Pose((0.4, 0.0, 0.1)))
+TABLE = KnownSolid((1.2, 0.8, 0.03), Pose((0.4, 0.0, 0.1)))
 DOWN = Pose((0.35, 0.0, 0.75), (0.70710678, -0.70710678, 0.0, 0.0))
-OVERHEAD = View(DOWN.inverse(), Intrinsics(600.0, 600.0, 319.5, 239.5, 640, 480))
+OVERHEAD = TableCamera(DOWN.inverse(), Intrinsics(600.0, 600.0, 319.5, 239.5, 640, 480))
 
 
-def world(*places: tuple[float, float], views: tuple[View, ...] = (), table: Solid = TABLE) -> WorldState:
+def world(*places: tuple[float, float], views: tuple[TableCamera, ...] = (), table: KnownSolid = TABLE) -> WorldState:
     names = [f"cube_{number}" for number in range(len(places))]
-    solids = {name: Solid(SIZE, Pose((*place, 0.12))) for name, place in zip(names, places, strict=True)}
+    solids = {name: KnownSolid(SIZE, Pose((*place, 0.12))) for name, place in zip(names, places, strict=True)}
     relations = Relations(frozenset(names), frozenset({"table"}), frozenset((name, "table") for name in names))
     return WorldState(relations, {"table": table, **solids}, "table", frozenset(names), frozenset(names), views=views)
 
@@ -71,7 +71,7 @@ def test_where_it_is_crowded_things_stand_closer() -> None:
 
 
 def test_a_full_table_has_no_place() -> None:
-    small = Solid((0.1, 0.1, 0.03), Pose((0.4, 0.0, 0.1)))
+    small = KnownSolid((0.1, 0.1, 0.03), Pose((0.4, 0.0, 0.1)))
     with pytest.raises(NoPlace, match="there is no room on table for cube_0"):
         place_on_table("cube_0", world((0.4, 0.0), (0.4, 0.0), table=small), CONFIG)
 
@@ -89,15 +89,15 @@ def test_the_turn_about_the_vertical_is_kept_and_a_tilt_is_not() -> None:
     tilted = Pose.from_rotvec((0.4, 0.0, 0.12), (0.7, 0.0, 0.0))
     for pose, expected in ((turned, 0.6), (tilted, 0.0)):
         state = world((0.4, 0.0))
-        state = replace(state, solids={**state.solids, "cube_0": Solid(SIZE, pose)})
+        state = replace(state, solids={**state.solids, "cube_0": KnownSolid(SIZE, pose)})
         assert place_on_table("cube_0", state, CONFIG).rotvec.tolist() == pytest.approx([0.0, 0.0, expected])
 
 
 def test_each_step_becomes_a_skill_and_places_do_not_collide() -> None:
     state = world((0.42, 0.08), (0.42, 0.08), (0.42, 0.08))
     steps = (
-        Step("pick", "cube_2"), Step("putdown", "cube_2", "table"), Step("pick", "cube_1"),
-        Step("putdown", "cube_1", "table"), Step("pick", "cube_0"), Step("stack", "cube_0", "cube_2"),
+        PlanStep("pick", "cube_2"), PlanStep("putdown", "cube_2", "table"), PlanStep("pick", "cube_1"),
+        PlanStep("putdown", "cube_1", "table"), PlanStep("pick", "cube_0"), PlanStep("stack", "cube_0", "cube_2"),
     )  # fmt: skip
     skills = ground(steps, state, CONFIG)
     assert [str(skill) for skill in skills] == [

@@ -14,11 +14,11 @@ from dsr.vocabulary.goals import Goal, parse_goal
 from dsr.vocabulary.relations import Relation, Relations
 from planner.errors import GoalNotPossible, SolverFailed, Unsolvable
 from planner.pddl import DOMAIN, Names, names_of, problem
-from planner.plan import Step, leads_to, read_plan
+from planner.plan import PlanStep, leads_to, read_plan
 from planner.solver import solve
-from planner.state import Solid, WorldState
+from planner.state import KnownSolid, WorldState
 
-CUBE = Solid((0.04, 0.04, 0.04), Pose((0.4, 0.0, 0.02)))
+CUBE = KnownSolid((0.04, 0.04, 0.04), Pose((0.4, 0.0, 0.02)))
 
 
 def state(towers: list[list[str]], held: str = "", **options: frozenset[str]) -> WorldState:
@@ -32,7 +32,7 @@ def state(towers: list[list[str]], held: str = "", **options: frozenset[str]) ->
     return WorldState(relations, dict.fromkeys(things, CUBE), "table", **values)
 
 
-def plan(now: WorldState, goal: Goal) -> tuple[Step, ...]:
+def plan(now: WorldState, goal: Goal) -> tuple[PlanStep, ...]:
     solution = solve(DOMAIN, problem(now, goal), WALL_CLOCK, limit=60.0)
     return read_plan(solution.plan, names_of(now), "table")
 
@@ -155,4 +155,4 @@ def test_a_plan_file_that_is_none_is_refused(text: str, message: str) -> None:
 def test_a_plan_that_is_not_possible_is_refused() -> None:
     start = state([["cube_4", "cube_3"]])
     with pytest.raises(SolverFailed, match="step 1 of the plan, pick cube_4, is not possible"):
-        leads_to((Step("pick", "cube_4"),), start.relations)
+        leads_to((PlanStep("pick", "cube_4"),), start.relations)

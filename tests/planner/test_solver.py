@@ -11,7 +11,7 @@ import pytest
 from dsr.clock import WALL_CLOCK, ManualClock
 from planner import solver
 from planner.errors import SolverFailed, SolverMissing, Unsolvable
-from planner.solver import Solution, Solver, find_solver, probe, solve
+from planner.solver import Solver, SolverAnswer, find_solver, probe, solve
 
 DOMAIN = """(define (domain lamps) (:requirements :negative-preconditions) (:predicates (lit) (broken))
 (:action light :parameters () :precondition (not (broken)) :effect (lit)))"""
@@ -33,7 +33,7 @@ def fake(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return program
 
 
-def wait_for(running: Solver) -> Solution:
+def wait_for(running: Solver) -> SolverAnswer:
     while (solution := running.poll()) is None:
         WALL_CLOCK.wait(threading.Event(), 0.02)
     return solution

@@ -17,7 +17,7 @@ from dsr.runtime.system import AgentSpec
 from dsr.vocabulary.calibration import IN_DOUBT, STEADY
 from simulation_handler import SimulationHandler
 from simulation_handler.graph_io.what_if import WhatIfService
-from simulation_handler.physics.rollouts.scene import Scene
+from simulation_handler.physics.rollouts.scene import RolloutScene
 from tests.simulation_handler.worlds import CUBE, TABLE, SyntheticCamera, cube_at
 
 NAME = "simulation_handler"
@@ -259,7 +259,7 @@ def test_bad_nodes_are_skipped_and_said_once(
 
 
 def test_how_easily_something_rolls_is_taken_from_its_node(table: Table, monkeypatch: pytest.MonkeyPatch) -> None:
-    scenes, offer = list[Scene](), WhatIfService.offer
+    scenes, offer = list[RolloutScene](), WhatIfService.offer
     monkeypatch.setattr(
         WhatIfService, "offer", lambda self, scene, now: (scenes.append(scene), offer(self, scene, now))
     )

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import pytest
 
 from dsr.math3d.transforms import Pose
-from simulation_handler.perception.sight import Glance
+from simulation_handler.perception.sight import ExpectedVisibility
 from simulation_handler.shapes.geometry import Solid
 from tests.simulation_handler.occluded import Occlusion, standing
 from tests.simulation_handler.worlds import CUBE
@@ -29,11 +29,10 @@ class Covered(Occlusion):
         self.look = self.glances
         self.run(2.0)
 
-    def glances(self, solids: Sequence[Solid]) -> Mapping[tuple[str, str], Glance]:
+    def glances(self, solids: Sequence[Solid]) -> Mapping[tuple[str, str], ExpectedVisibility]:
         hidden = {solid.name for solid in solids if self.hides(solid.position)}
-        return {
-            ("camera", solid.name): Glance(0.0, "hand") if solid.name in hidden else Glance(1.0, "") for solid in solids
-        }
+        covered, free = ExpectedVisibility(0.0, "hand"), ExpectedVisibility(1.0, "")
+        return {("camera", solid.name): covered if solid.name in hidden else free for solid in solids}
 
     def hides(self, place: Sequence[float]) -> bool:
         return self.palm is not None and self.hand_seen and math.dist(self.palm.t, place) < _HIDES
@@ -128,7 +127,7 @@ def test_what_is_missing_where_no_hand_was_is_removed() -> None:
     world.go(AWAY)
     world.run(1.0)
     world.truths["cube"] = standing(5.0, 0.0, CUBE)
-    world.look = lambda solids: {("camera", solid.name): Glance(1.0, "") for solid in solids}
+    world.look = lambda solids: {("camera", solid.name): ExpectedVisibility(1.0, "") for solid in solids}
     del world.truths["cube"]
     world.run(2.0)
     assert world.belief.is_gone("cube")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from dsr.math3d.transforms import Pose
-from simulation_handler.motion.holding import Grasp
+from simulation_handler.motion.holding import GripperGrasp
 from tests.simulation_handler.worlds import World, cube_at
 
 GRIPPER = Pose.from_rotvec((0.4, 0.1, 0.14), (3.14159, 0.0, 0.0))
@@ -21,7 +21,7 @@ def world() -> World:
 
 def carry(world: World, pose: Pose, seconds: float = 0.1) -> None:
     for _ in range(round(seconds / 0.05)):
-        world.belief.hold({"a": Grasp("gripper", pose)})
+        world.belief.hold({"a": GripperGrasp("gripper", pose)})
         world.tick()
 
 
@@ -57,7 +57,7 @@ def test_percepts_of_what_is_held_are_ignored(world: World) -> None:
 def test_a_held_object_that_is_no_more_is_forgotten(world: World) -> None:
     carry(world, GRIPPER)
     world.belief.remove("a")
-    world.belief.hold({"a": Grasp("gripper", GRIPPER)})
+    world.belief.hold({"a": GripperGrasp("gripper", GRIPPER)})
     world.seen = {"b"}
     world.tick()
     assert "a" not in world.belief
@@ -65,6 +65,6 @@ def test_a_held_object_that_is_no_more_is_forgotten(world: World) -> None:
 
 def test_where_the_gripper_says_that_it_holds_it_counts_not_where_it_was_believed(world: World) -> None:
     gripper_from_object = Pose((0.0, 0.0, 0.12))
-    world.belief.hold({"a": Grasp("gripper", Pose((0.1, -0.05, 0.1)) @ GRIPPER, gripper_from_object)})
+    world.belief.hold({"a": GripperGrasp("gripper", Pose((0.1, -0.05, 0.1)) @ GRIPPER, gripper_from_object)})
     world.tick()
     assert world.pose("a").t == pytest.approx((0.5, 0.05, 0.12), abs=1e-4)

@@ -25,9 +25,9 @@ from dsr.math3d.shapes import Part
 from dsr.network.keys import Keys
 from dsr.spatial import View, margin, read_scene
 from dsr.timeline import query
-from dsr.vocabulary.what_if import Change, Question, WhatIf, encode_question
+from dsr.vocabulary.what_if import Question, Supposed, WhatIf, encode_question
 from simulation_handler.graph_io.what_if import WhatIfService
-from simulation_handler.physics.rollouts.scene import Body
+from simulation_handler.physics.rollouts.scene import RolloutBody
 from tests.simulation_handler.rollouts.scenes import cube, scene_of
 
 T = TypeVar("T")
@@ -46,7 +46,7 @@ class Room:
         memory.add_node("world", "world")
         memory.add_node("table", "table", size=(1.0, 1.0, 0.05))
         memory.add_edge("world", "table", "RT", pose=Pose())
-        ball = Body("ball", (0.06, 0.06, 0.06), (-0.2, 0.2, 0.03), mass=0.05, shape=BALL)
+        ball = RolloutBody("ball", (0.06, 0.06, 0.06), (-0.2, 0.2, 0.03), mass=0.05, shape=BALL)
         bodies = [*(cube(name, x, y) for name, (x, y) in CUBES.items()), ball]
         for body in bodies:
             kind = "ball" if body.shape else "cube"
@@ -96,22 +96,22 @@ def test_what_is_elsewhere_gone_and_new_in_a_world(room: Room) -> None:
     idea.add_node("cone", "cup", size=(0.1, 0.1, 0.1), mass=0.2)
     idea.add_edge("world", "cone", "RT", pose=Pose((0.0, 0.3, 0.05)))
     assert differences(room.memory, idea, held=["ball"]) == (
-        Change.hold("ball", Pose((-0.2, 0.2, 0.03))),
-        Change.add("cone", Pose((0.0, 0.3, 0.05)), (0.1, 0.1, 0.1), mass=0.2),
-        Change.place("cube_1", Pose((0.0, 0.0, 0.02))),
-        Change.remove("cube_2"),
+        Supposed.hold("ball", Pose((-0.2, 0.2, 0.03))),
+        Supposed.add("cone", Pose((0.0, 0.3, 0.05)), (0.1, 0.1, 0.1), mass=0.2),
+        Supposed.place("cube_1", Pose((0.0, 0.0, 0.02))),
+        Supposed.remove("cube_2"),
     )
 
 
 # ---- one more object in a question
 
 
-def ask(room: Room, *changes: Change) -> Any:
+def ask(room: Room, *changes: Supposed) -> Any:
     return room.service.answer(encode_question(Question(1.0, changes)))
 
 
 def test_what_is_added_is_simulated_and_forgotten(room: Room) -> None:
-    answer = ask(room, Change.add("crate", Pose((0.0, 0.0, 0.2)), (0.1, 0.1, 0.1)))
+    answer = ask(room, Supposed.add("crate", Pose((0.0, 0.0, 0.2)), (0.1, 0.1, 0.1)))
     assert answer.rests_on["crate"] == ("table",)
     assert "crate" not in ask(room).poses
 
@@ -119,15 +119,15 @@ def test_what_is_added_is_simulated_and_forgotten(room: Room) -> None:
 @pytest.mark.parametrize(
     ("change", "why"),
     [
-        (Change.add("cube_1", Pose(), (0.1, 0.1, 0.1)), "there already"),
-        (Change.add("crate", Pose((0.3, 0.0, 0.05)), (0.1, 0.1, 0.1)), "inside"),
-        (Change.add("crate", Pose((0.0, 0.0, 1.0)), (0.1, 0.0, 0.1)), "size"),
-        (Change.add("crate", Pose((0.0, 0.0, 1.0)), (0.1, 0.1, 0.1), mass=-1.0), "mass"),
-        (Change("crate", "add", (0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), (0.1, 0.1, 0.1), (1.0, 2.0)), "shape"),
-        (Change("crate", "add"), "takes a pose and a size"),
+        (Supposed.add("cube_1", Pose(), (0.1, 0.1, 0.1)), "there already"),
+        (Supposed.add("crate", Pose((0.3, 0.0, 0.05)), (0.1, 0.1, 0.1)), "inside"),
+        (Supposed.add("crate", Pose((0.0, 0.0, 1.0)), (0.1, 0.0, 0.1)), "size"),
+        (Supposed.add("crate", Pose((0.0, 0.0, 1.0)), (0.1, 0.1, 0.1), mass=-1.0), "mass"),
+        (Supposed("crate", "add", (0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0), (0.1, 0.1, 0.1), (1.0, 2.0)), "shape"),
+        (Supposed("crate", "add"), "takes a pose and a size"),
     ],
 )
-def test_what_cannot_be_added_is_refused(room: Room, change: Change, why: str) -> None:
+def test_what_cannot_be_added_is_refused(room: Room, change: Supposed, why: str) -> None:
     assert why in ask(room, change).refused
 
 

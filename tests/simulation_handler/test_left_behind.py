@@ -9,7 +9,7 @@ import pytest
 from dsr.math3d.transforms import Pose
 from simulation_handler.explaining import Look
 from simulation_handler.hands.state import PINCH
-from simulation_handler.perception.sight import Glance
+from simulation_handler.perception.sight import ExpectedVisibility
 from simulation_handler.shapes.geometry import Solid
 from tests.simulation_handler.occluded import BOX, SMALL, Occlusion, standing
 from tests.simulation_handler.worlds import CUBE, WALL
@@ -21,9 +21,9 @@ SHOWN, HIDDEN = standing(0.3, 0.0, SMALL, on=0.2), standing(0.3, -0.3, SMALL, on
 def behind(y: float) -> Look:
     """A wall hides what is further to the right than that, and the cup what is in it."""
 
-    def look(solids: Collection[Solid]) -> dict[tuple[str, str], Glance]:
+    def look(solids: Collection[Solid]) -> dict[tuple[str, str], ExpectedVisibility]:
         hiding = {s.name: "cup" if s.name == "cube" else "wall" if s.position[1] < y else "" for s in solids}
-        return {("camera", name): Glance(0.0 if what else 1.0, what) for name, what in hiding.items()}
+        return {("camera", name): ExpectedVisibility(0.0 if what else 1.0, what) for name, what in hiding.items()}
 
     return look
 
@@ -140,7 +140,7 @@ def test_what_it_still_has_is_seen_in_it() -> None:
 
 def test_what_the_hand_itself_hides_may_be_in_it() -> None:
     world = carried_behind_a_wall()
-    world.look = lambda solids: {("camera", solid.name): Glance(0.0, "hand") for solid in solids}
+    world.look = lambda solids: {("camera", solid.name): ExpectedVisibility(0.0, "hand") for solid in solids}
     come_back(world)
     assert world.belief.grasps().keys() == {HELD}
     assert world.pose("cup").t == pytest.approx(SHOWN.t, abs=0.03)
@@ -149,9 +149,9 @@ def test_what_the_hand_itself_hides_may_be_in_it() -> None:
 def covered_by(share: float, hidden_by: str) -> Look:
     """All that can be seen, but of the cup only that share."""
 
-    def look(solids: Collection[Solid]) -> dict[tuple[str, str], Glance]:
-        of_cup = Glance(share, hidden_by)
-        return {("camera", s.name): of_cup if s.name == "cup" else Glance(1.0, "") for s in solids}
+    def look(solids: Collection[Solid]) -> dict[tuple[str, str], ExpectedVisibility]:
+        of_cup = ExpectedVisibility(share, hidden_by)
+        return {("camera", s.name): of_cup if s.name == "cup" else ExpectedVisibility(1.0, "") for s in solids}
 
     return look
 

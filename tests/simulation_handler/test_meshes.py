@@ -20,9 +20,9 @@ from dsr.memory import Memory
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec
 from simulation_handler import SimulationHandler
-from simulation_handler.physics.rollouts import Body, Scene
+from simulation_handler.physics.rollouts import RolloutBody, RolloutScene
 from simulation_handler.physics.rollouts.engine import Engine
-from simulation_handler.physics.rollouts.messages import Job, _encoder, _jobs
+from simulation_handler.physics.rollouts.messages import RolloutJob, _encoder, _jobs
 from simulation_handler.physics.simulator import Simulator
 from simulation_handler.shapes.decomposing import decomposed
 from simulation_handler.shapes.meshes import Forms, form_of
@@ -159,16 +159,16 @@ def test_a_ball_rolls_down_a_wedge_and_not_off_its_box(table: Simulator) -> None
 def test_rollouts_have_the_same_pieces_in_another_process() -> None:
     form = form_of([bench()])
     bodies = (
-        Body("table", (1.0, 1.0, 0.02), (0.0, 0.0, -0.01), fixed=True),
-        Body("bench", form.size, (0.0, 0.0, 0.06), mass=0.5, shape=form.shape),
-        Body("cube", CUBE, (0.0, 0.0, 0.16), mass=0.05),
+        RolloutBody("table", (1.0, 1.0, 0.02), (0.0, 0.0, -0.01), fixed=True),
+        RolloutBody("bench", form.size, (0.0, 0.0, 0.06), mass=0.5, shape=form.shape),
+        RolloutBody("cube", CUBE, (0.0, 0.0, 0.16), mass=0.05),
     )
-    job = _jobs.decode(_encoder.encode(Job(1, bodies, 1.0)))
+    job = _jobs.decode(_encoder.encode(RolloutJob(1, bodies, 1.0)))
     assert job.bodies == bodies
     engine = Engine()
-    first = engine.run(Scene(job.bodies), 1.0)
+    first = engine.run(RolloutScene(job.bodies), 1.0)
     assert first.poses["cube"][0][2] == pytest.approx(0.14, abs=1.5e-3)
-    assert engine.run(Scene(bodies), 1.0) == first
+    assert engine.run(RolloutScene(bodies), 1.0) == first
     engine.close()
 
 

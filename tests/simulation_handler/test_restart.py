@@ -9,7 +9,7 @@ import pytest
 
 from dsr.clock import WALL_CLOCK
 from dsr.timeline import EXPLAINED, query
-from dsr.vocabulary.explained import Change
+from dsr.vocabulary.explained import ExplainedChange
 from simulation_handler import agent as agent_module
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.by_hypotheses import ByHypotheses
@@ -147,7 +147,7 @@ def test_what_has_just_moved_together_is_known_to_do_so_without_a_restart_too(
 
 
 def test_what_only_goes_on_is_not_told_anew(table: Table, monkeypatch: pytest.MonkeyPatch) -> None:
-    nothing = Explanation((Change("nothing_changed"),), ("cube_5",), changes_belief=False)
+    nothing = Explanation((ExplainedChange("nothing_changed"),), ("cube_5",), changes_belief=False)
     monkeypatch.setattr(ByHypotheses, "explain", lambda self, situation: nothing)
     table.add("cube_5", cube_at(0.3, -0.1))
     table.run(1.5)

@@ -12,9 +12,9 @@ from dsr.math3d.shapes import Part, Shape
 from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.placement import find_support, place, separate
-from simulation_handler.physics.rollouts import Body, Scene
+from simulation_handler.physics.rollouts import RolloutBody, RolloutScene
 from simulation_handler.physics.rollouts.engine import Engine
-from simulation_handler.physics.rollouts.messages import Job, _encoder, _jobs
+from simulation_handler.physics.rollouts.messages import RolloutJob, _encoder, _jobs
 from simulation_handler.physics.simulator import SimulationError, Simulator
 from simulation_handler.shapes.geometry import Solid
 from tests.simulation_handler.worlds import BALL, CUBE, ROUND, container
@@ -138,12 +138,12 @@ def test_the_rim_of_a_container_does_not_carry_what_stands_beside_its_middle() -
     assert (supports, level) == ((), None)
 
 
-def scene(shape: Shape, size: Vector3) -> Scene:
-    return Scene(
+def scene(shape: Shape, size: Vector3) -> RolloutScene:
+    return RolloutScene(
         (
-            Body("table", TABLE.size, TABLE.position, fixed=True),
-            Body("box", size, (0.0, 0.0, 0.5 * size[2]), mass=0.2, shape=shape),
-            Body("ball", BALL, (0.0, 0.0, 0.05), mass=0.05, shape=ROUND),
+            RolloutBody("table", TABLE.size, TABLE.position, fixed=True),
+            RolloutBody("box", size, (0.0, 0.0, 0.5 * size[2]), mass=0.2, shape=shape),
+            RolloutBody("ball", BALL, (0.0, 0.0, 0.05), mass=0.05, shape=ROUND),
         )
     )
 
@@ -155,7 +155,7 @@ def test_rollouts_know_shapes_and_send_them_to_workers() -> None:
     engine.close()
     assert outcomes[0] == outcomes[1]
     assert outcomes[0].poses["ball"][0][2] == pytest.approx(0.033, abs=1e-3)
-    assert _jobs.decode(_encoder.encode(Job(1, inside.bodies, 1.0))).bodies == inside.bodies
+    assert _jobs.decode(_encoder.encode(RolloutJob(1, inside.bodies, 1.0))).bodies == inside.bodies
 
 
 def test_pieces_may_be_of_several_kinds(table: Simulator) -> None:

@@ -11,7 +11,7 @@ import pytest
 
 from agents.object_models import load_model, model_files
 from agents.plant.bullet import Bullet
-from agents.plant.camera import OVERHEAD, Camera
+from agents.plant.camera import OVERHEAD, SimulatedCamera
 from agents.plant.hands import Hands
 from agents.plant.noise import SensorModel
 from agents.plant.poses import _sees
@@ -20,15 +20,15 @@ from agents.plant.world import World
 from agents.scenario.format.scenario import ObjectSpec, SensorSpec, TableSpec
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.intrinsics import Intrinsics
-from simulation_handler.perception.sight import Glance, Sight, View
+from simulation_handler.perception.sight import CameraView, ExpectedVisibility, Sight
 from simulation_handler.shapes.geometry import Solid
 
 CUBE = (0.04, 0.04, 0.04)
 LENS = Intrinsics.from_fov(640, 480, 0.98)
 
 
-def view(pose: Pose = OVERHEAD, name: str = "overhead") -> View:
-    return View(name, pose, LENS)
+def view(pose: Pose = OVERHEAD, name: str = "overhead") -> CameraView:
+    return CameraView(name, pose, LENS)
 
 
 def solid(name: str, pose: Pose, size: tuple[float, float, float] = CUBE) -> Solid:
@@ -43,8 +43,8 @@ def test_a_tower_hides_all_but_its_top() -> None:
     tower = [solid(f"cube_{k}", Pose((0.35, 0.0, 0.02 + 0.04 * k))) for k in range(3)]
     assert shares(*tower) == {"cube_0": 0.0, "cube_1": 0.0, "cube_2": 1.0}
     glances = Sight([view()]).glances(tower)
-    assert glances["overhead", "cube_0"] == Glance(0.0, "cube_1")
-    assert glances["overhead", "cube_2"] == Glance(1.0, "")
+    assert glances["overhead", "cube_0"] == ExpectedVisibility(0.0, "cube_1")
+    assert glances["overhead", "cube_2"] == ExpectedVisibility(1.0, "")
 
 
 def test_a_cube_half_on_another_hides_part_of_it() -> None:
@@ -109,8 +109,8 @@ def test_what_is_behind_much_of_what_the_camera_is_in_cannot_be_judged() -> None
     below, aside = solid("below", Pose((0.35, 0.0, 0.02))), solid("aside", Pose((0.35, 0.25, 0.02)))
     gripper = Solid("gripper", (0.125, 0.075, 0.135), (0.35, -0.035, 0.59))
     glances = Sight([view()], [gripper]).glances([below, aside])
-    assert glances["overhead", "below"] == Glance(0.0, "gripper")
-    assert glances["overhead", "aside"] == Glance(1.0, "")
+    assert glances["overhead", "below"] == ExpectedVisibility(0.0, "gripper")
+    assert glances["overhead", "aside"] == ExpectedVisibility(1.0, "")
 
 
 def test_each_camera_looks_for_itself_and_a_copy_sees_the_same() -> None:
@@ -136,7 +136,7 @@ def test_it_agrees_with_the_plant(seed: int) -> None:
                 turn = rng.normal(0.0, 0.4, 3)
                 world.put(spec.name, Pose.from_rotvec(rng.uniform((0.1, -0.33, 0.02), (0.6, 0.33, 0.3)), turn))
             eye = OVERHEAD @ Pose.from_rotvec(rng.normal(0.0, 0.05, 3), rng.normal(0.0, 0.2, 3))
-            camera = Camera(
+            camera = SimulatedCamera(
                 "overhead", LENS, partial(Pose.__matmul__, eye, Pose.identity()), SensorModel(SensorSpec(), [], rng)
             )
             found = Sight([view(eye)]).shares([solid(name, pose) for name, pose in world.poses().items()])
@@ -176,7 +176,7 @@ def test_shares_of_colours_are_those_of_pixels(seed: int) -> None:
             solids = [
                 Solid(spec.name, spec.size, poses[spec.name].t, poses[spec.name].q, shape=spec.shape) for spec in specs
             ]
-            sight = Sight([View("overhead", OVERHEAD, lens)], by_color=list(models))
+            sight = Sight([CameraView("overhead", OVERHEAD, lens)], by_color=list(models))
             found, counts = sight.shares(solids), pixels(renderer, world, lens)
             for spec in specs:
                 if not is_in_image(poses[spec.name], spec, lens):
@@ -216,7 +216,7 @@ def test_a_container_hides_what_is_beside_it_but_not_what_is_in_it() -> None:
     assert glances["overhead", "green"].hidden_by == "ball"
     lid = Solid("lid", (0.16, 0.16, 0.01), (0.35, 0.0, 0.125))
     glances = Sight([view()], by_color=("green", "ball")).glances([box, inside, lid])
-    assert glances["overhead", "ball"] == Glance(0.0, "lid")
+    assert glances["overhead", "ball"] == ExpectedVisibility(0.0, "lid")
 
 
 def test_a_wall_hides_a_tag() -> None:

@@ -14,7 +14,7 @@ from dsr.math3d.transforms import Pose
 from simulation_handler.explaining import Look
 from simulation_handler.hands.carrying import levelled, without_yaw
 from simulation_handler.hands.state import PINCH, TOUCH, HandPercept
-from simulation_handler.perception.sight import Glance
+from simulation_handler.perception.sight import ExpectedVisibility
 from simulation_handler.shapes.geometry import Solid
 from tests.simulation_handler.occluded import BOX, SMALL, Occlusion, standing
 from tests.simulation_handler.worlds import BALL, CUBE, ROUND, WALL, container
@@ -310,7 +310,7 @@ def test_what_stands_and_only_a_palm_is_near_is_not_held_for_long() -> None:
 
 def hidden_by(what: str) -> Look:
     """Nothing is to be seen but for that."""
-    return lambda solids: {("camera", solid.name): Glance(0.0, what) for solid in solids}
+    return lambda solids: {("camera", solid.name): ExpectedVisibility(0.0, what) for solid in solids}
 
 
 def touched_and_unseen(hiding: str) -> Occlusion:

@@ -7,8 +7,8 @@ import pytest
 
 from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
-from simulation_handler.perception.percepts import Percept, make_percept
-from simulation_handler.perception.tracking import Track
+from simulation_handler.perception.percepts import WeighedPercept, make_percept
+from simulation_handler.perception.tracking import PerceptTrack
 from tests.simulation_handler.worlds import CAMERA, SyntheticCamera, cube_at
 
 CONFIG = BeliefConfig()
@@ -21,7 +21,7 @@ class Watcher:
     def __init__(self, seed: int = 0, *, believed: bool = False) -> None:
         self.camera = SyntheticCamera(seed, bias=(0.0, 0.0))
         self.camera.tilt_outliers = 0.0
-        self.track = Track(CONFIG)
+        self.track = PerceptTrack(CONFIG)
         self.now = 100.0
         if believed:
             self.track.forget()
@@ -142,11 +142,11 @@ def test_freshness_ages_out() -> None:
     assert not watcher.track.is_fresh(watcher.now + 0.8)
 
 
-def percept_of(pose: Pose) -> Percept:
+def percept_of(pose: Pose) -> WeighedPercept:
     return make_percept(pose, 1.0, CAMERA, CONFIG)
 
 
-def added(percept: Percept) -> np.ndarray:
+def added(percept: WeighedPercept) -> np.ndarray:
     """What the configuration adds to a percept's covariance."""
     along = np.outer(percept.ray, percept.ray)
     return CONFIG.position_noise**2 * np.eye(3) + CONFIG.depth_noise**2 * along

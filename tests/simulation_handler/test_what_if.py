@@ -35,9 +35,9 @@ from dsr.security.authority import SecurityFolder
 from dsr.security.policy import Grant, checked, grant_for, standard_grants, write_policy
 from dsr.vocabulary.what_if import (
     Answer,
-    Change,
     Pending,
     Question,
+    Supposed,
     WhatIf,
     decode_answer,
     encode_answer,
@@ -46,7 +46,7 @@ from dsr.vocabulary.what_if import (
 from simulation_handler import SimulationHandler
 from simulation_handler.graph_io.what_if import WhatIfService
 from simulation_handler.physics.rollouts.engine import Engine
-from simulation_handler.physics.rollouts.scene import Scene
+from simulation_handler.physics.rollouts.scene import RolloutScene
 from tests.simulation_handler.rollouts.scenes import cube, scene_of
 
 STACK = scene_of(cube("cube_1", 0.3, 0.0), cube("cube_2", 0.3, 0.0, 0.06), cube("cube_3", 0.0, 0.2))
@@ -64,7 +64,7 @@ def service() -> Iterator[WhatIfService]:
     service.close()
 
 
-def ask(service: WhatIfService, seconds: float, *changes: Change) -> Answer:
+def ask(service: WhatIfService, seconds: float, *changes: Supposed) -> Answer:
     return service.answer(encode_question(Question(seconds, changes)))
 
 
@@ -78,33 +78,37 @@ def test_without_changes_everything_stays_as_it_is(service: WhatIfService) -> No
 
 
 def test_what_is_placed_well_stays_there(service: WhatIfService) -> None:
-    answer = ask(service, 1.0, Change.place("cube_2", ABOVE_3))
+    answer = ask(service, 1.0, Supposed.place("cube_2", ABOVE_3))
     assert answer.rests_on["cube_2"] == ("cube_3",) and answer.moved["cube_2"] < 1e-3
 
 
 def test_what_is_placed_badly_topples(service: WhatIfService) -> None:
-    answer = ask(service, 2.0, Change.place("cube_2", Pose((0.025, 0.2, 0.0601))))
+    answer = ask(service, 2.0, Supposed.place("cube_2", Pose((0.025, 0.2, 0.0601))))
     assert answer.rests_on["cube_2"] == ("table",)
     assert answer.moved["cube_2"] > 0.03 and answer.turned["cube_2"] > 1.0
 
 
 def test_what_carried_it_is_taken_away_or_is_held(service: WhatIfService) -> None:
-    assert ask(service, 1.0, Change.remove("cube_1")).rests_on == {"cube_2": ("table",), "cube_3": ("table",)}
-    held = ask(service, 1.0, Change.hold("cube_2"), Change.remove("cube_1"))
+    assert ask(service, 1.0, Supposed.remove("cube_1")).rests_on == {"cube_2": ("table",), "cube_3": ("table",)}
+    held = ask(service, 1.0, Supposed.hold("cube_2"), Supposed.remove("cube_1"))
     assert held.poses["cube_2"][2] == 0.06 and held.rests_on["cube_2"] == ()
     lifted = ask(
-        service, 1.0, Change.hold("cube_1", Pose((0.3, 0.0, 0.5))), Change.place("cube_2", Pose((0.3, 0.0, 0.55)))
+        service, 1.0, Supposed.hold("cube_1", Pose((0.3, 0.0, 0.5))), Supposed.place(
+            "cube_2", Pose((0.3, 0.0, 0.55))
+        )
     )
     assert lifted.rests_on["cube_2"] == ("cube_1",) and lifted.moved["cube_1"] == 0.0
 
 
 def test_changes_are_made_in_order_and_placing_lets_go(service: WhatIfService) -> None:
-    answer = ask(service, 1.0, Change.hold("cube_3", Pose((0.0, 0.2, 0.5))), Change.place("cube_3", ABOVE_3))
+    answer = ask(
+        service, 1.0, Supposed.hold("cube_3", Pose((0.0, 0.2, 0.5))), Supposed.place("cube_3", ABOVE_3)
+    )
     assert answer.moved["cube_3"] == pytest.approx(0.04, abs=2e-3)
 
 
 def test_fixtures_can_be_changed_too_and_what_falls_is_on_the_floor(service: WhatIfService) -> None:
-    answer = ask(service, 3.0, Change.remove("table"))
+    answer = ask(service, 3.0, Supposed.remove("table"))
     assert answer.on_floor == ("cube_1", "cube_3") and answer.rests_on["cube_1"] == ()
     assert answer.rests_on["cube_2"] == ("cube_1",) and answer.touches == (("cube_1", "cube_2"),)
 
@@ -112,14 +116,20 @@ def test_fixtures_can_be_changed_too_and_what_falls_is_on_the_floor(service: Wha
 @pytest.mark.parametrize(
     "payload, message",
     [
-        (encode_question(Question(1.0, (Change.remove("cubee_3"),))), "no object 'cubee_3'.*did you mean 'cube_3'"),
-        (encode_question(Question(1.0, (Change.remove("_floor"),))), "no object '_floor'"),
-        (encode_question(Question(1.0, (Change("cube_1", "place"),))), "to place it needs a pose"),
-        (encode_question(Question(1.0, (Change("cube_1", "place", (math.nan, *[0.0] * 5, 1.0)),))), "pose of 'cube_1'"),
-        (encode_question(Question(1.0, (Change("cube_1", "hold", (0.0,) * 7),))), "pose of 'cube_1'"),
-        (encode_question(Question(1.0, (Change.place("cube_1", Pose((1e9, 0.0, 0.0))),))), "1e\\+09 m from the world"),
-        (encode_question(Question(1.0, (Change.remove("cube_1"), Change.hold("cube_1")))), "no object 'cube_1'"),
-        (encode_question(Question(1.0, (Change.place("cube_3", Pose((0.3, 0.01, 0.05))),))), "10 mm inside 'cube_1'"),
+        (encode_question(Question(1.0, (Supposed.remove("cubee_3"),))), "no object 'cubee_3'.*did you mean 'cube_3'"),
+        (encode_question(Question(1.0, (Supposed.remove("_floor"),))), "no object '_floor'"),
+        (encode_question(Question(1.0, (Supposed("cube_1", "place"),))), "to place it needs a pose"),
+        (
+            encode_question(Question(1.0, (Supposed("cube_1", "place", (math.nan, *[0.0] * 5, 1.0)),))),
+            "pose of 'cube_1'",
+        ),
+        (encode_question(Question(1.0, (Supposed("cube_1", "hold", (0.0,) * 7),))), "pose of 'cube_1'"),
+        (
+            encode_question(Question(1.0, (Supposed.place("cube_1", Pose((1e9, 0.0, 0.0))),))),
+            "1e\\+09 m from the world",
+        ),
+        (encode_question(Question(1.0, (Supposed.remove("cube_1"), Supposed.hold("cube_1")))), "no object 'cube_1'"),
+        (encode_question(Question(1.0, (Supposed.place("cube_3", Pose((0.3, 0.01, 0.05))),))), "10 mm inside 'cube_1'"),
         (encode_question(Question(1.0, expires=998.5)), "nobody waits for this answer any more, for 1.5 s"),
         (encode_question(Question(11.0)), "10"),
         (msgspec.msgpack.encode({"seconds": "long"}), "malformed"),
@@ -148,7 +158,7 @@ def test_before_the_first_scene_and_after_the_end_it_says_so() -> None:
     clock = ManualClock()
     service = WhatIfService(LocalNetwork(clock).connect("handler"), Keys("g"), clock)
     assert "holds no scene" in ask(service, 0.1).refused
-    service.offer(Scene(()), 1.0)
+    service.offer(RolloutScene(()), 1.0)
     assert ask(service, 0.1).at_rest
     service.close()
     service.close()
@@ -158,7 +168,7 @@ def test_before_the_first_scene_and_after_the_end_it_says_so() -> None:
 def test_too_many_at_once_are_refused(service: WhatIfService, monkeypatch: pytest.MonkeyPatch) -> None:
     go, run = threading.Event(), Engine.run
 
-    def slow(self: Engine, scene: Scene, seconds: float) -> Any:
+    def slow(self: Engine, scene: RolloutScene, seconds: float) -> Any:
         go.wait(20)
         return run(self, scene, seconds)
 
@@ -198,7 +208,7 @@ class Asker(Agent):
 
     def tick(self, now: float) -> None:
         if self.pending is None:
-            self.pending = self.what_if.ask(Question(1.0, (Change.remove("cube_1"),)))
+            self.pending = self.what_if.ask(Question(1.0, (Supposed.remove("cube_1"),)))
         elif self.pending.done:
             assert self.pending.answer is not None, self.pending.failed
             self.answers.append(self.pending.answer)
@@ -290,7 +300,7 @@ def test_live_the_command_tells_what_would_be(live: Callable[..., Any]) -> None:
 def test_live_many_questions_at_once_are_all_answered(live: Callable[..., Any]) -> None:
     with dsr.connect("what_if", agent="dsr") as memory:
         what_if = WhatIf(memory.transport, memory.keys, memory.clock)
-        asked = [what_if.ask(Question(0.5, (Change.place("cube_2", Pose((0.01 * k, 0.1, 0.3))),))) for k in range(30)]
+        asked = [what_if.ask(Question(0.5, (Supposed.place("cube_2", Pose((0.01 * k, 0.1, 0.3))),))) for k in range(30)]
         assert eventually(lambda: all(pending.done for pending in asked))
         assert [pending.failed for pending in asked] == [""] * 30
         x = [pending.answer.poses["cube_2"][0] for pending in asked if pending.answer]
@@ -314,7 +324,9 @@ def test_a_malformed_place_is_an_error_of_the_command(text: str) -> None:
 
 
 def test_nonsense_is_always_answered(service: WhatIfService, caplog: pytest.LogCaptureFixture) -> None:
-    mutate = Mutator([*corpus.questions(), encode_question(Question(0.1, (Change.place("cube_2", ABOVE_3),)))], 1)
+    mutate = Mutator(
+        [*corpus.questions(), encode_question(Question(0.1, (Supposed.place("cube_2", ABOVE_3),)))], 1
+    )
     answers = [decode_answer(encode_answer(service.answer(mutate()))) for _ in range(400)]
     assert sum(answer.refused != "" for answer in answers) > 200
     assert caplog.records == [], "no failure of ours"

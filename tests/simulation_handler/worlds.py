@@ -14,7 +14,7 @@ from dsr.math3d.transforms import Pose
 from dsr.vocabulary.intrinsics import Intrinsics
 from simulation_handler.belief import Belief
 from simulation_handler.config import BeliefConfig
-from simulation_handler.perception.sight import Sight, View
+from simulation_handler.perception.sight import CameraView, Sight
 from simulation_handler.shapes.geometry import Solid
 
 CAMERA = (0.35, 0.0, 0.65)
@@ -85,7 +85,7 @@ class SyntheticCamera:
         return Pose(position + noise, rotation, stamp, covariance)
 
 
-VIEW = View("camera", Pose(CAMERA, (1.0, 0.0, 0.0, 0.0)), Intrinsics(600.0, 600.0, 319.5, 239.5, 640, 480))
+VIEW = CameraView("camera", Pose(CAMERA, (1.0, 0.0, 0.0, 0.0)), Intrinsics(600.0, 600.0, 319.5, 239.5, 640, 480))
 
 
 class World:

@@ -27,7 +27,7 @@ _SKILLS: dict[str, Callable[[Manipulator, Node], Steps[None]]] = {
 }
 
 
-class Actions:
+class RunningActions:
     """Runs the skills that action nodes request, one at a time.
 
     Args:

@@ -10,14 +10,14 @@ import numpy as np
 
 from agents.arm_controller.config import ArmControllerConfig
 from agents.arm_controller.figure import Figure
-from agents.arm_controller.holding import Holding
+from agents.arm_controller.holding import GraspEdges
 from agents.arm_controller.joints import Joints
-from agents.arm_controller.kinematics import Chain, UnreachableError
+from agents.arm_controller.kinematics import JointChain, UnreachableError
 from agents.arm_controller.obstacles import Load, Obstacles
 from agents.arm_controller.room import Room
-from agents.arm_controller.routes import BlockedError, Goal, Router
-from agents.arm_controller.scene import Scene, Thing
-from agents.arm_controller.shapes import Box
+from agents.arm_controller.routes import BlockedError, JointGoal, Router
+from agents.arm_controller.scene import ArmScene, Obstacle
+from agents.arm_controller.shapes import LinkBox
 from agents.arm_controller.trajectory import Trajectory
 from agents.drivers import ArmDriver
 from dsr.errors import DsrError
@@ -69,10 +69,10 @@ class Manipulator:
 
     def __init__(
         self,
-        chain: Chain,
+        chain: JointChain,
         figure: Figure,
-        scene: Scene,
-        holding: Holding,
+        scene: ArmScene,
+        holding: GraspEdges,
         driver: ArmDriver,
         follow: Callable[[Trajectory], None],
         config: ArmControllerConfig,
@@ -101,7 +101,7 @@ class Manipulator:
 
     # ---- belief
 
-    def believed(self, name: str) -> Thing:
+    def believed(self, name: str) -> Obstacle:
         """The object as it is believed to be now. Raises `SkillError` if it is not."""
         thing = self.scene.object(name)
         if thing is None:
@@ -119,14 +119,14 @@ class Manipulator:
         """Pose of the held object in the tool's frame, between the pads; None if nothing is held."""
         return self.holding.tool_from_object
 
-    def held_box(self) -> tuple[Box, ...]:
+    def held_box(self) -> tuple[LinkBox, ...]:
         """The held object in the tool's frame, if there is one with a known size."""
         name, pose = self.holding.held, self.tool_from_held
         thing = None if name is None else self.scene.object(name)
         if thing is None or pose is None:
             return ()
         x, y, z = thing.size
-        return (Box(pose, (x / 2, y / 2, z / 2)),)
+        return (LinkBox(pose, (x / 2, y / 2, z / 2)),)
 
     # ---- motion
 
@@ -153,7 +153,7 @@ class Manipulator:
             found = [(0, self._searched(targets[0]))]
         return sorted(found, key=lambda pair: self._router.effort(self._here, pair[1]))
 
-    def trajectory_to(self, goal: Goal, opening: float, target: str = "") -> Trajectory:
+    def trajectory_to(self, goal: JointGoal, opening: float, target: str = "") -> Trajectory:
         """A free way to joint positions, around everything but what is held. Raises `BlockedError`."""
         held = self.held_box()
         things = self._things()
@@ -244,12 +244,12 @@ class Manipulator:
     def _limits(self) -> tuple[float, float]:
         return self.speed, self.config.acceleration
 
-    def _things(self) -> list[Thing]:
+    def _things(self) -> list[Obstacle]:
         objects = [thing for thing in self.scene.objects() if thing.name != self.holding.held]
         base = self.scene.world_from(self.config.arm).t
         return [*objects, *self.scene.tables(), *self.scene.models(base)]
 
-    def _obstacles(self, things: Sequence[Thing], target: str) -> Obstacles:
+    def _obstacles(self, things: Sequence[Obstacle], target: str) -> Obstacles:
         return Obstacles(self.figure, things, self.scene.world_from(self.config.arm).inverse(), target)
 
     def _searched(self, arm_from_tool: Pose) -> Array:

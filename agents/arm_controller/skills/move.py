@@ -8,7 +8,7 @@ from functools import partial
 
 import numpy as np
 
-from agents.arm_controller.routes import Goal
+from agents.arm_controller.routes import JointGoal
 from agents.arm_controller.skills.manipulator import Manipulator, SkillError, Steps, first_free
 from dsr.math3d.transforms import Pose
 
@@ -39,7 +39,7 @@ def _bring(arm: Manipulator, poses: Sequence[Pose]) -> Steps[None]:
     """Bring the tool point to one of `poses` (world_from_tool), that which takes the least motion and is free."""
     solved = arm.solve(poses)
     opening = arm.joints.opening
-    trajectory = first_free([partial(arm.trajectory_to, Goal(q), opening) for _, q in solved])
+    trajectory = first_free([partial(arm.trajectory_to, JointGoal(q), opening) for _, q in solved])
     yield from arm.go(trajectory, "move", arm.holding.held)
 
 
@@ -48,7 +48,7 @@ def observe(arm: Manipulator) -> Steps[None]:
     joints = arm.config.observe_joints
     if not joints:
         raise SkillError("the arm's configuration has no observe_joints")
-    trajectory = first_free([partial(arm.trajectory_to, Goal(np.array(joints)), arm.joints.opening)])
+    trajectory = first_free([partial(arm.trajectory_to, JointGoal(np.array(joints)), arm.joints.opening)])
     yield from arm.go(trajectory, "move", arm.holding.held)
 
 

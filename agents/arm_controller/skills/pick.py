@@ -6,8 +6,8 @@ from functools import partial
 
 from agents.arm_controller.grasps import Grasp, GraspError, grasps
 from agents.arm_controller.holding import WIDTH_TOLERANCE
-from agents.arm_controller.routes import Goal
-from agents.arm_controller.scene import Thing
+from agents.arm_controller.routes import JointGoal
+from agents.arm_controller.scene import Obstacle
 from agents.arm_controller.skills.manipulator import ImpossibleError, Manipulator, SkillError, Steps, first_free
 from agents.arm_controller.trajectory import Trajectory
 from dsr.vocabulary.intentions import NOTHING_GRASPED
@@ -41,7 +41,7 @@ def pick(arm: Manipulator, name: str) -> Steps[None]:
     yield from arm.rise(name)
 
 
-def _choose(arm: Manipulator, target: Thing) -> tuple[Grasp, Trajectory]:
+def _choose(arm: Manipulator, target: Obstacle) -> tuple[Grasp, Trajectory]:
     """The best grasp that can be reached, with the way there."""
     try:
         candidates = grasps(target, arm.room(target.name), arm.figure.widest)
@@ -50,14 +50,14 @@ def _choose(arm: Manipulator, target: Thing) -> tuple[Grasp, Trajectory]:
     solved = arm.solve([grasp.world_from_tool for grasp in candidates])
     solved.sort(key=lambda pair: candidates[pair[0]].rank)
 
-    def trajectory(index: int, goal: Goal) -> tuple[Grasp, Trajectory]:
+    def trajectory(index: int, goal: JointGoal) -> tuple[Grasp, Trajectory]:
         grasp = candidates[index]
         return grasp, arm.trajectory_to(goal, grasp.opening, target.name)
 
-    return first_free([partial(trajectory, index, Goal(q, arm.config.approach)) for index, q in solved])
+    return first_free([partial(trajectory, index, JointGoal(q, arm.config.approach)) for index, q in solved])
 
 
-def _approach(arm: Manipulator, target: Thing, trajectory: Trajectory) -> Steps[bool]:
+def _approach(arm: Manipulator, target: Obstacle, trajectory: Trajectory) -> Steps[bool]:
     """Go down around the target; returns False, with the arm at rest, if it moved meanwhile."""
     arm.start(trajectory)
     while not arm.has_arrived():

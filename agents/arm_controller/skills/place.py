@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import partial
 
 from agents.arm_controller.grasps import SIDE_ROOM, GraspError, resting_poses, upright
-from agents.arm_controller.routes import Goal
-from agents.arm_controller.scene import Thing
+from agents.arm_controller.routes import JointGoal
+from agents.arm_controller.scene import Obstacle
 from agents.arm_controller.skills.manipulator import Manipulator, SkillError, Steps, StuckError, first_free
 from agents.arm_controller.trajectory import Trajectory
 from dsr.math3d.transforms import Pose
@@ -45,7 +45,7 @@ def place(arm: Manipulator, name: str, destination: str, target_pose: Pose | Non
     yield from arm.rise(None)
 
 
-def _go_down(arm: Manipulator, trajectory: Trajectory, held: str, destination: Thing | None) -> Steps[bool]:
+def _go_down(arm: Manipulator, trajectory: Trajectory, held: str, destination: Obstacle | None) -> Steps[bool]:
     """To the place; returns False, with the arm at rest, if the object `destination` is seen to have moved meanwhile.
 
     What stops the arm a little above its place is what the held object shall stand on.
@@ -66,7 +66,7 @@ def _go_down(arm: Manipulator, trajectory: Trajectory, held: str, destination: T
     return True
 
 
-def _has_moved(arm: Manipulator, destination: Thing) -> bool:
+def _has_moved(arm: Manipulator, destination: Obstacle) -> bool:
     """Whether a thing is seen elsewhere than it was; what is hidden is moved in the belief only, perhaps wrongly."""
     now = arm.scene.object(destination.name)
     if now is None or not arm.scene.is_perceived(destination.name):
@@ -80,7 +80,7 @@ def _resting(arm: Manipulator, held: str, destination: str, target_pose: Pose | 
     object_in_tool = arm.tool_from_held
     assert object_in_tool is not None
     size = arm.believed(held).size
-    carried = Thing(held, arm.tool @ object_in_tool, size)
+    carried = Obstacle(held, arm.tool @ object_in_tool, size)
     table = arm.scene.table(destination)
     try:
         if table is None:
@@ -89,7 +89,7 @@ def _resting(arm: Manipulator, held: str, destination: str, target_pose: Pose | 
         elif target_pose is None:
             raise SkillError(f"where on {destination}? the action has no target_pose")
         else:
-            goal = upright(Thing(held, target_pose, size))
+            goal = upright(Obstacle(held, target_pose, size))
             x, y, yaw, top = target_pose.t[0], target_pose.t[1], goal.yaw, table.top
         return resting_poses(carried, (x, y), top + GAP, yaw)
     except GraspError as error:
@@ -102,4 +102,4 @@ def _choose(arm: Manipulator, held: str, resting: list[Pose]) -> Trajectory:
     tool_from_object = object_in_tool.inverse()
     solved = arm.solve([pose @ tool_from_object for pose in resting])
     approach = arm.config.approach
-    return first_free([partial(arm.trajectory_to, Goal(q, approach), arm.joints.opening, held) for _, q in solved])
+    return first_free([partial(arm.trajectory_to, JointGoal(q, approach), arm.joints.opening, held) for _, q in solved])

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 
 from agents.calibrator.solve import closed_form, robust
 from agents.calibrator.solve.estimate import Method
-from agents.calibrator.solve.problem import Problem, Sighting
-from agents.calibrator.solve.solution import Solution, judged
+from agents.calibrator.solve.problem import ObjectSighting, Problem
+from agents.calibrator.solve.solution import CalibrationSolution, judged
 from dsr.config.plugins import CALIBRATION_METHODS, load
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.calibration import DEFAULT_METHOD, checked_method
@@ -16,7 +16,7 @@ METHODS: Mapping[str, Method] = {"robust": robust.solve, "closed_form": closed_f
 """Methods by name, those of `dsr.vocabulary.calibration.METHODS`."""
 
 
-def calibrate(sightings: Sequence[Sighting], before: Pose, method: str = DEFAULT_METHOD) -> Solution:
+def calibrate(sightings: Sequence[ObjectSighting], before: Pose, method: str = DEFAULT_METHOD) -> CalibrationSolution:
     """Find the pose of a camera in its parent (a gripper or the world) that makes what it sees agree with the belief.
 
     Args:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from agents.calibrator.solve.estimate import Estimate, equation_1
+from agents.calibrator.solve.estimate import PoseEstimate, equation_1
 from agents.calibrator.solve.problem import Problem
 from dsr.math3d.batches import rigid_fit
 from dsr.math3d.transforms import Array
@@ -22,7 +22,7 @@ _MOST_CANDIDATES = 24
 _CONVERGED = 1e-6
 
 
-def solve(problem: Problem, start: Array) -> Estimate:
+def solve(problem: Problem, start: Array) -> PoseEstimate:
     """The weighted closed form, from the best single sighting on; the present pose is one more candidate."""
     points = _Points(problem)
     pose = _beginning(problem, start)
@@ -32,7 +32,7 @@ def solve(problem: Problem, start: Array) -> Estimate:
         history.append(equation_1(problem, pose))
         if np.abs(pose - before).max() < _CONVERGED:
             break
-    return Estimate(pose, tuple(history))
+    return PoseEstimate(pose, tuple(history))
 
 
 def _beginning(problem: Problem, start: Array) -> Array:

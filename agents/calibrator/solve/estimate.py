@@ -11,7 +11,7 @@ from agents.calibrator.solve.problem import Problem
 from dsr.math3d.transforms import Array
 
 
-class Estimate(NamedTuple):
+class PoseEstimate(NamedTuple):
     """A camera pose that a method found."""
 
     pose: Array
@@ -20,7 +20,7 @@ class Estimate(NamedTuple):
     """The mean distance of Equation 1 (see `equation_1`) at the beginning and after each iteration."""
 
 
-Method = Callable[[Problem, Array], Estimate]
+Method = Callable[[Problem, Array], PoseEstimate]
 """Finds the camera pose, given the present one (4, 4)."""
 
 

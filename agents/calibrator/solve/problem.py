@@ -14,7 +14,7 @@ from dsr.math3d.transforms import Array, Pose
 _LEAST_VARIANCES = np.array([1e-4**2] * 3 + [2e-4**2] * 3)  # m^2, rad^2: nothing is known better
 
 
-class Sighting(NamedTuple):
+class ObjectSighting(NamedTuple):
     """One object as it was seen in one view."""
 
     name: str
@@ -40,7 +40,7 @@ class Problem:
         ValueError: without sightings, or for one whose percept has no covariance.
     """
 
-    def __init__(self, sightings: Sequence[Sighting]) -> None:
+    def __init__(self, sightings: Sequence[ObjectSighting]) -> None:
         if not sightings:
             raise ValueError("no object was seen; a calibration needs at least one")
         self.sightings = tuple(sightings)
@@ -104,7 +104,7 @@ def solved(information: Array, gradient: Array) -> Array:
     return result
 
 
-def _covariance(sighting: Sighting) -> Array:
+def _covariance(sighting: ObjectSighting) -> Array:
     """Of the error: both are perturbations in the frame of the object."""
     seen, believed = sighting.seen.covariance, sighting.believed.covariance
     if seen is None:

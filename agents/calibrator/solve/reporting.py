@@ -8,12 +8,14 @@ from collections.abc import Mapping
 import msgspec
 import numpy as np
 
-from agents.calibrator.solve.solution import Solution
+from agents.calibrator.solve.solution import CalibrationSolution
 from dsr.timeline import Chronicle
 from dsr.vocabulary.calibration import CALIBRATED, ObjectReport, Report
 
 
-def make_report(camera: str, parent: str, solution: Solution, *, adopted: bool, unchanged: bool = False) -> Report:
+def make_report(
+    camera: str, parent: str, solution: CalibrationSolution, *, adopted: bool, unchanged: bool = False
+) -> Report:
     """Make the report of a calibration of the camera in the frame `parent`; `unchanged`: nothing was to be written."""
     covariance = solution.pose.covariance
     metres, radians = solution.shift
@@ -59,7 +61,7 @@ def refusal(skipped: Mapping[str, int], waited: float) -> str:
     return f"the camera has seen nothing of use for {waited:.0f} s{left_out}"
 
 
-def _text(camera: str, solution: Solution, *, adopted: bool, unchanged: bool) -> str:
+def _text(camera: str, solution: CalibrationSolution, *, adopted: bool, unchanged: bool) -> str:
     metres, radians = solution.shift
     before, after = (_average(solution, which) for which in ("before", "after"))
     if unchanged:
@@ -77,14 +79,14 @@ def _text(camera: str, solution: Solution, *, adopted: bool, unchanged: bool) ->
     return f"{camera} is {found}{forced}"
 
 
-def _counted(solution: Solution) -> str:
+def _counted(solution: CalibrationSolution) -> str:
     """How many objects the residuals are of."""
     every = len(solution.residuals)
     trusted = sum(not one.is_outlier for one in solution.residuals)
     return f"{every} object(s)" if trusted in (0, every) else f"{trusted} of {every} objects"
 
 
-def _average(solution: Solution, which: str) -> float:
+def _average(solution: CalibrationSolution, which: str) -> float:
     """m, mean over the objects that are no outliers, or all if there are only such."""
     trusted = [one for one in solution.residuals if not one.is_outlier] or solution.residuals
     return float(np.mean([getattr(one, which)[0] for one in trusted]))

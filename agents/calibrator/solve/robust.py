@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.calibrator.solve import closed_form
-from agents.calibrator.solve.estimate import Estimate, equation_1
+from agents.calibrator.solve.estimate import PoseEstimate, equation_1
 from agents.calibrator.solve.problem import Problem, solved
 from dsr.math3d import transforms
 from dsr.math3d.transforms import Array
@@ -20,7 +20,7 @@ _SMALL_STEP = 1e-7  # m or rad
 _REJECTIONS = 3
 
 
-def solve(problem: Problem, start: Array) -> Estimate:
+def solve(problem: Problem, start: Array) -> PoseEstimate:
     """Gauss-Newton on the soft L1 loss of Mahalanobis distances, then again without outliers.
 
     It begins once with all sightings, and once with those that agree with the closed form, of which single gross errors
@@ -32,10 +32,10 @@ def solve(problem: Problem, start: Array) -> Estimate:
     if not agreeing.all():
         found.append(_settled(problem, first.pose, agreeing))
     best = min(found, key=lambda estimate: np.minimum(problem.squared(estimate.pose), OUTLIER).sum())
-    return Estimate(best.pose, (*first.history, *best.history))
+    return PoseEstimate(best.pose, (*first.history, *best.history))
 
 
-def _settled(problem: Problem, pose: Array, kept: NDArray[np.bool_]) -> Estimate:
+def _settled(problem: Problem, pose: Array, kept: NDArray[np.bool_]) -> PoseEstimate:
     """The pose of least loss, first for the sightings `kept` (n,), then for those that agree with it."""
     history: list[float] = []
     for _ in range(_REJECTIONS):
@@ -44,7 +44,7 @@ def _settled(problem: Problem, pose: Array, kept: NDArray[np.bool_]) -> Estimate
         before, kept = kept, _agreeing(problem, pose)
         if (kept == before).all():
             break
-    return Estimate(pose, tuple(history))
+    return PoseEstimate(pose, tuple(history))
 
 
 def _agreeing(problem: Problem, pose: Array) -> NDArray[np.bool_]:

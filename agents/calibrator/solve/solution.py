@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agents.calibrator.solve.estimate import Estimate
+from agents.calibrator.solve.estimate import PoseEstimate
 from agents.calibrator.solve.problem import Problem, solved
 from agents.calibrator.solve.robust import OUTLIER
 from dsr.math3d.batches import inverses, logs, skew
@@ -19,7 +19,7 @@ MOST = 2000.0
 """Condition number beyond which objects do not determine the pose of the camera (benchmarks/calibration_synthetic)."""
 
 
-class Geometry(NamedTuple):
+class ViewingGeometry(NamedTuple):
     """How well the arrangement of the objects determines the camera's pose."""
 
     condition: float
@@ -37,7 +37,7 @@ class Geometry(NamedTuple):
         return self.condition > MOST
 
 
-def geometry_of(problem: Problem) -> Geometry:
+def geometry_of(problem: Problem) -> ViewingGeometry:
     """Compute the geometry of all sightings of a problem."""
     places = problem.seen[:, :3, 3]
     variances = np.diagonal(problem.covariances, axis1=1, axis2=2)
@@ -46,7 +46,7 @@ def geometry_of(problem: Problem) -> Geometry:
     points = (places[:, None] + ends @ np.swapaxes(problem.seen[:, :3, :3], 1, 2)).reshape(-1, 3)
     eigenvalues = np.linalg.eigvalsh(_information(points))
     condition = float(eigenvalues[-1] / eigenvalues[0]) if eigenvalues[0] > 0.0 else math.inf
-    return Geometry(condition, float(np.sqrt(((places - places.mean(axis=0)) ** 2).sum(axis=1).mean())))
+    return ViewingGeometry(condition, float(np.sqrt(((places - places.mean(axis=0)) ** 2).sum(axis=1).mean())))
 
 
 def _information(points: Array) -> Array:
@@ -74,7 +74,7 @@ class Residual(NamedTuple):
     """Whether most of its sightings disagree with the pose that was found."""
 
 
-class Solution(NamedTuple):
+class CalibrationSolution(NamedTuple):
     """The result of a method."""
 
     method: str
@@ -88,7 +88,7 @@ class Solution(NamedTuple):
     """
     residuals: tuple[Residual, ...]
     """Residuals of the objects, in the order of names."""
-    geometry: Geometry
+    geometry: ViewingGeometry
     """Geometry of the sightings that agree."""
     sightings: int
     agreeing: int
@@ -96,7 +96,7 @@ class Solution(NamedTuple):
     unfinished: float
     """Standard deviations between the pose and the best one for the sightings that agree."""
     history: tuple[float, ...]
-    """See `Estimate.history`."""
+    """See `PoseEstimate.history`."""
 
     @property
     def outliers(self) -> tuple[str, ...]:
@@ -151,13 +151,13 @@ class Solution(NamedTuple):
         return self.before.distance(self.pose)
 
 
-def judged(method: str, problem: Problem, before: Pose, estimate: Estimate) -> Solution:
+def judged(method: str, problem: Problem, before: Pose, estimate: PoseEstimate) -> CalibrationSolution:
     """The outcome of a method, judged alike for all methods."""
     squared = problem.squared(estimate.pose)
     agreeing = squared < OUTLIER
     trusted = problem.subset(agreeing) if agreeing.any() else problem
     covariance, unfinished = _covariance(trusted, estimate.pose)
-    return Solution(
+    return CalibrationSolution(
         method=method,
         before=before,
         pose=Pose.from_matrix(estimate.pose, covariance=covariance),

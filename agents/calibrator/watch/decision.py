@@ -9,9 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.calibrator.solve.problem import Problem, Sighting
+from agents.calibrator.solve.problem import ObjectSighting, Problem
 from agents.calibrator.solve.robust import OUTLIER
-from agents.calibrator.solve.solution import Solution
+from agents.calibrator.solve.solution import CalibrationSolution
 from dsr.math3d.transforms import Array, Pose
 from dsr.vocabulary import nats
 
@@ -39,9 +39,9 @@ class Decision(NamedTuple):
 
 
 def decide(
-    sightings: Sequence[Sighting],
+    sightings: Sequence[ObjectSighting],
     before: Pose,
-    solution: Solution,
+    solution: CalibrationSolution,
     world_from_parent: Pose,
     carried: Collection[str] = (),
 ) -> Decision:
@@ -80,7 +80,7 @@ def decide(
 
 
 def decide_elsewhere(
-    sightings: Sequence[Sighting],
+    sightings: Sequence[ObjectSighting],
     before: Pose,
     after: Pose,
     moved: Pose,
@@ -136,12 +136,12 @@ def _leaning(problem: Problem, world_from_camera: Pose, explained: NDArray[np.bo
     return float(np.clip(0.5 * tilts**2 / variances - _NOISE, 0.0, _MOST_LEANING)[explained].sum())
 
 
-def _misfit(sightings: Sequence[Sighting], pose: Pose) -> float:
+def _misfit(sightings: Sequence[ObjectSighting], pose: Pose) -> float:
     """Nats; no sighting counts for more than an outlier does."""
     return 0.5 * float(np.minimum(Problem(sightings).squared(pose.matrix), OUTLIER).sum())
 
 
-def _stays_on_table(moved: Pose, problem: Problem, solution: Solution, world_from_parent: Pose) -> bool:
+def _stays_on_table(moved: Pose, problem: Problem, solution: CalibrationSolution, world_from_parent: Pose) -> bool:
     """Whether objects that move so neither hover nor sink nor tilt, by more than percepts may be wrong."""
     assert solution.pose.covariance is not None
     turning = float(np.linalg.eigvalsh(solution.pose.covariance[3:, 3:])[-1])

@@ -9,8 +9,8 @@ import numpy as np
 
 from agents.calibrator.config import CalibratorConfig
 from agents.calibrator.solve.calibrate import calibrate
-from agents.calibrator.solve.problem import Sighting
-from agents.calibrator.solve.solution import Solution
+from agents.calibrator.solve.problem import ObjectSighting
+from agents.calibrator.solve.solution import CalibrationSolution
 from agents.calibrator.watch.decision import Decision, alike, decide, decide_elsewhere
 from agents.calibrator.watch.depths import DepthError
 from agents.calibrator.watch.steps import carried_things
@@ -62,9 +62,9 @@ class Doubt:
         """parent_from_camera as it was."""
         self.written: Pose | None = None
         """What was written instead of it, if anything was."""
-        self.solution: Solution | None = None
+        self.solution: CalibrationSolution | None = None
         """The calibration by all views up to now."""
-        self.sightings: list[Sighting] = []
+        self.sightings: list[ObjectSighting] = []
         """What that was made of."""
         self.decision: Decision | None = None
         """By all views up to now; None before the first."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from agents.calibrator.config import CalibratorConfig
 from agents.calibrator.solve.fusing import fuse
-from agents.calibrator.solve.problem import Sighting
+from agents.calibrator.solve.problem import ObjectSighting
 from agents.calibrator.watch.depths import DepthError, without_error
 from dsr.errors import ConfigError, suggest
 from dsr.frames.tree import WORLD
@@ -189,7 +189,7 @@ class Views:
         """world_from_parent in each view, by its number."""
         return {number: view.world_from_parent for number, view in enumerate(self._views)}
 
-    def sightings(self, *, complete: bool = False, least: int = 1) -> list[Sighting]:
+    def sightings(self, *, complete: bool = False, least: int = 1) -> list[ObjectSighting]:
         """One for each object in each view (or each `complete` one), of those whose belief stood still.
 
         An object counts from `least` percepts on.
@@ -204,7 +204,7 @@ class Views:
                     known = self.depths.get(name)
                     scatter = config.depth_scatter if known is None else known.std
                     percept = fuse(seen.percepts, config.depth_bias, scatter)
-                    found.append(Sighting(name, number, percept, parent_from_world @ seen.believed))
+                    found.append(ObjectSighting(name, number, percept, parent_from_world @ seen.believed))
         return found
 
     def _is_complete(self, view: _View) -> bool:

@@ -53,7 +53,7 @@ class _Stand(NamedTuple):
     """world_from_object, to which beliefs are led back meanwhile"""
 
 
-class Watch:
+class MountWatch:
     """Keeps `mount` of the cameras, and calibrates one that moved.
 
     Args:

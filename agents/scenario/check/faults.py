@@ -13,15 +13,15 @@ from agents.scenario.format.events import (
     Event,
     FalsePercept,
     HandEvent,
-    HandGrasp,
+    HandGraspEvent,
     HandMove,
     Lift,
-    Place,
+    PlaceEvent,
     Slide,
     Swap,
     Tilt,
 )
-from agents.scenario.format.geometry import Box, overlap, pieces
+from agents.scenario.format.geometry import ScenarioBox, overlap, pieces
 from agents.scenario.format.layout import TOUCH, table_box
 from agents.scenario.format.model import Scenario
 from agents.scenario.judge.course import why_missing
@@ -71,7 +71,9 @@ def _are_near(name: str, other: str, pose: Pose, there: Pose, scenario: Scenario
 
 def _body(name: str, pose: Pose, scenario: Scenario) -> list[Piece]:
     spec = scenario.object(name)
-    return pieces(_without_cylinders(spec.shape), Box(pose.translation, pose.rotation_matrix, np.array(spec.size)))
+    return pieces(
+        _without_cylinders(spec.shape), ScenarioBox(pose.translation, pose.rotation_matrix, np.array(spec.size))
+    )
 
 
 def _without_cylinders(shape: Shape) -> Shape:
@@ -185,7 +187,7 @@ def _of_event(number: int, text: str) -> Fault:
 
 def _puts_down(move: _Move, phase: Phase) -> bool:
     """Whether an object fell since this move put it down, without a rest in between."""
-    if not isinstance(move.event, Place | Carry) or phase.fell_at is None:
+    if not isinstance(move.event, PlaceEvent | Carry) or phase.fell_at is None:
         return False
     return phase.object in move.objects and phase.begin <= move.end + PAUSE and move.begin <= phase.fell_at + _STEP
 
@@ -203,7 +205,7 @@ def _objects_of(event: Event, before: Sample) -> frozenset[str]:
     if isinstance(event, HandMove):
         hand = f"human_hand_{event.hand}"
         return frozenset(name for held in (before.grasped, before.touched) for name in held if held[name] == hand)
-    if isinstance(event, HandGrasp | FalsePercept):
+    if isinstance(event, HandGraspEvent | FalsePercept):
         return frozenset()
     names = {"object": getattr(event, "object", None)} | ({"other": event.other} if isinstance(event, Swap) else {})
     return frozenset(name for name in names.values() if name is not None)
@@ -239,7 +241,7 @@ def _at_once(earlier: _Move, later: _Move) -> bool:
 def _of_one_move(move: _Move, moves: Sequence[_Move], history: History) -> Iterator[Fault]:
     before = history.before(move.begin) or history.samples[0]
     scenario, event = history.scenario, move.event
-    if isinstance(event, Place | Swap):
+    if isinstance(event, PlaceEvent | Swap):
         yield from _put_into(move, scenario, before)
     if isinstance(event, Slide):
         busy = {
@@ -264,7 +266,7 @@ def _put_into(move: _Move, scenario: Scenario, before: Sample) -> Iterator[Fault
 def _goals(event: Event, scenario: Scenario, truth: dict[str, Pose]) -> dict[str, Pose]:
     """Where `place` and `swap` put things, and what comes along."""
     goals: dict[str, Pose] = {}
-    if isinstance(event, Place):
+    if isinstance(event, PlaceEvent):
         goals[event.object] = _place_goal(event, scenario, truth)
     elif isinstance(event, Swap) and event.object in truth and event.other in truth:
         for name, other in ((event.object, event.other), (event.other, event.object)):
@@ -278,7 +280,7 @@ def _goals(event: Event, scenario: Scenario, truth: dict[str, Pose]) -> dict[str
     return goals
 
 
-def _place_goal(event: Place, scenario: Scenario, truth: dict[str, Pose]) -> Pose:
+def _place_goal(event: PlaceEvent, scenario: Scenario, truth: dict[str, Pose]) -> Pose:
     yaw = event.yaw if event.yaw is not None else _yaw(truth[event.object]) if event.object in truth else 0.0
     position = event.position
     if event.onto is not None:

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from agents.scenario.check.faults import Fault, doubts, faults
-from agents.scenario.format.expectations import Actions, Mission, OfObjects, TrueRelations
+from agents.scenario.format.expectations import ActionsCheck, MissionCheck, OfObjects, TrueRelationsCheck
 from agents.scenario.format.explain import value_error
 from agents.scenario.format.model import Scenario
 from agents.scenario.format.naming import of_own_system
@@ -92,7 +92,7 @@ def _unplayed_doubts(scenario: Scenario, folder: FilePath) -> Iterator[Fault]:
 def _goals_that_never_hold(scenario: Scenario) -> Iterator[Fault]:
     """Unless the scenario expects that no plan is found."""
     wanted: list[tuple[Path, str]] = [(("plan", index, "goal"), plan.goal) for index, plan in enumerate(scenario.plans)]
-    expected = {check.status for check in scenario.expectations if isinstance(check, Mission)}
+    expected = {check.status for check in scenario.expectations if isinstance(check, MissionCheck)}
     if scenario.mission is not None and expected.isdisjoint(GIVEN_UP):
         wanted.append((("mission", "goal"), scenario.mission.goal))
     for path, goal in wanted:
@@ -104,8 +104,8 @@ def _to_be_recognised(scenario: Scenario) -> set[str]:
     """Names of the objects that the mission is about, or whose belief is judged."""
     names = set(parse_goal(scenario.mission.goal).things) if scenario.mission is not None else set()
     for check in scenario.expectations:
-        if isinstance(check, OfObjects) and check.objects is None and not isinstance(check, Actions):
+        if isinstance(check, OfObjects) and check.objects is None and not isinstance(check, ActionsCheck):
             names |= {spec.name for spec in scenario.objects}
-        if not isinstance(check, TrueRelations):
+        if not isinstance(check, TrueRelationsCheck):
             names |= {*check.named_objects}
     return names

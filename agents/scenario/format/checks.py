@@ -12,30 +12,30 @@ from agents.scenario.format.events import (
     ArmError,
     Carry,
     Event,
-    HandGrasp,
+    HandGraspEvent,
     HandMove,
     Kill,
     PersonEvent,
-    Place,
+    PlaceEvent,
     SetInMotion,
     Slide,
     Swap,
 )
 from agents.scenario.format.expectations import (
-    Actions,
+    ActionsCheck,
     BeliefError,
     BeliefRecovered,
     Calibrations,
     Check,
     Edges,
     Inside,
-    Mission,
+    MissionCheck,
     Recovered,
     Replans,
-    Surprises,
-    TrueRelations,
+    SurprisesCheck,
+    TrueRelationsCheck,
     Windowed,
-    Worlds,
+    WorldsCheck,
 )
 from agents.scenario.format.geometry import has_face, penetration, upright_box
 from agents.scenario.format.inconsistency import InconsistencyError, check_given_name, require
@@ -236,7 +236,7 @@ def _check_event(event: Event, path: Path, scenario: Scenario) -> None:
         persons = [person.name for person in scenario.persons]
         message = f"unknown person {event.person!r}; {suggest(event.person, persons)}"
         require(event.person in persons, (*path, "person"), message)
-    if isinstance(event, Place):
+    if isinstance(event, PlaceEvent):
         once = (event.position is None) != (event.onto is None)
         require(once, path, "place: expected either `position` (m) or `onto` (an object)")
         require(event.onto != event.object, (*path, "onto"), "an object cannot be placed onto itself")
@@ -256,7 +256,7 @@ def _check_event(event: Event, path: Path, scenario: Scenario) -> None:
         require(event.to is None or event.by is None, path, "hand_move: expected `to` or `by` (m), not both")
         some = event.to is not None or event.by is not None or event.turn
         require(bool(some), path, "hand_move: expected `to`, `by` (m) or `turn` (rad)")
-    if isinstance(event, HandGrasp):
+    if isinstance(event, HandGraspEvent):
         check_reach(event, path, scenario)
     _check_direction(event, path)
     if isinstance(event, Carry):
@@ -286,7 +286,7 @@ def _check_condition(event: Event, path: Path, scenario: Scenario) -> None:
 
 
 def _check_above_table(
-    event: Place | Carry, position: tuple[float, float, float] | None, path: Path, scenario: Scenario
+    event: PlaceEvent | Carry, position: tuple[float, float, float] | None, path: Path, scenario: Scenario
 ) -> None:
     if position is None:
         return
@@ -312,24 +312,24 @@ def _check_expectation(check: Check, path: Path, scenario: Scenario) -> None:
         message = f"the window begins at {after} s; expected before {at} s, when it is judged"
         given = getattr(check, "after", None) is not None
         require(after < at, (*path, "after" if given else "at"), message)
-    if isinstance(check, Worlds):
+    if isinstance(check, WorldsCheck):
         require(bool(check.present or check.absent), path, "worlds: expected `present` or `absent`: lists of names")
-    if isinstance(check, Edges | TrueRelations | Inside):
+    if isinstance(check, Edges | TrueRelationsCheck | Inside):
         name = check.__struct_config__.tag
         some = bool(check.present or check.absent)
         require(some, path, f"{name}: expected `present` or `absent`: lists of [source, destination]")
-    if isinstance(check, TrueRelations):
+    if isinstance(check, TrueRelationsCheck):
         _check_relation_names(check, path, scenario)
     if isinstance(check, BeliefError):
         whole = check.share == 1.0 or check.after is not None
         require(whole, (*path, "share"), "expected `after` (s) with `share`: the window whose moments are counted")
     check_mentions(check, path, scenario)
-    if isinstance(check, Actions):
+    if isinstance(check, ActionsCheck):
         _check_actions(check, path, scenario)
-    if isinstance(check, Surprises | Replans | Calibrations):
+    if isinstance(check, SurprisesCheck | Replans | Calibrations):
         message = f"at least {check.least} and at most {check.most} is impossible"
         require(check.most is None or check.least <= check.most, (*path, "most"), message)
-    if isinstance(check, Mission | Replans):
+    if isinstance(check, MissionCheck | Replans):
         wanted = scenario.mission is not None or bool(scenario.plans)
         require(wanted, path, "there is no [mission] in this file, and no [[plan]]")
     if isinstance(check, BeliefRecovered):
@@ -351,7 +351,7 @@ def _check_relative(check: Check, path: Path, scenario: Scenario) -> None:
     require(by_plant, (*path, "event"), "expected an event in the true world, not `kill`")
 
 
-def _check_actions(check: Actions, path: Path, scenario: Scenario) -> None:
+def _check_actions(check: ActionsCheck, path: Path, scenario: Scenario) -> None:
     """Its terms can be read, and are about objects of the file that it looks at."""
     some = check.sequence is not None or bool(check.present or check.absent)
     require(some, path, "actions: expected `sequence`, `present` or `absent`: lists such as ['Pick(cup)']")
@@ -368,7 +368,7 @@ def _check_actions(check: Actions, path: Path, scenario: Scenario) -> None:
             check_doer(pattern.by, (*path, field, index), scenario)
 
 
-def _check_relation_names(check: TrueRelations, path: Path, scenario: Scenario) -> None:
+def _check_relation_names(check: TrueRelationsCheck, path: Path, scenario: Scenario) -> None:
     known = {spec.name for spec in scenario.objects}
     for field, pairs in (("present", check.present), ("absent", check.absent)):
         for upper, lower in pairs:

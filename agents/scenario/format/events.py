@@ -65,7 +65,7 @@ class ObjectEvent(EventBase, frozen=True, kw_only=True):
         return {"object": self.object}
 
 
-class Place(ObjectEvent, frozen=True, kw_only=True, tag="place"):
+class PlaceEvent(ObjectEvent, frozen=True, kw_only=True, tag="place"):
     """Put the object down somewhere else at once: at `position`, or on top of the object `onto`."""
 
     position: Vector3 | None = None
@@ -278,7 +278,7 @@ class HandEnter(HandEvent, frozen=True, kw_only=True, tag="hand_enter"):
     """m/s, speed of the hand"""
 
 
-class HandGrasp(HandEvent, frozen=True, kw_only=True, tag="hand_grasp"):
+class HandGraspEvent(HandEvent, frozen=True, kw_only=True, tag="hand_grasp"):
     """A hand, entering if it must, goes to an object and lays fingertips on it."""
 
     object: str
@@ -374,7 +374,7 @@ class Kill(EventBase, frozen=True, kw_only=True, tag="kill"):
 
 
 Event = (
-    Place
+    PlaceEvent
     | Swap
     | Slide
     | Carry
@@ -390,7 +390,7 @@ Event = (
     | CameraBump
     | CameraCover
     | HandEnter
-    | HandGrasp
+    | HandGraspEvent
     | HandMove
     | HandRelease
     | HandLeave

@@ -143,7 +143,7 @@ class KnownIn(OfObjects, frozen=True, kw_only=True, tag="known_in"):
     """The attribute `perceived` there."""
 
 
-class Worlds(Expectation, frozen=True, kw_only=True, tag="worlds"):
+class WorldsCheck(Expectation, frozen=True, kw_only=True, tag="worlds"):
     """The worlds `present` are in the list of worlds, and none that is `absent`."""
 
     ever: bool = False
@@ -169,7 +169,7 @@ class Inside(Expectation, frozen=True, kw_only=True, tag="inside"):
         return tuple(name for pair in (*self.present, *self.absent) for name in pair)
 
 
-class Actions(OfObjects, frozen=True, kw_only=True, tag="actions"):
+class ActionsCheck(OfObjects, frozen=True, kw_only=True, tag="actions"):
     """The actions that were inferred about the objects (default: all of the file) until it is judged.
 
     Terms are `Pick(cup)`, `Pick(cup, human_hand_0)`, or `Release` for one of anything.
@@ -198,7 +198,7 @@ class Recovered(Expectation, frozen=True, kw_only=True, tag="recovered"):
     within: Seconds = 10.0
 
 
-class TrueRelations(Expectation, frozen=True, kw_only=True, tag="true_relations"):
+class TrueRelationsCheck(Expectation, frozen=True, kw_only=True, tag="true_relations"):
     """In the true world, what is `present` rests on one another and what is `absent` does not."""
 
     present: tuple[tuple[str, str], ...] = ()
@@ -231,7 +231,7 @@ class Surprising(OfObjects, frozen=True, kw_only=True, tag="surprising"):
     value: bool = False
 
 
-class Surprises(OfObjects, frozen=True, kw_only=True, tag="surprises"):
+class SurprisesCheck(OfObjects, frozen=True, kw_only=True, tag="surprises"):
     """The number of times the objects have become surprising, all together, from `after` until the check is judged."""
 
     after: Seconds | None = None
@@ -256,7 +256,7 @@ class Calibrations(Expectation, frozen=True, kw_only=True, tag="calibrations"):
     most: Count | None = None
 
 
-class Mission(Expectation, frozen=True, kw_only=True, tag="mission"):
+class MissionCheck(Expectation, frozen=True, kw_only=True, tag="mission"):
     """The last status of the mission is `status`."""
 
     status: str = "reached"
@@ -280,18 +280,18 @@ Check = (
     | Attribute
     | Edges
     | KnownIn
-    | Worlds
+    | WorldsCheck
     | Recovered
-    | TrueRelations
+    | TrueRelationsCheck
     | RelationsRight
     | BeliefRecovered
     | Gone
     | Surprising
-    | Surprises
-    | Mission
+    | SurprisesCheck
+    | MissionCheck
     | Replans
     | Inside
-    | Actions
+    | ActionsCheck
     | CameraError
     | Calibrations
 )

@@ -25,7 +25,7 @@ _ROUNDING = 1e-9
 """Of a depth, that is left by rounding when it was lifted."""
 
 
-class Box(msgspec.Struct, frozen=True):
+class ScenarioBox(msgspec.Struct, frozen=True):
     """An oriented box."""
 
     center: Array
@@ -62,7 +62,7 @@ class Box(msgspec.Struct, frozen=True):
         return float(self.corners[:, 2].max())
 
 
-class Body(NamedTuple):
+class PlacedShape(NamedTuple):
     """A thing somewhere."""
 
     shape: Shape
@@ -82,16 +82,16 @@ class Ball(msgspec.Struct, frozen=True):
     """m, radius of the ball"""
 
 
-def pieces(shape: Shape, body: Box) -> list[Box | Ball]:
+def pieces(shape: Shape, body: ScenarioBox) -> list[ScenarioBox | Ball]:
     """List the pieces of a body with the bounding box `body`, in the world; a cylinder counts as the box around it."""
-    found: list[Box | Ball] = []
+    found: list[ScenarioBox | Ball] = []
     for part in shape or box(_vector(body.size)):
         center = body.center + body.rotation @ np.array(part.position)
         if part.kind == "sphere":
             found.append(Ball(center, 0.5 * part.size[0]))
         else:
             turn = np.array(quaternions.to_matrix(part.rotation))
-            found.append(Box(center, body.rotation @ turn, np.array(part.size)))
+            found.append(ScenarioBox(center, body.rotation @ turn, np.array(part.size)))
     return found
 
 
@@ -102,31 +102,31 @@ def has_face(shape: Shape, size: Vector3) -> bool:
     return not shape or all(any(part.contains((x, y, height)) for part in shape) for x in steps for y in steps)
 
 
-def overlap(a: Box | Ball, b: Box | Ball) -> float:
+def overlap(a: ScenarioBox | Ball, b: ScenarioBox | Ball) -> float:
     """Least distance (m) by which `a` must be moved to be free of `b`; negative: how far they are apart, at least."""
-    if isinstance(a, Box) and isinstance(b, Box):
+    if isinstance(a, ScenarioBox) and isinstance(b, ScenarioBox):
         return penetration(a, b)
     if isinstance(a, Ball) and isinstance(b, Ball):
         return a.radius + b.radius - float(np.linalg.norm(a.center - b.center))
     ball, block = (a, b) if isinstance(a, Ball) else (b, a)
-    assert isinstance(ball, Ball) and isinstance(block, Box)
+    assert isinstance(ball, Ball) and isinstance(block, ScenarioBox)
     inside = block.rotation.T @ (ball.center - block.center)
     return ball.radius - float(signed_distances((), _vector(block.size), inside[None])[0])
 
 
-def upright_box(position: Iterable[float], yaw: float, size: Iterable[float]) -> Box:
+def upright_box(position: Iterable[float], yaw: float, size: Iterable[float]) -> ScenarioBox:
     """A box centred at `position` (m) that is only turned by `yaw` (rad) about world z."""
     c, s = np.cos(yaw), np.sin(yaw)
     rotation = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    return Box(np.array(tuple(position)), rotation, np.array(tuple(size)))
+    return ScenarioBox(np.array(tuple(position)), rotation, np.array(tuple(size)))
 
 
-def penetration(a: Box, b: Box) -> float:
+def penetration(a: ScenarioBox, b: ScenarioBox) -> float:
     """Least distance (m) by which `a` must be moved to be free of `b`; negative: a gap along the best axis."""
     return -float(gaps(a.as_boxes, b.as_boxes)[0])
 
 
-def gap_below(body: Body, others: Iterable[Body]) -> float:
+def gap_below(body: PlacedShape, others: Iterable[PlacedShape]) -> float:
     """How far (m) a body can fall straight down until it meets another; negative: how deep it sank into one below.
 
     What it only touches or overlaps with its sides holds nothing up. Infinite if nothing is below.

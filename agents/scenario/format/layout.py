@@ -5,7 +5,7 @@ from __future__ import annotations
 import msgspec
 import numpy as np
 
-from agents.scenario.format.geometry import Box, overlap, penetration, pieces, upright_box
+from agents.scenario.format.geometry import ScenarioBox, overlap, penetration, pieces, upright_box
 from agents.scenario.format.model import ObjectSpec, Scenario, TableSpec
 from dsr.errors import ConfigError
 from dsr.math3d import polygons
@@ -32,12 +32,12 @@ def start_poses(scenario: Scenario, rng: np.random.Generator) -> list[ObjectSpec
     )
 
 
-def object_box(spec: ObjectSpec) -> Box:
+def object_box(spec: ObjectSpec) -> ScenarioBox:
     """The box that an object fills at its start."""
     return upright_box(spec.position, spec.yaw, spec.size)
 
 
-def table_box(table: TableSpec) -> Box:
+def table_box(table: TableSpec) -> ScenarioBox:
     """The box that the table top fills."""
     x, y, z = table.position
     return upright_box((x, y, z - table.size[2] / 2), 0.0, table.size)
@@ -85,12 +85,12 @@ def _tower_of_each(objects: list[ObjectSpec]) -> list[int]:
     return towers
 
 
-def _stands_on(upper: Box, lower: Box) -> bool:
+def _stands_on(upper: ScenarioBox, lower: ScenarioBox) -> bool:
     touches = abs(upper.bottom - lower.top) < 2 * TOUCH
     return touches and polygons.overlap(upper.footprint, lower.footprint)[0] > TOUCH
 
 
-def _is_in(box: Box, other: Box) -> bool:
+def _is_in(box: ScenarioBox, other: ScenarioBox) -> bool:
     """Whether the middle of a box is inside a larger one."""
     inside = np.abs(other.rotation.T @ (box.center - other.center)) <= 0.5 * other.size
     return bool(inside.all()) and float(np.prod(box.size)) < float(np.prod(other.size))

@@ -6,8 +6,17 @@ import re
 from collections.abc import Iterable
 from pathlib import Path as FilePath
 
-from agents.scenario.format.events import Event, HandEvent, HandGrasp, HandLeave, HandMove, HandRelease
-from agents.scenario.format.expectations import Attribute, Check, Edges, Inside, KnownIn, Mission, TrueRelations, Worlds
+from agents.scenario.format.events import Event, HandEvent, HandGraspEvent, HandLeave, HandMove, HandRelease
+from agents.scenario.format.expectations import (
+    Attribute,
+    Check,
+    Edges,
+    Inside,
+    KnownIn,
+    MissionCheck,
+    TrueRelationsCheck,
+    WorldsCheck,
+)
 from agents.scenario.format.inconsistency import InconsistencyError, check_given_name, require
 from agents.scenario.format.model import Scenario
 from agents.scenario.format.naming import GROUND, node_names, of_own_system, taken_names
@@ -42,12 +51,12 @@ def check_mentions(check: Check, path: Path, scenario: Scenario) -> None:
     """
     if isinstance(check, Edges):
         _require_known("edge type", check.type, _SCHEMA.edge_types, (*path, "type"))
-    if isinstance(check, Edges | Inside | TrueRelations):
+    if isinstance(check, Edges | Inside | TrueRelationsCheck):
         _check_pairs(check, path)
-    if isinstance(check, Edges | Inside | TrueRelations | Worlds):
+    if isinstance(check, Edges | Inside | TrueRelationsCheck | WorldsCheck):
         both = sorted({*check.present} & {*check.absent})
         require(not both, (*path, "absent"), f"{both[0] if both else ''!r} is `present` too; expected one of both")
-    if isinstance(check, Mission):
+    if isinstance(check, MissionCheck):
         _require_known("status", check.status, MISSION_STATUSES, (*path, "status"))
     if of_own_system(scenario):
         return
@@ -59,13 +68,13 @@ def check_mentions(check: Check, path: Path, scenario: Scenario) -> None:
         _check_value(check, (*path, "value"))
     if isinstance(check, Edges | KnownIn):
         _require_known("world", check.world, {BASE, *_worlds(scenario)}, (*path, "world"))
-    if isinstance(check, Worlds):
+    if isinstance(check, WorldsCheck):
         for field, names in (("present", check.present), ("absent", check.absent)):
             for index, name in enumerate(names):
                 _require_known("world", name, _worlds(scenario), (*path, field, index))
 
 
-def _check_pairs(check: Edges | Inside | TrueRelations, path: Path) -> None:
+def _check_pairs(check: Edges | Inside | TrueRelationsCheck, path: Path) -> None:
     for field, pairs in (("present", check.present), ("absent", check.absent)):
         for index, (source, destination) in enumerate(pairs):
             message = f"[{source!r}, {destination!r}]: expected two different things"
@@ -171,7 +180,7 @@ def check_hands(scenario: Scenario) -> None:
                 is_there = not isinstance(event, HandLeave)
 
 
-def check_reach(event: HandGrasp, path: Path, scenario: Scenario) -> None:
+def check_reach(event: HandGraspEvent, path: Path, scenario: Scenario) -> None:
     """The fingertips are at the object, however it lies; whether a hand could span it is not asked."""
     above, most = event.above or 0.0, 0.5 * max(scenario.object(event.object).size)
     message = f"{above} m from the centre of {event.object!r} there is nothing of it; expected at most {most:g} m"

@@ -11,12 +11,12 @@ from agents.scenario.format.events import Kill
 from agents.scenario.format.expectations import (
     BeliefRecovered,
     Gone,
-    Mission,
+    MissionCheck,
     RelationsRight,
     Replans,
-    Surprises,
+    SurprisesCheck,
     Surprising,
-    TrueRelations,
+    TrueRelationsCheck,
 )
 from agents.scenario.judge.findings import Finding, begin_of, each, mm, names_of, pairs
 from agents.scenario.judge.perturbations import perturbations, recovery, unjudged
@@ -61,7 +61,7 @@ def why_missing(history: History, number: int) -> str:
     return f"has not {'ended' if number in history.spans else 'begun'}"
 
 
-def _true_relations(check: TrueRelations, history: History, sample: Sample) -> Finding:
+def _true_relations(check: TrueRelationsCheck, history: History, sample: Sample) -> Finding:
     found = true_relations(history.scenario, sample.truth, sample.held)
     return found.issuperset(check.present) and found.isdisjoint(check.absent), pairs(found)
 
@@ -119,14 +119,14 @@ def _surprising(check: Surprising, history: History, sample: Sample) -> Finding:
     return each(check, sample, find)
 
 
-def _surprises(check: Surprises, history: History, sample: Sample) -> Finding:
+def _surprises(check: SurprisesCheck, history: History, sample: Sample) -> Finding:
     names = {spec.name for spec in history.scenario.objects} if check.objects is None else set(names_of(check, sample))
     found = rises(history, begin_of(check, history, 0.0) or 0.0, sample.time, names)
     text = f"{len(found)}" + (f": {', '.join(f'{name} at {time:.2f} s' for time, name in found)}" if found else "")
     return _is_within(len(found), check), text
 
 
-def _mission(check: Mission, history: History, sample: Sample) -> Finding:
+def _mission(check: MissionCheck, history: History, sample: Sample) -> Finding:
     state = history.mission(sample.time)
     if state is None:
         return False, "there was no intention"
@@ -141,18 +141,18 @@ def _replans(check: Replans, history: History, sample: Sample) -> Finding:
     return _is_within(count, check), str(count)
 
 
-def _is_within(count: int, check: Surprises | Replans) -> bool:
+def _is_within(count: int, check: SurprisesCheck | Replans) -> bool:
     return check.least <= count and (check.most is None or count <= check.most)
 
 
 COURSE: dict[type, Callable[[Any, History, Sample], Finding]] = {
-    TrueRelations: _true_relations,
+    TrueRelationsCheck: _true_relations,
     RelationsRight: _relations_right,
     BeliefRecovered: _belief_recovered,
     Gone: _gone,
     Surprising: _surprising,
-    Surprises: _surprises,
-    Mission: _mission,
+    SurprisesCheck: _surprises,
+    MissionCheck: _mission,
     Replans: _replans,
 }
 """How each of these checks is judged."""

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from agents.scenario.format.expectations import (
-    Actions,
+    ActionsCheck,
     BeliefError,
     Check,
     Edges,
@@ -15,15 +15,15 @@ from agents.scenario.format.expectations import (
     Inside,
     KnownIn,
     OfObjects,
-    Surprises,
+    SurprisesCheck,
     Windowed,
-    Worlds,
+    WorldsCheck,
 )
 from agents.scenario.judge.perturbations import event_end
 from agents.scenario.truth.history import History, Sample
 from dsr.network.keys import BASE
 
-WithWindow = Windowed | BeliefError | Edges | Surprises | Inside | Actions | KnownIn | Worlds
+WithWindow = Windowed | BeliefError | Edges | SurprisesCheck | Inside | ActionsCheck | KnownIn | WorldsCheck
 Finding = tuple[bool, str]
 """Whether an expectation holds, and the finding in words."""
 NOTHING: Finding = (False, "there was no object to judge")
@@ -52,7 +52,7 @@ def begin_of(check: WithWindow, history: History, default: float | None) -> floa
         return default if check.after is None else check.after
     end = event_end(history, check.event) or 0.0
     if check.after is None:
-        return end if isinstance(check, Windowed | Surprises | Actions) else None
+        return end if isinstance(check, Windowed | SurprisesCheck | ActionsCheck) else None
     return end + check.after
 
 

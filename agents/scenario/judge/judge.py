@@ -33,7 +33,7 @@ from dsr.vocabulary.observed_actions import read_action
 _Seven = tuple[float, float, float, float, float, float, float]
 
 
-class Truth(msgspec.Struct, frozen=True):
+class TruthReader(msgspec.Struct, frozen=True):
     """One instant of the true world."""
 
     stamp: float
@@ -68,15 +68,15 @@ class Truth(msgspec.Struct, frozen=True):
         return {f"camera_{name}": Pose(seven[:3], seven[3:], self.stamp) for name, seven in self.camera.items()}
 
 
-_decoder = msgspec.msgpack.Decoder(Truth)
+_decoder = msgspec.msgpack.Decoder(TruthReader)
 
 
-def decode_truth(payload: bytes) -> Truth:
+def decode_truth(payload: bytes) -> TruthReader:
     """The truth in a message; raises `WireError`. Fields unknown here are ignored."""
     return decoded(payload, "truth", _read)
 
 
-def _read(payload: bytes) -> Truth:
+def _read(payload: bytes) -> TruthReader:
     truth = _decoder.decode(payload)
     truth.poses()
     truth.cameras()
@@ -186,7 +186,7 @@ class Judge:
         for subscription in self._subscriptions:
             subscription.close()
 
-    def _look(self, time: float, truth: Truth) -> Sample:
+    def _look(self, time: float, truth: TruthReader) -> Sample:
         memory = self._memory
         nodes = {spec.name: node for spec in self.history.scenario.objects if (node := memory.get_node(spec.name))}
         return Sample(
@@ -208,7 +208,7 @@ class Judge:
             worlds=self._worlds.look(),
         )
 
-    def _note_moves(self, truth: Truth) -> None:
+    def _note_moves(self, truth: TruthReader) -> None:
         events = self.history.scenario.events
         by_runner = {number for number, event in enumerate(events, start=1) if event.by_runner}
         self.triggered = {number: begin for number, (begin, _) in truth.moves.items() if number in by_runner}
@@ -248,7 +248,7 @@ class Judge:
         edge = self._memory.get_edge("world", name, "Virtual_RT")
         return edge.pose if edge else None
 
-    def _camera_error(self, truth: Truth) -> Error | None:
+    def _camera_error(self, truth: TruthReader) -> Error | None:
         """Of the scenario's camera."""
         for name, pose in truth.cameras().items():
             with contextlib.suppress(TransformError):

@@ -8,7 +8,7 @@ from typing import Any
 
 from agents.scenario.format.events import Kill
 from agents.scenario.format.expectations import (
-    Actions,
+    ActionsCheck,
     Attribute,
     BeliefCloser,
     BeliefError,
@@ -59,7 +59,7 @@ def _pairs_in(sample: Sample) -> set[tuple[str, str]]:
     return {(src, dst) for kind, src, dst in sample.edges if kind == "in"}
 
 
-def _actions(check: Actions, history: History, sample: Sample) -> Finding:
+def _actions(check: ActionsCheck, history: History, sample: Sample) -> Finding:
     begin = begin_of(check, history, 0.0) or 0.0
     names = {spec.name for spec in history.scenario.objects} if check.objects is None else set(check.objects)
     found = sorted(
@@ -72,7 +72,7 @@ def _actions(check: Actions, history: History, sample: Sample) -> Finding:
     return _are_as_expected(check, found), text
 
 
-def _are_as_expected(check: Actions, found: list[Action]) -> bool:
+def _are_as_expected(check: ActionsCheck, found: list[Action]) -> bool:
     if check.sequence is not None:
         patterns = [parse_pattern(term) for term in check.sequence]
         if len(patterns) != len(found):
@@ -83,7 +83,7 @@ def _are_as_expected(check: Actions, found: list[Action]) -> bool:
     return present and not any(parse_pattern(term).fits(action) for action in found for term in check.absent)
 
 
-DOINGS: dict[type, Callable[[Any, History, Sample], Finding]] = {Inside: _inside, Actions: _actions}
+DOINGS: dict[type, Callable[[Any, History, Sample], Finding]] = {Inside: _inside, ActionsCheck: _actions}
 """How each of these checks is judged."""
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from agents.scenario.format.expectations import Edges, KnownIn, Worlds
+from agents.scenario.format.expectations import Edges, KnownIn, WorldsCheck
 from agents.scenario.format.model import Scenario
 from agents.scenario.judge.findings import Finding, begin_of, each, mm, pairs
 from agents.scenario.truth.history import History, Sample, WorldSample
@@ -110,7 +110,7 @@ def _known_at(check: KnownIn, sample: Sample, name: str) -> Finding:
     return holds, what
 
 
-def _worlds(check: Worlds, history: History, sample: Sample) -> Finding:
+def _worlds(check: WorldsCheck, history: History, sample: Sample) -> Finding:
     def holds(one: Sample) -> bool:
         return one.worlds.keys() >= set(check.present) and one.worlds.keys().isdisjoint(check.absent)
 
@@ -124,7 +124,7 @@ def _worlds(check: Worlds, history: History, sample: Sample) -> Finding:
     return True, ", ".join(sorted(sample.worlds)) or "none"
 
 
-def _samples(check: Edges | KnownIn | Worlds, history: History, sample: Sample) -> Iterable[Sample]:
+def _samples(check: Edges | KnownIn | WorldsCheck, history: History, sample: Sample) -> Iterable[Sample]:
     begin = begin_of(check, history, None)
     return [sample] if begin is None else history.window(begin, sample.time)
 
@@ -133,5 +133,5 @@ def _shown(pose: Pose) -> str:
     return "({:.3f}, {:.3f}, {:.3f})".format(*pose.t)
 
 
-WORLDS: dict[type, Callable[[Any, History, Sample], Finding]] = {KnownIn: _known_in, Worlds: _worlds}
+WORLDS: dict[type, Callable[[Any, History, Sample], Finding]] = {KnownIn: _known_in, WorldsCheck: _worlds}
 """How each of these checks is judged."""

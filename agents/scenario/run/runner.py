@@ -36,7 +36,7 @@ _START_PERIOD = 1.0  # s between two messages that tell the start
 _TAIL = 0.2  # s, so that the last sample arrives
 
 
-class Observer(Protocol):
+class RunObserver(Protocol):
     """Follows the progress of a run."""
 
     def starting(self, rows: list[AgentRow]) -> None:
@@ -72,7 +72,7 @@ class Teller:
         judge: knows which events have begun.
     """
 
-    def __init__(self, observer: Observer, scenario: Scenario, memory: Memory, judge: Judge) -> None:
+    def __init__(self, observer: RunObserver, scenario: Scenario, memory: Memory, judge: Judge) -> None:
         self._observer = observer
         self._story = None if isinstance(observer, Silent) else Story(memory, scenario.events)
         self._judge = judge
@@ -137,7 +137,7 @@ class Conductor:
         return sorted((time, number) for number, time in begun.items() if number in self._kills and time <= elapsed)
 
 
-def run_lockstep(run: Run, observer: Observer | None = None) -> Result:
+def run_lockstep(run: Run, observer: RunObserver | None = None) -> Result:
     """Run in one process as fast as the machine allows; the same seed gives the same metrics.
 
     Raises:
@@ -147,7 +147,7 @@ def run_lockstep(run: Run, observer: Observer | None = None) -> Result:
     return run_system(run, without(staged_system(run), "viewer"), observer)
 
 
-def run_system(run: Run, system: System, observer: Observer | None = None) -> Result:
+def run_system(run: Run, system: System, observer: RunObserver | None = None) -> Result:
     """Run as `run_lockstep` does, with a system that the caller has made of `staged_system`."""
     observer = observer or Silent()
     scenario = run.scenario
@@ -210,7 +210,7 @@ def _get_ready(lockstep: Lockstep, agents: list[str]) -> None:
         lockstep.run_for(POLL_PERIOD)
 
 
-def run_live(run: Run, observer: Observer | None = None) -> Result:
+def run_live(run: Run, observer: RunObserver | None = None) -> Result:
     """Run with every agent a process of its own, on the wall clock. Ctrl-C stops them all.
 
     Raises:

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 import msgspec
 import numpy as np
 
-from agents.scenario.run.sweep import Outcome
+from agents.scenario.run.sweep import RunOutcome
 
 
 class Spread(msgspec.Struct, frozen=True):
@@ -23,7 +23,7 @@ class Spread(msgspec.Struct, frozen=True):
     """The greatest."""
 
 
-class Summary(msgspec.Struct, frozen=True, kw_only=True):
+class RunSummary(msgspec.Struct, frozen=True, kw_only=True):
     """The runs of one scenario with one policy."""
 
     scenario: str
@@ -44,15 +44,15 @@ class Summary(msgspec.Struct, frozen=True, kw_only=True):
         return self.scenario if self.policy is None else f"{self.scenario}, {self.policy}"
 
 
-def summarise(outcomes: Iterable[Outcome]) -> list[Summary]:
+def summarise(outcomes: Iterable[RunOutcome]) -> list[RunSummary]:
     """Make a summary for each scenario and policy, in the order in which they are first met."""
-    groups: dict[tuple[str, str | None], list[Outcome]] = defaultdict(list)
+    groups: dict[tuple[str, str | None], list[RunOutcome]] = defaultdict(list)
     for outcome in outcomes:
         groups[outcome.scenario, outcome.policy].append(outcome)
     return [_summary(sorted(group, key=lambda outcome: outcome.seed)) for group in groups.values()]
 
 
-def _summary(group: list[Outcome]) -> Summary:
+def _summary(group: list[RunOutcome]) -> RunSummary:
     failures: dict[str, list[int]] = defaultdict(list)
     values: dict[str, list[float]] = defaultdict(list)
     over_time: dict[str, dict[float, list[float]]] = defaultdict(lambda: defaultdict(list))
@@ -64,7 +64,7 @@ def _summary(group: list[Outcome]) -> Summary:
         for name, curve in outcome.curves.items():
             for time, value in curve:
                 over_time[name][time].append(value)
-    return Summary(
+    return RunSummary(
         scenario=group[0].scenario,
         policy=group[0].policy,
         runs=len(group),

@@ -16,7 +16,7 @@ from tempfile import TemporaryDirectory
 import msgspec
 
 from agents.scenario.run.staging import Policy, Sensor
-from agents.scenario.run.sweep_worker import Answer, Job, work
+from agents.scenario.run.sweep_worker import SweepAnswer, SweepJob, work
 from dsr.clock import WALL_CLOCK
 
 LIMIT = 900.0
@@ -27,7 +27,7 @@ _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 _context = multiprocessing.get_context("spawn")
 
 
-class Outcome(msgspec.Struct, frozen=True, kw_only=True):
+class RunOutcome(msgspec.Struct, frozen=True, kw_only=True):
     """The outcome of one run."""
 
     scenario: str
@@ -58,7 +58,7 @@ class Sweep:
         limit: s of real time after which a run is given up.
     """
 
-    def __init__(self, jobs: Sequence[Job], workers: int, limit: float = LIMIT) -> None:
+    def __init__(self, jobs: Sequence[SweepJob], workers: int, limit: float = LIMIT) -> None:
         self._jobs = deque(jobs)
         self._limit = limit
         self._folder = TemporaryDirectory(prefix="dsr-sweep-")
@@ -71,7 +71,7 @@ class Sweep:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def outcomes(self) -> Iterator[Outcome]:
+    def outcomes(self) -> Iterator[RunOutcome]:
         """Yield the outcome of each job, as they come."""
         self._workers = [_Worker(Path(self._folder.name) / f"{number}.log") for number in range(self._count)]
         for worker in self._workers:
@@ -104,7 +104,7 @@ class _Worker:
     """A process that does one job after the other; started anew after a crash."""
 
     def __init__(self, log: Path) -> None:
-        self.job: Job | None = None
+        self.job: SweepJob | None = None
         self.connection: Connection
         self._log = log
         self._process: SpawnProcess | None = None
@@ -115,7 +115,7 @@ class _Worker:
         """Seconds since its job began"""
         return WALL_CLOCK.monotonic() - self._began
 
-    def start(self, job: Job) -> None:
+    def start(self, job: SweepJob) -> None:
         """Begin a job."""
         if self._process is None or not self._process.is_alive():
             self._launch()
@@ -123,10 +123,10 @@ class _Worker:
         with contextlib.suppress(OSError):  # it died just now: seen when its answer is taken
             self.connection.send_bytes(msgspec.msgpack.encode(job))
 
-    def take(self) -> Outcome:
+    def take(self) -> RunOutcome:
         """The outcome of its job, which is there; a crash if the process died."""
         try:
-            answer = msgspec.msgpack.decode(self.connection.recv_bytes(), type=Answer)
+            answer = msgspec.msgpack.decode(self.connection.recv_bytes(), type=SweepAnswer)
         except (EOFError, OSError):
             return self.give_up(self._last_words())
         result = answer.result
@@ -142,7 +142,7 @@ class _Worker:
             notes=result.notes,
         )
 
-    def give_up(self, reason: str) -> Outcome:
+    def give_up(self, reason: str) -> RunOutcome:
         """The outcome of a job that will not end; the process is ended."""
         self.end()
         return self._outcome(crash=reason)
@@ -168,12 +168,12 @@ class _Worker:
             self._process.start()
         other.close()
 
-    def _outcome(self, *, crash: str = "", **fields: object) -> Outcome:
+    def _outcome(self, *, crash: str = "", **fields: object) -> RunOutcome:
         assert self.job is not None
         job, self.job = self.job, None
         values = {"passed": False, "failed": [], "found": [], **fields}
         about = {"scenario": job.name, "seed": job.seed, "sensor": job.sensor, "policy": job.policy}
-        return msgspec.convert({**about, **values, "crash": crash, "wall_s": self.elapsed}, Outcome)
+        return msgspec.convert({**about, **values, "crash": crash, "wall_s": self.elapsed}, RunOutcome)
 
     def _last_words(self) -> str:
         """Why the process died, as far as it can be known."""

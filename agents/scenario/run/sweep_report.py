@@ -11,8 +11,8 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from agents.scenario.run.statistics import Spread, Summary
-from agents.scenario.run.sweep import Outcome
+from agents.scenario.run.statistics import RunSummary, Spread
+from agents.scenario.run.sweep import RunOutcome
 
 MAIN = {
     "recovery_time_max_s": "recovery",
@@ -52,7 +52,7 @@ class SweepBar:
     ) -> None:
         self._progress.stop()
 
-    def show(self, outcomes: Sequence[Outcome]) -> None:
+    def show(self, outcomes: Sequence[RunOutcome]) -> None:
         """Show the state after these runs."""
         done, passed = len(outcomes), sum(outcome.passed for outcome in outcomes)
         last = outcomes[-1]
@@ -63,7 +63,7 @@ class SweepBar:
             self._console.print(f"{done} of {self._total} runs, {passed} passed")
 
 
-def show_sweep(summaries: Sequence[Summary], console: Console, *, metrics: bool) -> None:
+def show_sweep(summaries: Sequence[RunSummary], console: Console, *, metrics: bool) -> None:
     """Print the overview, all `metrics` if wanted, and which seeds failed what."""
     if not summaries:
         return
@@ -81,7 +81,7 @@ def show_sweep(summaries: Sequence[Summary], console: Console, *, metrics: bool)
     console.print(f"[bold {color}]{passed} of {runs} runs passed[/]")
 
 
-def _overview(summaries: Sequence[Summary]) -> Table:
+def _overview(summaries: Sequence[RunSummary]) -> Table:
     table = Table(caption="median / 95 % over the runs that have it", title_justify="left")
     table.add_column("scenario")
     if any(summary.policy for summary in summaries):
@@ -100,7 +100,7 @@ def _overview(summaries: Sequence[Summary]) -> Table:
     return table
 
 
-def _metric_table(summaries: Sequence[Summary]) -> Table:
+def _metric_table(summaries: Sequence[RunSummary]) -> Table:
     """All metrics of one scenario, a column for each policy."""
     table = Table(title=summaries[0].scenario, caption="median / 95 % / worst", title_justify="left")
     table.add_column("metric")

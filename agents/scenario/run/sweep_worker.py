@@ -18,7 +18,7 @@ from agents.scenario.run.staging import Policy, Sensor, make_run
 _COLLECT = (100_000, 20, 20)  # much less often than by default: a tenth faster, and runs make little garbage in cycles
 
 
-class Job(msgspec.Struct, frozen=True, kw_only=True):
+class SweepJob(msgspec.Struct, frozen=True, kw_only=True):
     """One run of a sweep: scenario, seed, sensor and policy."""
 
     name: str
@@ -30,7 +30,7 @@ class Job(msgspec.Struct, frozen=True, kw_only=True):
     policy: Policy | None
 
 
-class Answer(msgspec.Struct, frozen=True):
+class SweepAnswer(msgspec.Struct, frozen=True):
     """The outcome of a run, or its crash."""
 
     result: Result | None = None
@@ -39,7 +39,7 @@ class Answer(msgspec.Struct, frozen=True):
 
 
 def work(connection: Connection, log: str) -> None:
-    """Do the jobs (`Job`) that come, answer each with an `Answer`; end with the other side.
+    """Do the jobs (`SweepJob`) that come, answer each with an `SweepAnswer`; end with the other side.
 
     It is the leader of a group of processes, so that it can be ended with all that it started. What it prints, and
     what makes it crash, goes to the file `log`.
@@ -56,18 +56,18 @@ def work(connection: Connection, log: str) -> None:
     threading.Thread(target=_end_with_parent, name="lifeline", daemon=True).start()
     with contextlib.suppress(EOFError, OSError):
         while True:
-            job = msgspec.msgpack.decode(connection.recv_bytes(), type=Job)
+            job = msgspec.msgpack.decode(connection.recv_bytes(), type=SweepJob)
             connection.send_bytes(_answer(job))
 
 
-def _answer(job: Job) -> bytes:
+def _answer(job: SweepJob) -> bytes:
     from agents.scenario.run.runner import run_lockstep
 
     try:
         run = make_run(job.file, seed=job.seed, sensor=job.sensor, policy=job.policy)
-        return msgspec.msgpack.encode(Answer(run_lockstep(run)))
+        return msgspec.msgpack.encode(SweepAnswer(run_lockstep(run)))
     except Exception as error:  # whatever is wrong with one run is that run's failure
-        return msgspec.msgpack.encode(Answer(None, f"{type(error).__name__}: {error}"))
+        return msgspec.msgpack.encode(SweepAnswer(None, f"{type(error).__name__}: {error}"))
 
 
 def _end_with_parent() -> None:

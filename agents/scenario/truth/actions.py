@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import msgspec
 
-from agents.scenario.format.events import Place, Remove, Swap
+from agents.scenario.format.events import PlaceEvent, Remove, Swap
 from agents.scenario.truth.history import History, Inferred, Sample
 from dsr.vocabulary.observed_actions import PICK, PLACE, RELEASE, Action
 
@@ -32,7 +32,7 @@ class Match(msgspec.Struct, frozen=True):
     inferred: Inferred | None
 
 
-class Comparison(msgspec.Struct, frozen=True):
+class ActionComparison(msgspec.Struct, frozen=True):
     """All true actions, and the actions inferred beyond them."""
 
     matches: list[Match]
@@ -44,7 +44,7 @@ def true_actions(history: History) -> list[Action]:
     return sorted(action for spec in history.scenario.objects for action in _actions_of(spec.name, history.samples))
 
 
-def compare(history: History) -> Comparison:
+def compare(history: History) -> ActionComparison:
     """Pair true and inferred actions of the same kind and thing, each with the nearest in time.
 
     Actions around teleports (events `place`, `swap` and `remove`) do not count: nothing happens there that could be
@@ -63,12 +63,12 @@ def compare(history: History) -> Comparison:
         if number not in found and index not in found.values():
             found[number] = index
     matches = [Match(action, left[found[number]] if number in found else None) for number, action in enumerate(true)]
-    return Comparison(matches, [left[index] for index in sorted(set(range(len(left))) - set(found.values()))])
+    return ActionComparison(matches, [left[index] for index in sorted(set(range(len(left))) - set(found.values()))])
 
 
 def _is_excused(action: Action, history: History) -> bool:
     for number, event in enumerate(history.scenario.events, start=1):
-        if isinstance(event, Place | Swap | Remove) and action.thing in event.named_objects.values():
+        if isinstance(event, PlaceEvent | Swap | Remove) and action.thing in event.named_objects.values():
             begin, end = history.spans.get(number, (float("inf"), None))
             if begin - EARLY <= action.time <= (begin if end is None else end) + LATE:
                 return True

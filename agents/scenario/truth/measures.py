@@ -7,13 +7,13 @@ from collections.abc import Callable, Iterable, Sequence
 import msgspec
 import numpy as np
 
-from agents.scenario.format.geometry import Ball, Body, Box, gap_below, overlap, pieces
+from agents.scenario.format.geometry import Ball, PlacedShape, ScenarioBox, gap_below, overlap, pieces
 from agents.scenario.format.layout import table_box
 from agents.scenario.format.model import Scenario, TableSpec
 from agents.scenario.truth.history import Error, Sample, Source
 from dsr.math3d.transforms import Pose
 
-Piece = Box | Ball
+Piece = ScenarioBox | Ball
 
 _GROUND = 1.0
 """m from the top of the table down, where nothing else can be."""
@@ -56,7 +56,7 @@ def height_error(sample: Sample, name: str) -> float | None:
 def belief_gap(scenario: Scenario, sample: Sample, name: str) -> float | None:
     """Height of the belief above the table or belief that is under it, m; None without a belief."""
     bodies = {
-        spec.name: Body(spec.shape, spec.size, pose)
+        spec.name: PlacedShape(spec.shape, spec.size, pose)
         for spec in scenario.objects
         if (pose := sample.beliefs.get(spec.name))
     }
@@ -73,10 +73,10 @@ def drift(samples: Sequence[Sample], name: str) -> float | None:
     return float(np.linalg.norm(np.array(positions) - positions[0], axis=1).max())
 
 
-def pose_boxes(scenario: Scenario, poses: dict[str, Pose]) -> dict[str, Box]:
+def pose_boxes(scenario: Scenario, poses: dict[str, Pose]) -> dict[str, ScenarioBox]:
     """The boxes that the scenario's objects fill at `poses`."""
     return {
-        spec.name: Box(pose.translation, pose.rotation_matrix, np.array(spec.size))
+        spec.name: ScenarioBox(pose.translation, pose.rotation_matrix, np.array(spec.size))
         for spec in scenario.objects
         if (pose := poses.get(spec.name))
     }
@@ -88,11 +88,11 @@ def pose_pieces(scenario: Scenario, poses: dict[str, Pose]) -> dict[str, list[Pi
     return {name: pieces(shapes[name], box) for name, box in pose_boxes(scenario, poses).items()}
 
 
-def _ground(table: TableSpec) -> Body:
+def _ground(table: TableSpec) -> PlacedShape:
     """The table and all below, of which nothing is known."""
     width, length, _ = table.size
     x, y, top = table.position
-    return Body((), (width, length, _GROUND), Pose((x, y, top - 0.5 * _GROUND), (0.0, 0.0, 0.0, 1.0)))
+    return PlacedShape((), (width, length, _GROUND), Pose((x, y, top - 0.5 * _GROUND), (0.0, 0.0, 0.0, 1.0)))
 
 
 class OverlapMeter:
@@ -124,7 +124,7 @@ class OverlapMeter:
                     yield Overlap(known[1], first, second)
 
 
-def _neighbours(boxes: dict[str, Box]) -> list[tuple[str, str]]:
+def _neighbours(boxes: dict[str, ScenarioBox]) -> list[tuple[str, str]]:
     """Pairs of boxes that are near enough to touch."""
     names = list(boxes)
     centers = np.array([box.center for box in boxes.values()]).reshape(-1, 3)

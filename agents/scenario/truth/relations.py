@@ -9,7 +9,7 @@ from itertools import permutations
 import msgspec
 import numpy as np
 
-from agents.scenario.format.geometry import Box, overlap
+from agents.scenario.format.geometry import ScenarioBox, overlap
 from agents.scenario.format.layout import table_box
 from agents.scenario.format.model import Scenario
 from agents.scenario.truth.measures import Piece, pose_pieces
@@ -84,13 +84,13 @@ def _rests(upper: Piece, lower: Piece) -> bool:
 
 def _heights(piece: Piece) -> tuple[float, float]:
     """World z of its lowest and highest point, m."""
-    if isinstance(piece, Box):
+    if isinstance(piece, ScenarioBox):
         return piece.bottom, piece.top
     return float(piece.center[2]) - piece.radius, float(piece.center[2]) + piece.radius
 
 
-def _outline(piece: Piece) -> Box:
+def _outline(piece: Piece) -> ScenarioBox:
     """A box whose outline seen from above is within that of the piece, and nearly as large."""
-    if isinstance(piece, Box):
+    if isinstance(piece, ScenarioBox):
         return piece
-    return Box(piece.center, np.eye(3), np.full(3, math.sqrt(2.0) * piece.radius))
+    return ScenarioBox(piece.center, np.eye(3), np.full(3, math.sqrt(2.0) * piece.radius))

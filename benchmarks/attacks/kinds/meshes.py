@@ -13,8 +13,8 @@ from benchmarks.attacks.attack import Arena, Attack, Outcome, Raw
 from dsr.clock import WALL_CLOCK
 from dsr.geometry import Mesh
 from dsr.geometry.mesh import MOST_BYTES
-from dsr.geometry.messages import Ask, Offer, decode_ask, encode_ask, encode_offer
-from dsr.geometry.shared import Place
+from dsr.geometry.messages import AskForMesh, Offer, decode_ask, encode_ask, encode_offer
+from dsr.geometry.shared import SharedPlace
 from dsr.memory import new_rid
 from dsr.network.zenoh_transport import ZenohTransport
 from dsr.security.policy import Grant
@@ -78,14 +78,14 @@ def _misplace(arena: Arena, attacker: Raw, victim: str) -> None:
     os.ftruncate(descriptor, _LIE)
     seals = fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_WRITE | fcntl.F_SEAL_SEAL
     fcntl.fcntl(descriptor, fcntl.F_ADD_SEALS, seals)
-    payload = encode_offer(Offer(100, Place(os.getpid(), descriptor, _LIE)))
+    payload = encode_offer(Offer(100, SharedPlace(os.getpid(), descriptor, _LIE)))
     attacker.transport.serve(attacker.keys.mesh(attacker.rid), lambda *_: payload)
 
 
 def _have_kept(arena: Arena, attacker: Raw, victim: str) -> None:
     """The victim is asked to get thousands of meshes that nobody has."""
     for _ in range(_KEEPS):
-        payload = encode_ask(Ask(secrets.token_hex(32), keep=True))
+        payload = encode_ask(AskForMesh(secrets.token_hex(32), keep=True))
         attacker.transport.request(attacker.keys.mesh(victim), payload, lambda *_: None, lambda: None, 0.5)
 
 

@@ -13,13 +13,13 @@ from dsr.errors import suggest
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Pose
-from dsr.vocabulary.explained import Change
+from dsr.vocabulary.explained import ExplainedChange
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.relations import BOUNDS, Relation
 from simulation_handler.explaining import Explanation, Look
 from simulation_handler.hands.state import HandGrasp, HandPercept
-from simulation_handler.motion.holding import Grasp
-from simulation_handler.physics.rollouts.scene import Body, Scene
+from simulation_handler.motion.holding import GripperGrasp
+from simulation_handler.physics.rollouts.scene import RolloutBody, RolloutScene
 from simulation_handler.physics.simulator import SimulationError, Simulator
 from simulation_handler.shapes.geometry import Solid
 
@@ -67,7 +67,7 @@ class PublishedReasoner:
         self._parameters = convert(self.config.parameters, PublishedConfig, "parameters")
         self._sim = Simulator()
         self._objects: dict[str, _Object] = {}
-        self._fixtures: dict[str, Body] = {}
+        self._fixtures: dict[str, RolloutBody] = {}
         self._relations = BoxRelations(self._parameters.epsilon)
         self._now = 0.0
         self._lay_floor()
@@ -88,7 +88,7 @@ class PublishedReasoner:
         """Add a body that never moves, or put it elsewhere (world_from_centre)."""
         if name in self._objects:
             raise SimulationError(f"{name!r} is an object of the belief and cannot be a fixture")
-        self._fix(Body(name, size, pose.t, pose.q, fixed=True, shape=shape))
+        self._fix(RolloutBody(name, size, pose.t, pose.q, fixed=True, shape=shape))
         self._lay_floor()
 
     def add_object(
@@ -129,7 +129,7 @@ class PublishedReasoner:
     def recall_seen(self, name: str, world_pose: Pose, stamp: float, camera: str) -> None:
         """It asks only whether an object is seen now, which the next percept tells."""
 
-    def recall_explanation(self, changes: tuple[Change, ...], time: float, now: float) -> None:
+    def recall_explanation(self, changes: tuple[ExplainedChange, ...], time: float, now: float) -> None:
         """It explains nothing."""
 
     def recall_support(self, relation: Relation, since: float, now: float, source: str) -> None:
@@ -195,10 +195,10 @@ class PublishedReasoner:
             if item.believed is not None
         ]
 
-    def scene(self) -> Scene:
+    def scene(self) -> RolloutScene:
         """All that has a place, fixtures and floor too, as it is simulated."""
         bodies = (
-            Body(
+            RolloutBody(
                 item.name,
                 item.size,
                 *self._sim.pose(item.name),
@@ -210,7 +210,7 @@ class PublishedReasoner:
             for item in self._objects.values()
             if item.name in self._sim
         )
-        return Scene((*self._fixtures.values(), *bodies))
+        return RolloutScene((*self._fixtures.values(), *bodies))
 
     def supports(self) -> dict[Relation, float]:
         """isOnTop: (object, what it stands on) and since when (s); nothing is said of the floor."""
@@ -252,7 +252,7 @@ class PublishedReasoner:
     def plan(self, relations: Collection[Relation]) -> None:
         """Not used."""
 
-    def hold(self, grasps: Mapping[str, Grasp]) -> None:
+    def hold(self, grasps: Mapping[str, GripperGrasp]) -> None:
         """Not used: nobody holds anything (Sec. VI c)."""
 
     def _place_where_perceived(self, item: _Object) -> None:
@@ -312,9 +312,9 @@ class PublishedReasoner:
         """Put the floor below the lowest table."""
         tops = [_box(body).high[2] for name, body in self._fixtures.items() if name != _FLOOR]
         height = min(tops, default=0.0) - self.config.floor_below_table
-        self._fix(Body(_FLOOR, _FLOOR_SIZE, (0.0, 0.0, height - 0.5 * _FLOOR_SIZE[2]), fixed=True))
+        self._fix(RolloutBody(_FLOOR, _FLOOR_SIZE, (0.0, 0.0, height - 0.5 * _FLOOR_SIZE[2]), fixed=True))
 
-    def _fix(self, body: Body) -> None:
+    def _fix(self, body: RolloutBody) -> None:
         if self._fixtures.get(body.name) == body:
             return
         if body.name in self._sim:
@@ -324,7 +324,7 @@ class PublishedReasoner:
         self._fixtures[body.name] = body
 
 
-def _box(body: Body) -> WorldBox:
+def _box(body: RolloutBody) -> WorldBox:
     return world_box(body.size, Pose.unchecked(body.position, body.rotation))
 
 

@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import takewhile
 
-from simulation_handler.physics.rollouts.scene import STILL, Body, Placing, Scene
+from simulation_handler.physics.rollouts.scene import STILL, Placing, RolloutBody, RolloutScene
 from simulation_handler.physics.simulator import TIME_STEP, Contact, SimulationError, Simulator
 
 _STRIDE = 8  # steps from one look at what still moves to the next
@@ -24,7 +24,7 @@ _DECAY = 0.75
 
 
 @dataclass(frozen=True)
-class Outcome:
+class RolloutOutcome:
     """The state of a scene after a rollout."""
 
     poses: dict[str, Placing]
@@ -49,13 +49,13 @@ class Engine:
 
     def __init__(self) -> None:
         self._sim = Simulator(sleeping=False)
-        self._loaded: list[Body] = []
+        self._loaded: list[RolloutBody] = []
 
     def close(self) -> None:
         """Free the simulation; harmless when repeated."""
         self._sim.close()
 
-    def run(self, scene: Scene, seconds: float) -> Outcome:
+    def run(self, scene: RolloutScene, seconds: float) -> RolloutOutcome:
         """Let time pass in a scene; stops early when it is at rest.
 
         Raises:
@@ -78,7 +78,7 @@ class Engine:
             at_rest = count == _STRIDE and all(map(_is_at_rest, earlier, motions))
         return self._outcome(scene, poses, (steps - left) * TIME_STEP, at_rest)
 
-    def _load(self, scene: Scene) -> None:
+    def _load(self, scene: RolloutScene) -> None:
         """Make the simulation hold the scene's bodies, in the scene's order, with nothing left of earlier runs."""
         pairs = zip(self._loaded, scene.bodies, strict=False)
         kept = len(list(takewhile(lambda pair: _what_stays(pair[0]) == _what_stays(pair[1]), pairs)))
@@ -96,10 +96,12 @@ class Engine:
             if not _is_fixed(body):
                 self._sim.place(body.name, body.position, body.rotation, body.velocity, body.spin)
 
-    def _outcome(self, scene: Scene, moved: Mapping[str, Placing], seconds: float, at_rest: bool) -> Outcome:
+    def _outcome(
+        self, scene: RolloutScene, moved: Mapping[str, Placing], seconds: float, at_rest: bool
+    ) -> RolloutOutcome:
         poses = {body.name: moved.get(body.name, (body.position, body.rotation)) for body in scene.bodies}
         still = (0.0, 0.0)
-        return Outcome(
+        return RolloutOutcome(
             poses=poses,
             contacts=self._sim.contacts() if seconds else [],
             drift={body.name: math.dist(body.position, poses[body.name][0]) for body in scene.bodies},
@@ -108,11 +110,11 @@ class Engine:
         )
 
 
-def _is_fixed(body: Body) -> bool:
+def _is_fixed(body: RolloutBody) -> bool:
     return body.fixed or body.mass == 0.0
 
 
-def _what_stays(body: Body) -> Body:
+def _what_stays(body: RolloutBody) -> RolloutBody:
     """What must be equal for a simulated body to be used again: all of a fixed one, all but the motion of another."""
     if _is_fixed(body):
         return body
@@ -124,7 +126,7 @@ def _is_at_rest(earlier: float, motion: float) -> bool:
     return motion <= _STILL or motion <= min(_SETTLING, _DECAY * earlier)
 
 
-def _motion(body: Body, before: Mapping[str, Placing], now: Mapping[str, Placing]) -> float:
+def _motion(body: RolloutBody, before: Mapping[str, Placing], now: Mapping[str, Placing]) -> float:
     """Upper bound of how far a corner has moved, m."""
     (old_position, old_rotation), (position, rotation) = before[body.name], now[body.name]
     turn = 2.0 * math.dist(old_rotation, rotation)

@@ -7,17 +7,17 @@ import struct
 
 import msgspec
 
-from simulation_handler.physics.rollouts.engine import Outcome
-from simulation_handler.physics.rollouts.scene import Body
+from simulation_handler.physics.rollouts.engine import RolloutOutcome
+from simulation_handler.physics.rollouts.scene import RolloutBody
 
 _LENGTH = struct.Struct("<I")
 
 
-class Job(msgspec.Struct, frozen=True, array_like=True):
+class RolloutJob(msgspec.Struct, frozen=True, array_like=True):
     """Bodies of a scene that is to be simulated for some s."""
 
     number: int
-    bodies: tuple[Body, ...]
+    bodies: tuple[RolloutBody, ...]
     seconds: float
 
 
@@ -25,24 +25,24 @@ class Reply(msgspec.Struct, frozen=True, array_like=True):
     """The outcome of the job of that number; neither outcome nor error for the first message: ready."""
 
     number: int
-    outcome: Outcome | None = None
+    outcome: RolloutOutcome | None = None
     error: str = ""
 
 
 READY = Reply(0)
 """The first message of a worker; jobs have numbers from 1 on."""
 _encoder = msgspec.msgpack.Encoder()
-_jobs = msgspec.msgpack.Decoder(Job)
+_jobs = msgspec.msgpack.Decoder(RolloutJob)
 _replies = msgspec.msgpack.Decoder(Reply)
 
 
-def send(connection: socket.socket, message: Job | Reply) -> None:
+def send(connection: socket.socket, message: RolloutJob | Reply) -> None:
     """Send a message. Raises `OSError` if the other side is gone."""
     payload = _encoder.encode(message)
     connection.sendall(_LENGTH.pack(len(payload)) + payload)
 
 
-def receive_job(connection: socket.socket) -> Job:
+def receive_job(connection: socket.socket) -> RolloutJob:
     """The next job. Raises `OSError` if the other side is gone."""
     return _jobs.decode(_received(connection))
 

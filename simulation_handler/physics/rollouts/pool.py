@@ -11,10 +11,10 @@ from selectors import EVENT_READ, DefaultSelector
 from types import TracebackType
 
 from dsr.clock import WALL_CLOCK, Clock
-from simulation_handler.physics.rollouts.engine import Engine, Outcome
-from simulation_handler.physics.rollouts.messages import Job
+from simulation_handler.physics.rollouts.engine import Engine, RolloutOutcome
+from simulation_handler.physics.rollouts.messages import RolloutJob
 from simulation_handler.physics.rollouts.process import WorkerProcess
-from simulation_handler.physics.rollouts.scene import Scene
+from simulation_handler.physics.rollouts.scene import RolloutScene
 from simulation_handler.physics.simulator import SimulationError
 
 _log = logging.getLogger("simulation_handler.physics.rollouts")
@@ -60,7 +60,9 @@ class Pool:
         """Process ids of the workers."""
         return tuple(worker.pid for worker in self._workers)
 
-    def run(self, scenes: Sequence[Scene], seconds: float, budget: float | None = None) -> list[Outcome | None]:
+    def run(
+        self, scenes: Sequence[RolloutScene], seconds: float, budget: float | None = None
+    ) -> list[RolloutOutcome | None]:
         """Simulate scenes for `seconds`, and return outcomes in their order; None for scenes beyond the budget.
 
         Raises:
@@ -71,7 +73,7 @@ class Pool:
             return self._run_here(scenes, seconds, lambda index: index < budget)
         deadline = self._clock.monotonic() + budget
         if self._workers:
-            jobs = [Job(next(self._numbers), scene.bodies, seconds) for scene in scenes]
+            jobs = [RolloutJob(next(self._numbers), scene.bodies, seconds) for scene in scenes]
             run = _Run(self._workers, jobs, lambda index: self._simulate(scenes[index], seconds), self._clock)
             outcomes = run.until(deadline)
             self._give_up_the_hopeless()
@@ -79,11 +81,11 @@ class Pool:
         return self._run_here(scenes, seconds, lambda _: self._clock.monotonic() < deadline)
 
     def _run_here(
-        self, scenes: Sequence[Scene], seconds: float, may_go_on: Callable[[int], bool]
-    ) -> list[Outcome | None]:
+        self, scenes: Sequence[RolloutScene], seconds: float, may_go_on: Callable[[int], bool]
+    ) -> list[RolloutOutcome | None]:
         return [self._simulate(scene, seconds) if may_go_on(index) else None for index, scene in enumerate(scenes)]
 
-    def _simulate(self, scene: Scene, seconds: float) -> Outcome:
+    def _simulate(self, scene: RolloutScene, seconds: float) -> RolloutOutcome:
         self._engine = self._engine or Engine()
         return self._engine.run(scene, seconds)
 
@@ -105,19 +107,21 @@ class _Run:
     """The jobs of one run on their way through the workers, and through this process if those do not answer."""
 
     def __init__(
-        self, workers: Sequence[WorkerProcess], jobs: Sequence[Job], simulate: Callable[[int], Outcome], clock: Clock
+        self, workers: Sequence[WorkerProcess], jobs: Sequence[RolloutJob], simulate: Callable[
+            [int], RolloutOutcome
+        ], clock: Clock
     ) -> None:
         """`simulate` does the job of an index in this process."""
         self._workers = workers
         self._jobs = jobs
         self._simulate = simulate
         self._clock = clock
-        self._outcomes: list[Outcome | None] = [None] * len(jobs)
+        self._outcomes: list[RolloutOutcome | None] = [None] * len(jobs)
         self._waiting = deque(range(len(jobs)))
         self._under_way: dict[int, int] = {}  # number of the job -> its index
         self._lost: set[int] = set()  # indexes of jobs whose worker died
 
-    def until(self, deadline: float) -> list[Outcome | None]:
+    def until(self, deadline: float) -> list[RolloutOutcome | None]:
         """The outcomes that are here at the deadline."""
         self._take_all(_readable(self._workers, 0.0))  # ready since it was started, or late with an earlier run
         self._restart_stuck()

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import psutil
 
-from simulation_handler.physics.rollouts.messages import READY, Job, Reply, receive_reply, send
+from simulation_handler.physics.rollouts.messages import READY, Reply, RolloutJob, receive_reply, send
 
 _ROOT = Path(__file__).parents[3]
 _PATIENCE = 1.0  # s for a message that has begun
@@ -84,7 +84,7 @@ class WorkerProcess:
         """Id of the process."""
         return self._process.pid
 
-    def give(self, job: Job, now: float) -> None:
+    def give(self, job: RolloutJob, now: float) -> None:
         """Let the worker simulate a scene, at time `now` (s); raises `OSError` if the worker has died."""
         self.job, self.since = job.number, now
         with contextlib.suppress(psutil.NoSuchProcess):

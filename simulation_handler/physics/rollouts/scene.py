@@ -20,7 +20,7 @@ Placing = tuple[Vector3, Quaternion]
 STILL: Vector3 = (0.0, 0.0, 0.0)
 
 
-class Body(NamedTuple):
+class RolloutBody(NamedTuple):
     """A body, at rest unless it is said how it moves."""
 
     name: str
@@ -51,14 +51,14 @@ class Body(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Scene:
+class RolloutScene:
     """Bodies of different names, sorted by name, so that equal scenes have equal outcomes.
 
     Every method returns a changed copy. Raises `SimulationError` for a name that is there twice, or that is not
     there.
     """
 
-    bodies: tuple[Body, ...]
+    bodies: tuple[RolloutBody, ...]
 
     def __post_init__(self) -> None:
         ordered = tuple(sorted(self.bodies))
@@ -70,7 +70,7 @@ class Scene:
     def __contains__(self, name: str) -> bool:
         return name in self._by_name
 
-    def __getitem__(self, name: str) -> Body:
+    def __getitem__(self, name: str) -> RolloutBody:
         self._check([name])
         return self._by_name[name]
 
@@ -79,32 +79,32 @@ class Scene:
         """Names of all bodies, sorted."""
         return tuple(self._by_name)
 
-    def moved(self, placings: Mapping[str, Placing]) -> Scene:
+    def moved(self, placings: Mapping[str, Placing]) -> RolloutScene:
         """Copy the scene with some bodies elsewhere, at rest there."""
         self._check(placings)
-        return Scene(
+        return RolloutScene(
             tuple(_at_rest(body, *placings[body.name]) if body.name in placings else body for body in self.bodies)
         )
 
-    def without(self, names: Collection[str]) -> Scene:
+    def without(self, names: Collection[str]) -> RolloutScene:
         """Copy the scene without some bodies."""
         self._check(names)
-        return Scene(tuple(body for body in self.bodies if body.name not in names))
+        return RolloutScene(tuple(body for body in self.bodies if body.name not in names))
 
-    def held(self, names: Collection[str]) -> Scene:
+    def held(self, names: Collection[str]) -> RolloutScene:
         """Copy the scene with some bodies held where they are, whatever pushes them."""
         return self._with_fixed(names, True)
 
-    def released(self, names: Collection[str]) -> Scene:
+    def released(self, names: Collection[str]) -> RolloutScene:
         """Copy the scene with some bodies free to move; one without mass stays fixed all the same."""
         return self._with_fixed(names, False)
 
-    def _with_fixed(self, names: Collection[str], fixed: bool) -> Scene:
+    def _with_fixed(self, names: Collection[str], fixed: bool) -> RolloutScene:
         self._check(names)
-        return Scene(tuple(body._replace(fixed=fixed) if body.name in names else body for body in self.bodies))
+        return RolloutScene(tuple(body._replace(fixed=fixed) if body.name in names else body for body in self.bodies))
 
     @cached_property
-    def _by_name(self) -> dict[str, Body]:
+    def _by_name(self) -> dict[str, RolloutBody]:
         return {body.name: body for body in self.bodies}
 
     def _check(self, names: Iterable[str]) -> None:
@@ -113,5 +113,5 @@ class Scene:
                 raise SimulationError(f"no body {name!r} in the scene; {suggest(name, self._by_name)}")
 
 
-def _at_rest(body: Body, position: Vector3, rotation: Quaternion) -> Body:
+def _at_rest(body: RolloutBody, position: Vector3, rotation: Quaternion) -> RolloutBody:
     return body._replace(position=position, rotation=rotation, velocity=STILL, spin=STILL)

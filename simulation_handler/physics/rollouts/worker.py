@@ -14,8 +14,8 @@ import sys
 import threading
 
 from simulation_handler.physics.rollouts.engine import Engine
-from simulation_handler.physics.rollouts.messages import READY, Job, Reply, receive_job, send
-from simulation_handler.physics.rollouts.scene import Scene
+from simulation_handler.physics.rollouts.messages import READY, Reply, RolloutJob, receive_job, send
+from simulation_handler.physics.rollouts.scene import RolloutScene
 from simulation_handler.physics.simulator import SimulationError
 
 
@@ -29,9 +29,9 @@ def main() -> None:
             send(connection, _simulated(engine, receive_job(connection)))
 
 
-def _simulated(engine: Engine, job: Job) -> Reply:
+def _simulated(engine: Engine, job: RolloutJob) -> Reply:
     try:
-        return Reply(job.number, engine.run(Scene(job.bodies), job.seconds))
+        return Reply(job.number, engine.run(RolloutScene(job.bodies), job.seconds))
     except SimulationError as error:
         return Reply(job.number, error=str(error))
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from agents.action_inference.observation import Grasp, Holder, Snapshot, Thing
-from agents.action_inference.policy import Policy
+from agents.action_inference.observation import Holder, ObservedGrasp, ObservedThing, Snapshot
+from agents.action_inference.policy import InferencePolicy
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.observed_actions import Action
@@ -21,10 +21,10 @@ MAX_AGE = 0.7
 class Stage:
     """Things somewhere, and what a policy infers of them."""
 
-    def __init__(self, policy: Policy, noise: float = 0.0, bias: float = 0.01) -> None:
+    def __init__(self, policy: InferencePolicy, noise: float = 0.0, bias: float = 0.01) -> None:
         self.policy = policy
         self.now = 100.0
-        self.things: dict[str, Thing] = {}
+        self.things: dict[str, ObservedThing] = {}
         self.holders: dict[str, Holder] = {}
         self.visible: dict[str, bool] = {}
         self.true: dict[str, Vector3] = {}
@@ -40,7 +40,7 @@ class Stage:
     def add(self, name: str, position: Vector3, size: Vector3 = (0.04, 0.04, 0.04), **values: object) -> None:
         """A thing that is seen, rests on the table, and is believed where it is."""
         self.true[name], self.visible[name] = position, True
-        thing = Thing(name, size, perceived=True, believed=Pose(position), on=frozenset({"table"}))
+        thing = ObservedThing(name, size, perceived=True, believed=Pose(position), on=frozenset({"table"}))
         self.things[name] = replace(thing, **values)  # type: ignore[arg-type]
 
     def change(self, name: str, **values: object) -> None:
@@ -49,7 +49,7 @@ class Stage:
 
     def grasp(self, name: str, *holders: str) -> None:
         """These hold it, and no others."""
-        self.change(name, grasps=tuple(Grasp(holder, self.now) for holder in holders))
+        self.change(name, grasps=tuple(ObservedGrasp(holder, self.now) for holder in holders))
 
     def run(self, seconds: float, **speeds: Vector3) -> None:
         """Let time pass, while things (with their beliefs) move at these speeds (m/s)."""

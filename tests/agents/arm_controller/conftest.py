@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from agents.arm_controller import ArmController
-from agents.arm_controller.kinematics import Chain
+from agents.arm_controller.kinematics import JointChain
 from agents.arm_controller.urdf import load_robot
 from agents.drivers import ArmState
 from dsr import Frame, LocalNetwork, ManualClock, Memory, Pose
@@ -196,9 +196,9 @@ def bench(make_bench: Callable[..., Bench]) -> Bench:
 
 
 @pytest.fixture
-def tool() -> Chain:
+def tool() -> JointChain:
     """The Gen3 up to the tool point."""
-    return Chain(load_robot(GEN3).between("base_link", "tool_link"))
+    return JointChain(load_robot(GEN3).between("base_link", "tool_link"))
 
 
 class Table(Bench):
@@ -257,7 +257,7 @@ class Table(Bench):
     def grasped(self) -> list[str]:
         return [edge.dst for edge in self.memory.edges("grasping")]
 
-    def tool_pose(self, tool: Chain) -> Pose:
+    def tool_pose(self, tool: JointChain) -> Pose:
         return tool.forward(self.arm.positions)
 
 

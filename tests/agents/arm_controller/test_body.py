@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from agents.arm_controller.body import REFRESH
-from agents.arm_controller.kinematics import Chain
+from agents.arm_controller.kinematics import JointChain
 from agents.arm_controller.urdf import load_robot
 from dsr import Pose
 from dsr.errors import ConfigError
@@ -32,7 +32,7 @@ def test_the_chain_hangs_together_from_the_world_to_the_gripper(bench: Bench) ->
 def test_the_gripper_is_where_the_joints_say_at_the_time_of_the_sample(bench: Bench) -> None:
     bench.arm.move_joints(tuple(np.array(HOME) + 0.3), 0.5)
     bench.run(0.2)
-    flange = Chain(load_robot(GEN3).between("base_link", "end_effector_link"))
+    flange = JointChain(load_robot(GEN3).between("base_link", "end_effector_link"))
     sample = bench.arm.present
     assert sample is not None
     pose = bench.memory.transform("world", "gripper")

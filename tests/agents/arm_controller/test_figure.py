@@ -7,10 +7,10 @@ import pytest
 
 from agents.arm_controller.config import ArmControllerConfig
 from agents.arm_controller.figure import Figure
-from agents.arm_controller.kinematics import Chain
+from agents.arm_controller.kinematics import JointChain
 from agents.arm_controller.obstacles import ITSELF, Load, Obstacles
-from agents.arm_controller.scene import Thing
-from agents.arm_controller.shapes import Box
+from agents.arm_controller.scene import Obstacle
+from agents.arm_controller.shapes import LinkBox
 from agents.arm_controller.urdf import load_robot
 from dsr import Pose
 from dsr.math3d.boxes import Boxes
@@ -24,10 +24,12 @@ OPEN = Load(0.085)
 @pytest.fixture(scope="module")
 def figure() -> Figure:
     robot = load_robot(GEN3)
-    return Figure(robot, Chain(robot.between("base_link", "tool_link")), "base_link", "end_effector_link", "tool_link")
+    return Figure(
+        robot, JointChain(robot.between("base_link", "tool_link")), "base_link", "end_effector_link", "tool_link"
+    )
 
 
-def test_fingers_are_beside_the_tool_point_at_their_opening(figure: Figure, tool: Chain) -> None:
+def test_fingers_are_beside_the_tool_point_at_their_opening(figure: Figure, tool: JointChain) -> None:
     boxes = figure.boxes(np.array([HOME]), 0.06)
     tool_from_base = tool.forward(HOME).inverse()
     pads = [tool_from_base.apply(center) for center in boxes.centers[0, -4:]]
@@ -37,8 +39,8 @@ def test_fingers_are_beside_the_tool_point_at_their_opening(figure: Figure, tool
     assert boxes.centers.shape == (1, figure.base_boxes + 20, 3)
 
 
-def test_what_is_held_moves_with_the_tool(figure: Figure, tool: Chain) -> None:
-    held = Box(Pose((0.0, 0.01, 0.02)), (0.02, 0.02, 0.02))
+def test_what_is_held_moves_with_the_tool(figure: Figure, tool: JointChain) -> None:
+    held = LinkBox(Pose((0.0, 0.01, 0.02)), (0.02, 0.02, 0.02))
     boxes = figure.boxes(np.array([HOME]), 0.04, [held])
     assert boxes.centers[0, -1] == pytest.approx(tool.forward(HOME).apply((0.0, 0.01, 0.02)))
 
@@ -51,26 +53,26 @@ def test_a_folded_arm_meets_itself_and_a_usual_one_does_not(figure: Figure) -> N
     assert free.blocking(np.linspace(HOME, folded, 40), OPEN, 0) == ITSELF
 
 
-def test_what_is_met_is_named_and_what_is_left_is_not(figure: Figure, tool: Chain) -> None:
+def test_what_is_met_is_named_and_what_is_left_is_not(figure: Figure, tool: JointChain) -> None:
     trajectory = np.linspace(HOME, (0.8, *HOME[1:]), 40)
-    wall = Thing("wall", tool.forward(trajectory[20]), (0.05, 0.05, 0.05))
-    far = Thing("far", Pose((0.0, 0.0, 3.0)), (1.0, 1.0, 1.0))
+    wall = Obstacle("wall", tool.forward(trajectory[20]), (0.05, 0.05, 0.05))
+    far = Obstacle("far", Pose((0.0, 0.0, 3.0)), (1.0, 1.0, 1.0))
     around = Obstacles(figure, [far, wall], Pose.identity())
     assert around.blocking(trajectory, OPEN, 0) == "wall"
     assert Obstacles(figure, [far, wall], Pose.identity(), target="wall").blocking(trajectory[:21], OPEN, 21) is None
 
 
-def test_what_the_arm_is_too_close_to_may_be_left_but_not_approached(figure: Figure, tool: Chain) -> None:
+def test_what_the_arm_is_too_close_to_may_be_left_but_not_approached(figure: Figure, tool: JointChain) -> None:
     x, y, z = tool.forward(HOME).t
-    beside = Obstacles(figure, [Thing("wall", Pose((x, y - 0.0885, z)), (0.05, 0.05, 0.05))], Pose.identity())
+    beside = Obstacles(figure, [Obstacle("wall", Pose((x, y - 0.0885, z)), (0.05, 0.05, 0.05))], Pose.identity())
     away = np.linspace(HOME, (-0.3, *HOME[1:]), 30)
     assert beside.blocking(away, OPEN, 0) is None
     assert beside.blocking(-away + 2 * np.array(HOME), OPEN, 0) == "wall"
 
 
-def test_things_are_where_the_arm_stands(figure: Figure, tool: Chain) -> None:
+def test_things_are_where_the_arm_stands(figure: Figure, tool: JointChain) -> None:
     world_from_arm = Pose((1.0, 2.0, 0.5), (0.0, 0.0, 0.6, 0.8))
-    thing = Thing("cube", world_from_arm @ tool.forward(HOME), (0.08, 0.08, 0.04))
+    thing = Obstacle("cube", world_from_arm @ tool.forward(HOME), (0.08, 0.08, 0.04))
     path = np.array([HOME])
     assert Obstacles(figure, [thing], world_from_arm.inverse()).blocking(np.vstack([path - 0.5, path]), OPEN, 0)
     assert not Obstacles(figure, [thing], Pose.identity()).blocking(np.vstack([path - 0.5, path]), OPEN, 0)

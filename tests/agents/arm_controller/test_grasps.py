@@ -7,35 +7,37 @@ import pytest
 
 from agents.arm_controller.figure import Figure
 from agents.arm_controller.grasps import LEAST_HOLD, Grasp, GraspError, grasps
-from agents.arm_controller.kinematics import Chain
+from agents.arm_controller.kinematics import JointChain
 from agents.arm_controller.obstacles import GRIPPER_MARGIN
 from agents.arm_controller.room import Room
-from agents.arm_controller.scene import Thing
+from agents.arm_controller.scene import Obstacle
 from agents.arm_controller.urdf import load_robot
 from dsr import Pose
 
 from .conftest import GEN3
 
-TABLE = Thing("table", Pose((0.35, 0.0, -0.02)), (1.2, 1.2, 0.04))
+TABLE = Obstacle("table", Pose((0.35, 0.0, -0.02)), (1.2, 1.2, 0.04))
 WIDEST = 0.085
 
 
 @pytest.fixture(scope="module")
 def figure() -> Figure:
     robot = load_robot(GEN3)
-    return Figure(robot, Chain(robot.between("base_link", "tool_link")), "base_link", "end_effector_link", "tool_link")
+    return Figure(
+        robot, JointChain(robot.between("base_link", "tool_link")), "base_link", "end_effector_link", "tool_link"
+    )
 
 
-def box(wide: float, high: float, *, sunk: float = 0.0, deep: float | None = None) -> Thing:
-    return Thing("box", Pose((0.4, 0.0, high / 2 - sunk)), (wide, wide if deep is None else deep, high))
+def box(wide: float, high: float, *, sunk: float = 0.0, deep: float | None = None) -> Obstacle:
+    return Obstacle("box", Pose((0.4, 0.0, high / 2 - sunk)), (wide, wide if deep is None else deep, high))
 
 
-def wall(x: float, *, high: float = 0.15, name: str = "wall") -> Thing:
+def wall(x: float, *, high: float = 0.15, name: str = "wall") -> Obstacle:
     """Its middle is at x (m); 20 mm thick, along y."""
-    return Thing(name, Pose((x, 0.0, high / 2)), (0.02, 0.3, high))
+    return Obstacle(name, Pose((x, 0.0, high / 2)), (0.02, 0.3, high))
 
 
-def best(figure: Figure, thing: Thing, *around: Thing) -> Grasp:
+def best(figure: Figure, thing: Obstacle, *around: Obstacle) -> Grasp:
     return min(grasps(thing, Room(figure, [TABLE, *around]), WIDEST), key=lambda grasp: grasp.rank)
 
 
@@ -77,7 +79,7 @@ def test_fingers_open_wider_than_the_object_by_what_the_gripper_allows(
 
 
 def test_what_is_low_beside_the_object_is_passed_over(figure: Figure) -> None:
-    tiles = [Thing(f"tile_{n}", Pose((0.4 + x, y, 0.01)), (0.06, 0.06, 0.02)) for n, (x, y) in enumerate(_AROUND)]
+    tiles = [Obstacle(f"tile_{n}", Pose((0.4 + x, y, 0.01)), (0.06, 0.06, 0.02)) for n, (x, y) in enumerate(_AROUND)]
     assert low(best(figure, box(0.04, 0.04), *tiles)) == pytest.approx(0.0235, abs=5e-4)
     assert low(best(figure, box(0.04, 0.04), tiles[0])) == pytest.approx(0.008)
 
@@ -107,7 +109,7 @@ def test_all_that_takes_the_room_is_named(figure: Figure) -> None:
 def test_room_is_needed_until_the_fingers_are_closed(figure: Figure) -> None:
     """What stands between an open finger and the object would be squeezed."""
     pins = [
-        Thing(f"pin_{n}", Pose((0.4 + x / 2, y / 2, 0.02)), (0.002, 0.002, 0.04)) for n, (x, y) in enumerate(_AROUND)
+        Obstacle(f"pin_{n}", Pose((0.4 + x / 2, y / 2, 0.02)), (0.002, 0.002, 0.04)) for n, (x, y) in enumerate(_AROUND)
     ]
     with pytest.raises(GraspError, match="pin_0, pin_1, pin_2, pin_3 are in the way"):
         best(figure, box(0.04, 0.04), *pins)
@@ -116,7 +118,9 @@ def test_room_is_needed_until_the_fingers_are_closed(figure: Figure) -> None:
 def test_the_shorter_side_is_gripped_unless_that_holds_less(figure: Figure) -> None:
     thing = box(0.04, 0.04, deep=0.06)
     assert abs(best(figure, thing).world_from_tool.rotation_matrix[0, 0]) == pytest.approx(1.0)
-    beside = [Thing(name, Pose((0.4 + x, 0.0, 0.0125)), (0.05, 0.2, 0.025)) for name, x in (("a", 0.05), ("b", -0.05))]
+    beside = [
+        Obstacle(name, Pose((0.4 + x, 0.0, 0.0125)), (0.05, 0.2, 0.025)) for name, x in (("a", 0.05), ("b", -0.05))
+    ]
     grasp = best(figure, thing, *beside)
     assert np.abs(grasp.world_from_tool.rotation_matrix[1, 0]) == pytest.approx(1.0)
     assert low(grasp) == pytest.approx(0.008)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from agents.arm_controller.holding import LOST_AFTER
-from agents.arm_controller.kinematics import Chain
+from agents.arm_controller.kinematics import JointChain
 from dsr import Pose
 
 from .conftest import HOME, PERIOD, Bench
@@ -14,7 +14,7 @@ CUBE = (0.04, 0.04, 0.04)
 
 
 @pytest.fixture
-def world_from_tool(tool: Chain) -> Pose:
+def world_from_tool(tool: JointChain) -> Pose:
     return tool.forward(HOME)
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents.arm_controller.kinematics import Chain, UnreachableError
+from agents.arm_controller.kinematics import JointChain, UnreachableError
 from agents.arm_controller.urdf import load_robot, parse_robot
 from dsr.math3d import transforms
 from dsr.math3d.transforms import Pose
@@ -36,7 +36,7 @@ GANTRY = b"""<robot name="gantry"><link name="base"/><link name="x"/><link name=
 </robot>"""
 
 
-def panda() -> Chain:
+def panda() -> JointChain:
     package = find_spec("pybullet_data")
     if package is None or package.origin is None:
         pytest.skip("the Panda's URDF is not installed")
@@ -44,26 +44,26 @@ def panda() -> Chain:
     for link in description.iter("link"):  # meshes, which are refused: here only its joints count
         for shape in link.findall("collision"):
             link.remove(shape)
-    return Chain(parse_robot(ET.tostring(description)).between("panda_link0", "panda_hand"))
+    return JointChain(parse_robot(ET.tostring(description)).between("panda_link0", "panda_hand"))
 
 
 CHAINS = {
-    "gen3": lambda: Chain(load_robot(ETC / "robots" / "gen3.urdf").between("base_link", "tool_link")),
-    "gantry": lambda: Chain(parse_robot(GANTRY).between("base", "tip")),
+    "gen3": lambda: JointChain(load_robot(ETC / "robots" / "gen3.urdf").between("base_link", "tool_link")),
+    "gantry": lambda: JointChain(parse_robot(GANTRY).between("base", "tip")),
     "panda": panda,
 }
 
 
 @pytest.fixture(params=CHAINS)
-def chain(request: pytest.FixtureRequest) -> Chain:
+def chain(request: pytest.FixtureRequest) -> JointChain:
     return CHAINS[request.param]()
 
 
-def gen3(tip: str) -> Chain:
-    return Chain(load_robot(ETC / "robots" / "gen3.urdf").between("base_link", tip))
+def gen3(tip: str) -> JointChain:
+    return JointChain(load_robot(ETC / "robots" / "gen3.urdf").between("base_link", tip))
 
 
-def draw(chain: Chain, rng: np.random.Generator) -> np.ndarray:
+def draw(chain: JointChain, rng: np.random.Generator) -> np.ndarray:
     return rng.uniform(np.maximum(chain.lower, -np.pi), np.minimum(chain.upper, np.pi))
 
 
@@ -101,7 +101,7 @@ def rng(seed: int = 0) -> np.random.Generator:
     return np.random.default_rng(seed)
 
 
-def test_jacobian_is_the_derivative_of_forward(chain: Chain) -> None:
+def test_jacobian_is_the_derivative_of_forward(chain: JointChain) -> None:
     q, step = draw(chain, rng()), 1e-6
     jacobian = chain.jacobian(q)
     here = chain.forward(q)
@@ -112,7 +112,7 @@ def test_jacobian_is_the_derivative_of_forward(chain: Chain) -> None:
         assert jacobian[:, joint] == pytest.approx(turned, abs=1e-5)
 
 
-def test_inverse_reaches_what_is_reachable_within_limits(chain: Chain) -> None:
+def test_inverse_reaches_what_is_reachable_within_limits(chain: JointChain) -> None:
     random = rng(1)
     solved = 0
     for _ in range(30):
@@ -129,7 +129,7 @@ def test_inverse_reaches_what_is_reachable_within_limits(chain: Chain) -> None:
     assert solved >= 29
 
 
-def test_inverse_from_nearby_takes_a_short_trajectory(chain: Chain) -> None:
+def test_inverse_from_nearby_takes_a_short_trajectory(chain: JointChain) -> None:
     random = rng(2)
     middle = np.where(chain.turning, 0.3, (np.maximum(chain.lower, -9) + np.minimum(chain.upper, 9)) / 2)
     solution = chain.inverse(chain.forward(middle + 0.02), middle, rng=random)

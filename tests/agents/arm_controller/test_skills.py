@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from agents.arm_controller.kinematics import Chain
+from agents.arm_controller.kinematics import JointChain
 from dsr import Pose
 
 from .conftest import CUBE, DOWN, Table, pick
 
 
-def test_pick_grasps_the_target_and_lifts_it(table: Table, tool: Chain) -> None:
+def test_pick_grasps_the_target_and_lifts_it(table: Table, tool: JointChain) -> None:
     name = table.request("pick", target="cube_3")
     table.run_to("close")
     assert table.said(name) == ("running", "")
@@ -29,7 +29,7 @@ def test_pick_grasps_the_target_and_lifts_it(table: Table, tool: Chain) -> None:
     assert table.tool_pose(tool).t == pytest.approx((0.42, 0.08, 0.103), abs=1e-3)
 
 
-def test_the_last_part_down_is_straight(table: Table, tool: Chain) -> None:
+def test_the_last_part_down_is_straight(table: Table, tool: JointChain) -> None:
     table.request("pick", target="cube_4")
     table.run_to("close")
     rows = np.array(next(told for told in reversed(table.arm.told) if told[0] == "follow")[2])
@@ -39,7 +39,7 @@ def test_the_last_part_down_is_straight(table: Table, tool: Chain) -> None:
     assert np.abs(low[:, :2] - (0.30, 0.08)).max() < 5e-4
 
 
-def test_place_puts_it_in_the_middle_of_an_object(table: Table, tool: Chain) -> None:
+def test_place_puts_it_in_the_middle_of_an_object(table: Table, tool: JointChain) -> None:
     pick(table)
     name = table.request("place", target="cube_3", destination="cube_4")
     table.run_to("open")
@@ -49,7 +49,7 @@ def test_place_puts_it_in_the_middle_of_an_object(table: Table, tool: Chain) -> 
     assert table.tool_pose(tool).t[2] == pytest.approx(0.144, abs=2e-3)
 
 
-def test_place_on_the_table_stands_where_and_as_it_is_wanted(table: Table, tool: Chain) -> None:
+def test_place_on_the_table_stands_where_and_as_it_is_wanted(table: Table, tool: JointChain) -> None:
     pick(table)
     wanted = Pose.from_rotvec((0.38, 0.0, 0.02), (0.0, 0.0, 0.3))
     name = table.request("place", target="cube_3", destination="table", target_pose=wanted)
@@ -71,7 +71,7 @@ def test_a_dropped_object_is_noticed_on_the_trajectory(table: Table) -> None:
     assert table.grasped == []
 
 
-def test_nothing_between_the_pads_opens_and_retreats(table: Table, tool: Chain) -> None:
+def test_nothing_between_the_pads_opens_and_retreats(table: Table, tool: JointChain) -> None:
     table.arm.obstacle = 0.0
     assert table.act("pick", target="cube_3") == ("failed", "nothing between the pads")
     assert table.arm.opening > 0.05
@@ -83,7 +83,7 @@ def test_something_of_another_width_is_not_taken(table: Table) -> None:
     assert table.act("pick", target="cube_3") == ("failed", "what is between the pads is 20 mm wide, not 40 mm")
 
 
-def test_a_target_that_moved_is_aimed_at_again(table: Table, tool: Chain) -> None:
+def test_a_target_that_moved_is_aimed_at_again(table: Table, tool: JointChain) -> None:
     name = table.request("pick", target="cube_3")
     table.run_to("approach")
     table.run(0.6)
@@ -105,7 +105,7 @@ def test_a_target_that_never_rests_is_given_up(table: Table) -> None:
 
 
 @pytest.mark.parametrize("perceived", [True, False])
-def test_a_destination_that_is_seen_to_move_is_aimed_at_again(table: Table, tool: Chain, perceived: bool) -> None:
+def test_a_destination_that_is_seen_to_move_is_aimed_at_again(table: Table, tool: JointChain, perceived: bool) -> None:
     pick(table)
     name = table.request("place", target="cube_3", destination="cube_4")
     table.run_to("approach")
@@ -162,7 +162,7 @@ def test_what_stands_on_the_target_is_in_the_trajectory(table: Table) -> None:
     assert table.act("pick", target="cube_3") == ("failed", reason)
 
 
-def test_fingers_go_where_neighbours_leave_room(table: Table, tool: Chain) -> None:
+def test_fingers_go_where_neighbours_leave_room(table: Table, tool: JointChain) -> None:
     table.believe("cube_4", Pose((0.42, 0.125, 0.02)))
     table.believe("cube_5", Pose((0.42, 0.035, 0.02)))
     table.request("pick", target="cube_3")
@@ -171,7 +171,7 @@ def test_fingers_go_where_neighbours_leave_room(table: Table, tool: Chain) -> No
     assert abs(pads[0]) == pytest.approx(1.0, abs=1e-3)
 
 
-def test_the_arm_goes_round_a_wall(table: Table, tool: Chain) -> None:
+def test_the_arm_goes_round_a_wall(table: Table, tool: JointChain) -> None:
     pick(table, "cube_3")
     table.believe("wall", Pose((0.36, 0.0, 0.10)), (0.3, 0.02, 0.2))
     assert table.act("place", target="cube_3", destination="cube_5") == ("done", "")
@@ -180,7 +180,7 @@ def test_the_arm_goes_round_a_wall(table: Table, tool: Chain) -> None:
     assert min(heights) > 0.2
 
 
-def test_a_box_is_held_across_its_shorter_side(table: Table, tool: Chain) -> None:
+def test_a_box_is_held_across_its_shorter_side(table: Table, tool: JointChain) -> None:
     table.believe("cube_3", Pose((0.40, 0.0, 0.03)), (0.04, 0.12, 0.06))
     table.request("pick", target="cube_3")
     table.run_to("close")
@@ -228,7 +228,7 @@ def test_what_is_in_the_way_of_the_arm_is_not_hopeless(table: Table) -> None:
 @pytest.mark.parametrize("height", [0.010, 0.020, 0.035, 0.036])
 @pytest.mark.parametrize("sunk", [0.0, 0.001])
 def test_a_low_object_is_grasped_with_the_pads_above_what_it_stands_on(
-    table: Table, tool: Chain, height: float, sunk: float
+    table: Table, tool: JointChain, height: float, sunk: float
 ) -> None:
     """Also where it is believed to be a little in the table: heights come from perception."""
     table.believe("cube_3", Pose((0.42, 0.08, height / 2 - sunk)), (0.04, 0.04, height))
@@ -239,7 +239,7 @@ def test_a_low_object_is_grasped_with_the_pads_above_what_it_stands_on(
     assert table.finish(name) == ("done", "")
 
 
-def test_the_grasp_is_raised_over_what_is_low_beside_the_object(table: Table, tool: Chain) -> None:
+def test_the_grasp_is_raised_over_what_is_low_beside_the_object(table: Table, tool: JointChain) -> None:
     for number, (x, y) in enumerate(((0.06, 0.0), (-0.06, 0.0), (0.0, 0.06), (0.0, -0.06))):
         table.believe(f"tile_{number}", Pose((0.42 + x, 0.08 + y, 0.01)), (0.06, 0.06, 0.02))
     table.request("pick", target="cube_3")
@@ -247,7 +247,7 @@ def test_the_grasp_is_raised_over_what_is_low_beside_the_object(table: Table, to
     assert table.tool_pose(tool).t[2] - 0.015 == pytest.approx(0.0235, abs=1e-3)
 
 
-def test_beside_a_wall_the_object_is_held_off_its_middle(table: Table, tool: Chain) -> None:
+def test_beside_a_wall_the_object_is_held_off_its_middle(table: Table, tool: JointChain) -> None:
     """The wall is 32 mm from the middle, half of the flange is 37.5 mm; towards the wall the fingers have no room."""
     table.believe("wall", Pose((0.462, 0.08, 0.08)), (0.02, 0.3, 0.16))
     name = table.request("pick", target="cube_3")
@@ -289,7 +289,7 @@ def test_pick_needs_an_empty_gripper_and_place_the_right_object(table: Table) ->
     assert (status, why) == ("failed", "where on table? the action has no target_pose")
 
 
-def test_observe_and_move_go_where_they_say(table: Table, tool: Chain) -> None:
+def test_observe_and_move_go_where_they_say(table: Table, tool: JointChain) -> None:
     wanted = Pose((0.35, 0.1, 0.2), DOWN)
     assert table.act("move", target_pose=wanted) == ("done", "")
     metres, radians = wanted.distance(table.tool_pose(tool))
@@ -333,7 +333,7 @@ def test_nothing_is_put_into_an_object_with_a_mesh(table: Table) -> None:
 
 @pytest.mark.parametrize("place", [(0.45, 0.2), (0.1, -0.4)])
 def test_look_brings_the_camera_there_turned_as_it_suits(
-    make_bench: Callable[..., Any], tool: Chain, place: tuple[float, float]
+    make_bench: Callable[..., Any], tool: JointChain, place: tuple[float, float]
 ) -> None:
     table: Table = make_bench(Table, cameras={"camera_wrist": {"driver": "fake:Camera", "link": "camera_wrist_link"}})
     table.lay()

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from agents.arm_controller.agent import START_UP
-from agents.arm_controller.kinematics import Chain
+from agents.arm_controller.kinematics import JointChain
 from dsr import Pose
 
 from .conftest import HOME, Bench
@@ -36,7 +36,7 @@ def test_joint_target_is_reached(bench: Bench) -> None:
     assert bench.arm.positions == pytest.approx(AWAY)
 
 
-def test_tool_reaches_a_pose_in_the_world(make_bench: Callable[..., Bench], tool: Chain) -> None:
+def test_tool_reaches_a_pose_in_the_world(make_bench: Callable[..., Bench], tool: JointChain) -> None:
     bench = make_bench(mount={"translation": [0.2, -0.1, 0.3], "rotation": [0.0, 0.0, 0.6, 0.8]})
     bench.run(0.04)
     world_from_arm = Pose((0.2, -0.1, 0.3), (0.0, 0.0, 0.6, 0.8))
@@ -51,7 +51,7 @@ def test_tool_reaches_a_pose_in_the_world(make_bench: Callable[..., Bench], tool
     assert (bench.memory.transform("world", "gripper") @ gripper_from_tool).distance(wanted)[0] < 0.15e-3
 
 
-def test_configured_posture_is_preferred(make_bench: Callable[..., Bench], tool: Chain) -> None:
+def test_configured_posture_is_preferred(make_bench: Callable[..., Bench], tool: JointChain) -> None:
     posture = np.array(HOME) + 0.4 * np.eye(7)[2]
     target = tool.forward(np.array(HOME) + 0.1)
     away = []
@@ -83,7 +83,7 @@ def test_the_same_target_again_is_a_new_one(bench: Bench) -> None:
     assert bench.status == "reached"
 
 
-def test_a_new_kind_of_target_takes_the_other_away(bench: Bench, tool: Chain) -> None:
+def test_a_new_kind_of_target_takes_the_other_away(bench: Bench, tool: JointChain) -> None:
     bench.memory.update_node("arm", target_joints=AWAY)
     bench.run(0.1)
     bench.memory.update_node("arm", target_pose=tool.forward(HOME))

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from agents.arm_controller.figure import Figure
-from agents.arm_controller.kinematics import Chain
+from agents.arm_controller.kinematics import JointChain
 from agents.arm_controller.shapes import bounds
 from agents.arm_controller.urdf import load_robot, parse_robot
 from dsr.errors import ConfigError
@@ -137,7 +137,7 @@ def test_a_shape_that_hangs_beside_the_arm_is_refused() -> None:
       <joint name="bend" type="revolute"><parent link="end_effector_link"/><child link="knuckle"/>
       <axis xyz="0 0 1"/><limit lower="0" upper="1" velocity="1"/></joint></robot>"""
     robot = parse_robot(GEN3.read_bytes().replace(b"</robot>", added))
-    chain = Chain(robot.between("base_link", "tool_link"))
+    chain = JointChain(robot.between("base_link", "tool_link"))
     with pytest.raises(ConfigError, match="link 'knuckle' has a collision shape, but is neither a part of the arm"):
         Figure(robot, chain, "base_link", "end_effector_link", "tool_link")
 

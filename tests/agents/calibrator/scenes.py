@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from agents.calibrator import Calibrator
-from agents.calibrator.solve.problem import Sighting
+from agents.calibrator.solve.problem import ObjectSighting
 from agents.recorder.agent import Recorder
 from dsr.math3d.transforms import Pose
 from dsr.runtime.lockstep import Lockstep
@@ -41,7 +41,7 @@ def sightings(
     rng: np.random.Generator | None = None,
     wrong: Mapping[str, Pose] | None = None,
     parents: Sequence[Pose] = (Pose.identity(),),
-) -> list[Sighting]:
+) -> list[ObjectSighting]:
     """What a camera at `camera` in its parent sees of objects that are believed where they are.
 
     With `rng` percepts are noisy; `wrong` moves some of what is seen; `parents` are world_from_parent, by view.
@@ -52,7 +52,7 @@ def sightings(
             exact = (parent @ camera).inverse() @ world_from_object @ (wrong or {}).get(name, Pose.identity())
             error = np.zeros(6) if rng is None else rng.normal(size=6) * SIGMAS
             seen = (exact @ Pose.from_rotvec(error[:3], error[3:])).with_covariance(np.diag(SIGMAS**2))
-            found.append(Sighting(name, view, seen, parent.inverse() @ world_from_object))
+            found.append(ObjectSighting(name, view, seen, parent.inverse() @ world_from_object))
     return found
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from agents.calibrator.solve.calibrate import calibrate
-from agents.calibrator.solve.problem import Sighting
+from agents.calibrator.solve.problem import ObjectSighting
 from agents.calibrator.watch.decision import Decision, alike, decide, decide_elsewhere
 from dsr.math3d.transforms import Pose
 from tests.agents.calibrator.scenes import BUMP, CLUSTER, DOWN, FLIP, cubes, sightings
@@ -15,7 +15,7 @@ MOVED = Pose((0.05, 0.03, 0.0))
 HERE = Pose.identity()
 
 
-def found(seen: list[Sighting], believed: Pose = DOWN) -> Decision:
+def found(seen: list[ObjectSighting], believed: Pose = DOWN) -> Decision:
     return decide(seen, believed, calibrate(seen, believed), HERE)
 
 
@@ -24,7 +24,7 @@ def moved_alike(world_from_world: Pose, names: list[str]) -> dict[str, Pose]:
     return {name: pose.inverse() @ world_from_world @ pose for name, pose in cubes().items() if name in names}
 
 
-def noisy(**options: object) -> list[Sighting]:
+def noisy(**options: object) -> list[ObjectSighting]:
     return sightings(cubes(), rng=np.random.default_rng(0), **options)  # type: ignore[arg-type]
 
 

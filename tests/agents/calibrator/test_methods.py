@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from agents.calibrator.solve.calibrate import METHODS, calibrate
-from agents.calibrator.solve.estimate import Estimate, equation_1
-from agents.calibrator.solve.problem import Problem, Sighting
+from agents.calibrator.solve.estimate import PoseEstimate, equation_1
+from agents.calibrator.solve.problem import ObjectSighting, Problem
 from agents.calibrator.solve.solution import judged
 from dsr.errors import ConfigError
 from dsr.math3d.transforms import Pose, exp
@@ -78,7 +78,7 @@ def test_equation_1_rewards_agreement() -> None:
     problem = Problem(sightings(cubes()))
     turned = Pose.from_rotvec((0.0, 0.0, 0.0), (0.0, 0.0, 0.5))
     assert equation_1(problem, DOWN.matrix) == pytest.approx(0.0, abs=1e-9)
-    one = Problem([Sighting("a", 0, Pose().with_covariance(np.eye(6)), Pose((0.1, 0.0, 0.0)) @ turned)])
+    one = Problem([ObjectSighting("a", 0, Pose().with_covariance(np.eye(6)), Pose((0.1, 0.0, 0.0)) @ turned)])
     assert equation_1(one, np.eye(4)) == pytest.approx(0.1 + math.sin(0.25) ** 2)
 
 
@@ -125,8 +125,8 @@ def test_most_must_agree() -> None:
 
 def test_what_stops_halfway_is_not_adopted() -> None:
     problem = Problem(sightings(cubes()))
-    near = judged("powell", problem, DOWN @ BUMP, Estimate((DOWN @ Pose((0.001, 0.0, 0.0))).matrix, ()))
-    off = judged("powell", problem, DOWN @ BUMP, Estimate((DOWN @ Pose((0.0025, 0.0, 0.0))).matrix, ()))
+    near = judged("powell", problem, DOWN @ BUMP, PoseEstimate((DOWN @ Pose((0.001, 0.0, 0.0))).matrix, ()))
+    off = judged("powell", problem, DOWN @ BUMP, PoseEstimate((DOWN @ Pose((0.0025, 0.0, 0.0))).matrix, ()))
     assert near.is_adoptable and near.unfinished == pytest.approx(2.0 * 0.001 / SIGMAS[0], rel=0.2)
     assert off.agreeing == 4 and not off.is_adoptable
     assert "method powell has not found the best pose: it stopped 6 standard" in off.problem

@@ -9,7 +9,7 @@ import pytest
 from dsr.math3d.transforms import Pose
 from dsr.timeline import EXPLAINED, Chronicle
 from dsr.vocabulary.calibration import CALIBRATED, STEADY
-from dsr.vocabulary.explained import CAMERA_MOVED, Change, encoded
+from dsr.vocabulary.explained import CAMERA_MOVED, ExplainedChange, encoded
 from tests.agents.calibrator.scenes import BUMP, DOWN, Stage, cubes
 
 HIDDEN = ("cube_4", "cube_5", "cube_6")
@@ -28,7 +28,7 @@ def stage() -> Iterator[Stage]:
     stage.parent_from_camera = DOWN @ BUMP
     stage.look(0.8)
     Chronicle(stage.memory, "simulation_handler").happened(
-        EXPLAINED, tuple(stage.objects), text="the camera moved", changes=encoded((Change(CAMERA_MOVED),))
+        EXPLAINED, tuple(stage.objects), text="the camera moved", changes=encoded((ExplainedChange(CAMERA_MOVED),))
     )
     stage.look(2.0)
     assert stage.memory.node("camera")["mount"] == STEADY and events(stage) == 1

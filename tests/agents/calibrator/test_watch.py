@@ -24,7 +24,7 @@ from dsr.vocabulary.calibration import (
     request_calibration,
     request_undo,
 )
-from dsr.vocabulary.explained import CAMERA_MOVED, Change, encoded, text_of
+from dsr.vocabulary.explained import CAMERA_MOVED, ExplainedChange, encoded, text_of
 from dsr.vocabulary.intentions import DONE, FAILED, NOTHING_GRASPED
 from tests.agents.calibrator.scenes import BUMP, CLUSTER, DOWN, Stage, cubes
 
@@ -50,9 +50,9 @@ def set_up() -> Iterator[SetUp]:
         stage.lockstep.close()
 
 
-def explain(stage: Stage, *changes: Change) -> None:
+def explain(stage: Stage, *changes: ExplainedChange) -> None:
     """As the simulation handler does once things have been surprising for a while."""
-    told = changes or (Change(CAMERA_MOVED),)
+    told = changes or (ExplainedChange(CAMERA_MOVED),)
     chronicle = Chronicle(stage.memory, "simulation_handler")
     chronicle.happened(EXPLAINED, tuple(stage.objects), text=text_of(told), changes=encoded(told))
 
@@ -146,7 +146,7 @@ def test_a_second_bump_while_beliefs_are_led_back_is_found_out(set_up: SetUp) ->
     stage.memory.add_edge("world", "cube_1", "Virtual_RT", pose=believed)
     stage.parent_from_camera = DOWN @ BUMP @ BUMP
     stage.look(0.5)
-    explain(stage, *(Change("moved_alone", ((f"cube_{number}",),)) for number in range(1, 5)))
+    explain(stage, *(ExplainedChange("moved_alone", ((f"cube_{number}",),)) for number in range(1, 5)))
     stage.look(4.0)
     assert mount(stage) == STEADY and stage.error[0] < 0.003
 
@@ -208,7 +208,7 @@ def test_nothing_begins_by_itself_if_that_is_not_wanted(set_up: SetUp) -> None:
 
 def test_other_explanations_are_none_of_our_business(set_up: SetUp) -> None:
     stage = set_up()
-    explain(stage, Change("moved_alone", (("cube_1",),)))
+    explain(stage, ExplainedChange("moved_alone", (("cube_1",),)))
     stage.look()
     assert not list(stage.memory.nodes(CALIBRATION))
 

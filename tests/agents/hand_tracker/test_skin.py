@@ -13,7 +13,7 @@ from agents.hand_tracker.config import SkinModel
 from agents.hand_tracker.sighting import SeenHand
 from agents.hand_tracker.skin import SkinFinder, jumps, skin
 from agents.plant.reality import Reality
-from agents.scenario.format.scenario import HandEnter, HandGrasp, ObjectSpec
+from agents.scenario.format.scenario import HandEnter, HandGraspEvent, ObjectSpec
 
 from .conftest import palm_of, table_plane, tips_of
 
@@ -50,7 +50,7 @@ def test_open_hands_are_seen_to_millimetres(make_reality: MakeReality) -> None:
 
 def test_thumb_and_index_finger_are_seen_at_what_they_hold(make_reality: MakeReality) -> None:
     cube = ObjectSpec(name="cube_3", marker_id=3, position=(0.33, 0.0, 0.02))
-    reality = make_reality(3.0, events=[HandGrasp(at=0.0, object="cube_3")], objects=[cube])
+    reality = make_reality(3.0, events=[HandGraspEvent(at=0.0, object="cube_3")], objects=[cube])
     assert reality.truth(0.0).grasped
     (hand,), (truth,) = see(reality)
     for finger in (0, 1):

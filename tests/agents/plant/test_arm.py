@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from agents.plant.arm import Arm
+from agents.plant.arm import SimulatedArm
 from agents.plant.reality import Reality
 from agents.plant.world import World
 from agents.scenario.format.scenario import ObjectSpec, RobotSpec
@@ -150,9 +150,9 @@ def test_closing_on_nothing_holds_nothing(make_reality: MakeReality, play: Play)
 def test_unknown_model_and_wrong_start_are_refused(make_world: Callable[..., World]) -> None:
     world = make_world()
     with pytest.raises(ConfigError, match=r"unknown robot model 'gen4'; valid: gen3"):
-        Arm(world, "gen4", ABOVE)
+        SimulatedArm(world, "gen4", ABOVE)
     with pytest.raises(ConfigError, match="has 7 joints and 2 fingers; expected 6 joints"):
-        Arm(world, "gen3", ABOVE[:6])
+        SimulatedArm(world, "gen3", ABOVE[:6])
 
 
 def test_wrist_camera_moves_with_the_arm(make_reality: MakeReality, play: Play) -> None:

@@ -25,7 +25,7 @@ from agents.scenario.format.scenario import (
     FalsePercept,
     Lift,
     ObjectSpec,
-    Place,
+    PlaceEvent,
     Remove,
     Slide,
     Swap,
@@ -46,7 +46,7 @@ def test_every_move_and_predicate_of_the_format_is_known() -> None:
 
 
 def test_place_happens_in_time_and_the_object_rests(make_reality: MakeReality, cube: MakeCube, play: Play) -> None:
-    event = Place(at=0.5, object="cube_3", position=(0.3, 0.1, 0.02), yaw=0.3)
+    event = PlaceEvent(at=0.5, object="cube_3", position=(0.3, 0.1, 0.02), yaw=0.3)
     reality = make_reality(cube(3, 0.42, 0.08), events=[event])
     play(reality, 0.45)
     assert reality.world.pose("cube_3").t == pytest.approx((0.42, 0.08, 0.02), abs=1e-3)
@@ -57,7 +57,7 @@ def test_place_happens_in_time_and_the_object_rests(make_reality: MakeReality, c
 
 
 def test_place_onto_another_keeps_the_yaw(make_reality: MakeReality, cube: MakeCube, play: Play) -> None:
-    event = Place(at=0.0, object="cube_3", onto="cube_4", offset=(0.005, 0.0))
+    event = PlaceEvent(at=0.0, object="cube_3", onto="cube_4", offset=(0.005, 0.0))
     reality = make_reality(cube(3, 0.42, 0.08, yaw=0.5), cube(4, 0.3, 0.0), events=[event])
     play(reality, 0.5)
     assert reality.world.pose("cube_3").t == pytest.approx((0.305, 0.0, 0.06), abs=1e-3)
@@ -66,8 +66,8 @@ def test_place_onto_another_keeps_the_yaw(make_reality: MakeReality, cube: MakeC
 
 def test_two_objects_swap_at_once(make_reality: MakeReality, cube: MakeCube, play: Play) -> None:
     events = [
-        Place(at=0.1, object="cube_3", position=(0.3, 0.0, 0.02)),
-        Place(at=0.1, object="cube_4", position=(0.42, 0.08, 0.02)),
+        PlaceEvent(at=0.1, object="cube_3", position=(0.3, 0.0, 0.02)),
+        PlaceEvent(at=0.1, object="cube_4", position=(0.42, 0.08, 0.02)),
     ]
     reality = make_reality(cube(3, 0.42, 0.08), cube(4, 0.3, 0.0), events=events)
     play(reality, 0.5)
@@ -152,7 +152,7 @@ def test_camera_is_bumped_and_covered_for_a_while(make_reality: MakeReality, pla
 
 def test_condition_starts_an_event_after_its_delay(make_reality: MakeReality, cube: MakeCube, play: Play) -> None:
     events = [
-        Place(at=0.5, object="cube_3", onto="cube_4"),
+        PlaceEvent(at=0.5, object="cube_3", onto="cube_4"),
         Remove(when="built(cube_3, cube_4) and resting(cube_4)", delay=0.5, object="cube_4"),
     ]
     reality = make_reality(cube(3, 0.4, 0.0), cube(4, 0.3, 0.0), events=events)
@@ -197,7 +197,7 @@ def test_impossible_move_is_given_up_and_the_others_go_on(
 
 
 def test_experimenter_takes_an_object_out_of_the_gripper(make_reality: MakeReality, cube: MakeCube, play: Play) -> None:
-    reality = make_reality(cube(3, 0.4, 0.0), events=[Place(at=1.5, object="cube_3", position=(0.5, 0.1, 0.02))])
+    reality = make_reality(cube(3, 0.4, 0.0), events=[PlaceEvent(at=1.5, object="cube_3", position=(0.5, 0.1, 0.02))])
     reality.world.put("cube_3", reality.arm.link_pose("tool_link"))
     reality.arm.move_gripper(0.0)
     grip = reality.experimenter._stage.take("cube_3", contents=False)
@@ -224,7 +224,7 @@ def test_towers_swap_and_are_put_elsewhere_with_their_contents(
 ) -> None:
     events = [
         Swap(at=0.1, object="cube_4", other="cube_5", contents=True),
-        Place(at=1.0, object="cube_4", position=(0.2, 0.2, 0.02), yaw=0.5, contents=True),
+        PlaceEvent(at=1.0, object="cube_4", position=(0.2, 0.2, 0.02), yaw=0.5, contents=True),
     ]
     reality = make_reality(cube(4, 0.3, 0.08), cube(3, 0.3, 0.09, 0.06), cube(5, 0.4, -0.1), events=events)
     play(reality, 0.9)
@@ -328,7 +328,7 @@ def test_the_truth_tells_when_moves_began_and_ended_and_what_moves(
     make_reality: MakeReality, cube: MakeCube, play: Play
 ) -> None:
     events = [
-        Place(at=0.1, object="cube_4", position=(0.3, -0.1, 0.02)),
+        PlaceEvent(at=0.1, object="cube_4", position=(0.3, -0.1, 0.02)),
         Slide(at=0.2, object="cube_3", to=(0.3, 0.08), speed=0.1),
         Remove(at=9.0, object="cube_3"),
     ]

@@ -31,7 +31,7 @@ from agents.scenario.format.scenario import (
     Carry,
     Drop,
     HandEnter,
-    HandGrasp,
+    HandGraspEvent,
     HandLeave,
     HandMove,
     HandRelease,
@@ -96,7 +96,7 @@ def test_a_hand_comes_in_and_leaves(make_reality: MakeReality, play: Play) -> No
 def test_a_pinch_holds_from_two_sides_and_the_object_goes_along(
     make_reality: MakeReality, cube: MakeCube, play: Play
 ) -> None:
-    events = [HandGrasp(at=0.0, object="cube_3"), HandMove(at=3.0, by=(0.0, 0.1, 0.15), turn=0.5)]
+    events = [HandGraspEvent(at=0.0, object="cube_3"), HandMove(at=3.0, by=(0.0, 0.1, 0.15), turn=0.5)]
     reality = make_reality(cube(3, *CUBE), events=events)
     play(reality, 2.9)
     assert reality.truth(0.0).grasped == {"cube_3": "human_hand_0"}
@@ -110,7 +110,7 @@ def test_a_pinch_holds_from_two_sides_and_the_object_goes_along(
 
 def test_what_a_hand_lets_go_of_in_the_air_falls(make_reality: MakeReality, cube: MakeCube, play: Play) -> None:
     events = [
-        HandGrasp(at=0.0, object="cube_3"),
+        HandGraspEvent(at=0.0, object="cube_3"),
         HandMove(at=3.0, by=(0.0, 0.0, 0.1), speed=0.5),
         HandRelease(at=4.0),
     ]
@@ -124,7 +124,7 @@ def test_what_a_hand_lets_go_of_in_the_air_falls(make_reality: MakeReality, cube
 
 def test_a_touch_lies_on_one_side_only_and_drags(make_reality: MakeReality, cube: MakeCube, play: Play) -> None:
     events = [
-        HandGrasp(at=0.0, object="cube_3", style="touch", side=(0.0, -1.0), hand=0),
+        HandGraspEvent(at=0.0, object="cube_3", style="touch", side=(0.0, -1.0), hand=0),
         HandMove(at=3.0, by=(0.0, 0.08, 0.0)),
     ]
     reality = make_reality(cube(3, *CUBE), events=events)
@@ -281,9 +281,9 @@ def _is_inside(reality: Reality, name: str, container: str) -> bool:
 
 def test_what_is_handed_over_stays_in_the_other_hand(make_reality: MakeReality, cube: MakeCube, play: Play) -> None:
     events = [
-        HandGrasp(at=0.0, object="cube_3", side=(0.0, -1.0)),
+        HandGraspEvent(at=0.0, object="cube_3", side=(0.0, -1.0)),
         HandMove(at=3.0, by=(0.0, 0.0, 0.15), speed=0.5),
-        HandGrasp(at=4.0, object="cube_3", hand=1, side=(0.0, 1.0)),
+        HandGraspEvent(at=4.0, object="cube_3", hand=1, side=(0.0, 1.0)),
         HandRelease(at=7.0),
         HandMove(at=9.0, hand=1, by=(0.0, 0.1, 0.0), speed=0.5),
         HandRelease(at=10.0, hand=1),
@@ -302,7 +302,7 @@ def test_what_is_handed_over_stays_in_the_other_hand(make_reality: MakeReality, 
 def test_what_someone_else_takes_from_a_hand_is_not_grasped(
     make_reality: MakeReality, cube: MakeCube, play: Play
 ) -> None:
-    reality = make_reality(cube(3, *CUBE), events=[HandGrasp(at=0.0, object="cube_3")])
+    reality = make_reality(cube(3, *CUBE), events=[HandGraspEvent(at=0.0, object="cube_3")])
     play(reality, 3.0)
     reality.world.remove("cube_3")
     reality._stage.free("cube_3")

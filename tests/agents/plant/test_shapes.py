@@ -17,7 +17,7 @@ from agents.plant.poses import SIGMA_TURN
 from agents.plant.reality import Reality
 from agents.plant.renderer import Renderer, RendererName
 from agents.plant.world import RATE_HZ, World, upright
-from agents.scenario.format.scenario import Carry, Lift, ObjectSpec, Place, Slide, TableSpec, Tilt
+from agents.scenario.format.scenario import Carry, Lift, ObjectSpec, PlaceEvent, Slide, TableSpec, Tilt
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.intrinsics import Intrinsics
 
@@ -97,7 +97,7 @@ def test_a_ball_goes_with_the_box_and_can_be_poured(make_reality: MakeReality, p
     events = [
         Carry(at=0.0, object="container_green", to=(0.3, 0.04, 0.06)),
         Lift(at=4.0, object="container_green", height=0.2),
-        Place(at=5.9, object="container_blue", position=(0.3, -0.04, 0.06)),
+        PlaceEvent(at=5.9, object="container_blue", position=(0.3, -0.04, 0.06)),
         Tilt(at=6.0, object="container_green", angle=math.radians(135)),
     ]
     reality = make_reality(green, blue, made_of("ball", 0.2, 0.2, 0.034), events=events)

@@ -12,14 +12,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents.recorder.mcap_file import Record, RecordingError, RecordingWriter
+from agents.recorder.mcap_file import RecordedMessage, RecordingError, RecordingWriter
 from agents.recorder.reader import FILE_NAME, read_recording
 
-RECORDS = [Record(1e9 + 0.01 * i, f"d/writer-{i % 3}", bytes([i % 256]) * (i % 50)) for i in range(200)]
+RECORDS = [RecordedMessage(1e9 + 0.01 * i, f"d/writer-{i % 3}", bytes([i % 256]) * (i % 50)) for i in range(200)]
 FLUSH_EVERY = 20
 
 
-def write(path: Path, records: list[Record] = RECORDS) -> None:
+def write(path: Path, records: list[RecordedMessage] = RECORDS) -> None:
     writer = RecordingWriter(path, {"graph": "tabletop"})
     for index, record in enumerate(records, start=1):
         writer.write(record)
@@ -28,7 +28,7 @@ def write(path: Path, records: list[Record] = RECORDS) -> None:
     writer.close()
 
 
-def close(a: Record, b: Record) -> bool:
+def close(a: RecordedMessage, b: RecordedMessage) -> bool:
     return abs(a.stamp - b.stamp) < 1e-6 and a[1:] == b[1:]
 
 
@@ -119,7 +119,7 @@ def test_what_is_not_there_is_said(tmp_path: Path) -> None:
 
 def test_segments_of_a_folder_are_read_in_order(tmp_path: Path) -> None:
     for number, part in enumerate(("", "-2", "-10"), start=1):
-        record = Record(float(number), "truth", bytes([number]))
+        record = RecordedMessage(float(number), "truth", bytes([number]))
         write(tmp_path / f"recording{part}.mcap", [record])
     (tmp_path / "recording-old.mcap").write_bytes(b"not one of them")
     recording = read_recording(tmp_path)
@@ -161,5 +161,5 @@ def test_a_killed_writer_leaves_what_it_flushed(tmp_path: Path) -> None:
 def test_an_unknown_topic_is_refused(tmp_path: Path) -> None:
     writer = RecordingWriter(tmp_path / "a.mcap", {})
     with pytest.raises(ValueError, match="'nonsense/arm'"):
-        writer.write(Record(0.0, "nonsense/arm", b""))
+        writer.write(RecordedMessage(0.0, "nonsense/arm", b""))
     writer.close()

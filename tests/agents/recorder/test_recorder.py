@@ -15,7 +15,7 @@ from agents.recorder.agent import Recorder
 from agents.recorder.channels import SNAPSHOT
 from agents.recorder.images import unpack
 from agents.recorder.index import RecordingIndex
-from agents.recorder.reader import Record, read_recording
+from agents.recorder.reader import RecordedMessage, read_recording
 from dsr import Frame, Memory, Mesh, Pose
 from dsr.agent import make_agent
 from dsr.clock import ManualClock
@@ -73,7 +73,7 @@ class World:
         for _ in range(round(seconds * 10)):
             self.step()
 
-    def records(self) -> list[Record]:
+    def records(self) -> list[RecordedMessage]:
         return list(read_recording(self.folder))
 
 
@@ -82,7 +82,7 @@ def world(tmp_path: Path) -> Iterator[World]:
     yield World(tmp_path)
 
 
-def rebuilt(records: list[Record]) -> Memory:
+def rebuilt(records: list[RecordedMessage]) -> Memory:
     """The graph that a reader of the recording ends up with."""
     memory = Memory("tabletop", "reader", transport=LocalNetwork().connect("reader"), clock=ManualClock())
     for record in records:

@@ -17,7 +17,7 @@ from agents.recorder.reader import read_recording
 from agents.replay import ReplayedGraph
 from agents.replay.anew import run_anew
 from agents.replay.cli import app
-from agents.replay.compare import Comparison, Outcome
+from agents.replay.compare import ReplayOutcome, RunComparison
 from agents.replay.feed import Feed
 from agents.replay.listening import history_of
 from agents.scenario.run.runner import run_lockstep
@@ -53,7 +53,7 @@ def test_hands_are_found_anew_from_what_a_sensor_told(tmp_path: Path) -> None:
     assert hand.both_s > 1.0 and outcome.differences(0.0) == []
 
 
-def explanations(outcome: Outcome) -> tuple[list[str], list[str]]:
+def explanations(outcome: ReplayOutcome) -> tuple[list[str], list[str]]:
     recorded, anew = (
         [event.text for event in events if event.kind == "explained"]
         for events in (outcome.recorded_events, outcome.anew_events)
@@ -200,7 +200,7 @@ def test_the_comparison_measures_what_differs() -> None:
         memory.add_edge("world", "cube_3", "Virtual_RT", translation=(shift, 0.0, 0.0))
         memory.add_edge("world", "table", "Virtual_RT", translation=(shift, 0.0, 0.0))
     begin = clock.now()
-    comparison = Comparison(one, other, ["Virtual_RT"], begin, tolerance=0.02)
+    comparison = RunComparison(one, other, ["Virtual_RT"], begin, tolerance=0.02)
     for second in range(1, 7):
         if second == 3:
             other.add_edge("cube_3", "cube_4", "on", source="contact")

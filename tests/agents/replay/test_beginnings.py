@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from agents.recorder.index import RecordingIndex
-from agents.recorder.mcap_file import Record, RecordingWriter
+from agents.recorder.mcap_file import RecordedMessage, RecordingWriter
 from agents.replay.beginnings import beginnings
 from dsr.crdt.delta import Delta, Write
 from dsr.replication.wire import encode_delta
@@ -45,7 +45,7 @@ def wrote(stamp: float) -> bytes:
 def test_the_first_tick_is_found(tmp_path: Path, records: list[tuple[float, str, bytes]], expected: float) -> None:
     writer = RecordingWriter(tmp_path / "a.mcap", {})
     for time, topic, payload in [(0.0, "truth", b""), *records]:
-        writer.write(Record(100.0 + time, topic, payload))
+        writer.write(RecordedMessage(100.0 + time, topic, payload))
     writer.close()
     found = beginnings(RecordingIndex(tmp_path / "a.mcap"), RATES)
     assert found["x"] == pytest.approx(100.0 + expected, abs=1e-4)

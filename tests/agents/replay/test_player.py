@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from agents.replay import ReplayedGraph
-from agents.replay.mirror import Mirror
+from agents.replay.mirror import GraphMirror
 from agents.replay.player import Player
 from dsr import AttributeType, Frame, Memory, Mesh, Pose, Schema
 from dsr.clock import ManualClock
@@ -160,7 +160,7 @@ def test_names_of_other_versions_are_taken_over_and_misfits_left_out() -> None:
     source.add_node("nemo", "submarine", depth_m=12.0, mass="heavy")
     source.add_edge("world", "nemo", "Old_RT", pose=Pose((1.0, 0.0, 0.0)))
     target = Memory("b", "new", transport=network.connect("new"))
-    mirror = Mirror(target)
+    mirror = GraphMirror(target)
     mirror.copy(source)
     assert target.node("nemo").type == "submarine" and target.node("nemo").attributes == {"depth_m": 12.0}
     assert target.transform("world", "nemo", types=("Old_RT",)).translation[0] == 1.0
@@ -177,12 +177,12 @@ def test_a_node_of_another_type_is_made_anew_with_its_edges() -> None:
     target.add_node("leftover", "cube", mass=1.0)
     target.update_node("thing", mass=1.0)
     watch = source.watch(existing=False)
-    Mirror(target).copy(source)
+    GraphMirror(target).copy(source)
     assert state(target) == state(source)
     source.remove_node("thing")
     source.add_node("thing", "cup")
     source.add_edge("thing", "world", "on", since=1.0)
-    mirror = Mirror(target)
+    mirror = GraphMirror(target)
     mirror.apply(watch.poll(), source)
     assert state(target) == state(source) and not mirror.left_out
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from agents.recorder import RecordingError
-from agents.recorder.mcap_file import Record, RecordingWriter
+from agents.recorder.mcap_file import RecordedMessage, RecordingWriter
 from agents.replay import ReplayedGraph
 from dsr.errors import DsrError
 from tests.agents.replay.conftest import Studio, state
@@ -90,8 +90,8 @@ def test_nonsense_in_a_message_is_counted_and_left_out(tmp_path: Path, studio: S
     writer = RecordingWriter(tmp_path / "a.mcap", {"graph": "../odd name"})
     payloads = [b"", b"\x93\x01", good[:-3], b"\xff" * 40, good]
     for index, payload in enumerate(payloads):
-        writer.write(Record(10.0 + index, "snapshot", payload))
-    writer.write(Record(16.0, "d/x-1", b"{}"))
+        writer.write(RecordedMessage(10.0 + index, "snapshot", payload))
+    writer.write(RecordedMessage(16.0, "d/x-1", b"{}"))
     writer.close()
     graph = ReplayedGraph(tmp_path / "a.mcap")
     assert [node.name for node in graph.at(6.0).nodes()] == ["world"]

@@ -15,7 +15,7 @@ from agents.scenario.format.model import Scenario
 from agents.scenario.format.scenario import (
     CameraCover,
     CameraSpec,
-    Place,
+    PlaceEvent,
     load_scenario,
     parse_scenario,
     scenario_files,
@@ -173,7 +173,7 @@ duration = 2.0
 """
     )
     place, cover = parse_scenario(text).events
-    assert isinstance(place, Place) and isinstance(cover, CameraCover)
+    assert isinstance(place, PlaceEvent) and isinstance(cover, CameraCover)
     assert place.condition is not None and cover.condition is None
     assert place.condition.holds(lambda term: term.predicate in ("built", "resting"))
     assert not place.condition.holds(lambda term: term.objects == ("b",))

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from agents.scenario.format.geometry import Body, Box, gap_below, penetration, upright_box
+from agents.scenario.format.geometry import PlacedShape, ScenarioBox, gap_below, penetration, upright_box
 from dsr.math3d.polygons import overlap
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Part
@@ -17,12 +17,12 @@ from dsr.math3d.transforms import Pose
 CUBE = (0.04, 0.04, 0.04)
 UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 LYING = (0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5))
-TABLE = Body((), (1.2, 1.2, 0.04), Pose((0.0, 0.0, -0.02), UPRIGHT))
+TABLE = PlacedShape((), (1.2, 1.2, 0.04), Pose((0.0, 0.0, -0.02), UPRIGHT))
 CUP = (Part("cylinder", (0.08, 0.08, 0.1)),)
 
 
-def random_box(rng: np.random.Generator) -> Box:
-    return Box(rng.uniform(-0.05, 0.05, 3), Rotation.random(rng=rng).as_matrix(), rng.uniform(0.02, 0.1, 3))
+def random_box(rng: np.random.Generator) -> ScenarioBox:
+    return ScenarioBox(rng.uniform(-0.05, 0.05, 3), Rotation.random(rng=rng).as_matrix(), rng.uniform(0.02, 0.1, 3))
 
 
 @pytest.mark.parametrize("shift", [-0.01, -0.0004, 0.0, 0.002])
@@ -39,8 +39,8 @@ def test_a_corner_reaches_in_further_when_turned_by_45_degrees():
 
 
 def test_crossed_edges_need_the_edge_axes():
-    a = Box(np.zeros(3), Rotation.from_euler("x", 45, degrees=True).as_matrix(), np.array([1.0, 0.1, 0.1]))
-    b = Box(
+    a = ScenarioBox(np.zeros(3), Rotation.from_euler("x", 45, degrees=True).as_matrix(), np.array([1.0, 0.1, 0.1]))
+    b = ScenarioBox(
         np.array([0, 0, 0.1 * math.sqrt(2) - 0.004]),
         Rotation.from_euler("ZX", [90, 45], degrees=True).as_matrix(),
         np.array([1.0, 0.1, 0.1]),
@@ -56,7 +56,7 @@ def test_penetration_is_symmetric_and_ignores_the_frame_it_is_computed_in():
     for _ in range(50):
         a, b = random_box(rng), random_box(rng)
         turn, shift = Rotation.random(rng=rng).as_matrix(), rng.normal(size=3)
-        c, d = (Box(turn @ x.center + shift, turn @ x.rotation, x.size) for x in (a, b))
+        c, d = (ScenarioBox(turn @ x.center + shift, turn @ x.rotation, x.size) for x in (a, b))
         assert penetration(a, b) == pytest.approx(penetration(b, a), abs=1e-12)
         assert penetration(a, b) == pytest.approx(penetration(c, d), abs=1e-12)
 
@@ -82,12 +82,12 @@ def test_footprints_ignore_height():
     assert overlap(a.footprint, b.footprint)[0] == pytest.approx(0.04 - 0.03 * math.cos(0.3))
 
 
-def cube(x: float, y: float, z: float, yaw: float = 0.0) -> Body:
-    return Body((), CUBE, Pose((x, y, z), (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw))))
+def cube(x: float, y: float, z: float, yaw: float = 0.0) -> PlacedShape:
+    return PlacedShape((), CUBE, Pose((x, y, z), (0.0, 0.0, math.sin(0.5 * yaw), math.cos(0.5 * yaw))))
 
 
-def cup(position: Vector3, q: tuple[float, float, float, float] = LYING) -> Body:
-    return Body(CUP, (0.08, 0.08, 0.1), Pose(position, q))
+def cup(position: Vector3, q: tuple[float, float, float, float] = LYING) -> PlacedShape:
+    return PlacedShape(CUP, (0.08, 0.08, 0.1), Pose(position, q))
 
 
 def test_gap_is_measured_to_the_highest_support():
@@ -99,7 +99,7 @@ def test_gap_is_measured_to_the_highest_support():
 
 
 def test_what_stands_beside_holds_nothing_up():
-    step = Body((), (0.2, 0.2, 0.06), Pose((0.0, 0.0, 0.03), UPRIGHT))
+    step = PlacedShape((), (0.2, 0.2, 0.06), Pose((0.0, 0.0, 0.03), UPRIGHT))
     for reach in (-0.001, 0.0005):  # a lying cup that is just free of the step, or a little into its side
         assert gap_below(cup((0.1 + 0.05 - reach, 0.0, 0.04)), [step, TABLE]) == pytest.approx(0.0, abs=1e-4)
     assert gap_below(cup((0.1495, 0.0, 0.05)), [step, TABLE]) == pytest.approx(0.01, abs=1e-4)
@@ -107,11 +107,11 @@ def test_what_stands_beside_holds_nothing_up():
 
 def test_a_lying_cup_rests_on_its_side_and_a_leaning_cube_on_an_edge():
     assert gap_below(cup((0.0, 0.0, 0.042)), [TABLE]) == pytest.approx(0.002, abs=1e-4)
-    leaning = Body(
+    leaning = PlacedShape(
         (), CUBE, Pose((0.0, 0.0, 0.02 * math.sqrt(2.0)), (math.sin(math.pi / 8), 0, 0, math.cos(math.pi / 8)))
     )
     assert gap_below(leaning, [TABLE]) == pytest.approx(0.0, abs=1e-9)
-    assert gap_below(leaning, [Body((), (0.4, 0.4, 0.04), Pose((0, 0, -0.03), UPRIGHT))]) == pytest.approx(0.01)
+    assert gap_below(leaning, [PlacedShape((), (0.4, 0.4, 0.04), Pose((0, 0, -0.03), UPRIGHT))]) == pytest.approx(0.01)
 
 
 def test_what_sinks_into_its_support_has_a_negative_gap():
@@ -122,7 +122,7 @@ def test_what_sinks_into_its_support_has_a_negative_gap():
 
 def test_in_a_bowl_the_floor_carries_and_the_rim_does_not():
     walls = [Part("box", (0.005, 0.1, 0.05), (side * 0.05, 0.0, 0.025)) for side in (1, -1)]
-    bowl = Body(
+    bowl = PlacedShape(
         (Part("box", (0.1, 0.1, 0.004), (0.0, 0.0, 0.002)), *walls), (0.105, 0.1, 0.05), Pose((0, 0, 0), UPRIGHT)
     )
     assert gap_below(cube(0.0, 0.0, 0.024), [bowl, TABLE]) == pytest.approx(0.0, abs=1e-9)

@@ -21,7 +21,7 @@ from agents.scenario.cli import app
 from agents.scenario.run.runner import run_lockstep
 from agents.scenario.run.staging import make_run
 from agents.scenario.run.statistics import summarise
-from agents.scenario.run.sweep import Outcome, Sweep
+from agents.scenario.run.sweep import RunOutcome, Sweep
 from agents.scenario.run.sweep_report import show_sweep
 from agents.scenario.sweep_cli import make_jobs, parse_seeds, write_curves
 from dsr.clock import WALL_CLOCK
@@ -110,9 +110,9 @@ def test_what_is_wrong_with_a_run_is_its_failure(tiny: str):
     assert not outcome.passed and outcome.crash.startswith("ConfigError") and "perceive" in outcome.crash
 
 
-def outcome_of(seed: int, policy: str | None = None, **fields: object) -> Outcome:
+def outcome_of(seed: int, policy: str | None = None, **fields: object) -> RunOutcome:
     values = {"scenario": "tiny", "sensor": "poses", "passed": True, "failed": [], "found": [], "wall_s": 2.0}
-    return Outcome(seed=seed, policy=policy, **{**values, **fields})  # type: ignore[arg-type]
+    return RunOutcome(seed=seed, policy=policy, **{**values, **fields})  # type: ignore[arg-type]
 
 
 def test_statistics_of_runs():

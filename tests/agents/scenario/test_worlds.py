@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from agents.scenario.format.expectations import Check, Edges, KnownIn, Worlds
+from agents.scenario.format.expectations import Check, Edges, KnownIn, WorldsCheck
 from agents.scenario.format.model import ObjectSpec, Scenario
 from agents.scenario.judge.verdicts import judge_check
 from agents.scenario.judge.worlds import WorldWatch
@@ -90,5 +90,7 @@ def test_edges_in_a_world(memory: Memory) -> None:
 
 def test_which_worlds_there_are(memory: Memory) -> None:
     memory.create_world("view")
-    assert judged(memory, Worlds(present=("view",), absent=("idea",))) == (True, "view")
-    assert not judged(memory, Worlds(present=("idea",)))[0] and not judged(memory, Worlds(absent=("view",)))[0]
+    assert judged(memory, WorldsCheck(present=("view",), absent=("idea",))) == (True, "view")
+    assert not judged(
+        memory, WorldsCheck(present=("idea",))
+    )[0] and not judged(memory, WorldsCheck(absent=("view",)))[0]

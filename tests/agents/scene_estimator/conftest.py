@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from agents.drivers import TagReadings
 from agents.scene_estimator import SceneEstimator
-from agents.scene_estimator.sighting import FrameReader
+from agents.scene_estimator.sighting import FrameSource
 from benchmarks.tag_camera import Camera, facing
 from dsr import Frame, LocalNetwork, ManualClock, Memory, Pose
 from dsr.agent import make_agent
@@ -39,7 +39,7 @@ class Trial:
         """camera_from_cube"""
         self.frame = camera.frame({MARKER: pose}, rng, bias=bias)
 
-    def estimate(self, reader: FrameReader, *, depth: bool = True) -> Pose:
+    def estimate(self, reader: FrameSource, *, depth: bool = True) -> Pose:
         """What is seen, with or without the depth image."""
         arrays = {name: array for name, array in self.frame.arrays.items() if depth or name != "depth"}
         (sighting,) = reader.read(msgspec.structs.replace(self.frame, arrays=arrays))[0]

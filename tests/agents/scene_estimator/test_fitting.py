@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from agents.frame_images import images
-from agents.scene_estimator.fitting import BEFORE, Scene, View, cloud, fit, judged, settled
+from agents.scene_estimator.fitting import BEFORE, FrameView, ImagePart, cloud, fit, judged, settled
 from agents.scene_estimator.segmentation import ColorImage
 from benchmarks.color_scene import ColorScene, looking_at
 from dsr import Pose
@@ -14,7 +14,7 @@ from dsr import Pose
 PLACE = (0.35, 0.02)
 
 
-def seen(scene: ColorScene, camera: Pose, model: str, hidden: float = 0.0) -> Scene:
+def seen(scene: ColorScene, camera: Pose, model: str, hidden: float = 0.0) -> ImagePart:
     """What is seen of a model, but for the share `hidden` of its image's rows, the lowest ones."""
     color, depth, intrinsics = images(scene.frame(camera))
     assert depth is not None
@@ -24,8 +24,8 @@ def seen(scene: ColorScene, camera: Pose, model: str, hidden: float = 0.0) -> Sc
     first = rows[int((1.0 - hidden) * (len(rows) - 1))] + 1
     mask[first:] = False
     depth[first:] = 0.3  # something near
-    view = View(depth, intrinsics, camera)
-    return Scene(view, mask, *cloud(view, mask))
+    view = FrameView(depth, intrinsics, camera)
+    return ImagePart(view, mask, *cloud(view, mask))
 
 
 @pytest.mark.parametrize("hidden", [0.0, 0.55])

@@ -9,7 +9,7 @@ import pytest
 
 from agents.scene_estimator.detection import Tag, tag_corners
 from agents.scene_estimator.pose import NoiseModel, estimate_tag_pose
-from agents.scene_estimator.sighting import FrameReader
+from agents.scene_estimator.sighting import FrameSource
 from benchmarks.tag_camera import Camera, facing
 from dsr import Pose
 from dsr.vocabulary.intrinsics import Intrinsics
@@ -20,8 +20,8 @@ EXACT = NoiseModel(depth_bias_std=0.0)
 DISTANCES = (0.3, 0.6, 1.0)
 
 
-def reader(noise: NoiseModel) -> FrameReader:
-    return FrameReader(lambda _: (SIZE, SIZE, SIZE), 0.8, noise)
+def reader(noise: NoiseModel) -> FrameSource:
+    return FrameSource(lambda _: (SIZE, SIZE, SIZE), 0.8, noise)
 
 
 @cache

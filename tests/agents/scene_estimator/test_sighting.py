@@ -10,7 +10,7 @@ import pytest
 
 from agents.drivers import TagReading, TagReadings
 from agents.scene_estimator.pose import NoiseModel
-from agents.scene_estimator.sighting import FrameReader, read_sensor
+from agents.scene_estimator.sighting import FrameSource, read_sensor
 from dsr import Frame, Pose
 from dsr.errors import WireError
 
@@ -25,9 +25,9 @@ def frame() -> Frame:
     return SMALL.frame({MARKER: CUBE}, np.random.default_rng(0), stamp=12.5)
 
 
-def reader(*size: float) -> FrameReader:
+def reader(*size: float) -> FrameSource:
     x, y, z = size or (0.04, 0.04, 0.04)
-    return FrameReader(lambda _: (x, y, z), 0.8, NoiseModel())
+    return FrameSource(lambda _: (x, y, z), 0.8, NoiseModel())
 
 
 def test_a_cube_is_seen_where_and_when_it_was(frame: Frame) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from agents.viewer import window
-from agents.viewer.window import Window, WindowError, has_display
+from agents.viewer.window import ViewerWindow, WindowError, has_display
 
 
 @pytest.fixture
@@ -33,7 +33,7 @@ time.sleep(1000)
 
 
 def test_it_listens_on_this_machine_only_and_ends_even_if_it_hangs(program: Path, tmp_path: Path) -> None:
-    opened = Window(tmp_path / "log", "1GB")
+    opened = ViewerWindow(tmp_path / "log", "1GB")
     assert opened.exit_code is None
     opened.close()
     opened.close()
@@ -50,7 +50,7 @@ def test_a_viewer_that_never_listens_is_an_error_and_does_not_stay(
     monkeypatch.setattr(window, "_START_PATIENCE", 1.0)
     program.write_text(f"#!{sys.executable}\nimport os, time\nprint(os.getpid(), flush=True)\ntime.sleep(1000)")
     with pytest.raises(WindowError, match="does not start"):
-        Window(tmp_path / "log", "1GB")
+        ViewerWindow(tmp_path / "log", "1GB")
     with pytest.raises(ProcessLookupError):
         os.kill(int((tmp_path / "log").read_text() or "999999999"), 0)
 
@@ -58,14 +58,14 @@ def test_a_viewer_that_never_listens_is_an_error_and_does_not_stay(
 def test_a_viewer_that_cannot_be_started_is_an_error(program: Path, tmp_path: Path) -> None:
     program.chmod(0o644)
     with pytest.raises(WindowError, match="cannot be started"):
-        Window(tmp_path / "log", "1GB")
+        ViewerWindow(tmp_path / "log", "1GB")
 
 
 def test_a_viewer_that_is_not_installed_is_an_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("DISPLAY", ":77")
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(WindowError, match="not installed"):
-        Window(tmp_path / "log", "1GB")
+        ViewerWindow(tmp_path / "log", "1GB")
 
 
 @pytest.mark.parametrize(

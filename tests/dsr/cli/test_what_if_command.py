@@ -10,7 +10,7 @@ import pytest
 from dsr import Memory, Pose
 from dsr.cli.what_if import parsed_placing
 from dsr.errors import ConfigError
-from dsr.vocabulary.what_if import SERVICE, Answer, Change, decode_question, encode_answer
+from dsr.vocabulary.what_if import SERVICE, Answer, Supposed, decode_question, encode_answer
 
 
 @pytest.mark.parametrize("text", ["cube_3", "=1,2,3", "cube_3=0.3,0.1", "cube_3=0.3,x,0.1", "cube_3=1,2,3,4,5"])
@@ -30,7 +30,7 @@ def test_a_yaw_and_a_quaternion_are_read() -> None:
 
 
 def test_the_scene_of_another_world_is_simulated(memory: Memory, cli_json: Callable[..., Any]) -> None:
-    asked: list[tuple[Change, ...]] = []
+    asked: list[tuple[Supposed, ...]] = []
     answer = Answer(seconds=1.0, at_rest=True, poses={"cube_3": (0.4, 0.0, 0.02, 0.0, 0.0, 0.0, 1.0)})
 
     def reply(_key: str, payload: bytes) -> bytes:
@@ -45,7 +45,7 @@ def test_the_scene_of_another_world_is_simulated(memory: Memory, cli_json: Calla
     assert cli_json("what-if", "--hold", "cube_3")["poses"].keys() == {"cube_3"}
     cli_json("what-if", "--world", "idea", "--hold", "cube_9")
     plain, imagined = asked
-    assert plain == (Change.hold("cube_3"),)
+    assert plain == (Supposed.hold("cube_3"),)
     assert [(change.action, change.object) for change in imagined] == [
         ("place", "cube_3"), ("add", "cube_9"), ("hold", "cube_9")
     ]  # fmt: skip

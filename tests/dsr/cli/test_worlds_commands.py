@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from dsr import ConfigError, Memory, Pose
 from dsr.cli.main import app
-from dsr.runtime.agent_process import Stop, run_process
+from dsr.runtime.agent_process import StopSignal, run_process
 from dsr.worlds import Filter
 
 
@@ -54,7 +54,7 @@ def test_diff_tells_by_its_exit_code_whether_worlds_are_equal(memory: Memory) ->
 def test_topology_shows_agents_and_other_processes(
     memory: Memory, cli: Callable[..., str], cli_json: Callable[..., Any]
 ) -> None:
-    stop = Stop()
+    stop = StopSignal()
     options = {"graph": "scene", "name": "copy", "config": {}, "router": None, "seed": 0, "stop": stop}
     thread = threading.Thread(target=run_process, args=(Copy,), kwargs=options)
     thread.start()

@@ -18,8 +18,8 @@ from dsr.errors import WireError
 from dsr.geometry import Mesh
 from dsr.geometry.exchange import MOST_KEPT
 from dsr.geometry.mesh import MOST_BYTES
-from dsr.geometry.messages import MOST_ASKED, Ask, Offer, decode_ask, decode_offer, encode_ask, encode_offer
-from dsr.geometry.shared import Place, SharedBytes, read_in_place
+from dsr.geometry.messages import MOST_ASKED, AskForMesh, Offer, decode_ask, decode_offer, encode_ask, encode_offer
+from dsr.geometry.shared import SharedBytes, SharedPlace, read_in_place
 from dsr.geometry.store import MeshStore
 from dsr.geometry.transfer import PATIENCE
 from dsr.network.keys import Keys
@@ -56,7 +56,7 @@ class Net:
             for memory in self.memories:
                 memory.poll()
 
-    def liar(self, name: str, answer: Callable[[Ask], bytes | None]) -> None:
+    def liar(self, name: str, answer: Callable[[AskForMesh], bytes | None]) -> None:
         """Somebody who answers for meshes as he likes."""
         self.network.connect(name).serve(Keys("g").mesh(name), lambda _, payload: answer(decode_ask(payload)))
 
@@ -103,7 +103,7 @@ class TestInLockstep:
         mesh = cloud(LARGE)
         pieces = []
 
-        def stop_after_one(ask: Ask) -> bytes | None:
+        def stop_after_one(ask: AskForMesh) -> bytes | None:
             if ask.length == 0:
                 return encode_offer(Offer(mesh.nbytes))
             pieces.append(ask.offset)
@@ -137,7 +137,7 @@ class TestInLockstep:
         net.liar("a", lambda ask: None)
         asker = net.network.connect("b")
         for number in range(2 * MOST_KEPT):
-            payload = encode_ask(Ask(f"{number:064x}", keep=True))
+            payload = encode_ask(AskForMesh(f"{number:064x}", keep=True))
             asker.request(Keys("g").mesh("reader"), payload, lambda *_: None, lambda: None, 1.0)
         net.pump()
         assert len(reader.meshes._transfers) == MOST_KEPT
@@ -148,7 +148,7 @@ class TestInLockstep:
     def test_wrong_bytes_are_dropped_and_counted_and_another_is_asked(self, net: Net, wrong: str) -> None:
         mesh, other = block(), block(2.0)
 
-        def lie(ask: Ask) -> bytes | None:
+        def lie(ask: AskForMesh) -> bytes | None:
             if wrong == "nonsense":
                 return b"\xc1nonsense"
             if ask.length == 0:
@@ -219,8 +219,8 @@ class TestInLockstep:
         holder.put_mesh(block())
         other = net.network.connect("other")
         replies: list[bytes] = []
-        for payload in (b"", b"\xc1", encode_ask(Ask("x")), encode_ask(Ask(block().hash, -1, 5)),
-                        encode_ask(Ask(block().hash, 0, MOST_ASKED + 1))):  # fmt: skip
+        for payload in (b"", b"\xc1", encode_ask(AskForMesh("x")), encode_ask(AskForMesh(block().hash, -1, 5)),
+                        encode_ask(AskForMesh(block().hash, 0, MOST_ASKED + 1))):  # fmt: skip
             other.request(holder.keys.mesh("holder"), payload, lambda _, r: replies.append(r), lambda: None, 1.0)
         net.pump()
         assert replies == [] and holder.meshes.statistics.malformed == 5
@@ -271,7 +271,7 @@ class TestLive:
     def test_it_comes_in_pieces_where_memory_is_not_shared(
         self, own_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        def elsewhere(place: Place) -> memoryview:
+        def elsewhere(place: SharedPlace) -> memoryview:
             raise OSError("another machine")
 
         monkeypatch.setattr("dsr.geometry.transfer.read_in_place", elsewhere)
@@ -316,26 +316,26 @@ class TestSharedBytes:
     @pytest.mark.parametrize("place", [(1, 0, 7), (os.getpid(), 1 << 30, 7), (-1, -1, 7), (1 << 40, 0, 7)])
     def test_elsewhere_is_nothing(self, place: tuple[int, int, int]) -> None:
         with pytest.raises(OSError, match=r".+"):
-            read_in_place(Place(*place))
+            read_in_place(SharedPlace(*place))
 
     def test_another_file_or_length_is_refused(self, tmp_path: Path) -> None:
         with (tmp_path / "secret").open("w") as file, pytest.raises(OSError, match="no shared bytes"):
-            read_in_place(Place(os.getpid(), file.fileno(), 1))
+            read_in_place(SharedPlace(os.getpid(), file.fileno(), 1))
         shared = SharedBytes(b"content")
         for length in (0, -1, 6, 8):
             with pytest.raises(OSError, match="has not"):
-                read_in_place(Place(os.getpid(), shared.place.descriptor, length))
+                read_in_place(SharedPlace(os.getpid(), shared.place.descriptor, length))
 
     def test_what_could_change_is_refused(self) -> None:
         descriptor = os.memfd_create("dsr-blob", os.MFD_CLOEXEC)
         os.write(descriptor, b"content")
         with pytest.raises(OSError, match="could change"):
-            read_in_place(Place(os.getpid(), descriptor, 7))
+            read_in_place(SharedPlace(os.getpid(), descriptor, 7))
         os.close(descriptor)
 
 
 def test_messages_survive_the_wire() -> None:
-    ask, offer = Ask("0" * 64, 3, 5, True), Offer(7, Place(1, 2, 7))
+    ask, offer = AskForMesh("0" * 64, 3, 5, True), Offer(7, SharedPlace(1, 2, 7))
     assert decode_ask(encode_ask(ask)) == ask and decode_offer(encode_offer(offer)) == offer
     with pytest.raises(WireError):
         decode_offer(b"\x91\xff")

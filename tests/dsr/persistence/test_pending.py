@@ -5,11 +5,11 @@ from __future__ import annotations
 from dsr.crdt.context import CausalContext
 from dsr.crdt.pieces import reply_to
 from dsr.graph.graph import Graph
-from dsr.persistence.pending import Pending
+from dsr.persistence.pending import PendingWrites
 
 
 def test_a_reply_does_not_make_void_what_was_joined_before_it() -> None:
-    graph, other, pending = Graph("a-1"), Graph("b-1"), Pending()
+    graph, other, pending = Graph("a-1"), Graph("b-1"), PendingWrites()
     graph.store.recorder = pending.add
     other.join(graph.add_node("first", "cube", {"mass": 1.0}, 1.0), 1.0)
     other.add_node("second", "cube", {}, 2.0)

@@ -18,7 +18,7 @@ from dsr.errors import NoRoomError
 from dsr.graph.elements import Edge, Node
 from dsr.graph.far_stamps import FAR
 from dsr.graph.graph import Graph
-from dsr.graph.watch import Filter, Watch
+from dsr.graph.watch import ChangeFilter, Watch
 from dsr.graph.watches import Watches
 from dsr.replication.outbox import Outbox
 from dsr.replication.wire import decode_delta, encode_delta
@@ -49,7 +49,9 @@ class _Readers(Watches):
 
     def __init__(self) -> None:
         super().__init__()
-        self.all, self.cubes = Reader(Watch(Filter())), Reader(Watch(Filter(node_types=frozenset({"cube"}))))
+        self.all, self.cubes = Reader(Watch(ChangeFilter())), Reader(
+            Watch(ChangeFilter(node_types=frozenset({"cube"})))
+        )
         for reader in (self.all, self.cubes):
             self.follow(reader.watch, [])
 

@@ -14,14 +14,14 @@ from hypothesis.stateful import RuleBasedStateMachine, run_state_machine_as_test
 from dsr.crdt.context import CausalContext, Dot
 from dsr.crdt.delta import Add, Delta, Write
 from dsr.crdt.hlc import MAX_STAMP, HybridClock
-from dsr.crdt.store import Entry, Store
+from dsr.crdt.store import Incarnation, Store
 from dsr.graph import stamping
 from dsr.graph.graph import Graph
 from dsr.graph.watch import Watch
 from dsr.replication import clock_votes
 from dsr.replication import replica as replica_module
 from dsr.replication.claims import Claims
-from dsr.replication.clock_votes import Verdict
+from dsr.replication.clock_votes import ClockVerdict
 from dsr.replication.impersonation import Impersonation
 from dsr.replication.peers import Peer, Peers
 from dsr.replication.sync import Synchroniser
@@ -65,8 +65,8 @@ def is_caught(check: Check) -> bool:
 def prune_losers(original: Any) -> Any:
     """Known-bad variant 1: incarnations that lose to a greater one are dropped locally, outside the context."""
 
-    def add(self: Store, item: Add) -> Entry | None:
-        entry: Entry | None = original(self, item)
+    def add(self: Store, item: Add) -> Incarnation | None:
+        entry: Incarnation | None = original(self, item)
         siblings = self.by_key.get(item.key, {}) if entry else {}
         for loser in [dot for dot in siblings if dot < item.dot]:
             del siblings[loser], self.entries[loser]
@@ -101,12 +101,12 @@ def never(original: Any) -> Any:
 def resurrect(original: Any) -> Any:
     """A late addition brings back what was removed."""
 
-    def add(self: Store, item: Add) -> Entry | None:
+    def add(self: Store, item: Add) -> Incarnation | None:
         if item.dot in self.context and item.dot not in self.entries:
-            self.entries[item.dot] = entry = Entry(item)
+            self.entries[item.dot] = entry = Incarnation(item)
             self.by_key.setdefault(item.key, {})[item.dot] = entry
             return entry
-        result: Entry | None = original(self, item)
+        result: Incarnation | None = original(self, item)
         return result
 
     return add
@@ -266,7 +266,7 @@ def let_one_decide(original: Any) -> Any:
 
 def nobody_is_off(original: Any) -> Any:
     """There is never a verdict about clocks."""
-    return lambda *arguments: Verdict()
+    return lambda *arguments: ClockVerdict()
 
 
 def forget_removals(original: Any) -> Any:
@@ -328,7 +328,7 @@ MUTANTS: list[tuple[Check, Any, str, Mutant]] = [
     (Memories, Synchroniser, "_is_behind", compare_what_is_live_only),
     (Memories, Synchroniser, "_verdict", nobody_is_off),
     (Memories, clock_votes, "agent_of", count_replicas),
-    (Memories, Verdict, "_most", let_one_decide),
+    (Memories, ClockVerdict, "_most", let_one_decide),
     (Deltas, Graph, "newest_stamp", stamp_by_the_clock_alone),
     (Deltas, HybridClock, "observe", follow_every_stamp),
     (Deltas, HybridClock, "observe", follow_up_to_a_horizon),

@@ -8,7 +8,7 @@ import pytest
 
 from dsr.clock import WALL_CLOCK
 from dsr.security.authority import SecurityFolder
-from dsr.security.policy import Grant, Policy, checked, standard_grants, write_policy
+from dsr.security.policy import AccessPolicy, Grant, checked, standard_grants, write_policy
 
 GRANTS = {
     "arm": Grant(("arm", "world"), ("RT",), ("status",), ("device/arm/command", "blob/*")),
@@ -42,5 +42,5 @@ def own_keys(tmp_path: Path) -> SecurityFolder:
 
 
 @pytest.fixture
-def policy() -> Policy:
+def policy() -> AccessPolicy:
     return checked(GRANTS)

@@ -14,14 +14,14 @@ from dsr.crdt.pieces import reply_to
 from dsr.graph.graph import Graph
 from dsr.replication.wire import decode_delta, encode_delta
 from dsr.security.gate import Gate
-from dsr.security.policy import Policy
+from dsr.security.policy import AccessPolicy
 from tests.dsr.conftest import Net
 
 Join = Callable[..., Memory]
 
 
 @pytest.fixture
-def join(net: Net, policy: Policy) -> Join:
+def join(net: Net, policy: AccessPolicy) -> Join:
     """One more replica: with a gate, or a rogue one that writes what it likes."""
 
     def start(agent: str, *, rogue: bool = False, **options: Any) -> Memory:
@@ -97,7 +97,7 @@ def test_whoever_may_remove_a_node_may_remove_the_edges_at_it(net: Net, join: Jo
     assert not any(map(refused, (arm, scene, launcher)))
 
 
-def test_a_type_is_checked_whatever_arrives_first(policy: Policy) -> None:
+def test_a_type_is_checked_whatever_arrives_first(policy: AccessPolicy) -> None:
     """The writes of a rogue on a cube and on an arm, before and after what they are about, with a repair at the end."""
     author, other, rogue = Graph("scene-1"), Graph("arm-1"), Graph("arm-2")
     made = author.add_node("cube", "cube", {"size": (1.0, 1.0, 1.0)}, 1.0)
@@ -120,7 +120,7 @@ def test_a_type_is_checked_whatever_arrives_first(policy: Policy) -> None:
     assert all(outcome == expected for outcome in outcomes)
 
 
-def test_a_removal_counts_whatever_arrives_first(policy: Policy) -> None:
+def test_a_removal_counts_whatever_arrives_first(policy: AccessPolicy) -> None:
     """One that comes before its node is put off; the repair that follows removes the node."""
     author, remover = Graph("scene-1"), Graph("scene-2")
     made = author.add_node("table", "table", {}, 1.0)
@@ -139,7 +139,7 @@ def test_a_removal_counts_whatever_arrives_first(policy: Policy) -> None:
         assert graph.store.context.vector == {"scene-1": 1, "scene-2": 3}
 
 
-def test_nobody_writes_in_the_name_of_another(policy: Policy) -> None:
+def test_nobody_writes_in_the_name_of_another(policy: AccessPolicy) -> None:
     graph, gate = Graph("launcher-1"), Gate(policy)
     graph.join(gate.delta("scene-1", Graph("scene-1").add_node("cube", "cube", {"mass": 1.0}, 1.0), graph.store), 1.0)
     forged = Delta(
@@ -158,7 +158,7 @@ def test_nobody_writes_in_the_name_of_another(policy: Policy) -> None:
 
 
 @pytest.mark.parametrize("sender", ["dsr-1", "nobody-1", "arm", "-1", ""])
-def test_readers_and_strangers_change_nothing(policy: Policy, sender: str) -> None:
+def test_readers_and_strangers_change_nothing(policy: AccessPolicy, sender: str) -> None:
     graph, gate = Graph("launcher-1"), Gate(policy)
     for name, type in (("cube", "cube"), ("gen3", "arm")):
         graph.join(gate.delta(sender, Graph(sender or "x").add_node(name, type, {}, 1.0), graph.store), 1.0)
@@ -179,7 +179,7 @@ def forged_reply(graph: Graph) -> Delta:
     )
 
 
-def test_a_reply_lets_an_agent_do_no_more_than_its_deltas(policy: Policy) -> None:
+def test_a_reply_lets_an_agent_do_no_more_than_its_deltas(policy: AccessPolicy) -> None:
     graph, gate = Graph("launcher-1"), Gate(policy)
     graph.join(gate.delta("scene-1", Graph("scene-1").add_node("cube", "cube", {"mass": 1.0}, 1.0), graph.store), 1.0)
     graph.join(gate.reply("arm-1", forged_reply(graph), graph.store), 1.0)
@@ -187,7 +187,7 @@ def test_a_reply_lets_an_agent_do_no_more_than_its_deltas(policy: Policy) -> Non
     assert graph.store.context.vector == {"scene-1": 2, "arm-1": 2}
 
 
-def test_a_trusted_reply_hands_on_what_others_wrote_within_their_grants(policy: Policy) -> None:
+def test_a_trusted_reply_hands_on_what_others_wrote_within_their_grants(policy: AccessPolicy) -> None:
     graph, gate = Graph("scene-9"), Gate(policy)
     graph.join(gate.reply("launcher-1", forged_reply(graph), graph.store), 1.0)
     assert set(graph.nodes) == {"forged", "gen3"}

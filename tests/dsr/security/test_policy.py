@@ -9,12 +9,12 @@ import pytest
 from dsr.errors import ConfigError
 from dsr.runtime.system import load_system
 from dsr.security.configuration import access_control, own_keys
-from dsr.security.policy import Grant, Policy, checked, read_policy, system_grants, write_policy
+from dsr.security.policy import AccessPolicy, Grant, checked, read_policy, system_grants, write_policy
 
 SYSTEMS = Path(__file__).parents[1] / "runtime" / "systems"
 
 
-def test_a_policy_is_read_as_it_was_written(policy: Policy, tmp_path: Path) -> None:
+def test_a_policy_is_read_as_it_was_written(policy: AccessPolicy, tmp_path: Path) -> None:
     write_policy(tmp_path / "policy.json", policy)
     assert read_policy(tmp_path / "policy.json") == policy
 
@@ -62,12 +62,12 @@ def test_a_broken_policy_file_is_a_clear_error(tmp_path: Path, text: str, messag
         read_policy(file)
 
 
-def test_every_key_on_which_something_can_be_said_has_one_owner(policy: Policy) -> None:
+def test_every_key_on_which_something_can_be_said_has_one_owner(policy: AccessPolicy) -> None:
     owners = [key for name, grant in policy.agents.items() for key in own_keys(name, grant)]
     assert len(owners) == len(set(owners))
 
 
-def test_a_reader_is_told_everything_and_may_say_nothing(policy: Policy) -> None:
+def test_a_reader_is_told_everything_and_may_say_nothing(policy: AccessPolicy) -> None:
     rules = access_control(policy)
     granted = {entry["subjects"][0]: entry["rules"] for entry in rules["policies"]}
     assert granted["dsr"] == ["ask", "be told"]

@@ -27,7 +27,7 @@ from dsr.replication.wire import Digest, encode_delta, encode_digest
 from dsr.runtime.status import State, Status, StatusBoard, encode_status
 from dsr.security.authority import SecurityFolder
 from dsr.security.configuration import zenoh_settings
-from dsr.security.policy import Policy
+from dsr.security.policy import AccessPolicy
 from tests.dsr.security.conftest import DAY, make_folder
 
 KEYS = Keys("g")
@@ -109,7 +109,7 @@ class Intruder:
 
 
 @pytest.fixture
-def intrude(policy: Policy) -> Iterator[Callable[..., Intruder]]:
+def intrude(policy: AccessPolicy) -> Iterator[Callable[..., Intruder]]:
     started: list[Transport] = []
 
     def start(agent: str, folder: SecurityFolder | None, **options: Any) -> Intruder:
@@ -360,7 +360,7 @@ def test_undeclared_writes_are_refused_where_they_are_made(join: Join) -> None:
 
 
 def test_undeclared_writes_of_a_rogue_are_dropped_and_the_others_agree(
-    join: Join, keys: SecurityFolder, policy: Policy
+    join: Join, keys: SecurityFolder, policy: AccessPolicy
 ) -> None:
     launcher, scene = join("launcher"), join("scene")
     scene.add_node("cube", "cube", mass=1.0)
@@ -402,7 +402,7 @@ def test_a_driver_without_a_memory_has_its_keys_too(join: Join, keys: SecurityFo
         transport.close()
 
 
-def test_a_relay_connects_machines_and_lets_nobody_pose_as_another(keys: SecurityFolder, policy: Policy) -> None:
+def test_a_relay_connects_machines_and_lets_nobody_pose_as_another(keys: SecurityFolder, policy: AccessPolicy) -> None:
     """Each agent on a machine of its own, all connected to a hub only; all of them route."""
     opened: list[ZenohTransport] = []
     ports = {agent: rendezvous.free_port() for agent in ("hub", "arm", "scene", "launcher")}

@@ -17,7 +17,7 @@ from dsr.runtime.launcher import Launcher
 from dsr.runtime.system import load_system
 from dsr.security.authority import SecurityFolder
 from dsr.security.gate import Gate
-from dsr.security.policy import Grant, Policy, checked, grant_for, system_grants, write_policy
+from dsr.security.policy import AccessPolicy, Grant, checked, grant_for, system_grants, write_policy
 from dsr.worlds import Filter
 from tests.dsr.conftest import Net
 from tests.dsr.security.conftest import GRANTS
@@ -132,7 +132,7 @@ def test_a_filter_of_a_secured_system_works(tmp_path: Path) -> None:
     for name in grants:
         folder.issue(name, WALL_CLOCK.now())
     write_policy(folder.policy, checked(grants))
-    assert Policy(grants).grant("cubes").nodes == (EVERYTHING, *WORLDS)
+    assert AccessPolicy(grants).grant("cubes").nodes == (EVERYTHING, *WORLDS)
     with Launcher(system, tmp_path / "run", security=folder.path) as launcher:
         launcher.wait_ready()
         with connect("filtered", agent="scene", security=folder.path) as scene:

@@ -8,7 +8,7 @@ from dsr import Pose
 from dsr.crdt.context import Dot
 from dsr.crdt.delta import TOMBSTONE, Delta, Write
 from dsr.crdt.pieces import reply_to
-from dsr.crdt.store import Entry
+from dsr.crdt.store import Incarnation
 from dsr.errors import DsrError
 from dsr.frames.tree import FrameTree
 from dsr.graph.elements import Edge, Node
@@ -78,11 +78,11 @@ def expected(base: Graph, overlay: Overlay) -> tuple[dict[str, Any], dict[Any, A
     below = {dot: entry for dot, entry in base.store.entries.items() if dot not in layer.context}
     live = {**below, **layer.entries}
 
-    def seen(entry: Entry) -> bool:
+    def seen(entry: Incarnation) -> bool:
         ends = (entry.sources, entry.destinations)
         return isinstance(entry.key, str) or all(any(dot in live for dot in dots) for dots in ends)
 
-    groups: dict[Any, list[Entry]] = {}
+    groups: dict[Any, list[Incarnation]] = {}
     for entry in live.values():
         if seen(entry):
             groups.setdefault(entry.key, []).append(entry)
@@ -97,7 +97,9 @@ def expected(base: Graph, overlay: Overlay) -> tuple[dict[str, Any], dict[Any, A
     return nodes, edges
 
 
-def attributes(entries: list[Entry], below: dict[Dot, Entry], own: Any, patches: dict[Dot, Entry]) -> dict[str, Any]:
+def attributes(
+    entries: list[Incarnation], below: dict[Dot, Incarnation], own: Any, patches: dict[Dot, Incarnation]
+) -> dict[str, Any]:
     layers = (
         [own.get(entry.dot) or patches.get(entry.dot) for entry in entries],
         [below.get(entry.dot) for entry in entries],

@@ -20,7 +20,7 @@ from simulation_handler.explaining.piles import piles_beneath
 from simulation_handler.explaining.scoring import Score, score
 from simulation_handler.explaining.search import Candidate
 from simulation_handler.explaining.situation import Properties, Seen, Situation
-from simulation_handler.perception.sight import Glance
+from simulation_handler.perception.sight import ExpectedVisibility
 from simulation_handler.physics.rollouts import Pool
 from simulation_handler.shapes.geometry import Solid
 from tests.simulation_handler.worlds import CUBE
@@ -100,11 +100,11 @@ def test_what_is_as_good_is_decided_by_change_and_all_else_by_score() -> None:
 def test_what_hides_something_does_not_depend_on_the_order_of_cameras() -> None:
     """One camera does not look there, from another an object hides it, from a third the arm does."""
     here = situation([cube("a", 0.0, 0), cube("top", 0.0, 1)], [cube("a", 0.0, 0)])
-    nowhere, hidden, arm = Glance(0.0, ""), Glance(0.0, "top"), Glance(0.0, "link")
+    nowhere, hidden, arm = ExpectedVisibility(0.0, ""), ExpectedVisibility(0.0, "top"), ExpectedVisibility(0.0, "link")
     nothing = Hypothesis()
     drafted = Draft(here.believed, {}, frozenset())
 
-    def total(*glances: Glance) -> float:
+    def total(*glances: ExpectedVisibility) -> float:
         by_camera = {(f"camera_{number}", "a"): glance for number, glance in enumerate(glances)}
         return score(replace(here, look=lambda _: by_camera), nothing, drafted, here.believed).total
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import pytest
 
 from dsr.math3d.transforms import Pose
-from simulation_handler.motion.holding import Grasp
+from simulation_handler.motion.holding import GripperGrasp
 from tests.simulation_handler.explaining.scenes import after, errors, shift, tower, two_towers
 from tests.simulation_handler.worlds import CUBE, World, cube_at
 
@@ -236,7 +236,7 @@ def test_what_is_grasped_while_its_leader_is_followed_goes_with_the_gripper() ->
     world.run(0.5)
     gripper = Pose.from_rotvec((0.5, -0.2, 0.3), (math.pi, 0.0, 0.0))
     for _ in range(4):
-        world.belief.hold({"cube_4": Grasp("gripper", gripper, Pose((0.0, 0.0, 0.1)))})
+        world.belief.hold({"cube_4": GripperGrasp("gripper", gripper, Pose((0.0, 0.0, 0.1)))})
         world.tick()
     assert world.pose("cube_4").t == pytest.approx((0.5, -0.2, 0.2), abs=1e-3)
 

@@ -4,22 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from simulation_handler.physics.rollouts.scene import Body, Scene
+from simulation_handler.physics.rollouts.scene import RolloutBody, RolloutScene
 
 CUBE = (0.04, 0.04, 0.04)
-FLOOR = Body("_floor", (20.0, 20.0, 0.2), (0.0, 0.0, -0.8), fixed=True)
-TABLE = Body("table", (1.0, 1.0, 0.05), (0.0, 0.0, -0.025), fixed=True)
+FLOOR = RolloutBody("_floor", (20.0, 20.0, 0.2), (0.0, 0.0, -0.8), fixed=True)
+TABLE = RolloutBody("table", (1.0, 1.0, 0.05), (0.0, 0.0, -0.025), fixed=True)
 
 
-def cube(name: str, x: float, y: float, z: float = 0.02) -> Body:
-    return Body(name, CUBE, (x, y, z), mass=0.05)
+def cube(name: str, x: float, y: float, z: float = 0.02) -> RolloutBody:
+    return RolloutBody(name, CUBE, (x, y, z), mass=0.05)
 
 
-def scene_of(*bodies: Body) -> Scene:
-    return Scene((FLOOR, TABLE, *bodies))
+def scene_of(*bodies: RolloutBody) -> RolloutScene:
+    return RolloutScene((FLOOR, TABLE, *bodies))
 
 
-def random_scene(seed: int) -> Scene:
+def random_scene(seed: int) -> RolloutScene:
     """Stacks of up to three cubes that fit badly; some cubes are missing, some are held."""
     rng = np.random.default_rng(seed)
     bodies = []

@@ -9,8 +9,8 @@ import pytest
 
 from dsr.math3d import quaternions
 from simulation_handler.physics.rollouts import engine as engine_module
-from simulation_handler.physics.rollouts.engine import Engine, Outcome
-from simulation_handler.physics.rollouts.scene import Body, Scene
+from simulation_handler.physics.rollouts.engine import Engine, RolloutOutcome
+from simulation_handler.physics.rollouts.scene import RolloutBody, RolloutScene
 from simulation_handler.physics.simulator import SimulationError
 from tests.simulation_handler.rollouts.scenes import CUBE, cube, random_scene, scene_of
 
@@ -22,7 +22,7 @@ def engine() -> Iterator[Engine]:
     engine.close()
 
 
-def fresh(scene: Scene, seconds: float) -> Outcome:
+def fresh(scene: RolloutScene, seconds: float) -> RolloutOutcome:
     engine = Engine()
     try:
         return engine.run(scene, seconds)
@@ -72,7 +72,7 @@ def test_a_settled_stack_stays_and_is_done_early(engine: Engine):
 
 @pytest.mark.parametrize("overhang", [1e-5, 1e-4, 1e-3])
 def test_what_topples_slowly_is_not_taken_to_be_at_rest(engine: Engine, overhang: float):
-    support = Body("support", CUBE, (0.0, 0.0, 0.02), fixed=True)
+    support = RolloutBody("support", CUBE, (0.0, 0.0, 0.02), fixed=True)
     outcome = engine.run(scene_of(support, cube("a", 0.02 + overhang, 0.0, 0.06)), 3.0)
     assert outcome.poses["a"][0][2] == pytest.approx(0.02, abs=2e-3)
 
@@ -120,7 +120,7 @@ def test_nothing_is_simulated_in_no_time(engine: Engine):
 
 
 def test_a_scene_without_bodies_is_at_rest(engine: Engine):
-    assert engine.run(Scene(()), 1.0).poses == {}
+    assert engine.run(RolloutScene(()), 1.0).poses == {}
 
 
 @pytest.mark.parametrize("seconds", [-0.1, float("nan"), float("inf")])

@@ -17,7 +17,7 @@ import pytest
 from dsr.clock import WALL_CLOCK
 from simulation_handler.physics.rollouts import pool as pool_module
 from simulation_handler.physics.rollouts import process as process_module
-from simulation_handler.physics.rollouts.messages import READY, Job
+from simulation_handler.physics.rollouts.messages import READY, RolloutJob
 from simulation_handler.physics.rollouts.pool import Pool
 from simulation_handler.physics.simulator import SimulationError
 from tests.simulation_handler.rollouts.scenes import cube, random_scene, scene_of
@@ -87,7 +87,7 @@ def test_a_worker_answers_with_the_error_what_cannot_be_simulated_and_goes_on():
     bad = scene_of(cube("a", 0.0, 0.0)._replace(size=(0.0, 0.0, 0.0)))
     replies = []
     try:
-        for job in (None, Job(1, bad.bodies, 0.1), Job(2, SCENES[0].bodies, 0.1)):
+        for job in (None, RolloutJob(1, bad.bodies, 0.1), RolloutJob(2, SCENES[0].bodies, 0.1)):
             if job is not None:
                 worker.give(job, 0.0)
             assert select.select([worker.connection], [], [], PLENTY)[0]

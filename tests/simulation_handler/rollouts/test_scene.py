@@ -6,7 +6,7 @@ import pickle
 
 import pytest
 
-from simulation_handler.physics.rollouts.scene import Scene
+from simulation_handler.physics.rollouts.scene import RolloutScene
 from simulation_handler.physics.simulator import SimulationError
 from simulation_handler.shapes.geometry import Solid
 from tests.simulation_handler.rollouts.scenes import CUBE, TABLE, cube, random_scene, scene_of
@@ -17,8 +17,8 @@ UPRIGHT = (0.0, 0.0, 0.0, 1.0)
 
 def test_the_order_of_the_bodies_is_of_no_account():
     a, b = cube("a", 0.0, 0.0), cube("b", 0.1, 0.0)
-    assert Scene((b, TABLE, a)) == Scene((a, b, TABLE))
-    assert Scene((b, TABLE, a)).names == ("a", "b", "table")
+    assert RolloutScene((b, TABLE, a)) == RolloutScene((a, b, TABLE))
+    assert RolloutScene((b, TABLE, a)).names == ("a", "b", "table")
 
 
 def test_changes_leave_the_original_alone():
