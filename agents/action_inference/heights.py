@@ -27,7 +27,7 @@ class Height(NamedTuple):
     position: Vector3
     """Position of the thing's centre in the world, m."""
     sigma: float = 0.0
-    """m, standard deviation of its height"""
+    """m, standard deviation of the height"""
 
     @staticmethod
     def seen(bottom: float, pose: Pose) -> Height:

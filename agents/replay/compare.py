@@ -29,7 +29,7 @@ class Stretch(msgspec.Struct):
     longest_s: float = 0.0
     """Longest time (s) without a break."""
     lasting_s: float = 0.0
-    """Until now without a break."""
+    """Time (s) that it has lasted until now without a break; 0 if it has ended."""
 
     def note(self, holds: bool, passed: float) -> None:
         """Note whether the difference held during the last `passed` s."""

@@ -48,7 +48,7 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     rate_hz: float = 0.0
     """Measured ticks a second."""
     tick_ms_p50: float = 0.0
-    """Median duration of the last ticks."""
+    """Median duration of the last ticks, ms."""
     tick_ms_p95: float = 0.0
     missed: int = 0
     """Ticks left out because an earlier one took too long."""

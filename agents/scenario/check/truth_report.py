@@ -64,7 +64,7 @@ class TruthReport(msgspec.Struct, frozen=True, kw_only=True):
     scenario: str
     seed: int
     end: float
-    """s after the start"""
+    """Time of the end, s after the start"""
     events: list[EventReport]
     phases: list[Phase]
     final: list[FinalPose]
