@@ -10,7 +10,7 @@ import math
 from collections.abc import Sequence
 
 TOLERANCE = math.radians(6.0)
-"""rad, how far what is seen of an object may be from its colour"""
+"""rad of hue by which an object's pixels may differ from its colour"""
 APART = 2.0 * TOLERANCE
 """rad, how far the colours of two objects must be apart to tell them by"""
 DARKEST = 40.0 / 255.0

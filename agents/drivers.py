@@ -1,4 +1,4 @@
-"""The driver interface: what an arm and a camera look like to the agents, whoever plays them.
+"""The interface of drivers for arms, cameras and sensors, real or simulated.
 
 The simulated plant is one driver (`agents.plant.driver`); a RealSense, a Kinova Kortex or ROS 2 topics
 plug in at the same place. Drivers are named in a system file as `module:Class` and are made with
@@ -23,13 +23,13 @@ class ArmState(msgspec.Struct, frozen=True):
     """One sample of an arm's joints and gripper."""
 
     stamp: float
-    """s"""
+    """Time of the sample, s."""
     names: tuple[str, ...]
     """Joint names as in the URDF, without the gripper's."""
     positions: tuple[float, ...]
-    """rad"""
+    """Joint positions, rad, in the order of the chain."""
     velocities: tuple[float, ...]
-    """rad/s"""
+    """Joint velocities, rad/s, in the order of the chain."""
     gripper_opening: float
     """m between the finger pads"""
     gripper_contact: bool
@@ -49,7 +49,7 @@ class TagReading(msgspec.Struct, frozen=True):
 
 
 class ColorReading(msgspec.Struct, frozen=True):
-    """Where an object is that is recognised by its colour, and at most how it leans."""
+    """The place of an object that is recognised by its colour, and at most how it leans."""
 
     color: tuple[float, float, float]
     """Red, green, blue, 0 to 1, as the object's node has it"""
@@ -67,7 +67,7 @@ class TagReadings(msgspec.Struct, frozen=True):
     """The objects that a camera recognises at one instant, by tags and by colours."""
 
     stamp: float
-    """s"""
+    """Time of the exposure, s."""
     readings: list[TagReading]
     lens: Intrinsics | None = None
     """Through which they are seen, if the device tells."""
@@ -91,7 +91,7 @@ class HandReadings(msgspec.Struct, frozen=True):
     """The human hands that a camera sees at one instant, in no particular order."""
 
     stamp: float
-    """s"""
+    """Time of the exposure, s."""
     hands: list[HandReading]
     lens: Intrinsics | None = None
     """Through which they are seen, if the device tells."""
@@ -116,7 +116,7 @@ class PersonReadings(msgspec.Struct, frozen=True):
     """The persons that are in the scene at one instant."""
 
     stamp: float
-    """s"""
+    """Time of the readings, s."""
     persons: list[PersonReading]
 
 

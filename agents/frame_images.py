@@ -1,4 +1,4 @@
-"""The images of a camera's frame, checked: what every agent that looks at frames begins with."""
+"""Checks the images of a camera's frame, for every agent that looks at frames."""
 
 from __future__ import annotations
 

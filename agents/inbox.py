@@ -14,7 +14,7 @@ class Message(NamedTuple):
     """A message as it arrived."""
 
     stamp: float
-    """s, when it arrived"""
+    """Time (s) when the message arrived"""
     key: str
     payload: bytes
 
@@ -31,7 +31,7 @@ class Inbox:
         self._subscriptions = [bus.subscribe(key, self._receive) for key in keys]
 
     def take(self) -> list[Message]:
-        """All messages since the last call, in the order in which they came."""
+        """Return all messages since the last call, in the order in which they came."""
         return [self._waiting.popleft() for _ in range(len(self._waiting))]
 
     def close(self) -> None:

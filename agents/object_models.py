@@ -1,4 +1,4 @@
-"""Descriptions of objects (URDF) in `etc/objects` or beside a scenario file: what they are made of and weigh.
+"""Descriptions of objects (URDF) in `etc/objects` or beside a scenario file: their shapes and masses.
 
 An object is one link without joints. The link is called after the type of the object: `cube`, `box`, `container`, `cup`
 or `ball`. Its <collision> elements (box, cylinder, sphere; at most 16) are its parts, so a container is one box for
@@ -35,13 +35,13 @@ class ObjectModel(NamedTuple):
     """An object as its description (URDF) defines it."""
 
     type: str
-    """One of `dsr.vocabulary.relations.THINGS`."""
+    """Node type, one of `dsr.vocabulary.relations.THINGS`."""
     size: Vector3
     """Edge lengths of the bounding box, m."""
     shape: Shape
     """Parts of the shape, in the frame at the centre of the bounding box; none for a solid box."""
     mass: float
-    """kg"""
+    """Mass of the object, kg."""
     friction: float
     """Coulomb coefficient"""
     rolling_friction: float
@@ -51,7 +51,7 @@ class ObjectModel(NamedTuple):
 
 
 def model_files() -> dict[str, Path]:
-    """The models that come with the system, by name: `etc/objects` here or where the package is installed from."""
+    """Find the models that come with the system, by name: `etc/objects` here or in the installed package."""
     folders = (ETC / "objects", Path("etc/objects"))
     return {file.stem: file for folder in folders for file in sorted(folder.glob("*.urdf"))}
 

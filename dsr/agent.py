@@ -48,11 +48,11 @@ class Agent:
     uses_memory: ClassVar[bool] = True
     """False for one that only needs the bus: it gets no `memory`."""
     reactive: ClassVar[bool] = False
-    """Whether changes of the graph wake it (see `wake`), and not only time."""
+    """Whether changes of the graph wake the agent (see `wake`), and not only time."""
     most_failures: ClassVar[int] = 25
     """Number of failed ticks in a row after which the agent gives up."""
     Config: ClassVar[type[Any]] = NoConfig
-    """A frozen msgspec Struct whose fields all have defaults."""
+    """Type of the configuration: a frozen msgspec Struct whose fields all have defaults."""
 
     memory: Memory
     bus: Transport
@@ -74,7 +74,7 @@ class Agent:
         return cls
 
     def world_names(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """The worlds that it reads and those that it writes, as it declares; it may open more."""
+        """The worlds that the agent reads and those that it writes, as it declares; it may open more."""
         writes: Access = self.writes
         at_home = writes != Access() and writes.includes_world(BASE)
         return (BASE,) if self.reads != Access() else (), (BASE,) if at_home else ()

@@ -40,7 +40,7 @@ class SchemaError(DsrError):
 
 
 class GraphError(DsrError):
-    """The graph does not hold what was asked for."""
+    """The graph does not have the requested element or value."""
 
 
 class NodeNotFoundError(GraphError):
@@ -101,7 +101,7 @@ class WireError(DsrError):
 
 
 class TransportError(DsrError):
-    """The network refuses what was asked."""
+    """The network refuses a request."""
 
 
 class ListenError(TransportError):

@@ -316,7 +316,7 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
     # ---- life
 
     def batch(self) -> contextlib.AbstractContextManager[None]:
-        """`with memory.batch():` what is written inside leaves as one message, if it fits into one (1 MiB)."""
+        """Send all writes inside `with memory.batch():` as one message, if they fit into one (1 MiB)."""
         return self._replica.hold()
 
     @property
@@ -336,7 +336,7 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
 
     @property
     def statistics(self) -> Statistics:
-        """How often messages were lost, skipped or malformed, and repaired."""
+        """Counts of messages that were lost, skipped or malformed, and of repairs."""
         return self._replica.statistics
 
     def wait_joined(self, timeout: float, *, all_known: bool = False, begin: bool = False) -> None:
@@ -397,7 +397,7 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
         self._replica.lock = threading.RLock()  # the old one may be held by a thread that the child does not have
 
     def close(self) -> None:
-        """Send what is left, end all watches and leave; harmless when repeated."""
+        """Send the waiting writes, end all watches and leave; harmless when repeated."""
         with self._replica.lock:  # after the last write that returned
             if self._closed:
                 return

@@ -1,4 +1,4 @@
-"""Action nodes: the plan as the graph has it, what is asked of the arm, and what the arm says."""
+"""Action nodes: the plan in the graph, the requests to the arm, and the arm's reports."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Progress(NamedTuple):
     status: str
     explanation: str
     hopeless: bool = False
-    """Whether it would fail again while what is believed stays as it is."""
+    """Whether the action would fail again while the belief stays as it is."""
 
 
 GONE = Progress(FAILED, "somebody removed the action")
@@ -41,7 +41,7 @@ class Actions:
         self._names: list[str] = []
 
     def write(self, skills: list[Skill]) -> list[str]:
-        """Write a plan behind what is there; returns the names of its nodes."""
+        """Write a plan behind the present actions; returns the names of its nodes."""
         names = []
         for skill in skills:
             name = f"{self._stem}{self._next}"
@@ -93,12 +93,12 @@ def _progress(node: Node) -> Progress:
 
 
 def own_actions(memory: Memory) -> list[Node]:
-    """All action nodes that a planner wrote, in order of their names."""
+    """List all action nodes that a planner wrote, in order of their names."""
     return sorted((node for node in memory.nodes("action") if node.get("source") == _SOURCE), key=lambda n: n.name)
 
 
 def is_under_way(node: Node) -> bool:
-    """Whether the arm runs it, or may be about to."""
+    """Whether the arm runs the action, or may be about to."""
     status = _progress(node).status
     return status == RUNNING or (status == PLANNED and node.get("request", "") == RUN)
 

@@ -68,7 +68,7 @@ class Planner(Agent):
     config: PlannerConfig
 
     def setup(self) -> None:
-        """Nothing is under way yet; what an earlier run has left is taken over in the first ticks."""
+        """Prepare; intentions of an earlier run are taken over in the first ticks."""
         self._time = self.clock.now()
         self._maker = PlanMaker(self.clock, self.config, self.log)
         self._around = Surroundings(
@@ -86,7 +86,7 @@ class Planner(Agent):
         self._script: Script | None = self._take_over()
 
     def tick(self, now: float) -> None:
-        """Go on with what is under way, at time `now` (s)."""
+        """Go on with the present intention, at time `now` (s)."""
         self._time = now
         known = read_intentions(self.memory)
         self._watch(known)
@@ -99,7 +99,7 @@ class Planner(Agent):
         self.degraded = self._problem()
 
     def teardown(self) -> None:
-        """End the solver. The arm finishes what it does; who comes next takes over."""
+        """End the solver. The arm finishes its action; the next planner takes over."""
         maker = getattr(self, "_maker", None)
         if maker is not None:
             maker.close()

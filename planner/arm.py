@@ -72,7 +72,7 @@ class Arm:
     def run(
         self, name: str, told: str, watch: Callable[[], None], trouble: Callable[[], str] = str
     ) -> Generator[None, None, Progress]:
-        """Ask the arm to run an action; what became of it. Raises what `watch` raises, and `Interruption`."""
+        """Ask the arm to run an action, and return its outcome. Raises the errors of `watch`, and `Interruption`."""
         while (busy := other_action(self._memory, name)) is not None:
             self._tell(WAITING, f"the arm is busy with {busy}")
             watch()

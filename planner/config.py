@@ -6,17 +6,17 @@ import msgspec
 
 
 class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How long the planner waits for what, and where it puts things. The defaults are for cubes of 4 cm and a Gen3."""
+    """Times and places of the planner. The defaults are for cubes of 4 cm and a Gen3."""
 
     arm_agent: str = "arm_controller"
-    """The agent that carries out actions; while it is away nothing is begun."""
+    """Name of the agent that carries out actions; while it is away no action begins."""
     belief_agents: tuple[str, ...] = ("scene_estimator", "simulation_handler")
-    """The agents by which things come to be believed; while one of them is away nothing is begun either."""
+    """Names of the agents that see and believe; while one of them is away no action begins."""
     robot: str = "arm"
     """Node at the arm's base, from which the reach is measured."""
 
     solver_limit: float = 20.0
-    """s after which the solver is ended."""
+    """s after which a search for a plan is ended."""
     solver_delay: float = 0.5
     """s of a manual clock after which the solver's result is there: as long as it takes on a slow machine. On the wall
     clock the result is taken as soon as it is there."""
@@ -48,13 +48,13 @@ class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     Their devices and models may start for half a minute on a slow machine.
     """
     look_after: float = 2.0
-    """s after which the arm looks for things that are nowhere: what is in view is seen and believed within one."""
+    """s after which the arm looks for things that are nowhere: a thing in view is seen and believed within one."""
     look_for: float = 1.0
     """s that a camera which the arm carries stays at each place from which it looks: for some ten images."""
     look_height: float = 0.3
     """m above the table from which it looks: there it reads tags of 2 cm, and the arm is above all towers."""
     most_looks: int = 8
-    """Places from which it looks at most, 3 s each: after half a minute what is sought counts as not there."""
+    """Places from which the arm looks at most, 3 s each: after half a minute a sought thing counts as not there."""
     begin: float = 5.0
     """s that the arm may take to begin an action; then the status says that it does not."""
     action_limit: float = 90.0
@@ -85,8 +85,8 @@ class PlannerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     what_if_patience: float = 1.0
     """s that the answer may take whether something would topple where it is to be put; with 0 nobody is asked."""
     what_if_seconds: float = 1.0
-    """s that are simulated for it: what topples has left its place by then."""
+    """s that are simulated for a what-if question: an object that topples has left its place by then."""
     what_if_shift: float = 0.015
-    """m that a thing may be off its place then."""
+    """m that an object may move in the simulation and still count as staying."""
     what_if_turn: float = 0.3
     """rad that an object may turn in the simulation and still count as staying."""

@@ -46,7 +46,7 @@ class PlanDeviation(Setback):
 
 
 class Outdated(Setback):
-    """The next step is not possible in what is believed now."""
+    """The next step is not possible by the present belief."""
 
 
 class Failure(Setback):

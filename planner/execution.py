@@ -68,7 +68,7 @@ class Surroundings:
     config: PlannerConfig
     log: logging.Logger
     now: Callable[[], float]
-    """s"""
+    """The clock: time in s."""
     kept: Callable[[Intention], Iterable[tuple[str, Goal]]] = field(default=lambda _: ())
     """Maintained goals that must not be given up for this intention, with their names."""
 

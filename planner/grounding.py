@@ -24,7 +24,7 @@ _KEEPS_ROTATION = 0.2
 """rad that a thing may lean and still keep its turn about the vertical when it is put down"""
 
 Place = tuple[float, float]
-"""x, y in the world, m."""
+"""Position (x, y) in the world, m."""
 
 
 @dataclass(frozen=True)

@@ -39,7 +39,7 @@ def number_of(name: str) -> int:
 
 
 def read_intentions(memory: Memory) -> list[Intention]:
-    """All intentions, the most urgent first."""
+    """Read all intentions, the most urgent first."""
     return sorted(map(_read, memory.nodes("intention")), key=lambda intention: intention.urgency)
 
 
@@ -55,7 +55,7 @@ def _read(node: Node) -> Intention:
 
 
 def tell(memory: Memory, name: str, status: str, explanation: str = "", **attributes: int) -> None:
-    """Write what is new about an intention; nothing if its node is gone."""
+    """Write a changed status or explanation of an intention; nothing if its node is gone."""
     node = memory.get_node(name)
     values = {"status": status, "explanation": explanation, **attributes}
     if node is not None and any(node.get(key) != value for key, value in values.items()):

@@ -25,7 +25,7 @@ _DOWN = (1.0, 0.0, 0.0, 0.0)
 
 
 class Search:
-    """Looks for what is nowhere, once.
+    """Looks for things that are nowhere, once.
 
     Args:
         memory: the graph.

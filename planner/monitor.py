@@ -1,4 +1,4 @@
-"""Watches the relations while the arm works: what changes although nobody planned it."""
+"""Watches the relations while the arm works, for changes that nobody planned."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class RelationMonitor:
         """Whether it concerns the very thing that is being moved."""
 
     def deviates(self, relations: Relations, surprises: list[str], now: float) -> bool:
-        """Whether what holds at `now` (s) deviates, and has for long enough."""
+        """Whether the relations at `now` (s) deviate, and have for long enough."""
         found = differences(self._before, relations, self._step)
         self.change = ", ".join(found)
         if not found:

@@ -1,4 +1,4 @@
-"""Plans: steps as the solver wrote them, and what they do to the relations."""
+"""Plans: steps as the solver wrote them, and their effects on the relations."""
 
 from __future__ import annotations
 
@@ -41,13 +41,13 @@ class PlanStep(NamedTuple):
         return Relation("holding", (self.thing,)) if self.name == "pick" else Relation("on", (self.thing, self.support))
 
     def may_change(self, fact: Relation) -> bool:
-        """Whether a fact (`on` or `holding`) may begin or end while this is being done."""
+        """Whether a fact (`on` or `holding`) may begin or end while this step is carried out."""
         if fact.arguments[0] != self.thing:
             return False
         return fact.name == "holding" or self.name == "pick" or fact == self.effect
 
     def possible(self, relations: Relations) -> bool:
-        """Whether it can be begun."""
+        """Whether the step can begin."""
         return all(relations.holds(relation) for relation in self.starts_from)
 
     def after(self, relations: Relations) -> Relations:

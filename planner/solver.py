@@ -64,7 +64,7 @@ class SolverAnswer:
     output: str
     """The text that the solver printed."""
     seconds: float
-    """How long it took, on the planner's clock."""
+    """Duration of the search, on the planner's clock (s)."""
 
 
 class Solver:

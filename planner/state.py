@@ -26,7 +26,7 @@ class KnownSolid:
     """A thing or a table: how large, and where."""
 
     size: tuple[float, float, float]
-    """m"""
+    """Edge lengths of the bounding box, m."""
     pose: Pose
     """world_from_thing as believed; a table's frame is at the centre of its top."""
 

@@ -1,4 +1,4 @@
-"""Waits until all that a goal is about is believed to be somewhere, says what is lacking and why, and looks for it."""
+"""Waits until all things of a goal are believed to be somewhere, says which are missing and why, and looks for them."""
 
 from __future__ import annotations
 
@@ -61,11 +61,11 @@ class Waiting:
 
     @property
     def is_blocked(self) -> bool:
-        """Whether it waits for a thing, or for an agent."""
+        """Whether the intention waits for a thing, or for an agent."""
         return self._lacks or bool(self.missing_agents())
 
     def missing_agents(self) -> list[str]:
-        """The agents that must run for anything to be begun, and do not."""
+        """Names of the agents that must run before an action begins, and do not."""
         return self._away((self._config.arm_agent, *self._config.belief_agents))
 
     def tell_missing(self) -> None:
@@ -73,7 +73,7 @@ class Waiting:
         self._tell(WAITING, _not_running(self.missing_agents()))
 
     def lacking(self, goal: Goal) -> list[str]:
-        """Names in the goal of what is not believed to be anywhere."""
+        """Names in the goal of things that are not believed to be anywhere."""
         relations = read_relations(self._memory)
         known = relations.things | relations.tables
         self._believed |= known

@@ -37,7 +37,7 @@ _MOST_STEPS = 48  # of physics in one step of the belief; time beyond is lost
 
 
 class Belief:
-    """Where the objects are and what they rest on, as far as perception and physics tell.
+    """The believed poses and supports of objects, by perception and physics.
 
     Args:
         config: tolerances.
@@ -131,7 +131,7 @@ class Belief:
         self._bodies.object(name).recall_seen(world_pose, stamp, camera)
 
     def recall_explanation(self, changes: tuple[ExplainedChange, ...], time: float, now: float) -> None:
-        """Know, at time `now` (s), what was explained at another `time` (s) by an earlier run."""
+        """Take over at time `now` (s) an explanation that an earlier run made at another `time` (s)."""
         self._explainer.recall(changes, time, now)
 
     def recall_support(self, relation: Relation, since: float, now: float, source: str) -> None:
@@ -168,7 +168,7 @@ class Belief:
         item.observe(make_percept(world_pose, stamp, seen_from, self.config), camera)
 
     def look(self, look: Look | None) -> None:
-        """Know from now on what the cameras should see; None without a camera."""
+        """Use `look` from now on for the objects that cameras should see; None without a camera."""
         self._explainer.look = self._touching.look = look
 
     def doubt_cameras(self, in_doubt: Collection[str], *, standing: Collection[str]) -> None:
@@ -179,23 +179,26 @@ class Belief:
         self._explainer.cameras_in_doubt, self._explainer.cameras_standing = frozenset(in_doubt), frozenset(standing)
 
     def flag(self, names: Collection[str]) -> None:
-        """These objects are surprising from now on, and no others: what is off with them is explained soon."""
+        """Take in the names of the objects that are surprising from now on; the others are not.
+
+        Their displacements are explained soon.
+        """
         self._explainer.flagged = frozenset(names)
 
     def plan(self, relations: Collection[Relation]) -> None:
-        """(object, support): a plan is putting these objects down there."""
+        """Take in the relations (object, support) that a plan is establishing now."""
         self._explainer.planned = frozenset(relations)
 
     def hold(self, grasps: Mapping[str, GripperGrasp]) -> None:
-        """These objects, by name, are in a gripper from now on, and no others."""
+        """Take in the objects, by name, that are in a gripper from now on; others are not."""
         self._holding.update(grasps)
 
     def touch(self, hands: Mapping[str, HandPercept]) -> None:
-        """These human hands, by name, are known from now on, and no others."""
+        """Take in the percepts of human hands, by name; other hands are not known any more."""
         self._touching.observe(hands)
 
     def recall_grasp(self, relation: Relation, grasp: HandGrasp, now: float) -> None:
-        """Believe again that a hand touches an object: (hand, object)."""
+        """Restore a grasp (hand, object) that an earlier run believed."""
         self._touching.recall(relation, grasp, now)
 
     def grasps(self) -> Mapping[Relation, HandGrasp]:
@@ -245,7 +248,7 @@ class Belief:
         return Pose(position, rotation, self._now or 0.0, item.covariance(rotation))
 
     def solids(self) -> list[Solid]:
-        """All objects that have a place, there."""
+        """Solids of all objects that have a place, at their believed poses."""
         return [self._bodies.solid(name) for name in self._bodies.objects if name in self._bodies.sim]
 
     def scene(self) -> RolloutScene:
@@ -253,7 +256,7 @@ class Belief:
         return self._bodies.frozen()
 
     def supports(self) -> dict[Relation, float]:
-        """(object, what it rests on) and since when (s); nothing is said of the floor."""
+        """Pairs (object, support) that hold, with the time (s) since when; pairs with the floor are left out."""
         return {relation: since for relation, since in self._relations.current().items() if FLOOR not in relation}
 
     def contents(self) -> dict[Relation, float]:
@@ -269,7 +272,7 @@ class Belief:
         return self._bodies.object(name).estimate_at(now) is not None
 
     def plausible(self, name: str) -> bool:
-        """Whether what is seen of it now, if anything is, fits a pose that physics allows, up to its noise."""
+        """Whether the present percept of an object, if any, fits a physically possible pose, up to its noise."""
         item = self._bodies.object(name)
         if item.holder:
             return True

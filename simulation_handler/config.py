@@ -54,7 +54,7 @@ class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     explain_after: float = 1.0
     """s that an object must hover before something unseen is put beneath it."""
     explain_sigmas: float = 1.7
-    """Standard deviations of its height by which the height of what is put beneath may miss it."""
+    """Standard deviations of an object's height by which a stack beneath it may miss this height."""
 
     reasoner: str = "belief"
     """Name of the method that keeps the belief: "belief" for the built-in one, or one that a package provides."""
@@ -62,7 +62,7 @@ class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     """Parameters of a reasoner that a package provides, by name."""
 
     policy: str = "hypotheses"
-    """How surprises are explained: by simulated hypotheses, or by what a package provides under another name."""
+    """Name of the method that explains surprises: by simulated hypotheses, or one that a package provides."""
     surprise_distance: float = 0.010
     """m between percept and belief from which that is not noise but needs an explanation."""
     surprise_angle: float = 0.2
@@ -74,9 +74,9 @@ class BeliefConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     follow_for: float = 1.0
     """s after an explanation in which the same object may go on moving without a new flag."""
     look_again_after: float = 0.5
-    """s between two attempts to explain what could not be explained."""
+    """s between two attempts to explain something that could not be explained."""
     least_gap_tolerance: float = 0.012
-    """m by which the height of what is put beneath may miss the gap, at least."""
+    """m by which the height of a stack beneath an object may miss the gap, at least."""
     rollout_seconds: float = 0.4
     """s for which each hypothesis is simulated."""
     most_rollouts: int = 48

@@ -19,7 +19,7 @@ from simulation_handler.shapes.geometry import Solid
 
 
 class Reasoner(Protocol):
-    """A belief about objects, kept in step with perception. See `Belief` for what its methods mean in full."""
+    """A belief about objects, kept in step with perception. See `Belief` for the full meaning of its methods."""
 
     config: BeliefConfig
 
@@ -55,10 +55,10 @@ class Reasoner(Protocol):
         """Believe again that an object was taken out of the scene."""
 
     def recall_seen(self, name: str, world_pose: Pose, stamp: float, camera: str) -> None:
-        """Know where and when an object was last seen, though that has been taken in before."""
+        """Take over where and when an object was last seen by an earlier run."""
 
     def recall_explanation(self, changes: tuple[ExplainedChange, ...], time: float, now: float) -> None:
-        """Know what was explained before."""
+        """Take over an explanation of an earlier run."""
 
     def recall_support(self, relation: Relation, since: float, now: float, source: str) -> None:
         """Believe again that an object has been resting on another one."""
@@ -75,22 +75,22 @@ class Reasoner(Protocol):
         """Take in a percept."""
 
     def look(self, look: Look | None) -> None:
-        """Know what the cameras should see."""
+        """Use `look` from now on for the objects that cameras should see."""
 
     def doubt_cameras(self, in_doubt: Collection[str], *, standing: Collection[str]) -> None:
         """Know of which cameras somebody finds out if they have moved, or has found out that they have not."""
 
     def flag(self, names: Collection[str]) -> None:
-        """Know which objects are surprising."""
+        """Take in the names of the objects that are surprising."""
 
     def plan(self, relations: Collection[Relation]) -> None:
-        """Know what a plan is putting down, and where."""
+        """Take in the relations that a plan is establishing now."""
 
     def hold(self, grasps: Mapping[str, GripperGrasp]) -> None:
-        """Know what is held."""
+        """Take in the objects that grippers hold."""
 
     def touch(self, hands: Mapping[str, HandPercept]) -> None:
-        """Know where human hands are."""
+        """Take in the percepts of human hands."""
 
     def recall_grasp(self, relation: Relation, grasp: HandGrasp, now: float) -> None:
         """Believe again that a hand touches an object."""
@@ -105,22 +105,22 @@ class Reasoner(Protocol):
         """world_from_object; None while its place is unknown."""
 
     def solids(self) -> list[Solid]:
-        """All objects that have a place, there."""
+        """Solids of all objects that have a place, at their believed poses."""
 
     def scene(self) -> RolloutScene:
-        """All that has a place, as it is now."""
+        """The present scene: all bodies that have a place."""
 
     def supports(self) -> Mapping[Relation, float]:
-        """(object, what it rests on) and since when (s)."""
+        """Pairs (object, support) that hold, with the time (s) since when."""
 
     def contents(self) -> Mapping[Relation, float]:
-        """(object, what it is in) and since when (s)."""
+        """Pairs (object, container) that hold, with the time (s) since when."""
 
     def source(self, relation: Relation) -> str:
         """The source of a relation that holds."""
 
     def plausible(self, name: str) -> bool:
-        """Whether what is perceived of an object is physically possible."""
+        """Whether the percept of an object is physically possible."""
 
     def is_gone(self, name: str) -> bool:
         """Whether the object is believed to have been taken out of the scene."""

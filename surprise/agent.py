@@ -20,7 +20,7 @@ _OLDEST = 1.0  # s, percepts older than that when they are found say nothing any
 
 
 class SurpriseDetector(Agent):
-    """Compares for each object what cameras perceive with what the simulation believes, and says where they disagree.
+    """Compares percepts of each object with its belief, and says where they disagree.
 
     Writes `surprising` and `surprise` (why, with figures) on objects and cameras. An object is surprising when
 
@@ -65,7 +65,7 @@ class SurpriseDetector(Agent):
         self._now: float | None = None
 
     def tick(self, now: float) -> None:
-        """Compare what is new at time `now` (s). A clock that was set back makes all evidence void."""
+        """Compare new percepts at time `now` (s). A clock that was set back makes all evidence void."""
         if self._now is not None and now < self._now:
             self.log.warning("the clock was set back by %.1f s: beginning anew", self._now - now)
             self._start_anew()

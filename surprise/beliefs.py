@@ -1,4 +1,4 @@
-"""From the graph: what is believed of each object, now and a moment ago."""
+"""From the graph: the belief about each object, now and a moment ago."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _SOON = 0.15  # s between two samples of a belief that is on its way; it rested 
 
 
 class Beliefs:
-    """Where objects are believed to be (Virtual_RT), with their recent past."""
+    """The believed poses of objects (Virtual_RT), with their recent past."""
 
     def __init__(self, memory: Memory, jump: float, jump_turn: float) -> None:
         self._memory = memory
@@ -23,7 +23,7 @@ class Beliefs:
         self._samples: dict[str, deque[tuple[float, Pose]]] = {}
 
     def update(self, now: float, objects: list[Node], moving: set[str]) -> set[str]:
-        """Take note of what is believed at `now` (s); those whose belief jumped.
+        """Take note of the beliefs at `now` (s), and return the objects whose belief jumped.
 
         A belief in `moving` is on its way as it should be, and does not jump.
         """

@@ -26,11 +26,11 @@ class SurpriseConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     turn: Positive = 0.15
     """rad about the vertical"""
     tilt: Positive = 0.30
-    """rad about a horizontal axis, which perception knows least well"""
+    """rad about a horizontal axis: perception knows tilt least well"""
     depth_bound: Positive = 0.020
     """m along the viewing ray that the systematic error may be, while it is not known"""
     depth_change: Positive = 0.012
-    """m along the viewing ray from the systematic error, once that is known"""
+    """m along the viewing ray from the known systematic error"""
     sigmas: Positive = 4.0
     """Standard deviations in the direction of the disagreement."""
     hysteresis: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.7
@@ -56,7 +56,7 @@ class SurpriseConfig(PerceptNoise, frozen=True, forbid_unknown_fields=True):
     learn_window: Count = 50
     """Percepts over which it is averaged."""
     unseen_noise: NotNegative = 0.005
-    """m, of a belief without covariance: of what was never seen where it is believed to be"""
+    """m, of a belief without covariance: of an object that was never seen where it is believed to be"""
     unseen_rotation_noise: NotNegative = 0.1
     """rad, of a belief without covariance: of an object that was never seen where it is believed to be"""
 

@@ -30,14 +30,14 @@ class Deviation:
     depth: float
     """m along the viewing ray, positive if it is perceived farther away; holds the sensor's systematic error"""
     depth_std: float
-    """m, standard deviation of that without the systematic error"""
+    """m, standard deviation of `depth` without the systematic error"""
     turn: Vector3
     """rad, rotation vector"""
     turn_sigmas: float
     """Length of `turn` in standard deviations."""
 
     def extent(self, config: SurpriseConfig) -> float:
-        """How large it is, in the least extents that count: what is less deviates less."""
+        """Measure the deviation in units of the least extents that count: below 1 it does not count."""
         return max(
             math.hypot(*self.beside) / config.shift,
             abs(self.depth) / config.depth_bound,
@@ -45,7 +45,7 @@ class Deviation:
         )
 
     def turning(self, config: SurpriseConfig) -> float:
-        """How large the rotation is, in the least that counts."""
+        """Measure the rotation in units of the least that counts."""
         x, y, z = self.turn
         return max(abs(z) / config.turn, math.hypot(x, y) / config.tilt)
 

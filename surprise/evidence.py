@@ -26,15 +26,15 @@ class Reason:
     kind: str
     text: str
     extent: float = 0.0
-    """How much, m or rad; 0 where there is no such thing."""
+    """Extent of the deviation, m or rad; 0 where there is no such thing."""
 
 
 @dataclass
 class DeviationSighting:
-    """A percept and how far it is from the belief."""
+    """A percept with its deviation from the belief."""
 
     stamp: float
-    """s"""
+    """Time of the percept, s."""
     pose: Pose
     """world_from_object"""
     eye: Vector3

@@ -71,7 +71,7 @@ class _Camera:
 
 
 class Expectations:
-    """Compares what all cameras should see with what they deliver."""
+    """Compares the objects that all cameras should see with their percepts."""
 
     def __init__(self, memory: Memory, config: SurpriseConfig) -> None:
         self._memory = memory
@@ -81,7 +81,10 @@ class Expectations:
         self._last_percept: dict[str, float] = {}  # object -> stamp, s, from any camera
 
     def update(self, now: float, percepts: Iterable[Percept], changed: Collection[str]) -> None:
-        """Bring it to time `now` (s). What is expected of the objects in `changed` begins anew: their belief did."""
+        """Bring the expectations to time `now` (s).
+
+        Those of the objects in `changed` begin anew, because their belief changed.
+        """
         edges = {(edge.src, edge.dst): edge for edge in self._memory.edges("sees")}
         names = {node.name for node in self._memory.nodes(THINGS)}
         self._cameras = {node.name: self._cameras.get(node.name) or _Camera() for node in self._memory.nodes("camera")}

@@ -25,7 +25,7 @@ def vector(way: Way, deviation: Deviation, bias: float | None) -> Vector3:
 
 
 def exceeds(way: Way, deviation: Deviation, bias: float | None, config: SurpriseConfig, share: float = 1.0) -> bool:
-    """Whether it is beyond `share` of the limits: beyond the least extent, and beyond noise."""
+    """Whether the deviation is beyond `share` of the limits: beyond the least extent, and beyond noise."""
     sigmas = share * config.sigmas
     if way == "beside":
         return math.hypot(*deviation.beside) >= share * config.shift and deviation.beside_sigmas >= sigmas
@@ -40,7 +40,7 @@ def exceeds(way: Way, deviation: Deviation, bias: float | None, config: Surprise
 
 
 def disagrees(deviation: Deviation, bias: float | None, config: SurpriseConfig, share: float = 1.0) -> bool:
-    """Whether it is beyond `share` of the limits in any way."""
+    """Whether the deviation is beyond `share` of the limits in any way."""
     return any(exceeds(way, deviation, bias, config, share) for way in WAYS)
 
 

@@ -24,7 +24,7 @@ class Suspicion:
         self._calm_since: float | None = None
 
     def update(self, now: float, reasons: Sequence[Reason], *, agrees: bool, undecided: bool) -> bool:
-        """Take in what there is at `now` (s) and say whether flag or text changed.
+        """Take in the reasons at `now` (s), and return whether flag or text changed.
 
         Args:
             now: s.

@@ -1,4 +1,4 @@
-"""Writes what hands and grippers do to things, as events of the timeline."""
+"""Writes the actions of hands and grippers on things, as events of the timeline."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from dsr.vocabulary.relations import SURFACES, THINGS
 
 
 class ActionInference(Agent):
-    """Reads how things are perceived and believed and what grasps them; writes events `Pick`, `Place` and `Release`.
+    """Reads percepts, beliefs and grasps of things; writes events `Pick`, `Place` and `Release`.
 
     Their participants are the thing and the hand or gripper that did it, or `unknown`; `confidence` is 0 to 1, `time`
     when it happened. After a restart it goes on from the events that it finds.

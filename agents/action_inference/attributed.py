@@ -1,4 +1,4 @@
-"""The default policy: actions by what is seen and felt to move, with who did it and when.
+"""The default policy: infers actions from motions, percepts and grasps, with actor and time.
 
 A thing is picked when it rises above where it lay, by its percepts or, while something holds it, by its belief; not
 when what it is in or on rises with it. It is held until whoever holds it lets go: it is placed then if it rests where
@@ -45,7 +45,7 @@ _UPRIGHT_COSINE = 0.95  # cosine of how far it may lean then
 
 
 class AttributedPolicy:
-    """See the module.
+    """Infers actions by percepts and grasps, and attributes each to a hand or gripper; see the module.
 
     Args:
         config: tolerances.

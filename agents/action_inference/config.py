@@ -17,7 +17,7 @@ class ActionInferenceConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=T
     """Configuration of the agent `action_inference`."""
 
     policy: str = "attributed"
-    """Which method infers: ours, or what a package provides under another name."""
+    """Name of the method that infers: ours, or one that a package provides."""
     parameters: dict[str, float] = {}
     """Parameters of a method that a package provides, by name."""
 
@@ -26,7 +26,7 @@ class ActionInferenceConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=T
     lifted_frames: Annotated[int, Meta(ge=1)] = 2
     """Percepts in a row that must show it: a single one may be wrong."""
     steady: _Positive = 0.008
-    """m within which percepts of a thing that lies still stay"""
+    """m within which percepts of a resting thing stay"""
     fallen: _Positive = 0.02
     """m that a thing must have come down since it was let go to have been released rather than placed"""
     settle: _Positive = 0.15

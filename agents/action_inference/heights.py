@@ -19,16 +19,16 @@ _LOW = 0.4  # of the threshold, up to which it may still lie
 
 
 class Height(NamedTuple):
-    """Where a thing was at one moment."""
+    """The height of a thing at one moment."""
 
     time: float
-    """s"""
+    """Time of the sample, s."""
     bottom: float
     """World z of its lowest point, m."""
     position: Vector3
     """Position of the thing's centre in the world, m."""
     sigma: float = 0.0
-    """m, standard deviation of its height"""
+    """m, standard deviation of the height"""
 
     @staticmethod
     def seen(bottom: float, pose: Pose) -> Height:
@@ -61,7 +61,7 @@ class Heights:
 
     @property
     def lies(self) -> bool:
-        """Whether it is known where it lay."""
+        """Whether the resting place of the thing is known."""
         return self._rest is not None
 
     def add(self, sample: Height) -> None:
@@ -87,7 +87,7 @@ class Heights:
             self._rest = Height(last.time, bottom, (*last.position[:2], z))
 
     def lie_anew(self, since: float) -> bool:
-        """Let it lie where it was seen on average since then (s); false while there are too few samples for that.
+        """Take the mean of the samples since then (s) for the resting place; false while there are too few samples.
 
         The few percepts before it was hidden may have been of a part of it, and so off.
         """
@@ -111,18 +111,18 @@ class Heights:
 
     @property
     def is_rising(self) -> bool:
-        """Whether the newest sample is higher than noise would have it."""
+        """Whether the newest sample is above the resting place by more than noise."""
         return bool(self._samples) and self.rise(self._samples[-1]) > _LOW * self._lifted
 
     @property
     def is_lowered(self) -> bool:
-        """Whether it is now lower than where it lay."""
+        """Whether the thing is now lower than its resting place."""
         newest = list(self._samples)[-self._frames :]
         return len(newest) == self._frames and all(self.rise(sample) < -self._lifted for sample in newest)
 
     @property
     def is_lifted(self) -> bool:
-        """Whether enough samples in a row show that it is above where it lay."""
+        """Whether enough samples in a row show the thing above its resting place."""
         newest = list(self._samples)[-self._frames :]
         return len(newest) == self._frames and all(map(self._is_high, newest))
 

@@ -18,7 +18,7 @@ class ObservedGrasp(NamedTuple):
     holder: str
     """Node of a hand or gripper."""
     since: float
-    """s"""
+    """Begin of the grasp, s."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class ObservedThing:
     seen: Pose | None = None
     """world_from_object of the newest percept, with its stamp."""
     in_doubt: bool = False
-    """The camera of that percept may have been bumped."""
+    """Whether the camera of the percept may have been bumped."""
     believed: Pose | None = None
     """world_from_object"""
     on: frozenset[str] = frozenset()
@@ -49,7 +49,7 @@ class ObservedThing:
         return pose.t[2] - 0.5 * sum(abs(part) * edge for part, edge in zip(down, self.size, strict=True))
 
     def distance(self, point: Vector3, pose: Pose) -> float:
-        """From a point to its bounding box at `pose`, m; 0 inside."""
+        """Distance (m) from a point to the thing's bounding box at `pose`; 0 inside."""
         local = quaternions.rotate(
             quaternions.conjugate(pose.q), (point[0] - pose.t[0], point[1] - pose.t[1], point[2] - pose.t[2])
         )
@@ -61,7 +61,7 @@ class Holder(NamedTuple):
 
     name: str
     points: tuple[Vector3, ...]
-    """Where it can hold something, m, world: the palm first, then fingertips."""
+    """Points (m, world) where the holder can hold something: the palm first, then fingertips."""
     perceived: bool = True
     """Whether the holder's present place is known."""
     shows_fingers: bool = True
@@ -73,14 +73,14 @@ class Snapshot:
     """One moment."""
 
     now: float
-    """s"""
+    """Time of the snapshot, s."""
     things: Mapping[str, ObservedThing] = field(default_factory=dict)
     holders: Mapping[str, Holder] = field(default_factory=dict)
     floor_below: float = -math.inf
     """m, world z below which a thing that lies still lies on the floor: well below all tables"""
 
     def shows_fingers(self, holder: str) -> bool:
-        """Whether it is known now what the fingers of a holder do."""
+        """Whether the state of a holder's fingers is known now."""
         known = self.holders.get(holder)
         return known is not None and known.perceived and known.shows_fingers
 

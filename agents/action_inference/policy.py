@@ -12,9 +12,9 @@ class Inference(NamedTuple):
     """An action that was inferred."""
 
     action: Action
-    """When it happened, not when that was noticed."""
+    """The action, with the time when it happened, not when that was noticed."""
     confidence: float
-    """0 to 1"""
+    """Probability (0 to 1) that the action is true."""
     why: str
     """The evidence, in a few words."""
 

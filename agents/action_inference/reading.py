@@ -18,13 +18,13 @@ from dsr.vocabulary.perceived import is_perceived
 from dsr.vocabulary.relations import SURFACES, THINGS, is_present
 
 HOLDERS = ("hand", "gripper")
-"""Node types of what can hold a thing."""
+"""Node types that can hold a thing."""
 
 _BELOW_TABLES = 0.1  # m
 
 
 class SnapshotReader:
-    """Observes a memory. What cannot be used is left out and counted."""
+    """Observes a memory. Unusable nodes and edges are left out and counted."""
 
     def __init__(self, memory: Memory) -> None:
         self._memory = memory

@@ -17,19 +17,19 @@ class ThingTrack:
     held: bool = False
     by: str = UNKNOWN
     last_grasp: float | None = None
-    """s, when something was last known to hold it since it was picked."""
+    """Time (s) when something was last known to hold the thing since it was picked; None without any."""
     let_go: Height | None = None
     """Believed height of the thing when it was let go; None while it is held."""
     rested: Height | None = None
-    """Where it last rested on something while it was held."""
+    """Height of the thing when it last rested on something while it was held."""
     palm_height: float | None = None
-    """World z of the palm of the hand that held it then, m; None if that was not perceived."""
+    """World z (m) of the palm that held the thing, when it let go; None if the palm was not perceived."""
     hidden: Height | None = None
     """Where it was believed when both it and who holds it were last out of sight, since it was last seen."""
     beneath: tuple[float, frozenset[str]] = (0.0, frozenset())
-    """When (s) what was last beneath or around it."""
+    """Time (s) and names of the last supports or containers."""
     resting_since: float | None = None
-    """s, since when it rests on something untouched."""
+    """Time (s) since when the thing rests on something untouched; None if it does not."""
     returned: bool = False
     """Whether the thing was seen again after a while, and its resting place is not certain yet."""
     returned_at: float = 0.0

@@ -1,4 +1,4 @@
-"""The robot in the graph: its nodes, the RT edges of its kinematic chain, and what its joints measure."""
+"""The robot in the graph: its nodes, the RT edges of its kinematic chain, and its measured joints."""
 
 from __future__ import annotations
 

@@ -11,10 +11,10 @@ from dsr.math3d.transforms import Pose
 
 
 class Mount(msgspec.Struct, frozen=True):
-    """Where something is fixed in its parent's frame."""
+    """The pose of something that is fixed in its parent's frame."""
 
     translation: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """m"""
+    """Position of the mounted thing in its parent's frame, m."""
     rotation: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 1.0)
     """Quaternion (x, y, z, w)"""
 
@@ -31,7 +31,7 @@ class CameraConfig(msgspec.Struct, frozen=True):
 
     driver: str = "agents.plant.driver:PlantCamera"
     name: str = ""
-    """Which of the driver's cameras; the node's name if empty."""
+    """Name of the camera at the driver; the node's name if empty."""
     link: str = ""
     """URDF link of the optical frame, fixed to the end effector; if given, `parent` and `mount` are not used."""
     parent: str = "world"
@@ -54,7 +54,7 @@ class ArmControllerConfig(msgspec.Struct, frozen=True):
     end_effector_link: str = "end_effector_link"
     """The flange, node `gripper`."""
     tool_link: str = "tool_link"
-    """The point that goes to `target_pose`."""
+    """Name of the link whose frame goes to `target_pose`."""
     robot: str = "robot"
     arm: str = "arm"
     gripper: str = "gripper"
@@ -62,7 +62,7 @@ class ArmControllerConfig(msgspec.Struct, frozen=True):
     mount: Mount = Mount()
     """world_from_robot"""
     arm_mount: Mount = Mount()
-    """robot_from_arm"""
+    """Pose of the arm's base in the robot's frame, robot_from_arm"""
     cameras: dict[str, CameraConfig] = {}
     """Cameras by the name of their node."""
     default_speed: float = 0.5

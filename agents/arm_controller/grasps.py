@@ -59,15 +59,15 @@ class Upright:
     """An object that stands: its axes with the vertical one known."""
 
     center: Array
-    """(3,) m, world"""
+    """(3,) m, centre of the object in the world"""
     sides: tuple[tuple[Array, float], tuple[Array, float]]
     """Horizontal axes (3,), world, with the length (m) of the object along them"""
     height: float
-    """m"""
+    """Height of the object, m."""
 
     @property
     def is_square(self) -> bool:
-        """Whether it looks the same from above after a quarter turn."""
+        """Whether the object looks the same from above after a quarter turn."""
         (_, one), (_, other) = self.sides
         return abs(one - other) <= _SQUARE
 

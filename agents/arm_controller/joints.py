@@ -18,15 +18,15 @@ class Joints(msgspec.Struct, frozen=True):
     """One sample of the arm, joints in the order of the chain."""
 
     stamp: float
-    """s"""
+    """Time of the sample, s."""
     positions: tuple[float, ...]
-    """rad"""
+    """Joint positions, rad."""
     velocities: tuple[float, ...]
-    """rad/s"""
+    """Joint velocities, rad/s."""
     opening: float
     """m between the finger pads"""
     contact: bool
-    """Both pads touch something."""
+    """Whether both pads touch something."""
 
 
 def read_joints(state: ArmState, names: Sequence[str]) -> Joints:

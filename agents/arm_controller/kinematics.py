@@ -53,9 +53,9 @@ class InverseSolution:
     positions: tuple[float, ...]
     """rad or m, within the limits; those of continuous joints within half a turn of the start"""
     position_error: float
-    """m"""
+    """Distance of the tip from the target, m."""
     rotation_error: float
-    """rad"""
+    """Angle of the tip to the target, rad."""
 
 
 class JointChain:

@@ -1,4 +1,4 @@
-"""Whether a path of the arm is free of what is believed to be there, and of the arm itself."""
+"""Checks whether a path of the arm is free of all that is believed to be there, and of the arm itself."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from dsr.math3d.boxes import Array, Boxes, stacked
 from dsr.math3d.transforms import Pose
 
 MARGIN = 0.01
-"""m that the arm and what it carries keep away from things"""
+"""m that the arm and its load keep away from things"""
 GRIPPER_MARGIN = 0.003
 """m that the gripper keeps away on a final line, where it works between things"""
 STANDOFF = GRIPPER_MARGIN + 0.0001
@@ -34,7 +34,7 @@ class Load:
     opening: float
     """m between the fingers"""
     held: tuple[LinkBox, ...] = ()
-    """In the tool's frame."""
+    """Boxes of the held object, in the tool's frame."""
 
 
 class Obstacles:

@@ -21,7 +21,7 @@ PATIENCE = 1.0
 
 
 class NodeReport:
-    """Writes the status of one node when it changes; what is wrong is logged, too."""
+    """Writes the status of one node when it changes; failures are logged, too."""
 
     def __init__(self, memory: Memory, node: str, log: logging.Logger) -> None:
         self._memory = memory

@@ -1,4 +1,4 @@
-"""Whether the gripper has room around an object: what it would touch there while the fingers close."""
+"""Checks whether the gripper has room around an object: the things that it would touch while the fingers close."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Room:
 
     @property
     def reach(self) -> float:
-        """How far the fingers reach beyond the tool point, m."""
+        """Length (m) by which the fingers reach beyond the tool point."""
         return self._figure.reach
 
     def blockers(self, tools: Sequence[Pose], width: float, opening: float) -> list[tuple[str, ...]]:

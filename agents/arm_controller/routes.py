@@ -1,4 +1,4 @@
-"""Finds a way for the arm among what is believed to be there: straight, or up, across and down again."""
+"""Finds a path for the arm among all that is believed to be there: straight, or up, across and down again."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ class BlockedError(DsrError):
 
 @dataclass(frozen=True)
 class JointGoal:
-    """Where a route ends."""
+    """The end of a route."""
 
     positions: Array
-    """(n,) rad"""
+    """Joint positions (n,) at the end of the route, rad."""
     approach: float = 0.0
     """m, length of the straight way down at its end"""
 

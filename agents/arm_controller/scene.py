@@ -67,7 +67,7 @@ class ArmScene:
         return node is not None and node.get("perceived") is True
 
     def objects(self) -> list[Obstacle]:
-        """All objects that are believed to be somewhere."""
+        """List all objects that are believed to be somewhere."""
         names = [edge.dst for edge in self._memory.edges("Virtual_RT", src=WORLD)]
         return [thing for name in names if (thing := self.object(name)) is not None]
 
@@ -81,7 +81,7 @@ class ArmScene:
         return None if size is None or pose is None else Obstacle(name, pose @ Pose((0.0, 0.0, -size[2] / 2)), size)
 
     def tables(self) -> list[Obstacle]:
-        """All tables."""
+        """List all tables."""
         return [thing for node in self._memory.nodes("table") if (thing := self.table(node.name)) is not None]
 
     def models(self, base: Vector3) -> list[Obstacle]:
@@ -121,5 +121,5 @@ class ArmScene:
         return None if edge is None else edge.get("pose")
 
     def world_from(self, node: str) -> Pose:
-        """Where a part of the robot is. Raises `TransformError` if it is unknown."""
+        """Pose of a part of the robot in the world. Raises `TransformError` if it is unknown."""
         return self._memory.transform(WORLD, node)

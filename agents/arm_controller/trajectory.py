@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 SPACING = 0.02
-"""rad between two points of a path, along the joint that moves most"""
+"""rad between two points of a path, along the joint with the largest motion"""
 PERIOD = 0.02
 """s between two points of a trajectory"""
 _LEAST_POINTS = 5  # so that there is room to gain speed and lose it
@@ -31,11 +31,11 @@ class Trajectory:
     times: Array
     """(m,) s since it begins"""
     positions: Array
-    """(m, n) rad"""
+    """Joint positions (m, n), rad: m samples of n joints."""
 
     @property
     def duration(self) -> float:
-        """How long it takes, s."""
+        """Duration of the trajectory, s."""
         return float(self.times[-1])
 
 

@@ -56,7 +56,7 @@ class Joint:
 
     @property
     def moves(self) -> bool:
-        """Whether it has a position."""
+        """Whether the joint moves, and so has a position."""
         return self.kind != "fixed"
 
     def pose(self, position: float) -> Pose:
@@ -101,7 +101,7 @@ class Robot:
         return tuple(reversed(chain))
 
     def below(self, link: str) -> Iterator[Joint]:
-        """All joints that hang, directly or not, below `link`."""
+        """Yield all joints that hang, directly or not, below `link`."""
         for joint in self.joints:
             if joint.parent == link:
                 yield joint

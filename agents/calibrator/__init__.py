@@ -1,4 +1,4 @@
-"""Finds out where the cameras are, from what they see of objects whose places are believed."""
+"""Finds the poses of cameras from percepts of objects whose places are believed."""
 
 from agents.calibrator.agent import Calibrator
 from agents.calibrator.config import CalibratorConfig

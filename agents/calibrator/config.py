@@ -10,7 +10,7 @@ from dsr.vocabulary.calibration import DEFAULT_METHOD, checked_method
 
 
 class CalibratorConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """How views are collected."""
+    """How views are collected, and when a camera is in doubt."""
 
     span: float = 1.0
     """s that the camera looks from each pose"""

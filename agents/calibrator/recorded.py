@@ -1,4 +1,4 @@
-"""Calibration of a camera from a recording: what it saw there, beside what was believed then."""
+"""Calibrates a camera from a recording: its percepts there, beside the beliefs of that time."""
 
 from __future__ import annotations
 

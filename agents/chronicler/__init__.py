@@ -1,4 +1,4 @@
-"""Writes to the timeline what follows from the state of the graph, so that agents need not watch all of it."""
+"""Writes the facts of the graph to the timeline, so that agents need not watch all of the graph."""
 
 from agents.chronicler.agent import Chronicler, ChroniclerConfig
 

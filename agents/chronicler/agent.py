@@ -1,4 +1,4 @@
-"""The chronicler: watches the graph and the agents, and writes what happens to the timeline."""
+"""The chronicler: watches the graph and the agents, and writes events and situations to the timeline."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _LAG = 1.0
 
 
 class Keeper:
-    """Begins what holds and is not open, and ends what is open and does not hold.
+    """Begins situations that hold and are not open, and ends those that are open and do not hold.
 
     It goes by what it finds on the timeline, not by what it did: so it goes on after a restart, and several of them
     write the same. Situations that were begun twice with different keys are one: the earliest stays.
@@ -162,7 +162,7 @@ class Company:
             yield ChronicledFact(AGENT, run, begin, repr(begin), False, text)
 
     def ending(self, entry: Entry, now: float) -> tuple[float, str]:
-        """When (s) and how an agent's run ended; of one that never was heard, `now`."""
+        """Time (s) and manner of the end of an agent's run; `now` for an agent that was never heard."""
         agent, rid = (*entry.participants, "", "")[:2]
         return self._gone.get((agent, rid), (now, f"{agent} is not heard"))
 
@@ -196,7 +196,7 @@ class ChroniclerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Chronicler(Agent):
-    """Writes what follows from the state of the graph.
+    """Writes situations and events that follow from the state of the graph.
 
     Situations: relations, surprises, things in the scene, intentions that are pursued, actions that run, agents at
     work. Events: each new status of an intention or an action.

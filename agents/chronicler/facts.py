@@ -13,7 +13,7 @@ from dsr.vocabulary.relations import is_present
 
 
 class ChronicledFact(NamedTuple):
-    """Something that holds."""
+    """A fact that holds now."""
 
     kind: str
     participants: tuple[str, ...]
@@ -28,7 +28,7 @@ class ChronicledFact(NamedTuple):
 
 
 def read_facts(memory: Memory, relations: Iterable[str], surprising: Iterable[str], now: float) -> list[ChronicledFact]:
-    """All that holds at time `now` (s).
+    """Read all facts that hold at time `now` (s).
 
     Args:
         memory: the graph.

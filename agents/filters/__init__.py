@@ -1,1 +1,1 @@
-"""Standard filters: worlds made from others by what is in them. Each module is one, and a program."""
+"""Standard filters: worlds derived from others by their content. Each module is one, and a program."""

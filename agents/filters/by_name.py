@@ -11,7 +11,7 @@ from dsr.worlds import Filter, FilterConfig
 
 
 class ByNameConfig(FilterConfig, frozen=True, forbid_unknown_fields=True):
-    """Which names; `*`, `?` and `[abc]` as in the shell."""
+    """Patterns of names; `*`, `?` and `[abc]` as in the shell."""
 
     names: tuple[str, ...] = ()
     """Patterns of those that are passed on; all if empty."""

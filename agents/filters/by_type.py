@@ -8,7 +8,7 @@ from dsr.worlds import Filter, FilterConfig
 
 
 class ByTypeConfig(FilterConfig, frozen=True, forbid_unknown_fields=True):
-    """Which types of nodes."""
+    """Node types that are passed on, or not."""
 
     types: tuple[str, ...] = ()
     """Node types that are passed on; all if empty."""

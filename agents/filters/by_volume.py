@@ -11,12 +11,12 @@ from dsr.worlds import Filter, FilterConfig
 
 
 class ByVolumeConfig(FilterConfig, frozen=True, forbid_unknown_fields=True):
-    """Which volumes, of the box around a thing."""
+    """Limits of the volume of the box around a thing."""
 
     least: float = 0.0
-    """m^3"""
+    """Least volume that is passed on, m^3."""
     most: float = math.inf
-    """m^3"""
+    """Greatest volume that is passed on, m^3."""
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.least <= self.most:
@@ -24,7 +24,7 @@ class ByVolumeConfig(FilterConfig, frozen=True, forbid_unknown_fields=True):
 
 
 class ByVolume(Filter):
-    """Passes on what is neither smaller nor larger than wanted, frames without extent included."""
+    """Passes on things that are neither too small nor too large, and frames without extent."""
 
     name = "by_volume"
     Config = ByVolumeConfig

@@ -16,7 +16,7 @@ from dsr.vocabulary.intrinsics import INTRINSICS
 
 
 class FixedCameraConfig(msgspec.Struct, frozen=True):
-    """Where the camera is believed to be, and where its frames come from."""
+    """The believed pose of the camera, and the source of its frames."""
 
     node: str = "camera_fixed"
     """Name of its node, which is also that of its stream of frames."""
@@ -25,7 +25,7 @@ class FixedCameraConfig(msgspec.Struct, frozen=True):
     options: dict[str, Any] = {}
     """Passed to the driver."""
     mount: CameraSpec | None = None
-    """Where it stands and looks."""
+    """Pose of the camera on its stand; None if the `[camera]` of a scenario tells it."""
     scenario: str = ""
     """Name or file of the scenario whose `[camera]` tells that, if `mount` is not given."""
 

@@ -50,7 +50,7 @@ class Smoothing(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class HandTrackerConfig(msgspec.Struct, frozen=True):
-    """Which cameras, how hands are found in their frames, and how long they are remembered."""
+    """The cameras, how hands are found in their frames, and how long they are remembered."""
 
     cameras: tuple[str, ...] = ("camera_overhead", "camera_wrist")
     """Camera nodes whose frames are looked at, when there are any."""

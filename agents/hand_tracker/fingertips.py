@@ -32,7 +32,7 @@ class Patch(NamedTuple):
     corner: tuple[int, int]
     """px, u and v of the upper left pixel of `inside`"""
     inside: NDArray[np.bool_]
-    """(h, w)"""
+    """Mask (h, w) of the patch's pixels in its window of the image."""
     distance: float
     """m, its median depth"""
 
@@ -41,7 +41,7 @@ class Tip(NamedTuple):
     """A fingertip in the image."""
 
     centre: Array
-    """(2,) px"""
+    """Centre (2,) of the fingertip in the image, px."""
     inwards: Array
     """(2,) unit vector into the finger"""
 

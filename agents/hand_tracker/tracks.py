@@ -48,7 +48,7 @@ class PointFilter:
         return self.point
 
     def shift(self, point: Array, stamp: float) -> None:
-        """Put it somewhere without a measurement."""
+        """Set the filtered point without a measurement."""
         self.point, self.stamp = point, stamp
 
 

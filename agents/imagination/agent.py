@@ -21,9 +21,9 @@ from dsr.vocabulary.what_if import WhatIf
 from dsr.worlds import ROOT
 
 PREFIX = "plan_"
-"""Before the name of a plan in that of its world."""
+"""Prefix of a plan's name in the name of its world."""
 ADOPTED = "adopted"
-"""`status` of the root of the world whose plan was chosen; its `goal` is what that plan is for."""
+"""`status` of the root of the world whose plan was chosen; its `goal` is the plan's goal."""
 NotNegative = Annotated[float, msgspec.Meta(ge=0)]
 
 
@@ -48,7 +48,7 @@ class ImaginationConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True)
 
 
 class Imagination(Agent):
-    """Forks a world `plan_<name>` for each plan, carries it out there by physics, and compares what comes of them.
+    """Forks a world `plan_<name>` for each plan, carries it out there by physics, and compares the outcomes.
 
     The best one's world stays, its root marked as adopted; the others are deleted without trace. If none can be carried
     out, none stays, and its status says why.

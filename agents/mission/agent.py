@@ -23,7 +23,7 @@ class MissionConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Mission(Agent):
-    """Says what is wanted. How that goes, and what it has to wait for, is the planner's: see the intention's `status`.
+    """Writes an intention. Its progress is the planner's: see the intention's `status`.
 
     After a restart it finds its intention by the goal's text, and does not write it again. Its own status says if
     there is no planner.

@@ -19,7 +19,7 @@ _MOVES = 5.0  # standard deviations, by which a reading is off if the person mov
 
 
 class PersonTrackerConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Where the readings come from, and for how long they count."""
+    """The source of the readings, and for how long they count."""
 
     driver: str = "agents.plant.driver:PlantPersons"
     """`module:Class` of a `PersonDriver`."""

@@ -1,4 +1,4 @@
-"""Perspectives: who sees what, and what each person knows of the world by that."""
+"""Perspectives: which person sees which things, and knows which part of the world by that."""
 
 from agents.perspectives.agent import Perspectives
 from agents.perspectives.visibility import Visibility

@@ -1,4 +1,4 @@
-"""The perspective filter: keeps a world for each person, which holds what they see and what they remember."""
+"""The perspective filter: keeps a world for each person, with the things that they see and remember."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from dsr.visibility import BAND, LEAST_SHARE, PERSON, PERSPECTIVES, WIDTH, Visib
 from dsr.vocabulary.relations import SURFACES
 
 PREFIX = "view_of_"
-"""Before the name of a person in that of their world."""
+"""Prefix of a person's name in the name of the person's world."""
 _TOLD = (*LOOKS, "perceived", "present", "last_seen", "seen_at", "fov", "source", "share", "visible")
 Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
 
 
 class PerspectivesConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Whose worlds are kept, and what counts as seen."""
+    """The persons whose worlds are kept, and the limits of visibility."""
 
     of: tuple[str, ...] = ()
     """Names of persons and cameras, which may come later; all persons that come if empty."""
     world: str = BASE
-    """The world that they see."""
+    """Name of the world that the persons see."""
     least_share: Share = LEAST_SHARE
     """Least share of a thing's pixels, as it would have alone, from which on it is visible."""
     band: Share = BAND
@@ -47,7 +47,7 @@ class PerspectivesConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True
 
 
 class Perspectives(Agent):
-    """Keeps worlds `view_of_<person>`, one for each person that comes: see `PersonalView` for what they hold.
+    """Keeps worlds `view_of_<person>`, one for each person that comes: see `PersonalView` for their content.
 
     A world stays when the person leaves; after a restart of the agent it goes on, if somebody else holds it.
     """

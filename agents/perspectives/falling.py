@@ -1,4 +1,4 @@
-"""Where something comes to rest that falls straight down, by the forms of what somebody takes to lie beneath."""
+"""Computes where a thing that falls straight down comes to rest, by the forms of the bodies believed below."""
 
 from __future__ import annotations
 
@@ -14,7 +14,9 @@ from dsr.visibility import bodies_of, read_posed, shape_of_thing
 
 
 def fallen(world: Memory, thing: Node, where: Pose) -> Pose | None:
-    """Where a thing comes to lie that falls straight down, without turning.
+    """Compute the pose at which a thing comes to lie that falls straight down, without turning;
+
+    None if nothing is below.
 
     Args:
         world: what somebody believes to be around, and where.

@@ -23,9 +23,9 @@ from dsr.visibility import (
 from dsr.vocabulary.relations import MODELLED, SURFACES, THINGS
 
 KINDS = (*THINGS, *MODELLED)
-"""Types of what is seen and remembered."""
+"""Node types of things that are seen and remembered."""
 LOOKS = ("size", "shape", "bounds", "mesh", "color", "marker_id", "model", "mass", "friction")
-"""Attributes that are taken over from what is seen."""
+"""Attributes that are taken over from visible things."""
 RELATIONS = ("on", "in")
 """Edges likewise."""
 _MOVED = 1e-3, 1e-2  # m, rad, from which a pose is another one
@@ -34,7 +34,7 @@ _TELL_EVERY = 0.5  # s, between two writings of when something was last seen tha
 
 
 class PersonalView:
-    """Keeps the world of one person, or camera, in step with what is seen from there.
+    """Keeps the world of one person, or camera, in step with the things seen from there.
 
     What is seen is known as it is in the source, at once. What was seen before stays where it was (`perceived` false,
     `last_seen`, and `seen_at`), and goes along with the container in which it was, if that is seen to move. What

@@ -1,4 +1,4 @@
-"""The agent that says in the graph what each person sees: edges `sees`."""
+"""The agent that writes which things each person sees: edges `sees`."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
 
 
 class VisibilityConfig(WorldsConfig, frozen=True, forbid_unknown_fields=True):
-    """Whose sight is written, and what counts."""
+    """The persons whose edges `sees` are written, and the limits of visibility."""
 
     kinds: tuple[str, ...] = (PERSON,)
     """Types of perspectives: `person`, `camera`; edges that the simulation handler writes from cameras stay as they

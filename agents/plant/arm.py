@@ -1,4 +1,4 @@
-"""The simulated arm: joints that follow targets, and a gripper that holds what both its pads touch."""
+"""The simulated arm: joints that follow targets, and a gripper that holds an object between its pads."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class Ramp:
 
     @property
     def is_resting(self) -> bool:
-        """Whether it has arrived: another step would change nothing."""
+        """Whether the ramp has arrived: another step would change nothing."""
         return self._trajectory is None and not self.velocities.any() and bool((self.positions == self._target).all())
 
     def step(self, duration: float) -> None:
@@ -107,7 +107,7 @@ class Ramp:
 CAMERA_LINK = "camera_wrist_link"
 """Link of the URDF that is the optical frame of the wrist camera."""
 GRIP_FORCE = 20.0
-"""N, of each finger while it closes"""
+"""N, force of each finger while it closes"""
 
 _HOLD_FORCE = 5.0  # N, of each finger on what is held by the constraint already
 _HOLD_STRENGTH = 200.0  # N, of the constraint
@@ -165,7 +165,7 @@ class SimulatedArm:
 
     @property
     def positions(self) -> tuple[float, ...]:
-        """rad, measured."""
+        """Measured joint positions, rad."""
         return tuple(state[0] for state in self._bullet.getJointStates(self.body, self._joints))
 
     @property

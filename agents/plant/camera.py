@@ -1,4 +1,4 @@
-"""A simulated colour and depth camera: where it is, what it sees, and what becomes of it."""
+"""A simulated colour and depth camera: its pose, its images, and the bumps that it gets."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ class Illusion:
     """An object that is seen elsewhere than it is."""
 
     frames: int
-    """How many more frames show it so."""
+    """Number of further frames that show the object displaced."""
     translation: Vector3
-    """m, world"""
+    """Displacement of the percept in the world, m."""
     turn: Quaternion
     """World, about the object's centre."""
 
@@ -67,7 +67,7 @@ class SimulatedCamera:
         return self._mount() @ self._displacement
 
     def bump(self, displacement: Pose) -> None:
-        """Move it by `displacement`, given in its own optical frame; its mount is not told."""
+        """Move the camera by `displacement`, given in its own optical frame; the believed mount does not change."""
         self._displacement = self._displacement @ displacement
 
     def seen_poses(self, world: World) -> dict[str, Pose]:

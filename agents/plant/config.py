@@ -24,7 +24,7 @@ class PlantConfig(msgspec.Struct, frozen=True):
     """s, time 0 of the scenario; 0.0 waits for the `Start` message of the runner"""
     width: int = 640
     height: int = 480
-    """px"""
+    """Height of camera images, px."""
     fov: float = 0.98
     """rad, horizontal field of view; 0.98 gives a focal length of 600 px at 640 px"""
     overhead: tuple[float, float, float, float, float, float, float] = (*OVERHEAD.t, *OVERHEAD.q)

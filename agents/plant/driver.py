@@ -1,4 +1,4 @@
-"""Drivers for the simulated arm and cameras: what the agents talk to (see agents/drivers.py)."""
+"""Drivers for the simulated arm and cameras, by which the agents talk to them (see agents/drivers.py)."""
 
 from __future__ import annotations
 

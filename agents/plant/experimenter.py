@@ -18,7 +18,7 @@ LIFTED = 0.010
 LOWERED = 0.020
 """m, the largest gap below an object that is being lowered"""
 STILL_JOINT = 0.01
-"""rad/s, the largest velocity of a joint that stands still"""
+"""rad/s, the largest velocity of a joint that counts as still"""
 
 
 def is_true(term: Term, stage: Stage) -> bool:

@@ -20,9 +20,9 @@ REACH = 0.112
 ASIDE = {"pinch": 0.038, "touch": 0.0185}
 """m, of that middle towards the thumb from the palm's axis: fingers go straight ahead and hide little"""
 PITCH = 0.6
-"""rad, by which the fingers of a hand that takes something point downwards"""
+"""rad, angle below the horizontal of the fingers of a hand that takes something"""
 OPENED = 0.025
-"""m, of each fingertip from the object before it closes"""
+"""m, distance of each fingertip from the object before it closes"""
 UPPER = 0.2
 """Share of an object's height, by which it is taken above its centre."""
 SPREAD = 0.022
@@ -30,7 +30,7 @@ SPREAD = 0.022
 MOST_SPREAD = 0.08
 """m, by which fingers that do not touch are sideways of where they are at rest"""
 RAISED = 0.02
-"""m, of fingers that do not touch, out of the palm's plane"""
+"""m, distance out of the palm's plane of fingers that do not touch"""
 _MOST_HITS = 6
 
 
@@ -38,7 +38,7 @@ class HandGrip(NamedTuple):
     """A hand at an object."""
 
     pose: Pose
-    """world_from_palm"""
+    """Pose of the palm in the world, world_from_palm"""
     closed: Array
     """(5, 3) fingertips in the palm's frame that touch it"""
     opened: Array
@@ -76,7 +76,7 @@ def touch(world: World, hand: SimulatedHand, name: str, side: tuple[float, float
 def take(
     world: World, hand: SimulatedHand, name: str, style: Style, side: tuple[float, float], above: float | None
 ) -> HandGrip:
-    """How a hand takes an object in that style."""
+    """Compute how a hand takes an object in the style `style`."""
     return (pinch if style == "pinch" else touch)(world, hand, name, side, above)
 
 

@@ -81,7 +81,7 @@ PUSHES: dict[type[Event], Move] = {Topple: topple, Push: push, Roll: roll}
 
 
 COMES_FROM = 0.35
-"""m, from where a hand first shows itself to where it goes"""
+"""m, distance between the place where a hand first shows and its goal"""
 FINGER_SPEED = 0.1
 """m/s, of a fingertip in the palm's frame"""
 HAND_SPEED = 0.4
@@ -145,7 +145,7 @@ def release(event: HandRelease, stage: Stage) -> Steps:
 
 @move(HandLeave)
 def leave(event: HandLeave, stage: Stage) -> Steps:
-    """A hand goes back to where it came from, and is gone."""
+    """Let a hand go back to where it came from, and vanish."""
     hand = _present(stage, event.hand)
     if hand.held is not None:
         yield from _release(stage, hand)

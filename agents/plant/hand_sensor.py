@@ -23,7 +23,7 @@ _REACHED = 0.999  # share of a ray without obstacle that counts as reaching the 
 def read_hands(
     camera: SimulatedCamera, world: World, hands: Hands, rng: np.random.Generator, stamp: float
 ) -> HandReadings:
-    """The hands that `camera` sees now; errors are drawn also for what it does not see."""
+    """Simulate the hands that `camera` sees now; errors are drawn also for hands that it does not see."""
     readings = []
     camera_from_world = camera.pose.inverse()
     for hand in hands.present:

@@ -1,4 +1,4 @@
-"""Human hands in the true world: where they are, what they hold, how they look and what they hide.
+"""Human hands in the true world: their poses, held objects, looks, and the things that they hide.
 
 Hands are kinematic. They have no collision shapes: what they move they hold or push along, which is the stage's doing.
 """

@@ -18,9 +18,9 @@ from dsr.network.keys import Keys
 from dsr.vocabulary.intrinsics import Intrinsics
 
 MOST_HANDS = 16
-"""In one message."""
+"""Number of hands that one message may have."""
 MOST_PERSONS = 64
-"""In one message."""
+"""Number of persons that one message may have."""
 LANDMARKS = 21
 """Number of landmarks of one hand."""
 MOST_POINTS = 5000
@@ -35,7 +35,7 @@ class MoveJoints(msgspec.Struct, frozen=True, tag="move_joints"):
     """Go to joint positions."""
 
     positions: tuple[float, ...]
-    """rad"""
+    """Wanted joint positions, rad."""
     speed: Annotated[float, Meta(gt=0, le=1)] = 1.0
     """Share of the joints' limits."""
 
@@ -53,7 +53,7 @@ class MoveGripper(msgspec.Struct, frozen=True, tag="move_gripper"):
     """Open or close the gripper."""
 
     opening: Annotated[float, Meta(ge=0)]
-    """m"""
+    """Wanted distance between the pads, m."""
 
 
 class Stop(msgspec.Struct, frozen=True, tag="stop"):
@@ -67,7 +67,7 @@ class Truth(msgspec.Struct, frozen=True):
     """One instant of the true world: for judges and recordings, never for agents."""
 
     stamp: float
-    """s"""
+    """Time of the instant, s."""
     objects: dict[str, Seven]
     """world_from_object by name, at the centre; removed objects are not there."""
     robot: tuple[float, ...]
@@ -106,7 +106,7 @@ _command_decoder: msgspec.msgpack.Decoder[Command] = msgspec.msgpack.Decoder(Com
 
 
 def decode_command(payload: bytes, joints: int) -> Command:
-    """The command for an arm with that many joints; raises `WireError` for anything else."""
+    """Decode a command for an arm with `joints` joints; raises `WireError` for anything else."""
     command = decoded(payload, "arm command", _command_decoder.decode)
     if not all(map(math.isfinite, _numbers(command))):
         raise WireError(f"arm command {command!s:.200}: expected finite numbers")
@@ -233,30 +233,30 @@ def seven(pose: Pose) -> Seven:
 
 
 def arm_state_key(keys: Keys) -> str:
-    """Where the arm tells its state (`agents.drivers.ArmState`)."""
+    """Key on which the arm sends its state (`agents.drivers.ArmState`)."""
     return keys.device("arm/state")
 
 
 def arm_command_key(keys: Keys) -> str:
-    """Where the arm takes commands (`Command`)."""
+    """Key on which the arm takes commands (`Command`)."""
     return keys.device("arm/command")
 
 
 def frame_key(keys: Keys, camera: str) -> str:
-    """Where a camera sends frames (`dsr.images.blobs.Frame`)."""
+    """Key on which a camera sends frames (`dsr.images.blobs.Frame`)."""
     return keys.device(f"camera/{camera}")
 
 
 def readings_key(keys: Keys, camera: str) -> str:
-    """Where a camera sends `TagReadings` instead of frames."""
+    """Key on which a camera sends `TagReadings` instead of frames."""
     return keys.device(f"camera/{camera}/poses")
 
 
 def hands_key(keys: Keys, camera: str) -> str:
-    """Where a camera sends `HandReadings` instead of frames."""
+    """Key on which a camera sends `HandReadings` instead of frames."""
     return keys.device(f"camera/{camera}/hands")
 
 
 def persons_key(keys: Keys) -> str:
-    """Where the tracker of persons sends `PersonReadings`."""
+    """Key on which the tracker of persons sends `PersonReadings`."""
     return keys.device("persons")

@@ -135,7 +135,7 @@ def tilt(event: Tilt, stage: Stage) -> Steps:
 
 @move(Drop)
 def drop(event: Drop, stage: Stage) -> Steps:
-    """Let go."""
+    """Let go of the object, which then falls."""
     if not stage.holds(event.object):
         raise ConfigError(f"nobody holds {event.object!r}; expected `lift`, `tilt` or a hand that takes it before")
     stage.release(event.object)

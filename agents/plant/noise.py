@@ -22,7 +22,7 @@ BASELINE = 0.055
 DISPARITY_NOISE = 0.08
 """px, standard deviation"""
 DISPARITY_STEP = 1 / 32
-"""px"""
+"""px, smallest step of the disparity that the depth camera measures"""
 NEAREST, FARTHEST = 0.1, 4.0
 """m, the depths that the sensor can measure"""
 EDGE_STEP = 0.02

@@ -28,13 +28,13 @@ from dsr.network.transport import Qos, Subscription
 MOST_STEPS = RATE_HZ // 4
 """Steps in one tick; a plant that is later than that lets its world wait."""
 COMPLAINT_PERIOD = 10.0
-"""s between two complaints about that."""
+"""s between two complaints that the machine is too slow."""
 _COMMANDS_KEPT = 256
 _ROUNDING = 1e-3  # steps; stamps of today are exact to 6e-5 steps
 
 
 class Plant(Agent):
-    """The simulated reality: publishes what real drivers publish and takes what they take.
+    """The simulated reality: publishes the data of real drivers, and takes their commands.
 
     It never reads the working memory. The world runs from the first tick on; the scenario's timeline starts
     with the runner's `Start` message, or at the configured time.

@@ -78,7 +78,7 @@ class Reality:
         return ArmState(stamp, arm.names, positions, arm.velocities, arm.opening, arm.contact)
 
     def truth(self, stamp: float) -> Truth:
-        """Where everything is."""
+        """The true state of the world: poses of all things, and the moves of the experimenter."""
         return Truth(
             stamp=stamp,
             objects={name: seven(pose) for name, pose in self.world.poses().items()},

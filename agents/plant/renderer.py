@@ -50,7 +50,7 @@ class RenderedPicture(msgspec.Struct, frozen=True):
     """The images of an ideal camera: colour, depth and bodies, without noise."""
 
     color: NDArray[np.uint8]
-    """(h, w, 3) RGB"""
+    """(h, w, 3) colours, RGB, 0 to 255."""
     depth: NDArray[np.float32]
     """(h, w) m along the optical axis"""
     bodies: NDArray[np.int32] | None

@@ -16,7 +16,7 @@ from dsr.math3d.transforms import Pose
 
 
 class RigidGrip:
-    """An object in the experimenter's hand, and those that come along rigidly with it: what lies in it need not."""
+    """An object in the experimenter's hand, and those that come along rigidly with it; its contents need not."""
 
     def __init__(self, world: World, leader: str, riders: Iterable[str]) -> None:
         self._world = world

@@ -56,7 +56,7 @@ RATE_HZ = 240
 """Physics steps a second."""
 STEP = 1 / RATE_HZ
 GRAVITY = 9.81
-"""m/s^2"""
+"""m/s^2, acceleration of gravity, downwards"""
 FLOOR_BELOW_TABLE = 0.72
 """m, from the table top down to the floor"""
 STILL_SPEED = 0.005
@@ -112,7 +112,7 @@ class World:
         return self._bodies[name]
 
     def name_of(self, body: int) -> str | None:
-        """The object with that number; None for table, floor and robot."""
+        """Name of the object with the number `body`; None for table, floor and robot."""
         return next((name for name, known in self._bodies.items() if known == body), None)
 
     def pose(self, name: str) -> Pose:

@@ -1,4 +1,4 @@
-"""The recorder: writes what travels in the graph, and what its sensors see, to an MCAP file."""
+"""The recorder: writes the traffic of the graph, and the data of its sensors, to an MCAP file."""
 
 from __future__ import annotations
 

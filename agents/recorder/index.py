@@ -1,4 +1,4 @@
-"""The times of a recording: what it spans, and where reading must begin to know the graph at a time."""
+"""The times of a recording: its span, and where reading must begin to know the graph at a time."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class RecordingIndex:
         return self.end - self.begin
 
     def read_for(self, time: float) -> Iterator[TimedRecord]:
-        """All that is needed to know the graph at `time` (s since the first message), and everything after that."""
+        """Read all that is needed to know the graph at `time` (s since the first message), and everything after it."""
         return self._read(self._place_for(self.begin + time))
 
     def skips_to(self, time: float, reached: float) -> bool:

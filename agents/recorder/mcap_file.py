@@ -42,7 +42,7 @@ class RecordedMessage(NamedTuple):
     """One recorded message."""
 
     stamp: float
-    """s, when it arrived"""
+    """Time (s) when the message arrived"""
     topic: str
     """The key without the graph's root, such as `d/arm_controller-5f0c12aa`."""
     payload: bytes
@@ -113,7 +113,7 @@ class FilePiece(NamedTuple):
 
 
 class RecordingFile:
-    """Reads one MCAP file from its beginning; iterate over it once, then look at what was found.
+    """Reads one MCAP file from its beginning; iterate over it once, then look at the findings.
 
     Raises:
         RecordingError: if the file cannot be read or is no recording of ours.

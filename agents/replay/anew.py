@@ -1,4 +1,4 @@
-"""Runs some agents of a recording anew, in lockstep with it, and compares what they do with what was recorded."""
+"""Runs some agents of a recording anew, in lockstep with it, and compares both runs."""
 
 from __future__ import annotations
 

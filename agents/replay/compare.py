@@ -23,13 +23,13 @@ _COMPARED = ("explained", "surprised", "calmed", "began", "ended", "appeared", "
 
 
 class Stretch(msgspec.Struct):
-    """How long something was so."""
+    """The duration of a state."""
 
     total_s: float = 0.0
     longest_s: float = 0.0
-    """Without a break."""
+    """Longest time (s) without a break."""
     lasting_s: float = 0.0
-    """Until now without a break."""
+    """Time (s) that it has lasted until now without a break; 0 if it has ended."""
 
     def note(self, holds: bool, passed: float) -> None:
         """Note whether the difference held during the last `passed` s."""
@@ -39,7 +39,7 @@ class Stretch(msgspec.Struct):
 
 
 class PoseDifference(msgspec.Struct):
-    """How far a geometric edge differs between the two runs."""
+    """The difference of a geometric edge between the two runs."""
 
     edge: str
     """`type source destination`"""
@@ -47,17 +47,17 @@ class PoseDifference(msgspec.Struct):
     max_rad: float = 0.0
     mean_m: float = 0.0
     max_at_s: float = 0.0
-    """When it is greatest, s since the recording's first message."""
+    """Time of the greatest difference, s since the recording's first message."""
     both_s: float = 0.0
-    """How long both runs had it."""
+    """Time (s) during which both runs had the edge."""
     beyond: Stretch = msgspec.field(default_factory=Stretch)
-    """How long they differed by more than the tolerance."""
+    """Time during which the poses differed by more than the tolerance."""
     only_recorded: Stretch = msgspec.field(default_factory=Stretch)
     only_anew: Stretch = msgspec.field(default_factory=Stretch)
 
 
 class Disagreement(msgspec.Struct):
-    """How long something held in one run only."""
+    """The duration of something that held in one run only."""
 
     what: str
     only_recorded: Stretch = msgspec.field(default_factory=Stretch)
@@ -69,7 +69,7 @@ class ReplayOutcome(msgspec.Struct, kw_only=True):
 
     agents: list[str]
     seconds: float
-    """How long the runs were compared."""
+    """Time (s) over which the runs were compared."""
     poses: list[PoseDifference]
     relations: list[Disagreement]
     """`source type destination`"""

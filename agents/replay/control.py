@@ -38,7 +38,7 @@ class PlayState(msgspec.Struct, frozen=True):
     time: float
     """s since the recording's first message"""
     until: float
-    """s, where it ends"""
+    """Time (s) where the playing ends"""
     speed: float
     playing: bool
     ended: bool

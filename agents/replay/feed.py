@@ -41,7 +41,7 @@ class Rebinding:
 
     @property
     def waiting(self) -> Counter[str]:
-        """How many changes wait, by the agents that made them."""
+        """Number of waiting changes, by the agents that made them."""
         writers = [write.writer for write in self._writes.values()] + [add.dot[0] for add in self._adds.values()]
         return Counter(map(agent_of, writers))
 
@@ -56,14 +56,14 @@ class Rebinding:
             self._writes = {key: write for key, write in self._writes.items() if key[0] != dot}
 
     def take_add(self, add: Add) -> bool:
-        """Whether this edge hangs at nodes of the agents; then it waits here."""
+        """Keep this edge waiting if it hangs at nodes of the agents, and tell whether it does."""
         if not any(map(self._is_anew, (*add.sources, *add.destinations))):
             return False
         self._adds[add.dot] = add
         return True
 
     def take_write(self, write: Write) -> bool:
-        """Whether this goes into an element of the agents; then it waits here."""
+        """Keep this write waiting if it goes into an element of the agents, and tell whether it does."""
         if not self._is_anew(write.owner):
             return False
         if write.owner in self._made:
@@ -254,7 +254,7 @@ class Feed:
 
 
 class Feeder(Agent):
-    """Publishes what a feed has for the agent that ticks next. Made into a class of its own for each agent."""
+    """Publishes the part of a feed for the agent that ticks next. Made into a class of its own for each agent."""
 
     uses_memory = False
     feed: ClassVar[Feed]
@@ -287,7 +287,7 @@ def _by_maker(delta: Delta) -> Iterator[tuple[str, bytes]]:
 
 
 def feeder_for(agent: type[Agent], feed: Feed, name: str | None = None) -> type[Feeder]:
-    """The feeder that ticks just before the agent of this class and name; without a name, after all agents."""
+    """Make the feeder that ticks just before the agent of this class and name; without a name, after all agents."""
     rank = feed.last_rank if name is None else feed.rank(name)
     fields = {"feed": feed, "rank": rank, "rate_hz": agent.rate_hz}
     return type("Feeder", (Feeder,), fields)

@@ -19,7 +19,7 @@ _MOST_TOLD = 20_000
 
 
 class Listener:
-    """Tells what happened before it was made, as far as the graph knows, and from then on."""
+    """Tells the events from before it was made, as far as the graph knows, and from then on."""
 
     def __init__(self, memory: Memory) -> None:
         self._memory = memory
@@ -32,7 +32,7 @@ class Listener:
 
     @property
     def keeper(self) -> str | None:
-        """The agent that writes the timeline; None if nobody does."""
+        """Name of the agent that writes the timeline; None if nobody does."""
         return kept_by(self._memory)
 
     def events(self) -> list[Event]:
@@ -78,7 +78,7 @@ class RecordedHistory(NamedTuple):
     """The past as a recording tells it."""
 
     events: list[Event]
-    """In the order of their times (stamps, s)."""
+    """Events in the order of their times (stamps, s)."""
     names: set[str]
     """Nodes that there ever were, without those of the timeline."""
     entries: list[Entry]
@@ -88,7 +88,7 @@ class RecordedHistory(NamedTuple):
 
 
 def history_of(source: ReplayedGraph) -> RecordedHistory:
-    """All that happened in a recording, read from its beginning."""
+    """Read the whole past of a recording, from its beginning."""
     source.restart()
     timeline, events = Timeline(), []
     names: set[str] = set()

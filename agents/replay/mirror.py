@@ -20,7 +20,7 @@ _CHUNK = 500
 
 
 class GraphMirror:
-    """Writes into `target` what it lacks of a source.
+    """Writes into `target` all that it lacks of a source.
 
     Names that the target's schema lacks are registered there, as the values show. What cannot be written, because
     a name means another kind there or is none at all, is counted in `left_out` and does no further harm.

@@ -38,7 +38,7 @@ class MeshCheck:
 
 
 STEP = 0.02
-"""s between two steps; what is recorded closer together becomes visible together."""
+"""s between two steps; changes that were recorded closer together become visible together."""
 _STEP_AT_ONCE = 0.05  # s of the recording in one step at greatest speed
 _SLOWEST, _FASTEST = 1 / 64, 1024.0
 

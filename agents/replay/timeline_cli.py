@@ -1,4 +1,4 @@
-"""The command `dsr timeline`: what happened, in a recording or in the running system."""
+"""The command `dsr timeline`: the past, in a recording or in the running system."""
 
 from __future__ import annotations
 

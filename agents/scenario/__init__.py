@@ -1,1 +1,1 @@
-"""Scenarios: what happens in the true world, and what must then hold in the working memory."""
+"""Scenarios: events in the true world, and expectations of the working memory."""

@@ -37,7 +37,7 @@ class SweptPolicy(enum.StrEnum):
     ALGORITHM1 = "algorithm1"
     PUBLISHED = "published"
     BOTH = "both"
-    """The two that explain surprises."""
+    """Both policies that explain surprises."""
 
 
 class SweepProgress(msgspec.Struct, frozen=True):
@@ -118,7 +118,7 @@ def parse_seeds(text: str) -> list[int]:
 
 
 def make_jobs(scenarios: list[str], seeds: list[int], sensor: str, policies: list[Policy | None]) -> list[SweepJob]:
-    """All runs, scenario by scenario. Raises `ConfigError` for a scenario that is wrong."""
+    """Make the jobs of all runs, scenario by scenario. Raises `ConfigError` for a scenario that is wrong."""
     files = {load_scenario(name).name: find_scenario(name).resolve() for name in scenarios}
     if len(files) < len({find_scenario(name).resolve() for name in scenarios}):
         raise ConfigError("two of the scenarios have the same name; expected different ones")

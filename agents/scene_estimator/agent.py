@@ -1,4 +1,4 @@
-"""Writes what the cameras see: RT edges from camera to object, and which objects are perceived now."""
+"""Writes percepts: RT edges from camera to object, and which objects are perceived now."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Objects that are recognised by their colour: which ones are known, and what a sighting of one says about its pose."""
+"""Objects that are recognised by their colour: the known ones, and the pose that a sighting of one tells."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ OVERTURNED: Quaternion = (1.0, 0.0, 0.0, 0.0)
 TURNED = 0.03
 """rad, likewise, of the yaw that a sensor without images tells of what stands upright"""
 LEANS = 0.25
-"""rad, from which what leans is told from what is upright"""
+"""rad of tilt from which an object counts as leaning"""
 _FARTHEST = 100.0  # m
 _ROUNDING = 1e-3
 
@@ -43,7 +43,7 @@ class ColoredObject(NamedTuple):
     size: Vector3
     """Edge lengths of its bounding box, m."""
     shape: Shape
-    """None for a solid box."""
+    """Shape of the object; none for a solid box."""
 
 
 class ColorSighting(NamedTuple):
@@ -97,7 +97,7 @@ class ColoredObjects:
             self.known = [colored for colored in found if colored is not None]
 
     def find(self, color: Vector3) -> ColoredObject | None:
-        """The object of that colour, or None."""
+        """Find the object of that colour; None if there is none."""
         angles = {colored: spectral_angle(color, colored.color) for colored in self.known}
         best = min(angles, key=lambda colored: angles[colored], default=None)
         return best if best is not None and angles[best] < TOLERANCE else None

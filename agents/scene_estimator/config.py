@@ -20,7 +20,7 @@ class TagSensor(msgspec.Struct, frozen=True):
 
 
 class SceneEstimatorConfig(msgspec.Struct, frozen=True):
-    """Which cameras, what the tags are like, and when a percept can be trusted."""
+    """The cameras, the tags, and when a percept can be trusted."""
 
     cameras: tuple[str, ...] = ("camera_overhead", "camera_wrist")
     """Camera nodes whose frames are looked at, when there are any."""

@@ -37,7 +37,7 @@ class Tag:
 
 
 class TagDetector:
-    """Detects by apriltag refinement; what only the sub-pixel detector finds (small tags) is added."""
+    """Detects by apriltag refinement; tags that only the sub-pixel detector finds (small ones) are added."""
 
     def __init__(self) -> None:
         self._apriltag = _detector(cv2.aruco.CORNER_REFINE_APRILTAG, aprilTagMinWhiteBlackDiff=_MIN_CONTRAST)

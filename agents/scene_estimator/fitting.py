@@ -55,7 +55,7 @@ class FrameView(NamedTuple):
 
 
 class Fit(NamedTuple):
-    """How a shape lies on what is seen."""
+    """How well a shape lies on the points seen."""
 
     position: Array
     """(3,) m, its centre in the world"""

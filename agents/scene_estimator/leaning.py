@@ -67,7 +67,7 @@ def leaning(scene: ImagePart, shape: Shape, size: Vector3, guess: Array, good: f
 
 
 class Turned(NamedTuple):
-    """How surely a fitted shape is turned as it is."""
+    """How certain the rotation of a fitted shape is."""
 
     tilt_sigma: float
     """rad, standard deviation of the worse known of the two directions in which it may lean"""
@@ -78,7 +78,10 @@ class Turned(NamedTuple):
 
 
 def turned(scene: ImagePart, shape: Shape, size: Vector3, found: Fit, sigma: float) -> Turned:
-    """From the sum of squared distances around the fit, if points are off by `sigma` m, ten together."""
+    """Estimate how certain the rotation of a fit is, if points are off by `sigma` (m), ten of them together.
+
+    The estimate uses the sum of squared distances around the fit.
+    """
     near = scene.points[scene.around(found.position, size)]
     near = near[:: max(1, len(near) // _SHARE)]
     jacobian, distance = _linear(near, shape, size, found.turn, found.position)
@@ -106,7 +109,7 @@ def tilt(turn: Array) -> float:
 
 
 def lean(turn: Array, upright: Array) -> Quaternion:
-    """The rotation in the world that takes an object from `upright` to `turn`, both (3, 3)."""
+    """Compute the rotation in the world that takes an object from `upright` to `turn`, both (3, 3)."""
     return quaternions.from_matrix((turn @ upright.T).tolist())
 
 

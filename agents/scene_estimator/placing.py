@@ -49,29 +49,29 @@ _TRUST = 1.5  # times the mean distance of the points from the shape: how far of
 
 
 class Guess(NamedTuple):
-    """How an object was turned in the frame before."""
+    """The rotation of an object in the frame before."""
 
     yaw: float = 0.0
-    """rad"""
+    """Yaw of the object about the world's vertical, rad."""
     lean: Quaternion = UPRIGHT
-    """In the world, after the yaw."""
+    """Rotation in the world, applied after the yaw."""
     misfit: float = math.inf
     """m, mean distance of the points from the surface while it stands upright"""
 
 
 class Placed(NamedTuple):
-    """Where an object is."""
+    """The pose of an object as the fit found it."""
 
     position: Array
     """(3,) m, its centre in the camera frame"""
     covariance: Array
     """(3, 3) m^2, but for the sensor's systematic errors"""
     guess: Guess
-    """How it fits best: of use for the next frame"""
+    """The rotation that fits best: of use for the next frame"""
     fits: bool
     """Whether the shape lies on the points but for their noise."""
     lean: Quaternion | None
-    """How it surely leans, or stands, in the world; None if that cannot be told"""
+    """Rotation by which the object surely leans, or stands, in the world; None if that cannot be told"""
     yaw_sigma: float
     """rad, standard deviation of the guessed yaw; infinite if that cannot be told"""
 

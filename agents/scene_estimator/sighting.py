@@ -29,12 +29,12 @@ class Sighting(NamedTuple):
 
 
 class Outlines(NamedTuple):
-    """Where in the image the tags were found."""
+    """The outlines of the found tags in the image."""
 
     ids: NDArray[np.int32]
-    """(n,)"""
+    """(n,) numbers of the tags"""
     corners: NDArray[np.float32]
-    """(n, 4, 2) px"""
+    """(n, 4, 2) px, corners of the tags in the image"""
 
 
 class FrameSource:

@@ -13,7 +13,7 @@ from dsr.math3d.shapes import Shape
 from dsr.math3d.surfaces import distances, surface
 
 ROUND = 0
-"""The order of what looks alike however it is turned"""
+"""The order of shapes that look alike however they are turned"""
 
 _MOST = 6  # equal turns of what is not round, as far as anybody could tell
 _ALIKE = 5e-4  # m, between surfaces that look alike

@@ -1,4 +1,4 @@
-"""Tells the working memory what the robot knows beforehand: the table, and the objects it was told about."""
+"""Tells the working memory the robot's prior knowledge: the table, and given objects."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from dsr.vocabulary.relations import THINGS
 
 
 class SceneSetupConfig(msgspec.Struct, frozen=True):
-    """Which scene."""
+    """The scene that is put into the graph."""
 
     scenario: str = ""
     """Name or file of the scenario that describes it; empty for a table of the usual size with nothing on it."""

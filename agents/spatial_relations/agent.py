@@ -36,7 +36,7 @@ class Wish(NamedTuple):
     """Edges that somebody wants."""
 
     relations: tuple[str, ...]
-    """Some of `SPATIAL`."""
+    """Names of the wanted relations, some of `SPATIAL`."""
     things: frozenset[str] | None
     """Names of the sources; None for all things."""
     others: frozenset[str] | None
@@ -46,7 +46,7 @@ class Wish(NamedTuple):
 
 
 def make_wish(relations: str, things: str, others: str, viewpoint: str) -> Wish:
-    """The wish that these lists of names, comma-separated, amount to. Raises `ConfigError`."""
+    """Make a wish from these lists of names, comma-separated. Raises `ConfigError`."""
     names = checked_relations(split_names(relations))
     if not names:
         raise ConfigError(f"no relation is named; some of {', '.join(SPATIAL)} are expected")
@@ -70,15 +70,15 @@ def _names(text: str) -> frozenset[str] | None:
 Seen = tuple[Fact, str]
 """A relation, and the viewpoint from which it is so; empty for none."""
 KEPT = "kept"
-"""Status of a request that is answered; else it says what is wrong, or who is waited for."""
+"""Status of an answered request; another status names a fault, or the things that are waited for."""
 _STILL = 5e-4, 2e-3  # m, rad: what moved by less is where it was
 
 
 class SpatialRelationsConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Which edges are kept without being requested, and how steadily."""
+    """The relations that are kept without a request, and how steadily."""
 
     relations: list[str] = []
-    """Some of `dsr.spatial.SPATIAL`; none: requests only."""
+    """Names of the relations that are kept without a request, some of `dsr.spatial.SPATIAL`; none: requests only."""
     things: list[str] = []
     """Sources; all things if empty."""
     others: list[str] = []

@@ -53,7 +53,7 @@ class ViewerConfig(msgspec.Struct, frozen=True):
 
 
 class Viewer(Agent):
-    """Shows what the working memory holds; writes nothing to it, and holds nobody up."""
+    """Shows the content of the working memory; writes nothing to it, and holds nobody up."""
 
     name = "viewer"
     rate_hz = 10.0

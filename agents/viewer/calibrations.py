@@ -26,7 +26,7 @@ _HALF_BAR = 0.2  # of the distance between two objects
 
 
 class CalibrationView:
-    """Logs what is new of calibrations: poses that were written, as events tell, and what else came of requests."""
+    """Logs news of calibrations: poses that were written, as events tell, and other outcomes of requests."""
 
     def __init__(self, recording: rr.RecordingStream) -> None:
         self._recording = recording

@@ -1,4 +1,4 @@
-"""The event log: what agents say, what comes and goes in the graph, what is surprising, and what explains it."""
+"""The event log: logs of agents, changes of the graph, surprises, and their explanations."""
 
 from __future__ import annotations
 

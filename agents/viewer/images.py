@@ -1,4 +1,4 @@
-"""Camera images with what was detected in them."""
+"""Camera images with the detected objects in them."""
 
 from __future__ import annotations
 

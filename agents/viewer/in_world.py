@@ -1,4 +1,4 @@
-"""The viewer of a world other than the base: what a person knows, a filter makes, or a plan would bring about."""
+"""The viewer of a world other than the base: of a person, a filter, or a plan."""
 
 from __future__ import annotations
 

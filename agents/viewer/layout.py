@@ -46,7 +46,7 @@ class Drawing(NamedTuple):
 
     boxes: list[LabelBox]
     arrows: list[tuple[str, str]]
-    """From box to box, by id."""
+    """Arrows from box to box, by id."""
 
 
 class _Item:

@@ -24,7 +24,7 @@ class DrawnPlace(msgspec.Struct, frozen=True):
     """A pose in the world, comparable by its numbers."""
 
     translation: Vector
-    """m"""
+    """m, position in the world"""
     rotation: tuple[float, float, float, float]
     """Quaternion (x, y, z, w)"""
 
@@ -38,9 +38,9 @@ class DrawnSolid(msgspec.Struct, frozen=True):
     size: Vector
     """m, extent along its own x, y, z"""
     seen: bool = True
-    """A camera perceives it now."""
+    """Whether a camera perceives the object now."""
     held: bool = False
-    """The gripper holds it, as far as is known."""
+    """Whether the gripper holds the object, as far as is known."""
 
 
 class DrawnCamera(msgspec.Struct, frozen=True):
@@ -57,7 +57,7 @@ class Gripper(msgspec.Struct, frozen=True):
 
     place: DrawnPlace
     opening: float
-    """m"""
+    """m between the pads"""
 
 
 class DrawnScene(msgspec.Struct, frozen=True):

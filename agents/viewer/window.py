@@ -115,7 +115,7 @@ def private_environment(environment: Mapping[str, str], scratch: Path) -> dict[s
 
 
 def viewer_url(port: int) -> str:
-    """Where the viewer on this machine that listens on `port` takes data."""
+    """The address at which the viewer on this machine that listens on `port` takes data."""
     return f"rerun+http://127.0.0.1:{port}/proxy"
 
 

@@ -1,4 +1,4 @@
-"""`dsr diff`: what differs between two worlds of the running system."""
+"""`dsr diff`: shows the differences between two worlds of the running system."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`dsr doctor`: whether this machine has what is needed, and what to do if not."""
+"""`dsr doctor`: checks whether this machine has all that is needed, and advises if not."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ def check_packages() -> Check:
 
 
 def check_pybullet() -> Check:
-    """The physics engine, or what is needed to build it."""
+    """Check the physics engine, or the tools to build it."""
     if importlib.util.find_spec("pybullet") is not None:
         return Check("pybullet", "ok", importlib.metadata.version("pybullet"))
     compiler = next(filter(None, map(shutil.which, _COMPILERS)), None)

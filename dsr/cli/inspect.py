@@ -1,4 +1,4 @@
-"""`dsr ls`, `dsr show`, `dsr tree`: what the working memory holds at this moment."""
+"""`dsr ls`, `dsr show`, `dsr tree`: show the present content of the working memory."""
 
 from __future__ import annotations
 

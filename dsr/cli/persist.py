@@ -60,7 +60,7 @@ def convert(
 
 
 def warn(content: GraphContent) -> None:
-    """Tell what could not be taken over as it was."""
+    """Report values that could not be taken over as they were."""
     for warning in content.warnings[:_MOST_WARNINGS]:
         errors.print(printable(warning), style="yellow", markup=False, soft_wrap=True)
     if len(content.warnings) > _MOST_WARNINGS:
@@ -68,7 +68,7 @@ def warn(content: GraphContent) -> None:
 
 
 def report(done: str, content: GraphContent, where: str) -> None:
-    """Tell what became of a graph."""
+    """Report the result of saving or loading a graph."""
     console.print(
         f"{done} {len(content.nodes)} nodes, {len(content.edges)} edges {where}", markup=False, soft_wrap=True
     )

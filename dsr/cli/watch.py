@@ -1,4 +1,4 @@
-"""`dsr watch`: what changes in the working memory, line by line."""
+"""`dsr watch`: shows changes of the working memory, line by line."""
 
 from __future__ import annotations
 

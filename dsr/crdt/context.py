@@ -82,11 +82,11 @@ class CausalContext:
         return start > last or (place < len(beyond) and beyond[place][0] <= start and last <= beyond[place][1])
 
     def knows(self, rid: str) -> bool:
-        """Whether any dot of that replica is included."""
+        """Whether any dot of replica `rid` is included."""
         return rid in self.vector or rid in self.cloud
 
     def gaps(self, rid: str) -> int:
-        """How many gaps there are among the counters of that replica."""
+        """Count the gaps among the counters of replica `rid`."""
         return len(self.cloud.get(rid, ()))
 
     def close_gaps(self, rid: str, left: int) -> None:
@@ -96,7 +96,7 @@ class CausalContext:
 
     @property
     def size(self) -> int:
-        """How many replicas it tells of."""
+        """Number of replicas in the context."""
         return len(self.vector) + sum(rid not in self.vector for rid in self.cloud)
 
     def _ranges_of(self, rid: str) -> list[tuple[int, int]]:

@@ -37,7 +37,7 @@ class Piece(msgspec.Struct):
 
     begin: Place
     end: Place | None = None
-    """Where the next piece begins; None if there is none."""
+    """Place where the next piece begins; None after the last piece."""
     adds: list[Add] = []
     writes: list[Write] = []
     kept: list[Dot] = []
@@ -60,7 +60,10 @@ class Piece(msgspec.Struct):
 
 
 def piece_of(store: Store, seen: CausalContext, begin: Place = START) -> Piece:
-    """The piece that begins there of what a replica that has seen `seen` lacks; the store must not change meanwhile."""
+    """Make the piece that begins at `begin`, of the changes that a replica with the context `seen` lacks.
+
+    The store must not change meanwhile.
+    """
     piece = Piece(begin)
     if begin == START:
         piece.whole = list(store.context.ranges())
@@ -123,7 +126,7 @@ def _clipped(ranges: Iterable[DotRange], begin: Dot, end: Dot | None) -> Iterato
 
 
 def all_pieces(store: Store, seen: CausalContext) -> Iterator[Piece]:
-    """All pieces, one after the other; the store may change before the next one is taken."""
+    """Yield all pieces, one after the other; the store may change before the next one is taken."""
     begin: Place | None = START
     while begin is not None:
         piece = piece_of(store, seen, begin)
@@ -132,7 +135,7 @@ def all_pieces(store: Store, seen: CausalContext) -> Iterator[Piece]:
 
 
 def together(pieces: Iterable[Piece]) -> Delta:
-    """All pieces of an answer as one synchronisation reply, which accounts for everything."""
+    """Combine all pieces of an answer into one synchronisation reply, which accounts for everything."""
     reply, live, carried = Delta(), set[Dot](), CausalContext()
     for piece in pieces:
         part = piece.as_delta()

@@ -231,11 +231,11 @@ class Store:
         return list(self.entries)
 
     def is_known(self, dot: Dot) -> bool:
-        """Whether it is clear what became of what was created under `dot`."""
+        """Whether `dot` was seen: its element is here, or was removed."""
         return dot in self.context
 
     def element(self, dot: Dot) -> Incarnation | None:
-        """The node or edge that lives under `dot`."""
+        """Find the live node or edge under `dot`; None if there is none."""
         return self.entries.get(dot)
 
     def _own(self, entry: Incarnation) -> Incarnation:

@@ -1,4 +1,4 @@
-"""A causal context in few bytes: a hash of all of it, and in full what changed of late.
+"""A causal context in few bytes: a hash of the whole, and recent changes in full.
 
 The hash of a context is the exclusive or of one hash for each replica id. So to keep it up to date costs as much as
 changed, and any part of it can be left out of a comparison. A summary costs the same whatever the history is.

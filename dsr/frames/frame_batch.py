@@ -15,7 +15,7 @@ from dsr.math3d import quaternions
 from dsr.math3d.transforms import Array, Pose
 
 Depend = Callable[[str, Link | None], list[Dependency]]
-"""Tells what must stay for `Find` to tell this link again."""
+"""Lists the dependencies of a link: while they stay, `Find` gives the same link."""
 _UNKNOWN = Pose.unchecked((math.nan,) * 3, (math.nan,) * 4)
 
 

@@ -56,7 +56,7 @@ class Newest:
         self._tables = tables
 
     def find(self, frame: str) -> Link | None:
-        """The link of the first type that has one at this frame."""
+        """Find the link of the first type that has one at this frame; None if there is none."""
         for links in self._tables:
             link = links.get(frame)
             if link is not None:

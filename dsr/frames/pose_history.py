@@ -30,7 +30,7 @@ class PoseHistory:
         self._most = most
 
     def copy(self) -> PoseHistory:
-        """One with the same samples that goes its own way."""
+        """Make an independent history with the same samples."""
         other = PoseHistory.__new__(PoseHistory)
         other._samples, other._seconds, other._most = self._samples[:], self._seconds, self._most
         return other

@@ -111,7 +111,7 @@ class FrameTree:
         self._choose_newest(type, child)
 
     def share_with(self, fork: FrameFork) -> None:
-        """Let `fork` read what is here now, and keep from it what changes later."""
+        """Let `fork` read the present content, and keep later changes from it."""
         self._forks = [other for other in self._forks if other() is not None] + [weakref.ref(fork)]
         self._owned = set()
 

@@ -85,7 +85,7 @@ def volume(memory: Memory, node: Node) -> float | None:
 
 
 def corners(bounds: Bounds) -> Points:
-    """(8, 3) m"""
+    """The eight corners (8, 3) of the box with these bounds, m."""
     return np.array(list(itertools.product(*zip(bounds.low, bounds.high, strict=True))))
 
 

@@ -17,7 +17,7 @@ _log = logging.getLogger("dsr.meshes")
 
 
 def cache_folder() -> Path:
-    """Where this user's processes share meshes: `$XDG_CACHE_HOME/dsr/meshes`, else below `~/.cache`."""
+    """The folder in which this user's processes share meshes: `$XDG_CACHE_HOME/dsr/meshes`, else below `~/.cache`."""
     base = os.environ.get("XDG_CACHE_HOME")
     return (Path(base) if base else Path.home() / ".cache") / "dsr" / "meshes"
 

@@ -155,7 +155,11 @@ class MeshExchange:
         return mesh
 
     def hand_over(self, hashes: Iterable[str], others: Sequence[str], timeout: float) -> None:
-        """See to it that somebody else has these meshes too, before this process ends; needs threads.
+        """Wait until somebody else has these meshes, too, before this process ends.
+
+        Waits at most `timeout` (s); needs threads.
+
+        Needs threads.
 
         Args:
             hashes: of meshes that are here.

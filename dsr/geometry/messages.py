@@ -25,12 +25,12 @@ class AskForMesh(msgspec.Struct, frozen=True, array_like=True):
 
 
 class Offer(msgspec.Struct, frozen=True, array_like=True):
-    """Somebody has a mesh."""
+    """An offer of a mesh by a process that has it."""
 
     size: int
     """Number of the mesh's canonical bytes; 0 if the mesh is not here yet."""
     place: SharedPlace | None = None
-    """Where processes of the same machine can read it."""
+    """Shared memory in which processes of the same machine can read the mesh; None if there is none."""
 
 
 _encoder = msgspec.msgpack.Encoder()

@@ -34,7 +34,7 @@ class Geometry(NamedTuple):
     """Triangles as a file has them."""
 
     vertices: Array
-    """(n, 3)"""
+    """Vertices (n, 3) in the file's unit."""
     triangles: NDArray[Any]
     """(m, 3) indices"""
 
@@ -56,7 +56,7 @@ class ModelNode(NamedTuple):
     name: str
     """Unique in its model, and fit for a node of the graph."""
     parent: str | None
-    """None for the root."""
+    """Name of the parent node; None for the root."""
     pose: Pose
     """parent_from_node; for the root, where it is in the frame of the file."""
     meshes: tuple[Mesh, ...]
@@ -83,7 +83,7 @@ class Model:
 
     @property
     def meshes(self) -> tuple[Mesh, ...]:
-        """All of them, each once."""
+        """All meshes of the model, each once."""
         return tuple({mesh.hash: mesh for node in self.nodes for mesh in node.meshes}.values())
 
     def merged(self, centre: Vector3 = (0.5, 0.5, 0.5)) -> Model:

@@ -23,7 +23,7 @@ _SEALS = fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_WRITE | fcntl.F_
 
 
 class SharedPlace(msgspec.Struct, frozen=True, array_like=True):
-    """Where bytes are, for readers on the same machine."""
+    """The place of bytes in shared memory, for readers on the same machine."""
 
     process: int
     descriptor: int

@@ -46,7 +46,7 @@ class Network(Protocol):
 
 
 class MeshSource(NamedTuple):
-    """Somebody who has the mesh."""
+    """A replica that has the mesh."""
 
     holder: str
     """Replica id."""
@@ -94,7 +94,7 @@ class Transfer:
         """When the newest source began to send pieces."""
 
     def begin(self) -> None:
-        """Ask who has it."""
+        """Ask all replicas who has the mesh."""
         self._network.ask(EVERYBODY, encode_ask(AskForMesh(self.hash)), self._take_offer, self._end_of_offers)
 
     def look(self, now: float) -> None:

@@ -1,1 +1,1 @@
-"""The replicated graph of one process: nodes, edges, their schema, and what follows their changes."""
+"""The replicated graph of one process: nodes, edges, their schema, and followers of their changes."""

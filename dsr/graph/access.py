@@ -10,7 +10,7 @@ from dsr.graph.schema import POSE_FIELDS, WORLD_RECORD, Schema
 from dsr.network.keys import BASE
 
 EVERYTHING = "*"
-"""In a declaration: every name."""
+"""Name that stands for every name in a declaration."""
 Guard = Callable[[str, str, Iterable[str]], None]
 """Called with ("node" or "edge", type, attributes) before each write; raises to refuse it."""
 _POSE = frozenset({"pose", *POSE_FIELDS})
@@ -48,7 +48,7 @@ class Access:
         return any(name in names or EVERYTHING in names for names in (self.nodes, self.edges, self.attributes))
 
     def includes_world(self, name: str) -> bool:
-        """Whether this applies to the world `name`."""
+        """Whether this access applies to the world `name`."""
         return self.worlds is None or any(_overlap(name, world) for world in self.worlds)
 
     def meets(self, other: Access) -> bool:
@@ -76,7 +76,7 @@ def _overlap(one: str, other: str) -> bool:
 
 
 class WriteGuard:
-    """Called with every write that an agent is about to make; refuses what it did not declare."""
+    """Refuses the writes that an agent did not declare; it is called before each write."""
 
     def __init__(self, agent: str, writes: Access, world: str = BASE) -> None:
         self._agent = agent

@@ -146,12 +146,12 @@ class Edge(_Element):
 
     @property
     def key(self) -> tuple[str, str, str]:
-        """(source, destination, type): what identifies the edge."""
+        """The identity of the edge: (source, destination, type)."""
         return self.src, self.dst, self.type_name
 
     @property
     def pose(self) -> Pose:
-        """Where the destination is in the source, source_from_destination. Raises `GraphError` if unset."""
+        """Pose of the destination in the source, source_from_destination. Raises `GraphError` if unset."""
         pose = self._value("pose")
         if not isinstance(pose, Pose):
             raise GraphError(f"{self} has no pose")

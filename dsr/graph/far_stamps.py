@@ -38,7 +38,7 @@ class FarStamp(NamedTuple):
     writer: str
     """Replica id of who wrote the present value: who raised the stamp, or overwrote it since."""
     ahead: float
-    """s ahead of the clock that judges."""
+    """Time (s) by which the stamp is ahead of the clock that judges."""
 
 
 class FarStamps:
@@ -88,5 +88,5 @@ def far_stamps(elements: Iterable[Node | Edge], now: float) -> Iterator[FarStamp
 
 
 def by_agent(found: Iterable[FarStamp]) -> Mapping[str, int]:
-    """How many of these attributes each agent wrote last."""
+    """Count by agent the attributes that the agent wrote last."""
     return Counter(agent_of(stamp.writer) or stamp.writer for stamp in found)

@@ -119,7 +119,7 @@ class Graph(Stamping):
         return self._commit_removal(dots) if dots else Delta()
 
     def join(self, delta: Delta, now: float) -> None:
-        """Join what another replica sent, at physical time `now` (s)."""
+        """Join a delta of another replica, at physical time `now` (s)."""
         if delta.writes:
             self._heed(delta.writes, now)
         self._apply(delta)

@@ -18,7 +18,7 @@ _HANDLES_LAST = 200
 K = TypeVar("K")
 V = TypeVar("V")
 Groups = MutableMapping[str, MutableMapping[K, V]]
-"""Some of the elements by a name that they share."""
+"""Elements grouped by a name that they share."""
 
 
 class Fork(Protocol):
@@ -42,7 +42,7 @@ class Sharing(Observer):
         self._polls = 0
 
     def share_with(self, fork: Fork) -> None:
-        """Let `fork` read what is here now, and keep from it what changes later; the graph must be locked."""
+        """Let `fork` read the present content, and keep later changes from it; the graph must be locked."""
         self._forks = [other for other in self._forks if other() is not None] + [weakref.ref(fork)]
         self.store.owned = set()
 
@@ -57,7 +57,7 @@ class Sharing(Observer):
         return self.store.entries.get(dot)
 
     def is_known(self, dot: Dot) -> bool:
-        """Whether it is clear what became of what was created under `dot`."""
+        """Whether `dot` was seen, here or below: its element is here, or was removed."""
         return dot in self.store.context
 
     def forget_handles(self) -> None:
@@ -73,7 +73,7 @@ class Sharing(Observer):
         self.watches.tidy()
 
     def before_change(self, key: Key) -> None:
-        """Let the forks keep what is about to change."""
+        """Give the forks the element `key` as it is, before it changes."""
         for reference in self._forks:
             fork = reference()
             if fork is not None:

@@ -1,4 +1,4 @@
-"""How a graph stamps what it writes and repeats, and makes anew what no stamp is left to overwrite.
+"""Stamps writes and repeated writes, and makes elements anew whose stamps leave no room to overwrite them.
 
 Last-writer-wins needs one thing only: a write made after another one *of the same attribute* was seen has the greater
 stamp. So a write goes beyond the clock and beyond what it overwrites, and no forged stamp elsewhere matters. The order
@@ -65,7 +65,7 @@ class Stamping(Sharing):
     # ---- stamps
 
     def newest_stamp(self, owner: Dot, attribute: str) -> int:
-        """The stamp of what an attribute of one incarnation is here; 0 if it never was set."""
+        """The stamp of an attribute's value in one incarnation; 0 if it never was set."""
         entry = self.store.find(owner)
         write = entry.registers.get(attribute) if entry is not None else None
         return 0 if write is None else write.stamp
@@ -95,7 +95,7 @@ class Stamping(Sharing):
     # ---- repeating
 
     def copy(self, key: Key, type: str, writes: Iterable[Write], now: float) -> Delta:
-        """Repeat what was written elsewhere in the element `key`, which is created if it is not visible.
+        """Repeat writes of another graph in the element `key`, which is created if it is not visible.
 
         The stamps stay: newer values stay too, and what was repeated once is an empty delta the next time. Only the
         attribute and the value of a write, and its stamp, count; 0 stands for now, as do stamps of the far future.
@@ -152,7 +152,7 @@ class Stamping(Sharing):
         return [Renewal(element, tuple(_present(element))) for element in elements]
 
     def renew(self, key: Key, now: float) -> Delta:
-        """Remove an element that is seen, and the edges at a node, and create what is seen of them again.
+        """Remove a visible element, with the edges at a node, and create its visible content again.
 
         Values keep their stamps, except those from the far future, which are stamped anew at `now` (s).
         """

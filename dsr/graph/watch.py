@@ -1,4 +1,4 @@
-"""Subscriptions: what changed since the reader last looked, conflated per node or edge.
+"""Subscriptions: changes since the reader last looked, conflated per node or edge.
 
 A slow reader never blocks anybody and never misses that something came or went: pending changes of one
 element are merged, so at most one entry an element waits, however many updates there were.
@@ -20,7 +20,7 @@ ChangeKind = Literal["added", "updated", "removed"]
 
 
 class Change(msgspec.Struct, frozen=True):
-    """One element changed."""
+    """A change of one element."""
 
     kind: ChangeKind
     element: Literal["node", "edge"]
@@ -37,7 +37,7 @@ class Change(msgspec.Struct, frozen=True):
 
 
 class ChangeFilter(msgspec.Struct, frozen=True):
-    """Which changes a reader wants; None means any. Node and edge types alone exclude the other element.
+    """A filter of changes; None means any. Node and edge types alone exclude the other element.
 
     The list of worlds is no part of a world: its nodes are reported only if asked for by their type.
     """
@@ -82,7 +82,7 @@ class _Pending:
 
 
 class Watch:
-    """Changes that match a filter. Iterate to wait for them, or `poll` to take what is there."""
+    """Changes that match a filter. Iterate to wait for them, or `poll` to take the present ones."""
 
     def __init__(self, wanted: ChangeFilter, notify: Callable[[], None] | None = None) -> None:
         self._filter = wanted
@@ -112,7 +112,7 @@ class Watch:
             return self._ready.pop() if self._ready and not self._closed else None
 
     def poll(self) -> list[Change]:
-        """All changes since the last call, oldest element first; never waits."""
+        """Return all changes since the last call, oldest element first; never waits."""
         with self._condition:
             changes = self._ready[::-1] + self._take()
             self._ready = []
@@ -129,7 +129,7 @@ class Watch:
 
     @property
     def closed(self) -> bool:
-        """Whether it was closed."""
+        """Whether the watch was closed."""
         return self._closed
 
     def offer(self, kind: ChangeKind, element: Node | Edge, attribute: str | None = None) -> None:

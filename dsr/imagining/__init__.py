@@ -1,4 +1,4 @@
-"""Imagining: what would be, kept as a world: things put somewhere by a relation, and plans carried out step by step.
+"""Imagined scenes, kept as worlds: things put somewhere by a relation, and plans carried out step by step.
 
 idea = memory.fork("idea")
 think(placed(memory, idea, "ball", "behind", "human_1"), WhatIf(memory.transport, memory.keys, memory.clock))

@@ -1,4 +1,4 @@
-"""Carries a plan out in a world, step by step by physics, and says what came of it, so that plans can be compared."""
+"""Carries a plan out in a world, step by step by physics, and reports the outcome, so that plans can be compared."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def parse_step(text: str) -> Step:
 
 
 def carried_out(base: Memory, world: Memory, steps: Sequence[Step]) -> Thought[Outcome]:
-    """Carry a plan out in `world`, whose content changes to what comes of it; each step is simulated for a second.
+    """Carry a plan out in `world`, whose content changes to the outcome; each step is simulated for a second.
 
     A step fails if its thing does not end up where it is put. What is put on something is tried a little beside its
     middle first, where what only balances falls, and then put in the middle. What happened is told in the timeline of

@@ -1,4 +1,4 @@
-"""A world as a scene to simulate: how it differs from what is believed, and what came of it, written into it."""
+"""A world as a scene to simulate: its differences from the belief, and the outcome written into it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from dsr.vocabulary.relations import SURFACES, THINGS, is_present
 from dsr.vocabulary.what_if import Answer, Supposed
 
 IMAGINED = "imagination"
-"""`source` of edges `on` that follow from what was imagined."""
+"""`source` of edges `on` that follow from an imagined scene."""
 IMPRECISE = (0.006, 0.004)
 """m, along x and y, by which things are first tried beside the middle: what only balances there falls, as it would."""
 NOTHING: Mapping[str, Pose] = MappingProxyType({})
@@ -34,7 +34,7 @@ def place_of(memory: Memory, name: str) -> Pose | None:
 def differences(
     base: Memory, world: Memory, *, held: Collection[str] = (), elsewhere: Mapping[str, Pose] = NOTHING
 ) -> tuple[Supposed, ...]:
-    """The changes that make of the scene that the base believes in the scene of another world.
+    """List the changes that turn the believed scene of the base into the scene of another world.
 
     What the base does not believe to be anywhere is added, if it tells its `size`.
 
@@ -62,7 +62,7 @@ def differences(
 
 
 def keep(world: Memory, answer: Answer) -> None:
-    """Write into a world where everything is after a simulation (`Virtual_RT`), and what rests on what (`on`)."""
+    """Write the poses (`Virtual_RT`) and supports (`on`) after a simulation into a world."""
     with world.batch():
         for name in sorted(answer.poses):
             if name not in world:

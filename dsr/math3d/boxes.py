@@ -37,7 +37,7 @@ class Boxes(NamedTuple):
     """(..., 3) m, half their edges"""
 
     def at(self, index: NDArray[np.intp]) -> Boxes:
-        """Those at `index` along the first axis."""
+        """Select the boxes at `index` along the first axis."""
         return Boxes(self.centers[index], self.axes[index], self.halves[index])
 
     @property

@@ -1,4 +1,4 @@
-"""The surfaces of shapes and rays that meet them: what of a body can be seen from a point.
+"""Surfaces of shapes, and rays that meet them: the part of a body that can be seen from a point.
 
 Arrays are numpy; lengths in metres. Rays are given by where they start and how far they go, so that a parameter of 1 is
 their end.
@@ -47,7 +47,7 @@ class Surface(NamedTuple):
     """Points on a body, in its frame."""
 
     points: Array
-    """(n, 3) m"""
+    """Points (n, 3) of the surface, m, in the body's frame."""
     normals: Array
     """(n, 3) unit vectors, outwards"""
     areas: Array
@@ -136,7 +136,7 @@ class Solids(NamedTuple):
     kinds: NDArray[np.int64]
     """(n,) 0 box, 1 cylinder, 2 sphere"""
     centre: Array
-    """(n, 3) m"""
+    """Centres (n, 3) of the solids, m."""
     turn: Array
     """(n, 3, 3) frame_from_part"""
     half: Array

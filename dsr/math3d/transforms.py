@@ -30,7 +30,7 @@ _SMALL_ANGLE = 1e-3  # rad, below which series replace quotients of small number
 
 @final
 class Pose:
-    """Where a child frame is in its parent frame: an immutable parent_from_child transform.
+    """A pose of a child frame in its parent frame: an immutable parent_from_child transform.
 
     Args:
         translation: (3,) origin of the child in the parent, m.

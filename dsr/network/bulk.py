@@ -26,7 +26,7 @@ _ROOM = 1.25  # times the size of the first message
 
 
 class Outlet(Protocol):
-    """Where messages of one key leave."""
+    """A sender of the messages of one key."""
 
     @property
     def wanted(self) -> bool:
@@ -159,5 +159,5 @@ class BulkReader:
 
 
 def decode_descriptor(payload: bytes) -> SlotDescriptor | None:
-    """Where a large message is; None if it is not in shared memory. Raises `WireError`."""
+    """Decode the descriptor of a large message; None if the message is not in shared memory. Raises `WireError`."""
     return decoded(payload, "descriptor of a large message", _decoder.decode)

@@ -1,4 +1,4 @@
-"""Decoding what others wrote: whatever is wrong with the bytes, the only error is `WireError`."""
+"""Decodes messages of others: whatever is wrong with the bytes, the only error is `WireError`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ B = TypeVar("B")
 
 
 def decoded(payload: B, what: str, decode: Callable[[B], T]) -> T:
-    """`decode(payload)`; `what` names the message in the error. Raises `WireError`.
+    """Decode `payload` by `decode`; `what` names the message in the error. Raises `WireError`.
 
     Decoders of msgspec raise more than their own error: text that is no UTF-8, numbers out of range, nesting
     without end.

@@ -27,7 +27,7 @@ def is_key(text: str) -> bool:
 
 
 def agent_of(rid: str) -> str:
-    """The agent whose replica has the id `rid`: what is before the boot nonce."""
+    """The agent whose replica has the id `rid`: the part before the boot nonce."""
     return rid.rpartition("-")[0]
 
 
@@ -65,7 +65,7 @@ class Keys:
         return f"{self.state}/dig/{rid}"
 
     def sync(self, rid: str = "*") -> str:
-        """Where replica `rid` answers requests for what is missing."""
+        """Key on which replica `rid` answers requests for missing changes."""
         return f"{self.state}/sync/{rid}"
 
     def presence(self, agent: str = "*", rid: str = "*") -> str:
@@ -77,7 +77,7 @@ class Keys:
         return f"{self.root}/blob/{name}"
 
     def mesh(self, rid: str = "*") -> str:
-        """Where replica `rid` answers requests for meshes."""
+        """Key on which replica `rid` answers requests for meshes."""
         return f"{self.root}/mesh/{rid}"
 
     def live(self, agent: str = "*", rid: str = "*") -> str:
@@ -97,7 +97,7 @@ class Keys:
         return f"{self.root}/device/{name}"
 
     def service(self, name: str) -> str:
-        """Where requests of the service `name` are answered, e.g. `what_if`."""
+        """Key on which requests of the service `name` are answered, e.g. `what_if`."""
         return f"{self.root}/service/{name}"
 
     def truth(self) -> str:

@@ -99,7 +99,7 @@ class LocalNetwork:
         return count
 
     def partition(self, *groups: Iterable[str]) -> None:
-        """Only transports named in the same group reach each other; those in no group reach nobody."""
+        """Divide the network: only transports in the same group reach each other; those in no group reach nobody."""
         self._change_reach([frozenset(group) for group in groups])
 
     def heal(self) -> None:
@@ -247,10 +247,10 @@ class LocalTransport:
                 self._network.later(0.0, _bind(handler, key, alive))
 
     def renew(self) -> None:
-        """Nothing is ever forgotten here."""
+        """Do nothing: this transport forgets no declarations."""
 
     def pump(self) -> None:
-        """Deliver what is due."""
+        """Deliver the messages that are due."""
         self._network.deliver()
 
     def close(self) -> None:

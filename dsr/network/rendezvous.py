@@ -26,7 +26,7 @@ _WITH_MEMORY, _WITHOUT_MEMORY = "memory", "no-memory"
 
 
 def runtime_dir() -> Path:
-    """Where this user's processes meet: `$XDG_RUNTIME_DIR/dsr`, or a private folder in the temporary one.
+    """The folder in which this user's processes meet: `$XDG_RUNTIME_DIR/dsr`, or a private folder in the temporary one.
 
     Raises `TransportError` if it cannot be made, or somebody else's folder or link stands there.
     """
@@ -47,7 +47,7 @@ class Member(NamedTuple):
     rid: str
     endpoint: str
     has_memory: bool
-    """Whether it holds a replica; others only use the network."""
+    """Whether the process holds a replica; others only use the network."""
 
 
 class Registration:

@@ -44,7 +44,7 @@ _SEAL_FUTURE_WRITE = 0x10  # F_SEAL_FUTURE_WRITE of Linux 5.1, which `fcntl` doe
 
 
 class SlotDescriptor(msgspec.Struct, frozen=True, array_like=True):
-    """Where a message is, for readers on the same machine."""
+    """The place of a message in a ring, for readers on the same machine."""
 
     process: int
     file_descriptor: int
@@ -54,7 +54,7 @@ class SlotDescriptor(msgspec.Struct, frozen=True, array_like=True):
     slot_size: int
     slot: int
     sequence: int
-    """Which message of the ring it is; another one may be in the slot meanwhile."""
+    """Number of the message in its ring; the slot may hold a later message meanwhile."""
     length: int
 
 

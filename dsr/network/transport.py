@@ -29,7 +29,7 @@ MAX_ASKERS = 64
 
 
 class Qos(enum.Enum):
-    """How a message travels: what happens to it when a link is slow."""
+    """Quality of service of a message: what happens to it when a link is slow."""
 
     RELIABLE = "reliable"
     """Kept and sent before everything else; the sender waits (deltas)."""
@@ -40,10 +40,10 @@ class Qos(enum.Enum):
 
 
 class Subscription(Protocol):
-    """Something that was declared and can be taken back."""
+    """A declaration that can be taken back."""
 
     def close(self) -> None:
-        """Take it back; harmless when repeated."""
+        """Take the declaration back; harmless when repeated."""
 
 
 class Mailbox(Protocol):
@@ -109,7 +109,7 @@ class Transport(Protocol):
         """Call `handler` for each announced key that matches: first the present ones, then each change."""
 
     def renew(self) -> None:
-        """Say again what is subscribed to and served here: a network that has changed may have forgotten it."""
+        """Declare the subscriptions and services again: a network that has changed may have forgotten them."""
 
     def pump(self) -> None:
         """Hand over what is under way, in a network where nothing moves by itself; elsewhere nothing is to be done."""

@@ -241,7 +241,7 @@ class ZenohTransport:
         return declaration
 
     def renew(self) -> None:
-        """Say again what is wanted and served here.
+        """Declare the subscriptions and services again.
 
         Routers that find each other again may throw declarations away for good, those that come before the routers know
         where they come from (https://github.com/eclipse-zenoh/zenoh/issues/1886). Peers do not.
@@ -254,7 +254,7 @@ class ZenohTransport:
             declaration.renew()
 
     def reopen(self) -> None:
-        """Begin a new session in place of this one, with what the files of certificates hold now.
+        """Begin a new session in place of this one, with the present certificates of the files.
 
         All that was declared is declared again. Messages that are under way are lost, as on any link that breaks.
 

@@ -30,7 +30,7 @@ class Percept(NamedTuple):
     seen: Pose
     """camera_from_thing as it stands in the graph, with its covariance if it has one"""
     world_from_camera: Pose
-    """At the stamp."""
+    """Pose of the camera in the world at the percept's stamp."""
 
     @property
     def pose(self) -> Pose:

@@ -89,7 +89,7 @@ class GraphContent:
                     del attributes[name]
 
     def put_into(self, memory: Memory, *, replace: bool = False) -> None:
-        """Add to `memory` what it lacks and write all attributes.
+        """Add the missing elements to `memory`, and write all attributes.
 
         Args:
             memory: a replica of the graph; it need not have the name in the file.

@@ -1,4 +1,4 @@
-"""Reads the JSON graph files of CORTEX: nothing is lost, and what our graph cannot say stays in a note.
+"""Reads the JSON graph files of CORTEX: nothing is lost; values that our graph cannot hold stay in a note.
 
     {"DSRModel": {"symbols": {"1": {"id": "1", "name": "world", "type": "world", "attribute": {NAME: {"type": CODE,
      "value": V}}, "links": [{"src": "1", "dst": "2", "label": "RT", "linkAttribute": {...}}]}}}}

@@ -1,4 +1,4 @@
-"""Attribute values of CORTEX graph files: by type code to ours and back, with a note of what ours cannot tell."""
+"""Attribute values of CORTEX graph files: by type code to ours and back, with a note of the rest."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ _VECTORS = {FLOATS: None, 10: 2, 11: 3, 12: 4, 13: 6}
 """Codes of vectors, with their lengths."""
 
 NOTE = "cortex"
-"""Attribute in which an element keeps what a CORTEX file said beyond our graph, see `Note`."""
+"""Attribute with the content of a CORTEX file that our graph cannot hold, see `Note`."""
 _DIGITS = re.compile(r"\s*[+-]?[0-9]{1,100}\s*")
 PREFIX = "cortex."
 """Prefix of attribute names for values that the graph cannot hold: such values are kept as JSON text."""
 
 
 class Origin(msgspec.Struct, frozen=True, omit_defaults=True):
-    """How one attribute stood in the file."""
+    """The form that one attribute had in the CORTEX file."""
 
     code: int
     name: str | None = None
@@ -39,7 +39,7 @@ class Origin(msgspec.Struct, frozen=True, omit_defaults=True):
 
 
 class Note(msgspec.Struct, frozen=True, omit_defaults=True):
-    """How a node or link stood in the file; kept as compact JSON."""
+    """The form that a node or link had in the CORTEX file; kept as compact JSON."""
 
     id: str = ""
     name: str | None = None
@@ -50,7 +50,7 @@ class Note(msgspec.Struct, frozen=True, omit_defaults=True):
     out.
     """
     extra: dict[str, Any] = {}
-    """Further members."""
+    """Further members of the element in the CORTEX file, by name."""
 
     def encoded(self) -> str:
         """The note as the value of an attribute."""

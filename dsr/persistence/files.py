@@ -1,4 +1,4 @@
-"""Graph files of either format: read by what they contain, written so that a failure leaves the old file."""
+"""Graph files of either format: read by their content, written so that a failure leaves the old file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The files of a state folder: generations of a snapshot and a journal of what was new after it.
+"""The files of a state folder: generations of a snapshot and a journal of later changes.
 
 `journal-7` begins before `snapshot-7` is taken, so a snapshot with its journal and all later ones is the whole state.
 The generation before the newest is kept: if the newest snapshot is damaged, nothing is lost.

@@ -15,7 +15,7 @@ from dsr.graph.schema import is_text
 ValuePath = tuple[str | int, ...]
 """Keys and indexes from the root, e.g. `("nodes", 2, "name")`."""
 Problem = tuple[ValuePath, str]
-"""Where something is wrong, and what."""
+"""The place of a fault in a document, and its description."""
 
 MAX_BYTES = 1 << 28
 """Larger files are refused: a graph of 100 000 nodes takes a tenth of that."""
@@ -107,7 +107,7 @@ class JsonFile:
 
 
 class Problems:
-    """Collects what is wrong with a file; with more problems than are told, reading ends at once."""
+    """Collects the faults of a file; with more faults than are told, reading ends at once."""
 
     def __init__(self, file: JsonFile) -> None:
         self._file = file

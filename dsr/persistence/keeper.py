@@ -32,7 +32,7 @@ from dsr.replication.collector import collector_paused
 from dsr.replication.wire import encode_delta
 
 PERIOD = 0.25
-"""s between two looks at what is new."""
+"""s between two searches for new changes."""
 RETRY = 1.0
 """s until the next attempt after the disk refused."""
 LEAST_JOURNAL = 1 << 20
@@ -88,7 +88,7 @@ class StateKeeper:
             self._thread.start()
 
     def flush(self) -> None:
-        """Write what is new to the disk, now; if the disk refuses, that is logged and tried again later."""
+        """Write new changes to the disk, now; if the disk refuses, that is logged and tried again later."""
         with self._flushing:
             if self._stop.is_set():
                 return

@@ -62,7 +62,7 @@ class WorldKeeper:
         return self.base.restored
 
     def flush(self) -> None:
-        """Follow the list of worlds, and write what is new in all of them to the disk, now."""
+        """Follow the list of worlds, and write new changes of all of them to the disk, now."""
         self._look()
         self.base.flush()
         for keeper in list(self._keepers.values()):

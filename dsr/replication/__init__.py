@@ -1,1 +1,1 @@
-"""How replicas stay equal: messages, synchronisation, and what a sender may claim."""
+"""Keeps replicas equal: messages, synchronisation, and the claims that a sender may make."""

@@ -27,11 +27,11 @@ from dsr.graph.graph import Graph
 MAX_GAPS = 1000
 """Gaps among the counters of one replica: as many messages lost one by one as wait for a slow reader."""
 MAX_EARLY = 1000
-"""Removals that came before what they remove: a race of milliseconds between two senders."""
+"""Removals that may come before their elements: a race of milliseconds between two senders."""
 MAX_NEWCOMERS = 1000
 """Replicas that may begin to write within `WHILE`: as many as are listened to."""
 WHILE = 60.0
-"""s"""
+"""s, time within which at most `MAX_NEWCOMERS` replicas may begin to write"""
 MAX_REPLICAS = 1 << 14
 """Replica ids in a context after which none is taken over of which nothing is left: those of eleven days with a restart
 a minute. A request has 500 kB then, and takes 20 ms to read."""
@@ -42,7 +42,7 @@ all.
 
 
 class Claims:
-    """Watches over what is claimed to one replica."""
+    """Watches over the claims of others to one replica."""
 
     def __init__(self, graph: Graph) -> None:
         self.passed_over = 0
@@ -54,7 +54,7 @@ class Claims:
         self._while_ends = 0.0
 
     def look(self, now: float) -> None:
-        """To be called often with the monotonic time, s."""
+        """Bring the counts up to date; call this often with the monotonic time, s."""
         if now >= self._while_ends:
             self._newcomers.clear()
             self._while_ends = now + WHILE
@@ -134,7 +134,9 @@ class Claims:
         return Delta(reply.adds, reply.writes, reply.removed, kept, reply.live, reply.examined)
 
     def tidy(self, sender: str, reply: Delta) -> bool:
-        """After a reply was joined: close the lowest gaps of a replica that has too many; whether there were any.
+        """Close the lowest gaps of a replica that has too many, after a reply was joined.
+
+        Returns whether there were any.
 
         Two replicas may lack different messages of a third one that is gone. What nobody brought then is given up.
         """

@@ -18,7 +18,7 @@ MOST_NAMED = 4
 
 
 class Voice(NamedTuple):
-    """The newest that a peer's replica said."""
+    """The newest statement of a peer's replica about clocks."""
 
     rid: str
     heard_at: float
@@ -30,10 +30,10 @@ class Voice(NamedTuple):
 
 @dataclass(frozen=True)
 class ClockVerdict:
-    """How this process's clock stands beside those of other agents."""
+    """The agreement of this process's clock with those of other agents."""
 
     agents: int = 0
-    """How many other agents were heard of lately."""
+    """Number of other agents that were heard of lately."""
     slower: tuple[str, ...] = ()
     """Agents whose clock is behind ours, as they say."""
     faster: tuple[str, ...] = ()

@@ -12,7 +12,7 @@ _log = logging.getLogger("dsr.replication.sync")
 
 
 class Complaints:
-    """Counts what is malformed, and logs."""
+    """Counts malformed messages, and logs them."""
 
     def __init__(self) -> None:
         self.dropped: Counter[str] = Counter()

@@ -17,7 +17,7 @@ NEW_ID_PAUSE = 10.0
 
 
 class Impersonation:
-    """Watches over what is said in the name of one replica."""
+    """Watches over messages that speak in the name of this replica."""
 
     def __init__(self, graph: Graph, complaints: Complaints) -> None:
         self.noticed = False
@@ -51,7 +51,7 @@ class Impersonation:
             raise WireError(f"it speaks in the name of {rid}, this replica")
 
     def notice(self, sender: str) -> None:
-        """A peer told that it has seen more of us than there is."""
+        """Note that a peer claims to have seen more of this replica than it has written."""
         self.noticed = True
         self._complaints.say(
             self._graph.rid, "somebody speaks in the name of %s (told by %s): taking another id", sender,

@@ -55,20 +55,20 @@ class Joining:
         self._exhausted.discard(rid)
 
     def declined(self, rid: str, waits_for: Sequence[str]) -> None:
-        """A replica said that it has not joined itself, and for whom it waits."""
+        """Note that a replica said that it has not joined itself, and for whom it waits."""
         self._unjoined[rid] = waits_for
 
     def exhausted(self, rid: str) -> None:
-        """A replica gave everything it has, though that may not be all there is."""
+        """Note that a replica gave its whole content, though that may not be all there is."""
         self._exhausted.add(rid)
 
     def may_have_more(self, rid: str) -> bool:
-        """Whether a replica has not given everything it has yet."""
+        """Whether a replica has not given its whole content yet."""
         return rid not in self._exhausted
 
     @property
     def others(self) -> list[str]:
-        """All who may hold something."""
+        """Ids of all replicas that may hold content."""
         return list(dict.fromkeys([*self.holders, *self._present]))
 
     @property
@@ -78,7 +78,7 @@ class Joining:
 
     @property
     def nobody_has_more(self) -> bool:
-        """Whether everybody there is gave all it has."""
+        """Whether all replicas gave their whole content."""
         return bool(self.others) and all(rid in self._exhausted for rid in self.others)
 
     def choose(self, reachable: Iterable[str], asked: dict[str, int], now: float) -> str | None:

@@ -8,7 +8,7 @@ from dsr.crdt.delta import Delta
 
 
 class PublishDigest(NamedTuple):
-    """Tell all peers what was seen here."""
+    """Tell all peers the digest of this replica."""
 
     payload: bytes
 
@@ -20,7 +20,7 @@ class PublishDelta(NamedTuple):
 
 
 class Ask(NamedTuple):
-    """Request a piece of what is missing; hand in the answer with `receive_reply`, then call `request_done`."""
+    """Request a piece of the missing changes; hand in the answer with `receive_reply`, then call `request_done`."""
 
     peer: str
     payload: bytes
@@ -29,7 +29,7 @@ class Ask(NamedTuple):
 
 
 class Renew(NamedTuple):
-    """Let the network know again what is listened to here: it has changed, and may have forgotten."""
+    """Declare the subscriptions to the network again: it has changed, and may have forgotten them."""
 
 
 class TakeId(NamedTuple):

@@ -9,7 +9,7 @@ DIGEST_PERIOD = 1.0
 HURRIED_PERIOD = 0.25
 """s between two digests while the network changes: the first ones may be lost on routes that are not complete yet."""
 HURRY = 1.0
-"""s that this goes on after a peer appeared."""
+"""s, duration of the hurry after a peer appeared."""
 RENEWAL_DELAY = 0.75
 """s after a peer appeared until what is listened to is declared again: then the network has come to rest."""
 ABSENCE = 1.0
@@ -33,7 +33,7 @@ class Pace:
         self._last_look = math.inf
 
     def look(self, now: float) -> None:
-        """To be called often: notices that this process did not run for a while."""
+        """Notice a pause of this process; call this often with the monotonic time, s."""
         if now - self._last_look > ABSENCE:
             self.hurry(now)
         self._last_look = now
@@ -59,7 +59,7 @@ class Pace:
         return True
 
     def renewal_due(self, now: float) -> bool:
-        """Whether to declare again what is listened to; true once after each hurry."""
+        """Whether to declare the subscriptions again; true once after each hurry."""
         if now < self._renewal_at:
             return False
         self._renewal_at = math.inf
@@ -70,5 +70,5 @@ class Pace:
         self.patience = max(FIRST_PATIENCE, self.patience / 2)
 
     def unanswered(self) -> None:
-        """None came in time: the answer may be long, so wait longer next time."""
+        """Note that no answer came in time: it may be long, so wait longer next time."""
         self.patience = min(2 * self.patience, LAST_PATIENCE)

@@ -1,4 +1,4 @@
-"""A delta as messages of bounded length, each of which accounts only for what it holds.
+"""Splits a delta into messages of bounded length, each of which accounts only for its own content.
 
 A delta that fits into one message travels as it is. Of a longer one, each message accounts for the dots of its own
 additions and writes. The other dots of the delta, those of removals and of writes that later ones replaced, stay holes
@@ -18,7 +18,7 @@ MAX_PARCEL = MAX_STRUCTURE
 
 
 def parcels(delta: Delta) -> Iterator[bytes]:
-    """`delta` as messages, in an order in which additions come before what is written to them."""
+    """Split `delta` into messages, in an order in which additions come before the writes to them."""
     payload = encode_delta(delta)
     if len(payload) <= MAX_PARCEL or len(delta) <= 1:
         yield payload

@@ -37,25 +37,25 @@ class Peer:
     appeared_at: float
     digest: Digest | None = None
     covered: Digest | None = None
-    """The last digest that told nothing that is not known here."""
+    """The last digest of the peer without anything that is unknown here."""
     rest_known: bool = False
     """Whether, when its digest came, there was no difference beyond what that lists."""
     heard_at: float = -math.inf
     ahead: bool = False
     """Whether the peer's physical clock was more than MAX_DRIFT in our future."""
     asked: int = 0
-    """How often it was asked for something."""
+    """Number of requests to the peer."""
     asked_at: float = -math.inf
     in_vain: int = 0
-    """How many of its answers changed nothing, one after the other."""
+    """Number of the peer's answers that changed nothing, one after the other."""
     acknowledged: int = 0
-    """The highest counter of ours that it told to have seen."""
+    """The highest counter of ours that the peer said to have seen."""
     withdrawn_at: float | None = None
-    """When its token went, if it has not answered since."""
+    """Time (s) when the peer's token went, if it has not answered since; None otherwise."""
 
     @property
     def is_leaving(self) -> bool:
-        """Whether its token went, and it was not asked since whether it is still there."""
+        """Whether the peer's token went, and the peer was not asked since whether it is still there."""
         return self.withdrawn_at is not None and self.asked_at <= self.withdrawn_at
 
     @property
@@ -64,7 +64,7 @@ class Peer:
         return min(FIRST_PAUSE * 2.0 ** min(self.in_vain - 1, 10), LAST_PAUSE) if self.in_vain else 0.0
 
     def is_gone(self, now: float) -> bool:
-        """Whether nothing is to be expected of it any more."""
+        """Whether the peer counts as gone: nothing is expected of it any more."""
         if self.withdrawn_at is not None and now - max(self.withdrawn_at, self.heard_at) > DEPARTURE:
             return True
         if self.digest is None:
@@ -89,7 +89,7 @@ class Peers(dict[str, Peer]):
             del self._of_agent[agent]
 
     def appeared(self, rid: str, now: float) -> bool:
-        """A token of it came; whether it is listened to."""
+        """Note that a token of replica `rid` came at time `now` (s), and tell whether the replica is listened to."""
         if rid in self:
             self[rid].withdrawn_at = None
             return True

@@ -1,4 +1,4 @@
-"""The versioned encoding of requests for what is missing, and of the pieces that answer them; see `wire.py`.
+"""The versioned encoding of requests for missing changes, and of the pieces that answer them; see `wire.py`.
 
 Request: [version, replica id, context, place, insists]
 Piece:   [version, replica ids, adds, writes, kept, examined, whole or nil, begin, end or nil, joined, waits for]

@@ -1,4 +1,4 @@
-"""One thread for all replicas of a memory, the base's and those of its worlds: it lets each do what is due."""
+"""One thread for all replicas of a memory, the base's and those of its worlds: it does the work that is due in each."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ TICK = 0.05
 _PATIENCE = 2.0  # s to wait for a poll that does not end
 
 Poll = Callable[[], None]
-"""Does what is due, and raises nothing."""
+"""Does the work that is due, and raises nothing."""
 
 
 class Poller:

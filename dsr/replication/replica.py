@@ -49,9 +49,9 @@ class Statistics(NamedTuple):
     """Counts of the faults that a replica has met since it began; all of them are repaired."""
 
     repairs: int
-    """How often it asked a peer for something that it had missed."""
+    """Number of requests to peers for missed changes."""
     outbox_overflows: int
-    """How often so much waited for a congested network that it was left to the repair."""
+    """Number of times when too many changes waited for a congested network, and were left to the repair."""
     skipped: int
     """Messages passed over because merging could not keep up."""
     forgotten: int
@@ -63,7 +63,7 @@ class Statistics(NamedTuple):
     passed_over: int
     """Claims beyond what is taken from one sender (`replication.claims`), and replicas beyond those listened to."""
     new_ids: int
-    """How often somebody spoke in its name, so that it took another replica id."""
+    """Number of times when somebody spoke in the replica's name, so that it took another id."""
 
 
 class Replica:
@@ -166,7 +166,7 @@ class Replica:
 
     @contextlib.contextmanager
     def hold(self) -> Iterator[None]:
-        """Send what is written inside together."""
+        """Send all writes inside together."""
         with self.lock:
             self._holds += 1
         try:
@@ -204,7 +204,7 @@ class Replica:
     # ---- receiving
 
     def poll(self) -> None:
-        """Merge what has arrived by now and do what is due."""
+        """Merge the messages that have arrived, and do the work that is due."""
         with self._merging:
             for _ in range(len(self._inbox)):
                 action = self._inbox.popleft()
@@ -288,7 +288,7 @@ class Replica:
     # ---- life
 
     def start(self, poller: Poller) -> None:
-        """Let `poller` do what is due, and run a thread that sends."""
+        """Let `poller` do the work that is due, and run a thread that sends."""
         self._sender = threading.Thread(target=self._run_sending, name="dsr-send", daemon=True)
         self._sender.start()
         self._poller = poller
@@ -341,7 +341,7 @@ class Replica:
             declaration.close()
 
     def close(self) -> None:
-        """Send what is left and leave; the transport stays open."""
+        """Send the waiting changes and leave; the transport stays open."""
         if self._stopped.is_set():
             return
         self._stopped.set()

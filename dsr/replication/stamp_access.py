@@ -49,7 +49,7 @@ class StampAccess:
 
     @property
     def clocks(self) -> ClockVerdict:
-        """How this process's clock stands beside those of the other agents; as text, for people."""
+        """Describe in words how this process's clock agrees with those of the other agents."""
         return self._replica.synchroniser.clocks
 
     @property

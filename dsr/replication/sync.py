@@ -56,13 +56,13 @@ REQUEST_TIMEOUT = 10.0
 MAX_DRIFT = 0.5
 """s that a peer's clock may be ahead of ours."""
 LONG_WAIT = 1.0
-"""s after which a newcomer says for whom it waits."""
+"""s of waiting after which a newcomer says for which replicas it waits."""
 JOIN_RETRY = 0.02
 """s after which a newcomer asks the same peer again, whose answer found no way yet."""
 
 
 class ChangeGate(Protocol):
-    """Decides what of an arriving message may be joined; see dsr/security/gate.py."""
+    """Selects the part of an arriving message that may be joined; see dsr/security/gate.py."""
 
     def delta(self, sender: str, delta: Delta, store: Store) -> Delta:
         """The allowed part of a delta."""
@@ -71,7 +71,7 @@ class ChangeGate(Protocol):
         """The allowed part of a synchronisation reply."""
 
     def trusts(self, rid: str) -> bool:
-        """Whether that replica may speak for others."""
+        """Whether replica `rid` may speak for others."""
 
 
 @dataclass
@@ -80,13 +80,13 @@ class Synchroniser:
 
     graph: Graph
     gate: ChangeGate | None = None
-    """Checks what arrives; None if everybody is believed."""
+    """Checks arriving messages; None if everybody is believed."""
     joined: bool = False
     complaints: Complaints = field(default_factory=Complaints)
     repairs: int = 0
     """Replies that brought something that was missing."""
     new_ids: int = 0
-    """How often this replica took another id."""
+    """Number of times when this replica took another id."""
     clocks: ClockVerdict = field(default_factory=ClockVerdict)
     """How our clock stands beside those of the agents heard of lately."""
     pieces: int = 0
@@ -285,7 +285,7 @@ class Synchroniser:
         self._fetch = self._under_way = None
 
     def nobody_there(self) -> None:
-        """The caller knows that the graph begins here, or wants it to: nothing to wait for."""
+        """Note that there is nothing to wait for: the caller knows that the graph begins here, or wants this."""
         self.joined = True
 
     def answer(self, sender: str, payload: bytes) -> Piece | None:
@@ -394,7 +394,7 @@ class Synchroniser:
 
     @property
     def delivered(self) -> bool:
-        """Whether every peer that is heard told that it has seen all that was written here."""
+        """Whether every peer that is heard has seen all that was written here."""
         rid, store = self.graph.rid, self.graph.store
         samples = [entry.registers[name] for dot, name in store.unsettled if (entry := store.find(dot))]
         settled = all(sample.writer != rid for sample in samples)

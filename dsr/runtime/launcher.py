@@ -1,4 +1,4 @@
-"""Starts the agents of a system as processes, waits until they are ready, restarts what crashes, stops it all.
+"""Starts the agents of a system as processes, waits until they are ready, restarts crashed ones, stops all.
 
     with Launcher(load_system("tabletop"), folder) as launcher:
         launcher.wait_ready()
@@ -54,7 +54,7 @@ class AgentRow(msgspec.Struct, frozen=True):
 
     @property
     def is_ready(self) -> bool:
-        """Whether it had a good tick."""
+        """Whether the agent had a good tick."""
         return self.state in (State.READY, State.DEGRADED)
 
 

@@ -19,7 +19,7 @@ class LogRecord(msgspec.Struct, frozen=True):
     """One line that an agent logged, as it travels (a MessagePack map)."""
 
     stamp: float
-    """s"""
+    """Time of the record, s since the Unix epoch."""
     level: str
     """DEBUG, INFO, WARNING, ERROR or CRITICAL"""
     agent: str

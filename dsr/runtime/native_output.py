@@ -1,4 +1,4 @@
-"""Keeps what native libraries print (banners, progress) off standard output and standard error."""
+"""Keeps the output of native libraries (banners, progress) off standard output and standard error."""
 
 from __future__ import annotations
 

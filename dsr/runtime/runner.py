@@ -1,4 +1,4 @@
-"""The life of one agent, whatever drives it: setup, ticks, teardown; counts what goes wrong and tells its status."""
+"""The life of one agent in either mode: setup, ticks, teardown; counts failures and tells its status."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _LINGERS = 2.0  # s for which a process that crashed may still seem to be there
 
 
 class Schedule:
-    """When the ticks of a rate are due: start + n / rate, without drift; ticks that came too late are left out."""
+    """The due times of the ticks at a rate: start + n / rate, without drift; ticks that came too late are left out."""
 
     def __init__(self, start: float, rate_hz: float) -> None:
         if not (math.isfinite(rate_hz) and rate_hz > 0):
@@ -130,7 +130,7 @@ class Runner:
 
     @property
     def status_due(self) -> float:
-        """When the next status is due, s on the monotonic clock."""
+        """Time of the next status, s on the monotonic clock."""
         return self._told + PERIOD
 
     def tell(self) -> None:

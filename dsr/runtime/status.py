@@ -25,7 +25,7 @@ _log = logging.getLogger("dsr.runtime.status")
 
 
 class State(enum.StrEnum):
-    """Where an agent is in its life."""
+    """The state of an agent in its life."""
 
     STARTING = "starting"
     READY = "ready"
@@ -48,7 +48,7 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     rate_hz: float = 0.0
     """Measured ticks a second."""
     tick_ms_p50: float = 0.0
-    """Median duration of the last ticks."""
+    """Median duration of the last ticks, ms."""
     tick_ms_p95: float = 0.0
     missed: int = 0
     """Ticks left out because an earlier one took too long."""
@@ -57,10 +57,10 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     errors: int = 0
     """Failed ticks since the start."""
     restarts: int = 0
-    """How often its launcher started it again."""
+    """Number of restarts of the agent by its launcher."""
     last_error: str = ""
     stamp: float = 0.0
-    """s"""
+    """Time of the status, s since the Unix epoch."""
     clock: str = ""
     """Fault of the agent's clock, or of another one, in words; empty if all agree."""
     worlds: list[WorldUse] = []

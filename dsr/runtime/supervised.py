@@ -132,7 +132,7 @@ class Supervised:
         self._backoff = min(2 * self._backoff, LAST_BACKOFF)
 
     def last_lines(self, most: int = 12) -> str:
-        """The end of its log."""
+        """The last lines of the process's log, at most `most`."""
         try:
             with self.log_file.open("rb") as log:
                 log.seek(max(0, self.log_file.stat().st_size - _TAIL))

@@ -52,7 +52,7 @@ class System:
     graph: str
     agents: tuple[AgentSpec, ...]
     folder: Path | None = None
-    """Where its file lies: agents of one's own may lie beside it."""
+    """Folder of the system's file; None without one. Agents of one's own may lie beside the file."""
 
     def __post_init__(self) -> None:
         check_name("graph name", self.graph)

@@ -20,7 +20,7 @@ WAITED_FOR = "waited for"
 
 
 class ClientInfo(msgspec.Struct, frozen=True):
-    """A process that has to do with worlds."""
+    """A process that reads or writes worlds."""
 
     agent: str
     state: str
@@ -39,7 +39,7 @@ class WorldEntry(msgspec.Struct, frozen=True):
     readers: list[str]
     """Agents that read it, and other processes that have it open."""
     last_write: float | None
-    """s since the Unix epoch, of those writers that tell."""
+    """Time of the last write, s since the Unix epoch, of the writers that tell."""
     write_hz: float
     """Changes a second."""
 

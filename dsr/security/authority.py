@@ -34,18 +34,18 @@ _CLOCK_SKEW = timedelta(minutes=5)
 
 
 class Lifetime(NamedTuple):
-    """How long an agent may take part."""
+    """The time until an agent's certificates end."""
 
     serial: int
     """Serial number of the certificate."""
     file: Path
-    """The certificate that ends first: its own, or that of the authority."""
+    """The certificate that ends first: the agent's own, or that of the authority."""
     ends: float
-    """When that is, s since the Unix epoch."""
+    """Time when the certificate ends, s since the Unix epoch."""
 
 
 class SecurityFolder:
-    """Where the files of a security folder are; makes and checks certificates in it."""
+    """A security folder; makes and checks certificates in it."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -106,7 +106,7 @@ class SecurityFolder:
         return _read_certificate(self.certificate(agent)).not_valid_after_utc
 
     def lifetime(self, agent: str) -> Lifetime:
-        """How long this agent may take part. Raises `ConfigError` if it or the authority has no certificate."""
+        """Read the lifetime of this agent. Raises `ConfigError` if the agent or the authority has no certificate."""
         authority, own = _read_certificate(self.authority), _read_certificate(self.certificate(agent))
         ends = {self.authority: authority.not_valid_after_utc, self.certificate(agent): own.not_valid_after_utc}
         first = min(ends, key=lambda file: ends[file])

@@ -1,4 +1,4 @@
-"""Checks what arrives against what its sender may write; the rest is dropped and counted, and leaves no holes.
+"""Checks arriving changes against the grants of their writers; refused ones are counted, and leave no holes.
 
 Zenoh's access control makes the key of a message prove who sent it (dsr/security/configuration.py), and the key
 names the sender's replica. This gate looks inside:
@@ -40,7 +40,7 @@ class Gate:
         self._trusted = {name for name, grant in policy.agents.items() if grant.trusted}
 
     def trusts(self, rid: str) -> bool:
-        """Whether that replica may speak for others."""
+        """Whether replica `rid` may speak for others."""
         return agent_of(rid) in self._trusted
 
     def delta(self, sender: str, delta: Delta, store: Store) -> Delta:

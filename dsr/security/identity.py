@@ -29,10 +29,10 @@ class Identity:
     zenoh: dict[str, Any]
     """Settings of its Zenoh session."""
     files: SecurityFolder
-    """Where its certificate is."""
+    """The folder with the agent's certificate."""
 
     def trusts(self, rid: str) -> bool:
-        """Whether that replica may speak for others."""
+        """Whether replica `rid` may speak for others."""
         grant = self.policy.agents.get(agent_of(rid))
         return grant is not None and grant.trusted
 

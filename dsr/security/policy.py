@@ -1,4 +1,4 @@
-"""The policy of a security folder: what each agent may write, read from and written to `policy.json`."""
+"""The policy of a security folder: the grant of each agent, read from and written to `policy.json`."""
 
 from __future__ import annotations
 

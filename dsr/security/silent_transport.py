@@ -1,4 +1,4 @@
-"""A transport that only listens and asks: what a read-only member of a secured graph uses."""
+"""A transport that only listens and asks: for a read-only member of a secured graph."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class _Nothing:
 
 
 class SilentTransport:
-    """Passes on what arrives; what the replica says to keep others in step is not sent, all else is refused."""
+    """Passes on arriving messages; messages that keep others in step are not sent, all else is refused."""
 
     shares_memory = False
 

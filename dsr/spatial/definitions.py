@@ -26,9 +26,9 @@ class View(NamedTuple):
     """From where somebody looks; horizontal unit vectors in the world."""
 
     away: Vector3
-    """From the viewer into the scene."""
+    """Unit vector from the viewer into the scene."""
     left: Vector3
-    """To the viewer's left."""
+    """Unit vector to the viewer's left."""
 
     @staticmethod
     def of(pose: Pose, *, optical: bool) -> View:
@@ -126,7 +126,7 @@ EGOCENTRIC: dict[str, Callable[[Box, Box, View], float]] = {
 }  # fmt: skip
 """Relations as somebody sees them, by name."""
 SPATIAL = (*ALLOCENTRIC, *EGOCENTRIC)
-"""All names."""
+"""Names of all spatial relations."""
 MIRRORED = {
     "above": "below", "below": "above", "next_to": "next_to", "in_front_of": "behind", "behind": "in_front_of",
     "left_of": "right_of", "right_of": "left_of",
@@ -135,7 +135,7 @@ MIRRORED = {
 
 
 def margin(relation: str, a: Box, b: Box, view: View | None = None) -> float:
-    """How far (m) `a` is in that relation to `b`; negative if it is not.
+    """Measure how far (m) `a` is in the relation to `b`; negative if it is not.
 
     Raises:
         KeyError: for an unknown relation.

@@ -1,4 +1,4 @@
-"""Hysteresis: what began to hold goes on until it is clearly over, so that noise does not make it flicker; pure."""
+"""Hysteresis: a relation that began to hold goes on until it is clearly over, in spite of noise; pure."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ Key = TypeVar("Key", bound=Hashable)
 
 
 class Hysteresis(Generic[Key]):
-    """Which of some relations hold, by their margins: from a margin of 0 on, until it falls below -`band`.
+    """Decides which relations hold, by their margins: from a margin of 0 on, until the margin falls below -`band`.
 
     Margins that never vary by more than `band` change nothing after the first look.
 

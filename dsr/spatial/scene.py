@@ -24,7 +24,7 @@ class Fact(NamedTuple):
     """A relation between two things."""
 
     relation: str
-    """One of `SPATIAL`."""
+    """Name of the relation, one of `SPATIAL`."""
     source: str
     """Name of what is above, left, ..."""
     destination: str
@@ -33,7 +33,7 @@ class Fact(NamedTuple):
 
 @dataclass(frozen=True)
 class Scene:
-    """Where things are believed to be."""
+    """The believed places of things, as boxes."""
 
     boxes: Mapping[str, Box] = field(default_factory=dict)
     """Boxes of the things, by name."""
@@ -72,7 +72,7 @@ class Scene:
         }
 
     def margin(self, fact: Fact, view: View | None = None) -> float:
-        """How far (m) it holds; negative if it does not. See `dsr.spatial.margin`."""
+        """Measure how far (m) the fact holds; negative if it does not. See `dsr.spatial.margin`."""
         return margin(fact.relation, self.boxes[fact.source], self.boxes[fact.destination], view)
 
     def _among(self, names: str | Iterable[str] | None) -> list[str]:

@@ -39,7 +39,7 @@ class Timeline:
         self._silent: set[str] = set()
 
     def note(self, changes: Iterable[Change], memory: Memory, now: float) -> list[Event]:
-        """The events that `changes` of `memory`, seen at time `now` (s), amount to; in the order of their times."""
+        """Derive the events from `changes` of `memory`, seen at time `now` (s), in the order of their times."""
         return sorted(self._events(changes, memory, now), key=lambda event: event.time)
 
     def note_status(self, status: Status, now: float) -> list[Event]:
@@ -59,7 +59,7 @@ class Timeline:
         return [_agent_event(now, agent, text)] if text else []
 
     def note_silence(self, now: float) -> list[Event]:
-        """The agents that fell silent by time `now` (s) without a word: killed, or hanging."""
+        """Derive an event for each agent that fell silent by time `now` (s) without a word: killed, or hanging."""
         events = []
         for agent, heard in self._heard.items():
             ended = self._agents[agent].state in _ENDED

@@ -1,4 +1,4 @@
-"""Writing to the timeline, and asking it: what every agent may do that has something to tell."""
+"""Writes and queries the timeline, for every agent that has something to tell."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ TIMELINE = "timeline"
 EVENT, SITUATION = "event", "situation"
 """Node types of an instant, and of what has a begin and, once it is over, an end."""
 EXPLAINED = "explained"
-"""Kind of the events that say what explains a surprise."""
+"""Kind of the events that explain a surprise."""
 _FIELDS = ("kind", "participants", "time", "begin", "end", "text", "outcome", "confidence", "source")
 
 
@@ -41,13 +41,13 @@ class Entry(msgspec.Struct, frozen=True, kw_only=True):
     outcome: str = ""
     """How a situation ended; empty for an event."""
     confidence: float = 1.0
-    """0 to 1"""
+    """Probability (0 to 1) that the entry is true."""
     source: str = ""
     """The source of the entry: an agent, or the evidence that it used (`contact`, `gripper`)."""
     writers: tuple[str, ...] = ()
-    """The agents that wrote it."""
+    """Names of the agents that wrote the entry."""
     details: dict[str, Any] = {}
-    """All other attributes."""
+    """All other attributes of the entry's node."""
 
     @property
     def interval(self) -> Interval:
@@ -56,12 +56,12 @@ class Entry(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def is_open(self) -> bool:
-        """Whether it lasts."""
+        """Whether the situation lasts."""
         return self.end is None
 
     @property
     def last(self) -> float:
-        """When it was over (s): infinity while it lasts."""
+        """Time (s) when the entry was over; infinity while it lasts."""
         return math.inf if self.end is None else self.end
 
 
@@ -99,7 +99,7 @@ def kind_of(node: Node) -> str:
 
 
 def explanations(memory: Memory) -> list[Node]:
-    """The event nodes that say what explains a surprise, oldest first."""
+    """List the event nodes of explanations, oldest first."""
     found = [node for node in memory.nodes(EVENT) if kind_of(node) == EXPLAINED]
     return sorted(found, key=lambda node: (_time(node, "time") or 0.0, node.name))
 

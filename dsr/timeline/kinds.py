@@ -14,4 +14,4 @@ PRESENT, SURPRISING, AGENT = "present", "surprising", "agent"
 INTENTION, ACTION = "intention", "action"
 """Situations: an intention is pursued, an action runs. Events: its status became another."""
 DERIVED = frozenset({*RELATIONS, PRESENT, SURPRISING, AGENT, INTENTION, ACTION, EXPLAINED})
-"""All of these: what a reader of the changes finds out by itself."""
+"""All kinds in this module: those that a reader of the changes finds out by itself."""

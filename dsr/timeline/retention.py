@@ -23,7 +23,7 @@ RECENT = 60.0
 
 
 class Retention(msgspec.Struct, frozen=True):
-    """How much of its own a writer keeps."""
+    """How many of its own entries a writer keeps, and for how long."""
 
     count: int = 500
     """Events and situations together; a few more until it looks again."""

@@ -12,7 +12,7 @@ from dsr.timeline.kinds import ACTION, AGENT, INTENTION, PRESENT, RELATIONS, SUR
 
 
 class Event(msgspec.Struct, frozen=True):
-    """Something that happened, as a list shows it."""
+    """An event as a list shows it."""
 
     time: float
     """s, when: as told by who noticed it, or else when the change was seen"""
@@ -20,7 +20,7 @@ class Event(msgspec.Struct, frozen=True):
     subject: str
     """The subject of the event: nodes (comma-separated), an edge as `source type destination`, or an agent."""
     text: str
-    """One line for people."""
+    """One line for people about the event."""
     details: dict[str, Any] = {}
     """The same for programs, by attribute."""
 
@@ -32,7 +32,7 @@ _TOLD_BY_EVENTS = (ACTION, INTENTION)
 
 
 def tell(entries: Iterable[Entry], *, fully: bool = False) -> list[Event]:
-    """The events that entries amount to, in the order of their times.
+    """Turn entries into events, in the order of their times.
 
     Args:
         entries: events and situations.

@@ -47,7 +47,7 @@ class Posed(NamedTuple):
 
     @property
     def is_thing(self) -> bool:
-        """Whether it can be moved, and is looked for."""
+        """Whether the node can be moved, and is looked for."""
         return self.kind in (*THINGS, *MODELLED)
 
 

@@ -47,7 +47,7 @@ class VisibleScene(NamedTuple):
 def visibility(
     memory: Memory, names: Iterable[str] | None = None, width: int = WIDTH
 ) -> dict[tuple[str, str], VisibleFraction]:
-    """How much of every thing is seen from every perspective of a world, by (perspective, thing).
+    """Compute how much of every thing is seen from every perspective of a world, by (perspective, thing).
 
     Args:
         memory: the world.
@@ -73,5 +73,5 @@ def is_enough(share: float, was_seen: bool, least_share: float = LEAST_SHARE, ba
 
 
 def is_seen(glance: VisibleFraction, least_share: float = LEAST_SHARE, least_pixels: int = LEAST_PIXELS) -> bool:
-    """Whether that is enough to be seen."""
+    """Whether a glance shows enough of a thing to call it visible."""
     return glance.share >= least_share and glance.pixels >= least_pixels

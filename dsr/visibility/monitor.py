@@ -1,4 +1,4 @@
-"""Follows who sees what in a world, and tells what comes into sight and what goes out of it."""
+"""Follows which perspective of a world sees which things, and tells the changes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _STEADY = 5e-3, 1e-2  # m, rad: a perspective that moved by less shows the same
 
 
 class SightChange(NamedTuple):
-    """Something came into somebody's sight, or went out of it."""
+    """A change of visibility: a thing came into the sight of a perspective, or went out of it."""
 
     perspective: str
     thing: str
@@ -70,7 +70,7 @@ class VisibilityMonitor:
 
     @property
     def glances(self) -> Mapping[tuple[str, str], VisibleFraction]:
-        """At the last look, by (perspective, thing), of all perspectives there were."""
+        """Glances of the last look, by (perspective, thing), for all perspectives."""
         return self._glances
 
     @property

@@ -10,9 +10,12 @@ from dsr.math3d.shapes import Part, Shape
 from dsr.math3d.transforms import Array
 
 HEAD: Shape = (Part("box", (0.2, 0.16, 0.25), (-0.09, 0.0, 0.0)),)
-"""In the person's frame, which is between the eyes."""
+"""Shape of the head in the person's frame, which is between the eyes."""
 TRUNK: Shape = (Part("box", (0.24, 0.44, 1.3), (-0.09, 0.0, -0.87)),)
-"""In the frame `upright`; whoever sits has the lower end below the floor, which hides nothing."""
+"""Shape of the body below the head in the frame `upright`.
+
+Of a person who sits, the lower end is below the floor, which hides nothing.
+"""
 
 
 def upright(world_from_person: Array) -> Array:

@@ -23,11 +23,11 @@ _log = logging.getLogger("dsr.visibility")
 
 CAMERA, PERSON = "camera", "person"
 PERSPECTIVES = (CAMERA, PERSON)
-"""Node types."""
+"""Node types of perspectives."""
 PERSON_FOV = (math.radians(100.0), math.radians(80.0))
 """rad, horizontal and vertical: what a person sees who does not move the head, and no tag says otherwise"""
 CAMERA_FOV = (math.radians(60.0), math.radians(46.8))
-"""rad, of a camera that tells neither intrinsics nor a field of view"""
+"""rad, field of view of a camera that tells neither intrinsics nor a field of view"""
 WIDTH = 320
 """px, of the pictures that are drawn"""
 MOST_WIDTH = 4096

@@ -23,14 +23,14 @@ Array = NDArray[np.float64]
 Flags = NDArray[np.bool_]
 
 NEAREST = 1e-3
-"""m along the axis; what is nearer is not drawn"""
+"""m along the axis; nearer points are not drawn"""
 _MARGIN = 0.005  # m around a part within which an eye counts as in it: it hides nothing from that eye
 _LEVEL = 1e-12  # stands for the slope of a bound that does not depend on the column
 _ROUNDING = 1e-9  # of a nearness, by which a body that touches another is no less near
 
 
 class Body(NamedTuple):
-    """Something that is seen, and hides."""
+    """A body that can be seen, and hides others."""
 
     name: str
     solids: Solids
@@ -49,7 +49,7 @@ class VisibleFraction(NamedTuple):
     alone: int
     """Number of pixels that would show the body if nothing else were there, also half a picture beyond the edges."""
     hidden_by: str
-    """The body that hides most of it; empty if nothing does."""
+    """Name of the body that hides most of this one; empty if nothing does."""
 
 
 class PixelWindow(NamedTuple):
@@ -69,11 +69,11 @@ class PixelWindow(NamedTuple):
 
     @property
     def is_empty(self) -> bool:
-        """Whether there is no pixel in it."""
+        """Whether the window has no pixel."""
         return self.left >= self.right or self.top >= self.bottom
 
     def slices(self, within: PixelWindow) -> tuple[slice, slice]:
-        """Where it is in an array that covers `within`."""
+        """The slices of this window in an array that covers `within`."""
         return (
             slice(self.top - within.top, self.bottom - within.top),
             slice(self.left - within.left, self.right - within.left),

@@ -1,4 +1,4 @@
-"""Triangles drawn into a picture, all at once: for what is no union of convex parts."""
+"""Draws triangles into a picture, all at once: for bodies that are no union of convex parts."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ _SAME = 1e-6  # m, rad, up to which two poses are the same
 
 
 class ObjectReport(msgspec.Struct, frozen=True):
-    """How far one object is seen from where it is believed, before and after: root mean squares over its views."""
+    """The distance of one object from its believed pose, before and after: root mean squares over its views."""
 
     name: str
     before_m: float
@@ -50,7 +50,7 @@ class ObjectReport(msgspec.Struct, frozen=True):
     after_m: float
     after_rad: float
     is_outlier: bool
-    """Whether it disagrees with the pose that was found."""
+    """Whether the object disagrees with the pose that was found."""
 
 
 class Report(msgspec.Struct, frozen=True):
@@ -58,12 +58,12 @@ class Report(msgspec.Struct, frozen=True):
 
     camera: str
     parent: str
-    """The frame that carries it."""
+    """Name of the frame that carries the camera."""
     method: str
     adopted: bool
     """Whether its pose is known now."""
     text: str
-    """In a line, for people: what changed, or why nothing did."""
+    """One line for people: the change, or why there was none."""
     before: tuple[float, ...]
     """parent_from_camera as it was: translation (m), then quaternion x, y, z, w."""
     after: tuple[float, ...]
@@ -72,7 +72,7 @@ class Report(msgspec.Struct, frozen=True):
     """Covariance of `after`, (6, 6) row by row, m and rad: a perturbation in the frame of the camera."""
     shift_m: float
     shift_rad: float
-    """Between the two."""
+    """Angle (rad) between the poses before and after."""
     condition: float
     """Condition number of the information about the pose; -1 if infinite."""
     weak: bool

@@ -1,4 +1,4 @@
-"""Which relations of a goal hold together in no world, by what they mean."""
+"""Finds relations of a goal that hold together in no world, by their meaning."""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ class Goal:
 
 
 def parse_goal(text: str) -> Goal:
-    """The goal that `text` describes. Raises `GoalError`, which points at what is wrong."""
+    """Read a goal from its text. Raises `GoalError`, which points at the fault."""
     return _Parser(" ".join(text.splitlines()).expandtabs(1)).goal()
 
 

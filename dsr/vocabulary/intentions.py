@@ -17,7 +17,7 @@ _PLANNER = "planner"
 MIND = "mind"
 """The node from which intentions hang."""
 PREFIX = "intention_"
-"""Before the number in the name of an intention."""
+"""Prefix of the number in the name of an intention."""
 
 WANTED, PLANNING, EXECUTING, WAITING = "wanted", "planning", "executing", "waiting"
 ACTIVE = (WANTED, PLANNING, EXECUTING, WAITING)

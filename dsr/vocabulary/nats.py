@@ -15,11 +15,11 @@ PARTED = 4.0
 FROM_ELSEWHERE = 5.0
 """nats: an unseen object is beneath another one now, and was elsewhere."""
 AS_PLANNED = 1.0
-"""nats: the same, where a plan puts the object."""
+"""nats: an unseen object is beneath another one now, where a plan puts it."""
 HELD = 6.0
 """nats: something unknown holds an object."""
 HELD_ON_ITS_WAY = 3.0
-"""nats: the same, while percepts show the object moving."""
+"""nats: something unknown holds an object, while percepts show it moving."""
 REMOVED = 6.0
 """nats: an object was taken away."""
 FELL = 9.0
@@ -27,11 +27,11 @@ FELL = 9.0
 FELL_IN_VIEW = 4.0
 """nats: an object that was last seen falling fell as it moved then."""
 FELL_ON_FROM_THERE = 5.0
-"""nats: the same, over the edge in the direction of that motion."""
+"""nats: an object that was last seen falling fell on from there, over the edge in the direction of that motion."""
 FALSE_PERCEPT = 3.0
 """nats: the percepts of an object are false."""
 FALSE_FRAME = 3.0
-"""nats: the same, for each frame in which they are."""
+"""nats: the percepts of an object are false, for each frame in which they are."""
 CAMERA_MOVED = 6.0
 """nats: the camera moved."""
 COINCIDENCE = 6.0

@@ -24,12 +24,12 @@ _PATTERN = re.compile(r"\s*(\w+)\s*(?:\(\s*([\w.\-]+)\s*(?:,\s*([\w.\-]+)\s*)?\)
 
 
 class Action(NamedTuple):
-    """Something that was done to a thing."""
+    """An action on a thing."""
 
     time: float
-    """s, when it happened"""
+    """Time of the action, s"""
     kind: str
-    """One of `KINDS`."""
+    """Kind of the action, one of `KINDS`."""
     thing: str
     by: str = UNKNOWN
     """Node of a hand or gripper, or `UNKNOWN`."""
@@ -40,7 +40,7 @@ class Action(NamedTuple):
 
 @dataclass(frozen=True)
 class Pattern:
-    """Which actions are meant: `Pick(cup)`, `Pick(cup, human_hand_0)`, or `Release` for one of anything."""
+    """A pattern of actions: `Pick(cup)`, `Pick(cup, human_hand_0)`, or `Release` for one of anything."""
 
     kind: str
     thing: str | None = None
@@ -56,7 +56,7 @@ class Pattern:
 
 
 def parse_pattern(text: str) -> Pattern:
-    """The pattern that `text` describes. Raises `GoalError`, which points at what is wrong."""
+    """Read a pattern from its text. Raises `GoalError`, which points at the fault."""
     match = _PATTERN.fullmatch(text)
     if match is None:
         raise GoalError(text, 0, "expected an action such as Pick(cup), Pick(cup, human_hand_0) or Release")

@@ -1,4 +1,4 @@
-"""The relations between things that a working memory holds: edges `on` and `grasping`, and what follows from them."""
+"""The relations between things in a working memory: edges `on` and `grasping`, and their consequences."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from dsr.graph.elements import Node
 from dsr.memory import Memory
 
 THINGS = ("cube", "box", "container", "cup", "ball")
-"""Node types of what can be perceived and moved; all else is structure, a hand, or what stands still."""
+"""Node types of things that can be perceived and moved; all else is structure, a hand, or stands still."""
 SURFACES = ("table",)
-"""Node types of what things are put on and that never moves."""
+"""Node types of static bodies on which things are put."""
 MODELLED = ("object",)
-"""Node types of what has the form of its mesh, as loaded from a file, and does not move by itself."""
+"""Node types of static bodies in the form of their mesh, as loaded from a file."""
 ARITY = {"on": 2, "ontable": 1, "clear": 1, "holding": 1, "handempty": 0}
 """The relations by name, with how many things each relates."""
 Pair = tuple[str, str]
@@ -24,7 +24,7 @@ class Relation(NamedTuple):
     """A relation between things, true or not: `on(cube_3, cube_4)`."""
 
     name: str
-    """One of `ARITY`."""
+    """Name of the relation, one of `ARITY`."""
     arguments: tuple[str, ...]
     """Names of nodes."""
 
@@ -34,7 +34,7 @@ class Relation(NamedTuple):
 
 @dataclass(frozen=True)
 class Relations:
-    """Which relations hold at one moment. Two are equal if the same things are in the same relations."""
+    """The relations that hold at one moment. Two are equal if the same things are in the same relations."""
 
     things: frozenset[str] = frozenset()
     """Names of the things that are believed to be somewhere."""

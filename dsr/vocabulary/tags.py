@@ -1,4 +1,4 @@
-"""Tags on things: how large they are, and what the robot calls a thing of which it knows nothing but its tag."""
+"""Tags on things: their size, and names of things of which the robot knows nothing but their tag."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ Action = Literal["place", "hold", "remove", "add"]
 
 
 class Supposed(msgspec.Struct, frozen=True, omit_defaults=True):
-    """Something that is different from what is believed; `place`, `hold`, `remove` and `add` make one."""
+    """A change of the believed scene; `place`, `hold`, `remove` and `add` make one."""
 
     object: str
     """Name of an object or a fixture (a table)."""
@@ -47,13 +47,13 @@ class Supposed(msgspec.Struct, frozen=True, omit_defaults=True):
     shape: Annotated[tuple[float, ...], msgspec.Meta(max_length=_MOST_NUMBERS)] = ()
     """Parts of the shape, as in the attribute `shape` of a node; none for a solid box."""
     mass: float = 0.1
-    """kg"""
+    """kg, mass of an added object."""
     friction: float = 0.5
     """Coulomb coefficient"""
 
     @staticmethod
     def place(name: str, pose: Pose) -> Supposed:
-        """Let it be at `pose` (world_from_object), at rest, and free to move from there."""
+        """Place an object at `pose` (world_from_object), at rest, and free to move from there."""
         return Supposed(name, "place", (*pose.t, *pose.q))
 
     @staticmethod
@@ -71,7 +71,7 @@ class Supposed(msgspec.Struct, frozen=True, omit_defaults=True):
 
     @staticmethod
     def remove(name: str) -> Supposed:
-        """Let it be gone."""
+        """Remove an object."""
         return Supposed(name, "remove")
 
 
@@ -108,7 +108,7 @@ class Answer(msgspec.Struct, frozen=True, omit_defaults=True, kw_only=True):
     rests_on: dict[str, tuple[str, ...]] = {}
     """Names of the supports of each object: none for an object in the air, or on the floor, which has no name."""
     touches: tuple[tuple[str, str], ...] = ()
-    """All pairs that are in contact, sorted, each in the order of the alphabet."""
+    """Pairs of bodies in contact, sorted, each in the order of the alphabet."""
     on_floor: tuple[str, ...] = ()
     """Objects on the floor beneath the tables."""
 

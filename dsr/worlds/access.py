@@ -19,7 +19,7 @@ from dsr.worlds.opened import OpenWorld, World, Worlds
 from dsr.worlds.registry import VIA, WorldInfo
 
 TIMEOUT = 5.0
-"""s that others get to hand on a world that is opened."""
+"""s within which others must hand on a world that is opened."""
 _NOBODY: Dot = ("", 0)
 
 
@@ -172,7 +172,7 @@ class WorldAccess(OpenWorld, Generic[World]):
 
     @property
     def closed(self) -> bool:
-        """Whether it was closed, or its world deleted; then nothing changes in it any more."""
+        """Whether this memory was closed, or its world deleted; then nothing changes in it any more."""
         return self._closed
 
     def poll(self) -> None:

@@ -27,7 +27,7 @@ class WorldsConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     reads: tuple[str, ...] = ()
     """Worlds that it reads."""
     writes: str = ""
-    """The world that it writes."""
+    """Name of the world that the client writes."""
 
 
 class Client(Agent):
@@ -57,9 +57,9 @@ class Client(Agent):
     """Name of the world that it writes; empty for none."""
 
     sources: dict[str, Memory]
-    """The worlds that it reads, by name."""
+    """Worlds that the client reads, by name."""
     target: Memory
-    """The world that it writes; the first that it reads if it names none."""
+    """The world that the client writes; the first that it reads if it names none."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         """Take down the names of the worlds, and say what they amount to as declarations. Raises `ConfigError`."""
@@ -93,7 +93,7 @@ class Client(Agent):
         return type(cls.__name__, (cls,), {**given, "__module__": cls.__module__, "__doc__": cls.__doc__})
 
     def world_names(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """The worlds that it names."""
+        """Names of the worlds that the client reads, and of those that it writes."""
         return self.inputs, tuple(self._may_write().worlds or ())
 
     # ---- the life of an agent
@@ -191,7 +191,7 @@ class Reader(Client):
 
 
 class Provider(Client):
-    """Writes a world from what comes from outside of all worlds: sensors, files, people."""
+    """Writes a world from data outside of all worlds: sensors, files, people."""
 
     def __init_subclass__(cls, **options: Any) -> None:
         super().__init_subclass__(**options)
@@ -200,7 +200,7 @@ class Provider(Client):
 
 
 class Monitor(Client):
-    """Watches worlds and adds what it finds (relations, events, marks) to the first one that it reads.
+    """Watches worlds and adds its findings (relations, events, marks) to the first one that it reads.
 
     With `writes` it adds that to another world.
     """

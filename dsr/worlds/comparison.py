@@ -57,7 +57,7 @@ class MovedNode(msgspec.Struct, frozen=True):
 
     name: str
     metres: float
-    """inf if it has a place in one of the worlds only."""
+    """Distance (m) between the poses; infinite if the node has a place in one of the worlds only."""
     radians: float
 
 

@@ -1,4 +1,4 @@
-"""A world made from others: `Filter`, of which a subclass says what it passes on and how it changes that."""
+"""Derives a world from others: a subclass of `Filter` says which elements are passed on, and how they change."""
 
 from __future__ import annotations
 
@@ -11,10 +11,13 @@ from dsr.worlds.mirror import Conflict, Mirror
 
 
 class FilterConfig(WorldsConfig, frozen=True, forbid_unknown_fields=True):
-    """Where a filter is at home, and what it does about things that several of its worlds hold."""
+    """The worlds of a filter, and its rule for things that several of them hold."""
 
     conflict: Conflict = "newest"
-    """newest: of each attribute the value written last; first: what the first listed world that has the thing says."""
+    """Rule for things that several worlds hold.
+
+    "newest": of each attribute the value written last; "first": the thing of the first listed world that has it.
+    """
 
 
 class Filter(Client):
@@ -45,7 +48,7 @@ class Filter(Client):
         return True
 
     def edit(self, element: Node | Edge, values: Mapping[str, Any]) -> Mapping[str, Any]:
-        """The attributes that an element has in the output, given those that it has in the input."""
+        """Compute the attributes of an element in the output from those in the input."""
         return values
 
     def refresh(self) -> None:

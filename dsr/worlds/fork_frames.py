@@ -121,6 +121,6 @@ class SharedHistories(dict[_Key, _Histories]):
         return default if found is None else found
 
     def copy(self) -> dict[_Key, _Histories]:
-        """All of them, as an ordinary dictionary."""
+        """Copy all histories into an ordinary dictionary."""
         theirs = self._source._histories.copy()
         return {key: histories for key, histories in theirs.items() if key not in self._taken} | dict(self)

@@ -122,7 +122,7 @@ class LiveEdge(Edge):
 
 
 class Splitting(Protocol):
-    """Tells what an overlay shows of an element."""
+    """Splits the entries of an element into those of the overlay and those of its parent."""
 
     def split(self, element: Node | Edge, below: Entries) -> tuple[Entries, Entries]:
         """The overlay's own incarnations, and those of the parent, which are `below`, that it shows."""
@@ -141,7 +141,7 @@ class Parts(NamedTuple):
     said: Entries
     """Entries of the layer: its own incarnations, and its patches of the parent's."""
     all: Entries
-    """All incarnations."""
+    """All incarnations of the element."""
 
 
 class Layered:
@@ -178,7 +178,7 @@ class Layered:
         return frozenset(name for entry in entries for name in list(entry.registers))
 
     def all_entries(self) -> Entries:
-        """All incarnations."""
+        """All incarnations of the element."""
         return self.refresh().all
 
     def value(self, attribute: str) -> Any:

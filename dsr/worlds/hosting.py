@@ -15,14 +15,14 @@ if TYPE_CHECKING:
 
 
 class HostedConfig(WorldsConfig, frozen=True, forbid_unknown_fields=True):
-    """Where the agent is at work, and its own configuration."""
+    """The worlds in which the agent is at work, and its own configuration."""
 
     agent: dict[str, Any] = msgspec.field(default_factory=dict)
     """The configuration of the agent itself."""
 
 
 class Hosted(Monitor):
-    """Runs the agent `hosts`, as it is, in another world: what it calls its memory is that world.
+    """Runs the agent `hosts`, as it is, in another world: this world is the agent's memory.
 
     Without `writes` that is the first world of `reads`. With `writes` it is an overlay of that world, made if there is
     none: the agent reads the first world through it, live, and what it writes stays in the overlay.

@@ -1,4 +1,4 @@
-"""The store of an overlay: only what it holds of its own, and what it says of elements of its parent.
+"""The store of an overlay: only its own elements, and its own values for elements of its parent.
 
 A write to a node or edge of the parent is a write to that one's creation dot, kept in a *patch*. Hiding is removing
 that dot. So both are for one incarnation: what the parent makes anew shows. A patch of which the parent's element has

@@ -30,7 +30,7 @@ class _Found(NamedTuple):
 
 
 class Mirror:
-    """The work of a filter; see `Filter` for what holds.
+    """The work of a filter; see `Filter` for its rules.
 
     Args:
         sources: the worlds that are read, by name, in the order of their priority.

@@ -102,7 +102,7 @@ class WorldHandle:
     rid: str
     worlds: Worlds[Any]
     source: OpenWorld | None
-    """The world that it begins as; None for an empty one."""
+    """The world from which this one begins; None for an empty one."""
     content: tuple[Delta, ...] = ()
     """Deltas that were kept of the world, with which it begins, too."""
 

@@ -1,4 +1,4 @@
-"""An overlay of a graph: what it holds of its own, and everything else live from its parent, attribute by attribute.
+"""An overlay of a graph: its own content, and everything else live from its parent, attribute by attribute.
 
 Only the overlay's own layer is state, replicated among those that have the overlay open; each of them also has the
 parent open, and looks through. A key that is *taken* has a view of its own in the tables, made anew when the layer or
@@ -193,7 +193,7 @@ class Overlay(Graph, LayerObserver):
     # ---- what the parent reports
 
     def below_came(self, element: Node | Edge) -> None:
-        """The parent shows an element that it did not."""
+        """Note that the parent shows an element that it did not show before."""
         key = key_of(element)
         self._outdate(element)
         if key in self._taken or self._concerns(element):

@@ -13,7 +13,7 @@ _TAKEN = Link("", "", None)
 
 
 class OverlayFrames(FrameTree):
-    """Frames that look through to those of `source`, but for what was taken over."""
+    """Frames that look through to those of `source`, except for frames that were taken over."""
 
     def __init__(self, source: FrameTree) -> None:
         super().__init__(history=source._history, samples=source._samples, extrapolation=source._extrapolation)
@@ -39,7 +39,7 @@ class OverlayFrames(FrameTree):
         return self._marks.setdefault(type, {})
 
     def update(self, type: str, parent: str, child: str, pose: Pose) -> None:
-        """See `FrameTree.update`; what is not taken over, the source knows."""
+        """See `FrameTree.update`; poses of frames that were not taken over are left to the parent."""
         if (type, child) in self._taken:
             super().update(type, parent, child, pose)
 

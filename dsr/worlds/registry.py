@@ -1,4 +1,4 @@
-"""The list of the worlds of a system, as nodes of the base graph: what is replicated there finds every late joiner.
+"""The list of the worlds of a system, as nodes of the base graph, whose replication reaches every late joiner.
 
 A record is a node of type `world_record` with one attribute, JSON, so that it changes as a whole. Its `channel` is part
 of the keys under which the world's replicas meet. A world that is deleted and made again has another channel, so
@@ -31,11 +31,11 @@ class WorldInfo(msgspec.Struct, frozen=True):
 
     name: str
     parent: str | None = None
-    """The world that it was forked from; None if it was made anew."""
+    """Name of the world from which this one was forked; None if it was made anew."""
     follows: bool = False
-    """Whether it is an overlay: shows its parent, live, where it holds nothing of its own."""
+    """Whether the world is an overlay: it shows its parent, live, where it holds nothing of its own."""
     creator: str = ""
-    """The agent that made it; empty for the base."""
+    """Name of the agent that made the world; empty for the base."""
     created: float = 0.0
     """s since the Unix epoch, by the creator's clock; 0 for the base."""
 

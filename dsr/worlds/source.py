@@ -1,4 +1,4 @@
-"""A world that an agent reads: opened when it is there, and what changes in it."""
+"""A world that an agent reads: it is opened when it is there, and its changes are collected."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tables of a fork: what it has taken over, and below that, unchanged, what its parent holds.
+"""Tables of a fork: its own entries, and below them, unchanged, the entries of its parent.
 
 A key that is `taken` is the fork's alone; every other one is read from the parent. The parent takes each key over into
 its forks before it changes it, so whoever reads looks at the fork's own table, then at the parent's, and then makes
@@ -101,7 +101,7 @@ class Elements(MutableMapping[K, V], Generic[K, V]):
         self._version += 1
 
     def listed(self) -> dict[K, V]:
-        """All by key; not to be changed."""
+        """Visible elements by key; do not change the result."""
         listed, version = self._listed, self._version
         if listed is not None and listed[0] == version:
             return listed[1]

@@ -45,7 +45,7 @@ class Containment:
 
 
 def inside(solids: Collection[Solid], known: Collection[Relation] = ()) -> set[Relation]:
-    """(object, container) of all that is inside another one; what is `known` to be stays so within the hysteresis."""
+    """Find the pairs (object, container); pairs in `known` stay within the hysteresis."""
     return {
         (solid.name, hollow.name)
         for hollow in solids
@@ -57,7 +57,7 @@ def inside(solids: Collection[Solid], known: Collection[Relation] = ()) -> set[R
 
 
 def carried_by(leaders: Iterable[str], relations: Iterable[Relation]) -> set[str]:
-    """All that goes along, directly and indirectly, with what moves: (what, with what)."""
+    """Names of all that the leaders carry along, directly and indirectly, by relations (carried, carrier)."""
     with_each: dict[str, set[str]] = {}
     for upper, lower in relations:
         with_each.setdefault(lower, set()).add(upper)

@@ -31,7 +31,7 @@ _Pair = tuple[str, str, list[tuple[int, int]]]  # two names, and which parts of 
 
 @dataclass(frozen=True)
 class Placement:
-    """Where an object is believed to be, given what was perceived."""
+    """The believed pose of an object, given its percept."""
 
     solid: Solid
     supports: tuple[str, ...]
@@ -159,7 +159,7 @@ def _covariance_given_height(covariance: Array) -> Array:
 
 
 def separate(solids: Sequence[Solid], weights: Mapping[str, float]) -> dict[str, Vector3]:
-    """Push apart what overlaps sideways: new positions of the solids that had to give way.
+    """Push overlapping solids apart sideways, and return the new positions of the solids that had to give way.
 
     Args:
         solids: at their desired poses.

@@ -7,7 +7,7 @@ from collections.abc import Collection, Iterable
 from simulation_handler.physics.simulator import Contact
 
 Relation = tuple[str, str]
-"""(object, what it rests on)"""
+"""A pair (object, support)"""
 CONTACT = "contact"
 """Source of a relation that comes from contact in the simulation."""
 BOUNDS = "bounds"
@@ -17,7 +17,7 @@ STEEP = 0.7
 
 
 def resting(contacts: Iterable[Contact]) -> set[Relation]:
-    """Which body carries which, by steep contacts."""
+    """Find which body rests on which, by steep contacts."""
     return {(contact.upper, contact.lower) for contact in contacts if contact.steepness >= STEEP}
 
 
@@ -33,7 +33,7 @@ class ContactRelations:
         self._sources: dict[Relation, str] = {}
 
     def update(self, found: Iterable[Relation], now: float) -> None:
-        """Take in what was found at time `now` (s)."""
+        """Take in the pairs that were found at time `now` (s)."""
         for relation in found:
             self._since.setdefault(relation, now)
             self._last_seen[relation] = now

@@ -1,4 +1,4 @@
-"""Explanations of what is surprising, by the method that the configuration names.
+"""Explains surprises, by the method that the configuration names.
 
 Read `situation` (what is known), `hypotheses` (what may have happened), `drafting` (where things would be),
 `scoring` (how well that explains what is seen), `search`, and the policy `by_hypotheses`.

@@ -1,4 +1,4 @@
-"""Explains by hypotheses that are simulated and weighed against what is seen and what should be."""
+"""Explains by hypotheses that are simulated and weighed against percepts and expected percepts."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ _CONFIRMING = 0.2  # s that percepts have disagreed before that is confirmed
 
 
 class Discrepancies:
-    """Keeps count of since when objects disagree with what is seen."""
+    """Keeps for each object the time since when it disagrees with its percepts."""
 
     def __init__(self, bodies: Bodies, config: BeliefConfig) -> None:
         self._bodies = bodies
@@ -41,7 +41,7 @@ class Discrepancies:
         self._expected_since = {name: since.get(name, now) for name in sorted(self._expected_by)}
 
     def missing_for(self, now: float) -> dict[str, float]:
-        """How long each object that should be seen was not, in s."""
+        """Time (s) for which each object that should be seen has been missing."""
         objects = self._bodies.objects
         return {
             name: now - max(since, objects[name].track.last_stamp)
@@ -74,7 +74,7 @@ class Discrepancies:
         return tuple(sorted(open_)) if late or is_flagged else ()
 
     def evidence(self, now: float, withheld: Collection[str]) -> float:
-        """How long things have been seen as they are now, but for those `withheld`, in s."""
+        """Time (s) for which the percepts have been as they are now, but for objects in `withheld`."""
         if displaced := self._displaced_but(withheld):
             return now - min(displaced.values()) + _CONFIRMING
         return max(self._missing_but(withheld, now).values(), default=0.0)

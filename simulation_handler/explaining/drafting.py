@@ -26,7 +26,7 @@ class Draft:
     """The scene of a hypothesis before physics has looked at it."""
 
     solids: Mapping[str, Solid]
-    """All objects with a place."""
+    """Solids of all objects with a place, by name."""
     placements: Mapping[str, Placement]
     """Placements of the objects that the hypothesis moves, by name."""
     held: frozenset[str]

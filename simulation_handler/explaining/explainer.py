@@ -1,4 +1,4 @@
-"""Lets a policy explain what is surprising, and makes the belief what the explanation says."""
+"""Lets a policy explain surprises, and changes the belief as the explanation says."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ class Explainer:
         return not item.is_led and item.estimate_at(now) is None
 
     def explain(self, now: float) -> None:
-        """Explain what is due at time `now` (s), and adopt that."""
+        """Explain the discrepancies that are due at time `now` (s), and adopt the explanation."""
         doubted = self._doubted(now)
         withheld = self._discrepancies.told_only_by(doubted, now)
         due = self._discrepancies.due(now, self.flagged, withheld)
@@ -167,7 +167,9 @@ class Explainer:
         return replace(explanation, changes=changes, removed=explanation.removed - taken.keys())
 
     def recall(self, changes: tuple[ExplainedChange, ...], time: float, now: float) -> None:
-        """Know, at `now` (s), what an earlier run explained at another `time` (s); the last call has the newest.
+        """Take over at `now` (s) an explanation that an earlier run made at another `time` (s).
+
+        The last call has the newest.
 
         What moved together goes on doing so; and what left the belief as it was is no news if it only goes on.
         """
@@ -175,7 +177,7 @@ class Explainer:
         self._told = (changes, (now if is_lasting(changes) else time) + 2.0 * self._config.follow_for)
 
     def settle_relations(self, now: float) -> None:
-        """After physics: let the relations of what was put elsewhere be those of its contacts."""
+        """Give objects that were put elsewhere the relations of their contacts; call this after physics."""
         if self._moved:
             self._relations.establish(self._moved, self._bodies.sim.contacts(), now, EXPLANATION)
             self._moved.clear()
@@ -186,7 +188,7 @@ class Explainer:
         return news
 
     def close(self) -> None:
-        """Release what the policy uses."""
+        """Release the resources of the policy."""
         self._policy.close()
 
     def _situation(

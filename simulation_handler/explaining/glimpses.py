@@ -17,7 +17,7 @@ from simulation_handler.perception.percepts import Array, WeighedPercept
 from simulation_handler.shapes.geometry import Solid
 
 DRAW_COUNT = 12
-"""In which an object may have gone on from where it was last seen."""
+"""Number of ways in which an object may have gone on from where it was last seen."""
 
 _GROWTHS = (1.0, 2.0, 3.0)  # of the spin, over its mean since the glimpse before
 _SPEED_WITHIN = 0.5  # s between two percepts up to which they say how fast something moves
@@ -32,9 +32,9 @@ class Motion(NamedTuple):
 
     solid: Solid
     velocity: Vector3
-    """m/s"""
+    """Velocity of the object's centre in the world, m/s."""
     spin: Vector3
-    """rad/s"""
+    """Angular velocity of the object in the world, rad/s."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Glimpse:
     """The last percept of an object that is not seen any more, and how it moved."""
 
     solid: Solid
-    """Without the systematic error that is known."""
+    """The object where it was last seen, corrected by its known systematic error."""
     covariance: Array
     """(3, 3) m^2 of its position"""
     turning: Array
@@ -52,7 +52,7 @@ class Glimpse:
     velocity: Array
     """(3,) m/s, the mean since the percept before; 0 if that was too long ago"""
     velocity_covariance: Array
-    """(3, 3) m^2/s^2"""
+    """Covariance (3, 3) of the velocity, m^2/s^2."""
     spin: Array
     """(3,) rad/s, angular velocity in the world."""
 

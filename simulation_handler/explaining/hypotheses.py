@@ -13,7 +13,7 @@ FROM_GLIMPSE = -1
 
 @dataclass(frozen=True, order=True)
 class Move:
-    """A seen object is where it is seen, and so is what came with it."""
+    """A move of a seen object to its percept, with its riders."""
 
     name: str
     riders: tuple[str, ...] = ()
@@ -26,10 +26,10 @@ class Move:
 
 @dataclass(frozen=True)
 class Hypothesis:
-    """Changes that together lead from what was believed to what is seen."""
+    """A set of changes that together lead from the beliefs to the percepts."""
 
     moves: tuple[Move, ...] = ()
-    """One for each object that moved and is seen, sorted."""
+    """One move for each object that moved and is seen, sorted."""
     removed: frozenset[str] = frozenset()
     """Objects that were taken away altogether."""
     fallen: tuple[tuple[str, int], ...] = ()
@@ -51,7 +51,7 @@ class Hypothesis:
         return frozenset(hidden) | self.removed | {name for name, _ in self.fallen}
 
     def with_move(self, move: Move) -> Hypothesis:
-        """This one, with another move of one object; what it takes along does nothing else."""
+        """Copy the hypothesis with another move of one object; its riders do nothing else."""
         taken = {*move.riders, *move.beneath}
         others = [
             replace(

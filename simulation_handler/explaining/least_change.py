@@ -31,7 +31,7 @@ def with_least_change(situation: Situation, ranking: Sequence[Candidate]) -> lis
 
 
 def change(situation: Situation, candidate: Candidate) -> float:
-    """How far (m, summed up) objects are from where they were believed to be."""
+    """Sum up the distances (m) of objects from their believed places."""
     settled = candidate.settled
     return sum(
         moved(solid.position, settled[name].position) for name, solid in situation.believed.items() if name in settled

@@ -51,7 +51,7 @@ def piles_beneath(
 
 
 def moved(before: Vector3, after: Vector3) -> float:
-    """How far something moved, m: sideways and in height, each counted by itself.
+    """Measure the way of something, m: sideways plus in height.
 
     In a tower that was moved far, all cubes have moved by about the same distance, whatever their order is now. Their
     heights tell.

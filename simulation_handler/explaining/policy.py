@@ -1,4 +1,4 @@
-"""The interface of the methods that explain surprises, and what an explanation is."""
+"""The interface of the methods that explain surprises, and the type of an explanation."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Explanation:
     about: tuple[str, ...]
     """Objects that it explains, sorted."""
     solids: Mapping[str, Solid] = field(default_factory=dict)
-    """Where objects are to be put."""
+    """Solids of the objects that the explanation puts elsewhere, at their new poses, by name."""
     placements: Mapping[str, Placement] = field(default_factory=dict)
     """Placements of those objects among `solids` that are seen."""
     held: frozenset[str] = frozenset()
@@ -36,7 +36,7 @@ class Explanation:
     score: float | None = None
     """nats: minus its log-probability, up to a constant; None from methods that do not weigh."""
     alternatives: tuple[tuple[float, str], ...] = ()
-    """Scores and texts of what was rejected, the best first."""
+    """Scores and texts of the rejected hypotheses, the best first."""
     hypothesis: Hypothesis | None = None
 
     @property
@@ -54,4 +54,4 @@ class ExplainingPolicy(Protocol):
         """The best explanation of `situation.surprising`; None to wait for more evidence."""
 
     def close(self) -> None:
-        """Release what it uses."""
+        """Release the resources of the method."""

@@ -1,4 +1,4 @@
-"""How well a hypothesis explains what is seen, and what is not: minus its log-probability, up to a constant.
+"""Scores how well a hypothesis explains present and missing percepts: minus its log-probability, up to a constant.
 
 A hypothesis is charged for what it assumes (prior), for percepts that do not fit where physics lets things end up
 (likelihood), for unseen things that it shoves aside without saying so, for things that should be seen and are not, and
@@ -89,7 +89,7 @@ def _drifting(
 
 
 def prior(situation: Situation, hypothesis: Hypothesis) -> float:
-    """Nats for what a hypothesis assumes."""
+    """Cost (nats) of the assumptions of a hypothesis."""
     cost = sum(_move_prior(situation, move) for move in hypothesis.moves)
     for move in hypothesis.moves:
         cost += nats.PARTED * len(situation.contents(move.name) - hypothesis.unseen - hypothesis.moved.keys())

@@ -1,4 +1,4 @@
-"""Looks for the best explanation: assume, simulate, score, and go on from what the assumption makes surprising.
+"""Searches for the best explanation: assume, simulate, score, and go on from the surprises that remain.
 
 Best-first search. It begins with the simplest hypotheses about what is surprising; the best one that leaves
 something unexplained is extended by assumptions about just that, until the budget is spent or nothing better can
@@ -21,7 +21,7 @@ from simulation_handler.explaining.situation import Situation
 from simulation_handler.shapes.geometry import Solid
 
 Simulate = Callable[[Situation, Sequence[Draft]], Sequence[Mapping[str, Solid] | None]]
-"""Where everything is some time after each of the drafts; None for what could not be simulated in time."""
+"""Simulates drafts, and returns the poses of each some time later; None for drafts without an outcome in time."""
 
 _MOST_EXTENDED = 3  # objects left unexplained about which a hypothesis is extended at once, the worst first
 _VAIN_EXPANSIONS = 3  # expansions without a better hypothesis after which the search ends
@@ -34,7 +34,7 @@ class Candidate:
     hypothesis: Hypothesis
     drafted: Draft
     settled: Mapping[str, Solid]
-    """Where everything comes to be by physics."""
+    """Solids after the rollout, by name."""
     score: Score
 
 

@@ -21,7 +21,7 @@ from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.objects import BelievedObject
 
 THIS_FRAME = 0.25
-"""s up to which a percept is of things as they are now"""
+"""s, age up to which a percept shows the present"""
 _PLACE_FLOOR = 0.002  # m, standard deviation of what is no noise of percepts: of bodies in contact, of models
 _TURN_FLOOR = 0.03  # rad, likewise
 
@@ -31,7 +31,7 @@ Look = Callable[[Sequence[Solid]], Mapping[tuple[str, str], ExpectedVisibility]]
 
 @dataclass(frozen=True)
 class Seen:
-    """An object as perception has it now."""
+    """The present percept of an object."""
 
     percept: Solid
     """Without the systematic error that is known, and without the tilt that noise alone may have given it."""
@@ -62,7 +62,7 @@ class Seen:
 
 
 def shown_now(item: BelievedObject, config: BeliefConfig) -> tuple[Solid, Solid]:
-    """An object as perception shows it: with what is noise of its tilt taken out, and as it is."""
+    """The object at its perceived pose, twice: with the noise of its tilt taken out, and as it is."""
     percept = item.percept()
     flat, tilt = percept.face_down()
     return (flat if tilt <= config.tilt_tolerance else percept), percept
@@ -89,7 +89,7 @@ class Properties:
     """Physical properties of a body."""
 
     mass: float
-    """kg"""
+    """Mass of the body, kg."""
     friction: float
     """Coulomb coefficient."""
     shape: Shape = ()
@@ -103,11 +103,11 @@ class Situation:
     """One moment in the life of the belief; a value, which nobody changes."""
 
     now: float
-    """s"""
+    """Time of the situation, s."""
     config: BeliefConfig
     fixtures: Mapping[str, Solid]
     believed: Mapping[str, Solid]
-    """All objects with a place, where they are believed to be."""
+    """Solids of all objects with a place, at their believed poses."""
     properties: Mapping[str, Properties]
     """Properties of all objects and fixtures, by name."""
     seen: Mapping[str, Seen]
@@ -119,7 +119,7 @@ class Situation:
     inside: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     """Containers in which each object is."""
     former: Mapping[str, Mapping[str, Pose]] = field(default_factory=dict)
-    """upper_from_lower of what was beneath each object until lately, by the names of both."""
+    """upper_from_lower for the objects that were beneath each object until lately, by the names of both."""
     companions: Mapping[str, frozenset[str]] = field(default_factory=dict)
     """Names of the objects that have just moved together with each object."""
     unplaced: Mapping[str, Vector3] = field(default_factory=dict)
@@ -129,15 +129,15 @@ class Situation:
     planned: frozenset[tuple[str, str]] = frozenset()
     """(object, support): where a plan has just put something."""
     confirmed: Mapping[str, Solid] = field(default_factory=dict)
-    """Where perception last agreed that objects are, unless they have moved with something since."""
+    """Solids where perception last agreed with the belief, without objects that have moved with something since."""
     glimpsed: Mapping[str, Glimpse] = field(default_factory=dict)
     """Unseen objects that were on their way when they were last seen, and how."""
     missing_for: Mapping[str, float] = field(default_factory=dict)
     """s for which each object has not been seen although it should have been."""
     evidence: float = 1.0
-    """s for which cameras have shown things as they are now."""
+    """Time (s) for which cameras have shown the scene as it is now."""
     look: Look | None = None
-    """None without a camera whose place is known."""
+    """Predicts the objects that cameras should see; None without a camera whose pose is known."""
     sure: frozenset[str] = frozenset()
     """Seen by a camera that is known not to have moved."""
 
@@ -151,7 +151,7 @@ class Situation:
         return tuple(chain)
 
     def known_beneath(self, name: str) -> set[str]:
-        """All that is, or was until lately, beneath an object, directly and indirectly."""
+        """Names of all that is, or was until lately, beneath an object, directly and indirectly."""
         found: set[str] = set()
         level = {name}
         while (
@@ -206,7 +206,7 @@ class Situation:
         return Solid(name, self.size(name), position, rotation, shape=self.properties[name].shape)
 
     def carried(self, name: str, rider: str) -> Solid:
-        """Where a rider is if it has moved rigidly with a seen object."""
+        """The solid of a rider that has moved rigidly with a seen object."""
         offset = self.former.get(name, {}).get(rider)
         if offset is None:
             offset = as_pose(self.believed[name]).inverse() @ as_pose(self.believed[rider])

@@ -1,4 +1,4 @@
-"""Says what a hypothesis means, as changes: `moved_with_supports(cube_3; cube_4)`."""
+"""Describes a hypothesis as changes: `moved_with_supports(cube_3; cube_4)`."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""Between the graph and the belief: what is read, what is written, and questions that are answered."""
+"""Connects the graph and the belief: reading, writing, and answers to questions."""

@@ -16,7 +16,7 @@ _KEPT_EVENTS = 20  # events in the graph
 
 
 class Events:
-    """Writes explanations as events of kind `explained`, the participants what they are about.
+    """Writes explanations as events of kind `explained`, with the concerned objects as participants.
 
     Args:
         memory: where to.
@@ -31,7 +31,7 @@ class Events:
         self._log = log
 
     def record(self, time: float, explanation: Explanation) -> None:
-        """Write what was explained at `time` (s), and say of each object what explains it."""
+        """Write the explanation of `time` (s), and its text at each object."""
         rejected = "\n".join(f"{score:.1f} {text}" for score, text in explanation.alternatives)
         score = "" if explanation.score is None else f" (score {explanation.score:.1f})"
         self._log.info("%s: explained as %s%s; rejected: %s", ", ".join(explanation.about), explanation.text, score,

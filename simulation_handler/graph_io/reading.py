@@ -1,4 +1,4 @@
-"""From the graph to the belief: which objects there are, and what was perceived of them since the last look."""
+"""From the graph to the belief: the objects that there are, and their percepts since the last look."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ from simulation_handler.reasoner import Reasoner
 from simulation_handler.shapes.meshes import Forms
 
 MODELLED = "object"
-"""Node type of what never moves by itself and has the form of its mesh."""
+"""Node type of static bodies in the form of their mesh."""
 FIXTURES = (*SURFACES, MODELLED)
-"""Node types of what never moves by itself."""
+"""Node types of static bodies."""
 OBJECTS = THINGS
-"""Node types of what the belief follows."""
+"""Node types of the objects that the belief follows."""
 EXPLAINED = ("cube",)
 """Node types of objects whose moves are always explained: they may have been part of a tower that nobody sees."""
 _MOST_OFF = 0.001  # m that the bounds of a shape may differ from the size
@@ -46,7 +46,7 @@ Properties = tuple[Vector3, float | None, float | None, float | None, Shape]
 
 
 class GraphReader:
-    """Keeps a belief in step with the graph's nodes and percepts. What cannot be used is counted, and logged once."""
+    """Keeps a belief in step with the graph's nodes and percepts. Unusable ones are counted, and logged once."""
 
     def __init__(self, memory: Memory, belief: Reasoner, log: logging.Logger, forms: Forms | None = None) -> None:
         self._memory = memory
@@ -64,7 +64,7 @@ class GraphReader:
         """Why, in the last update."""
 
     def update(self, now: float) -> None:
-        """Take in what the graph holds at time `now` (s)."""
+        """Take in the content of the graph at time `now` (s)."""
         self.problems.clear()
         if self._recalling is None:
             self._recalling = Recalling(self._memory, self._belief)

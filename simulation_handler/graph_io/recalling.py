@@ -1,4 +1,4 @@
-"""Takes up from the graph what an earlier run of this agent believed, and what it had explained already."""
+"""Restores the beliefs and explanations of an earlier run from the graph."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ class Recalling:
         self._lived_until = max((pose.stamp for pose in poses if pose is not None), default=-math.inf)
 
     def recall_explanations(self, now: float) -> None:
-        """Know at time `now` (s) what was explained: what only goes on is not explained anew."""
+        """Take over the explanations of an earlier run at time `now` (s), so that a lasting one is not told again."""
         for entry in query(self._memory, kind=EXPLAINED):
             self._belief.recall_explanation(changes_of(entry.details, entry.text), entry.begin, now)
 
     def recall(self, node: Node, now: float) -> float:
-        """Believe of an object what was believed before.
+        """Restore the earlier belief about an object.
 
         Returns:
             Until when (s) its percepts have been taken in, for the belief is what became of them; minus infinity if

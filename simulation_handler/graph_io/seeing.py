@@ -1,4 +1,4 @@
-"""From the belief to the graph: what each camera should see of each object, as edges `sees`."""
+"""From the belief to the graph: how much each camera should see of each object, as edges `sees`."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Seeing:
         """What the cameras should see by the last look; None without a camera."""
 
     def update(self, now: float) -> None:
-        """Look with each camera at the belief of time `now` (s), at most ten times a second, and write what is news."""
+        """Look with each camera at the belief of time `now` (s), at most ten times a second, and write the changes."""
         if self._last <= now < self._last + _LOOK_PERIOD - _TICK_SLACK:
             return
         self._last = now

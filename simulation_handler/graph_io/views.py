@@ -1,4 +1,4 @@
-"""From the graph to what `sight` needs: where the cameras are, and what stands in their way."""
+"""From the graph to the input of `sight`: the poses of the cameras, and the bodies that stand in their way."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from simulation_handler.shapes.geometry import Solid
 from simulation_handler.shapes.meshes import Forms
 
 PARTS = ("robot", "body", "arm", "gripper", "hand", "finger", PERSON)
-"""Node types of parts of bodies; those with the attribute `bounds` hide what is behind them."""
+"""Node types of parts of bodies; those with the attribute `bounds` hide things behind them."""
 _FINGER = re.compile(r"_finger_([0-4])$")
 
 

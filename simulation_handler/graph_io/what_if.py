@@ -24,7 +24,7 @@ from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.bodies import FLOOR
 
 KEY = f"service/{SERVICE}"
-"""Where it answers, below the graph's root: what a secured graph must grant."""
+"""Key of the service below the graph's root: a secured graph must grant it."""
 _DEEPEST_PLACED = 0.005  # m that an object may be placed into another: physics pushes it out, but does not throw it
 _MOST_QUESTIONS = 16  # count of questions that wait; further ones are refused
 _LEAST_SIZE = 1e-3  # m, of what is added
@@ -118,7 +118,7 @@ def changed(scene: RolloutScene, change: Supposed) -> RolloutScene:
 
 
 def added(scene: RolloutScene, change: Supposed) -> RolloutBody:
-    """One more body. Raises `RefusedError` if it cannot be, or is there already."""
+    """Make the body that a change adds to the scene. Raises `RefusedError` if it cannot be, or is there already."""
     name, size = change.object, change.size
     if name in scene:
         raise RefusedError(f"{name!r} is there already; place it elsewhere instead")

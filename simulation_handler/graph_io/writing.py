@@ -1,4 +1,4 @@
-"""From the belief to the graph: believed poses, relations from contact, plausibility; only what changed."""
+"""From the belief to the graph: believed poses, relations from contact, plausibility; only changed values."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ class Writing:
         self._events = Events(memory, belief.config.policy, log)
 
     def update(self, now: float) -> None:
-        """Write what changed up to time `now` (s). A node that is gone meanwhile is left out."""
+        """Write the changes up to time `now` (s). A node that is gone meanwhile is left out."""
         if WORLD not in self._memory:
             return
         self._written = {name: pose for name, pose in self._written.items() if name in self._belief}

@@ -1,1 +1,1 @@
-"""Human hands: what they touch, cover, carry and leave behind."""
+"""Human hands: the objects that they touch, cover, carry and leave behind."""

@@ -83,11 +83,11 @@ _LEVEL, _TILTED = 0.2, 0.4  # rad up to which tilt is the hand's noise, and from
 
 
 def levelled(solid: Solid) -> Quaternion:
-    """How a solid is turned that seems to be so by its hand: level, where it may be."""
+    """Rotation of a solid by its hand, levelled: a small tilt counts as noise of the hand, a large one is kept."""
     flat, tilt = solid.face_down()
     return quaternions.slerp(flat.rotation, solid.rotation, min(max((tilt - _LEVEL) / (_TILTED - _LEVEL), 0.0), 1.0))
 
 
 def without_yaw(rotation: Quaternion) -> Quaternion:
-    """The tilt of a rotation alone: hands tell less of yaws than what is known of the objects in them."""
+    """The tilt of a rotation alone: hands tell yaw less well than is known of the objects in them."""
     return quaternions.product(rotation, quaternions.conjugate(quaternions.about_z(rotation)))

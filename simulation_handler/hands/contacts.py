@@ -1,4 +1,4 @@
-"""Which fingertips touch which objects, and which hands pinch them, as far as what is seen of both tells.
+"""Finds which fingertips touch which objects, and which hands pinch them, by the percepts of both.
 
 Contact is looked for where hand and object were seen at the same time, for the bodies of the simulation are a little
 late. Where the object is not seen it is looked for about the body, and about where the hand that holds it has it.
@@ -16,7 +16,7 @@ from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
 TOUCH_DELAY = 0.2
-"""s that a touch must last, or be gone"""
+"""s for which a touch must last to begin, or be gone to end"""
 
 
 class Contacts:
@@ -57,7 +57,7 @@ class Contacts:
         return touched
 
     def recall_pinch(self, relation: Relation, since: float, now: float) -> None:
-        """Take over a pinch that held before."""
+        """Restore a pinch that held in an earlier run."""
         self._pinches.recall(relation, since, now)
 
     def end(self, relation: Relation) -> None:
@@ -149,5 +149,5 @@ class Contacts:
 
 
 def drops(hand: Hand, item: BelievedObject) -> bool:
-    """Whether an object was falling when it was last seen, and the hand was not."""
+    """Whether the object was falling when it was last seen, while the hand was unseen."""
     return item.path.is_falling and not hand.path.is_falling

@@ -1,4 +1,4 @@
-"""Hands that cover what they take: neither their fingertips nor the object are seen when they close.
+"""Finds hands that cover an object while they take it: fingertips and object are unseen when they close.
 
 A hand that rests with its fingers at an object which it hides is presumed to touch it. If it goes away and the object
 is not seen where it was, it is in that hand, until it is seen elsewhere than there. What is seen to be missing where a
@@ -23,7 +23,7 @@ from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
 RESOLVED = 2
-"""Fingertips that are seen, from which contact tells what they touch."""
+"""Number of visible fingertips from which contact tells what a hand touches"""
 _RESTS = 0.8  # s
 _PALM_STILL = 0.02  # m, in half of that
 _GRIPS = tuple((x, 0.0, 0.0) for x in (0.0, 0.03, 0.06, 0.09, 0.12))
@@ -44,10 +44,10 @@ class Cover:
     """A hand that covers an object."""
 
     since: float
-    """s"""
+    """Begin of the cover, s."""
     hand_from_object: Pose
     anchor: Pose
-    """Where its palm rested"""
+    """Pose of the palm in the world while it rested"""
     place: Vector3
     """(3,) m, where the object was then"""
     taken: bool = False
@@ -70,7 +70,7 @@ class Covering:
         return self._covers
 
     def place(self, hand: str, thing: str) -> Pose:
-        """World_from_object of what a hand has, as that is seen now."""
+        """World_from_object of a covered object, by the present pose of the hand."""
         return self._palms[hand] @ self._covers[hand, thing].hand_from_object
 
     def forget(self, name: str) -> None:
@@ -79,7 +79,9 @@ class Covering:
         self._passed.pop(name, None)
 
     def take(self, name: str, now: float) -> str:
-        """The hand that must have taken an object which is missing, and has it from now on; empty if none can have."""
+        """Find the hand that must have taken a missing object, and let that hand have it from now on; empty if none can
+        have.
+        """
         time, hand, there = self._passed.get(name, (-math.inf, "", None))
         if there is None or time < self._bodies.object(name).track.last_stamp - _COVERED_BEFORE:
             return ""
@@ -96,7 +98,7 @@ class Covering:
                 self._bodies.object(relation[1]).path.add(begin.with_stamp(stamp))
 
     def update(self, hands: Mapping[str, Hand], busy: Collection[Relation], look: Look | None, now: float) -> None:
-        """Decide at time `now` (s) what is covered.
+        """Decide at time `now` (s) which objects are covered.
 
         Args:
             hands: all that are known.

@@ -1,4 +1,4 @@
-"""Which room a human hand takes, by what is known of it: the palm, the fingers, and the forearm that is not measured.
+"""Models the space that a human hand takes: the palm, the fingers, and the forearm, which is not measured.
 
 Only what it may hide is asked for, so that it is drawn a little too large: what a hand may hide is not missing. Fingers
 whose tips are not known are where those of a hand at rest are.

@@ -1,4 +1,4 @@
-"""Fingertips push what perception does not hold in place: unseen objects that no hand holds.
+"""Lets fingertips push objects that perception does not hold in place: unseen objects that no hand holds.
 
 Each fingertip that is near such an object is a sphere in the simulation, pulled along the way that it was seen to take.
 What is seen goes by its percepts and what is held is driven: those the spheres go through, and so they need not lift.
@@ -52,7 +52,7 @@ class _Tip:
 
 
 class Fingers:
-    """Decides which fingertips push what, and moves them."""
+    """Decides which fingertips push which objects, and moves them."""
 
     def __init__(self, bodies: Bodies, touching: Touching, containment: Containment) -> None:
         self._bodies = bodies
@@ -81,7 +81,7 @@ class Fingers:
             self._go_on(name, tip, path, now, seconds, count)
 
     def note_pushes(self) -> None:
-        """After physics: what was seen of an object before it was pushed says nothing any more."""
+        """Forget the percepts of objects from before they were pushed; call this after physics."""
         for thing in sorted({thing for tip in self._tips.values() for thing in tip.met}):
             item = self._bodies.objects.get(thing)
             if item is not None and item.track.estimate is not None and self._bodies.has_left(item):

@@ -14,11 +14,11 @@ from simulation_handler.shapes.geometry import Solid
 TIP_RADIUS = 0.008
 """m, radius of a fingertip"""
 NEAR = 0.010
-"""m between surfaces up to which a touch begins: what hands and percepts are off"""
+"""m between surfaces up to which a touch begins: the error of hands and percepts"""
 FAR = 0.018
-"""m up to which it goes on, at most"""
+"""m between surfaces up to which a touch goes on, at most"""
 WITHDRAWN = 0.010
-"""m by which a fingertip that touches no more is further away than it was while it touched"""
+"""m, growth of the gap between the surfaces since they touched, from which a touch ends"""
 
 _SOON, _LATE = 0.4, 0.1  # weights of the newest gap in what it is now, and in what it was while it touched
 _LEAST_GAP = -0.002  # m, as which less than that counts: fingertips are not in objects
@@ -40,13 +40,14 @@ class Met(NamedTuple):
 
 
 class Gaps:
-    """How far from objects fingertips are seen, now and while they touched: what is seen of both is off by as much."""
+    """The gaps between fingertips and objects, now and while they touched: both percepts share their error."""
 
     def __init__(self) -> None:
         self._gaps: dict[Relation, tuple[float, float, float]] = {}  # now and while it touched, m; when, s
 
     def touching(self, gaps: Mapping[Relation, float], known: Collection[Relation], now: float) -> set[Relation]:
-        """Which (fingertip, object), at `gaps` (m) at time `now` (s), touch, where `known` ones did.
+        """Find the pairs (fingertip, object) that touch at time `now` (s), by `gaps` (m) and the pairs that touched
+        before.
 
         Those that were not near enough to have a gap for some time are forgotten: they come to touch anew.
         """

@@ -34,7 +34,7 @@ class _Unseen:
 
 
 class LeftBehind:
-    """Keeps count of how long hands have come back without what they held."""
+    """Keeps the time for which hands have been back without the objects that they held."""
 
     def __init__(self, bodies: Bodies) -> None:
         self._bodies = bodies

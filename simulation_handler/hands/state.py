@@ -36,7 +36,7 @@ class HandPercept(NamedTuple):
 
 @dataclass
 class Hand:
-    """A hand and the ways it took."""
+    """A human hand, and the paths that it took."""
 
     perceived: bool = False
     path: Path = field(default_factory=Path)
@@ -48,7 +48,7 @@ class Hand:
 
     @property
     def measured(self) -> int:
-        """How many of its fingertips are."""
+        """Number of fingertips that are measured now."""
         return sum(self.measures(tip) for tip in self.tips.values())
 
 
@@ -57,7 +57,7 @@ class HandGrasp:
     """An object that a hand touches."""
 
     since: float
-    """s"""
+    """Begin of the grasp, s."""
     grip: str
     """`TOUCH` or `PINCH`."""
     hand_from_object: Pose

@@ -1,4 +1,4 @@
-"""Hands: which object they touch, how, and what goes with them where nobody sees it.
+"""Follows hands: the objects that they touch, how, and the objects that go with them unseen.
 
 What is seen of an object counts more than what is seen of the hand that holds it; while it is unseen, it is where
 the hand has it; while neither is seen, nothing changes.
@@ -39,7 +39,7 @@ _GRIP_BLEND = 0.2  # weight of the newest in how a hand holds an object
 
 
 class Touching:
-    """Keeps track of hands and of what they hold."""
+    """Keeps track of hands and of the objects that they hold."""
 
     def __init__(self, bodies: Bodies, containment: Containment) -> None:
         self.look: Look | None = None
@@ -69,7 +69,7 @@ class Touching:
         }
 
     def paths(self) -> dict[str, Path]:
-        """The ways that the fingertips in sight took, by name."""
+        """Paths of the fingertips in sight, by name."""
         return {
             name: path
             for hand in self._hands.values()
@@ -79,7 +79,7 @@ class Touching:
         }
 
     def observe(self, hands: Mapping[str, HandPercept]) -> None:
-        """Take in what is seen of all hands; those that are not among them are gone."""
+        """Take in the percepts of all hands; hands that are not among them are gone."""
         for name in self._hands.keys() - hands.keys():
             del self._hands[name]
         for name, percept in hands.items():
@@ -102,7 +102,7 @@ class Touching:
         return any(is_short or now - item.track.last_stamp > UNSEEN for item in touched)
 
     def recall(self, relation: Relation, grasp: HandGrasp, now: float) -> None:
-        """Take over a grasp that held before."""
+        """Restore a grasp that held in an earlier run."""
         if grasp.covered:
             self._covering.recall(relation, grasp.hand_from_object, grasp.since)
             return
@@ -119,11 +119,13 @@ class Touching:
         self._covering.forget(name)
 
     def take(self, name: str, now: float) -> str:
-        """The hand that must have taken what is missing, and has it from now on; empty if none covered it."""
+        """Find the hand that must have taken a missing object, and let that hand have it from now on; empty if none
+        covered it.
+        """
         return self._covering.take(name, now)
 
     def update(self, now: float) -> None:
-        """Decide at time `now` (s) what is touched and held, and let what is unseen and held go with its hand."""
+        """Decide at time `now` (s) which objects are touched and held. Unseen held objects go with their hand."""
         self._contacts.update(now)
         self._update_grasps(now)
         self._update_covered(now)

@@ -1,4 +1,4 @@
-"""Perception corrects the simulation: bodies are moved to the plausible pose nearest to what is perceived."""
+"""Perception corrects the simulation: bodies are moved to the plausible pose nearest to their percept."""
 
 from __future__ import annotations
 

@@ -112,7 +112,7 @@ class Driving:
         self._now = -math.inf
 
     def update(self, now: float, unmoved: Set[str] = frozenset(), in_doubt: Set[str] = frozenset()) -> None:
-        """Begin, go on and end at time `now` (s).
+        """Begin, continue and end drives at time `now` (s).
 
         Args:
             now: s
@@ -235,12 +235,12 @@ class Driving:
 
     @property
     def supports(self) -> set[Relation]:
-        """(object, what carries it) of the driven objects that slide or stand on something, which they hardly touch."""
+        """Pairs (object, support) of the driven objects that slide or stand on something, which they hardly touch."""
         drives = self._drives.items()
         return {(name, base) for name, drive in drives for base in drive.supports or () if base != UNKNOWN}
 
     def rests(self, name: str) -> bool:
-        """Whether something carries a driven object where it is seen, and it does not move any more."""
+        """Whether something carries a driven object where it is seen, and the object does not move any more."""
         drive = self._drives[name]
         return drive.rests and drive.still_since is not None
 

@@ -45,7 +45,7 @@ class _Fall(NamedTuple):
 
 
 class Spilling:
-    """Lets what leaves a container unseen come to lie in a typical place.
+    """Predicts a typical resting place for objects that leave a container unseen.
 
     On which side of a rim it falls depends on millimetres that nobody knows. Many ways are simulated in which it may
     fall from where it last was inside. Its body falls as it does; when it lies, it is put where the one of them ended

@@ -14,13 +14,13 @@ from simulation_handler.contact.relations import ContactRelations
 from simulation_handler.state.bodies import Bodies
 
 Twist = tuple[Vector3, Vector3]
-"""m/s and rad/s, in the world"""
+"""Velocity (m/s) and angular velocity (rad/s), in the world"""
 HALTED: Twist = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 _UPRIGHT_TILT = 0.35  # rad of tilt, up to which what stands on a driven body does not slide
 
 
 class SupportedObjects:
-    """Finds what goes along with driven bodies, and lets it."""
+    """Finds the objects that go along with driven bodies, and lets them."""
 
     def __init__(self, bodies: Bodies, relations: ContactRelations, containment: Containment) -> None:
         self._bodies = bodies
@@ -55,7 +55,7 @@ class SupportedObjects:
         return found
 
     def take_along(self, load: str, base: Pose, before: Twist, after: Twist) -> None:
-        """Let what stands on a driven body, at `base`, change its velocity as that does."""
+        """Change the velocity of an object on a driven body, at `base`, as the body's velocity changes."""
         position, (linear, spin) = self._bodies.sim.position(load), self._bodies.sim.velocity(load)
         arm = np.subtract(position, base.t)
         turn = np.subtract(after[1], before[1])

@@ -93,7 +93,7 @@ class Estimate:
         return bias if abs(bias) <= _MOST_SIGMAS * self._config.depth_bias else None
 
     def total_covariance(self, bias_std: float) -> Array:
-        """(3, 3) m^2 of the position: what is left of the noise, and of the bias along the viewing ray."""
+        """Covariance (3, 3) of the position, m^2: remaining noise, and bias along the viewing ray."""
         total: Array = self.position_covariance + bias_std**2 * np.outer(self.ray, self.ray)
         return total
 
@@ -103,7 +103,7 @@ class Estimate:
         return math.sqrt(0.5 * (position[0, 0] + position[1, 1])), math.sqrt(rotation[2, 2])
 
     def innovation(self, percept: WeighedPercept) -> Innovation:
-        """How far the percept is from the estimate."""
+        """Measure the difference between a percept and the estimate."""
         return percept.position - self.position, self._turn_to(percept.rotation)
 
     def _turn_to(self, rotation: Quaternion) -> Array:

@@ -1,4 +1,4 @@
-"""The way that an object was seen to take: percepts, and poses in between."""
+"""The path of an object as it was seen: percepts, and poses in between."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Path:
         self._doubted: Pose | None = None
 
     def add(self, pose: Pose) -> None:
-        """Take in a percept that is newer than the last; one that is far from that counts once the next confirms it."""
+        """Take in a percept that is newer than the last one. A distant one counts once the next percept confirms it."""
         if pose.stamp <= self.newest:
             return
         if self._poses and _is_break(self._poses[-1], pose):
@@ -53,7 +53,7 @@ class Path:
 
     @property
     def is_falling(self) -> bool:
-        """Whether it was falling when it was last seen."""
+        """Whether the object was falling when it was last seen."""
         if len(self._poses) < 2:
             return False
         before, last = self._poses[-2], self._poses[-1]
@@ -94,7 +94,7 @@ class Path:
         return apart <= metres and turned <= radians
 
     def strays_from(self, pose: Pose, metres: float) -> bool:
-        """Whether it was seen farther than `metres` from `pose` in the last percepts, not just in one."""
+        """Whether the object was farther than `metres` from `pose` in several of the last percepts, not just in one."""
         if len(self._poses) < 3:  # count: a single wrong percept shows no motion
             return False
         return min(math.dist(self._smooth(k).t, pose.t) for k in (len(self._poses) - 2, len(self._poses) - 1)) > metres
@@ -125,7 +125,7 @@ class Path:
 
 
 def between(a: Pose, b: Pose, share: float) -> Pose:
-    """From a (share 0) to b (share 1), in a straight line and turning evenly."""
+    """Interpolate from pose a (share 0) to pose b (share 1), in a straight line and turning evenly."""
     x, y, z = (p + share * (q - p) for p, q in zip(a.t, b.t, strict=True))
     return Pose.unchecked((x, y, z), quaternions.slerp(a.q, b.q, share), a.stamp + share * (b.stamp - a.stamp))
 

@@ -26,14 +26,14 @@ class WeighedPercept:
     """One observation of an object, in the world frame."""
 
     stamp: float
-    """s"""
+    """Time of the exposure, s."""
     position: Array
-    """(3,) m"""
+    """Position (3,) of the object's centre in the world, m."""
     rotation: Quaternion
     position_covariance: Array
     """(3, 3) m^2, noise of this percept alone"""
     rotation_covariance: Array
-    """(3, 3) rad^2"""
+    """Covariance (3, 3) of the rotation, rad^2."""
     ray: Array
     """(3,) unit vector, the direction away from the camera in which the systematic error is"""
 

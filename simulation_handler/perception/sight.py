@@ -50,7 +50,7 @@ _RAYS = np.stack(np.meshgrid(_SIDE, _SIDE), axis=-1).reshape(-1, 2)  # (rays, 2)
 
 @dataclass(frozen=True)
 class CameraView:
-    """A camera and where it is."""
+    """A camera and its pose."""
 
     camera: str
     """Name of its node."""
@@ -67,7 +67,7 @@ class ExpectedVisibility(NamedTuple):
     share: float
     """Visible share of the tag's area, or of the image of an object recognised by its colour, 0 to 1."""
     hidden_by: str
-    """The solid or obstacle that hides most of it; empty if nothing does."""
+    """Name of the solid or obstacle that hides most of the object; empty if nothing does."""
 
 
 class _Bodies(NamedTuple):

@@ -79,11 +79,11 @@ class PerceptTrack:
         self._recent.clear()
 
     def is_fresh(self, now: float) -> bool:
-        """Whether it was seen lately."""
+        """Whether the object was seen lately."""
         return self.is_recent(self.last_stamp, now)
 
     def is_recent(self, stamp: float, now: float) -> bool:
-        """Whether a percept of that time (s) still counts."""
+        """Whether a percept of time `stamp` (s) still counts at time `now`."""
         return now - stamp <= self._config.perceived_max_age
 
     def _needed(self) -> int:

@@ -68,7 +68,7 @@ class FingerBodies:
         return position
 
     def add(self, name: str, position: Vector3) -> None:
-        """Add one at `position` (3,) m; it goes through everything until it is told what to meet."""
+        """Add a finger at `position` (3,) m; it goes through everything until `meet` names bodies."""
         body = self._parked.pop() if self._parked else self._make()
         pybullet.changeDynamics(body, -1, mass=_MASS, physicsClientId=self._client)
         self._put(body, position)
@@ -90,7 +90,7 @@ class FingerBodies:
         self._parked.append(finger.body)
 
     def meet(self, name: str, bodies: Collection[str]) -> None:
-        """From now on a finger pushes these bodies, and goes through all others."""
+        """Let a finger push these bodies from now on, and go through all others."""
         self._filter(self._fingers[name], set(bodies))
 
     def move(self, name: str, position: Vector3, count: int) -> None:
@@ -100,7 +100,7 @@ class FingerBodies:
         finger.stride, finger.strides = (x, y, z), count
 
     def advance(self) -> None:
-        """Before each step of physics: move the places."""
+        """Move the anchors of all fingers; call this before each step of physics."""
         for finger in self._fingers.values():
             if finger.strides:
                 x, y, z = (here + stride for here, stride in zip(finger.place, finger.stride, strict=True))
@@ -108,7 +108,7 @@ class FingerBodies:
                 self._pull(finger)
 
     def forget(self, body: str) -> None:
-        """Before a body is removed from the simulator."""
+        """Forget a body; call this before it is removed from the simulator."""
         for finger in self._fingers.values():
             self._filter(finger, finger.met - {body})
 

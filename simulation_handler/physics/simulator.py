@@ -29,7 +29,7 @@ TIME_STEP = 1.0 / 240.0
 GRAVITY = 9.81
 """m/s^2, towards -z."""
 FINGER_RADIUS = 0.005
-"""m, of the spheres of fingertips: less than a fingertip's by what landmarks are off."""
+"""m, of the spheres of fingertips: less than a fingertip's by the error of landmarks."""
 _WAKE_REACH = 0.003  # m, bodies this close to a moved one are woken
 _STEP_REACH = 0.0004  # m that a body may move in one step: it gets that far into what it hits
 _MOST_PARTS = 16  # of a step, enough for a fall of 0.12 m
@@ -169,7 +169,7 @@ class Simulator:
         self._radii[body] = 0.5 * math.hypot(*size)
 
     def remove(self, name: str) -> None:
-        """Take a body out; what rested on it will fall."""
+        """Take a body out; objects that rested on it will fall."""
         body = self._id(name)
         self._wake_around(body)
         self.fingers.forget(name)
@@ -199,7 +199,10 @@ class Simulator:
         velocity: Vector3 = (0.0, 0.0, 0.0),
         spin: Vector3 = (0.0, 0.0, 0.0),
     ) -> None:
-        """Put a body somewhere, at rest or moving (m/s, rad/s), and wake what touched it there and touches it here."""
+        """Put a body at `position` (m, world) and `rotation`, at rest or moving (m/s, rad/s).
+
+        Bodies that touched it there, or touch it here, wake.
+        """
         body = self._id(name)
         self._wake_around(body)
         pybullet.resetBasePositionAndOrientation(body, position, rotation, physicsClientId=self._client)
@@ -217,7 +220,7 @@ class Simulator:
         return linear, angular
 
     def wake(self, name: str) -> None:
-        """Wake a body and what is near it."""
+        """Wake a body and all bodies near it."""
         self._wake_around(self._id(name))
 
     def make_static(self, name: str, static: bool) -> None:

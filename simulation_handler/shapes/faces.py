@@ -52,7 +52,7 @@ def faces(shape: Shape) -> tuple[Vector3, ...]:
 
 
 def depth(shape: Shape, down: Vector3) -> float:
-    """How far (m) a body reaches from its centre in a direction (unit, in its frame)."""
+    """Distance (m) by which a body reaches from its centre in the direction `down` (unit vector, in its frame)."""
     return max(dot(part.position, down) + _reach(part, down) for part in shape)
 
 

@@ -24,7 +24,7 @@ _LEVEL_SLOPE = 1e-7  # slope of an edge that counts as horizontal
 
 @dataclass(frozen=True)
 class Solid:
-    """A body somewhere in the world: a box, or what its shape says."""
+    """A body somewhere in the world: a box, or the parts of its shape."""
 
     name: str
     size: Vector3
@@ -91,7 +91,7 @@ class Solid:
 
     @cached_property
     def bottom(self) -> float:
-        """Height of its lowest point, m."""
+        """Height of the solid's lowest point in the world, m."""
         return self.position[2] - self.half_height
 
     @cached_property
@@ -121,7 +121,7 @@ class Solid:
 
     @property
     def is_round(self) -> bool:
-        """Whether it is round seen from above: a ball, or a cylinder that stands."""
+        """Whether the solid is round seen from above: a ball, or a cylinder that stands."""
         if self.kind == "cylinder":
             return abs(abs(quaternions.to_matrix(self.rotation)[2][2]) - 1.0) < _LEVEL_SLOPE
         return self.kind == "sphere"

@@ -39,11 +39,11 @@ class Form(NamedTuple):
     """A body made of meshes."""
 
     bounds: Bounds
-    """In the frame of its node."""
+    """Bounds of the body in the frame of its node, m."""
     shape: Shape
     """Convex pieces, in the frame at the centre of the bounds."""
     is_true: bool
-    """Whether the parts leave out what the surface does; else something hollow is filled."""
+    """Whether the parts leave the hollows of the surface empty; else a hollow is filled."""
 
     @property
     def centre(self) -> Vector3:

@@ -33,7 +33,7 @@ class Bodies:
         self._lay_floor()
 
     def set_fixture(self, name: str, size: Vector3, pose: Pose, shape: Shape = ()) -> None:
-        """Add a body that never moves (world_from_centre), or put it elsewhere; what was on it wakes."""
+        """Add a body that never moves (world_from_centre), or put it elsewhere; objects on it wake."""
         if name in self.objects:
             raise SimulationError(f"{name!r} is an object of the belief and cannot be a fixture")
         self._fix(Solid(name, size, pose.t, pose.q, fixed=True, shape=shape))
@@ -116,7 +116,7 @@ class Bodies:
         return self.fixtures | {name: self.solid(name) for name in present}
 
     def frozen(self) -> RolloutScene:
-        """Everything as it is now, to be simulated elsewhere: what is pinned is fixed, speeds are left out."""
+        """Copy the present scene, to be simulated elsewhere: bodies that are held are fixed, speeds are left out."""
         friction = self._config.default_friction
         bodies = [
             RolloutBody(
@@ -159,7 +159,7 @@ class Bodies:
             item.static = static
 
     def has_left(self, item: BelievedObject) -> bool:
-        """Whether physics has moved an object from where it was put."""
+        """Whether physics has moved an object from the pose at which it was put."""
         return item.name in self.sim and item.has_left(self.pose(item.name), self._config)
 
     def in_motion(self) -> set[str]:

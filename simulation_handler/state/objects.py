@@ -35,56 +35,63 @@ class BelievedObject:
     size: Vector3
     """Edge lengths of its bounding box, m."""
     mass: float
-    """kg"""
+    """Mass of the object, kg."""
     friction: float
     """Coulomb coefficient."""
     track: PerceptTrack
     shape: Shape = ()
     """Pieces of the object's shape; none for a solid box."""
     drivable: bool = False
-    """Where it is seen to move, it takes along by contact what is in it, on it, or in its way."""
+    """Whether the object is driven along its seen path, and takes along by contact the things in it, on it, or in its
+    way.
+    """
     rolling_friction: float | None = None
     """m, lever arm of the resistance to rolling; None if that is not known"""
     path: Path = field(default_factory=Path)
-    """The way that it was seen to take."""
+    """The path of the object as it was seen."""
     noise: float = 0.0
-    """m, root mean square distance by which its newest percept is off, beside what is systematic"""
+    """m, root mean square error of the newest percept, beside systematic errors"""
     driven: bool = False
     """Whether the object is on its way, and its body is driven along the seen path."""
     rides: bool = False
     """Whether the object is in or on a driven one: contact takes it along, and percepts count less."""
     placement: Placement | None = None
-    """Where perception last led to."""
+    """Placement to which perception last led; None if there is none."""
     put: Pose | None = None
-    """Where its body was last put; physics may have moved it since."""
+    """Pose at which the body was last put; physics may have moved it since."""
     static: bool = False
     """Whether the body is held in place: it hovers, and nothing known carries it."""
     bias: float | None = None
     """m along the viewing ray, the systematic error of its percepts; learned when it rests on something."""
     hovering_since: float | None = None
-    """s"""
+    """Time (s) since when the object hovers; None if it does not."""
     prop: Solid | None = None
-    """An unknown support that explains why it hovers."""
+    """An unknown support that explains why the object hovers; None if there is none."""
     strikes: int = 0
-    """How often physics moved it from where it is seen, lately."""
+    """Number of recent times when physics moved the body from its percept."""
     last_strike: float = 0.0
-    """s"""
+    """Time (s) of the last strike."""
     restarts: int = 0
     """Number of restarts of the track when it was last looked at."""
     holder: str = ""
-    """The gripper that holds it; percepts then say nothing of it."""
+    """Name of the gripper that holds the object; percepts then say nothing of it. Empty for none."""
     hand: str = ""
-    """The human hand that holds it: where it is unseen, it goes where that goes."""
+    """Name of the human hand that holds the object: while the object is unseen, it goes with the hand.
+
+    Empty for none.
+    """
     let_go_at: float = -math.inf
-    """s, when a hand was last known to hold it no more"""
+    """Time (s) when a hand was last known to let go of the object"""
     shows_rotation: bool = True
     """Whether percepts tell the object's rotation."""
     shows_tilt: bool = True
     """Whether percepts tell how the object leans, if not its yaw."""
     turned_by_hand: Quaternion | None = None
-    """How it leans as far as that hand tells: for percepts that say nothing of rotations, such as those by colour."""
+    """Rotation in the world that the hand tells, for objects whose percepts tell none, such as those by colour; None
+    without one.
+    """
     place_by_hand: Vector3 | None = None
-    """Where that hand, which is seen, has it, m."""
+    """Position (m, world) where the visible hand that holds the object has it; None otherwise."""
     confirmed: Solid | None = None
     """Where perception last agreed that it is, unless it has moved since with something, or in a gripper."""
     gone: bool = False
@@ -97,7 +104,7 @@ class BelievedObject:
         return self.track.estimate if self.track.is_fresh(now) else None
 
     def cameras_at(self, now: float) -> frozenset[str]:
-        """The cameras that have seen it lately, at `now` (s)."""
+        """Names of the cameras that have lately seen the object, at `now` (s)."""
         return frozenset(camera for camera, stamp in self.seen_by.items() if self.track.is_recent(stamp, now))
 
     def observe(self, percept: WeighedPercept, camera: str) -> None:
@@ -121,7 +128,7 @@ class BelievedObject:
 
     @property
     def vanished_when_let_go(self) -> bool:
-        """Whether it was not seen any more after a hand had let go of it."""
+        """Whether the object was not seen any more after a hand had let go of it."""
         return self.track.last_stamp <= self.let_go_at
 
     @property
@@ -130,7 +137,7 @@ class BelievedObject:
         return bool(self.holder) or self.driven or self.rides
 
     def percept(self) -> Solid:
-        """The object as perception has it, without the systematic error that is known."""
+        """The object at its perceived pose, without the known systematic error."""
         estimate = self.track.estimate
         assert estimate is not None
         x, y, z = estimate.corrected(self.bias or 0.0).tolist()
@@ -146,7 +153,7 @@ class BelievedObject:
         return self.track.estimate.total_covariance(config.depth_bias if self.bias is None else config.learned_bias)
 
     def is_carried(self) -> bool:
-        """Whether a body of the simulation carries it, so that it needs no holding."""
+        """Whether a body of the simulation carries the object, so that it needs no holding."""
         return self.placement is not None and any(name != UNKNOWN for name in self.placement.supports)
 
     def adopt(self, placement: Placement) -> None:
@@ -186,12 +193,12 @@ class BelievedObject:
         self.last_strike = now
 
     def notice_restart(self) -> None:
-        """If it has moved since it was last looked at, what physics did to it before counts no more."""
+        """Forget the strikes of physics if the object has moved since the last call."""
         if self.restarts != self.track.restarts:
             self.restarts, self.strikes = self.track.restarts, 0
 
     def has_left(self, pose: Pose, config: BeliefConfig) -> bool:
-        """Whether its body, now at `pose`, is no longer where it was put."""
+        """Whether the object's body, now at `pose`, has left the pose at which it was put."""
         if self.put is None or self.static:
             return False
         metres, radians = self.put.distance(pose)

@@ -28,7 +28,7 @@ _SKILLS: dict[str, Callable[[Manipulator, Node], Steps[None]]] = {
 
 
 class RunningActions:
-    """Runs what action nodes request, one at a time.
+    """Runs the skills that action nodes request, one at a time.
 
     Args:
         memory: holds the nodes.

@@ -29,7 +29,7 @@ Steps = Generator[str, None, T]
 """Yields the name of the step under way at each tick."""
 
 CLEARANCE = 0.06
-"""m between what is carried, when it travels, and all that is below"""
+"""m between a carried object on its way and everything below"""
 PATIENCE = 0.5
 """s that a motion may take longer than planned"""
 GRIP_PATIENCE = 2.0
@@ -37,7 +37,7 @@ GRIP_PATIENCE = 2.0
 STILL_OPENING = 0.0002
 """m per sample; less is no motion of the fingers"""
 FARTHEST = 10.0
-"""m from its base that no arm reaches"""
+"""m from the arm's base that no arm reaches"""
 _OPENED = 0.003  # m short of an opening that will do
 
 
@@ -46,7 +46,7 @@ class SkillError(DsrError):
 
 
 class ImpossibleError(SkillError):
-    """A skill cannot be done as long as things are what and where they are believed to be."""
+    """A skill cannot be done as long as the belief about things stays as it is."""
 
 
 class StuckError(SkillError):
@@ -54,7 +54,7 @@ class StuckError(SkillError):
 
 
 class Manipulator:
-    """One arm with its gripper and what is believed around it; for one skill at a time.
+    """One arm with its gripper and its believed surroundings; for one skill at a time.
 
     Args:
         chain: from the arm's base to the tool point.
@@ -116,7 +116,7 @@ class Manipulator:
 
     @property
     def tool_from_held(self) -> Pose | None:
-        """Where the held object is between the pads."""
+        """Pose of the held object in the tool's frame, between the pads; None if nothing is held."""
         return self.holding.tool_from_object
 
     def held_box(self) -> tuple[LinkBox, ...]:
@@ -168,14 +168,14 @@ class Manipulator:
         return Room(self.figure, [thing for thing in self._things() if thing.name != target])
 
     def rise(self, held: str | None) -> Steps[None]:
-        """Straight up, with `held` in the gripper."""
+        """Move the tool straight up, with `held` in the gripper."""
         load = Load(self.joints.opening, self.held_box())
         obstacles = self._obstacles(self._things(), "")
         trajectory = self._router.rise(self._here, self.config.approach, load, obstacles, self._limits)
         yield from self.go(trajectory, "rise", held)
 
     def start(self, trajectory: Trajectory) -> None:
-        """Set out on a way."""
+        """Begin to follow a trajectory."""
         self._goal = trajectory.positions[-1]
         self._end = self.joints.stamp + trajectory.duration
         self._follow(trajectory)
@@ -194,7 +194,7 @@ class Manipulator:
         return False
 
     def away(self) -> float:
-        """How far the tool point is from where it was sent, m."""
+        """Distance of the tool point from its commanded place, m."""
         return self._router.tool(self._goal).distance(self.tool)[0]
 
     def go(self, trajectory: Trajectory, step: str, held: str | None) -> Steps[None]:

@@ -1,4 +1,4 @@
-"""The skill `place`: put what is held down on an object or on a table."""
+"""The skill `place`: put the held object down on an object or on a table."""
 
 from __future__ import annotations
 

@@ -1,1 +1,1 @@
-"""The pose of a camera from what it sees: methods, their problem and their outcome."""
+"""Solves for the pose of a camera from its percepts: methods, their problem and their outcome."""

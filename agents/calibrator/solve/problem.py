@@ -28,7 +28,7 @@ class ObjectSighting(NamedTuple):
 
 
 class Problem:
-    """Sightings as arrays: which pose of the camera in its parent makes what is seen agree with what is believed?
+    """Sightings as arrays: the problem is the camera pose, in its parent, by which percepts agree with beliefs.
 
     The error of a sighting under the pose X is the twist log(seen^-1 X^-1 believed) in the frame of the object, m and
     rad; *whitened*, its squared length is the squared Mahalanobis distance, with 6 degrees of freedom.

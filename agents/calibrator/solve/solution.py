@@ -1,4 +1,4 @@
-"""A calibration's outcome: the pose with its covariance, what is left unexplained, and what it is worth."""
+"""The outcome of a calibration: the pose with its covariance, the residuals, and whether it can be adopted."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ _UNFINISHED = 4.7  # standard deviations: the 99.9 % quantile of six numbers
 
 
 class Residual(NamedTuple):
-    """How far one object is seen from where it is believed: root mean squares over its sightings."""
+    """The distance of one object from its believed pose: root mean squares over its sightings."""
 
     name: str
     before: tuple[float, float]
@@ -127,7 +127,7 @@ class CalibrationSolution(NamedTuple):
 
     @property
     def is_adoptable(self) -> bool:
-        """Whether most of what is seen agrees with the pose, and determines it."""
+        """Whether most sightings agree with the pose, and determine it."""
         return not self.problem
 
     @property

@@ -1,1 +1,1 @@
-"""Cameras that may have moved: what is seen of them view by view, doubt, and calibrations that begin by themselves."""
+"""Watches cameras that may have moved: their views, doubts, and calibrations that begin by themselves."""

@@ -1,4 +1,4 @@
-"""Did the camera move, or the objects? By what each would cost, in nats, of what is seen in one view or several."""
+"""Decides whether the camera or the objects moved, by the costs of both in nats, from one view or several."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ class DepthError(NamedTuple):
     """
 
     mean: float
-    """m"""
+    """Mean error of depth, m."""
     std: float
     """m, what is left of it, in the mean of a view, once that was taken out"""
 

@@ -65,7 +65,9 @@ class Displaced:
             series.views.update()
 
     def add(self, camera: str, name: str, before: Pose | None, depths: Mapping[str, DepthError], now: float) -> None:
-        """An object that `camera` sees was explained otherwise than by that; it was believed at `before` (world)."""
+        """Note an object that `camera` sees, and that was explained as moved by itself; `before` is its earlier
+        believed pose (world).
+        """
         if before is None or now - self._held.get(name, -_SETTLES) < _SETTLES:
             return
         series = self._series.get(camera)

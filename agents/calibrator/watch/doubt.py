@@ -114,7 +114,7 @@ class Doubt:
 
     @property
     def views(self) -> int:
-        """From how many places it has looked long enough."""
+        """Number of places from which the camera has looked long enough."""
         return self._views.complete
 
     @property

@@ -22,7 +22,7 @@ Script = Generator[None, None, None]
 SOURCE = "calibrator"
 """`source` of the action nodes."""
 MOST_MOVES = 2
-"""From so many places it looks, beside where it is, unless told otherwise."""
+"""Number of places from which a camera looks besides its own, unless told otherwise."""
 _TURNS = (0.9, -0.9, 0.6, -0.6, 1.5, -1.5)  # rad about the vertical
 _TILTS = (0.0, math.pi, 0.5 * math.pi, -0.5 * math.pi)  # rad, directions in which it leans over the objects
 _LEAN = 0.3  # rad
@@ -83,7 +83,7 @@ class Looking:
         return self._script is None
 
     def update(self) -> None:
-        """Go on."""
+        """Continue the script of moves by one step."""
         if self._script is not None:
             try:
                 next(self._script)

@@ -1,4 +1,4 @@
-"""A pose that was adopted by what an arm left in sight is put right by what comes into view afterwards."""
+"""Corrects a pose that was adopted by few objects in sight, by objects that come into view afterwards."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from dsr.perception.percepts import PerceptReader
 from dsr.vocabulary.relations import THINGS, grasped_things, present_things
 
 REACH = 2.0
-"""s before a step is found, from when on what was believed may have followed it."""
+"""s before a step is found, from which on beliefs may have followed the step."""
 _SPAN = 1.0  # s over which percepts are averaged, before and after
 _APART = 1.5  # s between two averages
 _PERIOD = 0.3  # s between two comparisons
@@ -40,7 +40,7 @@ class _Sample(NamedTuple):
 
 
 class Steps:
-    """Compares what each camera sees with what it saw just before; systematic errors of percepts are alike in both."""
+    """Compares percepts of each camera with those just before; systematic errors of percepts are alike in both."""
 
     def __init__(self, memory: Memory) -> None:
         self._memory = memory

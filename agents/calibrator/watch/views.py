@@ -1,4 +1,4 @@
-"""Collects what a camera sees of objects whose places are believed, view by view: material for a calibration."""
+"""Collects a camera's percepts of objects whose places are believed, view by view, for a calibration."""
 
 from __future__ import annotations
 

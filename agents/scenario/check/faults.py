@@ -95,7 +95,7 @@ DRIVEN_INTO = 0.005
 
 
 class Fault(msgspec.Struct, frozen=True):
-    """Something that the file brings about and that cannot be meant, or is doubtful."""
+    """A fault or doubt that a scenario file brings about."""
 
     path: Path
     """Place in the file that brings the fault about: `("event", 0)` is the first event."""

@@ -36,7 +36,7 @@ class EventReport(msgspec.Struct, frozen=True, kw_only=True):
     """The course of one event."""
 
     number: int
-    """In the file, from 1."""
+    """Number of the event in the file, from 1."""
     do: str
     text: str
     """The event's effect in words, with its fields."""
@@ -49,7 +49,7 @@ class EventReport(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class FinalPose(msgspec.Struct, frozen=True, kw_only=True):
-    """Where an object is at the end."""
+    """The pose of an object at the end."""
 
     object: str
     pose: Seven
@@ -64,7 +64,7 @@ class TruthReport(msgspec.Struct, frozen=True, kw_only=True):
     scenario: str
     seed: int
     end: float
-    """s after the start"""
+    """Time of the end, s after the start"""
     events: list[EventReport]
     phases: list[Phase]
     final: list[FinalPose]

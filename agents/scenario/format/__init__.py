@@ -1,1 +1,1 @@
-"""The scenario file format: its parts as structs, reading, and what must be consistent."""
+"""The scenario file format: its parts as structs, reading, and checks of consistency."""

@@ -59,7 +59,7 @@ from dsr.vocabulary.observed_actions import parse_pattern
 
 
 def inconsistencies(scenario: Scenario, etc: FilePath | None, folder: FilePath) -> list[InconsistencyError]:
-    """All values that contradict others or name no file of `etc`, in the order of the sections.
+    """List all values that contradict others or name no file of `etc`, in the order of the sections.
 
     What is built on wrong names or sections is not looked at: its errors would follow from theirs. Of each event and
     expectation the first error is told. Paths are relative to `folder`, that of the scenario's file.

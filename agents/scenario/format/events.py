@@ -31,10 +31,10 @@ HandNumber = Annotated[int, Meta(ge=0, le=1)]
 
 
 class EventBase(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="do"):
-    """When an event starts: `at` or `when`, exactly one of them."""
+    """The start of an event: `at` or `when`, exactly one of them."""
 
     by_runner: ClassVar[bool] = False
-    """The runner carries it out, not the plant."""
+    """Whether the runner carries the event out, and not the plant."""
 
     at: Seconds | None = None
     """s after the start"""
@@ -95,7 +95,7 @@ class MovedByHand(ObjectEvent, frozen=True, kw_only=True):
 
     @property
     def moves_contents(self) -> bool:
-        """Whether everything on it comes along rigidly."""
+        """Whether everything on or in the object comes along rigidly."""
         return self.hand is None if self.contents is None else self.contents
 
 
@@ -113,7 +113,7 @@ class Slide(MovedByHand, frozen=True, kw_only=True, tag="slide"):
     pushes: tuple[str, ...] = ()
     """Names of the objects in the way that are meant to be pushed along or aside, by contact."""
     speed: Speed = 0.1
-    """m/s"""
+    """m/s, speed of the object"""
 
 
 class Carry(MovedByHand, frozen=True, kw_only=True, tag="carry"):
@@ -126,7 +126,7 @@ class Carry(MovedByHand, frozen=True, kw_only=True, tag="carry"):
     height: Length = 0.15
     """m above the higher one of start and end"""
     speed: Speed = 0.2
-    """m/s"""
+    """m/s, speed of the object"""
 
 
 class Lift(MovedByHand, frozen=True, kw_only=True, tag="lift"):
@@ -135,7 +135,7 @@ class Lift(MovedByHand, frozen=True, kw_only=True, tag="lift"):
     height: Length
     """m above where it is"""
     speed: Speed = 0.2
-    """m/s"""
+    """m/s, speed of the object"""
 
 
 class Tilt(ObjectEvent, frozen=True, kw_only=True, tag="tilt"):
@@ -146,7 +146,7 @@ class Tilt(ObjectEvent, frozen=True, kw_only=True, tag="tilt"):
     axis: Vector3 = (1.0, 0.0, 0.0)
     """Direction of the axis, world."""
     speed: Speed = 1.0
-    """rad/s"""
+    """rad/s, speed of the rotation"""
     hand: HandNumber | None = None
     """This hand comes, takes the object and turns it; default: it turns by itself."""
 
@@ -176,9 +176,9 @@ class Topple(ObjectEvent, frozen=True, kw_only=True, tag="topple"):
     """Push the object over the edge of what it stands on, then let it fall."""
 
     direction: Vector2 = (1.0, 0.0)
-    """Where to, along world x and y; its length does not matter."""
+    """Direction of the push along world x and y; its length does not matter."""
     speed: Speed = 0.5
-    """m/s"""
+    """m/s, speed of the push"""
     hand: HandNumber | None = None
     """This hand comes and pushes with two fingertips; default: nobody is seen."""
 
@@ -191,7 +191,7 @@ class SetInMotion(ObjectEvent, frozen=True, kw_only=True):
 
     @property
     def along(self) -> Vector3:
-        """Where to, along world x, y and z; its length does not matter."""
+        """Direction of the velocity along world x, y and z; its length does not matter."""
         raise NotImplementedError
 
 
@@ -227,7 +227,7 @@ class FalsePercept(ObjectEvent, frozen=True, kw_only=True, tag="false_percept"):
     frames: Annotated[int, Meta(ge=1, le=1000)] = 1
     """Number of camera frames."""
     translation: Vector3 = (0.0, 0.0, 0.0)
-    """m, world"""
+    """m, displacement of the percept in the world"""
     rotation: Rotation = (0.0, 0.0, 0.0)
     """Rotation vector, rad, world, about the object's centre."""
 
@@ -275,7 +275,7 @@ class HandEnter(HandEvent, frozen=True, kw_only=True, tag="hand_enter"):
     side: Vector2 = (1.0, 0.0)
     """Along world x and y: where it comes from."""
     speed: Speed = 0.4
-    """m/s"""
+    """m/s, speed of the hand"""
 
 
 class HandGraspEvent(HandEvent, frozen=True, kw_only=True, tag="hand_grasp"):
@@ -289,7 +289,7 @@ class HandGraspEvent(HandEvent, frozen=True, kw_only=True, tag="hand_grasp"):
     above: Metres | None = None
     """m, of the fingertips over the object's centre; default: a fifth of its height, at a ball none"""
     speed: Speed = 0.4
-    """m/s"""
+    """m/s, speed of the hand"""
 
     @property
     def named_objects(self) -> dict[str, str]:
@@ -307,7 +307,7 @@ class HandMove(HandEvent, frozen=True, kw_only=True, tag="hand_move"):
     turn: Radians = 0.0
     """rad about the vertical, on the way"""
     speed: Speed = 0.2
-    """m/s"""
+    """m/s, speed of the hand"""
 
 
 class HandRelease(HandEvent, frozen=True, kw_only=True, tag="hand_release"):
@@ -320,7 +320,7 @@ class HandLeave(HandEvent, frozen=True, kw_only=True, tag="hand_leave"):
     side: Vector2 | None = None
     """Along world x and y: where to; default: where it came from."""
     speed: Speed = 0.4
-    """m/s"""
+    """m/s, speed of the hand"""
 
 
 class PersonEvent(EventBase, frozen=True, kw_only=True):
@@ -342,9 +342,9 @@ class PersonTurn(PersonEvent, frozen=True, kw_only=True, tag="person_turn"):
     """A person turns the head."""
 
     look_at: Vector3
-    """m, world"""
+    """m, point in the world that the person looks at then"""
     speed: Speed = 2.0
-    """rad/s"""
+    """rad/s, speed of the head's rotation"""
 
 
 class PersonWalk(PersonEvent, frozen=True, kw_only=True, tag="person_walk"):
@@ -355,7 +355,7 @@ class PersonWalk(PersonEvent, frozen=True, kw_only=True, tag="person_walk"):
     look_at: Vector3 | None = None
     """m, world, at the end; default: the same direction as before"""
     speed: Speed = 1.0
-    """m/s"""
+    """m/s, speed of the person"""
 
 
 class PersonLeave(PersonEvent, frozen=True, kw_only=True, tag="person_leave"):

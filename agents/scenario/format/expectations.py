@@ -16,7 +16,7 @@ from dsr.network.keys import BASE
 
 
 class Expectation(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True, tag_field="check"):
-    """When a check is judged."""
+    """A check of the working memory, and the time when it is judged."""
 
     at: Seconds | None = None
     """s after the start, or after `event`; default: the end"""
@@ -56,35 +56,35 @@ class NoInterpenetration(Windowed, frozen=True, kw_only=True, tag="no_interpenet
     """No belief overlaps another one, or the table, deeper than `tolerance` at any moment of the window."""
 
     tolerance: Noise = 0.0005
-    """m"""
+    """m, greatest depth of an overlap"""
 
 
 class NoDrift(Windowed, frozen=True, kw_only=True, tag="no_drift"):
     """The belief never gets further than `tolerance` from where it was when the window began."""
 
     tolerance: Noise = 0.001
-    """m"""
+    """m, greatest distance from the first place"""
 
 
 class Resting(OfObjects, frozen=True, kw_only=True, tag="resting"):
     """The belief stands on the table or on another belief, gap at most `tolerance`, and is still."""
 
     tolerance: Noise = 0.001
-    """m"""
+    """m, greatest gap"""
 
 
 class RestingHeight(OfObjects, frozen=True, kw_only=True, tag="resting_height"):
     """The height of the belief differs from the true one by at most `tolerance`."""
 
     tolerance: Noise = 0.001
-    """m"""
+    """m, greatest difference of height"""
 
 
 class BeliefError(OfObjects, frozen=True, kw_only=True, tag="belief_error"):
     """The belief is within `tolerance` of the truth, and within `angle` if that is given."""
 
     tolerance: Noise = 0.005
-    """m"""
+    """m, greatest distance from the truth"""
     angle: Turn | None = None
     """rad; default: the rotation is not judged"""
     after: Seconds | None = None
@@ -108,7 +108,7 @@ class Attribute(Expectation, frozen=True, kw_only=True, tag="attribute"):
     name: str
     value: bool | int | float | str
     tolerance: Annotated[float, Meta(ge=0)] = 1e-9
-    """In the unit of the attribute."""
+    """Greatest difference of numbers, in the unit of the attribute."""
 
 
 class Edges(Expectation, frozen=True, kw_only=True, tag="edges"):
@@ -121,7 +121,7 @@ class Edges(Expectation, frozen=True, kw_only=True, tag="edges"):
     present: tuple[tuple[str, str], ...] = ()
     absent: tuple[tuple[str, str], ...] = ()
     world: str = BASE
-    """In which world."""
+    """Name of the world with the edges."""
 
 
 class KnownIn(OfObjects, frozen=True, kw_only=True, tag="known_in"):
@@ -147,7 +147,7 @@ class WorldsCheck(Expectation, frozen=True, kw_only=True, tag="worlds"):
     """The worlds `present` are in the list of worlds, and none that is `absent`."""
 
     ever: bool = False
-    """At some moment from the start, or from `after`, on."""
+    """Whether one moment from the start, or from `after`, is enough."""
 
     after: Seconds | None = None
     """If given, this holds at every moment from then on."""
@@ -178,15 +178,15 @@ class ActionsCheck(OfObjects, frozen=True, kw_only=True, tag="actions"):
     after: Seconds | None = None
     """s after the start, or after `event`, from when on they count; default: 0"""
     sequence: tuple[str, ...] | None = None
-    """All of them, in the order in which they happened: neither one more nor one less."""
+    """All actions in the order in which they happened: neither one more nor one less."""
     present: tuple[str, ...] = ()
     """Each was inferred, whatever else."""
     absent: tuple[str, ...] = ()
-    """None was inferred."""
+    """Actions of which none was inferred."""
 
     @property
     def terms(self) -> tuple[tuple[str, int, str], ...]:
-        """All terms, each with its field and index there."""
+        """All terms of the check, each with its field and index there."""
         fields = {"sequence": self.sequence or (), "present": self.present, "absent": self.absent}
         return tuple((field, index, term) for field, terms in fields.items() for index, term in enumerate(terms))
 
@@ -216,7 +216,7 @@ class BeliefRecovered(OfObjects, frozen=True, kw_only=True, tag="belief_recovere
 
     within: Seconds = 1.5
     tolerance: Noise = 0.005
-    """m"""
+    """m, greatest distance from the truth"""
 
 
 class Gone(OfObjects, frozen=True, kw_only=True, tag="gone"):
@@ -232,7 +232,7 @@ class Surprising(OfObjects, frozen=True, kw_only=True, tag="surprising"):
 
 
 class SurprisesCheck(OfObjects, frozen=True, kw_only=True, tag="surprises"):
-    """How often the objects have become surprising, all together, from `after` until it is judged."""
+    """The number of times the objects have become surprising, all together, from `after` until the check is judged."""
 
     after: Seconds | None = None
     """s after the start, or after `event`; default: 0"""
@@ -244,13 +244,13 @@ class CameraError(Expectation, frozen=True, kw_only=True, tag="camera_error"):
     """The scenario's camera is believed to be within `tolerance` and `angle` of where it truly is."""
 
     tolerance: Noise = 0.003
-    """m"""
+    """m, greatest distance from the truth"""
     angle: Turn = 0.00524
-    """rad"""
+    """rad, greatest angle to the truth"""
 
 
 class Calibrations(Expectation, frozen=True, kw_only=True, tag="calibrations"):
-    """How often a pose of a camera was adopted, or taken back, until it is judged."""
+    """The number of times a pose of a camera was adopted, or taken back, until the check is judged."""
 
     least: Count = 0
     most: Count | None = None
@@ -263,7 +263,7 @@ class MissionCheck(Expectation, frozen=True, kw_only=True, tag="mission"):
 
 
 class Replans(Expectation, frozen=True, kw_only=True, tag="replans"):
-    """How often a new plan was made for the mission until it is judged."""
+    """The number of new plans for the mission until the check is judged."""
 
     least: Count = 0
     most: Count | None = None

@@ -1,4 +1,4 @@
-"""Errors about a scenario file: which line, which field, what was expected."""
+"""Errors about a scenario file: the line, the field, and the expected content."""
 
 from __future__ import annotations
 

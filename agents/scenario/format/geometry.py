@@ -29,7 +29,7 @@ class ScenarioBox(msgspec.Struct, frozen=True):
     """An oriented box."""
 
     center: Array
-    """(3,) m, world"""
+    """(3,) m, centre of the box in the world"""
     rotation: Array
     """(3, 3) world_from_box; its columns are the axes of the box"""
     size: Array
@@ -68,7 +68,7 @@ class PlacedShape(NamedTuple):
     shape: Shape
     """Parts of the shape, in the body's frame; none: it is the box of `size`."""
     size: Vector3
-    """m"""
+    """m, edge lengths of the bounding box"""
     pose: Pose
     """world_from_body"""
 
@@ -77,9 +77,9 @@ class Ball(msgspec.Struct, frozen=True):
     """A ball."""
 
     center: Array
-    """(3,) m, world"""
+    """(3,) m, centre of the ball in the world"""
     radius: float
-    """m"""
+    """m, radius of the ball"""
 
 
 def pieces(shape: Shape, body: ScenarioBox) -> list[ScenarioBox | Ball]:

@@ -161,7 +161,7 @@ _NEEDS_HAND = HandMove | HandRelease | HandLeave
 
 
 def check_hands(scenario: Scenario) -> None:
-    """A hand that moves, opens or leaves has come before, as far as the file tells.
+    """Check that a hand that moves, opens or leaves has come before, as far as the file tells.
 
     What starts `when` a condition comes true may do so at any time.
     """

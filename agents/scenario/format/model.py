@@ -74,7 +74,7 @@ class TableSpec(Section, frozen=True, kw_only=True):
     """The table."""
 
     size: Size = (1.2, 1.2, 0.04)
-    """m"""
+    """m, edge lengths along the world's x, y and z"""
     position: Vector3 = (0.35, 0.0, 0.0)
     """m, centre of the top surface, world"""
 
@@ -113,7 +113,7 @@ class ObjectSpec(Section, frozen=True, kw_only=True):
     shape: Shape = ()
     """Parts of the shape, from the model alone; without any the object is a solid box"""
     mass: Annotated[float, Meta(ge=LIGHTEST, le=HEAVIEST)] = 0.05
-    """kg"""
+    """kg, mass of the object"""
     friction: Annotated[float, Meta(ge=0, le=5)] = 0.6
     """Coulomb coefficient"""
     rolling_friction: Annotated[float, Meta(ge=0, le=5)] = 0.0
@@ -140,11 +140,11 @@ class PersonSpec(Section, frozen=True, kw_only=True):
     position: Vector3
     """m, between the eyes, world"""
     look_at: Vector3
-    """m, world"""
+    """m, point in the world that the person looks at"""
     fov: tuple[Angle, Angle] = (1.745, 1.396)
     """rad, horizontal and vertical: what they see at once"""
     present: bool = True
-    """In the scene from the beginning; else from a `person_enter` on."""
+    """Whether the person is in the scene from the beginning; else from a `person_enter` on."""
 
 
 class MissionSpec(Section, frozen=True, kw_only=True):
@@ -198,7 +198,7 @@ class Scenario(Section, frozen=True, kw_only=True):
 
     @property
     def camera_name(self) -> str:
-        """As the plant calls it: `overhead`, `wrist` or `fixed`."""
+        """Name of the camera in the plant: `overhead`, `wrist` or `fixed`."""
         return self.camera if isinstance(self.camera, str) else "fixed"
 
     def object(self, name: str) -> ObjectSpec:

@@ -1,4 +1,4 @@
-"""Objects of a scenario file that are made of a model: what the file does not say comes from its description."""
+"""Objects of a scenario file that have a model: their description fills in the fields that the file leaves out."""
 
 from __future__ import annotations
 

@@ -149,7 +149,7 @@ def _read_start(payload: bytes) -> Start:
 
 
 def start_key(keys: Keys) -> str:
-    """Where the runner sends `Start` to the plant."""
+    """Key on which the runner sends `Start` to the plant."""
     return keys.device("scenario/start")
 
 

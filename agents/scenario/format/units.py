@@ -23,14 +23,14 @@ Turn = Annotated[float, Meta(ge=0, le=3.1416)]
 Share = Annotated[float, Meta(gt=0, le=1)]
 """A share of a whole; more than nothing."""
 Speed = Annotated[float, Meta(gt=0, le=5)]
-"""m/s or rad/s"""
+"""A speed in m/s or rad/s, more than 0"""
 Velocity = Annotated[float, Meta(ge=-5, le=5)]
 """m/s, along one axis"""
 Impulse = Annotated[float, Meta(ge=-500, le=500)]
 """N s, along one axis: at most that which gives the heaviest object 5 m/s"""
 
 Count = Annotated[int, Meta(ge=0, le=1000000)]
-"""How often something happens."""
+"""A number of times, 0 or more."""
 
 Vector2 = tuple[Metres, Metres]
 Vector3 = tuple[Metres, Metres, Metres]

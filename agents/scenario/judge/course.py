@@ -25,7 +25,7 @@ from agents.scenario.truth.relations import true_relations
 
 
 def rises(history: History, begin: float, end: float, names: set[str]) -> list[tuple[float, str]]:
-    """When (s after the start) which of `names` became surprising."""
+    """List when (s after the start) which of `names` became surprising."""
     window = history.window(begin, end)
     return [
         (later.time, name)

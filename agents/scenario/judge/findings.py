@@ -25,7 +25,7 @@ from dsr.network.keys import BASE
 
 WithWindow = Windowed | BeliefError | Edges | SurprisesCheck | Inside | ActionsCheck | KnownIn | WorldsCheck
 Finding = tuple[bool, str]
-"""Whether it holds, and what was found."""
+"""Whether an expectation holds, and the finding in words."""
 NOTHING: Finding = (False, "there was no object to judge")
 
 
@@ -45,7 +45,9 @@ def time_of(check: Expectation, history: History) -> float | None:
 
 
 def begin_of(check: WithWindow, history: History, default: float | None) -> float | None:
-    """When its window begins, s after the start; `default` if the file does not say and it follows no event."""
+    """Begin of the check's window, s after the start; `default` if the file does not say and the check follows no
+    event.
+    """
     if check.event is None:
         return default if check.after is None else check.after
     end = event_end(history, check.event) or 0.0
@@ -61,7 +63,7 @@ def samples_of(check: Windowed, history: History) -> Sequence[Sample]:
 
 
 def names_of(check: OfObjects, sample: Sample) -> Sequence[str]:
-    """The objects that it is about."""
+    """Names of the objects that the check is about."""
     return list(sample.truth) if check.objects is None else check.objects
 
 

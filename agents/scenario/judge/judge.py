@@ -37,13 +37,13 @@ class TruthReader(msgspec.Struct, frozen=True):
     """One instant of the true world."""
 
     stamp: float
-    """s"""
+    """Time of the instant, s."""
     objects: dict[str, _Seven]
     """Poses by name: position (m) and quaternion (x, y, z, w) in the world frame."""
     held: str | None = None
     """Object in the gripper."""
     moving: frozenset[str] = frozenset()
-    """Objects that do not lie still."""
+    """Names of the objects that do not lie still."""
     in_view: frozenset[str] = frozenset()
     """Objects whose tag the camera could see in its last frame."""
     grasped: dict[str, str] = {}
@@ -87,7 +87,7 @@ _log = logging.getLogger("scenario.judge")
 
 
 class Judge:
-    """Collects what is true, perceived and believed.
+    """Collects truth, percepts and beliefs.
 
     Args:
         scenario: what is expected.

@@ -1,4 +1,4 @@
-"""The numbers of a run, by name and with the unit at the end, and notes about what could not be measured.
+"""The numbers of a run, by name and with the unit at the end, and notes about missing ones.
 
 Errors are averaged over all samples from the scenario's `settle` to the end in which the object has a belief
 (percepts: and is perceived); gap and height error are those at the end; drift is the largest distance of the

@@ -1,4 +1,4 @@
-"""Perturbations of a run: what the experimenter did, when that had ended, and how the belief came after it."""
+"""Perturbations of a run: the experimenter's changes, their ends, and the recovery of the belief."""
 
 from __future__ import annotations
 
@@ -38,18 +38,18 @@ class Perturbation(msgspec.Struct, frozen=True):
 
 
 class Recovery(msgspec.Struct, frozen=True):
-    """How the belief came back to the truth after a perturbation."""
+    """The recovery of the belief after a perturbation."""
 
     seconds: float
     """s from its end until all beliefs stayed close; infinite if one did not"""
     last: str
-    """The object that took longest; empty without objects."""
+    """Name of the object that took longest; empty without objects."""
     error: float
     """m of that object when it was last too far away; infinite without a belief"""
 
 
 def perturbations(history: History) -> list[Perturbation]:
-    """In order of time; those that overlap are one."""
+    """List the perturbations of a run in order of time; those that overlap are one."""
     end_of_run = history.end
     groups: list[tuple[list[int], float, float]] = []
     for number, (begin, end) in sorted(history.spans.items(), key=lambda item: item[1][0]):
@@ -68,7 +68,7 @@ def perturbations(history: History) -> list[Perturbation]:
 
 
 def event_end(history: History, number: int) -> float | None:
-    """When an event (numbered from 1) was over, as `clear_from` says; None if it was not."""
+    """Time (s after the start) when an event (numbered from 1) was over, as `clear_from` says; None if it was not."""
     begin, end = history.spans.get(number, (0.0, None))
     return None if end is None or number in history.given_up else clear_from(history, begin, end, math.inf)
 

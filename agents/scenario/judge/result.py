@@ -30,7 +30,7 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
     mode: Literal["live", "lockstep"]
     sensor: Literal["pixels", "poses"]
     policy: str | None = None
-    """Which method explained surprises, if the run was told one."""
+    """Name of the method that explained surprises, if the run was told one."""
     passed: bool
     """Every expectation holds."""
     expectations: list[Verdict]

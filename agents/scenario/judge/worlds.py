@@ -63,7 +63,7 @@ class WorldWatch:
 
 
 def edges_in_world(check: Edges, history: History, sample: Sample) -> Finding:
-    """Whether edges are in another world than the base."""
+    """Judge whether edges are in another world than the base."""
     found: set[tuple[str, str]] = set()
     for one in _samples(check, history, sample):
         world = one.worlds.get(check.world)

@@ -1,1 +1,1 @@
-"""Runs of scenarios: one or many, in lockstep or live, and what people see of them."""
+"""Runs of scenarios: one or many, in lockstep or live, and their display in the terminal."""

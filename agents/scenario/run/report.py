@@ -83,7 +83,7 @@ class ProgressBar:
 
 
 def story_line(elapsed: float, line: Line) -> Text:
-    """When it happened, what it is about, and what happened."""
+    """Format a line of the story: its time, its topic, and its text."""
     style = _STYLES[line.topic]
     said = "bold red" if not line.good else "default" if line.topic is Topic.ACTION else style
     return Text.assemble((f"{elapsed:6.1f} s  ", "dim"), (f"{line.topic:<13}", style), (line.text, said))

@@ -63,7 +63,7 @@ class Silent:
 
 
 class Teller:
-    """Tells an observer what happens.
+    """Tells an observer the events of a run.
 
     Args:
         observer: who is told.
@@ -86,7 +86,7 @@ class Teller:
 
 
 class Conductor:
-    """Does what the runner has to do at each moment: tells the start, kills agents, lets the judge look.
+    """Does the runner's work at each moment: tells the start, kills agents, lets the judge look.
 
     Args:
         scenario: what is played.
@@ -148,7 +148,7 @@ def run_lockstep(run: Run, observer: RunObserver | None = None) -> Result:
 
 
 def run_system(run: Run, system: System, observer: RunObserver | None = None) -> Result:
-    """As `run_lockstep`, with a system that the caller has made of `staged_system`."""
+    """Run as `run_lockstep` does, with a system that the caller has made of `staged_system`."""
     observer = observer or Silent()
     scenario = run.scenario
     with Lockstep(system.agents, graph=system.graph, seed=run.seed) as lockstep:

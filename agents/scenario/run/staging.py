@@ -20,9 +20,9 @@ Policy = Literal["hypotheses", "algorithm1", "published"]
 """Explain surprises by simulated hypotheses, or by Algorithm 1 of the CORTEX paper; or reason as Sallami et al. did,
 and infer actions as they did."""
 PLANT = "plant"
-"""The agent that plays the simulated reality."""
+"""Name of the agent that plays the simulated reality."""
 MISSION = "mission"
-"""The agent that wants what the scenario's `[mission]` says."""
+"""Name of the agent that pursues the scenario's `[mission]`."""
 
 
 class Run(msgspec.Struct, frozen=True, kw_only=True):
@@ -30,11 +30,11 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
 
     scenario: Scenario
     file: Path
-    """Where the scenario comes from; agents read it again."""
+    """The scenario's file; agents read it again."""
     seed: int = 0
     sensor: Sensor = "pixels"
     policy: Policy | None = None
-    """Which method explains surprises; None for the simulation handler's own choice."""
+    """Name of the method that explains surprises; None for the simulation handler's own choice."""
     folder: Path | None = None
     """Gets recording, logs and result; None for nothing of that."""
     window: bool = False
@@ -44,7 +44,7 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def make_run(name_or_path: str | Path, **options: Any) -> Run:
-    """The run of a built-in scenario or a file. Raises `ConfigError`."""
+    """Prepare the run of a built-in scenario or a file. Raises `ConfigError`."""
     file = find_scenario(name_or_path)
     return Run(scenario=load_scenario(file), file=file.resolve(), **options)
 

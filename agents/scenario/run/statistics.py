@@ -45,7 +45,7 @@ class RunSummary(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def summarise(outcomes: Iterable[RunOutcome]) -> list[RunSummary]:
-    """One summary for each scenario and policy, in the order in which they are first met."""
+    """Make a summary for each scenario and policy, in the order in which they are first met."""
     groups: dict[tuple[str, str | None], list[RunOutcome]] = defaultdict(list)
     for outcome in outcomes:
         groups[outcome.scenario, outcome.policy].append(outcome)

@@ -61,7 +61,7 @@ class Line(NamedTuple):
 
 
 class Story:
-    """Compares the working memory with what was told of it before.
+    """Compares the working memory with the lines that were told before.
 
     Args:
         memory: only read.

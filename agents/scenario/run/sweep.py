@@ -28,7 +28,7 @@ _context = multiprocessing.get_context("spawn")
 
 
 class RunOutcome(msgspec.Struct, frozen=True, kw_only=True):
-    """How one run ended."""
+    """The outcome of one run."""
 
     scenario: str
     seed: int
@@ -36,7 +36,7 @@ class RunOutcome(msgspec.Struct, frozen=True, kw_only=True):
     policy: Policy | None
     passed: bool
     failed: list[str]
-    """The expectations that did not hold, without what was found."""
+    """The expectations that did not hold, without the findings."""
     found: list[str]
     """Findings in place of the expectations, in words."""
     crash: str = ""
@@ -46,7 +46,7 @@ class RunOutcome(msgspec.Struct, frozen=True, kw_only=True):
     """See `Result`."""
     notes: list[str] = []
     wall_s: float
-    """s of real time that it took"""
+    """s of real time that the run took"""
 
 
 class Sweep:
@@ -72,7 +72,7 @@ class Sweep:
         self.close()
 
     def outcomes(self) -> Iterator[RunOutcome]:
-        """One outcome of each job, as they come."""
+        """Yield the outcome of each job, as they come."""
         self._workers = [_Worker(Path(self._folder.name) / f"{number}.log") for number in range(self._count)]
         for worker in self._workers:
             self._give(worker)

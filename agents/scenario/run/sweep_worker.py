@@ -19,7 +19,7 @@ _COLLECT = (100_000, 20, 20)  # much less often than by default: a tenth faster,
 
 
 class SweepJob(msgspec.Struct, frozen=True, kw_only=True):
-    """One run."""
+    """One run of a sweep: scenario, seed, sensor and policy."""
 
     name: str
     """Name of the scenario."""
@@ -31,7 +31,7 @@ class SweepJob(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class SweepAnswer(msgspec.Struct, frozen=True):
-    """How a run ended."""
+    """The outcome of a run, or its crash."""
 
     result: Result | None = None
     reason: str = ""

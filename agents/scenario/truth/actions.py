@@ -26,14 +26,14 @@ EARLY, LATE = 0.5, 3.0
 
 
 class Match(msgspec.Struct, frozen=True):
-    """A true action, and what was inferred of it."""
+    """A true action, and the action inferred for it."""
 
     true: Action
     inferred: Inferred | None
 
 
 class ActionComparison(msgspec.Struct, frozen=True):
-    """All true actions, and what was inferred beyond them."""
+    """All true actions, and the actions inferred beyond them."""
 
     matches: list[Match]
     extra: list[Inferred]

@@ -19,12 +19,12 @@ _SLACK = 1e-6
 
 
 class Error(msgspec.Struct, frozen=True):
-    """How far a pose is from the true one."""
+    """The distance of a pose from the true one."""
 
     position: float
-    """m"""
+    """m, distance"""
     rotation: float
-    """rad"""
+    """rad, angle"""
 
 
 class WorldSample(msgspec.Struct, frozen=True):
@@ -62,7 +62,7 @@ class Sample(msgspec.Struct, frozen=True, kw_only=True):
     moving: frozenset[str] = frozenset()
     """True: objects that do not lie still."""
     in_view: frozenset[str] = frozenset()
-    """True: objects whose tag the camera could see."""
+    """Names of the objects whose tag the camera could truly see."""
     surprising: frozenset[str] = frozenset()
     camera_error: Error | None = None
     """How far the scenario's camera is believed to be from where it is; None if one of both is not known."""

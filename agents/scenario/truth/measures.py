@@ -23,7 +23,7 @@ class Overlap(msgspec.Struct, frozen=True):
     """Two things that reach into each other."""
 
     depth: float
-    """m"""
+    """m, depth of the overlap"""
     first: str
     second: str
 

@@ -15,7 +15,7 @@ from agents.scenario.truth.relations import true_contents, true_relations
 from dsr.math3d.transforms import Pose
 
 STEP_LENGTH = 0.0005
-"""m from one sample (1/20 s) to the next, by which an object that is not called moving yet has moved: 10 mm/s"""
+"""m from one sample (1/20 s) to the next, up to which an object counts as still: 10 mm/s"""
 STEP_TURN = 0.005
 """rad in one step, below which an object is still: 0.1 rad/s, as in the plant"""
 PAUSE = 0.25
@@ -31,7 +31,7 @@ class Phase(msgspec.Struct, frozen=True, kw_only=True):
     end: float | None
     """s after the start, when it lay still and nobody held it; None if it never did"""
     moved: float = 0.0
-    """m, the farthest that it got from where it was at the beginning"""
+    """m, greatest distance of the object from its place at the beginning"""
     turned: float = 0.0
     """rad from the beginning to the end"""
     held_by: tuple[str, ...] = ()
@@ -39,7 +39,7 @@ class Phase(msgspec.Struct, frozen=True, kw_only=True):
     fell: float = 0.0
     """m that it came down with nothing under it and nobody holding it, all together"""
     fell_at: float | None = None
-    """s after the start, when that began first"""
+    """Time (s after the start) when the object first fell"""
     comes: bool = False
     """Whether the object comes into the scene in this phase."""
     gone: bool = False
@@ -53,7 +53,7 @@ class Phase(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def phases(history: History) -> list[Phase]:
-    """All phases of all objects until the end of the run, in order of their beginnings."""
+    """List all phases of all objects until the end of the run, in order of their beginnings."""
     names = [spec.name for spec in history.scenario.objects]
     found = [phase for name in names for phase in _phases_of(name, history)]
     return sorted(found, key=lambda phase: (phase.begin, names.index(phase.object)))

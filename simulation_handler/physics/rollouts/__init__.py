@@ -1,4 +1,4 @@
-"""Forward simulation of scenes, apart from the belief: what would happen if the objects were like this?"""
+"""Simulates scenes forward in time, apart from the belief."""
 
 from simulation_handler.physics.rollouts.engine import Engine, RolloutOutcome
 from simulation_handler.physics.rollouts.pool import Pool

@@ -25,14 +25,14 @@ _DECAY = 0.75  # 1, share of the last motion that remains; what topples gets fas
 
 @dataclass(frozen=True)
 class RolloutOutcome:
-    """How a scene is after a while."""
+    """The state of a scene after a rollout."""
 
     poses: dict[str, Placing]
     """world_from_body of all bodies, by name."""
     contacts: list[Contact]
     """Contacts between bodies, sorted; pairs of fixed bodies are left out."""
     drift: dict[str, float]
-    """m that each body's centre is from where the scene had it."""
+    """Distance (m) of each body's centre from its place in the scene, by name."""
     speeds: dict[str, tuple[float, float]]
     """m/s and rad/s of each body."""
     seconds: float

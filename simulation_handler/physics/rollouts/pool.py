@@ -63,7 +63,7 @@ class Pool:
     def run(
         self, scenes: Sequence[RolloutScene], seconds: float, budget: float | None = None
     ) -> list[RolloutOutcome | None]:
-        """Outcomes after `seconds`, in the order of the scenes; None for what did not fit into the budget.
+        """Simulate scenes for `seconds`, and return outcomes in their order; None for scenes beyond the budget.
 
         Raises:
             SimulationError: for a scene or time that cannot be simulated.

@@ -27,7 +27,7 @@ _AT_WORK = (psutil.STATUS_RUNNING, psutil.STATUS_WAKING, psutil.STATUS_DISK_SLEE
 
 
 class WorkerProcess:
-    """Begins at once; `is_starting` and `job` say what it is doing.
+    """A process that simulates scenes; it begins at once, `is_starting` and `job` tell its state.
 
     It is in a session of its own, so that Ctrl-C reaches only us, and ends when we do, however that happens.
     """
@@ -88,7 +88,7 @@ class WorkerProcess:
         return self._process.pid
 
     def give(self, job: RolloutJob, now: float) -> None:
-        """Let it simulate a scene, at time `now`; raises `OSError` if it has died."""
+        """Let the worker simulate a scene, at time `now` (s); raises `OSError` if the worker has died."""
         self.job, self.since = job.number, now
         with contextlib.suppress(psutil.NoSuchProcess):
             self._worked = self._work()

@@ -80,23 +80,23 @@ class RolloutScene:
         return tuple(self._by_name)
 
     def moved(self, placings: Mapping[str, Placing]) -> RolloutScene:
-        """With some bodies elsewhere, at rest there."""
+        """Copy the scene with some bodies elsewhere, at rest there."""
         self._check(placings)
         return RolloutScene(
             tuple(_at_rest(body, *placings[body.name]) if body.name in placings else body for body in self.bodies)
         )
 
     def without(self, names: Collection[str]) -> RolloutScene:
-        """With some bodies gone."""
+        """Copy the scene without some bodies."""
         self._check(names)
         return RolloutScene(tuple(body for body in self.bodies if body.name not in names))
 
     def held(self, names: Collection[str]) -> RolloutScene:
-        """With some bodies held where they are, whatever pushes them."""
+        """Copy the scene with some bodies held where they are, whatever pushes them."""
         return self._with_fixed(names, True)
 
     def released(self, names: Collection[str]) -> RolloutScene:
-        """With some bodies free to move; one without mass stays fixed all the same."""
+        """Copy the scene with some bodies free to move; one without mass stays fixed all the same."""
         return self._with_fixed(names, False)
 
     def _with_fixed(self, names: Collection[str], fixed: bool) -> RolloutScene:
