@@ -13,7 +13,7 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import NamedTuple, cast
 
-from agents.urdf_elements import attribute, number, origin, parse_urdf, read_urdf, vector
+from agents.urdf_elements import attribute, collision_solid, number, origin, parse_urdf, read_urdf
 from dsr.errors import ConfigError, suggest
 from dsr.files.built_in import ETC
 from dsr.math3d.quaternions import Vector3
@@ -23,7 +23,6 @@ from dsr.vocabulary.relations import THINGS
 DEFAULT_FRICTION = 0.6
 """Coulomb coefficient of what does not say."""
 
-_NONE: Vector3 = (0.0, 0.0, 0.0)
 _LARGEST = 5.0  # m, edge of a bounding box
 _THINNEST = 0.001  # m, edge of a part: through what is thinner, others fall
 LIGHTEST, HEAVIEST = 0.0001, 100.0
@@ -116,34 +115,16 @@ def _size_and_shape(link: ET.Element) -> tuple[Vector3, Shape]:
 
 def _part(index: int, collision: ET.Element) -> Part:
     where = f"<collision> {index}"
-    geometry = collision.find("geometry")
-    pieces = [] if geometry is None else list(geometry)
-    if len(pieces) != 1:
-        raise ValueError(f"{where}: expected one <geometry> with one <box>, <cylinder> or <sphere>")
     try:
-        position, rotation = (pose := origin(collision.find("origin"))).t, pose.q
-        size = _extent(pieces[0])
+        pose = origin(collision.find("origin"))
+        kind, size = collision_solid(collision)
+        if min(size) < _THINNEST:
+            found = " x ".join(f"{edge:g}" for edge in size)
+            raise ValueError(f"<{kind}>: expected lengths of at least {_THINNEST} m, got {found}")
     except ValueError as error:
         raise ValueError(f"{where}: {error}") from error
-    x, y, z = (round(value, _DIGITS) for value in position)
-    return Part(cast(PartKind, pieces[0].tag), size, (x, y, z), rotation)
-
-
-def _extent(piece: ET.Element) -> Vector3:
-    """Edge lengths of the box around a piece in its own frame, m."""
-    if piece.tag == "box":
-        size = vector(piece, "size", _NONE)
-    elif piece.tag == "cylinder":
-        across = 2.0 * number(piece, "radius", 0.0)
-        size = (across, across, number(piece, "length", 0.0))
-    elif piece.tag == "sphere":
-        size = (2.0 * number(piece, "radius", 0.0),) * 3
-    else:
-        raise ValueError(f"<{piece.tag}> is not supported; expected <box>, <cylinder> or <sphere>")
-    if min(size) < _THINNEST:
-        found = " x ".join(f"{edge:g}" for edge in size)
-        raise ValueError(f"<{piece.tag}>: expected lengths of at least {_THINNEST} m, got {found}")
-    return size
+    x, y, z = (round(value, _DIGITS) for value in pose.t)
+    return Part(cast(PartKind, kind), size, (x, y, z), pose.q)
 
 
 def _mass(link: ET.Element) -> float:

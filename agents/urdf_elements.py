@@ -64,6 +64,26 @@ def origin(element: ET.Element | None) -> Pose:
     return Pose(vector(element, "xyz", _ORIGIN), product(turned, from_rotvec((roll, 0.0, 0.0))))
 
 
+def collision_solid(collision: ET.Element) -> tuple[str, Vector3]:
+    """What a <collision> is, `box`, `cylinder` or `sphere`, and the edges (m) of the box around it, in its own frame.
+
+    Lengths that are not given are 0. ValueError for any other shape, and for several.
+    """
+    solids = collision.findall("geometry/*")
+    if len(solids) != 1:
+        raise ValueError(f"expected one <geometry> of one shape, got {len(solids)}")
+    solid = solids[0]
+    across = 2.0 * number(solid, "radius", 0.0)
+    if solid.tag == "box":
+        return "box", vector(solid, "size", _ORIGIN)
+    if solid.tag == "cylinder":
+        return "cylinder", (across, across, number(solid, "length", 0.0))
+    if solid.tag == "sphere":
+        return "sphere", (across, across, across)
+    file = f" {solid.get('filename')!r}" if solid.get("filename") else ""
+    raise ValueError(f"<{solid.tag}>{file} is not supported; expected <box>, <cylinder> or <sphere> around it")
+
+
 def attribute(element: ET.Element, name: str) -> str:
     """The attribute `name`, which must be there."""
     value = element.get(name)

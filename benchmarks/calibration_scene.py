@@ -11,7 +11,7 @@ from agents.calibrator.config import CalibratorConfig
 from agents.calibrator.solve.fusing import fuse
 from agents.calibrator.solve.problem import ObjectSighting
 from agents.plant.poses import DISTANCES, SIGMA_ROTATION, SIGMA_TRANSLATION
-from dsr.math3d.transforms import Array, Pose
+from dsr.math3d.transforms import Array, Pose, looking_at
 
 FRAMES = 10
 """Percepts of each cube in a view: a second of a camera"""
@@ -128,14 +128,7 @@ def square(half: float) -> Array:
 
 def looking(place: tuple[float, float, float]) -> Pose:
     """world_from_camera of a camera at `place` (m) that looks at the middle of the cubes, its x axis horizontal."""
-    forward = np.subtract(_CENTRE, place)
-    forward /= np.linalg.norm(forward)
-    right = np.cross(forward, (1.0, 0.0, 0.0))
-    right /= np.linalg.norm(right)
-    matrix = np.eye(4)
-    matrix[:3, :3] = np.column_stack([right, np.cross(forward, right), forward])
-    matrix[:3, 3] = place
-    return Pose.from_matrix(matrix)
+    return looking_at(place, _CENTRE, (1.0, 0.0, 0.0))
 
 
 def _belief(rng: np.random.Generator, cube: Pose) -> Pose:

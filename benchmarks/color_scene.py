@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from agents.object_models import find_model, load_model
 from agents.plant.bullet import Bullet
@@ -17,6 +16,7 @@ from agents.plant.world import World
 from agents.scenario.format.scenario import ObjectSpec, SensorSpec, TableSpec
 from agents.scene_estimator.colored import ColoredObject
 from dsr.images.blobs import Frame
+from dsr.math3d import transforms
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.intrinsics import Intrinsics
@@ -91,9 +91,5 @@ def looking_at(target: Vector3, distance: float, rng: np.random.Generator, *, sp
     azimuth, height = rng.uniform(0.0, 2 * np.pi), rng.uniform(np.radians(35), np.radians(80))
     away = np.array([np.cos(height) * np.cos(azimuth), np.cos(height) * np.sin(azimuth), np.sin(height)])
     eye = target + distance * away
-    z = target + np.append(rng.uniform(-spread, spread, 2), 0.0) - eye
-    z /= np.linalg.norm(z)
-    x = np.cross(z, (0.0, 0.0, 1.0))
-    x /= np.linalg.norm(x)
-    rotation = Rotation.from_matrix(np.column_stack([x, np.cross(z, x), z])).as_quat()
-    return Pose(tuple(eye.tolist()), tuple(rotation.tolist()))
+    at = target + np.append(rng.uniform(-spread, spread, 2), 0.0)
+    return transforms.looking_at(tuple(eye.tolist()), tuple(at.tolist()))

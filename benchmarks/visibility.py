@@ -23,8 +23,8 @@ import numpy as np
 
 from benchmarks.group import Group, Run
 from benchmarks.rows import Peer, Spec
-from benchmarks.visibility_scene import TABLE, looking, random_things, shares
-from dsr.math3d.transforms import Pose
+from benchmarks.visibility_scene import TABLE, random_things, shares
+from dsr.math3d.transforms import Pose, looking_at
 from dsr.visibility import LEAST_SHARE, Body, Picture
 from dsr.vocabulary.intrinsics import Intrinsics
 
@@ -124,7 +124,7 @@ def _added(total: Agreement, view: Pose, bodies: Sequence[Body]) -> Agreement:
 
 def view_from(angle: float, distance: float = 1.1, height: float = 0.5) -> Pose:
     """world_from_view of somebody at the table who looks at its middle."""
-    return looking((distance * np.cos(angle), distance * np.sin(angle), height), (0.0, 0.0, 0.0))
+    return looking_at((distance * np.cos(angle), distance * np.sin(angle), height), (0.0, 0.0, 0.0))
 
 
 GROUP = Group("visibility", SPECS, measure)

@@ -18,17 +18,6 @@ LENS = Intrinsics.from_fov(80, 60, 1.05)
 TABLE = placed("table", box((1.2, 1.2, 0.04)), Pose((0.0, 0.0, -0.02)))
 
 
-def looking(eye: tuple[float, float, float], at: tuple[float, float, float]) -> Pose:
-    """world_from_view of an upright optical frame at `eye` with `at` in the middle of its picture."""
-    forward = np.subtract(at, eye) / np.linalg.norm(np.subtract(at, eye))
-    right = np.cross(forward, (0.0, 0.0, 1.0))
-    right /= np.linalg.norm(right)
-    matrix = np.eye(4)
-    matrix[:3, :3] = np.column_stack([right, np.cross(forward, right), forward])
-    matrix[:3, 3] = eye
-    return Pose.from_matrix(matrix)
-
-
 def random_things(rng: np.random.Generator, count: int) -> list[Body]:
     """Boxes, cylinders, balls and open boxes near the middle of the table, some of them leaning."""
     found = []

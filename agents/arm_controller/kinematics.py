@@ -96,11 +96,6 @@ class JointChain:
         jacobian: Array = self._jacobian(self._frames(_row(positions)))[0]
         return jacobian
 
-    def within_limits(self, positions: ArrayLike) -> bool:
-        """Whether each of the joint `positions` (n,) is allowed."""
-        q = np.asarray(positions)
-        return bool(np.all((q >= self.lower) & (q <= self.upper)))
-
     def difference(self, a: ArrayLike, b: ArrayLike) -> Array:
         """(n,) way from joint positions `a` to `b`, the shorter way round for continuous joints."""
         difference = np.asarray(b, dtype=float) - np.asarray(a, dtype=float)

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from agents.urdf_elements import attribute, number, origin, vector
+from agents.urdf_elements import attribute, collision_solid, origin
 from dsr.math3d.boxes import CORNERS, Array
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
@@ -62,27 +62,10 @@ def bounds(boxes: Iterable[LinkBox]) -> tuple[float, ...] | None:
 
 def _half_extent(link: str, collision: ET.Element) -> Vector3:
     """Half the edges (m) of the box around a <collision> of the link of that name."""
-    geometry = collision.find("geometry")
-    shapes = [] if geometry is None else list(geometry)
-    if len(shapes) != 1:
-        raise ValueError(f"link {link!r}: expected <collision> with one <geometry> of one shape, got {len(shapes)}")
-    half = _half_edges(link, shapes[0])
-    if min(half) <= 0.0:
-        raise ValueError(f"link {link!r}: its collision <{shapes[0].tag}> has no volume; expected lengths above 0 m")
-    return half
-
-
-def _half_edges(link: str, shape: ET.Element) -> Vector3:
-    if shape.tag == "box":
-        x, y, z = vector(shape, "size", (0.0, 0.0, 0.0))
-        return x / 2, y / 2, z / 2
-    radius = number(shape, "radius", 0.0)
-    if shape.tag == "cylinder":
-        return radius, radius, number(shape, "length", 0.0) / 2
-    if shape.tag == "sphere":
-        return radius, radius, radius
-    mesh = f" {shape.get('filename')!r}" if shape.get("filename") else ""
-    raise ValueError(
-        f"link {link!r}: its collision shape is a <{shape.tag}>{mesh}, which is not supported; "
-        "expected <box>, <cylinder> or <sphere> around it"
-    )
+    try:
+        kind, (x, y, z) = collision_solid(collision)
+    except ValueError as error:
+        raise ValueError(f"link {link!r}: {error}") from error
+    if min(x, y, z) <= 0.0:
+        raise ValueError(f"link {link!r}: its collision <{kind}> has no volume; expected lengths above 0 m")
+    return x / 2, y / 2, z / 2

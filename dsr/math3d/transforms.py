@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 
 _NORM_TOLERANCE = 1e-3
 _SYMMETRY_TOLERANCE = 1e-6  # relative to the largest entry
+_STRAIGHT = 1e-6  # sine of the angle between two directions that count as one
 _SMALL_ANGLE = 1e-3  # rad, below which series replace quotients of small numbers
 
 
@@ -256,6 +257,24 @@ def interpolate(a: Pose, b: Pose, at: float) -> Pose:
     bx, by, bz = b.t
     t = (ax + s * (bx - ax), ay + s * (by - ay), az + s * (bz - az))
     return Pose.unchecked(t, quaternions.slerp(a.q, b.q, s), at, _blended_covariance(a.cov, b.cov, s))
+
+
+def looking_at(eye: Vector3, target: Vector3, up: Vector3 = (0.0, 0.0, 1.0)) -> Pose:
+    """world_from_camera of an optical frame (z forward, x right, y down) at `eye` with `target` (m) in its middle.
+
+    The camera is upright: its x axis is perpendicular to `up`. Of one that looks along the world's z axis, the upper
+    side of the image is world +x.
+    """
+    forward = np.subtract(target, eye)
+    forward /= np.linalg.norm(forward)
+    right = np.cross(forward, up)
+    if np.linalg.norm(right) < _STRAIGHT:
+        right = np.array([0.0, math.copysign(1.0, forward[2]), 0.0])
+    right /= np.linalg.norm(right)
+    matrix = np.eye(4)
+    matrix[:3, :3] = np.column_stack([right, np.cross(forward, right), forward])
+    matrix[:3, 3] = eye
+    return Pose.from_matrix(matrix)
 
 
 def exp(twist: Iterable[float]) -> Pose:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import NamedTuple
 
 from dsr.memory import Memory
 from dsr.visibility.bodies import Posed, bodies_of, read_posed
 from dsr.visibility.perspectives import PERSON, WIDTH, Perspective, read_perspectives
 from dsr.visibility.picture import Body, Picture, VisibleFraction
-
-Sights = Mapping[tuple[str, str], VisibleFraction]
-"""Glances by (name of the perspective, name of the thing)."""
 
 LEAST_SHARE = 0.2
 """Least share (0 to 1) of a thing's pixels, as it would have alone, from which on the thing is visible."""

@@ -17,7 +17,6 @@ from dsr.errors import GoalError, suggest
 from dsr.vocabulary.relations import ARITY, Relation, Relations
 
 _TOKEN = re.compile(r"\s*(?:(?P<name>[A-Za-z0-9_.\-]+)|(?P<mark>[(),&])|(?P<other>\S))")
-_AND = ("&", "and")
 _EXAMPLE = "on(cube_3,cube_4) & clear(cube_3)"
 _LONGEST_NAME = 128
 

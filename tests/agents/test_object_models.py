@@ -75,7 +75,7 @@ def test_a_single_upright_box_is_solid() -> None:
         ('<sphere radius="0.03"/>', '<box size="0.1 0.1 0.1"/>', "a ball is one <sphere>"),
         ("</robot>", '<joint name="hinge"/></robot>', "<joint name='hinge'>: an object has no joints"),
         (f'<collision><origin xyz="1 2 3"/>{SPHERE}</collision>', "", "0 <collision> elements"),
-        ('<sphere radius="0.03"/>', '<mesh filename="a.stl"/>', "<collision> 1: <mesh> is not supported"),
+        ('<sphere radius="0.03"/>', '<mesh filename="a.stl"/>', "<collision> 1: <mesh> 'a.stl' is not supported"),
         (SPHERE, "", "<collision> 1: expected one <geometry>"),
         ('radius="0.03"', 'radius="-0.03"', "<collision> 1: <sphere>: expected lengths of at least 0.001 m"),
         ('radius="0.03"', 'radius="0.0004"', "<collision> 1: <sphere>: expected lengths of at least 0.001 m"),

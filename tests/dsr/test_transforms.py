@@ -14,7 +14,7 @@ from hypothesis.extra import numpy as arrays
 from scipy.spatial.transform import Rotation
 
 from dsr.math3d.quaternions import about_z, from_rotvec, product
-from dsr.math3d.transforms import Pose, exp, interpolate, log
+from dsr.math3d.transforms import Pose, exp, interpolate, log, looking_at
 
 coordinates = st.floats(-10.0, 10.0)
 vectors = st.tuples(coordinates, coordinates, coordinates)
@@ -374,3 +374,15 @@ class TestInterpolation:
     def test_outside_the_samples_is_refused(self, at: float) -> None:
         with pytest.raises(ValueError, match=r"1\.0 s and 2\.0 s"):
             interpolate(Pose(stamp=1.0), Pose(stamp=2.0), at)
+
+
+@pytest.mark.parametrize("target", [(0.4, 0.1, 0.0), (1.0, 2.0, -5.0), (-3.0, 2.0, 0.7)])
+def test_a_camera_looks_at_its_target_and_is_upright(target: tuple[float, float, float]) -> None:
+    pose = looking_at((1.0, 2.0, 0.7), target)
+    assert pose.inverse().apply(target) == pytest.approx((0.0, 0.0, math.dist((1.0, 2.0, 0.7), target)))
+    right, down, _ = pose.rotation_matrix.T
+    assert right[2] == pytest.approx(0.0) and down[2] <= 1e-9
+
+
+def test_a_camera_that_looks_straight_down_has_the_upper_side_towards_x() -> None:
+    assert looking_at((0.0, 0.0, 1.0), (0.0, 0.0, 0.0)).rotation_matrix[:, 1] == pytest.approx((-1.0, 0.0, 0.0))

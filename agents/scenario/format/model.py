@@ -6,7 +6,6 @@ import math
 from typing import Annotated, Literal
 
 import msgspec
-import numpy as np
 from msgspec import Meta
 
 from agents.object_models import HEAVIEST, LIGHTEST
@@ -14,12 +13,11 @@ from agents.scenario.format.events import Event
 from agents.scenario.format.expectations import Check
 from agents.scenario.format.units import Bias, Noise, Radians, Seconds, Size, Vector3
 from dsr.math3d.shapes import Shape
-from dsr.math3d.transforms import Pose
+from dsr.math3d.transforms import Pose, looking_at
 from dsr.vocabulary import tags
 
 NO_ROBOT = "none"
 """The model of a robot that is not there."""
-_STRAIGHT = 1e-6  # m, length of the horizontal part of a unit vector that counts as vertical
 
 Share = Annotated[float, Meta(ge=0, le=1)]
 Angle = Annotated[float, Meta(gt=0, lt=math.pi)]
@@ -58,16 +56,7 @@ class CameraSpec(Section, frozen=True, kw_only=True):
 
         Of one that looks straight down or up the image's upper side is world +x.
         """
-        forward = np.subtract(self.look_at, self.position)
-        forward /= np.linalg.norm(forward)
-        right = np.cross(forward, (0.0, 0.0, 1.0))
-        if np.linalg.norm(right) < _STRAIGHT:
-            right = np.array([0.0, math.copysign(1.0, forward[2]), 0.0])
-        right /= np.linalg.norm(right)
-        matrix = np.eye(4)
-        matrix[:3, :3] = np.column_stack([right, np.cross(forward, right), forward])
-        matrix[:3, 3] = self.position
-        return Pose.from_matrix(matrix)
+        return looking_at(self.position, self.look_at)
 
 
 class TableSpec(Section, frozen=True, kw_only=True):

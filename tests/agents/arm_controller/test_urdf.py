@@ -97,8 +97,8 @@ def test_boxes_around_collision_shapes_and_what_is_fixed_to_them() -> None:
 @pytest.mark.parametrize(
     ("shape", "reason"),
     [
-        (b"", "link 'hand': expected <collision> with one <geometry> of one shape, got 0"),
-        (b"<geometry/>", "link 'hand': expected <collision> with one <geometry> of one shape, got 0"),
+        (b"", "link 'hand': expected one <geometry> of one shape, got 0"),
+        (b"<geometry/>", "link 'hand': expected one <geometry> of one shape, got 0"),
         (b'<geometry><box size="1 1 1"/><sphere radius="2"/></geometry>', "of one shape, got 2"),
         (b'<geometry><box size="1 2"/></geometry>', "expected 3 finite numbers"),
         (b"<geometry><box/></geometry>", "link 'hand': its collision <box> has no volume"),
@@ -106,10 +106,10 @@ def test_boxes_around_collision_shapes_and_what_is_fixed_to_them() -> None:
         (b'<geometry><sphere radius="-1"/></geometry>', "link 'hand': its collision <sphere> has no volume"),
         (
             b'<geometry><mesh filename="package://arm/hand.stl"/></geometry>',
-            "link 'hand': its collision shape is a <mesh> 'package://arm/hand.stl', which is not supported; expected",
+            "link 'hand': <mesh> 'package://arm/hand.stl' is not supported; expected",
         ),
-        (b'<geometry><capsule radius="0.1" length="1"/></geometry>', "shape is a <capsule>, which is not supported"),
-        (b'<geometry><plane normal="0 0 1"/></geometry>', "shape is a <plane>, which is not supported"),
+        (b'<geometry><capsule radius="0.1" length="1"/></geometry>', "<capsule> is not supported"),
+        (b'<geometry><plane normal="0 0 1"/></geometry>', "<plane> is not supported"),
     ],
 )
 def test_a_shape_that_would_be_left_out_is_refused_with_link_and_file(shape: bytes, reason: str) -> None:

@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 import trimesh
 
-from benchmarks.visibility_scene import LENS, TABLE, cast, looking, random_things
+from benchmarks.visibility_scene import LENS, TABLE, cast, random_things
 from dsr.math3d.shapes import Part, box
 from dsr.math3d.surfaces import Solids
-from dsr.math3d.transforms import Array, Pose
+from dsr.math3d.transforms import Array, Pose, looking_at
 from dsr.visibility import Body, Picture, placed
 from dsr.visibility.picture import NEAREST
 
 CUBE = box((0.04, 0.04, 0.04))
-VIEW = looking((-1.0, 0.0, 0.3), (0.0, 0.0, 0.02))
+VIEW = looking_at((-1.0, 0.0, 0.3), (0.0, 0.0, 0.02))
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -22,7 +22,7 @@ def test_a_picture_is_that_of_casting_every_ray(seed: int) -> None:
     rng = np.random.default_rng(seed)
     bodies = [TABLE, *random_things(rng, 10)]
     angle = rng.uniform(0.0, 2 * np.pi)
-    view = looking((0.9 * np.cos(angle), 0.9 * np.sin(angle), 0.4), (0.2, 0.0, 0.0))
+    view = looking_at((0.9 * np.cos(angle), 0.9 * np.sin(angle), 0.4), (0.2, 0.0, 0.0))
     picture = Picture(view, LENS, bodies, [body.name for body in bodies[1:]])
     expected = cast(view, LENS, bodies)
     for body in bodies[1:]:
@@ -112,7 +112,7 @@ def test_triangles_that_pass_the_eye_are_those_of_casting_every_ray(seed: int) -
 @pytest.mark.parametrize("seed", range(3))
 def test_the_walls_around_the_eye_hide_what_is_behind_them_however_they_are_divided(seed: int) -> None:
     room = trimesh.creation.box((8.0, 3.0, 3.0))
-    view = looking((0.0, 0.0, 0.0), tuple(np.random.default_rng(seed).uniform((2.0, 1.0, -0.5), (3.0, 2.0, 0.5))))
+    view = looking_at((0.0, 0.0, 0.0), tuple(np.random.default_rng(seed).uniform((2.0, 1.0, -0.5), (3.0, 2.0, 0.5))))
     cube = placed("cube", box((0.4, 0.4, 0.4)), Pose((3.0, 2.5, 0.0)))
     seen = []
     for walls in (room, room.subdivide_to_size(0.5)):
