@@ -40,10 +40,8 @@ def _is_named_after(file: Path, source: Path) -> bool:
 
 
 def _steps(file: Path, source: Path) -> int:
-    """How many folders one goes up and down from where the module's tests would be."""
-    here, there = source.parent.parts, file.parent.parts[1:]
-    common = sum(a == b for a, b in zip(here, there, strict=False))
-    return len(here) + len(there) - 2 * common
+    """How many folders only one of a module and a test file is in: tests need not mirror every folder."""
+    return len({*source.parent.parts} ^ {*file.parent.parts[1:]})
 
 
 @cache

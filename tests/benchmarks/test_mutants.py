@@ -132,6 +132,8 @@ def test_the_nearest_tests_come_first() -> None:
     assert Path(package[0]).parent == Path("tests/dsr/crdt")
     assert all(file.startswith("tests/replay/") for file in scenarios)
     assert not {*near} & {*package}
+    _, package, _ = stages(ROOT, "simulation_handler/physics/rollouts/worker.py")
+    assert Path(package[0]).parent == Path("tests/simulation_handler/rollouts")
 
 
 def test_mutants_are_caught_by_tests_that_pass_without_them(toy: Path, capsys: pytest.CaptureFixture[str]) -> None:

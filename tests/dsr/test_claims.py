@@ -101,6 +101,21 @@ def test_a_removal_that_came_first_counts_no_more_once_what_it_removed_has_come(
     assert a.replica.synchroniser.claims.passed_over == 0 and "x" not in a and not seen(a).gaps("liar-1")
 
 
+def test_a_removal_that_came_first_counts_no_more_once_a_reply_has_accounted_for_what_it_removed(net: Net) -> None:
+    a, liar = net.join("a"), Liar(net)
+    other = Liar(net, "other-1")
+    for begin in (0, MAX_EARLY):
+        numbers = range(begin + 1, begin + MAX_EARLY + 1)
+        dots = [("other-1", number) for number in numbers]
+        liar.send(Delta(removed=dots, context=[("liar-1", 1 + begin, 1 + begin)]))
+        made = [("other-1", 1, numbers[-1])]
+        other.reply = Delta(context=made)
+        other.digest(CausalContext(made))
+        net.pump(2.0)
+    assert other.asked > 0
+    assert a.replica.synchroniser.claims.passed_over == 0
+
+
 def test_a_removal_that_came_first_and_was_passed_over_is_brought_by_the_repair(
     net: Net, monkeypatch: pytest.MonkeyPatch
 ) -> None:

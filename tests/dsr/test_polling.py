@@ -41,6 +41,13 @@ class StillClock(WallClock):
         return 0.0
 
 
+class BellClock(WallClock):
+    """On it a thread waits until it is rung for."""
+
+    def wait(self, event: threading.Event, timeout: float) -> bool:
+        return event.wait(PATIENCE)
+
+
 @pytest.fixture
 def poller() -> Iterator[Poller]:
     before = set(threading.enumerate())
@@ -73,6 +80,14 @@ def test_who_asks_is_polled_between_the_rounds_and_nobody_else() -> None:
     assert other.drained() <= 1
     poller.remove(other.poll)
     poller.remove(asking.poll)
+
+
+def test_the_thread_ends_with_the_last_poll_without_waiting_for_the_next_round() -> None:
+    poller, only = Poller(BellClock()), Counted()
+    poller.add(only.poll)
+    assert only.wait()
+    poller.remove(only.poll)
+    assert only.thread is not None and not only.thread.is_alive()
 
 
 def test_a_poll_that_was_removed_has_returned_and_is_not_called_again(poller: Poller) -> None:

@@ -196,6 +196,28 @@ def test_the_arm_goes_out_of_the_way_at_the_second_attempt() -> None:
         assert run.arm.done[-2:] == ["observe failed", "observe done"]
 
 
+def test_a_new_plan_takes_the_place_of_what_was_done_of_the_one_before() -> None:
+    with Run() as run:
+        run.arm.failing = ["pick"]
+        run.want()
+        run.until(lambda: run.replans == 1)
+        run.until("executing")
+        run.go(0.2)
+        assert {node["status"] for node in run.memory.nodes("action")} == {"planned", "running"}
+        assert len(run.memory.nodes("action")) == len(run.memory.edges("next")) + 1 == 5
+
+
+@pytest.mark.parametrize(("detectable", "first"), [(0.1, "observe done"), (0.9, "pick cube_3 done")])
+def test_the_arm_goes_out_of_the_way_first_if_it_may_hide_what_is_wanted(detectable: float, first: str) -> None:
+    with Run() as run:
+        run.memory.add_node("camera", "camera")
+        for cube in PLACES:
+            run.memory.add_edge("camera", cube, "sees", detectable=detectable if cube == "cube_3" else 1.0)
+        run.want()
+        run.until(lambda: bool(run.arm.done))
+        assert run.arm.done == [first]
+
+
 def test_a_dropped_cube_is_picked_up_again_but_not_for_ever() -> None:
     with Run() as run:
         run.arm.dropping = 1

@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 import threading
 from pathlib import Path
 
+import psutil
 import pytest
 
 from dsr.clock import WALL_CLOCK, ManualClock
+from dsr.vocabulary.goals import parse_goal
 from planner import solver
+from planner.config import PlannerConfig
 from planner.errors import SolverFailed, SolverMissing, Unsolvable
+from planner.making import PlanMaker
 from planner.solver import Solver, SolverAnswer, find_solver, probe, solve
+from planner.state import read_state
+from tests.planner.table import TOWERS, Run
 
 DOMAIN = """(define (domain lamps) (:requirements :negative-preconditions) (:predicates (lit) (broken))
 (:action light :parameters () :precondition (not (broken)) :effect (lit)))"""
@@ -48,7 +55,7 @@ def test_a_plan_with_what_the_solver_printed(domain: Path) -> None:
     running = Solver(domain, PROBLEM.format("", "lit"), WALL_CLOCK, limit=30.0)
     folder = running._folder
     solution = wait_for(running)
-    assert solution.plan.splitlines()[0].strip() == "(light )" and "Solution found" in solution.output
+    assert solution.plan.splitlines()[0].strip() == "(light )" and "SolverAnswer found" in solution.output
     assert 0.0 < solution.seconds < 30.0
     assert not folder.exists()
 
@@ -134,3 +141,15 @@ def test_closing_ends_it_at_once(fake: Path, domain: Path) -> None:
 def test_nothing_of_the_package_is_imported() -> None:
     probe()
     assert "up_fast_downward" not in sys.modules and "unified_planning" not in sys.modules
+
+
+def test_who_waits_no_longer_for_a_plan_ends_the_solver() -> None:
+    config = PlannerConfig()
+    with Run() as run:
+        maker = PlanMaker(WALL_CLOCK, config, logging.getLogger("maker"))
+        before = psutil.Process().children()
+        plan = maker.make(read_state(run.memory, config), parse_goal(TOWERS), [])
+        next(plan)
+        [solver] = [child for child in psutil.Process().children() if child not in before]
+        plan.close()
+        assert not solver.is_running()

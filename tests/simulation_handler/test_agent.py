@@ -16,6 +16,7 @@ from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec
 from dsr.vocabulary.calibration import IN_DOUBT, STEADY
 from simulation_handler import SimulationHandler
+from simulation_handler.belief import Belief
 from simulation_handler.graph_io.what_if import WhatIfService
 from simulation_handler.physics.rollouts.scene import RolloutScene
 from tests.simulation_handler.worlds import CUBE, TABLE, SyntheticCamera, cube_at
@@ -312,3 +313,15 @@ def test_two_runs_are_equal_bit_for_bit() -> None:
         results.append([scene.belief(name).pose for name in scene.truths])
         scene.lockstep.close()
     assert results[0] == results[1]
+
+
+def test_who_ends_frees_the_simulation() -> None:
+    table = Table()
+    table.add("cube_1", cube_at(0.4, 0.1))
+    table.run(0.5)
+    agent = table.lockstep.runner(NAME).agent
+    assert isinstance(agent, SimulationHandler) and isinstance(agent._belief, Belief)
+    simulation = agent._belief._bodies.sim
+    assert "cube_1" in simulation
+    table.lockstep.close()
+    assert "cube_1" not in simulation

@@ -9,6 +9,7 @@ import pytest
 
 from dsr.math3d.transforms import Pose
 from simulation_handler.belief import Belief
+from simulation_handler.config import BeliefConfig
 from simulation_handler.physics.simulator import SimulationError
 from tests.simulation_handler.worlds import CUBE, PERIOD, TABLE, World, cube_at
 
@@ -209,6 +210,18 @@ def test_what_hovered_stands_on_what_is_found_beneath_it_at_once() -> None:
         world.tick()
     assert world.error("cube_2") < 0.002
     assert world.belief.plausible("cube_2")
+
+
+def test_a_belief_that_nobody_told_what_cameras_see_follows_percepts() -> None:
+    belief = Belief(BeliefConfig())
+    belief.set_fixture("table", TABLE, Pose((0.35, 0.0, -0.02)))
+    belief.add_object("a", CUBE, mass=0.05)
+    for tick in range(1, 41):
+        belief.observe("a", cube_at(0.4, 0.1 if tick < 20 else 0.2), PERIOD * tick)
+        belief.flag(["a"])
+        belief.step(PERIOD * tick)
+    pose = belief.pose("a")
+    assert pose is not None and pose.t == pytest.approx((0.4, 0.2, 0.02), abs=0.002)
 
 
 def test_what_nothing_known_carries_is_held_and_does_not_fall_again_and_again() -> None:

@@ -74,6 +74,15 @@ def test_two_fingertips_push_far_slowly_and_fast(speed: float) -> None:
     assert world.texts() == []
 
 
+@pytest.mark.parametrize("by", [0.06, 0.12])
+def test_what_was_pushed_before_it_is_known_to_be_unseen_goes_before_the_fingertips_all_the_way(by: float) -> None:
+    world = Occlusion({"cube": standing(0.3, 0.0, CUBE)})
+    world.run(2.0)
+    with_hand(world, 0.2, tips=(-0.011, 0.011))
+    world.truths["cube"] = pushed(world, "cube", by, hidden=False)
+    assert world.error("cube") < 0.015
+
+
 def test_an_unseen_cup_is_pushed_off_the_table() -> None:
     world = Occlusion({"cup": standing(0.3, 0.0, SMALL)})
     world.run(2.0)
