@@ -69,7 +69,7 @@ class TagReadings(msgspec.Struct, frozen=True):
     stamp: float
     """Time of the exposure, s."""
     readings: list[TagReading]
-    lens: Intrinsics | None = None
+    intrinsics: Intrinsics | None = msgspec.field(default=None, name="lens")  # as it is called in messages
     """Through which they are seen, if the device tells."""
     colors: list[ColorReading] = []
 
@@ -93,7 +93,7 @@ class HandReadings(msgspec.Struct, frozen=True):
     stamp: float
     """Time of the exposure, s."""
     hands: list[HandReading]
-    lens: Intrinsics | None = None
+    intrinsics: Intrinsics | None = msgspec.field(default=None, name="lens")  # as it is called in messages
     """Through which they are seen, if the device tells."""
 
 

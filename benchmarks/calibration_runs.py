@@ -124,11 +124,11 @@ def observing() -> Pose:
 def in_view(cubes: Sequence[Pose], world_from_camera: Pose) -> bool:
     """Whether all tags are well within the image."""
     plant, half = PlantConfig(), 0.5 * TAG_RATIO * SIZE
-    lens = Intrinsics.from_fov(plant.width, plant.height, plant.fov)
+    intrinsics = Intrinsics.from_fov(plant.width, plant.height, plant.fov)
     corners = np.array([(x, y, 0.5 * SIZE) for x in (-half, half) for y in (-half, half)])
     points = world_from_camera.inverse().apply(np.concatenate([cube.apply(corners) for cube in cubes]))
-    pixels = lens.project(points)
-    far = (lens.width - 1 - _MARGIN, lens.height - 1 - _MARGIN)
+    pixels = intrinsics.project(points)
+    far = (intrinsics.width - 1 - _MARGIN, intrinsics.height - 1 - _MARGIN)
     return bool((points[:, 2] > 0.1).all() and (pixels >= _MARGIN).all() and (pixels <= far).all())
 
 

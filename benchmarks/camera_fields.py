@@ -78,9 +78,11 @@ def panels() -> list[Panel]:
     ]
 
 
-def footprint(world_from_camera: Pose, lens: Intrinsics, height: float) -> Array:
+def footprint(world_from_camera: Pose, intrinsics: Intrinsics, height: float) -> Array:
     """(n, 2) m, x and y of where the borders of an image meet the plane at world z `height`; empty if they never do."""
-    across, down = np.linspace(-0.5, lens.width - 0.5, _POINTS), np.linspace(-0.5, lens.height - 0.5, _POINTS)
+    across, down = np.linspace(-0.5, intrinsics.width - 0.5, _POINTS), np.linspace(
+        -0.5, intrinsics.height - 0.5, _POINTS
+    )
     borders = [
         np.column_stack([across, np.full(_POINTS, down[0])]),
         np.column_stack([np.full(_POINTS, across[-1]), down]),
@@ -88,7 +90,7 @@ def footprint(world_from_camera: Pose, lens: Intrinsics, height: float) -> Array
         np.column_stack([np.full(_POINTS, across[0]), down[::-1]]),
     ]
     pixels = np.vstack(borders)
-    rays = lens.rays(pixels)
+    rays = intrinsics.rays(pixels)
     rays = rays @ world_from_camera.rotation_matrix.T
     drop = height - world_from_camera.t[2]
     if drop >= 0 or not (rays[:, 2] < 0).any():
@@ -129,9 +131,9 @@ def svg(found: Sequence[Panel]) -> str:
 
 def _field(name: str, pose: Pose, scenario: Scenario) -> Field:
     config = PlantConfig()
-    lens = Intrinsics.from_fov(config.width, config.height, config.fov)
+    intrinsics = Intrinsics.from_fov(config.width, config.height, config.fov)
     top = scenario.table.position[2]
-    return Field(name, tuple(footprint(pose, lens, top + height) for height in HEIGHTS))
+    return Field(name, tuple(footprint(pose, intrinsics, top + height) for height in HEIGHTS))
 
 
 class _Map:

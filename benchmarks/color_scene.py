@@ -37,7 +37,7 @@ class ColorScene:
     def __init__(
         self, models: Iterable[str], rng: np.random.Generator, others: Iterable[ObjectSpec] = (), width: int = 640
     ) -> None:
-        self.lens = Intrinsics.from_fov(width, width * 3 // 4, 0.98)
+        self.intrinsics = Intrinsics.from_fov(width, width * 3 // 4, 0.98)
         self._bullet = Bullet()
         self._renderer = Renderer(self._bullet)
         specs = [*map(made_of, models), *others]
@@ -59,18 +59,18 @@ class ColorScene:
 
     def pixels(self, name: str, world_from_camera: Pose) -> int:
         """How many pixels show an object."""
-        bodies = self._renderer.render(world_from_camera, self.lens, bodies=True).bodies
+        bodies = self._renderer.render(world_from_camera, self.intrinsics, bodies=True).bodies
         assert bodies is not None
         return int((bodies == self._world.body(name)).sum())
 
     def frame(self, world_from_camera: Pose) -> Frame:
         """What a camera sees."""
-        picture, lens = self._renderer.render(world_from_camera, self.lens), self.lens
+        picture, intrinsics = self._renderer.render(world_from_camera, self.intrinsics), self.intrinsics
         arrays: dict[str, NDArray[np.generic]] = {
             "color": self._sensor.color(picture.color),
-            "depth": self._sensor.depth(picture.depth, lens),
+            "depth": self._sensor.depth(picture.depth, intrinsics),
         }
-        return Frame(0.0, arrays, {"fx": lens.fx, "fy": lens.fy, "cx": lens.cx, "cy": lens.cy})
+        return Frame(0.0, arrays, {"fx": intrinsics.fx, "fy": intrinsics.fy, "cx": intrinsics.cx, "cy": intrinsics.cy})
 
     def close(self) -> None:
         """Free the renderer and the physics engine."""

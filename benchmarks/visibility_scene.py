@@ -43,16 +43,18 @@ def _shape(kind: int, size: tuple[float, float, float]) -> Shape:
     return box(size)
 
 
-def cast(view: Pose, lens: Intrinsics, bodies: Sequence[Body]) -> dict[str, tuple[int, int]]:
+def cast(view: Pose, intrinsics: Intrinsics, bodies: Sequence[Body]) -> dict[str, tuple[int, int]]:
     """(pixels, alone) of every body as `Glance` has them, by casting a ray through every pixel at every part."""
-    across, down = lens.width // 2, lens.height // 2
+    across, down = intrinsics.width // 2, intrinsics.height // 2
     u, v = (
         grid.ravel()
-        for grid in np.meshgrid(np.arange(-across, lens.width + across), np.arange(-down, lens.height + down))
+        for grid in np.meshgrid(
+            np.arange(-across, intrinsics.width + across), np.arange(-down, intrinsics.height + down)
+        )
     )
-    rays = lens.rays(np.column_stack([u, v]))
+    rays = intrinsics.rays(np.column_stack([u, v]))
     depths = np.array([_depth(view.translation, rays @ view.rotation_matrix.T, body) for body in bodies])
-    inside = (u >= 0) & (u < lens.width) & (v >= 0) & (v < lens.height)
+    inside = (u >= 0) & (u < intrinsics.width) & (v >= 0) & (v < intrinsics.height)
     first = depths.argmin(axis=0)
     return {
         body.name: (int((inside & hit & (first == k)).sum()), int(hit.sum()))
@@ -61,29 +63,29 @@ def cast(view: Pose, lens: Intrinsics, bodies: Sequence[Body]) -> dict[str, tupl
     }
 
 
-def shares(view: Pose, lens: Intrinsics, bodies: Sequence[Body], side: int = 24) -> dict[str, float]:
+def shares(view: Pose, intrinsics: Intrinsics, bodies: Sequence[Body], side: int = 24) -> dict[str, float]:
     """How much of every body is seen, by `side` x `side` rays spread over what it takes of the picture's plane.
 
     Nothing of it depends on pixels; what is beyond the picture's edges is not seen.
     """
-    return {body.name: _share(view, lens, bodies, body, side) for body in bodies}
+    return {body.name: _share(view, intrinsics, bodies, body, side) for body in bodies}
 
 
-def _share(view: Pose, lens: Intrinsics, bodies: Sequence[Body], body: Body, side: int) -> float:
+def _share(view: Pose, intrinsics: Intrinsics, bodies: Sequence[Body], body: Body, side: int) -> float:
     solids = body.solids
     corners = solids.centre[:, None] + (CORNERS * solids.half[:, None]) @ solids.turn.transpose(0, 2, 1)
     points = (corners.reshape(-1, 3) - view.translation) @ view.rotation_matrix
     if points[:, 2].min() <= NEAREST:
         return 0.0
-    pixels = lens.project(points)
+    pixels = intrinsics.project(points)
     low, high = pixels.min(axis=0), pixels.max(axis=0)
     steps = (np.arange(side) + 0.5) / side
     u, v = (grid.ravel() for grid in np.meshgrid(*(low[k] + steps * (high[k] - low[k]) for k in range(2))))
-    rays = lens.rays(np.column_stack([u, v]))
+    rays = intrinsics.rays(np.column_stack([u, v]))
     depths = np.array([_depth(view.translation, rays @ view.rotation_matrix.T, other) for other in bodies])
     own = depths[bodies.index(body)]
     hit = np.isfinite(own)
-    inside = (u >= -0.5) & (u <= lens.width - 0.5) & (v >= -0.5) & (v <= lens.height - 0.5)
+    inside = (u >= -0.5) & (u <= intrinsics.width - 0.5) & (v >= -0.5) & (v <= intrinsics.height - 0.5)
     return float((hit & inside & (own <= depths.min(axis=0))).sum() / max(1, hit.sum()))
 
 

@@ -58,8 +58,8 @@ class Search:
 
     def _views(self) -> tuple[str, list[Pose]]:
         """The camera that the arm carries, and where to bring it. Sets `problem` if it cannot look."""
-        camera, lens = carried_camera(self._memory)
-        if lens is None:
+        camera, intrinsics = carried_camera(self._memory)
+        if intrinsics is None:
             self.problem = "the arm carries no camera that sends images"
         elif not self._arm.there:
             self.problem = "the arm controller does not run"
@@ -69,7 +69,7 @@ class Search:
             self.problem = f"the gripper holds {min(held)}"
         else:
             state = read_state(self._memory, self._config)
-            views = viewpoints(state, lens, self._config)
+            views = viewpoints(state, intrinsics, self._config)
             self.problem = "" if views else "all places within reach are in view already"
             return camera, views
         return camera, []
@@ -97,13 +97,13 @@ def carried_camera(memory: Memory) -> tuple[str, Intrinsics | None]:
     """The first camera by name that is fixed to a gripper, and how it takes images."""
     grippers = {node.name for node in memory.nodes("gripper")}
     for camera in nodes_by_name(memory, "camera"):
-        lens = read_intrinsics(camera)
-        if lens is not None and any(edge.src in grippers for edge in memory.edges("RT", dst=camera.name)):
-            return camera.name, lens
+        intrinsics = read_intrinsics(camera)
+        if intrinsics is not None and any(edge.src in grippers for edge in memory.edges("RT", dst=camera.name)):
+            return camera.name, intrinsics
     return "", None
 
 
-def viewpoints(state: WorldState, lens: Intrinsics, config: PlannerConfig) -> list[Pose]:
+def viewpoints(state: WorldState, intrinsics: Intrinsics, config: PlannerConfig) -> list[Pose]:
     """world_from_camera of looks straight down that show the table within reach, where no fixed camera sees it.
 
     Each shows as much as possible of what those before it do not show; at most `config.most_looks`.
@@ -115,7 +115,7 @@ def viewpoints(state: WorldState, lens: Intrinsics, config: PlannerConfig) -> li
     unseen = np.ones(len(places), bool)
     for view in state.views:
         unseen &= ~view.sees(np.column_stack([places, np.full(len(places), table.pose.t[2])]), config.image_margin)
-    shown = np.hypot(*(places[:, None] - places).transpose(2, 0, 1)) <= _radius(lens, config)
+    shown = np.hypot(*(places[:, None] - places).transpose(2, 0, 1)) <= _radius(intrinsics, config)
     height = table.pose.t[2] + config.look_height
     found: list[Pose] = []
     while unseen.any() and len(found) < config.most_looks:
@@ -125,10 +125,10 @@ def viewpoints(state: WorldState, lens: Intrinsics, config: PlannerConfig) -> li
     return found
 
 
-def _radius(lens: Intrinsics, config: PlannerConfig) -> float:
+def _radius(intrinsics: Intrinsics, config: PlannerConfig) -> float:
     """M about the middle of the image that it shows from the height of a look, however the camera is turned."""
     margin = 1.0 - 2.0 * config.image_margin
-    return config.look_height * margin * min(lens.width / lens.fx, lens.height / lens.fy) / 2.0
+    return config.look_height * margin * min(intrinsics.width / intrinsics.fx, intrinsics.height / intrinsics.fy) / 2.0
 
 
 def _within_reach(table: KnownSolid, state: WorldState, config: PlannerConfig) -> Array:

@@ -45,11 +45,13 @@ class TableCamera:
 
     def sees(self, points: Array, margin: float) -> NDArray[np.bool_]:
         """(n,) which of the points (n, 3) (m, world) are in the image, `margin` of its width and height inside."""
-        local, lens = self.camera_from_world.apply(points), self.intrinsics
+        local, intrinsics = self.camera_from_world.apply(points), self.intrinsics
         ahead = local[:, 2] > 0.0
-        u, v = lens.project(np.where(ahead[:, None], local, 1.0)).T
-        du, dv = margin * lens.width, margin * lens.height
-        inside: NDArray[np.bool_] = ahead & (du <= u) & (u <= lens.width - du) & (dv <= v) & (v <= lens.height - dv)
+        u, v = intrinsics.project(np.where(ahead[:, None], local, 1.0)).T
+        du, dv = margin * intrinsics.width, margin * intrinsics.height
+        inside: NDArray[np.bool_] = ahead & (du <= u) & (u <= intrinsics.width - du) & (dv <= v) & (
+            v <= intrinsics.height - dv
+        )
         return inside
 
 

@@ -19,12 +19,12 @@ _GROWTHS = 3  # how often the window grows where there is no depth
 
 def images_with_depth(frame: Frame) -> tuple[Color, Depth, Intrinsics]:
     """Colour, depth (0 where it is not known) and lens of a frame. Raises `WireError` if something is wrong."""
-    color, depth, lens = images(frame)
+    color, depth, intrinsics = images(frame)
     if depth is None:
         raise WireError(f"frame at {frame.stamp}: expected a depth image {color.shape[:2]} of float32")
     if not depth.min() >= 0.0 or not np.isfinite(depth.max()):
         depth = np.where(np.isfinite(depth) & (depth > 0.0), depth, np.float32(0.0))
-    return color, depth, lens
+    return color, depth, intrinsics
 
 
 def depth_at(depth: Depth, pixel: Array, radius: float, mask: NDArray[np.bool_] | None = None) -> float | None:
@@ -48,7 +48,7 @@ def depth_at(depth: Depth, pixel: Array, radius: float, mask: NDArray[np.bool_] 
     return None
 
 
-def behind_surface(pixel: Array, depth: float, radius: float, lens: Intrinsics) -> Array:
+def behind_surface(pixel: Array, depth: float, radius: float, intrinsics: Intrinsics) -> Array:
     """(3,) the centre of a ball of `radius` m whose surface is seen at a pixel (2,), `depth` m along the axis."""
-    ray = lens.rays(pixel)
+    ray = intrinsics.rays(pixel)
     return np.asarray(ray * depth + radius * ray / np.linalg.norm(ray))

@@ -60,7 +60,7 @@ class MediaPipeFinder:
 
     def find(self, frame: Frame, table: Array | None) -> list[SeenHand]:
         """The hands in a frame; `table` is not needed. Raises `WireError` for an unusable frame, or `FAILURES`."""
-        color, depth, lens = images_with_depth(frame)
+        color, depth, intrinsics = images_with_depth(frame)
         self._milliseconds = max(self._milliseconds + 1, round(frame.stamp * 1000.0))
         result = self._landmarker.detect(np.ascontiguousarray(color), self._milliseconds)
         found = []
@@ -68,9 +68,9 @@ class MediaPipeFinder:
             result.hand_landmarks, result.hand_world_landmarks, result.handedness, strict=True
         ):
             if len(landmarks) == len(local) == LANDMARKS and handedness[0].score >= self._config.least_score:
-                pixels = np.array([(mark.x * lens.width, mark.y * lens.height) for mark in landmarks]) - 0.5
+                pixels = np.array([(mark.x * intrinsics.width, mark.y * intrinsics.height) for mark in landmarks]) - 0.5
                 shape = np.array([(mark.x, mark.y, mark.z) for mark in local])
-                points, seen = self._in_space(pixels, shape, depth, lens)
+                points, seen = self._in_space(pixels, shape, depth, intrinsics)
                 hand = hand_of_landmarks(points, seen, self._side(handedness[0].category_name), SIGMA)
                 found += [] if hand is None else [hand]
         return found
@@ -83,7 +83,9 @@ class MediaPipeFinder:
         right = (name == "Right") is not self._config.swap_sides
         return "right" if right else "left"
 
-    def _in_space(self, pixels: Array, shape: Array, depth: Depth, lens: Intrinsics) -> tuple[Array, NDArray[np.bool_]]:
+    def _in_space(
+        self, pixels: Array, shape: Array, depth: Depth, intrinsics: Intrinsics
+    ) -> tuple[Array, NDArray[np.bool_]]:
         """Points (21, 3) m in the camera's frame, and which of them (21,) the depth image really shows.
 
         Depths that contradict the shape which MediaPipe gives the hand (m, about its middle) are those of something in
@@ -92,7 +94,7 @@ class MediaPipeFinder:
         points, seen = np.zeros((LANDMARKS, 3)), np.zeros(LANDMARKS, bool)
         radii = np.full(LANDMARKS, self._config.palm_radius)
         radii[[k for tip in TIPS for k in (tip - 2, tip - 1, tip)]] = self._config.fingertip_radius
-        inside = (pixels >= 0).all(axis=1) & (pixels <= (lens.width - 1, lens.height - 1)).all(axis=1)
+        inside = (pixels >= 0).all(axis=1) & (pixels <= (intrinsics.width - 1, intrinsics.height - 1)).all(axis=1)
         surface = np.full(LANDMARKS, np.nan)
         scale = self._pixels_per_metre(pixels, shape)
         for k in np.flatnonzero(inside):
@@ -102,7 +104,7 @@ class MediaPipeFinder:
             return points, seen
         centre = float(np.nanmedian(surface + radii - shape[:, 2]))
         for k in np.flatnonzero(np.isfinite(surface)):
-            points[k] = behind_surface(pixels[k], float(surface[k]), float(radii[k]), lens)
+            points[k] = behind_surface(pixels[k], float(surface[k]), float(radii[k]), intrinsics)
             seen[k] = abs(surface[k] + radii[k] - shape[k, 2] - centre) < _MOST_OFF
         return points, seen
 

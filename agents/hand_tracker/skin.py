@@ -133,18 +133,18 @@ class SkinFinder:
 
     def find(self, frame: Frame, table: Array | None) -> list[SeenHand]:
         """The hands in a frame, at most `MOST_HANDS`. Raises `WireError` for an unusable frame."""
-        color, depth, lens = images_with_depth(frame)
-        colored, near = skin(color, self._config.skin), in_band(depth, lens, table, self._config.skin)
+        color, depth, intrinsics = images_with_depth(frame)
+        colored, near = skin(color, self._config.skin), in_band(depth, intrinsics, table, self._config.skin)
         found = []
-        for patch in self._patches(colored & near, depth, lens):
-            hand = self._hand(patch, near & ~colored, depth, lens)
+        for patch in self._patches(colored & near, depth, intrinsics):
+            hand = self._hand(patch, near & ~colored, depth, intrinsics)
             found += [] if hand is None else [hand]
         return found
 
     def close(self) -> None:
         """There is nothing to release."""
 
-    def _patches(self, mask: Mask, depth: Depth, lens: Intrinsics) -> list[Patch]:
+    def _patches(self, mask: Mask, depth: Depth, intrinsics: Intrinsics) -> list[Patch]:
         """Connected patches of skin of a hand's size, the largest first."""
         smooth = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_CLOSE, _KERNEL)
         smooth[jumps(depth, mask)] = 0
@@ -159,47 +159,47 @@ class SkinFinder:
             values = depth[window][inside & (depth[window] > 0)]
             if values.size:
                 distance = float(np.median(values))
-                if least <= pixels * distance**2 / (lens.fx * lens.fy) <= most:
+                if least <= pixels * distance**2 / (intrinsics.fx * intrinsics.fy) <= most:
                     patches.append(Patch((x, y), inside, distance))
         patches.sort(key=lambda patch: -int(patch.inside.sum()))
         return patches[:MOST_HANDS]
 
-    def _hand(self, patch: Patch, body: Mask, depth: Depth, lens: Intrinsics) -> SeenHand | None:
+    def _hand(self, patch: Patch, body: Mask, depth: Depth, intrinsics: Intrinsics) -> SeenHand | None:
         mask = np.zeros(depth.shape, bool)
         height, width = patch.inside.shape
         mask[patch.corner[1] : patch.corner[1] + height, patch.corner[0] : patch.corner[0] + width] = patch.inside
         radius = self._config.fingertip_radius
-        middle, found = fingertips(patch, lens.fx, radius)
-        surface = depth_at(depth, middle, 0.01 * lens.fx / patch.distance, mask)
+        middle, found = fingertips(patch, intrinsics.fx, radius)
+        surface = depth_at(depth, middle, 0.01 * intrinsics.fx / patch.distance, mask)
         if surface is None:
             return None
-        palm = behind_surface(middle, surface, self._config.palm_radius, lens)
-        wrist = find_wrist(patch, middle, body, depth, lens.fx)
+        palm = behind_surface(middle, surface, self._config.palm_radius, intrinsics)
+        wrist = find_wrist(patch, middle, body, depth, intrinsics.fx)
         tips: dict[int, Array] = {}
         for tip in found if wrist is None else away_from(wrist, middle, found):
-            centre = self._centre(tip, patch.distance, mask, depth, lens)
+            centre = self._centre(tip, patch.distance, mask, depth, intrinsics)
             if centre is not None:
                 tips[len(tips)] = centre
-        elbow = None if wrist is None else _surface(wrist, patch, depth, lens)
-        along = _along(palm, tips, elbow, mask, depth, lens)
+        elbow = None if wrist is None else _surface(wrist, patch, depth, intrinsics)
+        along = _along(palm, tips, elbow, mask, depth, intrinsics)
         palm = palm + _TO_THE_FINGERS * along
         sigma = _VAGUE if elbow is None else _BY_WRIST
         turn = None if len(tips) > (elbow is not None) else sigma**2 * np.eye(3)
         pose = Pose(palm, _rotation(palm, along))
         return SeenHand(pose, tips, False, "unknown", SIGMA, turn, PALM_SIGMA, elbow is not None)
 
-    def _centre(self, tip: Tip, distance: float, mask: Mask, depth: Depth, lens: Intrinsics) -> Array | None:
+    def _centre(self, tip: Tip, distance: float, mask: Mask, depth: Depth, intrinsics: Intrinsics) -> Array | None:
         """(3,) m, of a fingertip; None if its depth is not known."""
         radius = self._config.fingertip_radius
-        pixels = radius * lens.fx / distance
+        pixels = radius * intrinsics.fx / distance
         there = depth_at(depth, tip.centre, 0.35 * pixels, mask)
         if there is None:
             return None
         above = tip.centre + _UP_THE_FINGER * pixels * tip.inwards
         depth_above = depth_at(depth, above, 0.35 * pixels, mask)
-        near = behind_surface(tip.centre, there, 0.0, lens)
-        factor = 1.0 if depth_above is None else _below(near, behind_surface(above, depth_above, 0.0, lens))
-        return behind_surface(tip.centre, there, radius * factor, lens)
+        near = behind_surface(tip.centre, there, 0.0, intrinsics)
+        factor = 1.0 if depth_above is None else _below(near, behind_surface(above, depth_above, 0.0, intrinsics))
+        return behind_surface(tip.centre, there, radius * factor, intrinsics)
 
 
 def _below(near: Array, far: Array) -> float:
@@ -226,12 +226,12 @@ def skin(color: Color, model: SkinModel) -> Mask:
     return np.asarray(in_hue)
 
 
-def in_band(depth: Depth, lens: Intrinsics, table: Array | None, model: SkinModel) -> Mask:
+def in_band(depth: Depth, intrinsics: Intrinsics, table: Array | None, model: SkinModel) -> Mask:
     """(h, w) where the depth is that of a hand, or not known: in the band, and above the plane (4,) of a table."""
     near, far = model.depth
     good = (depth == 0) | ((depth >= near) & (depth <= far))
     if table is not None:
-        x, y = lens.slopes()
+        x, y = intrinsics.slopes()
         slope = (table[0] * x[None, :] + table[1] * y[:, None] + table[2]).astype(np.float32)
         good &= (depth == 0) | (depth * slope + np.float32(table[3]) >= model.above_table)
     return np.asarray(good)
@@ -245,14 +245,14 @@ def jumps(depth: Depth, mask: Mask) -> Mask:
     return np.asarray(known & (far - near > _JUMP))
 
 
-def _surface(pixel: Array, patch: Patch, depth: Depth, lens: Intrinsics) -> Array | None:
+def _surface(pixel: Array, patch: Patch, depth: Depth, intrinsics: Intrinsics) -> Array | None:
     """(3,) m, what is seen around a pixel (2,) at the edge of a hand."""
-    there = depth_at(depth, pixel, 0.01 * lens.fx / patch.distance)
-    return None if there is None else behind_surface(pixel, there, 0.0, lens)
+    there = depth_at(depth, pixel, 0.01 * intrinsics.fx / patch.distance)
+    return None if there is None else behind_surface(pixel, there, 0.0, intrinsics)
 
 
 def _along(
-    palm: Array, tips: dict[int, Array], wrist: Array | None, mask: Mask, depth: Depth, lens: Intrinsics
+    palm: Array, tips: dict[int, Array], wrist: Array | None, mask: Mask, depth: Depth, intrinsics: Intrinsics
 ) -> Array:
     """(3,) unit vector from the palm to the fingers: to their tips and away from the wrist, else along the patch."""
     told = tips and (wrist is None or len(tips) > 1)  # one alone may be a thumb's
@@ -262,7 +262,7 @@ def _along(
         direction = np.sum([way / max(float(np.linalg.norm(way)), 1e-9) for way in ways], axis=0)
     else:
         rows, columns = np.nonzero(mask & (depth > 0))
-        points = lens.rays(np.column_stack([columns, rows])[::7].astype(float))
+        points = intrinsics.rays(np.column_stack([columns, rows])[::7].astype(float))
         points = points * depth[rows[::7], columns[::7]][:, None]
         direction = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)[2][0]
     return np.asarray(direction / max(float(np.linalg.norm(direction)), 1e-9))

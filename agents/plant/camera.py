@@ -43,14 +43,14 @@ class SimulatedCamera:
 
     Args:
         name: as in the scenario, `overhead` or `wrist`.
-        lens: image size and intrinsics.
+        intrinsics: image size and intrinsics.
         mount: gives world_from_camera when nothing bumped it.
         sensor: its errors.
     """
 
-    def __init__(self, name: str, lens: Intrinsics, mount: Callable[[], Pose], sensor: SensorModel) -> None:
+    def __init__(self, name: str, intrinsics: Intrinsics, mount: Callable[[], Pose], sensor: SensorModel) -> None:
         self.name = name
-        self.lens = lens
+        self.intrinsics = intrinsics
         self.sensor = sensor
         self.covers = 0
         """How many things cover the lens; with any, images are black and depths unknown."""
@@ -83,10 +83,12 @@ class SimulatedCamera:
 
     def photograph(self, world: World, renderer: Renderer, stamp: float) -> Frame:
         """A frame as a driver delivers it: `color`, `depth` and the intrinsics."""
-        lens = self.lens
-        meta: dict[str, float | int | str] = {"fx": lens.fx, "fy": lens.fy, "cx": lens.cx, "cy": lens.cy}
+        intrinsics = self.intrinsics
+        meta: dict[str, float | int | str] = {
+            "fx": intrinsics.fx, "fy": intrinsics.fy, "cx": intrinsics.cx, "cy": intrinsics.cy
+        }
         if self.covers:
-            shape = (lens.height, lens.width)
+            shape = (intrinsics.height, intrinsics.width)
             color, depth = np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.float32)
         else:
             with world.shown_at(self.seen_poses(world)):
@@ -96,8 +98,8 @@ class SimulatedCamera:
     def _expose(self, world: World, renderer: Renderer) -> tuple[Color, Depth]:
         """Colour and depth with all errors."""
         errors = {world.body(name): error for name, error in self.sensor.errors().items() if name in world}
-        picture = renderer.render(self.pose, self.lens, bodies=self.sensor.is_per_object)
+        picture = renderer.render(self.pose, self.intrinsics, bodies=self.sensor.is_per_object)
         depth = picture.depth
         if picture.bodies is not None:
-            depth = shift_bodies(depth, picture.bodies, errors, self.lens)
-        return self.sensor.color(picture.color), self.sensor.depth(depth, self.lens)
+            depth = shift_bodies(depth, picture.bodies, errors, self.intrinsics)
+        return self.sensor.color(picture.color), self.sensor.depth(depth, self.intrinsics)

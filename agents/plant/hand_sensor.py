@@ -33,16 +33,18 @@ def read_hands(
             points = np.where(seen[:, None], camera_from_world.apply(hand.landmarks) + noise, 0.0)
             landmarks = tuple((float(x), float(y), float(z)) for x, y, z in points)
             readings.append(HandReading(hand.side, landmarks, tuple(map(bool, seen)), SIGMA))
-    return HandReadings(stamp, readings, camera.lens)
+    return HandReadings(stamp, readings, camera.intrinsics)
 
 
 def landmarks_in_view(camera: SimulatedCamera, world: World, hands: Hands, hand: SimulatedHand) -> NDArray[np.bool_]:
     """(21,) which landmarks are in the image with nothing in front of them but the flesh around them."""
     eye, points = camera.pose.translation, hand.landmarks
     local = camera.pose.inverse().apply(points)
-    lens = camera.lens
-    pixels = lens.project(np.column_stack([local[:, :2], np.maximum(local[:, 2], 1e-6)]))
-    inside = (local[:, 2] > 0) & (pixels >= 0).all(axis=1) & (pixels <= (lens.width - 1, lens.height - 1)).all(axis=1)
+    intrinsics = camera.intrinsics
+    pixels = intrinsics.project(np.column_stack([local[:, :2], np.maximum(local[:, 2], 1e-6)]))
+    inside = (local[:, 2] > 0) & (pixels >= 0).all(axis=1) & (
+        pixels <= (intrinsics.width - 1, intrinsics.height - 1)
+    ).all(axis=1)
     surface = points + TIP_RADIUS * (eye - points) / np.linalg.norm(eye - points, axis=1, keepdims=True)
     hits = world.bullet.rayTestBatch([eye.tolist()] * len(surface), surface.tolist())
     free = np.array([hit[0] < 0 or hit[2] > _REACHED for hit in hits])

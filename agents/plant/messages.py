@@ -172,8 +172,8 @@ def _read_tag_readings(payload: bytes) -> TagReadings:
         _check_finite(*colored.color, *colored.position, colored.sigma)
         if colored.sigma < 0.0:
             raise ValueError(f"a negative standard deviation of colour {colored.color}")
-    if seen.lens is not None:
-        _check_lens(seen.lens)
+    if seen.intrinsics is not None:
+        _check_intrinsics(seen.intrinsics)
     return seen
 
 
@@ -193,8 +193,8 @@ def _read_hand_readings(payload: bytes) -> HandReadings:
         _check_finite(hand.sigma, *(number for point in hand.landmarks for number in point))
         if hand.sigma < 0.0:
             raise ValueError("a negative standard deviation of landmarks")
-    if seen.lens is not None:
-        _check_lens(seen.lens)
+    if seen.intrinsics is not None:
+        _check_intrinsics(seen.intrinsics)
     return seen
 
 
@@ -216,10 +216,10 @@ def _read_person_readings(payload: bytes) -> PersonReadings:
     return seen
 
 
-def _check_lens(lens: Intrinsics) -> None:
-    _check_finite(lens.fx, lens.fy, lens.cx, lens.cy)
-    if min(lens.fx, lens.fy, lens.width, lens.height) <= 0:
-        raise ValueError(f"{lens}: focal lengths and image size must be positive")
+def _check_intrinsics(intrinsics: Intrinsics) -> None:
+    _check_finite(intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy)
+    if min(intrinsics.fx, intrinsics.fy, intrinsics.width, intrinsics.height) <= 0:
+        raise ValueError(f"{intrinsics}: focal lengths and image size must be positive")
 
 
 def _check_finite(*numbers: float) -> None:

@@ -72,10 +72,10 @@ class SensorModel:
         grey = np.rint(noise).astype(np.int16)
         return np.asarray(cv2.add(image, cv2.merge([grey, grey, grey]), dtype=cv2.CV_8U), dtype=np.uint8)
 
-    def depth(self, depth: Depth, lens: Intrinsics) -> Depth:
+    def depth(self, depth: Depth, intrinsics: Intrinsics) -> Depth:
         """The depth (h, w) m as such a sensor measures it, 0 where it cannot."""
         missing = (depth < NEAREST) | (depth > FARTHEST) | self._dropouts(depth)
-        scale = np.float32(lens.fx * BASELINE)
+        scale = np.float32(intrinsics.fx * BASELINE)
         disparity = scale / np.maximum(depth, np.float32(NEAREST)) + self._disparity_error(depth.shape)
         measured = scale / (np.maximum(np.rint(disparity / DISPARITY_STEP), 1) * DISPARITY_STEP)
         return np.where(missing, np.float32(0.0), measured).astype(np.float32)
@@ -95,9 +95,9 @@ class SensorModel:
         return dropped
 
 
-def shift_bodies(depth: Depth, bodies: NDArray[np.int32], errors: Mapping[int, float], lens: Intrinsics) -> Depth:
+def shift_bodies(depth: Depth, bodies: NDArray[np.int32], errors: Mapping[int, float], intrinsics: Intrinsics) -> Depth:
     """The depth with each body of `errors` (m) brought nearer by that much along the viewing rays."""
-    x, y = lens.slopes()
+    x, y = intrinsics.slopes()
     along_axis = 1 / np.sqrt(1 + x[None, :] ** 2 + y[:, None] ** 2)
     nearer = np.zeros_like(depth)
     for body, error in errors.items():

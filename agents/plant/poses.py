@@ -48,7 +48,7 @@ def read_tags(camera: SimulatedCamera, world: World, hands: Hands, stamp: float)
     see.
     """
     errors = camera.sensor.errors()
-    seen = TagReadings(stamp, [], camera.lens, [])
+    seen = TagReadings(stamp, [], camera.intrinsics, [])
     camera.in_view = []
     poses = {} if camera.covers else camera.seen_poses(world)
     camera_from_world = camera.pose.inverse()
@@ -127,11 +127,11 @@ def _share_of_color(
     """Share of the object's image that is there: in the image, and with nothing in front of it."""
     points, weights = seen_alone(spec.shape, spec.size, camera_from_object.inverse().translation)
     points = camera_from_object.apply(points)
-    lens = camera.lens
+    intrinsics = camera.intrinsics
     if len(points) == 0 or points[:, 2].min() <= 0:
         return 0.0
-    pixels = lens.project(points)
-    inside = ((pixels >= 0) & (pixels <= (lens.width - 1, lens.height - 1))).all(axis=1)
+    pixels = intrinsics.project(points)
+    inside = ((pixels >= 0) & (pixels <= (intrinsics.width - 1, intrinsics.height - 1))).all(axis=1)
     if not inside.any() or np.ptp(pixels[inside], axis=0).min() < SMALLEST:
         return 0.0
     free = _free(camera.pose, world, hands, spec.name, points[inside])
@@ -147,11 +147,11 @@ def _sees(camera: SimulatedCamera, world: World, hands: Hands, spec: ObjectSpec,
     facing = -float(normal @ points[0]) / float(np.linalg.norm(points[0]))
     if facing < math.cos(STEEPEST) or points[:, 2].min() <= 0:
         return False
-    lens = camera.lens
-    if 2 * half * lens.fx / points[0, 2] < SMALLEST:
+    intrinsics = camera.intrinsics
+    if 2 * half * intrinsics.fx / points[0, 2] < SMALLEST:
         return False
-    pixels = lens.project(points)
-    if pixels.min() < 0 or (pixels > (lens.width - 1, lens.height - 1)).any():
+    pixels = intrinsics.project(points)
+    if pixels.min() < 0 or (pixels > (intrinsics.width - 1, intrinsics.height - 1)).any():
         return False
     return _in_view(camera.pose, world, hands, spec.name, points)
 

@@ -150,7 +150,7 @@ class Reality:
         self, scenario: Scenario, config: PlantConfig, rngs: Mapping[str, np.random.Generator]
     ) -> dict[str, SimulatedCamera]:
         overhead = Pose(config.overhead[:3], config.overhead[3:])
-        lens = Intrinsics.from_fov(config.width, config.height, config.fov)
+        intrinsics = Intrinsics.from_fov(config.width, config.height, config.fov)
         mounts: dict[str, Callable[[], Pose]] = {"overhead": lambda: overhead}
         if isinstance(self.arm, SimulatedArm):
             mounts["wrist"] = self.arm.camera_pose
@@ -158,7 +158,7 @@ class Reality:
             fixed = scenario.camera.pose
             mounts["fixed"] = lambda: fixed
         return {
-            name: SimulatedCamera(name, lens, mount, SensorModel(scenario.sensor, self.world.specs, rngs[name]))
+            name: SimulatedCamera(name, intrinsics, mount, SensorModel(scenario.sensor, self.world.specs, rngs[name]))
             for name, mount in mounts.items()
         }
 

@@ -81,19 +81,19 @@ class Renderer:
         """`egl` or `tiny`."""
         return "egl" if self._plugin >= 0 else "tiny"
 
-    def render(self, world_from_camera: Pose, lens: Intrinsics, *, bodies: bool = False) -> RenderedPicture:
+    def render(self, world_from_camera: Pose, intrinsics: Intrinsics, *, bodies: bool = False) -> RenderedPicture:
         """The world seen from `world_from_camera` (optical frame), with body numbers if `bodies`."""
         egl = self._plugin >= 0
         _, _, color, depth, segments = self._bullet.getCameraImage(
-            lens.width,
-            lens.height,
+            intrinsics.width,
+            intrinsics.height,
             _column_major(_GL_FROM_OPTICAL @ world_from_camera.inverse().matrix),
-            _column_major(_projection(lens, (0.0, 0.0) if egl else _TINY_SHIFT)),
+            _column_major(_projection(intrinsics, (0.0, 0.0) if egl else _TINY_SHIFT)),
             renderer=pybullet.ER_BULLET_HARDWARE_OPENGL if egl else pybullet.ER_TINY_RENDERER,
             flags=0 if bodies else pybullet.ER_NO_SEGMENTATION_MASK,
             **_LIGHT,
         )
-        shape = (lens.height, lens.width)
+        shape = (intrinsics.height, intrinsics.width)
         rgb = np.reshape(np.asarray(color, np.uint8), (*shape, 4))[..., :3]
         return RenderedPicture(
             np.ascontiguousarray(rgb),
@@ -130,12 +130,12 @@ def egl_works() -> bool:
     return probe.returncode == 0
 
 
-def _projection(lens: Intrinsics, shift: tuple[float, float]) -> NDArray[np.float64]:
+def _projection(intrinsics: Intrinsics, shift: tuple[float, float]) -> NDArray[np.float64]:
     """(4, 4) OpenGL projection of the camera, with the principal point `shift` px away."""
-    cx, cy = lens.cx + shift[0], lens.cy + shift[1]
+    cx, cy = intrinsics.cx + shift[0], intrinsics.cy + shift[1]
     matrix = np.zeros((4, 4))
-    matrix[0, 0], matrix[0, 2] = 2 * lens.fx / lens.width, 1 - (2 * cx + 1) / lens.width
-    matrix[1, 1], matrix[1, 2] = 2 * lens.fy / lens.height, (2 * cy + 1) / lens.height - 1
+    matrix[0, 0], matrix[0, 2] = 2 * intrinsics.fx / intrinsics.width, 1 - (2 * cx + 1) / intrinsics.width
+    matrix[1, 1], matrix[1, 2] = 2 * intrinsics.fy / intrinsics.height, (2 * cy + 1) / intrinsics.height - 1
     matrix[2, 2], matrix[2, 3] = -(FAR + NEAR) / (FAR - NEAR), -2 * FAR * NEAR / (FAR - NEAR)
     matrix[3, 2] = -1
     return matrix

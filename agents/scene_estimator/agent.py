@@ -90,7 +90,7 @@ class SceneEstimator(Agent):
         for camera, sensor in self._sensors.items():
             readings = sensor.readings()
             if readings is not None:
-                self._describe(camera, readings.lens)
+                self._describe(camera, readings.intrinsics)
                 try:
                     tags = read_sensor(readings, self.config.noise)
                     yield camera, readings.stamp, (tags, self._sensed_colors(camera, readings))
@@ -102,11 +102,12 @@ class SceneEstimator(Agent):
         world_from_camera = self._world_from_camera(camera, readings.stamp) if readings.colors else None
         return read_colors(readings, self._colored, self.config.noise, world_from_camera)
 
-    def _describe(self, camera: str, lens: Intrinsics | None) -> None:
+    def _describe(self, camera: str, intrinsics: Intrinsics | None) -> None:
         """Write the intrinsics of a sensor without images, whose frames would tell them, if the node says others."""
-        node, intrinsics = self.memory.get_node(camera), {} if lens is None else msgspec.structs.asdict(lens)
-        if node is not None and any(node.get(name) != value for name, value in intrinsics.items()):
-            self.memory.update_node(camera, **intrinsics)
+        node = self.memory.get_node(camera)
+        values = {} if intrinsics is None else msgspec.structs.asdict(intrinsics)
+        if node is not None and any(node.get(name) != value for name, value in values.items()):
+            self.memory.update_node(camera, **values)
 
     def _read(self, camera: str, frame: Frame) -> Seen | None:
         try:

@@ -74,13 +74,13 @@ class CalibrationView:
         entity = f"{ENTITY}/cameras/{camera.name}_before"
         report, until = self._before.get(camera.name, (None, -math.inf))
         place = None if report is None else _place(memory, report)
-        if report is None or now > until or place is None or camera.lens is None:
+        if report is None or now > until or place is None or camera.intrinsics is None:
             if self._places.pop(camera.name, None) is not None:
                 self._recording.log(entity, rr.Clear(recursive=True))
             self._before.pop(camera.name, None)
         elif self._places.get(camera.name) != place:
             if camera.name not in self._places:
-                self._recording.log(f"{entity}/image", pinhole(camera.lens, palette.GREY))
+                self._recording.log(f"{entity}/image", pinhole(camera.intrinsics, palette.GREY))
             self._places[camera.name] = place
             self._recording.log(entity, transform(place))
 

@@ -49,7 +49,7 @@ class DrawnCamera(msgspec.Struct, frozen=True):
     name: str
     stream: str
     place: DrawnPlace | None
-    lens: Intrinsics | None
+    intrinsics: Intrinsics | None
 
 
 class Gripper(msgspec.Struct, frozen=True):

@@ -78,8 +78,8 @@ class SceneView:
     def _draw_camera(self, camera: DrawnCamera) -> None:
         if camera.place is not None:
             self._update(f"cameras/{camera.name}", camera.place, transform)
-        if camera.lens is not None:
-            self._update(f"cameras/{camera.name}/image", camera.lens, pinhole)
+        if camera.intrinsics is not None:
+            self._update(f"cameras/{camera.name}/image", camera.intrinsics, pinhole)
 
 
 def transform(place: DrawnPlace) -> rr.Transform3D:
@@ -87,11 +87,11 @@ def transform(place: DrawnPlace) -> rr.Transform3D:
     return rr.Transform3D(translation=place.translation, quaternion=rr.Quaternion(xyzw=place.rotation))
 
 
-def pinhole(lens: Intrinsics, color: Color = palette.CAMERA) -> rr.Pinhole:
+def pinhole(intrinsics: Intrinsics, color: Color = palette.CAMERA) -> rr.Pinhole:
     """The frustum of a camera."""
     return rr.Pinhole(
-        image_from_camera=[[lens.fx, 0.0, lens.cx], [0.0, lens.fy, lens.cy], [0.0, 0.0, 1.0]],
-        resolution=(lens.width, lens.height),
+        image_from_camera=[[intrinsics.fx, 0.0, intrinsics.cx], [0.0, intrinsics.fy, intrinsics.cy], [0.0, 0.0, 1.0]],
+        resolution=(intrinsics.width, intrinsics.height),
         camera_xyz=rr.ViewCoordinates.RDF,
         image_plane_distance=_FRUSTUM,
         color=color,

@@ -150,8 +150,10 @@ def arm_states() -> list[bytes]:
 def tag_readings() -> list[bytes]:
     """What a camera that detects tags sees."""
     readings = [TagReading(number, _SEVEN, 0.001, 0.01) for number in (3, 4)]
-    lens = Intrinsics(600.0, 600.0, 319.5, 239.5, 640, 480)
-    return [msgspec.msgpack.encode(TagReadings(NOW, readings, lens)), msgspec.msgpack.encode(TagReadings(NOW, []))]
+    intrinsics = Intrinsics(600.0, 600.0, 319.5, 239.5, 640, 480)
+    return [
+        msgspec.msgpack.encode(TagReadings(NOW, readings, intrinsics)), msgspec.msgpack.encode(TagReadings(NOW, []))
+    ]
 
 
 def commands() -> list[bytes]:

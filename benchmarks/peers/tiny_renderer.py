@@ -32,16 +32,18 @@ class TinyScene:
     def __exit__(self, *_: object) -> None:
         pybullet.disconnect(self._client)
 
-    def picture(self, view: Pose, lens: Intrinsics) -> np.ndarray:
+    def picture(self, view: Pose, intrinsics: Intrinsics) -> np.ndarray:
         """(h, w) number of the part that is seen in each pixel; -1 for none."""
         matrix = np.diag([1.0, -1.0, -1.0, 1.0]) @ view.inverse().matrix
-        up = 2.0 * np.arctan(lens.height / 2.0 / lens.fy)
-        projection = pybullet.computeProjectionMatrixFOV(np.degrees(up), lens.width / lens.height, _NEAR, _FAR)
+        up = 2.0 * np.arctan(intrinsics.height / 2.0 / intrinsics.fy)
+        projection = pybullet.computeProjectionMatrixFOV(
+            np.degrees(up), intrinsics.width / intrinsics.height, _NEAR, _FAR
+        )
         *_, segments = pybullet.getCameraImage(
-            lens.width, lens.height, matrix.T.ravel().tolist(), projection, shadow=0,
+            intrinsics.width, intrinsics.height, matrix.T.ravel().tolist(), projection, shadow=0,
             renderer=pybullet.ER_TINY_RENDERER, physicsClientId=self._client,
         )  # fmt: skip
-        return np.asarray(segments).reshape(lens.height, lens.width)
+        return np.asarray(segments).reshape(intrinsics.height, intrinsics.width)
 
     def _add(self, kind: int, centre: np.ndarray, turn: np.ndarray, half: np.ndarray) -> None:
         sizes = ({"halfExtents": half.tolist()}, {"radius": half[0], "length": 2 * half[2]}, {"radius": half[0]})[kind]

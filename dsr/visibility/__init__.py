@@ -15,7 +15,7 @@ from dsr.visibility.perspectives import (
     PERSPECTIVES,
     WIDTH,
     Perspective,
-    lens_of,
+    intrinsics_of,
     read_perspectives,
 )
 from dsr.visibility.picture import Body, Picture, VisibleFraction
@@ -39,9 +39,9 @@ __all__ = [
     "VisibleScene",
     "bodies_of",
     "body_at",
+    "intrinsics_of",
     "is_enough",
     "is_seen",
-    "lens_of",
     "placed",
     "read_perspectives",
     "read_posed",

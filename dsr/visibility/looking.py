@@ -38,7 +38,7 @@ class VisibleScene(NamedTuple):
     def seen_from(self, perspective: Perspective) -> Picture:
         """Draw the scene from a perspective. A perspective's own body hides nothing from it."""
         others = [body for body in self.bodies if body.name != perspective.name]
-        return Picture(perspective.world_from_view, perspective.lens, others, self.things | self.persons)
+        return Picture(perspective.world_from_view, perspective.intrinsics, others, self.things | self.persons)
 
 
 def visibility(

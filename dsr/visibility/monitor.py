@@ -121,7 +121,7 @@ class VisibilityMonitor:
         drawn = {}
         for perspective in read_perspectives(self._memory, self._wanted(), self._width):
             known = self._drawn.get(perspective.name)
-            if known is None or known[0].lens != perspective.lens or not _is_still(known[0], perspective):
+            if known is None or known[0].intrinsics != perspective.intrinsics or not _is_still(known[0], perspective):
                 known = (perspective, self.scene.seen_from(perspective))
                 self.pictures += 1
             drawn[perspective.name] = known

@@ -47,7 +47,7 @@ class Perspective(NamedTuple):
     """Name of the perspective's node."""
     world_from_view: Pose
     """Pose of the optical frame in the world: z along the view, x to the right, y down."""
-    lens: Intrinsics
+    intrinsics: Intrinsics
     """Intrinsics (px) of the picture that is drawn."""
 
 
@@ -80,10 +80,10 @@ def _perspective(memory: Memory, node: Node, width: int) -> Perspective | None:
     if pose is None:
         return None
     view = pose @ GAZE if node.type == PERSON else pose
-    return Perspective(node.name, view, lens_of(node, width))
+    return Perspective(node.name, view, intrinsics_of(node, width))
 
 
-def lens_of(node: Node, width: int = WIDTH) -> Intrinsics:
+def intrinsics_of(node: Node, width: int = WIDTH) -> Intrinsics:
     """The lens through which a perspective is drawn, by its intrinsics or its field of view, `width` px wide."""
     known = read_intrinsics(node)
     if known is not None:
@@ -92,8 +92,8 @@ def lens_of(node: Node, width: int = WIDTH) -> Intrinsics:
         cx, cy = (known.cx + 0.5) * scale - 0.5, (known.cy + 0.5) * scale - 0.5
         return Intrinsics(known.fx * scale, known.fy * scale, cx, cy, width, rows)
     across, down = (min(angle, _WIDEST) for angle in _field(node))
-    lens = Intrinsics.from_fov(width, 1, across)
-    rows = max(1, min(round(2.0 * lens.fx * math.tan(down / 2.0)), _MOST_ROWS * width))
+    intrinsics = Intrinsics.from_fov(width, 1, across)
+    rows = max(1, min(round(2.0 * intrinsics.fx * math.tan(down / 2.0)), _MOST_ROWS * width))
     return Intrinsics.from_fov(width, rows, across)
 
 

@@ -93,26 +93,26 @@ class Picture:
 
     Args:
         world_from_view: of the optical frame: z forward, x right, y down.
-        lens: of the picture.
+        intrinsics: of the picture.
         bodies: all that is there.
         wanted: names of those of which a glance will be asked.
     """
 
     def __init__(
-        self, world_from_view: Pose, lens: Intrinsics, bodies: Sequence[Body], wanted: Collection[str]
+        self, world_from_view: Pose, intrinsics: Intrinsics, bodies: Sequence[Body], wanted: Collection[str]
     ) -> None:
         self.names = [body.name for body in bodies]
-        self.frame = PixelWindow(0, 0, lens.width, lens.height)
-        self._lens = lens
+        self.frame = PixelWindow(0, 0, intrinsics.width, intrinsics.height)
+        self._intrinsics = intrinsics
         self._eye = world_from_view.translation
         self._turn = world_from_view.rotation_matrix
-        self.inverse_depth: Array = np.zeros((lens.height, lens.width))
+        self.inverse_depth: Array = np.zeros((intrinsics.height, intrinsics.width))
         """(h, w) 1/m, one over the depth along the axis; 0 where nothing is"""
-        self.bodies: NDArray[np.int32] = np.full((lens.height, lens.width), -1, dtype=np.int32)
+        self.bodies: NDArray[np.int32] = np.full((intrinsics.height, intrinsics.width), -1, dtype=np.int32)
         """(h, w) index of the body that is seen in each pixel; -1 for none"""
         self._shots: dict[str, tuple[int, Shot]] = {}
-        beyond = (lens.width // 2, lens.height // 2)
-        self._around = PixelWindow(-beyond[0], -beyond[1], lens.width + beyond[0], lens.height + beyond[1])
+        beyond = (intrinsics.width // 2, intrinsics.height // 2)
+        self._around = PixelWindow(-beyond[0], -beyond[1], intrinsics.width + beyond[0], intrinsics.height + beyond[1])
         limits = [self._around if body.name in wanted else self.frame for body in bodies]
         for index, (body, shot) in enumerate(zip(bodies, self._shoot(bodies, limits), strict=True)):
             if shot is not None:
@@ -148,9 +148,9 @@ class Picture:
         x, y, z = ((point - self._eye) @ self._turn).tolist()
         if z <= NEAREST:
             return False
-        lens = self._lens
-        column, row = round(x / z * lens.fx + lens.cx), round(y / z * lens.fy + lens.cy)
-        inside = 0 <= column < lens.width and 0 <= row < lens.height
+        intrinsics = self._intrinsics
+        column, row = round(x / z * intrinsics.fx + intrinsics.cx), round(y / z * intrinsics.fy + intrinsics.cy)
+        inside = 0 <= column < intrinsics.width and 0 <= row < intrinsics.height
         return bool(inside) and 1.0 / z >= float(self.inverse_depth[row, column])
 
     def _judge(self, shot: Shot, inside: PixelWindow, seen: Flags, there: NDArray[np.int32]) -> VisibleFraction:
@@ -179,7 +179,7 @@ class Picture:
         centres = (np.concatenate([body.solids.centre for body in bodies]) - self._eye) @ self._turn
         axes = self._turn.T @ np.concatenate([body.solids.turn for body in bodies])
         parts = _Parts(kinds, centres, axes, half)
-        windows = parts.windows(self._lens)
+        windows = parts.windows(self._intrinsics)
         found, first = [], 0
         for body, count, limit in zip(bodies, counts, limits, strict=True):
             own = range(first, first + count)
@@ -196,15 +196,15 @@ class Picture:
         shots = [Shot(window, self._inverse_depth(parts, part, window)) for part, window in shown.items()]
         if body.triangles is not None:
             corners = (body.triangles - self._eye) @ self._turn
-            drawn = draw_triangles(corners, self._lens, limit, NEAREST)
+            drawn = draw_triangles(corners, self._intrinsics, limit, NEAREST)
             if drawn is not None:
                 shots.append(Shot(PixelWindow(*drawn[0]), drawn[1]))
         return _joined(shots)
 
     def _inverse_depth(self, parts: _Parts, part: int, window: PixelWindow) -> Array:
-        lens = self._lens
-        x: Array = (np.arange(window.left, window.right, dtype=np.float64) - lens.cx) / lens.fx
-        y: Array = (np.arange(window.top, window.bottom, dtype=np.float64) - lens.cy) / lens.fy
+        intrinsics = self._intrinsics
+        x: Array = (np.arange(window.left, window.right, dtype=np.float64) - intrinsics.cx) / intrinsics.fx
+        y: Array = (np.arange(window.top, window.bottom, dtype=np.float64) - intrinsics.cy) / intrinsics.fy
         if parts.kinds[part] == 0:
             return _box_inverse_depth(parts.centres[part], parts.axes[part], parts.half[part], x, y)
         return _round_inverse_depth(parts, part, x, y)
@@ -221,16 +221,16 @@ class _Parts(NamedTuple):
     half: Array
     """(n, 3) m"""
 
-    def windows(self, lens: Intrinsics) -> dict[int, PixelWindow]:
+    def windows(self, intrinsics: Intrinsics) -> dict[int, PixelWindow]:
         """Around each part that may be seen."""
         corners = self.centres[:, None] + (CORNERS * self.half[:, None]) @ self.axes.transpose(0, 2, 1)
         depth = corners[..., 2]
         ahead: Flags = np.greater(depth, NEAREST)
         safe = np.where(ahead, depth, 1.0)
-        u = corners[..., 0] / safe * lens.fx + lens.cx
-        v = corners[..., 1] / safe * lens.fy + lens.cy
+        u = corners[..., 0] / safe * intrinsics.fx + intrinsics.cx
+        v = corners[..., 1] / safe * intrinsics.fy + intrinsics.cy
         whole: Flags = np.all(ahead, axis=1, keepdims=True)
-        limit = 4.0 * max(lens.width, lens.height)  # of what crosses the plane of the eye all may be seen
+        limit = 4.0 * max(intrinsics.width, intrinsics.height)  # of what crosses the plane of the eye all may be seen
         low = np.where(whole, np.stack([u.min(axis=1), v.min(axis=1)], axis=1), -limit)
         high = np.where(whole, np.stack([u.max(axis=1), v.max(axis=1)], axis=1), limit)
         low, high = np.clip(np.ceil(low), -limit, limit), np.clip(np.floor(high) + 1.0, -limit, limit)

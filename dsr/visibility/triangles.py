@@ -14,12 +14,12 @@ _AT_ONCE = 2_000_000  # pairs of a triangle and a pixel, which bounds the memory
 _THIN = 1e-15  # of a triangle seen from its edge
 
 
-def draw_triangles(corners: Array, lens: Intrinsics, limit: Edges, nearest: float) -> tuple[Edges, Array] | None:
+def draw_triangles(corners: Array, intrinsics: Intrinsics, limit: Edges, nearest: float) -> tuple[Edges, Array] | None:
     """The window (left, top, right, bottom) that triangles take in a picture, and 1 / depth in it; 0 where none is.
 
     Args:
         corners: (n, 3, 3) m, in the frame of the view; what of them is nearer than `nearest` is left out.
-        lens: of the picture.
+        intrinsics: of the picture.
         limit: columns and rows (left, top, right, bottom) beyond which nothing is drawn.
         nearest: m along the axis.
 
@@ -27,7 +27,7 @@ def draw_triangles(corners: Array, lens: Intrinsics, limit: Edges, nearest: floa
         None if nothing of them is within the limit.
     """
     corners = corners[(corners[..., 2] > nearest).any(axis=1)]
-    first, last = _around(corners, lens, nearest)
+    first, last = _around(corners, intrinsics, nearest)
     low = np.clip(np.ceil(first), limit[:2], limit[2:]).astype(np.int64)
     high = np.clip(np.floor(last) + 1, limit[:2], limit[2:]).astype(np.int64)
     shown = (low < high).all(axis=1)
@@ -43,22 +43,24 @@ def draw_triangles(corners: Array, lens: Intrinsics, limit: Edges, nearest: floa
         before = ends[begin - 1] if begin else 0
         end = max(begin + 1, int(np.searchsorted(ends, before + _AT_ONCE, side="right")))
         part = slice(begin, end)
-        _draw(corners[part], low[part], high[part], counts[part], lens, nearest, (left, top, right), inverse_depth)
+        _draw(
+            corners[part], low[part], high[part], counts[part], intrinsics, nearest, (left, top, right), inverse_depth
+        )
         begin = end
     return (left, top, right, bottom), inverse_depth.reshape(bottom - top, right - left)
 
 
-def _around(corners: Array, lens: Intrinsics, nearest: float) -> tuple[Array, Array]:
+def _around(corners: Array, intrinsics: Intrinsics, nearest: float) -> tuple[Array, Array]:
     """Least and greatest pixel (n, 2) of what of triangles is beyond `nearest`; each has a corner there."""
     ahead = corners[..., 2] > nearest
     if ahead.all():
-        pixels = lens.project(corners)
+        pixels = intrinsics.project(corners)
         return pixels.min(axis=1), pixels.max(axis=1)
-    pixels = lens.project(np.where(ahead[..., None], corners, 1.0))
+    pixels = intrinsics.project(np.where(ahead[..., None], corners, 1.0))
     first = np.where(ahead[..., None], pixels, np.inf).min(axis=1)
     last = np.where(ahead[..., None], pixels, -np.inf).max(axis=1)
     crossing = np.flatnonzero(~ahead.all(axis=1))
-    cuts = lens.project(_cuts(corners[crossing], ahead[crossing], nearest))
+    cuts = intrinsics.project(_cuts(corners[crossing], ahead[crossing], nearest))
     first[crossing] = np.minimum(first[crossing], cuts.min(axis=1))
     last[crossing] = np.maximum(last[crossing], cuts.max(axis=1))
     return first, last
@@ -80,7 +82,7 @@ def _draw(
     low: NDArray[np.int64],
     high: NDArray[np.int64],
     counts: NDArray[np.int64],
-    lens: Intrinsics,
+    intrinsics: Intrinsics,
     nearest: float,
     origin: tuple[int, int, int],
     inverse_depth: Array,
@@ -93,7 +95,7 @@ def _draw(
     number = np.arange(len(triangle)) - np.repeat(np.cumsum(counts) - counts, counts)
     width = (high - low)[triangle, 0]
     u, v = low[triangle, 0] + number % width, low[triangle, 1] + number // width
-    rays = lens.rays(np.column_stack([u, v]))
+    rays = intrinsics.rays(np.column_stack([u, v]))
     sides = np.cross(np.roll(corners, -1, axis=1), np.roll(corners, -2, axis=1))  # side k is opposite to corner k
     volume = np.einsum("nj,nj->n", corners[:, 0], sides[:, 0])
     flat = np.abs(volume) < _THIN

@@ -289,19 +289,19 @@ def _surface(shape: Shape, size: Vector3, eye: Vector3) -> tuple[Array, Array]:
 
 def _found(camera: _Camera, bodies: _Bodies, targets: _Targets, colored: Flags, smallest: float) -> Flags:
     """(n, m) which points would be seen if nothing were in the way."""
-    lens = camera.view.intrinsics
+    intrinsics = camera.view.intrinsics
     points = (targets.points - camera.eye) @ camera.turn
     depth = points[..., 2]
     ahead = depth > _DIVISOR
     safe = np.where(ahead, depth, 1.0)
-    pixels = lens.project(np.where(ahead[..., None], points, 1.0))
+    pixels = intrinsics.project(np.where(ahead[..., None], points, 1.0))
     u, v = pixels[..., 0], pixels[..., 1]
     ray = targets.middle - camera.eye
     across, down = _margins(camera.view, ray @ camera.turn).T[..., None]
-    inside: Flags = ahead & (u >= across) & (u <= lens.width - 1 - across)
-    inside &= (v >= down) & (v <= lens.height - 1 - down) & (targets.weights > 0.0)
+    inside: Flags = ahead & (u >= across) & (u <= intrinsics.width - 1 - across)
+    inside &= (v >= down) & (v <= intrinsics.height - 1 - down) & (targets.weights > 0.0)
     cosine = -(ray * bodies.turn[:, :, 2]).sum(axis=1)
-    side = 2 * TAG_RATIO * bodies.half[:, :2].min(axis=1, initial=np.inf) * lens.fx
+    side = 2 * TAG_RATIO * bodies.half[:, :2].min(axis=1, initial=np.inf) * intrinsics.fx
     found: Flags = cosine >= math.cos(STEEPEST) * np.sqrt((ray * ray).sum(axis=1))
     found &= side >= SMALLEST * safe[:, len(_RAYS) // 2]
     if colored.any():
@@ -315,10 +315,10 @@ def _margins(view: CameraView, points: Array) -> Array:
     """(n, 2) px by which points (n, 3), in the camera's frame, may be elsewhere in the image, across and down."""
     if view.world_from_camera.covariance is None:
         return np.zeros((len(points), 2))
-    lens, depth = view.intrinsics, np.where(points[:, 2] > _DIVISOR, points[:, 2], 1.0)
+    intrinsics, depth = view.intrinsics, np.where(points[:, 2] > _DIVISOR, points[:, 2], 1.0)
     shifts = np.zeros((len(points), 2, 3))  # of the pixel with the point
-    shifts[:, 0, 0], shifts[:, 1, 1] = lens.fx / depth, lens.fy / depth
-    shifts[:, :, 2] = -points[:, :2] / depth[:, None] * (lens.fx, lens.fy) / depth[:, None]
+    shifts[:, 0, 0], shifts[:, 1, 1] = intrinsics.fx / depth, intrinsics.fy / depth
+    shifts[:, :, 2] = -points[:, :2] / depth[:, None] * (intrinsics.fx, intrinsics.fy) / depth[:, None]
     shifts = np.concatenate([shifts, np.cross(points[:, None], shifts)], axis=2)  # minus that with the camera
     variances = np.einsum("nki,ij,nkj->nk", shifts, view.world_from_camera.covariance, shifts)
     margins: Array = _IMAGE_SIGMAS * np.sqrt(np.maximum(variances, 0.0))

@@ -30,8 +30,8 @@ def test_slopes_are_those_of_the_rays() -> None:
 
 
 def test_the_field_of_view_is_that_of_the_outermost_edges() -> None:
-    lens = Intrinsics.from_fov(640, 480, 1.0)
-    (left, right) = lens.rays(np.array([[-0.5, 239.5], [639.5, 239.5]]))
+    intrinsics = Intrinsics.from_fov(640, 480, 1.0)
+    (left, right) = intrinsics.rays(np.array([[-0.5, 239.5], [639.5, 239.5]]))
     assert math.atan(right[0]) - math.atan(left[0]) == pytest.approx(1.0)
 
 

@@ -47,7 +47,8 @@ MODULES = {
         "BAND", "Body", "CAMERA", "LEAST_PIXELS", "LEAST_SHARE", "PERSON", "PERSON_FOV", "PERSPECTIVES",
         "Perspective", "Picture", "Posed", "SightChange", "VisibilityMonitor", "VisibleScene", "VisibleFraction",
         "WIDTH", "bodies_of", "body_at",
-        "is_enough", "is_seen", "lens_of", "placed", "read_perspectives", "read_posed", "shape_of_thing", "visibility",
+        "is_enough", "is_seen", "intrinsics_of", "placed", "read_perspectives", "read_posed", "shape_of_thing",
+        "visibility",
     },
     "dsr.vocabulary.what_if": {
         "Action", "Answer", "MAX_CHANGES", "MAX_SECONDS", "Numbers", "Pending", "Question", "SERVICE", "Supposed",

@@ -249,8 +249,8 @@ def test_with_threads_forms_are_worked_out_beside(tmp_path: Path, monkeypatch: p
 
 def test_what_has_a_mesh_hides_what_is_behind_it() -> None:
     room = Room(block((0.2, 0.2, 0.1)), height=0.3)
-    lens = {"fx": 600.0, "fy": 600.0, "cx": 160.0, "cy": 120.0, "width": 320, "height": 240}
-    room.memory.update_node("camera", **lens)
+    intrinsics = {"fx": 600.0, "fy": 600.0, "cx": 160.0, "cy": 120.0, "width": 320, "height": 240}
+    room.memory.update_node("camera", **intrinsics)
     for name, place in (("cube_1", (0.1, 0.0, 0.02)), ("cube_2", (-0.2, 0.0, 0.02))):
         room.memory.add_node(name, "cube", size=CUBE, mass=0.05)
         room.memory.add_edge("world", name, "Virtual_RT", pose=Pose(place))

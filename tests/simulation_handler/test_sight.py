@@ -165,7 +165,7 @@ def test_shares_of_colours_are_those_of_pixels(seed: int) -> None:
     ]
     bullet = Bullet()
     try:
-        renderer, lens = Renderer(bullet, "tiny"), Intrinsics.from_fov(240, 180, 0.98)
+        renderer, intrinsics = Renderer(bullet, "tiny"), Intrinsics.from_fov(240, 180, 0.98)
         world = World(bullet, TableSpec(), specs)
         errors = []
         for _ in range(6):
@@ -176,13 +176,13 @@ def test_shares_of_colours_are_those_of_pixels(seed: int) -> None:
             solids = [
                 Solid(spec.name, spec.size, poses[spec.name].t, poses[spec.name].q, shape=spec.shape) for spec in specs
             ]
-            sight = Sight([CameraView("overhead", OVERHEAD, lens)], by_color=list(models))
-            found, counts = sight.shares(solids), pixels(renderer, world, lens)
+            sight = Sight([CameraView("overhead", OVERHEAD, intrinsics)], by_color=list(models))
+            found, counts = sight.shares(solids), pixels(renderer, world, intrinsics)
             for spec in specs:
-                if not is_in_image(poses[spec.name], spec, lens):
+                if not is_in_image(poses[spec.name], spec, intrinsics):
                     continue
                 with world.shown_at({name: Pose((0.0, 0.0, -30.0)) for name in poses if name != spec.name}):
-                    alone = pixels(renderer, world, lens)[spec.name]
+                    alone = pixels(renderer, world, intrinsics)[spec.name]
                 errors.append(found["overhead", spec.name] - counts[spec.name] / alone)
     finally:
         bullet.close()
@@ -191,18 +191,18 @@ def test_shares_of_colours_are_those_of_pixels(seed: int) -> None:
     assert np.abs(errors).max() < 0.15
 
 
-def pixels(renderer: Renderer, world: World, lens: Intrinsics) -> dict[str, int]:
+def pixels(renderer: Renderer, world: World, intrinsics: Intrinsics) -> dict[str, int]:
     """How many pixels show each object."""
-    picture = renderer.render(OVERHEAD, lens, bodies=True)
+    picture = renderer.render(OVERHEAD, intrinsics, bodies=True)
     assert picture.bodies is not None
     return {name: int((picture.bodies == world.body(name)).sum()) for name in world}
 
 
-def is_in_image(pose: Pose, spec: ObjectSpec, lens: Intrinsics) -> bool:
+def is_in_image(pose: Pose, spec: ObjectSpec, intrinsics: Intrinsics) -> bool:
     """Whether all of an object is in the image: what is outside counts as unseen, and has no pixels."""
     signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
-    found = lens.project((OVERHEAD.inverse() @ pose).apply(signs * np.array(spec.size) / 2))
-    return bool((found >= 0).all() and (found <= (lens.width - 1, lens.height - 1)).all())
+    found = intrinsics.project((OVERHEAD.inverse() @ pose).apply(signs * np.array(spec.size) / 2))
+    return bool((found >= 0).all() and (found <= (intrinsics.width - 1, intrinsics.height - 1)).all())
 
 
 def test_a_container_hides_what_is_beside_it_but_not_what_is_in_it() -> None:

@@ -61,7 +61,7 @@ def test_absurd_covariances_do_no_harm(scale: float) -> None:
     assert disagrees(compare(percept, EYE, BELIEF, CONFIG), None, CONFIG) is (scale < 1.0)
 
 
-def test_a_covariance_that_is_none_and_a_percept_in_the_lens() -> None:
+def test_a_covariance_that_is_none_and_a_percept_in_the_intrinsics() -> None:
     indefinite = np.zeros((6, 6))
     indefinite[0, 1] = indefinite[1, 0] = 1.0
     deviation = compare(Pose(EYE, covariance=indefinite), EYE, BELIEF, CONFIG)

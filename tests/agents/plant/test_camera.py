@@ -33,7 +33,7 @@ def tag_corners(reality: Reality, name: str) -> NDArray[np.float64]:
     h = 0.016
     tag = [[-h, h, 0.02], [h, h, 0.02], [h, -h, 0.02], [-h, -h, 0.02]]
     camera = reality.camera
-    return camera.lens.project((camera.pose.inverse() @ reality.world.pose(name)).apply(tag))
+    return camera.intrinsics.project((camera.pose.inverse() @ reality.world.pose(name)).apply(tag))
 
 
 def top_depth(reality: Reality, depth: NDArray[np.float32], name: str) -> tuple[float, float]:

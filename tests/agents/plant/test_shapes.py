@@ -128,13 +128,13 @@ def test_pictures_show_colours_hollows_and_tags(renderer: RendererName) -> None:
         made_of("ball", 0.15, 0.0),
     ]
     world = World(bullet, TableSpec(), specs)
-    lens = Intrinsics.from_fov(640, 480, 0.98)
+    intrinsics = Intrinsics.from_fov(640, 480, 0.98)
     camera = Pose((0.3, 0.0, 0.8), (1.0, 0.0, 0.0, 0.0))  # x right, y towards -y of the world
-    picture = eye.render(camera, lens, bodies=True)
+    picture = eye.render(camera, intrinsics, bodies=True)
     assert picture.bodies is not None
 
     def at(x: float, y: float, z: float) -> tuple[np.ndarray, float, int]:
-        u, v = np.rint(lens.project(camera.inverse().apply([[x, y, z]]))[0]).astype(int)
+        u, v = np.rint(intrinsics.project(camera.inverse().apply([[x, y, z]]))[0]).astype(int)
         assert picture.bodies is not None
         return picture.color[v, u].astype(float), float(picture.depth[v, u]), int(picture.bodies[v, u])
 

@@ -101,9 +101,9 @@ def test_covariance_tells_the_spread(rng: np.random.Generator) -> None:
 
 def test_large_tags_cost_no_precision(rng: np.random.Generator) -> None:
     """Their pixels are thinned out, and the covariance knows."""
-    lens = Intrinsics(600.0, 600.0, 319.5, 239.5, 640, 480)
+    intrinsics = Intrinsics(600.0, 600.0, 319.5, 239.5, 640, 480)
     corners = np.array([[100.0, 50.0], [500.0, 50.0], [500.0, 450.0], [100.0, 450.0]])
     depth = np.full((480, 640), 0.5) + rng.normal(0.0, 1e-3, (480, 640))
-    plane = fit_depth_plane(corners, depth.astype(np.float32), lens, noise_floor=FLOOR, correlation=4.0)
+    plane = fit_depth_plane(corners, depth.astype(np.float32), intrinsics, noise_floor=FLOOR, correlation=4.0)
     assert plane is not None
     assert plane.p == pytest.approx([0.0, 0.0, 2.0], abs=5e-3)

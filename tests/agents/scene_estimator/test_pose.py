@@ -110,9 +110,9 @@ def test_without_depth_the_corners_must_do() -> None:
 
 @pytest.mark.parametrize("wrong", [0.0, np.nan, 0.2, 2.0])
 def test_depth_that_is_missing_or_of_something_else_is_not_used(wrong: float, rng: np.random.Generator) -> None:
-    lens = Intrinsics(600.0, 600.0, 319.5, 239.5, 640, 480)
-    tag = Tag(3, lens.project(facing(0.4, 0.5, rng).apply(tag_corners(0.032))), 0.1)
+    intrinsics = Intrinsics(600.0, 600.0, 319.5, 239.5, 640, 480)
+    tag = Tag(3, intrinsics.project(facing(0.4, 0.5, rng).apply(tag_corners(0.032))), 0.1)
     depth = np.full((480, 640), wrong, np.float32)
-    assert estimate_tag_pose(tag, depth, lens, 0.032, NoiseModel()) == estimate_tag_pose(
-        tag, None, lens, 0.032, NoiseModel()
+    assert estimate_tag_pose(tag, depth, intrinsics, 0.032, NoiseModel()) == estimate_tag_pose(
+        tag, None, intrinsics, 0.032, NoiseModel()
     )

@@ -30,9 +30,9 @@ def report(*, adopted: bool = True) -> Report:
 
 def answer(stage: Any, found: Report) -> None:
     memory = stage.memory
-    lens = {"fx": 600.0, "fy": 600.0, "cx": 319.5, "cy": 239.5, "width": 640, "height": 480}
+    intrinsics = {"fx": 600.0, "fy": 600.0, "cx": 319.5, "cy": 239.5, "width": 640, "height": 480}
     memory.add_node("world", "world")
-    memory.add_node("camera", "camera", **lens)
+    memory.add_node("camera", "camera", **intrinsics)
     memory.add_edge("world", "camera", "RT", pose=Pose(AFTER[:3], AFTER[3:]))
     memory.add_node("calibration_0", "calibration", report=msgspec.json.encode(found).decode())
     if found.adopted:

@@ -12,8 +12,8 @@ from dsr.visibility import (
     LEAST_SHARE,
     VisibilityMonitor,
     bodies_of,
+    intrinsics_of,
     is_seen,
-    lens_of,
     read_perspectives,
     read_posed,
     visibility,
@@ -95,10 +95,10 @@ def test_bounds_without_a_mesh_need_an_inside(memory: Memory, bounds: tuple[floa
 
 def test_a_nodes_field_of_view_is_that_of_its_pictures(memory: Memory) -> None:
     memory.update_node("human_1", fov=(math.radians(90.0), math.radians(60.0)))
-    lens = lens_of(memory.node("human_1"), 200)
-    assert (lens.width, lens.fx) == (200, pytest.approx(100.0))
-    assert lens.height == round(200.0 * math.tan(math.radians(30.0)))
-    half = lens_of(memory.node("camera"), 160)
+    intrinsics = intrinsics_of(memory.node("human_1"), 200)
+    assert (intrinsics.width, intrinsics.fx) == (200, pytest.approx(100.0))
+    assert intrinsics.height == round(200.0 * math.tan(math.radians(30.0)))
+    half = intrinsics_of(memory.node("camera"), 160)
     assert (half.width, half.height, half.fx, half.cx) == (160, 120, 150.0, 79.5)
 
 
