@@ -74,14 +74,17 @@ def swap(event: Swap, stage: Stage) -> Steps:
     world, first, second = stage.world, event.object, event.other
     heights = {name: world.specs[name].size[2] / 2 for name in (first, second)}
     places = {name: world.pose(name) for name in (first, second)}
-    riders = {name: world.riders(name) if event.contents else [] for name in (first, second)}
-    if second in riders[first] or first in riders[second]:
+    supported = {name: world.supported(name) if event.contents else [] for name in (first, second)}
+    if second in supported[first] or first in supported[second]:
         raise ConfigError(f"{first!r} and {second!r} stand on one another: they can only swap without contents")
-    offsets = {name: [(rider, places[name].inverse() @ world.pose(rider)) for rider in riders[name]] for name in places}
+    offsets = {
+        name: [(carried, places[name].inverse() @ world.pose(carried)) for carried in supported[name]]
+        for name in places
+    }
     for name, other in ((first, second), (second, first)):
         x, y, z = places[other].t
         goal = Pose((x, y, z - heights[other] + heights[name]), places[name].q)
-        _set_down(stage, [(name, goal), *((rider, goal @ offset) for rider, offset in offsets[name])])
+        _set_down(stage, [(name, goal), *((carried, goal @ offset) for carried, offset in offsets[name])])
     yield from ()
 
 
@@ -197,9 +200,9 @@ def cover_camera(event: CameraCover, stage: Stage) -> Steps:
 def _put(stage: Stage, name: str, goal: Pose, *, contents: bool) -> None:
     """Teleport an object, or bring it back, at rest."""
     world = stage.world
-    riders = world.riders(name) if contents and name in world else []
-    offsets = [(rider, world.pose(name).inverse() @ world.pose(rider)) for rider in riders]
-    _set_down(stage, [(name, goal), *((rider, goal @ offset) for rider, offset in offsets)])
+    supported = world.supported(name) if contents and name in world else []
+    offsets = [(carried, world.pose(name).inverse() @ world.pose(carried)) for carried in supported]
+    _set_down(stage, [(name, goal), *((carried, goal @ offset) for carried, offset in offsets)])
 
 
 def _set_down(stage: Stage, goals: list[tuple[str, Pose]]) -> None:

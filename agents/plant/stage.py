@@ -18,18 +18,18 @@ from dsr.math3d.transforms import Pose
 class RigidGrip:
     """An object in the experimenter's hand, and those that come along rigidly with it; its contents need not."""
 
-    def __init__(self, world: World, leader: str, riders: Iterable[str]) -> None:
+    def __init__(self, world: World, leader: str, supported: Iterable[str]) -> None:
         self._world = world
         self.pose = world.pose(leader)
         """world_from_leader"""
         self._next = self.pose
         leader_from_world = self.pose.inverse()
         self._offsets = {leader: Pose.identity()}
-        self._offsets |= {rider: leader_from_world @ world.pose(rider) for rider in riders}
+        self._offsets |= {carried: leader_from_world @ world.pose(carried) for carried in supported}
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The leader, then its riders."""
+        """The leader, then the objects that it carries."""
         return tuple(self._offsets)
 
     def move_to(self, pose: Pose) -> None:
@@ -37,7 +37,7 @@ class RigidGrip:
         self._next = pose
 
     def drop(self, name: str) -> None:
-        """Let a rider go its own way."""
+        """Let a carried object go its own way."""
         self._offsets.pop(name, None)
 
     def act(self) -> None:
@@ -97,7 +97,7 @@ class Stage:
         if held is not None and contents and len(held.names) > 1:
             return held
         self.free(name)
-        grip = RigidGrip(self.world, name, self.world.riders(name, enclosed=False) if contents else ())
+        grip = RigidGrip(self.world, name, self.world.supported(name, enclosed=False) if contents else ())
         for taken in grip.names:
             self.free(taken)
         self._grips[name] = grip

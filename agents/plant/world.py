@@ -195,7 +195,7 @@ class World:
             point[7][2] > _UPWARD for other in others for point in self.bullet.getClosestPoints(body, other, reach)
         )
 
-    def riders(self, name: str, *, enclosed: bool = True) -> list[str]:
+    def supported(self, name: str, *, enclosed: bool = True) -> list[str]:
         """Objects that stand on this one or, if `enclosed`, lie in it or under it; directly or on one another."""
         found = [name]
         for base in found:

@@ -47,7 +47,7 @@ def draft(situation: Situation, hypothesis: Hypothesis) -> Draft:
     solids = stay | {name: placement.solid for name, placement in placements.items()}
     still = {name: solid for name, solid in solids.items() if name not in motions}
     hovering = {name for name, placement in placements.items() if not placement.rests}
-    held_moves = {name for move in hypothesis.moves if move.held for name in (move.name, *move.riders)}
+    held_moves = {name for move in hypothesis.moves if move.held for name in (move.name, *move.moved_along)}
     held = situation.held | (hovering & held_moves)
     solids |= _separated(situation, still, frozenset(placements), held)
     return Draft(solids, placements, frozenset(held), motions)
@@ -59,7 +59,7 @@ def _wanted(situation: Situation, hypothesis: Hypothesis) -> dict[str, Solid]:
     for move in hypothesis.moves:
         top = situation.seen[move.name].percept
         wanted[move.name] = top
-        wanted |= {name: situation.carried(move.name, name) for name in move.riders}
+        wanted |= {name: situation.carried(move.name, name) for name in move.moved_along}
         wanted |= _piled_under(situation, move, top)
     wanted |= {name: _tipped(situation, name, fall) for name, fall in hypothesis.fallen if fall > FROM_GLIMPSE}
     return wanted
@@ -121,7 +121,7 @@ def _aligned(
     aligned = dict(wanted)
     for move in hypothesis.moves:
         before, after = wanted[move.name].position, placements[move.name].solid.position
-        for name in (*move.riders, *move.beneath):
+        for name in (*move.moved_along, *move.beneath):
             if name in move.beneath and situation.still_beneath(name, wanted[move.name]):
                 continue
             x, y, z = wanted[name].position

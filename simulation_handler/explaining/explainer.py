@@ -26,7 +26,7 @@ _BENEATH_REMEMBERED = 10.0  # s for which it is known what was beneath an object
 _PAUSE = 0.09  # s until a better look at what is not clear yet: the next frame of the camera
 _AFTER_DOUBT = 0.7  # s until what is seen is seen from where the camera is now known to be
 _TOGETHER = 3.0  # s for which what moved together is taken to go on doing so
-_DRAG_STEP = 0.0005  # m that an object must have moved for its riders to follow
+_DRAG_STEP = 0.0005  # m that an object must have moved for other objects to go on with it
 
 
 class Explainer:
@@ -68,7 +68,7 @@ class Explainer:
         self._discrepancies = Discrepancies(bodies, config)
         self._planned: dict[tuple[str, str], float] = {}  # until when it counts
         self._companions: dict[str, tuple[float, frozenset[str]]] = {}  # until when, what moves with an object
-        self._riders: dict[str, dict[str, Pose]] = {}  # leader_from_rider of what moves with a followed object
+        self._moved_along: dict[str, dict[str, Pose]] = {}  # leader_from_rider of what moves with a followed object
         self._former: dict[tuple[str, str], tuple[float, Pose]] = {}  # (upper, lower) -> until when, upper_from_lower
         self._news: list[tuple[float, Explanation]] = []
         self._moved: set[str] = set()
@@ -113,14 +113,16 @@ class Explainer:
     def drag(self, now: float) -> None:
         """Let what moved with an object that goes on moving go on with it."""
         discrepancies, bodies = self._discrepancies, self._bodies
-        self._riders = {name: riders for name, riders in self._riders.items() if discrepancies.is_followed(name, now)}
-        for leader, riders in self._riders.items():
-            for rider, leader_from_rider in riders.items():
-                if leader not in bodies.sim or not self._may_be_dragged(rider, now):
+        self._moved_along = {
+            name: others for name, others in self._moved_along.items() if discrepancies.is_followed(name, now)
+        }
+        for leader, moved_along in self._moved_along.items():
+            for other, leader_from_other in moved_along.items():
+                if leader not in bodies.sim or not self._may_be_dragged(other, now):
                     continue
-                there = bodies.pose(leader) @ leader_from_rider
-                if bodies.pose(rider).distance(there)[0] > _DRAG_STEP:
-                    bodies.put(bodies.object(rider), there.t, there.q)
+                there = bodies.pose(leader) @ leader_from_other
+                if bodies.pose(other).distance(there)[0] > _DRAG_STEP:
+                    bodies.put(bodies.object(other), there.t, there.q)
                     discrepancies.follow([leader], now)
 
     def _may_be_dragged(self, name: str, now: float) -> bool:
@@ -173,7 +175,9 @@ class Explainer:
 
         What moved together goes on doing so; and what left the belief as it was is no news if it only goes on.
         """
-        self._companions |= {name: (time + _TOGETHER, riders) for name, riders in moved_together(changes).items()}
+        self._companions |= {
+            name: (time + _TOGETHER, moved_along) for name, moved_along in moved_together(changes).items()
+        }
         self._told = (changes, (now if is_lasting(changes) else time) + 2.0 * self._config.follow_for)
 
     def settle_relations(self, now: float) -> None:
@@ -220,7 +224,7 @@ class Explainer:
             beneath=_by_first(self._relations.current()),
             inside=_by_first(self._containment.current()),
             former=self._remembered(now),
-            companions={name: riders for name, (until, riders) in self._companions.items() if now <= until},
+            companions={name: moved_along for name, (until, moved_along) in self._companions.items() if now <= until},
             unplaced=bodies.unplaced(),
             held=frozenset(name for name, item in objects.items() if item.is_led and name in placed),
             planned=frozenset(pair for pair, until in self._planned.items() if now <= until),
@@ -289,16 +293,18 @@ class Explainer:
             self._relations.end(relation)
         self._moved |= explanation.solids.keys()
         self._discrepancies.follow(explanation.placements.keys(), now)
-        self._note_riders(explanation, now)
+        self._note_moved_along(explanation, now)
 
-    def _note_riders(self, explanation: Explanation, now: float) -> None:
+    def _note_moved_along(self, explanation: Explanation, now: float) -> None:
         """Keep in mind what moves with which object, as long as that goes on moving."""
         moves = explanation.hypothesis.moves if explanation.hypothesis else ()
-        self._companions |= {move.name: (now + _TOGETHER, frozenset((*move.riders, *move.beneath))) for move in moves}
-        self._riders |= {
+        self._companions |= {
+            move.name: (now + _TOGETHER, frozenset((*move.moved_along, *move.beneath))) for move in moves
+        }
+        self._moved_along |= {
             move.name: {
-                rider: self._bodies.pose(move.name).inverse() @ self._bodies.pose(rider)
-                for rider in (*move.riders, *move.beneath)
+                other: self._bodies.pose(move.name).inverse() @ self._bodies.pose(other)
+                for other in (*move.moved_along, *move.beneath)
             }
             for move in moves
         }

@@ -13,15 +13,15 @@ FROM_GLIMPSE = -1
 
 @dataclass(frozen=True, order=True)
 class Move:
-    """A move of a seen object to its percept, with its riders."""
+    """A move of a seen object to its percept, with the unseen objects that moved along."""
 
     name: str
-    riders: tuple[str, ...] = ()
+    moved_along: tuple[str, ...] = ()
     """Unseen objects that moved rigidly with it: its supports, its contents."""
     beneath: tuple[str, ...] = ()
     """Unseen objects from elsewhere that are below it now, lowest first."""
     held: bool = False
-    """Something unknown holds it, and its riders."""
+    """Whether something unknown holds the object and those that moved along."""
 
 
 @dataclass(frozen=True)
@@ -47,16 +47,16 @@ class Hypothesis:
     @property
     def unseen(self) -> frozenset[str]:
         """Objects that are nowhere to be seen and of which something is said."""
-        hidden = {name for move in self.moves for name in (*move.riders, *move.beneath)}
+        hidden = {name for move in self.moves for name in (*move.moved_along, *move.beneath)}
         return frozenset(hidden) | self.removed | {name for name, _ in self.fallen}
 
     def with_move(self, move: Move) -> Hypothesis:
-        """Copy the hypothesis with another move of one object; its riders do nothing else."""
-        taken = {*move.riders, *move.beneath}
+        """Copy the hypothesis with another move of one object; objects that moved along do nothing else."""
+        taken = {*move.moved_along, *move.beneath}
         others = [
             replace(
                 other,
-                riders=tuple(name for name in other.riders if name not in taken),
+                moved_along=tuple(name for name in other.moved_along if name not in taken),
                 beneath=tuple(name for name in other.beneath if name not in taken),
             )
             for other in self.moves
@@ -89,7 +89,7 @@ class Hypothesis:
         moves = tuple(
             replace(
                 move,
-                riders=tuple(name for name in move.riders if name not in names),
+                moved_along=tuple(name for name in move.moved_along if name not in names),
                 beneath=tuple(name for name in move.beneath if name not in names),
             )
             for move in self.moves

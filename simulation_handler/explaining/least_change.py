@@ -51,5 +51,5 @@ def _is_as_good(situation: Situation, candidate: Candidate, best: Candidate) -> 
 
 def _kind(hypothesis: Hypothesis) -> tuple[object, ...]:
     """The hypothesis without which unseen objects moved or are gone. Which falls are typical is another question."""
-    moves = tuple((move.name, move.held, len(move.riders), len(move.beneath)) for move in hypothesis.moves)
+    moves = tuple((move.name, move.held, len(move.moved_along), len(move.beneath)) for move in hypothesis.moves)
     return moves, len(hypothesis.removed), hypothesis.fallen, hypothesis.kept, hypothesis.camera_moved

@@ -120,8 +120,8 @@ def _move_prior(situation: Situation, move: Move) -> float:
     companions = situation.companions.get(move.name, frozenset())
     cost = (
         nats.MOVED
-        + nats.MOVED_ALONG * len(set(move.riders) - companions)
-        + nats.PARTED * len(companions - set(move.riders))
+        + nats.MOVED_ALONG * len(set(move.moved_along) - companions)
+        + nats.PARTED * len(companions - set(move.moved_along))
     )
     for name in move.beneath:
         is_done = name in situation.beneath.get(move.name, ())  # what was put there already moved along, if at all

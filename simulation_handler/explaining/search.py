@@ -95,8 +95,8 @@ def _beginnings(situation: Situation) -> list[Hypothesis]:
     for name in moved:
         chain = situation.chain_beneath(name) + situation.chain_above(name)
         if chain and name in situation.believed:
-            together = together.with_move(Move(name, riders=chain))
-            beginnings.append(alone.with_move(Move(name, riders=chain)))
+            together = together.with_move(Move(name, moved_along=chain))
+            beginnings.append(alone.with_move(Move(name, moved_along=chain)))
     beginnings.append(together)
     false = nothing
     for name in moved:
@@ -128,11 +128,11 @@ def _about_seen(situation: Situation, candidate: Candidate, name: str) -> Iterat
     if name in situation.believed:
         chain = situation.chain_beneath(name)
         for length in range(1, len(chain) + 1):
-            yield hypothesis.with_move(Move(name, riders=chain[:length]))
-            yield hypothesis.with_move(Move(name, riders=chain[:length], held=True))
+            yield hypothesis.with_move(Move(name, moved_along=chain[:length]))
+            yield hypothesis.with_move(Move(name, moved_along=chain[:length], held=True))
     for pile in _piles(situation, candidate, name):
         yield hypothesis.with_move(Move(name, beneath=pile))
-    yield hypothesis.with_move(Move(name, riders=move.riders, held=True))
+    yield hypothesis.with_move(Move(name, moved_along=move.moved_along, held=True))
     yield hypothesis.with_move(Move(name, held=True))
     yield hypothesis.without_percept(name)
     yield hypothesis.with_move(Move(name))
@@ -146,11 +146,12 @@ def _about_unseen(situation: Situation, candidate: Candidate, name: str) -> Iter
     """Why an object that should be seen is not."""
     hypothesis = candidate.hypothesis
     for move in hypothesis.moves:
-        if name in situation.chain_beneath(move.name) and name not in move.riders and move.name in situation.believed:
+        is_beneath = name in situation.chain_beneath(move.name) and name not in move.moved_along
+        if is_beneath and move.name in situation.believed:
             chain = situation.chain_beneath(move.name)
-            yield hypothesis.with_move(Move(move.name, riders=chain[: chain.index(name) + 1]))
+            yield hypothesis.with_move(Move(move.name, moved_along=chain[: chain.index(name) + 1]))
         if name in situation.former.get(move.name, {}):
-            yield hypothesis.with_move(replace(move, riders=(*move.riders, name)))
+            yield hypothesis.with_move(replace(move, moved_along=(*move.moved_along, name)))
         for pile in _piles(situation, candidate, move.name):
             if name in pile:
                 yield hypothesis.with_move(Move(move.name, beneath=pile))

@@ -205,13 +205,13 @@ class Situation:
         """An object there."""
         return Solid(name, self.size(name), position, rotation, shape=self.properties[name].shape)
 
-    def carried(self, name: str, rider: str) -> Solid:
-        """The solid of a rider that has moved rigidly with a seen object."""
-        offset = self.former.get(name, {}).get(rider)
+    def carried(self, name: str, other: str) -> Solid:
+        """The solid of an object that has moved rigidly with a seen one."""
+        offset = self.former.get(name, {}).get(other)
         if offset is None:
-            offset = as_pose(self.believed[name]).inverse() @ as_pose(self.believed[rider])
+            offset = as_pose(self.believed[name]).inverse() @ as_pose(self.believed[other])
         pose = as_pose(self.seen[name].percept) @ offset
-        return self.solid(rider, pose.t, pose.q)
+        return self.solid(other, pose.t, pose.q)
 
 
 def as_pose(solid: Solid) -> Pose:

@@ -57,10 +57,10 @@ def _move(situation: Situation, move: Move, candidate: Candidate) -> ExplainedCh
     hand = _HELD if move.held else ""
     if name not in situation.believed:
         return ExplainedChange(f"{hand}appeared", ((name,),))
-    if move.riders:
+    if move.moved_along:
         above = set(situation.chain_above(name))
-        kind = _WITH_CONTENTS if set(move.riders) <= above else _WITH_SUPPORTS
-        return ExplainedChange(f"{hand}{kind}", ((name,), move.riders))
+        kind = _WITH_CONTENTS if set(move.moved_along) <= above else _WITH_SUPPORTS
+        return ExplainedChange(f"{hand}{kind}", ((name,), move.moved_along))
     if move.beneath:
         return ExplainedChange(_UNDER, (tuple(reversed(move.beneath)), (name,)))
     return ExplainedChange("held", ((name,),)) if move.held else _alone(situation, name, candidate)
@@ -80,7 +80,7 @@ def _alone(situation: Situation, name: str, candidate: Candidate) -> ExplainedCh
 
 def _swaps(situation: Situation, hypothesis: Hypothesis, settled: Mapping[str, Solid]) -> list[tuple[str, str]]:
     """Pairs that each are where the other one was."""
-    names = [move.name for move in hypothesis.moves if move.name in situation.believed and not move.riders]
+    names = [move.name for move in hypothesis.moves if move.name in situation.believed and not move.moved_along]
     return [
         (a, b)
         for i, a in enumerate(names)

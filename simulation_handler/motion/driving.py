@@ -134,10 +134,10 @@ class Driving:
                 self._begin(self._bodies.objects[name], start)
         self._lead_from_below(self._drives.keys() - before, now)
         self._let_pass(now)
-        riders = self._supported.riders(self._drives)
+        supported = self._supported.supported(self._drives)
         for item in self._bodies.objects.values():
             item.driven = item.name in self._drives
-            item.rides = item.name in riders and not self._is_lost(item, now)
+            item.rides = item.name in supported and not self._is_lost(item, now)
 
     def _seem_bumped(self, starts: Mapping[str, float], unmoved: Set[str]) -> frozenset[str]:
         """What rests, as the camera may show all of it elsewhere; what of that has just set out is put back first."""
@@ -161,7 +161,7 @@ class Driving:
     def _put_back(self, name: str) -> None:
         """Let an object and its load be where it has set out, and be driven no more."""
         back = self._drives.pop(name).origin @ self._bodies.pose(name).inverse()
-        for other in sorted({name, *self._supported.riders([name])}):
+        for other in sorted({name, *self._supported.supported([name])}):
             if other in self._bodies.objects and other in self._bodies.sim:
                 pose = back @ self._bodies.pose(other)
                 self._bodies.put(self._bodies.objects[other], pose.t, pose.q)
@@ -201,9 +201,11 @@ class Driving:
         sim, objects = self._bodies.sim, self._bodies.objects.values()
         seen = [item.name for item in objects if item.drivable and now - item.track.last_stamp <= UNSEEN]
         names = sorted(self._drives.keys() | {name for name in seen if name in sim})
-        riders = {name: self._supported.riders([name]) for name in names}
+        supported = {name: self._supported.supported([name]) for name in names}
         pairs = [pair for pair in combinations(names, 2) if not self._drives.keys().isdisjoint(pair)]
-        sim.let_pass({(a, b) for a, b in pairs if b not in riders[a] and a not in riders[b] and self._beside(a, b)})
+        sim.let_pass(
+            {(a, b) for a, b in pairs if b not in supported[a] and a not in supported[b] and self._beside(a, b)}
+        )
 
     def _beside(self, *pair: str) -> bool:
         """Whether neither of two bodies can be about to stand on the other, or both are driven."""
@@ -304,7 +306,7 @@ class Driving:
         """Where the body should be at the end of this step: where it was seen, as far as other bodies allow."""
         pose = item.path.at(drive.played)
         above = self._bodies.above(item, pose.t)
-        scene = self._bodies.scene(leaving_out={item.name, *above, *self._supported.riders([item.name])})
+        scene = self._bodies.scene(leaving_out={item.name, *above, *self._supported.supported([item.name])})
         covariance = _VAGUE if item.track.estimate is None else item.percept_covariance(self._config)
         config = self._lifted if _is_lifted(item, drive) else self._config
         seen, others = item.solid(pose.t, pose.q), list(scene.values())
@@ -328,7 +330,7 @@ class Driving:
         self._bodies.sim.set_velocity(item.name, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         is_unseen = item.vanished_when_let_go or not item.track.is_fresh(self._now)
         is_let_go = drive.by_hand and not item.hand and is_unseen
-        if not drive.rests and not is_let_go and item.name not in self._supported.riders(self._drives):
+        if not drive.rests and not is_let_go and item.name not in self._supported.supported(self._drives):
             self._bodies.set_static(item, True)
 
     def _is_lost(self, item: BelievedObject, now: float) -> bool:

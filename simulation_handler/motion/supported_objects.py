@@ -27,7 +27,7 @@ class SupportedObjects:
         self._relations = relations
         self._containment = containment
 
-    def riders(self, leaders: Collection[str]) -> set[str]:
+    def supported(self, leaders: Collection[str]) -> set[str]:
         """Names of the objects in or on the leaders, directly and indirectly."""
         return carried_by(leaders, [*self._relations.current(), *self._containment.current()]) if leaders else set()
 

@@ -57,8 +57,8 @@ def test_a_ball_falls_into_an_open_box_and_comes_to_rest_there(make_world: MakeW
     x, y, z = world.pose("ball").t
     assert z == pytest.approx(0.034, abs=1e-3)
     assert max(abs(x - 0.3), abs(y)) < 0.05
-    assert world.riders("container_green") == ["ball"]
-    assert world.riders("ball") == []
+    assert world.supported("container_green") == ["ball"]
+    assert world.supported("ball") == []
     assert world.body("container_green") in world.supports("ball")
 
 
@@ -74,8 +74,8 @@ def test_a_rolling_ball_comes_to_rest(make_world: MakeWorld) -> None:
 def test_what_is_under_a_cover_is_enclosed_but_not_carried(make_world: MakeWorld, cube: MakeCube) -> None:
     world = make_world(made_of("cover_large", 0.3, 0.0, marker_id=7), cube(3, 0.3, 0.0))
     world.settle()
-    assert world.riders("cover_large") == ["cube_3"]
-    assert world.riders("cover_large", enclosed=False) == []
+    assert world.supported("cover_large") == ["cube_3"]
+    assert world.supported("cover_large", enclosed=False) == []
 
 
 def test_a_cover_that_is_slid_pushes_what_is_under_it_and_leaves_it_when_lifted(
@@ -103,9 +103,9 @@ def test_a_ball_goes_with_the_box_and_can_be_poured(make_reality: MakeReality, p
     reality = make_reality(green, blue, made_of("ball", 0.2, 0.2, 0.034), events=events)
     play(reality, 4.0)
     assert reality.world.pose("container_green").t == pytest.approx((0.3, 0.04, 0.06), abs=2e-3)
-    assert reality.world.riders("container_green") == ["ball"]
+    assert reality.world.supported("container_green") == ["ball"]
     play(reality, 6.0, start=4.0)
-    assert reality.world.riders("container_blue") == ["ball"]
+    assert reality.world.supported("container_blue") == ["ball"]
 
 
 def test_an_object_that_was_removed_comes_back_with_its_shape(make_world: MakeWorld) -> None:

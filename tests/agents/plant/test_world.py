@@ -61,9 +61,9 @@ def test_what_stands_beside_the_table_falls_to_the_floor(make_world: MakeWorld, 
 def test_riders_are_all_above_and_inside_but_not_beside(make_world: MakeWorld, cube: MakeCube) -> None:
     world = make_world(cube(3, 0.3, 0.0), cube(4, 0.3, 0.0, 0.06), cube(5, 0.31, 0.0, 0.10), cube(6, 0.3, 0.041))
     world.settle()
-    assert world.riders("cube_3") == ["cube_4", "cube_5"]
-    assert world.riders("cube_4") == ["cube_5"]
-    assert world.riders("cube_6") == []
+    assert world.supported("cube_3") == ["cube_4", "cube_5"]
+    assert world.supported("cube_4") == ["cube_5"]
+    assert world.supported("cube_6") == []
 
 
 def test_removed_object_is_gone_until_put_back(make_world: MakeWorld, cube: MakeCube) -> None:

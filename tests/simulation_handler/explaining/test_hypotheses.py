@@ -6,8 +6,8 @@ from simulation_handler.explaining.hypotheses import Hypothesis, Move
 
 
 def test_what_one_move_takes_along_no_other_does() -> None:
-    hypothesis = Hypothesis().with_move(Move("a", riders=("b", "c"))).with_move(Move("d", beneath=("c",)))
-    assert hypothesis.moves == (Move("a", riders=("b",)), Move("d", beneath=("c",)))
+    hypothesis = Hypothesis().with_move(Move("a", moved_along=("b", "c"))).with_move(Move("d", beneath=("c",)))
+    assert hypothesis.moves == (Move("a", moved_along=("b",)), Move("d", beneath=("c",)))
 
 
 def test_a_new_move_of_the_same_object_replaces_the_old_one() -> None:
@@ -16,9 +16,9 @@ def test_a_new_move_of_the_same_object_replaces_the_old_one() -> None:
 
 
 def test_what_moves_along_was_neither_removed_nor_did_it_fall() -> None:
-    hypothesis = Hypothesis().with_removed(["b"]).with_fall("c", 1).with_move(Move("a", riders=("b", "c")))
-    assert hypothesis == Hypothesis(moves=(Move("a", riders=("b", "c")),))
-    assert hypothesis.with_removed(["b"]).moves == (Move("a", riders=("c",)),)
+    hypothesis = Hypothesis().with_removed(["b"]).with_fall("c", 1).with_move(Move("a", moved_along=("b", "c")))
+    assert hypothesis == Hypothesis(moves=(Move("a", moved_along=("b", "c")),))
+    assert hypothesis.with_removed(["b"]).moves == (Move("a", moved_along=("c",)),)
     assert hypothesis.with_fall("c", 2).unseen == {"b", "c"}
 
 

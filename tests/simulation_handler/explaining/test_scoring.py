@@ -24,7 +24,7 @@ PLANNED = Situation(
     surprising=("top",),
     planned=frozenset({("top", "below")}),
 )
-PUT_UNDER, TOGETHER = Hypothesis((Move("top", beneath=("below",)),)), Hypothesis((Move("top", riders=("below",)),))
+PUT_UNDER, TOGETHER = Hypothesis((Move("top", beneath=("below",)),)), Hypothesis((Move("top", moved_along=("below",)),))
 
 
 def test_what_a_plan_puts_somewhere_is_likely_there() -> None:
