@@ -85,7 +85,7 @@ def times(rounds: int) -> tuple[float, float]:
             begin = process_time()
             picture = Picture(view, LENS, bodies, names)
             for name in names:
-                picture.glance(name)
+                picture.visible(name)
             middle = process_time()
             scene.picture(view, LENS)
             ours.append(middle - begin)
@@ -110,7 +110,7 @@ def _added(total: Agreement, view: Pose, bodies: Sequence[Body]) -> Agreement:
     decisions = agreed = near = 0
     worst = total.worst
     for body in bodies[1:]:
-        share = picture.glance(body.name).share
+        share = picture.visible(body.name).share
         worst = max(worst, abs(share - exact[body.name]))
         if abs(exact[body.name] - LEAST_SHARE) < AWAY:
             near += 1

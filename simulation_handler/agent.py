@@ -75,7 +75,7 @@ class SimulationHandler(Agent):
     def tick(self, now: float) -> None:
         """Bring the belief to time `now` (s), and the graph into step with it."""
         self._reading.update(now)
-        self._belief.look(self._seeing.look)
+        self._belief.set_visibility(self._seeing.visibility)
         self._belief.step(now)
         self._writing.update(now)
         self._seeing.update(now)

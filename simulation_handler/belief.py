@@ -18,7 +18,7 @@ from dsr.vocabulary.explained import ExplainedChange
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.containment import Containment
 from simulation_handler.contact.relations import ContactRelations, Relation, resting
-from simulation_handler.explaining import ExplainingPolicy, Explanation, Look, make_policy
+from simulation_handler.explaining import ExplainingPolicy, Explanation, VisibilityQuery, make_policy
 from simulation_handler.explaining.explainer import Explainer
 from simulation_handler.hands.fingers import Fingers
 from simulation_handler.hands.state import HandGrasp, HandPercept
@@ -167,9 +167,9 @@ class Belief:
             return
         item.observe(make_percept(world_pose, stamp, seen_from, self.config), camera)
 
-    def look(self, look: Look | None) -> None:
-        """Use `look` from now on for the objects that cameras should see; None without a camera."""
-        self._explainer.look = self._touching.look = look
+    def set_visibility(self, visibility: VisibilityQuery | None) -> None:
+        """Use `visibility` from now on for the objects that cameras should see; None without a camera."""
+        self._explainer.visibility = self._touching.visibility = visibility
 
     def doubt_cameras(self, in_doubt: Collection[str], *, standing: Collection[str]) -> None:
         """Know of which cameras somebody finds out if they have moved, or has found out that they have not.

@@ -11,7 +11,7 @@ from dsr.math3d.transforms import Pose
 from dsr.vocabulary.explained import ExplainedChange
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.relations import Relation
-from simulation_handler.explaining import Explanation, Look
+from simulation_handler.explaining import Explanation, VisibilityQuery
 from simulation_handler.hands.state import HandGrasp, HandPercept
 from simulation_handler.motion.holding import GripperGrasp
 from simulation_handler.physics.rollouts.scene import RolloutScene
@@ -74,8 +74,8 @@ class Reasoner(Protocol):
     ) -> None:
         """Take in a percept."""
 
-    def look(self, look: Look | None) -> None:
-        """Use `look` from now on for the objects that cameras should see."""
+    def set_visibility(self, visibility: VisibilityQuery | None) -> None:
+        """Use `visibility` from now on for the objects that cameras should see."""
 
     def doubt_cameras(self, in_doubt: Collection[str], *, standing: Collection[str]) -> None:
         """Know of which cameras somebody finds out if they have moved, or has found out that they have not."""

@@ -85,7 +85,7 @@ class PersonalView:
         self._see_others(picture, now)
         for thing in seen:
             if thing in self.world:
-                self._connect(self.name, thing, monitor.glances[self.name, thing].share)
+                self._connect(self.name, thing, monitor.visibilities[self.name, thing].share)
 
     # ---- what is seen
 
@@ -217,8 +217,8 @@ class PersonalView:
         body = body_at(self.world, node, pose)
         if body is None:
             return False
-        glance = picture.would_show(body)
-        return glance.share >= self._empty_share and glance.pixels >= LEAST_PIXELS
+        visible = picture.would_show(body)
+        return visible.share >= self._empty_share and visible.pixels >= LEAST_PIXELS
 
     def _forget_place(self, name: str) -> None:
         self._empty_since.pop(name, None)
@@ -289,5 +289,5 @@ class PersonalView:
 def _is_shown(node: Node, pose: Pose, picture: Picture) -> bool:
     """Whether anything of a person is seen; of a camera, the point where it is."""
     if node.type == PERSON:
-        return node.get("perceived") is True and picture.glance(node.name).pixels >= LEAST_PIXELS
+        return node.get("perceived") is True and picture.visible(node.name).pixels >= LEAST_PIXELS
     return picture.shows(pose.translation)

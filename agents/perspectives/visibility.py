@@ -72,16 +72,16 @@ class Visibility(Monitor):
     def _write(self, name: str, thing: str) -> None:
         if name not in self.target or thing not in self.target:
             return
-        glance = self._monitor.glances[name, thing]
+        visible = self._monitor.visibilities[name, thing]
         edge = self.target.get_edge(name, thing, "sees")
         if edge is not None and _is_by_the_simulation(edge):
             return
         if (
             edge is None
-            or abs(edge.get("share", 0.0) - glance.share) > _NEWS
-            or edge.get("hidden_by") != glance.hidden_by
+            or abs(edge.get("share", 0.0) - visible.share) > _NEWS
+            or edge.get("hidden_by") != visible.hidden_by
         ):
-            self.target.add_edge(name, thing, "sees", share=glance.share, visible=True, hidden_by=glance.hidden_by)
+            self.target.add_edge(name, thing, "sees", share=visible.share, visible=True, hidden_by=visible.hidden_by)
 
 
 def _is_by_the_simulation(edge: Edge) -> bool:

@@ -57,7 +57,7 @@ def visibility(
     perspectives = read_perspectives(memory, names, width)
     scene = VisibleScene.of(memory)
     return {
-        (perspective.name, thing): picture.glance(thing)
+        (perspective.name, thing): picture.visible(thing)
         for perspective in perspectives
         for picture in [scene.seen_from(perspective)]
         for thing in sorted(scene.things)
@@ -69,6 +69,6 @@ def is_enough(share: float, was_seen: bool, least_share: float = LEAST_SHARE, ba
     return share >= least_share - (band if was_seen else 0.0)
 
 
-def is_seen(glance: VisibleFraction, least_share: float = LEAST_SHARE, least_pixels: int = LEAST_PIXELS) -> bool:
-    """Whether a glance shows enough of a thing to call it visible."""
-    return glance.share >= least_share and glance.pixels >= least_pixels
+def is_seen(visible: VisibleFraction, least_share: float = LEAST_SHARE, least_pixels: int = LEAST_PIXELS) -> bool:
+    """Whether enough of a thing shows to call it visible."""
+    return visible.share >= least_share and visible.pixels >= least_pixels

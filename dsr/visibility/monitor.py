@@ -24,7 +24,7 @@ class SightChange(NamedTuple):
     perspective: str
     thing: str
     seen: bool
-    glance: VisibleFraction
+    visible: VisibleFraction
 
 
 class VisibilityMonitor:
@@ -61,7 +61,7 @@ class VisibilityMonitor:
         self._least_share, self._least_pixels, self._band, self._width = least_share, least_pixels, band, width
         self._posed: list[Posed] = []
         self._drawn: dict[str, tuple[Perspective, Picture]] = {}
-        self._glances: dict[tuple[str, str], VisibleFraction] = {}
+        self._visibilities: dict[tuple[str, str], VisibleFraction] = {}
         self._seen: frozenset[tuple[str, str]] = frozenset()
         self.scene = VisibleScene([], frozenset())
         """What there was at the last look."""
@@ -69,9 +69,9 @@ class VisibilityMonitor:
         """How many were drawn."""
 
     @property
-    def glances(self) -> Mapping[tuple[str, str], VisibleFraction]:
-        """Glances of the last look, by (perspective, thing), for all perspectives."""
-        return self._glances
+    def visibilities(self) -> Mapping[tuple[str, str], VisibleFraction]:
+        """Visible fractions at the last look, by (perspective, thing), for all perspectives."""
+        return self._visibilities
 
     @property
     def seen(self) -> frozenset[tuple[str, str]]:
@@ -99,16 +99,18 @@ class VisibilityMonitor:
             self.scene = VisibleScene.of(self._memory, posed)
         self._look()
         things = sorted(self.scene.things)
-        self._glances = {
-            (name, thing): picture.glance(thing) for name, (_, picture) in self._drawn.items() for thing in things
+        self._visibilities = {
+            (name, thing): picture.visible(thing) for name, (_, picture) in self._drawn.items() for thing in things
         }
         before, self._seen = (
             self._seen,
-            frozenset(key for key, glance in self._glances.items() if self._is_seen(key, glance)),
+            frozenset(key for key, visible in self._visibilities.items() if self._is_seen(key, visible)),
         )
         nothing = VisibleFraction(0.0, 0, 0, "")
         return [
-            SightChange(*key, key in self._seen, self._glances.get(key, nothing)) for key in sorted(before ^ self._seen)
+            SightChange(
+                *key, key in self._seen, self._visibilities.get(key, nothing)
+            ) for key in sorted(before ^ self._seen)
         ]
 
     def _wanted(self) -> list[str]:
@@ -127,9 +129,9 @@ class VisibilityMonitor:
             drawn[perspective.name] = known
         self._drawn = drawn
 
-    def _is_seen(self, key: tuple[str, str], glance: VisibleFraction) -> bool:
-        enough = is_enough(glance.share, key in self._seen, self._least_share, self._band)
-        return enough and glance.pixels >= self._least_pixels
+    def _is_seen(self, key: tuple[str, str], visible: VisibleFraction) -> bool:
+        enough = is_enough(visible.share, key in self._seen, self._least_share, self._band)
+        return enough and visible.pixels >= self._least_pixels
 
 
 def _is_same(posed: list[Posed], before: list[Posed]) -> bool:

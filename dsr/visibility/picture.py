@@ -95,7 +95,7 @@ class Picture:
         world_from_view: of the optical frame: z forward, x right, y down.
         intrinsics: of the picture.
         bodies: all that is there.
-        wanted: names of those of which a glance will be asked.
+        wanted: names of those whose visible fraction will be asked.
     """
 
     def __init__(
@@ -120,7 +120,7 @@ class Picture:
                 if body.name in wanted:
                     self._shots[body.name] = (index, shot)
 
-    def glance(self, name: str) -> VisibleFraction:
+    def visible(self, name: str) -> VisibleFraction:
         """Tell how much of one of the wanted bodies is seen."""
         if name not in self._shots:
             return VisibleFraction(0.0, 0, 0, "")

@@ -11,10 +11,10 @@ from dsr.config.plugins import EXPLAINERS, load
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.by_hypotheses import ByHypotheses
 from simulation_handler.explaining.policy import ExplainingPolicy, Explanation
-from simulation_handler.explaining.situation import Look
+from simulation_handler.explaining.situation import VisibilityQuery
 from simulation_handler.physics.rollouts.pool import Pool
 
-__all__ = ["ExplainingPolicy", "Explanation", "Look", "make_policy"]
+__all__ = ["ExplainingPolicy", "Explanation", "VisibilityQuery", "make_policy"]
 
 
 def make_policy(config: BeliefConfig, clock: Clock = WALL_CLOCK) -> ExplainingPolicy:

@@ -7,7 +7,7 @@ from collections.abc import Collection
 
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.scoring import SURE, is_displaced, is_far
-from simulation_handler.explaining.situation import Look, seen_now, shown_now
+from simulation_handler.explaining.situation import VisibilityQuery, seen_now, shown_now
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
@@ -31,11 +31,11 @@ class Discrepancies:
         """Objects that are seen elsewhere than believed."""
         return self._displaced_since.keys()
 
-    def update(self, now: float, look: Look | None) -> None:
+    def update(self, now: float, visibility: VisibilityQuery | None) -> None:
         """Compare percepts with beliefs at time `now` (s)."""
         off = [item.name for item in self._bodies.objects.values() if self._is_displaced(item, now)]
         self._displaced_since = {name: self._displaced_since.get(name, now) for name in off}
-        self._expected_by = self._expected(look) if look is not None else {}
+        self._expected_by = self._expected(visibility) if visibility is not None else {}
         blind = not any(item.estimate_at(now) for item in self._bodies.objects.values())
         since = {} if blind else self._expected_since  # a camera that shows nothing is covered
         self._expected_since = {name: since.get(name, now) for name in sorted(self._expected_by)}
@@ -100,12 +100,12 @@ class Discrepancies:
         is_apart = is_far(shown_now(item, config)[0], believed, config)  # of most nothing more must be worked out
         return is_apart and is_displaced(seen_now(item, config, now), believed, config)
 
-    def _expected(self, look: Look) -> dict[str, frozenset[str]]:
+    def _expected(self, visibility: VisibilityQuery) -> dict[str, frozenset[str]]:
         """Objects at rest, for what falls is not there any more when a frame comes, that some cameras should see."""
         bodies, in_motion = self._bodies, self._bodies.in_motion()
         solids = [bodies.solid(name) for name, item in bodies.objects.items() if name in bodies.sim]
         expected: dict[str, frozenset[str]] = {}
-        for (camera, name), glance in look(solids).items():
-            if glance.share >= SURE and not bodies.objects[name].is_led and name not in in_motion:
+        for (camera, name), visible in visibility(solids).items():
+            if visible.share >= SURE and not bodies.objects[name].is_led and name not in in_motion:
                 expected[name] = expected.get(name, frozenset()) | {camera}
         return expected

@@ -14,7 +14,14 @@ from simulation_handler.contact.relations import ContactRelations, Relation
 from simulation_handler.explaining.discrepancies import Discrepancies
 from simulation_handler.explaining.glimpses import Glimpse, glimpse_of
 from simulation_handler.explaining.policy import ExplainingPolicy, Explanation
-from simulation_handler.explaining.situation import THIS_FRAME, Look, Properties, Situation, as_pose, seen_now
+from simulation_handler.explaining.situation import (
+    THIS_FRAME,
+    Properties,
+    Situation,
+    VisibilityQuery,
+    as_pose,
+    seen_now,
+)
 from simulation_handler.explaining.wording import is_lasting, moved_together
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
@@ -52,7 +59,7 @@ class Explainer:
         """Objects that the working memory says are surprising."""
         self.planned: frozenset[tuple[str, str]] = frozenset()
         """(object, support): where a plan has just put something."""
-        self.look: Look | None = None
+        self.visibility: VisibilityQuery | None = None
         """What cameras should see; None without one."""
         self.take: Callable[[str, float], str] = lambda name, now: ""
         """Lets a hand have, at a time (s), what is missing where it covered it; names the hand, or nothing."""
@@ -99,7 +106,7 @@ class Explainer:
     def notice(self, now: float) -> None:
         """Compare percepts with beliefs at time `now` (s)."""
         self._planned |= dict.fromkeys(self.planned, now + _BENEATH_REMEMBERED)
-        self._discrepancies.update(now, self.look)
+        self._discrepancies.update(now, self.visibility)
         for name, item in self._bodies.objects.items():
             is_seen = now - item.track.last_stamp < THIS_FRAME and item.track.estimate is not None
             if is_seen and name in self._bodies.sim and name not in self.waiting and not item.holder:
@@ -146,7 +153,7 @@ class Explainer:
         explanation = self._with_hands(explanation, now)
         if explanation.changes_belief:
             self._adopt(explanation, now)
-            self._discrepancies.update(now, self.look)
+            self._discrepancies.update(now, self.visibility)
         else:
             self._look_again_at = now + self._config.look_again_after
         told, until = self._told
@@ -232,17 +239,17 @@ class Explainer:
             glimpsed={name: seen for name in placed if (seen := self._glimpse(objects[name], now)) is not None},
             missing_for=self._discrepancies.missing_for(now),
             evidence=self._discrepancies.evidence(now, withheld),
-            look=self._look_without(doubted, withheld),
+            visibility=self._visibility_without(doubted, withheld),
             sure=self.sure(now) - withheld,
         )
 
-    def _look_without(self, cameras: frozenset[str], names: frozenset[str]) -> Look | None:
+    def _visibility_without(self, cameras: frozenset[str], names: frozenset[str]) -> VisibilityQuery | None:
         """What cameras should see, without some of them and without some objects."""
-        look = self.look
-        if look is None or not cameras:
-            return look
+        visibility = self.visibility
+        if visibility is None or not cameras:
+            return visibility
         return lambda solids: {
-            key: glance for key, glance in look(solids).items() if key[0] not in cameras and key[1] not in names
+            key: visible for key, visible in visibility(solids).items() if key[0] not in cameras and key[1] not in names
         }
 
     def _glimpse(self, item: BelievedObject, now: float) -> Glimpse | None:

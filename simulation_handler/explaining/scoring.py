@@ -17,7 +17,7 @@ from simulation_handler.explaining.camera import corrected
 from simulation_handler.explaining.drafting import Draft
 from simulation_handler.explaining.hypotheses import FROM_GLIMPSE, Hypothesis, Move
 from simulation_handler.explaining.situation import THIS_FRAME, Seen, Situation, as_pose
-from simulation_handler.perception.sight import ExpectedVisibility
+from simulation_handler.perception.visibility import ExpectedVisibility
 from simulation_handler.shapes.geometry import Solid
 
 SURE = 0.9
@@ -133,14 +133,14 @@ def _move_prior(situation: Situation, move: Move) -> float:
 
 def _visibility(situation: Situation, hypothesis: Hypothesis, settled: Mapping[str, Solid]) -> dict[str, float]:
     """Nats for each object that should be seen and is not, or is seen and should not be."""
-    if situation.look is None or hypothesis.camera_moved:
+    if situation.visibility is None or hypothesis.camera_moved:
         return {}
-    glances: dict[str, list[ExpectedVisibility]] = {}
-    for (_, name), glance in situation.look(list(settled.values())).items():
-        glances.setdefault(name, []).append(glance)
+    visibilities: dict[str, list[ExpectedVisibility]] = {}
+    for (_, name), visible in situation.visibility(list(settled.values())).items():
+        visibilities.setdefault(name, []).append(visible)
     costs = {}
-    for name, by_camera in glances.items():
-        share = max(glance.share for glance in by_camera)
+    for name, by_camera in visibilities.items():
+        share = max(visible.share for visible in by_camera)
         if name in situation.seen:
             covered = share <= _HIDDEN_SHARE and _is_covered(by_camera, settled)
             if covered and name not in hypothesis.kept and situation.seen[name].age < THIS_FRAME:
@@ -151,9 +151,9 @@ def _visibility(situation: Situation, hypothesis: Hypothesis, settled: Mapping[s
     return costs
 
 
-def _is_covered(glances: Collection[ExpectedVisibility], settled: Mapping[str, Solid]) -> bool:
+def _is_covered(visibilities: Collection[ExpectedVisibility], settled: Mapping[str, Solid]) -> bool:
     """Whether objects hide something from all cameras that look there; the boxes around the arm are too rough."""
-    covers = {glance.hidden_by for glance in glances} - {""}
+    covers = {visible.hidden_by for visible in visibilities} - {""}
     return bool(covers) and covers <= settled.keys()
 
 

@@ -16,7 +16,7 @@ from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.glimpses import Glimpse
 from simulation_handler.explaining.hypotheses import FALLS
 from simulation_handler.perception.percepts import Array
-from simulation_handler.perception.sight import ExpectedVisibility
+from simulation_handler.perception.visibility import ExpectedVisibility
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.state.objects import BelievedObject
 
@@ -25,7 +25,7 @@ THIS_FRAME = 0.25
 _PLACE_FLOOR = 0.002  # m, standard deviation of what is no noise of percepts: of bodies in contact, of models
 _TURN_FLOOR = 0.03  # rad, likewise
 
-Look = Callable[[Sequence[Solid]], Mapping[tuple[str, str], ExpectedVisibility]]
+VisibilityQuery = Callable[[Sequence[Solid]], Mapping[tuple[str, str], ExpectedVisibility]]
 """Predicts the visibility of solids to cameras, by (camera, object)."""
 
 
@@ -136,7 +136,7 @@ class Situation:
     """s for which each object has not been seen although it should have been."""
     evidence: float = 1.0
     """Time (s) for which cameras have shown the scene as it is now."""
-    look: Look | None = None
+    visibility: VisibilityQuery | None = None
     """Predicts the objects that cameras should see; None without a camera whose pose is known."""
     sure: frozenset[str] = frozenset()
     """Seen by a camera that is known not to have moved."""

@@ -13,9 +13,9 @@ from dsr.errors import DsrError
 from dsr.graph.elements import Edge
 from dsr.memory import Memory
 from dsr.visibility import LEAST_SHARE, is_enough
-from simulation_handler.explaining import Look
+from simulation_handler.explaining import VisibilityQuery
 from simulation_handler.graph_io.views import by_color, hands, modelled, obstacles, persons, views
-from simulation_handler.perception.sight import ExpectedVisibility, Sight
+from simulation_handler.perception.visibility import ExpectedVisibility, RayVisibility
 from simulation_handler.reasoner import Reasoner
 from simulation_handler.shapes.meshes import Forms
 
@@ -41,7 +41,7 @@ class Seeing:
         self._memory = memory
         self._belief = belief
         self._last = -math.inf
-        self.look: Look | None = None
+        self.visibility: VisibilityQuery | None = None
         """What the cameras should see by the last look; None without a camera."""
 
     def update(self, now: float) -> None:
@@ -52,19 +52,19 @@ class Seeing:
         with contextlib.suppress(np.linalg.LinAlgError):
             cameras, memory = views(self._memory), self._memory
             hiding = [*obstacles(memory), *modelled(memory, self._forms), *hands(memory, now), *persons(memory, now)]
-            sight = Sight(cameras, hiding, by_color(memory))
-            self.look = sight.glances if cameras else None
+            rays = RayVisibility(cameras, hiding, by_color(memory))
+            self.visibility = rays.visibilities if cameras else None
             solids = self._belief.solids()
-            whole = Sight(cameras, hiding, whole=True).glances(solids)
-            self._write({key: (whole[key], glance) for key, glance in sight.glances(solids).items()})
+            whole = RayVisibility(cameras, hiding, whole=True).visibilities(solids)
+            self._write({key: (whole[key], visible) for key, visible in rays.visibilities(solids).items()})
 
-    def _write(self, glances: Mapping[tuple[str, str], tuple[ExpectedVisibility, ExpectedVisibility]]) -> None:
+    def _write(self, visibilities: Mapping[tuple[str, str], tuple[ExpectedVisibility, ExpectedVisibility]]) -> None:
         """Of the whole of each object, and of what it is recognised by."""
         cameras = {node.name for node in self._memory.nodes("camera")}
         for edge in self._memory.edges("sees"):
-            if edge.src in cameras and "detectable" in edge and (edge.src, edge.dst) not in glances:
+            if edge.src in cameras and "detectable" in edge and (edge.src, edge.dst) not in visibilities:
                 self._memory.remove_edge(edge.src, edge.dst, "sees")
-        for (camera, name), (whole, tag) in glances.items():
+        for (camera, name), (whole, tag) in visibilities.items():
             written = self._memory.get_edge(camera, name, "sees")
             values = {
                 "share": whole.share,

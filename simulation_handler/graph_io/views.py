@@ -1,4 +1,4 @@
-"""From the graph to the input of `sight`: the poses of the cameras, and the bodies that stand in their way."""
+"""From the graph to the input of `rays`: the poses of the cameras, and the bodies that stand in their way."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from dsr.vocabulary.perceived import MOST_SILENT, is_perceived, seconds_unseen
 from dsr.vocabulary.relations import SURFACES, THINGS, nodes_by_name
 from simulation_handler.graph_io.reading import MODELLED
 from simulation_handler.hands.figures import hand_solid
-from simulation_handler.perception.sight import CameraView
+from simulation_handler.perception.visibility import CameraView
 from simulation_handler.shapes.geometry import Solid
 from simulation_handler.shapes.meshes import Forms
 

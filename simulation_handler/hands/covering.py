@@ -15,7 +15,7 @@ from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.transforms import Pose
 from simulation_handler.contact.relations import Relation
-from simulation_handler.explaining.situation import Look
+from simulation_handler.explaining.situation import VisibilityQuery
 from simulation_handler.hands.state import HALF, UNSEEN, Hand
 from simulation_handler.perception.paths import Path, between
 from simulation_handler.shapes.geometry import Solid
@@ -97,13 +97,15 @@ class Covering:
             for stamp in (since - _PATH_STEP, since):
                 self._bodies.object(relation[1]).path.add(begin.with_stamp(stamp))
 
-    def update(self, hands: Mapping[str, Hand], busy: Collection[Relation], look: Look | None, now: float) -> None:
+    def update(
+        self, hands: Mapping[str, Hand], busy: Collection[Relation], visibility: VisibilityQuery | None, now: float
+    ) -> None:
         """Decide at time `now` (s) which objects are covered.
 
         Args:
             hands: all that are known.
             busy: (hand, object) that touch by what is seen of fingertips: those know better.
-            look: what cameras should see; without it nothing is covered.
+            visibility: what cameras should see; without it nothing is covered.
             now: s
         """
         self._follow(hands, now)
@@ -114,9 +116,9 @@ class Covering:
         taken = {thing for _, thing in (*busy, *self._covers)}
         occupied = {name for name, _ in (*busy, *self._covers)}
         for name, hand in hands.items():
-            if look is None or not hand.perceived or hand.measured >= RESOLVED or name in occupied:
+            if visibility is None or not hand.perceived or hand.measured >= RESOLVED or name in occupied:
                 continue
-            thing = self._covered(name, hand, look, taken)
+            thing = self._covered(name, hand, visibility, taken)
             if thing:
                 there = self._palms[name].inverse() @ self._bodies.pose(thing)
                 self._passed[thing] = (now, name, there)
@@ -161,7 +163,7 @@ class Covering:
             item.path.add(here.with_stamp(palm.stamp))  # where its way in the hand begins
         return True
 
-    def _covered(self, name: str, hand: Hand, look: Look, taken: Collection[str]) -> str:
+    def _covered(self, name: str, hand: Hand, visibility: VisibilityQuery, taken: Collection[str]) -> str:
         """The object at the fingers of a hand that hides it, the nearest; empty if there is none."""
         near = [
             item
@@ -171,10 +173,12 @@ class Covering:
         ]
         if not near:
             return ""
-        glances = look([self._bodies.solid(other) for other in self._bodies.objects if other in self._bodies.sim])
+        visibilities = visibility(
+            [self._bodies.solid(other) for other in self._bodies.objects if other in self._bodies.sim]
+        )
         hidden = []
         for item in near:
-            seen = [glance for (_, thing), glance in glances.items() if thing == item.name]
+            seen = [visible for (_, thing), visible in visibilities.items() if thing == item.name]
             if all(g.share < HALF for g in seen) and any(g.hidden_by == name for g in seen):
                 hidden.append((self._distance(hand, item.name), item.name))
         return min(hidden)[1] if hidden else ""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from dsr.math3d.transforms import Pose
 from simulation_handler.contact.relations import Relation
-from simulation_handler.explaining.situation import Look
+from simulation_handler.explaining.situation import VisibilityQuery
 from simulation_handler.hands.state import HALF
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
@@ -51,23 +51,25 @@ class LeftBehind:
         if unseen.place is None:
             unseen.place = self._bodies.objects[relation[1]].path.last
 
-    def is_absent(self, relation: Relation, there: Pose, sure: Pose, look: Look | None, now: float) -> bool | None:
+    def is_absent(
+        self, relation: Relation, there: Pose, sure: Pose, visibility: VisibilityQuery | None, now: float
+    ) -> bool | None:
         """Whether the object, which the hand in sight would have `there`, should have been seen, too, for too long.
 
         None while it need not be seen: it goes with the hand then. If the hand was always in sight, the object surely
         was at `sure` before; what is not seen there either is in the hand, held in another way than it seems.
         """
         unseen, item = self._unseen[relation], self._bodies.objects[relation[1]]
-        share = 0.0 if look is None else self._share(item, there, look)
+        share = 0.0 if visibility is None else self._share(item, there, visibility)
         may_hide = not (unseen.was_hidden or share > _CLEAR)
-        if look is None or share < HALF or (may_hide and self._share(item, sure, look) >= HALF):
+        if visibility is None or share < HALF or (may_hide and self._share(item, sure, visibility) >= HALF):
             unseen.absent_since = None
             return None
         if unseen.absent_since is None:
             unseen.absent_since, unseen.place = now, unseen.place or sure
         return now - unseen.absent_since >= (_ABSENT_IN_PART if may_hide else _ABSENT)
 
-    def place(self, relation: Relation, look: Look | None) -> Pose | None:
+    def place(self, relation: Relation, visibility: VisibilityQuery | None) -> Pose | None:
         """Where an object was left that should be seen where it is believed to be, and is not; None if there is none.
 
         A hand that was out of sight with an object may return and be seen to be open: it may have let go at any time.
@@ -78,13 +80,13 @@ class LeftBehind:
             return None
         if unseen.absent_since is None:
             item = self._bodies.objects[relation[1]]
-            if look is None or not unseen.was_hidden or self._share(item, item.path.last, look) < HALF:
+            if visibility is None or not unseen.was_hidden or self._share(item, item.path.last, visibility) < HALF:
                 return None
         return unseen.place
 
-    def _share(self, item: BelievedObject, there: Pose, look: Look) -> float:
+    def _share(self, item: BelievedObject, there: Pose, visibility: VisibilityQuery) -> float:
         """Of its image, that a camera should see of an object that is there; of the camera that sees most."""
         bodies = self._bodies
         others = [bodies.solid(name) for name in bodies.objects if name in bodies.sim and name != item.name]
-        glances = look([*others, item.solid(there.t, there.q)])
-        return max((glance.share for (_, name), glance in glances.items() if name == item.name), default=0.0)
+        visibilities = visibility([*others, item.solid(there.t, there.q)])
+        return max((visible.share for (_, name), visible in visibilities.items() if name == item.name), default=0.0)

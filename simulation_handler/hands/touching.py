@@ -13,14 +13,14 @@ from dsr.math3d.transforms import Pose
 from simulation_handler.contact.containment import Containment, with_contents
 from simulation_handler.contact.placement import separate
 from simulation_handler.contact.relations import Relation
-from simulation_handler.explaining.situation import Look
+from simulation_handler.explaining.situation import VisibilityQuery
 from simulation_handler.hands.carrying import Carrying, levelled, without_yaw
 from simulation_handler.hands.contacts import TOUCH_DELAY, Contacts, drops
 from simulation_handler.hands.covering import RESOLVED, Covering
 from simulation_handler.hands.left_behind import LeftBehind
 from simulation_handler.hands.state import FINGERS, HALF, PINCH, TOUCH, UNSEEN, Hand, HandGrasp, HandPercept
 from simulation_handler.perception.paths import Path, between
-from simulation_handler.perception.sight import ExpectedVisibility
+from simulation_handler.perception.visibility import ExpectedVisibility
 from simulation_handler.state.bodies import Bodies
 from simulation_handler.state.objects import BelievedObject
 
@@ -42,7 +42,7 @@ class Touching:
     """Keeps track of hands and of the objects that they hold."""
 
     def __init__(self, bodies: Bodies, containment: Containment) -> None:
-        self.look: Look | None = None
+        self.visibility: VisibilityQuery | None = None
         """What cameras should see; None without one."""
         self._bodies = bodies
         self._containment = containment
@@ -154,7 +154,7 @@ class Touching:
         is_seen = now - item.track.last_stamp <= UNSEEN
         if not is_seen and not grasp.covered:
             sure = grasp.sure or item.path.at(item.track.last_stamp)
-            is_absent = self._left_behind.is_absent(relation, there, sure, self.look, now)
+            is_absent = self._left_behind.is_absent(relation, there, sure, self.visibility, now)
             if is_absent is not None:
                 if is_absent:
                     self._contacts.end(relation)
@@ -178,11 +178,11 @@ class Touching:
         is_seen = now - self._bodies.objects[thing].track.last_stamp <= UNSEEN
         if is_seen or not self._grasps[relation].presumed or hand is None or hand.measured >= FINGERS:
             return False
-        return any(glance.hidden_by == name for glance in self._glances(thing))
+        return any(visible.hidden_by == name for visible in self._visibilities(thing))
 
     def _leave_behind(self, item: BelievedObject, hand: str, now: float) -> None:
         """If that hand has come back without an object, that falls, with what is in it, from where it must be."""
-        there, bodies = self._left_behind.place((hand, item.name), self.look), self._bodies
+        there, bodies = self._left_behind.place((hand, item.name), self.visibility), self._bodies
         if there is None or now - item.track.last_stamp <= UNSEEN:
             return
         if math.dist(there.t, bodies.sim.position(item.name)) < _LEFT_THERE:
@@ -257,7 +257,7 @@ class Touching:
             for relation, grasp in self._grasps.items()
             if not grasp.covered and (grasp.grip == PINCH or self._hands[relation[0]].measured >= RESOLVED)
         }
-        self._covering.update(self._hands, busy, self.look, now)
+        self._covering.update(self._hands, busy, self.visibility, now)
         covers = self._covering.covers
         for relation in [relation for relation, grasp in self._grasps.items() if grasp.covered]:
             if relation not in covers:
@@ -303,17 +303,19 @@ class Touching:
     def _hides(self, name: str, thing: str) -> bool:
         """Whether a hand hides an object that it touches, and some of its own fingertips are hidden, too."""
         hand = self._hands[name]
-        if self.look is None or hand.measured >= FINGERS:
+        if self.visibility is None or hand.measured >= FINGERS:
             return False
-        glances = self._glances(thing)
-        return all(glance.share < HALF for glance in glances) and any(glance.hidden_by == name for glance in glances)
+        visibilities = self._visibilities(thing)
+        return all(visible.share < HALF for visible in visibilities) and any(
+            visible.hidden_by == name for visible in visibilities
+        )
 
-    def _glances(self, thing: str) -> list[ExpectedVisibility]:
+    def _visibilities(self, thing: str) -> list[ExpectedVisibility]:
         """What each camera should see of an object."""
-        if self.look is None or thing not in self._bodies.sim:
+        if self.visibility is None or thing not in self._bodies.sim:
             return []
         solids = [self._bodies.solid(other) for other in self._bodies.objects if other in self._bodies.sim]
-        return [glance for (_, seen), glance in self.look(solids).items() if seen == thing]
+        return [visible for (_, seen), visible in self.visibility(solids).items() if seen == thing]
 
     def _is_over(self, relation: Relation, is_touched: bool) -> bool:
         """Whether an object is touched no more, as far as that can be known."""

@@ -12,7 +12,7 @@ from dsr.math3d.shapes import Shape
 from dsr.math3d.transforms import Pose, interpolate
 from simulation_handler.belief import Belief
 from simulation_handler.config import BeliefConfig
-from simulation_handler.explaining import Look
+from simulation_handler.explaining import VisibilityQuery
 from simulation_handler.hands.state import HandPercept
 from tests.simulation_handler.worlds import BALL, CAMERA, CUBE, PERIOD, ROUND, TABLE, beaker, container
 
@@ -64,7 +64,7 @@ class Occlusion:
         self.seen = set(truths)
         self.rng = np.random.default_rng(seed)
         self.noise = noise
-        self.look: Look | None = None
+        self.visibility: VisibilityQuery | None = None
         self.held = ""
         self.palm: Pose | None = None
         self.palm_askew = Pose.identity()
@@ -94,7 +94,7 @@ class Occlusion:
                 self.belief.observe(name, self.percept(name), self.now, CAMERA)
             self.see_hand()
         self.belief.flag(self.belief.names)
-        self.belief.look(self.look)
+        self.belief.set_visibility(self.visibility)
         self.belief.step(self.now)
 
     def hand(self, name: str, opened: float = 0.0, tips: str = "pinch") -> None:

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import pytest
 
 from dsr.math3d.transforms import Pose
-from simulation_handler.perception.sight import ExpectedVisibility
+from simulation_handler.perception.visibility import ExpectedVisibility
 from simulation_handler.shapes.geometry import Solid
 from tests.simulation_handler.occluded import Occlusion, standing
 from tests.simulation_handler.worlds import CUBE
@@ -26,10 +26,10 @@ class Covered(Occlusion):
     def __init__(self, seed: int = 0, noise: float = 0.008) -> None:
         super().__init__({"cube": standing(0.3, 0.0, CUBE), "cube_2": standing(0.3, 0.35, CUBE)}, seed)
         self.hand_noise = noise
-        self.look = self.glances
+        self.visibility = self.visibilities
         self.run(2.0)
 
-    def glances(self, solids: Sequence[Solid]) -> Mapping[tuple[str, str], ExpectedVisibility]:
+    def visibilities(self, solids: Sequence[Solid]) -> Mapping[tuple[str, str], ExpectedVisibility]:
         hidden = {solid.name for solid in solids if self.hides(solid.position)}
         covered, free = ExpectedVisibility(0.0, "hand"), ExpectedVisibility(1.0, "")
         return {("camera", solid.name): covered if solid.name in hidden else free for solid in solids}
@@ -127,7 +127,7 @@ def test_what_is_missing_where_no_hand_was_is_removed() -> None:
     world.go(AWAY)
     world.run(1.0)
     world.truths["cube"] = standing(5.0, 0.0, CUBE)
-    world.look = lambda solids: {("camera", solid.name): ExpectedVisibility(1.0, "") for solid in solids}
+    world.visibility = lambda solids: {("camera", solid.name): ExpectedVisibility(1.0, "") for solid in solids}
     del world.truths["cube"]
     world.run(2.0)
     assert world.belief.is_gone("cube")

@@ -7,9 +7,9 @@ from collections.abc import Collection
 import pytest
 
 from dsr.math3d.transforms import Pose
-from simulation_handler.explaining import Look
+from simulation_handler.explaining import VisibilityQuery
 from simulation_handler.hands.state import PINCH
-from simulation_handler.perception.sight import ExpectedVisibility
+from simulation_handler.perception.visibility import ExpectedVisibility
 from simulation_handler.shapes.geometry import Solid
 from tests.simulation_handler.occluded import BOX, SMALL, Occlusion, standing
 from tests.simulation_handler.worlds import CUBE, WALL
@@ -18,14 +18,14 @@ HELD = ("hand", "cup")
 SHOWN, HIDDEN = standing(0.3, 0.0, SMALL, on=0.2), standing(0.3, -0.3, SMALL, on=0.2)
 
 
-def behind(y: float) -> Look:
+def behind(y: float) -> VisibilityQuery:
     """A wall hides what is further to the right than that, and the cup what is in it."""
 
-    def look(solids: Collection[Solid]) -> dict[tuple[str, str], ExpectedVisibility]:
+    def visibility(solids: Collection[Solid]) -> dict[tuple[str, str], ExpectedVisibility]:
         hiding = {s.name: "cup" if s.name == "cube" else "wall" if s.position[1] < y else "" for s in solids}
         return {("camera", name): ExpectedVisibility(0.0 if what else 1.0, what) for name, what in hiding.items()}
 
-    return look
+    return visibility
 
 
 def carried_behind_a_wall(seed: int = 0, *, with_cube: bool = False) -> Occlusion:
@@ -37,7 +37,7 @@ def carried_behind_a_wall(seed: int = 0, *, with_cube: bool = False) -> Occlusio
     world.run(2.0)
     if with_cube:
         world.seen.discard("cube")
-    world.look = behind(-0.15)
+    world.visibility = behind(-0.15)
     world.hand("cup")
     world.run(0.8)
     world.move("cup", SHOWN)
@@ -71,7 +71,7 @@ def test_what_a_hand_leaves_out_of_sight_is_not_in_it_when_it_comes_back(seed: i
 
 def test_what_an_open_hand_comes_back_without_stays_where_both_were_hidden() -> None:
     world = carried_behind_a_wall()
-    world.look = behind(-0.15)
+    world.visibility = behind(-0.15)
     world.tips_from_object = {name: (x, 2.5 * y, z) for name, (x, y, z) in world.tips_from_object.items()}
     come_back(world, (-0.15, 0.0, 0.1, 0.1, 0.1, 0.1))
     world.run(0.5)
@@ -87,7 +87,7 @@ def test_what_is_in_it_stays_in_it() -> None:
     assert world.pose("cube").t[:2] == pytest.approx((0.3, -0.3), abs=0.03)
 
 
-def test_what_hidden_fingers_let_go_of_does_not_go_with_a_palm_in_sight() -> None:
+def test_what_hidden_fingers_let_go_of_does_not_go_with_a_palm_in_rays() -> None:
     world = carried_behind_a_wall()
     places, world.tips_from_object = world.tips_from_object, {}
     for step in range(1, 6):
@@ -140,20 +140,20 @@ def test_what_it_still_has_is_seen_in_it() -> None:
 
 def test_what_the_hand_itself_hides_may_be_in_it() -> None:
     world = carried_behind_a_wall()
-    world.look = lambda solids: {("camera", solid.name): ExpectedVisibility(0.0, "hand") for solid in solids}
+    world.visibility = lambda solids: {("camera", solid.name): ExpectedVisibility(0.0, "hand") for solid in solids}
     come_back(world)
     assert world.belief.grasps().keys() == {HELD}
     assert world.pose("cup").t == pytest.approx(SHOWN.t, abs=0.03)
 
 
-def covered_by(share: float, hidden_by: str) -> Look:
+def covered_by(share: float, hidden_by: str) -> VisibilityQuery:
     """All that can be seen, but of the cup only that share."""
 
-    def look(solids: Collection[Solid]) -> dict[tuple[str, str], ExpectedVisibility]:
+    def visibility(solids: Collection[Solid]) -> dict[tuple[str, str], ExpectedVisibility]:
         of_cup = ExpectedVisibility(share, hidden_by)
         return {("camera", s.name): of_cup if s.name == "cup" else ExpectedVisibility(1.0, "") for s in solids}
 
-    return look
+    return visibility
 
 
 @pytest.mark.parametrize(("share", "hidden_by", "holds"), [(0.7, "hand", True), (1.0, "", False)])
@@ -163,12 +163,12 @@ def test_a_hand_in_sight_may_have_what_it_hides_in_part_but_not_what_it_cannot_h
     """Nor is it where it was before: that would be seen."""
     world = Occlusion({"cup": standing(0.3, 0.0, SMALL)})
     world.run(2.0)
-    world.look = covered_by(0.0, "hand")
+    world.visibility = covered_by(0.0, "hand")
     world.hand("cup")
     world.run(0.8)
     world.seen.discard("cup")
     world.run(0.5)
-    world.look = covered_by(share, hidden_by)
+    world.visibility = covered_by(share, hidden_by)
     world.move("cup", SHOWN)
     world.run(2.0)
     assert (world.belief.grasps().keys() == {HELD}) is holds
@@ -188,7 +188,7 @@ def put_down_and_hidden() -> Occlusion:
     world.tips_from_object["hand_finger_1"] = places["hand_finger_1"]
     world.run(0.6)
     world.seen.discard("cup")
-    world.look = behind(10.0)
+    world.visibility = behind(10.0)
     world.tips_from_object = places
     world.run(0.6)
     return world
@@ -226,7 +226,7 @@ def test_what_a_carried_box_takes_along_is_not_held_by_the_hand_that_touches_bot
         world.truths |= {"cup": standing(0.3, 0.0, SMALL, on=WALL + 0.01 * step)}
         world.move("box", standing(0.3, 0.0, BOX, on=0.01 * step), speed=0.1)
     world.seen.discard("cup")
-    world.look = behind(10.0)
+    world.visibility = behind(10.0)
     world.run(0.5)
     before = world.pose("cup")
     for step in range(1, 11):

@@ -11,10 +11,10 @@ import pytest
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Quaternion
 from dsr.math3d.transforms import Pose
-from simulation_handler.explaining import Look
+from simulation_handler.explaining import VisibilityQuery
 from simulation_handler.hands.carrying import levelled, without_yaw
 from simulation_handler.hands.state import PINCH, TOUCH, HandPercept
-from simulation_handler.perception.sight import ExpectedVisibility
+from simulation_handler.perception.visibility import ExpectedVisibility
 from simulation_handler.shapes.geometry import Solid
 from tests.simulation_handler.occluded import BOX, SMALL, Occlusion, standing
 from tests.simulation_handler.worlds import BALL, CUBE, ROUND, WALL, container
@@ -160,7 +160,7 @@ def test_what_was_seen_at_rest_in_a_hand_until_that_opened_falls() -> None:
     world.hand("cup", opened=0.04)
     world.run(0.05)
     world.seen.discard("cup")
-    world.look = hidden_by("wall")
+    world.visibility = hidden_by("wall")
     world.run(2.0)
     assert world.belief.grasps() == {}
     assert world.pose("cup").t[2] < 0.06
@@ -308,7 +308,7 @@ def test_what_stands_and_only_a_palm_is_near_is_not_held_for_long() -> None:
     assert world.belief.grasps() == {}
 
 
-def hidden_by(what: str) -> Look:
+def hidden_by(what: str) -> VisibilityQuery:
     """Nothing is to be seen but for that."""
     return lambda solids: {("camera", solid.name): ExpectedVisibility(0.0, what) for solid in solids}
 
@@ -319,7 +319,7 @@ def touched_and_unseen(hiding: str) -> Occlusion:
     world.tips_from_object.popitem()
     world.run(0.5)
     world.seen.discard("cup")
-    world.look = hidden_by(hiding)
+    world.visibility = hidden_by(hiding)
     world.run(0.8)
     return world
 

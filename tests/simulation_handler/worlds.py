@@ -14,7 +14,7 @@ from dsr.math3d.transforms import Pose
 from dsr.vocabulary.intrinsics import Intrinsics
 from simulation_handler.belief import Belief
 from simulation_handler.config import BeliefConfig
-from simulation_handler.perception.sight import CameraView, Sight
+from simulation_handler.perception.visibility import CameraView, RayVisibility
 from simulation_handler.shapes.geometry import Solid
 
 CAMERA = (0.35, 0.0, 0.65)
@@ -91,19 +91,19 @@ VIEW = CameraView("camera", Pose(CAMERA, (1.0, 0.0, 0.0, 0.0)), Intrinsics(600.0
 class World:
     """True poses, a camera at 10 Hz and a belief at 20 Hz, to which everything is flagged as surprising at once.
 
-    With `sight`, the belief knows the camera, so that it can tell what it should see; and the camera sees of the
+    With `rays`, the belief knows the camera, so that it can tell what it should see; and the camera sees of the
     `seen` objects only those that nothing hides.
     """
 
     def __init__(
-        self, truths: dict[str, Pose], seed: int = 0, *, sight: bool = False, policy: Any = "hypotheses"
+        self, truths: dict[str, Pose], seed: int = 0, *, rays: bool = False, policy: Any = "hypotheses"
     ) -> None:
         self.truths = dict(truths)
         self.seen = set(truths)
         self.by: dict[str, str] = {}  # name of the camera by which an object is seen, if that is another one
         self.camera = SyntheticCamera(seed)
         self.belief = Belief(BeliefConfig(policy=policy))
-        self.sight = Sight([VIEW]) if sight else None
+        self.rays = RayVisibility([VIEW]) if rays else None
         self.belief.set_fixture("table", TABLE, Pose((0.35, 0.0, -0.02)))
         self.percepts: dict[str, Pose] = {}
         self.now, self.ticks = 1000.0, 0
@@ -123,14 +123,14 @@ class World:
             for name in sorted(self.seen & self._in_view()):
                 self.see(name, self.camera.percept(name, self.truths[name], self.now))
         self.belief.flag(self.belief.names)
-        self.belief.look(None if self.sight is None else self.sight.glances)
+        self.belief.set_visibility(None if self.rays is None else self.rays.visibilities)
         self.belief.step(self.now)
 
     def _in_view(self) -> set[str]:
-        if self.sight is None:
+        if self.rays is None:
             return set(self.truths)
         solids = [Solid(name, CUBE, pose.t, pose.q) for name, pose in self.truths.items()]
-        return {name for (_, name), share in self.sight.shares(solids).items() if share > 0.9}
+        return {name for (_, name), share in self.rays.shares(solids).items() if share > 0.9}
 
     def see(self, name: str, percept: Pose) -> None:
         """Let the belief perceive an object."""

@@ -16,7 +16,7 @@ from dsr.math3d.transforms import Pose
 from dsr.vocabulary.explained import ExplainedChange
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.relations import BOUNDS, Relation
-from simulation_handler.explaining import Explanation, Look
+from simulation_handler.explaining import Explanation, VisibilityQuery
 from simulation_handler.hands.state import HandGrasp, HandPercept
 from simulation_handler.motion.holding import GripperGrasp
 from simulation_handler.physics.rollouts.scene import RolloutBody, RolloutScene
@@ -240,7 +240,7 @@ class PublishedReasoner:
         """None: inconsistencies are not explained."""
         return []
 
-    def look(self, look: Look | None) -> None:
+    def set_visibility(self, visibility: VisibilityQuery | None) -> None:
         """Not used: what cannot be seen is not told from what should be."""
 
     def doubt_cameras(self, in_doubt: Collection[str], *, standing: Collection[str]) -> None:

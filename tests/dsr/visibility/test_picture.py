@@ -26,21 +26,21 @@ def test_a_picture_is_that_of_casting_every_ray(seed: int) -> None:
     picture = Picture(view, LENS, bodies, [body.name for body in bodies[1:]])
     expected = cast(view, LENS, bodies)
     for body in bodies[1:]:
-        glance = picture.glance(body.name)
-        assert (glance.pixels, glance.alone) == expected[body.name], body.name
+        visible = picture.visible(body.name)
+        assert (visible.pixels, visible.alone) == expected[body.name], body.name
 
 
 def test_what_is_alone_is_seen_completely() -> None:
     picture = Picture(VIEW, LENS, [TABLE, placed("cube", CUBE, Pose((0.0, 0.0, 0.02)))], ["cube"])
-    glance = picture.glance("cube")
-    assert glance.share == 1.0 and glance.pixels == glance.alone > 5 and glance.hidden_by == ""
+    visible = picture.visible("cube")
+    assert visible.share == 1.0 and visible.pixels == visible.alone > 5 and visible.hidden_by == ""
 
 
 def test_what_stands_behind_a_larger_thing_is_hidden_by_it() -> None:
     wall = placed("wall", box((0.02, 0.3, 0.3)), Pose((-0.2, 0.0, 0.15)))
     picture = Picture(VIEW, LENS, [placed("cube", CUBE, Pose((0.0, 0.0, 0.02))), wall], ["cube", "wall"])
-    assert picture.glance("cube").share == 0.0 and picture.glance("cube").hidden_by == "wall"
-    assert picture.glance("wall").share == 1.0
+    assert picture.visible("cube").share == 0.0 and picture.visible("cube").hidden_by == "wall"
+    assert picture.visible("wall").share == 1.0
 
 
 def test_a_window_in_a_frame_hides_nothing() -> None:
@@ -50,25 +50,25 @@ def test_a_window_in_a_frame_hides_nothing() -> None:
     )  # fmt: skip
     window = placed("window", frame, Pose((-0.2, 0.0, 0.1)))
     picture = Picture(VIEW, LENS, [placed("cube", CUBE, Pose((0.0, 0.0, 0.02))), window], ["cube"])
-    assert picture.glance("cube").share == 1.0
+    assert picture.visible("cube").share == 1.0
 
 
 def test_what_the_edge_cuts_counts_as_seen_in_part() -> None:
     edge = 0.5 * LENS.width / LENS.fx  # m to the right, at 1 m
     body = placed("ball", (Part("sphere", (0.1, 0.1, 0.1)),), VIEW @ Pose((edge, 0.0, 1.0)))
-    assert Picture(VIEW, LENS, [body], ["ball"]).glance("ball").share == pytest.approx(0.5, abs=0.1)
+    assert Picture(VIEW, LENS, [body], ["ball"]).visible("ball").share == pytest.approx(0.5, abs=0.1)
 
 
 @pytest.mark.parametrize("place", [(0.0, 0.0, -1.0), (5.0, 0.0, 1.0)], ids=["behind", "beside"])
 def test_what_is_not_before_the_eye_is_not_seen(place: tuple[float, float, float]) -> None:
     body = placed("cube", CUBE, VIEW @ Pose(place))
-    assert Picture(VIEW, LENS, [body], ["cube"]).glance("cube")[:2] == (0.0, 0)
+    assert Picture(VIEW, LENS, [body], ["cube"]).visible("cube")[:2] == (0.0, 0)
 
 
 def test_what_is_around_the_eye_hides_nothing_from_it() -> None:
     housing = placed("housing", box((0.1, 0.1, 0.1)), VIEW)
     picture = Picture(VIEW, LENS, [housing, placed("cube", CUBE, Pose((0.0, 0.0, 0.02)))], ["cube"])
-    assert picture.glance("cube").share == 1.0
+    assert picture.visible("cube").share == 1.0
 
 
 def test_a_mesh_of_a_box_looks_like_the_box() -> None:
@@ -81,7 +81,7 @@ def test_a_mesh_of_a_box_looks_like_the_box() -> None:
         kinds=cube.solids.kinds[:0], centre=cube.solids.centre[:0], turn=cube.solids.turn[:0], half=cube.solids.half[:0]
     ), pose.apply(corners)[indices])  # fmt: skip
     one, other = (Picture(VIEW, LENS, [TABLE, body], [body.name]) for body in (cube, mesh))
-    assert other.glance("mesh")[:3] == one.glance("cube")[:3]
+    assert other.visible("mesh")[:3] == one.visible("cube")[:3]
     assert np.allclose(one.inverse_depth, other.inverse_depth)
 
 
@@ -118,7 +118,7 @@ def test_the_walls_around_the_eye_hide_what_is_behind_them_however_they_are_divi
     for walls in (room, room.subdivide_to_size(0.5)):
         body = Body("room", Solids.of(()), np.asarray(walls.triangles))
         picture = Picture(view, LENS, [body, cube], ["cube"])
-        assert picture.glance("cube").share == 0.0 and picture.glance("cube").hidden_by == "room"
+        assert picture.visible("cube").share == 0.0 and picture.visible("cube").hidden_by == "room"
         seen.append(picture.inverse_depth)
     assert (seen[0] > 0.0).all() and np.allclose(*seen)
 

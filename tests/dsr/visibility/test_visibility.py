@@ -21,7 +21,7 @@ from dsr.visibility import (
 
 
 def seen(memory: Memory) -> set[tuple[str, str]]:
-    return {key for key, glance in visibility(memory).items() if is_seen(glance)}
+    return {key for key, visible in visibility(memory).items() if is_seen(visible)}
 
 
 def test_a_box_hides_a_cube_from_the_person_on_the_other_side(memory: Memory) -> None:
@@ -136,7 +136,7 @@ def test_the_monitor_tells_what_comes_into_sight_and_goes(memory: Memory) -> Non
     memory.add_edge("world", "cube", "RT", pose=Pose((-0.1, 0.3, 0.02)))
     [change] = monitor.update()
     assert (change.perspective, change.thing, change.seen) == ("human_2", "cube", True)
-    assert change.glance.share == 1.0 and monitor.sees("human_2", "cube")
+    assert change.visible.share == 1.0 and monitor.sees("human_2", "cube")
     memory.update_node("human_2", perceived=False)
     assert [(change.thing, change.seen) for change in monitor.update()] == [("box", False), ("cube", False)]
     assert monitor.perspectives == []
@@ -147,8 +147,8 @@ def test_what_is_seen_stays_so_until_it_clearly_is_not(memory: Memory) -> None:
     for height, expected in ((0.185, False), (0.196, True), (0.185, True), (0.179, False)):
         memory.add_edge("world", "cube", "RT", pose=Pose((0.1, 0.0, height)))
         monitor.update()
-        assert monitor.sees("human_2", "cube") is expected, (height, monitor.glances["human_2", "cube"])
-        share = monitor.glances["human_2", "cube"].share
+        assert monitor.sees("human_2", "cube") is expected, (height, monitor.visibilities["human_2", "cube"])
+        share = monitor.visibilities["human_2", "cube"].share
         assert (share >= LEAST_SHARE) is (height == 0.196)
 
 

@@ -31,7 +31,7 @@ def two_towers(seed: int = 0, policy: str = "hypotheses") -> World:
     """Cube 3 on 4 and 6 on 5, built under the eyes of the camera."""
     start = {"cube_4": cube_at(0.30, 0.08), "cube_5": cube_at(0.30, -0.08)}
     world = World(
-        start | {"cube_3": cube_at(0.42, 0.08), "cube_6": cube_at(0.42, -0.08)}, seed, sight=True, policy=policy
+        start | {"cube_3": cube_at(0.42, 0.08), "cube_6": cube_at(0.42, -0.08)}, seed, rays=True, policy=policy
     )
     world.run(2.0)
     offsets = np.random.default_rng(seed).uniform(-0.003, 0.003, 4)
@@ -46,7 +46,7 @@ def two_towers(seed: int = 0, policy: str = "hypotheses") -> World:
 def tower(height: int, seed: int = 0, others: dict[str, Pose] | None = None) -> World:
     """Cubes c0, c1, ... stacked one after the other."""
     cubes = {f"c{i}": cube_at(0.26 + 0.06 * i, -0.15) for i in range(height)}
-    world = World(cubes | (others or {}), seed, sight=True)
+    world = World(cubes | (others or {}), seed, rays=True)
     world.run(2.0)
     rng = np.random.default_rng(seed)
     for level in range(1, height):

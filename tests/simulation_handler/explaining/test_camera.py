@@ -15,7 +15,7 @@ AWAY = Pose.from_rotvec((0.02, 0.015, 0.06), (0.03, -0.02, 0.05))
 
 def four_cubes(seed: int = 0, **by: str) -> World:
     """Four cubes; by another camera where its name is given."""
-    world = World({name: cube_at(x, y) for name, (x, y) in PLACES.items()}, seed, sight=True)
+    world = World({name: cube_at(x, y) for name, (x, y) in PLACES.items()}, seed, rays=True)
     world.by = by
     world.run(2.0)
     return world

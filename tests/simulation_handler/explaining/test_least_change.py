@@ -20,7 +20,7 @@ from simulation_handler.explaining.piles import piles_beneath
 from simulation_handler.explaining.scoring import Score, score
 from simulation_handler.explaining.search import Candidate
 from simulation_handler.explaining.situation import Properties, Seen, Situation
-from simulation_handler.perception.sight import ExpectedVisibility
+from simulation_handler.perception.visibility import ExpectedVisibility
 from simulation_handler.physics.rollouts import Pool
 from simulation_handler.shapes.geometry import Solid
 from tests.simulation_handler.worlds import CUBE
@@ -104,9 +104,9 @@ def test_what_hides_something_does_not_depend_on_the_order_of_cameras() -> None:
     nothing = Hypothesis()
     drafted = Draft(here.believed, {}, frozenset())
 
-    def total(*glances: ExpectedVisibility) -> float:
-        by_camera = {(f"camera_{number}", "a"): glance for number, glance in enumerate(glances)}
-        return score(replace(here, look=lambda _: by_camera), nothing, drafted, here.believed).total
+    def total(*visibilities: ExpectedVisibility) -> float:
+        by_camera = {(f"camera_{number}", "a"): visible for number, visible in enumerate(visibilities)}
+        return score(replace(here, visibility=lambda _: by_camera), nothing, drafted, here.believed).total
 
     assert total(nowhere, hidden) == total(hidden, nowhere) > total(nowhere, nowhere)
     assert total(arm, hidden) == total(hidden, arm) == total(nowhere, nowhere), "the arm may be seen past"

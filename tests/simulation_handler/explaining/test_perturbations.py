@@ -128,7 +128,7 @@ def test_what_is_taken_away_is_believed_gone_and_comes_back_when_seen(names: lis
 def test_what_is_gone_is_not_believed_in_the_place_of_what_stands_there(seed: int, offset: float) -> None:
     """A cube is put on another and a third one is taken away, both unseen: the third one is not beneath the first."""
     starts = {"cube_3": (0.42, 0.08), "cube_4": (0.30, 0.08), "cube_5": (0.30, -0.08), "cube_6": (0.42, -0.08)}
-    world = World({name: cube_at(*place) for name, place in starts.items()}, seed, sight=True)
+    world = World({name: cube_at(*place) for name, place in starts.items()}, seed, rays=True)
     world.run(2.0)
     world.seen, seen = set(), world.seen
     world.run(1.0)

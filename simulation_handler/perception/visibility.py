@@ -1,6 +1,6 @@
 """How much of each object a camera should see: rays to its tag, or to all of its surface that could be seen.
 
-No physics engine is asked: a `Sight` is cheap, deterministic, and can be sent to another process.
+No physics engine is asked: a `RayVisibility` is cheap, deterministic, and can be sent to another process.
 """
 
 from __future__ import annotations
@@ -170,7 +170,7 @@ class _Camera:
         self.parts = _Parts.of(obstacles, np.where(around, housing, 0.0))
 
 
-class Sight:
+class RayVisibility:
     """Predicts which objects some cameras should see.
 
     Args:
@@ -206,14 +206,14 @@ class Sight:
         of its image, were nothing else there. What lies outside the image is unseen, and so is what may lie there as
         far as the pose of the camera is uncertain.
         """
-        return {key: glance.share for key, glance in self.glances(solids).items()}
+        return {key: visible.share for key, visible in self.visibilities(solids).items()}
 
-    def glances(self, solids: Sequence[Solid]) -> dict[tuple[str, str], ExpectedVisibility]:
+    def visibilities(self, solids: Sequence[Solid]) -> dict[tuple[str, str], ExpectedVisibility]:
         """The same, also saying what hides most of each."""
         found, parts = {}, _Parts.of(solids)
         for camera in self._cameras:
             by_image = np.array([self._whole or solid.name in self._by_color for solid in solids], dtype=bool)
-            shares, hiding = _look(camera, solids, parts, by_image, self._smallest)
+            shares, hiding = _visibility(camera, solids, parts, by_image, self._smallest)
             names = [solid.name for solid in solids] + camera.obstacles
             for index, (solid, share) in enumerate(zip(solids, shares.tolist(), strict=True)):
                 most = int(hiding[index].argmax())
@@ -227,7 +227,7 @@ def _certain(view: CameraView) -> CameraView:
     return replace(view, world_from_camera=view.world_from_camera.with_covariance(None), obstacles=())
 
 
-def _look(
+def _visibility(
     camera: _Camera, solids: Sequence[Solid], parts: _Parts, by_image: Flags, smallest: float
 ) -> tuple[Array, Array]:
     """Shares (n,) of n solids, and how much (n, n + obstacles) of each every solid and obstacle cuts off.

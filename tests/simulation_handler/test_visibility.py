@@ -20,7 +20,7 @@ from agents.plant.world import World
 from agents.scenario.format.scenario import ObjectSpec, SensorSpec, TableSpec
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.intrinsics import Intrinsics
-from simulation_handler.perception.sight import CameraView, ExpectedVisibility, Sight
+from simulation_handler.perception.visibility import CameraView, ExpectedVisibility, RayVisibility
 from simulation_handler.shapes.geometry import Solid
 
 CUBE = (0.04, 0.04, 0.04)
@@ -36,15 +36,15 @@ def solid(name: str, pose: Pose, size: tuple[float, float, float] = CUBE) -> Sol
 
 
 def shares(*solids: Solid, obstacles: tuple[Solid, ...] = ()) -> dict[str, float]:
-    return {name: share for (_, name), share in Sight([view()], obstacles).shares(solids).items()}
+    return {name: share for (_, name), share in RayVisibility([view()], obstacles).shares(solids).items()}
 
 
 def test_a_tower_hides_all_but_its_top() -> None:
     tower = [solid(f"cube_{k}", Pose((0.35, 0.0, 0.02 + 0.04 * k))) for k in range(3)]
     assert shares(*tower) == {"cube_0": 0.0, "cube_1": 0.0, "cube_2": 1.0}
-    glances = Sight([view()]).glances(tower)
-    assert glances["overhead", "cube_0"] == ExpectedVisibility(0.0, "cube_1")
-    assert glances["overhead", "cube_2"] == ExpectedVisibility(1.0, "")
+    visibilities = RayVisibility([view()]).visibilities(tower)
+    assert visibilities["overhead", "cube_0"] == ExpectedVisibility(0.0, "cube_1")
+    assert visibilities["overhead", "cube_2"] == ExpectedVisibility(1.0, "")
 
 
 def test_a_cube_half_on_another_hides_part_of_it() -> None:
@@ -84,7 +84,9 @@ def test_what_may_be_outside_the_image_as_the_camera_may_be_elsewhere_counts_as_
     edge, middle = solid("edge", Pose((0.35, 0.3, 0.02))), solid("middle", Pose((0.35, 0.0, 0.02)))
     assert shares(edge, middle) == {"edge": 1.0, "middle": 1.0}
     camera = uncertain(OVERHEAD, np.diag([0.005, 0.005, 0.005, 0.02, 0.02, 0.02]) * math.sqrt(6.0))
-    assert Sight([view(camera)]).shares([edge, middle]) == {("overhead", "edge"): 0.0, ("overhead", "middle"): 1.0}
+    assert RayVisibility([view(camera)]).shares([edge, middle]) == {
+        ("overhead", "edge"): 0.0, ("overhead", "middle"): 1.0
+    }
 
 
 def test_what_the_camera_is_surely_seen_to_show_is_so_however_uncertain_its_pose_is() -> None:
@@ -93,8 +95,12 @@ def test_what_the_camera_is_surely_seen_to_show_is_so_however_uncertain_its_pose
     centre = OVERHEAD.inverse() @ Pose((0.35, 0.3, 0.04))
     turns = np.random.default_rng(0).normal(0.0, 0.01, (200, 3))
     shifts = np.cross(centre.t, turns)
-    assert Sight([view(uncertain(OVERHEAD, np.hstack([shifts, turns])))]).shares([edge]) == {("overhead", "edge"): 1.0}
-    assert Sight([view(uncertain(OVERHEAD, np.hstack([-shifts, turns])))]).shares([edge]) == {("overhead", "edge"): 0.0}
+    assert RayVisibility(
+        [view(uncertain(OVERHEAD, np.hstack([shifts, turns])))]
+    ).shares([edge]) == {("overhead", "edge"): 1.0}
+    assert RayVisibility(
+        [view(uncertain(OVERHEAD, np.hstack([-shifts, turns])))]
+    ).shares([edge]) == {("overhead", "edge"): 0.0}
 
 
 def test_obstacles_hide_but_the_housing_that_the_camera_is_in_does_not() -> None:
@@ -108,18 +114,18 @@ def test_obstacles_hide_but_the_housing_that_the_camera_is_in_does_not() -> None
 def test_what_is_behind_much_of_what_the_camera_is_in_cannot_be_judged() -> None:
     below, aside = solid("below", Pose((0.35, 0.0, 0.02))), solid("aside", Pose((0.35, 0.25, 0.02)))
     gripper = Solid("gripper", (0.125, 0.075, 0.135), (0.35, -0.035, 0.59))
-    glances = Sight([view()], [gripper]).glances([below, aside])
-    assert glances["overhead", "below"] == ExpectedVisibility(0.0, "gripper")
-    assert glances["overhead", "aside"] == ExpectedVisibility(1.0, "")
+    visibilities = RayVisibility([view()], [gripper]).visibilities([below, aside])
+    assert visibilities["overhead", "below"] == ExpectedVisibility(0.0, "gripper")
+    assert visibilities["overhead", "aside"] == ExpectedVisibility(1.0, "")
 
 
 def test_each_camera_looks_for_itself_and_a_copy_sees_the_same() -> None:
     turned_away = Pose((0.35, 0.0, 0.65), (0.0, 0.0, 0.0, 1.0))
-    sight = Sight([view(), view(turned_away, "up")])
+    rays = RayVisibility([view(), view(turned_away, "up")])
     cube = solid("cube", Pose((0.35, 0.0, 0.02)))
     expected = {("overhead", "cube"): 1.0, ("up", "cube"): 0.0}
-    assert sight.shares([cube]) == pickle.loads(pickle.dumps(sight)).shares([cube]) == expected
-    assert sight.shares([]) == Sight([]).shares([cube]) == {}
+    assert rays.shares([cube]) == pickle.loads(pickle.dumps(rays)).shares([cube]) == expected
+    assert rays.shares([]) == RayVisibility([]).shares([cube]) == {}
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -139,7 +145,7 @@ def test_it_agrees_with_the_plant(seed: int) -> None:
             camera = SimulatedCamera(
                 "overhead", LENS, partial(Pose.__matmul__, eye, Pose.identity()), SensorModel(SensorSpec(), [], rng)
             )
-            found = Sight([view(eye)]).shares([solid(name, pose) for name, pose in world.poses().items()])
+            found = RayVisibility([view(eye)]).shares([solid(name, pose) for name, pose in world.poses().items()])
             for spec in specs:
                 sees = _sees(camera, world, hands, spec, eye.inverse() @ world.pose(spec.name))
                 share = found["overhead", spec.name]
@@ -176,8 +182,8 @@ def test_shares_of_colours_are_those_of_pixels(seed: int) -> None:
             solids = [
                 Solid(spec.name, spec.size, poses[spec.name].t, poses[spec.name].q, shape=spec.shape) for spec in specs
             ]
-            sight = Sight([CameraView("overhead", OVERHEAD, intrinsics)], by_color=list(models))
-            found, counts = sight.shares(solids), pixels(renderer, world, intrinsics)
+            rays = RayVisibility([CameraView("overhead", OVERHEAD, intrinsics)], by_color=list(models))
+            found, counts = rays.shares(solids), pixels(renderer, world, intrinsics)
             for spec in specs:
                 if not is_in_image(poses[spec.name], spec, intrinsics):
                     continue
@@ -210,13 +216,13 @@ def test_a_container_hides_what_is_beside_it_but_not_what_is_in_it() -> None:
     box = Solid("green", model.size, (0.35, 0.0, 0.06), shape=model.shape)
     ball = load_model(model_files()["ball"])
     inside = Solid("ball", ball.size, (0.35, 0.0, 0.034), shape=ball.shape)
-    glances = Sight([view()], by_color=("green", "ball")).glances([box, inside])
-    assert glances["overhead", "ball"].share > 0.95
-    assert 0.5 < glances["overhead", "green"].share < 0.95
-    assert glances["overhead", "green"].hidden_by == "ball"
+    visibilities = RayVisibility([view()], by_color=("green", "ball")).visibilities([box, inside])
+    assert visibilities["overhead", "ball"].share > 0.95
+    assert 0.5 < visibilities["overhead", "green"].share < 0.95
+    assert visibilities["overhead", "green"].hidden_by == "ball"
     lid = Solid("lid", (0.16, 0.16, 0.01), (0.35, 0.0, 0.125))
-    glances = Sight([view()], by_color=("green", "ball")).glances([box, inside, lid])
-    assert glances["overhead", "ball"] == ExpectedVisibility(0.0, "lid")
+    visibilities = RayVisibility([view()], by_color=("green", "ball")).visibilities([box, inside, lid])
+    assert visibilities["overhead", "ball"] == ExpectedVisibility(0.0, "lid")
 
 
 def test_a_wall_hides_a_tag() -> None:
@@ -225,7 +231,7 @@ def test_a_wall_hides_a_tag() -> None:
     eye = Pose.from_rotvec((0.35, -0.35, 0.35), (math.radians(-135.0), 0.0, 0.0))
     for pose, share in ((low, 0.0), (high, 1.0)):
         box = Solid("green", model.size, (0.35, 0.0, 0.06), shape=model.shape)
-        assert Sight([view(eye)]).shares([solid("cube", pose), box])["overhead", "cube"] == share
+        assert RayVisibility([view(eye)]).shares([solid("cube", pose), box])["overhead", "cube"] == share
 
 
 @pytest.mark.filterwarnings("error")
@@ -237,5 +243,7 @@ def test_nonsense_is_somewhere_far_away(far: float) -> None:
         solid("cube", Pose((0.35, 0.0, 0.02))),
     ]
     for by_color in ((), ("far", "large", "cube")):
-        sight = Sight([view(), view(Pose.unchecked((far, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)), "lost")], by_color=by_color)
-        assert sight.shares(things)["overhead", "far"] == 0.0
+        rays = RayVisibility(
+            [view(), view(Pose.unchecked((far, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)), "lost")], by_color=by_color
+        )
+        assert rays.shares(things)["overhead", "far"] == 0.0
