@@ -26,7 +26,7 @@ NEAREST = 1e-3
 """m along the axis; nearer points are not drawn"""
 _MARGIN = 0.005  # m around a part within which an eye counts as in it: it hides nothing from that eye
 _LEVEL = 1e-12  # stands for the slope of a bound that does not depend on the column
-_ROUNDING = 1e-9  # of a nearness, by which a body that touches another is no less near
+_ROUNDING = 1e-9  # 1, share of an inverse depth, by which a body that touches another is no less near
 
 
 class Body(NamedTuple):

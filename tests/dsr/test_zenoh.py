@@ -242,7 +242,7 @@ def test_a_stopped_process_does_not_keep_others_from_joining(peers: Callable[[st
 def test_newcomers_do_not_take_each_other_for_the_graph_while_the_elder_is_stopped(
     peers: Callable[[str], Peer],
 ) -> None:
-    seed_peer = peers("seed peer")
+    seed_peer = peers("seed_peer")
     seed_peer.do("many", count=1000, prefix="n")
     seed_peer.process.send_signal(signal.SIGSTOP)
     outcomes: list[object] = []

@@ -55,7 +55,7 @@ def test_a_plan_with_what_the_solver_printed(domain: Path) -> None:
     running = Solver(domain, PROBLEM.format("", "lit"), WALL_CLOCK, limit=30.0)
     folder = running._folder
     solution = wait_for(running)
-    assert solution.plan.splitlines()[0].strip() == "(light )" and "SolverAnswer found" in solution.output
+    assert solution.plan.splitlines()[0].strip() == "(light )" and "Solution found" in solution.output
     assert 0.0 < solution.seconds < 30.0
     assert not folder.exists()
 

@@ -135,11 +135,11 @@ def test_segments_of_a_folder_are_read_in_order(tmp_path: Path) -> None:
 def test_a_killed_writer_leaves_what_it_flushed(tmp_path: Path) -> None:
     script = textwrap.dedent("""
         import pathlib, sys
-        from agents.recorder.mcap_file import Record, RecordingWriter
+        from agents.recorder.mcap_file import RecordedMessage, RecordingWriter
         writer = RecordingWriter(pathlib.Path(sys.argv[1]), {})
         number = 0
         while True:
-            writer.write(Record(float(number), "d/x", str(number).encode() * 100))
+            writer.write(RecordedMessage(float(number), "d/x", str(number).encode() * 100))
             number += 1
             if number % 50 == 0:
                 writer.flush()
