@@ -73,7 +73,7 @@ def shares(view: Pose, intrinsics: Intrinsics, bodies: Sequence[Body], side: int
 
 def _share(view: Pose, intrinsics: Intrinsics, bodies: Sequence[Body], body: Body, side: int) -> float:
     solids = body.solids
-    corners = solids.centre[:, None] + (CORNERS * solids.half[:, None]) @ solids.turn.transpose(0, 2, 1)
+    corners = solids.centre[:, None] + (CORNERS * solids.half[:, None]) @ solids.rotation.transpose(0, 2, 1)
     points = (corners.reshape(-1, 3) - view.translation) @ view.rotation_matrix
     if points[:, 2].min() <= NEAREST:
         return 0.0
@@ -91,6 +91,6 @@ def _share(view: Pose, intrinsics: Intrinsics, bodies: Sequence[Body], body: Bod
 
 def _depth(eye: np.ndarray, rays: np.ndarray, body: Body) -> np.ndarray:
     solids = body.solids
-    start = np.einsum("nj,nji->ni", eye - solids.centre, solids.turn)
-    enters, leaves = crossings(solids.kinds, solids.half, start[:, None], rays[None] @ solids.turn)
+    start = np.einsum("nj,nji->ni", eye - solids.centre, solids.rotation)
+    enters, leaves = crossings(solids.kinds, solids.half, start[:, None], rays[None] @ solids.rotation)
     return np.asarray(np.where((enters < leaves) & (enters > NEAREST), enters, np.inf).min(axis=0))

@@ -59,7 +59,7 @@ class Fit(NamedTuple):
 
     position: Array
     """(3,) m, its centre in the world"""
-    turn: Array
+    rotation: Array
     """(3, 3) world_from_object"""
     share: float
     """Visible share of the object's image."""
@@ -114,7 +114,7 @@ def fit(
     scene: ImagePart,
     shape: Shape,
     size: Vector3,
-    turn: Array,
+    rotation: Array,
     iterations: int = _ITERATIONS,
     count: int = _MODEL_POINTS,
     start: float = BEHIND,
@@ -128,8 +128,8 @@ def fit(
     position = centre + start * min(size) * ahead
     for iteration in range(iterations):
         if iteration in (0, 2, 5):
-            surface, weights = seen_alone(shape, size, turn.T @ (scene.eye - position), count)
-            surface = surface @ turn.T
+            surface, weights = seen_alone(shape, size, rotation.T @ (scene.eye - position), count)
+            surface = surface @ rotation.T
         free, _ = scene.expected(surface + position)
         near = scene.around(position, size)
         if not free.any() or not near.any():
@@ -138,7 +138,7 @@ def fit(
         position = position + difference
         if np.linalg.norm(difference) < _SETTLED:
             break
-    return judged(scene, shape, size, turn, position, count)
+    return judged(scene, shape, size, rotation, position, count)
 
 
 def settled(scene: ImagePart, shape: Shape, size: Vector3, found: Fit) -> Fit:
@@ -149,16 +149,16 @@ def settled(scene: ImagePart, shape: Shape, size: Vector3, found: Fit) -> Fit:
         points = points[:: max(1, len(points) // _POINTS_OF_A_STEP)]
         if not len(points):
             break
-        step = _step(points, shape, size, found.turn, position)
+        step = _step(points, shape, size, found.rotation, position)
         position = position + step
         if np.linalg.norm(step) < _SETTLED:
             break
-    return judged(scene, shape, size, found.turn, position)
+    return judged(scene, shape, size, found.rotation, position)
 
 
-def _step(points: Array, shape: Shape, size: Vector3, turn: Array, position: Array) -> Array:
+def _step(points: Array, shape: Shape, size: Vector3, rotation: Array, position: Array) -> Array:
     places = (position, *(position + _DIFFERENCE * np.eye(3)))
-    off, *shifted = (distances(shape, size, (points - place) @ turn) for place in places)
+    off, *shifted = (distances(shape, size, (points - place) @ rotation) for place in places)
     slope = (np.column_stack(shifted) - off[:, None]) / _DIFFERENCE
     weights = 1.0 / (1.0 + (off / _FAR_OFF) ** 2)
     normal = slope.T @ (weights[:, None] * slope) + _HELD * weights.sum() * np.eye(3)
@@ -167,15 +167,15 @@ def _step(points: Array, shape: Shape, size: Vector3, turn: Array, position: Arr
 
 
 def judged(
-    scene: ImagePart, shape: Shape, size: Vector3, turn: Array, position: Array, count: int = _MODEL_POINTS
+    scene: ImagePart, shape: Shape, size: Vector3, rotation: Array, position: Array, count: int = _MODEL_POINTS
 ) -> Fit:
     """How a shape at a place (3,) with a rotation (3, 3) lies on the points."""
-    surface, weights = seen_alone(shape, size, turn.T @ (scene.eye - position), count)
-    free, colored = scene.expected(surface @ turn.T + position)
+    surface, weights = seen_alone(shape, size, rotation.T @ (scene.eye - position), count)
+    free, colored = scene.expected(surface @ rotation.T + position)
     share = float(weights[free].sum())
     near = scene.points[scene.around(position, size)]
-    misfit = float(distances(shape, size, (near - position) @ turn).mean()) if len(near) else math.inf
-    return Fit(position, turn, share, float(weights[colored].sum()) / max(share, 1e-9), misfit)
+    misfit = float(distances(shape, size, (near - position) @ rotation).mean()) if len(near) else math.inf
+    return Fit(position, rotation, share, float(weights[colored].sum()) / max(share, 1e-9), misfit)
 
 
 def _middle(points: Array, weights: Array) -> Array:

@@ -30,8 +30,8 @@ _TOGETHER = 10  # points of whose errors only one tells something
 _UNLIKE = 1.5  # times the mean distance of the points, with which another rotation is no match
 _APART = 1e-4  # m, between the points of a difference quotient
 _FALLEN = [
-    np.array(quaternions.to_matrix(quaternions.from_rotvec(turn)))
-    for turn in (
+    np.array(quaternions.to_matrix(quaternions.from_rotvec(rotation)))
+    for rotation in (
         (0.5 * math.pi, 0.0, 0.0),
         (-0.5 * math.pi, 0.0, 0.0),
         (0.0, 0.5 * math.pi, 0.0),
@@ -54,16 +54,16 @@ def leaning(scene: ImagePart, shape: Shape, size: Vector3, guess: Array, good: f
     found = fit(scene, shape, size, guess, ROUGH, ROUGH_POINTS)
     if found is None:
         return None
-    turn, position = guess, found.position
+    rotation, position = guess, found.position
     near = scene.points[scene.around(position, size)]
     near = near[:: max(1, len(near) // _SHARE)]
     for _ in range(_STEPS):
-        step = _step(near, shape, size, turn, position, found.position, good)
-        turn = np.array(quaternions.to_matrix(quaternions.from_rotvec((step[0], step[1], step[2])))) @ turn
+        step = _step(near, shape, size, rotation, position, found.position, good)
+        rotation = np.array(quaternions.to_matrix(quaternions.from_rotvec((step[0], step[1], step[2])))) @ rotation
         position = position + step[3:]
         if float(np.linalg.norm(step[:3])) < _SETTLED:
             break
-    return judged(scene, shape, size, turn, position) if _angle(turn @ guess.T) < _FARTHEST else None
+    return judged(scene, shape, size, rotation, position) if _angle(rotation @ guess.T) < _FARTHEST else None
 
 
 class Turned(NamedTuple):
@@ -84,9 +84,9 @@ def turned(scene: ImagePart, shape: Shape, size: Vector3, found: Fit, sigma: flo
     """
     near = scene.points[scene.around(found.position, size)]
     near = near[:: max(1, len(near) // _SHARE)]
-    jacobian, distance = _linear(near, shape, size, found.turn, found.position)
+    jacobian, distance = _linear(near, shape, size, found.rotation, found.position)
     information = jacobian.T @ jacobian / (_TOGETHER * sigma**2) + _PRIOR
-    covariance, up = np.linalg.inv(information), found.turn[:, 2]
+    covariance, up = np.linalg.inv(information), found.rotation[:, 2]
     about = np.vstack([np.append(up, np.zeros(3)), np.eye(6)[3:]])  # that axis, and where it is
     weighted = jacobian / (sigma**2 + distance**2)[:, None]
     normal = about @ (weighted.T @ jacobian + _PRIOR) @ about.T
@@ -99,39 +99,39 @@ def turned(scene: ImagePart, shape: Shape, size: Vector3, found: Fit, sigma: flo
 
 def is_unlike_fallen(scene: ImagePart, shape: Shape, size: Vector3, found: Fit) -> bool:
     """Whether what stands could not as well lie on a side, or on its head: as a cube could, or a box from below."""
-    others = (fit(scene, shape, size, found.turn @ fallen, ROUGH, ROUGH_POINTS) for fallen in _FALLEN)
+    others = (fit(scene, shape, size, found.rotation @ fallen, ROUGH, ROUGH_POINTS) for fallen in _FALLEN)
     return all(other is None or other.misfit > _UNLIKE * found.misfit for other in others)
 
 
-def tilt(turn: Array) -> float:
+def tilt(rotation: Array) -> float:
     """rad, between the vertical and an object's own z axis, with its rotation (3, 3)."""
-    return float(np.arccos(np.clip(turn[2, 2], -1.0, 1.0)))
+    return float(np.arccos(np.clip(rotation[2, 2], -1.0, 1.0)))
 
 
-def lean(turn: Array, upright: Array) -> Quaternion:
-    """Compute the rotation in the world that takes an object from `upright` to `turn`, both (3, 3)."""
-    return quaternions.from_matrix((turn @ upright.T).tolist())
+def lean(rotation: Array, upright: Array) -> Quaternion:
+    """Compute the rotation in the world that takes an object from `upright` to `rotation`, both (3, 3)."""
+    return quaternions.from_matrix((rotation @ upright.T).tolist())
 
 
 def _step(
-    points: Array, shape: Shape, size: Vector3, turn: Array, position: Array, middle: Array, good: float
+    points: Array, shape: Shape, size: Vector3, rotation: Array, position: Array, middle: Array, good: float
 ) -> Array:
     """(6,) rotation vector and shift in the world by which points (n, 3) come nearer to the surface.
 
     `middle` (3,) m is where the shape would be by the middle of the points: it stays near, in what they do not tell.
     """
-    jacobian, distance = _linear(points, shape, size, turn, position)
+    jacobian, distance = _linear(points, shape, size, rotation, position)
     weighted = jacobian / (good**2 + distance**2)[:, None]
     normal = weighted.T @ jacobian + _PRIOR
     pull = np.concatenate([np.zeros(3), (middle - position) / _FIRM**2])
     return np.asarray(np.linalg.solve(normal, pull - weighted.T @ distance))
 
 
-def _linear(points: Array, shape: Shape, size: Vector3, turn: Array, position: Array) -> tuple[Array, Array]:
+def _linear(points: Array, shape: Shape, size: Vector3, rotation: Array, position: Array) -> tuple[Array, Array]:
     """Derivatives (n, 6) of the distances of points from the surface by a turn and a shift of it, and those (n,)."""
     arms = points - position
-    distance, slope = _slopes(shape, size, arms @ turn)
-    slope = slope @ turn.T
+    distance, slope = _slopes(shape, size, arms @ rotation)
+    slope = slope @ rotation.T
     return np.hstack([-np.cross(arms, slope), -slope]), distance
 
 
@@ -142,6 +142,6 @@ def _slopes(shape: Shape, size: Vector3, points: Array) -> tuple[Array, Array]:
     return here, np.column_stack([(there - here) / _APART for there in steps])
 
 
-def _angle(turn: Array) -> float:
+def _angle(rotation: Array) -> float:
     """rad, of a rotation (3, 3)."""
-    return math.acos(min(max((float(np.trace(turn)) - 1.0) / 2.0, -1.0), 1.0))
+    return math.acos(min(max((float(np.trace(rotation)) - 1.0) / 2.0, -1.0), 1.0))

@@ -119,7 +119,7 @@ def _sure_lean(
     scene: ImagePart, shape: Shape, size: Vector3, found: Fit, guess: Guess, good: float, sigma: float
 ) -> Quaternion | None:
     """How it leans, if its tilt is known with a standard deviation of `sigma` rad."""
-    if guess.lean != UPRIGHT and tilt(found.turn) > LEANS:
+    if guess.lean != UPRIGHT and tilt(found.rotation) > LEANS:
         return guess.lean if sigma < _TELLS_LEAN else None
     fits = found.misfit <= min(good, _USUALLY * max(guess.misfit, _FLOOR))
     return UPRIGHT if fits and sigma < _TELLS and is_unlike_fallen(scene, shape, size, found) else None
@@ -146,7 +146,7 @@ def _fitting(
     before = np.array(quaternions.to_matrix(guess.lean))
     leant = leaning(scene, shape, size, before @ upright, good) if guess.misfit < math.inf else None
     if leant is not None and leant.misfit <= _SURELY * good and not _better(standing, leant):
-        return leant, guess._replace(lean=UPRIGHT if tilt(leant.turn) < _STANDS else lean(leant.turn, upright))
+        return leant, guess._replace(lean=UPRIGHT if tilt(leant.rotation) < _STANDS else lean(leant.rotation, upright))
     if search:
         guess = guess._replace(yaw=_best_yaw(scene, shape, size, guess.yaw))
         standing = _stand(scene, shape, size, _about_z(guess.yaw), good)

@@ -24,7 +24,7 @@ class TinyScene:
         for body in bodies:
             solids = body.solids
             for k in range(len(solids.kinds)):
-                self._add(int(solids.kinds[k]), solids.centre[k], solids.turn[k], solids.half[k])
+                self._add(int(solids.kinds[k]), solids.centre[k], solids.rotation[k], solids.half[k])
 
     def __enter__(self) -> TinyScene:
         return self

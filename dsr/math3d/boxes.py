@@ -96,20 +96,20 @@ class _Pairs:
     def __init__(self, a: Boxes, b: Boxes) -> None:
         self._frame = a.axes
         self._halves = a.halves.T, b.halves.T
-        self._turn = np.ascontiguousarray(np.moveaxis(np.swapaxes(a.axes, -1, -2) @ b.axes, 0, -1))  # (3, 3, n)
-        lengths = np.sqrt(np.maximum(1.0 - self._turn**2, 0.0))  # (3, 3, n) of the cross products
+        self._rotation = np.ascontiguousarray(np.moveaxis(np.swapaxes(a.axes, -1, -2) @ b.axes, 0, -1))  # (3, 3, n)
+        lengths = np.sqrt(np.maximum(1.0 - self._rotation**2, 0.0))  # (3, 3, n) of the cross products
         usable = lengths > _PARALLEL
         self._scale = np.where(usable, 1.0 / np.where(usable, lengths, 1.0), 0.0)
 
     def along_axes(self, vectors: Array) -> Array:
         """(15, n) components of vectors (n, 3) along the axes."""
-        turn, way = self._turn, np.einsum("nji,nj->in", self._frame, vectors)
-        crossed = (way[_LAST, None] * turn[_NEXT] - way[_NEXT, None] * turn[_LAST]) * self._scale
-        return np.concatenate([way, np.einsum("ijn,in->jn", turn, way), crossed.reshape(9, -1)])
+        rotation, way = self._rotation, np.einsum("nji,nj->in", self._frame, vectors)
+        crossed = (way[_LAST, None] * rotation[_NEXT] - way[_NEXT, None] * rotation[_LAST]) * self._scale
+        return np.concatenate([way, np.einsum("ijn,in->jn", rotation, way), crossed.reshape(9, -1)])
 
     def reach(self) -> Array:
         """(15, n) m from centre to centre along each axis, from which on the boxes are apart."""
-        size, (one, other) = np.abs(self._turn), self._halves
+        size, (one, other) = np.abs(self._rotation), self._halves
         faces_a = one + np.einsum("ijn,jn->in", size, other)
         faces_b = other + np.einsum("ijn,in->jn", size, one)
         edges = one[_NEXT, None] * size[_LAST] + one[_LAST, None] * size[_NEXT]

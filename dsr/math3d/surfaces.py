@@ -114,18 +114,18 @@ def underside(shape: Shape, size: Vector3, world_from_body: Array) -> Array:
     parts = shape or box(size)
     area = float(surface(shape, size).areas.sum())
     whole = surface(shape, size, min(math.ceil(area / _SPACING**2), _MOST_BELOW) or 1)
-    turn = world_from_body[:3, :3]
-    below = (whole.normals @ turn.T)[:, 2] < _FACING
-    edges = [_edges(part, turn) for part in parts if _is_thing(part)]
+    rotation = world_from_body[:3, :3]
+    below = (whole.normals @ rotation.T)[:, 2] < _FACING
+    edges = [_edges(part, rotation) for part in parts if _is_thing(part)]
     points = np.concatenate([whole.points[below], *edges])
-    return np.asarray(points @ turn.T + world_from_body[:3, 3])
+    return np.asarray(points @ rotation.T + world_from_body[:3, 3])
 
 
 def room_below(points: Array, solids: Solids) -> float:
     """How far (m) points (n, 3) can move straight down until one meets a solid that it is not in; infinite if none."""
     ray = np.array([0.0, 0.0, -_DEEPEST])
     start = solids.into(points)
-    enters, leaves = crossings(solids.kinds, solids.half, start, (ray @ solids.turn)[:, None])
+    enters, leaves = crossings(solids.kinds, solids.half, start, (ray @ solids.rotation)[:, None])
     met = (enters < leaves) & (enters >= 0.0) & (enters < 1.0)
     return float(np.where(met, enters, math.inf).min(initial=math.inf)) * _DEEPEST
 
@@ -137,7 +137,7 @@ class Solids(NamedTuple):
     """(n,) 0 box, 1 cylinder, 2 sphere"""
     centre: Array
     """Centres (n, 3) of the solids, m."""
-    turn: Array
+    rotation: Array
     """(n, 3, 3) frame_from_part"""
     half: Array
     """(n, 3) m, half the edge lengths of the box around each, in its own frame"""
@@ -145,18 +145,18 @@ class Solids(NamedTuple):
     @staticmethod
     def of(parts: Sequence[Part]) -> Solids:
         """Make the solids of a shape's parts, in the frame of its body."""
-        turns = [quaternions.to_matrix(part.rotation) for part in parts]
+        rotations = [quaternions.to_matrix(part.rotation) for part in parts]
         return Solids(
             np.array([_KINDS.index(part.kind) for part in parts], dtype=np.int64),
             np.array([part.position for part in parts], dtype=np.float64).reshape(-1, 3),
-            np.array(turns, dtype=np.float64).reshape(-1, 3, 3),
+            np.array(rotations, dtype=np.float64).reshape(-1, 3, 3),
             0.5 * np.array([part.size for part in parts], dtype=np.float64).reshape(-1, 3),
         )
 
     def moved(self, matrix: Array) -> Solids:
         """These in another frame, by the transform (4, 4) from the present one into that."""
-        turn = matrix[:3, :3]
-        return Solids(self.kinds, self.centre @ turn.T + matrix[:3, 3], turn @ self.turn, self.half)
+        rotation = matrix[:3, :3]
+        return Solids(self.kinds, self.centre @ rotation.T + matrix[:3, 3], rotation @ self.rotation, self.half)
 
     def signed_distances(self, points: Array) -> Array:
         """(n, k) m, how far points (k, 3) are outside each; negative within."""
@@ -176,13 +176,13 @@ class Solids(NamedTuple):
 
     def into(self, points: Array) -> Array:
         """(n, k, 3) points (k, 3) in the frame of each part."""
-        return np.asarray(np.einsum("nkj,nji->nki", points[None] - self.centre[:, None], self.turn))
+        return np.asarray(np.einsum("nkj,nji->nki", points[None] - self.centre[:, None], self.rotation))
 
     def cut_off(self, eye: Array, targets: Array) -> Flags:
         """(n, rays) which rays from `eye` (3,) to `targets` (rays, 3) meet each part before their end."""
         ray = targets - eye
-        start = np.einsum("nj,nji->ni", eye - self.centre, self.turn)
-        enters, leaves = crossings(self.kinds, self.half, start[:, None], ray[None] @ self.turn)
+        start = np.einsum("nj,nji->ni", eye - self.centre, self.rotation)
+        enters, leaves = crossings(self.kinds, self.half, start[:, None], ray[None] @ self.rotation)
         arrived = 1.0 - GAP / np.maximum(np.sqrt((ray * ray).sum(axis=1)), GAP)
         return meets(enters, leaves, arrived)
 
@@ -234,8 +234,8 @@ def _edges(part: Part, world_from_body: Array) -> Array:
 
     These are corners of a box, points on the rims of a cylinder, and the lowest point of a sphere.
     """
-    turn = np.array(quaternions.to_matrix(part.rotation))
-    up = world_from_body[2] @ turn  # in the frame of the part
+    rotation = np.array(quaternions.to_matrix(part.rotation))
+    up = world_from_body[2] @ rotation  # in the frame of the part
     half = 0.5 * np.array(part.size)
     if part.kind == "sphere":
         edges = -half[:1] * up[None]
@@ -246,7 +246,7 @@ def _edges(part: Part, world_from_body: Array) -> Array:
         edges = outwards[below] * half
     else:
         edges = CORNERS[(CORNERS * up).min(axis=1) < _FACING] * half
-    return np.asarray(edges @ turn.T + part.position)
+    return np.asarray(edges @ rotation.T + part.position)
 
 
 def _area(part: Part) -> float:
@@ -259,8 +259,8 @@ def _area(part: Part) -> float:
 
 
 def _placed(part: Part, piece: Surface) -> Surface:
-    turn = np.array(quaternions.to_matrix(part.rotation))
-    return Surface(piece.points @ turn.T + part.position, piece.normals @ turn.T, piece.areas)
+    rotation = np.array(quaternions.to_matrix(part.rotation))
+    return Surface(piece.points @ rotation.T + part.position, piece.normals @ rotation.T, piece.areas)
 
 
 def _pieces(part: Part, spacing: float) -> Iterator[Surface]:

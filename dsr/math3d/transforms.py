@@ -132,8 +132,8 @@ class Pose:
         """
         if self.cov is None:
             raise ValueError(f"{self} has no covariance")
-        covariance, turn = np.array(self.cov).reshape(6, 6), np.array(quaternions.to_matrix(self.q))
-        return turn @ covariance[:3, :3] @ turn.T, turn @ covariance[3:, 3:] @ turn.T
+        covariance, rotation = np.array(self.cov).reshape(6, 6), np.array(quaternions.to_matrix(self.q))
+        return rotation @ covariance[:3, :3] @ rotation.T, rotation @ covariance[3:, 3:] @ rotation.T
 
     @property
     def rotation_matrix(self) -> Array:

@@ -105,7 +105,7 @@ class Picture:
         self.frame = PixelWindow(0, 0, intrinsics.width, intrinsics.height)
         self._intrinsics = intrinsics
         self._eye = world_from_view.translation
-        self._turn = world_from_view.rotation_matrix
+        self._rotation = world_from_view.rotation_matrix
         self.inverse_depth: Array = np.zeros((intrinsics.height, intrinsics.width))
         """(h, w) 1/m, one over the depth along the axis; 0 where nothing is"""
         self.bodies: NDArray[np.int32] = np.full((intrinsics.height, intrinsics.width), -1, dtype=np.int32)
@@ -145,7 +145,7 @@ class Picture:
 
     def shows(self, point: Array) -> bool:
         """Whether a point (3,) m in the world is in the picture with nothing in front of it."""
-        x, y, z = ((point - self._eye) @ self._turn).tolist()
+        x, y, z = ((point - self._eye) @ self._rotation).tolist()
         if z <= NEAREST:
             return False
         intrinsics = self._intrinsics
@@ -176,8 +176,8 @@ class Picture:
             return []
         kinds = np.concatenate([body.solids.kinds for body in bodies])
         half = np.concatenate([body.solids.half for body in bodies])
-        centres = (np.concatenate([body.solids.centre for body in bodies]) - self._eye) @ self._turn
-        axes = self._turn.T @ np.concatenate([body.solids.turn for body in bodies])
+        centres = (np.concatenate([body.solids.centre for body in bodies]) - self._eye) @ self._rotation
+        axes = self._rotation.T @ np.concatenate([body.solids.rotation for body in bodies])
         parts = _Parts(kinds, centres, axes, half)
         windows = parts.windows(self._intrinsics)
         found, first = [], 0
@@ -195,7 +195,7 @@ class Picture:
         }
         shots = [Shot(window, self._inverse_depth(parts, part, window)) for part, window in shown.items()]
         if body.triangles is not None:
-            corners = (body.triangles - self._eye) @ self._turn
+            corners = (body.triangles - self._eye) @ self._rotation
             drawn = draw_triangles(corners, self._intrinsics, limit, NEAREST)
             if drawn is not None:
                 shots.append(Shot(PixelWindow(*drawn[0]), drawn[1]))

@@ -42,38 +42,39 @@ class Estimate:
 
     def agrees(self, innovations: Sequence[Innovation], percept: WeighedPercept, gate: float) -> bool:
         """Whether the mean of some innovations is within the gate, each of them as noisy as `percept`."""
-        shift, turn = np.mean(innovations, axis=0) if len(innovations) > 1 else innovations[0]
+        shift, rotation = np.mean(innovations, axis=0) if len(innovations) > 1 else innovations[0]
         limit, share = gate**2, 1.0 / len(innovations)
         position_covariance = self.position_covariance + share * percept.position_covariance
         rotation_covariance = self.rotation_covariance + share * percept.rotation_covariance
-        return _mahalanobis2(shift, position_covariance) <= limit and _mahalanobis2(turn, rotation_covariance) <= limit
+        is_near = _mahalanobis2(shift, position_covariance) <= limit
+        return is_near and _mahalanobis2(rotation, rotation_covariance) <= limit
 
     def fuse(self, percept: WeighedPercept) -> None:
         """Take in a percept; with more than the window's, the older ones count less and less (Kalman update)."""
         self.count += 1
         keep = 1.0 if self.count <= self._config.window else 1.0 - 1.0 / self._config.window
-        innovation, turn = self.innovation(percept)
+        innovation, rotation = self.innovation(percept)
         gain, self.position_covariance = _update(self.position_covariance / keep, percept.position_covariance)
         self.position = self.position + gain @ innovation
         gain, self.rotation_covariance = _update(self.rotation_covariance / keep, percept.rotation_covariance)
-        x, y, z = (gain @ turn).tolist()
+        x, y, z = (gain @ rotation).tolist()
         step = quaternions.from_rotvec((x, y, z))
         self.rotation = quaternions.normalised(quaternions.product(step, self.rotation))
         self.ray = percept.ray
 
     def loosen(self, innovations: Sequence[Innovation]) -> None:
         """Doubt the estimate in the direction in which some innovations agree that it is off, and in no other."""
-        shift, turn = np.mean(innovations, axis=0)
+        shift, rotation = np.mean(innovations, axis=0)
         self.position_covariance = self.position_covariance + np.outer(shift, shift)
-        self.rotation_covariance = self.rotation_covariance + np.outer(turn, turn)
+        self.rotation_covariance = self.rotation_covariance + np.outer(rotation, rotation)
 
     def inherit(self, old: Estimate) -> None:
         """Keep position and rotation of an older estimate, each if it has not changed beyond noise."""
-        shift, turn = old.position - self.position, self._turn_to(old.rotation)
+        shift, rotation = old.position - self.position, self._rotation_to(old.rotation)
         limit = self._config.gate**2
         if _mahalanobis2(shift, self.position_covariance + old.position_covariance) <= limit:
             self.position, self.position_covariance, self.count = old.position, old.position_covariance, old.count
-        if _mahalanobis2(turn, self.rotation_covariance + old.rotation_covariance) <= limit:
+        if _mahalanobis2(rotation, self.rotation_covariance + old.rotation_covariance) <= limit:
             self.rotation, self.rotation_covariance = old.rotation, old.rotation_covariance
 
     def corrected(self, bias: float) -> Array:
@@ -104,9 +105,9 @@ class Estimate:
 
     def innovation(self, percept: WeighedPercept) -> Innovation:
         """Measure the difference between a percept and the estimate."""
-        return percept.position - self.position, self._turn_to(percept.rotation)
+        return percept.position - self.position, self._rotation_to(percept.rotation)
 
-    def _turn_to(self, rotation: Quaternion) -> Array:
+    def _rotation_to(self, rotation: Quaternion) -> Array:
         """(3,) rotation vector in the world frame from the estimate to another rotation, rad."""
         return np.array(quaternions.to_rotvec(quaternions.product(rotation, quaternions.conjugate(self.rotation))))
 

@@ -76,19 +76,19 @@ class _Bodies(NamedTuple):
     names: list[str]
     centre: Array
     """(n, 3) m"""
-    turn: Array
+    rotation: Array
     """(n, 3, 3) world_from_body"""
     half: Array
     """(n, 3) m, half the edge lengths"""
 
     @staticmethod
     def of(solids: Sequence[Solid]) -> _Bodies:
-        turns = [quaternions.to_matrix(solid.rotation) for solid in solids]
+        rotations = [quaternions.to_matrix(solid.rotation) for solid in solids]
         half = 0.5 * np.array([solid.size for solid in solids], dtype=np.float64).reshape(-1, 3)
         return _Bodies(
             [solid.name for solid in solids],
             _bounded([solid.position for solid in solids]),
-            np.array(turns, dtype=np.float64).reshape(-1, 3, 3),
+            np.array(rotations, dtype=np.float64).reshape(-1, 3, 3),
             np.minimum(half, _FARTHEST_SHOWN),
         )
 
@@ -99,7 +99,7 @@ class _Bodies(NamedTuple):
 
     def into(self, point: Array) -> Array:
         """(n, 3) a point (3,) of the world in the frame of each body."""
-        local: Array = ((point - self.centre)[:, None, :] @ self.turn)[:, 0]
+        local: Array = ((point - self.centre)[:, None, :] @ self.rotation)[:, 0]
         return local
 
 
@@ -163,7 +163,7 @@ class _Camera:
         """`housing`: m from the camera up to which what it is in hides nothing."""
         self.view = view
         self.eye = _bounded([view.world_from_camera.t])[0]
-        self.turn = np.array(quaternions.to_matrix(view.world_from_camera.q))
+        self.rotation = np.array(quaternions.to_matrix(view.world_from_camera.q))
         obstacles = (*obstacles, *view.obstacles)
         around = _Bodies.of(obstacles).contain(self.eye, _EYE_MARGIN)
         self.obstacles = [obstacle.name for obstacle in obstacles]
@@ -271,7 +271,7 @@ def _targets(camera: _Camera, bodies: _Bodies, solids: Sequence[Solid], colored:
         weights[index] = 0.0
         local[index], weights[index, : len(shares)] = 0.0, shares
         local[index, : len(points)] = points
-    points = local @ bodies.turn.transpose(0, 2, 1) + bodies.centre[:, None, :]
+    points = local @ bodies.rotation.transpose(0, 2, 1) + bodies.centre[:, None, :]
     middle = np.where(colored[:, None], bodies.centre, points[:, rays // 2])
     corner = points[:, 0] - middle
     around = np.where(colored, (bodies.half**2).sum(axis=1), (corner * corner).sum(axis=1))
@@ -290,17 +290,17 @@ def _surface(shape: Shape, size: Vector3, eye: Vector3) -> tuple[Array, Array]:
 def _found(camera: _Camera, bodies: _Bodies, targets: _Targets, colored: Flags, smallest: float) -> Flags:
     """(n, m) which points would be seen if nothing were in the way."""
     intrinsics = camera.view.intrinsics
-    points = (targets.points - camera.eye) @ camera.turn
+    points = (targets.points - camera.eye) @ camera.rotation
     depth = points[..., 2]
     ahead = depth > _DIVISOR
     safe = np.where(ahead, depth, 1.0)
     pixels = intrinsics.project(np.where(ahead[..., None], points, 1.0))
     u, v = pixels[..., 0], pixels[..., 1]
     ray = targets.middle - camera.eye
-    across, down = _margins(camera.view, ray @ camera.turn).T[..., None]
+    across, down = _margins(camera.view, ray @ camera.rotation).T[..., None]
     inside: Flags = ahead & (u >= across) & (u <= intrinsics.width - 1 - across)
     inside &= (v >= down) & (v <= intrinsics.height - 1 - down) & (targets.weights > 0.0)
-    cosine = -(ray * bodies.turn[:, :, 2]).sum(axis=1)
+    cosine = -(ray * bodies.rotation[:, :, 2]).sum(axis=1)
     side = 2 * TAG_RATIO * bodies.half[:, :2].min(axis=1, initial=np.inf) * intrinsics.fx
     found: Flags = cosine >= math.cos(STEEPEST) * np.sqrt((ray * ray).sum(axis=1))
     found &= side >= SMALLEST * safe[:, len(_RAYS) // 2]
@@ -348,10 +348,10 @@ def _candidates(eye: Array, targets: _Targets, seen: Flags, parts: _Parts) -> tu
 
 def _cut_off(eye: Array, targets: Array, parts: _Parts, part: Indexes) -> Flags:
     """(k, m) which rays to the points (k, m, 3) meet part `part[k]` before."""
-    way = targets - eye
+    ray = targets - eye
     start = parts.bodies.into(eye)[part][:, None]
-    enters, leaves = crossings(parts.kinds[part], parts.bodies.half[part], start, way @ parts.bodies.turn[part])
-    length = np.maximum(np.sqrt((way * way).sum(axis=2)), GAP)
+    enters, leaves = crossings(parts.kinds[part], parts.bodies.half[part], start, ray @ parts.bodies.rotation[part])
+    length = np.maximum(np.sqrt((ray * ray).sum(axis=2)), GAP)
     hides: Flags = leaves > parts.spared[part][:, None] / length
     return hides & meets(enters, leaves, 1.0 - GAP / length)
 

@@ -46,10 +46,10 @@ def test_edges_that_cross_are_told_apart() -> None:
     """Two rods turned so that only the cross product of their edges separates them."""
     halves = np.array([[0.1, 0.01, 0.01]])
     a = Boxes(np.zeros((1, 3)), Rotation.from_euler("x", np.pi / 4).as_matrix()[None], halves)
-    turn = Rotation.from_euler("ZX", (np.pi / 2, np.pi / 4)).as_matrix()[None]
+    rotation = Rotation.from_euler("ZX", (np.pi / 2, np.pi / 4)).as_matrix()[None]
     reach = 2 * 0.01 * np.sqrt(2)
-    assert gaps(a, Boxes(np.array([[0.0, 0.0, reach + 0.001]]), turn, halves))[0] == pytest.approx(0.001, abs=1e-9)
-    assert gaps(a, Boxes(np.array([[0.0, 0.0, reach - 0.001]]), turn, halves))[0] < 0.0
+    assert gaps(a, Boxes(np.array([[0.0, 0.0, reach + 0.001]]), rotation, halves))[0] == pytest.approx(0.001, abs=1e-9)
+    assert gaps(a, Boxes(np.array([[0.0, 0.0, reach - 0.001]]), rotation, halves))[0] < 0.0
 
 
 def test_a_box_that_went_as_deep_as_it_was_is_just_free() -> None:

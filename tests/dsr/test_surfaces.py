@@ -79,8 +79,8 @@ def test_weights_are_shares_of_the_image(eye: tuple[float, float, float]) -> Non
     u, v = (axis.ravel()[:, None] for axis in np.meshgrid(grid, grid))
     way = ahead + u * right + v * np.cross(ahead, right)
     solids = Solids.of(OPEN_BOX)
-    local = np.einsum("nj,nji->ni", start - solids.centre, solids.turn)
-    enters, leaves = crossings(solids.kinds, solids.half, local[:, None], way[None] @ solids.turn)
+    local = np.einsum("nj,nji->ni", start - solids.centre, solids.rotation)
+    enters, leaves = crossings(solids.kinds, solids.half, local[:, None], way[None] @ solids.rotation)
     first = np.where(enters < leaves, enters, np.inf).min(axis=0)
     hit = np.isfinite(first)
     upper = (start + first[hit, None] * way[hit])[:, 2] > 0.0

@@ -78,7 +78,9 @@ def test_a_mesh_of_a_box_looks_like_the_box() -> None:
     sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     indices = np.array([corner for a, b, c, d in sides for corner in ((a, b, c), (a, c, d))])
     mesh = Body("mesh", cube.solids._replace(
-        kinds=cube.solids.kinds[:0], centre=cube.solids.centre[:0], turn=cube.solids.turn[:0], half=cube.solids.half[:0]
+        kinds=cube.solids.kinds[
+            :0
+        ], centre=cube.solids.centre[:0], rotation=cube.solids.rotation[:0], half=cube.solids.half[:0]
     ), pose.apply(corners)[indices])  # fmt: skip
     one, other = (Picture(VIEW, LENS, [TABLE, body], [body.name]) for body in (cube, mesh))
     assert other.visible("mesh")[:3] == one.visible("cube")[:3]
