@@ -80,8 +80,9 @@ def panels() -> list[Panel]:
 
 def footprint(world_from_camera: Pose, intrinsics: Intrinsics, height: float) -> Array:
     """(n, 2) m, x and y of where the borders of an image meet the plane at world z `height`; empty if they never do."""
-    across, down = np.linspace(-0.5, intrinsics.width - 0.5, _POINTS), np.linspace(
-        -0.5, intrinsics.height - 0.5, _POINTS
+    across, down = (
+        np.linspace(-0.5, intrinsics.width - 0.5, _POINTS),
+        np.linspace(-0.5, intrinsics.height - 0.5, _POINTS),
     )
     borders = [
         np.column_stack([across, np.full(_POINTS, down[0])]),

@@ -49,8 +49,8 @@ class TableCamera:
         ahead = local[:, 2] > 0.0
         u, v = intrinsics.project(np.where(ahead[:, None], local, 1.0)).T
         du, dv = margin * intrinsics.width, margin * intrinsics.height
-        inside: NDArray[np.bool_] = ahead & (du <= u) & (u <= intrinsics.width - du) & (dv <= v) & (
-            v <= intrinsics.height - dv
+        inside: NDArray[np.bool_] = (
+            ahead & (du <= u) & (u <= intrinsics.width - du) & (dv <= v) & (v <= intrinsics.height - dv)
         )
         return inside
 

@@ -79,9 +79,13 @@ class Router:
         return float((np.abs(goal - start) / self._velocity).max())
 
     def plan(
-        self, start: Array, goal: JointGoal, load: Load, obstacles: Obstacles, travel: float, limits: tuple[
-            float, float
-        ]
+        self,
+        start: Array,
+        goal: JointGoal,
+        load: Load,
+        obstacles: Obstacles,
+        travel: float,
+        limits: tuple[float, float],
     ) -> Trajectory:
         """A way from joint positions `start` (n,) rad to `goal`.
 

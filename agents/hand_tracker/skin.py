@@ -104,7 +104,6 @@ def _pixels(mask: Mask) -> Array:
     return np.column_stack([u, v]).astype(float)
 
 
-
 SIGMA = 0.004
 """m, standard deviation of each coordinate of a fingertip"""
 PALM_SIGMA = 0.013

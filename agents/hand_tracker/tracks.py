@@ -91,7 +91,6 @@ def weight(cutoff: float, interval: float) -> float:
     return 1.0 / (1.0 + 1.0 / (2.0 * math.pi * cutoff * interval))
 
 
-
 HANDS = 2
 FINGERS = 5
 _GATE = 0.15

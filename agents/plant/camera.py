@@ -85,7 +85,10 @@ class SimulatedCamera:
         """A frame as a driver delivers it: `color`, `depth` and the intrinsics."""
         intrinsics = self.intrinsics
         meta: dict[str, float | int | str] = {
-            "fx": intrinsics.fx, "fy": intrinsics.fy, "cx": intrinsics.cx, "cy": intrinsics.cy
+            "fx": intrinsics.fx,
+            "fy": intrinsics.fy,
+            "cx": intrinsics.cx,
+            "cy": intrinsics.cy,
         }
         if self.covers:
             shape = (intrinsics.height, intrinsics.width)

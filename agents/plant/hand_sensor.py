@@ -42,9 +42,11 @@ def landmarks_in_view(camera: SimulatedCamera, world: World, hands: Hands, hand:
     local = camera.pose.inverse().apply(points)
     intrinsics = camera.intrinsics
     pixels = intrinsics.project(np.column_stack([local[:, :2], np.maximum(local[:, 2], 1e-6)]))
-    inside = (local[:, 2] > 0) & (pixels >= 0).all(axis=1) & (
-        pixels <= (intrinsics.width - 1, intrinsics.height - 1)
-    ).all(axis=1)
+    inside = (
+        (local[:, 2] > 0)
+        & (pixels >= 0).all(axis=1)
+        & (pixels <= (intrinsics.width - 1, intrinsics.height - 1)).all(axis=1)
+    )
     surface = points + TIP_RADIUS * (eye - points) / np.linalg.norm(eye - points, axis=1, keepdims=True)
     hits = world.bullet.rayTestBatch([eye.tolist()] * len(surface), surface.tolist())
     free = np.array([hit[0] < 0 or hit[2] > _REACHED for hit in hits])

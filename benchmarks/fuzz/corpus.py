@@ -152,7 +152,8 @@ def tag_readings() -> list[bytes]:
     readings = [TagReading(number, _SEVEN, 0.001, 0.01) for number in (3, 4)]
     intrinsics = Intrinsics(600.0, 600.0, 319.5, 239.5, 640, 480)
     return [
-        msgspec.msgpack.encode(TagReadings(NOW, readings, intrinsics)), msgspec.msgpack.encode(TagReadings(NOW, []))
+        msgspec.msgpack.encode(TagReadings(NOW, readings, intrinsics)),
+        msgspec.msgpack.encode(TagReadings(NOW, [])),
     ]
 
 

@@ -108,9 +108,8 @@ class VisibilityMonitor:
         )
         nothing = VisibleFraction(0.0, 0, 0, "")
         return [
-            SightChange(
-                *key, key in self._seen, self._visibilities.get(key, nothing)
-            ) for key in sorted(before ^ self._seen)
+            SightChange(*key, key in self._seen, self._visibilities.get(key, nothing))
+            for key in sorted(before ^ self._seen)
         ]
 
     def _wanted(self) -> list[str]:

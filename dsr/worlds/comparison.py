@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from dsr.memory import Memory
 
 
-
 class Tolerance(msgspec.Struct, frozen=True):
     """Differences up to which values count as equal."""
 

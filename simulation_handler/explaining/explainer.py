@@ -75,15 +75,16 @@ class Explainer:
         self._discrepancies = Discrepancies(bodies, config)
         self._planned: dict[tuple[str, str], float] = {}  # until when it counts
         self._companions: dict[str, tuple[float, frozenset[str]]] = {}  # until when, what moves with an object
-        self._moved_along: dict[str, dict[str, Pose]] = {}  # leader_from_rider of what moves with a followed object
+        self._moved_along: dict[str, dict[str, Pose]] = {}  # leader_from_other of what moves with a followed object
         self._former: dict[tuple[str, str], tuple[float, Pose]] = {}  # (upper, lower) -> until when, upper_from_lower
         self._news: list[tuple[float, Explanation]] = []
         self._moved: set[str] = set()
         self._doubted_until: dict[str, float] = {}  # by camera
         self._look_again_at = -math.inf
-        self._told: tuple[
-            tuple[ExplainedChange, ...], float
-        ] = ((), -math.inf)  # the last, and until when the same is no news
+        self._told: tuple[tuple[ExplainedChange, ...], float] = (
+            (),
+            -math.inf,
+        )  # the last, and until when the same is no news
 
     @property
     def waiting(self) -> Collection[str]:
@@ -168,9 +169,8 @@ class Explainer:
         """The same, but what was removed where a hand covered it is in that hand."""
         taken = {name: hand for name in sorted(explanation.removed) if (hand := self.take(name, now))}
         renamed = {
-            ExplainedChange(REMOVED, ((name,),)): ExplainedChange(
-                TAKEN_ALONG, ((name,), (hand,))
-            ) for name, hand in taken.items()
+            ExplainedChange(REMOVED, ((name,),)): ExplainedChange(TAKEN_ALONG, ((name,), (hand,)))
+            for name, hand in taken.items()
         }
         changes = tuple(renamed.get(change, change) for change in explanation.changes)
         return replace(explanation, changes=changes, removed=explanation.removed - taken.keys())

@@ -75,9 +75,9 @@ def _drifting(
     said = {**situation.believed, **{name: placement.solid for name, placement in drafted.placements.items()}}
     unseen = settled.keys() - situation.seen.keys() - situation.held - dict(hypothesis.fallen).keys()
     drifts = {name: math.dist(settled[name].position, said[name].position) for name in unseen}
-    changed = hypothesis.moved.keys() | hypothesis.unseen | {
-        name for name, drift in drifts.items() if drift > _UNSEEN_SLACK
-    }
+    changed = (
+        hypothesis.moved.keys() | hypothesis.unseen | {name for name, drift in drifts.items() if drift > _UNSEEN_SLACK}
+    )
 
     def most(name: str) -> float:
         carriers = {*situation.beneath.get(name, ()), *situation.inside.get(name, ())}

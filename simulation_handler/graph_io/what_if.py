@@ -162,9 +162,7 @@ def _placing(name: str, numbers: tuple[float, ...]) -> Placing:
     except ValueError as error:
         raise RefusedError(f"pose of {name!r}: {error}") from error
     if math.hypot(*pose.t) > FARTHEST:
-        raise RefusedError(
-            f"pose of {name!r}: {math.hypot(*pose.t):.3g} m from the world's origin; at most {FARTHEST}"
-        )
+        raise RefusedError(f"pose of {name!r}: {math.hypot(*pose.t):.3g} m from the world's origin; at most {FARTHEST}")
     return pose.t, pose.q
 
 

@@ -152,9 +152,8 @@ def test_from_other_arm_poses_the_camera_not_the_gripper_points_at_the_cubes() -
     robot = load_robot(Path(__file__).resolve().parents[2] / "etc/robots/gen3.urdf")
     start = np.array(RobotSpec().start)
     gripper, camera = (
-        JointChain(robot.between("base_link", link)).forward(start) for link in (
-            "end_effector_link", "camera_wrist_link"
-        )
+        JointChain(robot.between("base_link", link)).forward(start)
+        for link in ("end_effector_link", "camera_wrist_link")
     )
     gripper_from_camera = gripper.inverse() @ camera
     for place in EVALUATED_FROM:

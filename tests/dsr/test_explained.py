@@ -25,6 +25,6 @@ def test_older_recordings_have_only_the_text() -> None:
     assert changes_of({}, text_of(CHANGES)) == CHANGES
 
 
-@pytest.mark.parametrize("written", ["", "no JSON", "3", '[["moved", 3]]', '[[1, []]]', "[[]]"])
+@pytest.mark.parametrize("written", ["", "no JSON", "3", '[["moved", 3]]', "[[1, []]]", "[[]]"])
 def test_a_malformed_attribute_tells_no_changes(written: str) -> None:
     assert changes_of({ATTRIBUTE: written}) == ()

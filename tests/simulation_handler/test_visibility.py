@@ -85,7 +85,8 @@ def test_what_may_be_outside_the_image_as_the_camera_may_be_elsewhere_counts_as_
     assert shares(edge, middle) == {"edge": 1.0, "middle": 1.0}
     camera = uncertain(OVERHEAD, np.diag([0.005, 0.005, 0.005, 0.02, 0.02, 0.02]) * math.sqrt(6.0))
     assert RayVisibility([view(camera)]).shares([edge, middle]) == {
-        ("overhead", "edge"): 0.0, ("overhead", "middle"): 1.0
+        ("overhead", "edge"): 0.0,
+        ("overhead", "middle"): 1.0,
     }
 
 
@@ -95,12 +96,12 @@ def test_what_the_camera_is_surely_seen_to_show_is_so_however_uncertain_its_pose
     centre = OVERHEAD.inverse() @ Pose((0.35, 0.3, 0.04))
     turns = np.random.default_rng(0).normal(0.0, 0.01, (200, 3))
     shifts = np.cross(centre.t, turns)
-    assert RayVisibility(
-        [view(uncertain(OVERHEAD, np.hstack([shifts, turns])))]
-    ).shares([edge]) == {("overhead", "edge"): 1.0}
-    assert RayVisibility(
-        [view(uncertain(OVERHEAD, np.hstack([-shifts, turns])))]
-    ).shares([edge]) == {("overhead", "edge"): 0.0}
+    assert RayVisibility([view(uncertain(OVERHEAD, np.hstack([shifts, turns])))]).shares([edge]) == {
+        ("overhead", "edge"): 1.0
+    }
+    assert RayVisibility([view(uncertain(OVERHEAD, np.hstack([-shifts, turns])))]).shares([edge]) == {
+        ("overhead", "edge"): 0.0
+    }
 
 
 def test_obstacles_hide_but_the_housing_that_the_camera_is_in_does_not() -> None:

@@ -93,17 +93,13 @@ def test_what_carried_it_is_taken_away_or_is_held(service: WhatIfService) -> Non
     held = ask(service, 1.0, Supposed.hold("cube_2"), Supposed.remove("cube_1"))
     assert held.poses["cube_2"][2] == 0.06 and held.rests_on["cube_2"] == ()
     lifted = ask(
-        service, 1.0, Supposed.hold("cube_1", Pose((0.3, 0.0, 0.5))), Supposed.place(
-            "cube_2", Pose((0.3, 0.0, 0.55))
-        )
+        service, 1.0, Supposed.hold("cube_1", Pose((0.3, 0.0, 0.5))), Supposed.place("cube_2", Pose((0.3, 0.0, 0.55)))
     )
     assert lifted.rests_on["cube_2"] == ("cube_1",) and lifted.moved["cube_1"] == 0.0
 
 
 def test_changes_are_made_in_order_and_placing_lets_go(service: WhatIfService) -> None:
-    answer = ask(
-        service, 1.0, Supposed.hold("cube_3", Pose((0.0, 0.2, 0.5))), Supposed.place("cube_3", ABOVE_3)
-    )
+    answer = ask(service, 1.0, Supposed.hold("cube_3", Pose((0.0, 0.2, 0.5))), Supposed.place("cube_3", ABOVE_3))
     assert answer.moved["cube_3"] == pytest.approx(0.04, abs=2e-3)
 
 
@@ -324,9 +320,7 @@ def test_a_malformed_place_is_an_error_of_the_command(text: str) -> None:
 
 
 def test_nonsense_is_always_answered(service: WhatIfService, caplog: pytest.LogCaptureFixture) -> None:
-    mutate = Mutator(
-        [*corpus.questions(), encode_question(Question(0.1, (Supposed.place("cube_2", ABOVE_3),)))], 1
-    )
+    mutate = Mutator([*corpus.questions(), encode_question(Question(0.1, (Supposed.place("cube_2", ABOVE_3),)))], 1)
     answers = [decode_answer(encode_answer(service.answer(mutate()))) for _ in range(400)]
     assert sum(answer.refused != "" for answer in answers) > 200
     assert caplog.records == [], "no failure of ours"

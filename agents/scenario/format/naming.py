@@ -43,5 +43,6 @@ def _arm_links(scenario: Scenario) -> set[str]:
     """Nodes of the links that joints of the arm move."""
     return {f"arm_link_{joint}" for joint, _ in enumerate(scenario.robot.start, start=1)}
 
+
 GROUND = ("table",)
 """Names of other supports, as nodes of the working memory; the floor has none."""

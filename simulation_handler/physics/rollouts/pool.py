@@ -107,9 +107,11 @@ class _Run:
     """The jobs of one run on their way through the workers, and through this process if those do not answer."""
 
     def __init__(
-        self, workers: Sequence[WorkerProcess], jobs: Sequence[RolloutJob], simulate: Callable[
-            [int], RolloutOutcome
-        ], clock: Clock
+        self,
+        workers: Sequence[WorkerProcess],
+        jobs: Sequence[RolloutJob],
+        simulate: Callable[[int], RolloutOutcome],
+        clock: Clock,
     ) -> None:
         """`simulate` does the job of an index in this process."""
         self._workers = workers

@@ -322,9 +322,9 @@ def test_hands_hide_tags_from_both_sensors(make_reality: MakeReality, cube: Make
     assert [reading.marker_id for reading in reality.readings(0.0).readings] == [4]
     assert reality.world.bullet.getNumBodies() == before
     camera = reality.camera
-    ((u, v),) = camera.intrinsics.project(
-        camera.pose.inverse().apply(np.array([[0.40, 0.0, 0.15]]))
-    ).round().astype(int)
+    ((u, v),) = (
+        camera.intrinsics.project(camera.pose.inverse().apply(np.array([[0.40, 0.0, 0.15]]))).round().astype(int)
+    )
     color, depth = frame.arrays["color"][v, u].astype(int), frame.arrays["depth"][v, u]
     assert color[0] > color[1] + 20 > color[2] + 20
     assert depth == pytest.approx(0.65 - 0.15 - 0.012, abs=0.01)

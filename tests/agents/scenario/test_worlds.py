@@ -91,6 +91,6 @@ def test_edges_in_a_world(memory: Memory) -> None:
 def test_which_worlds_there_are(memory: Memory) -> None:
     memory.create_world("view")
     assert judged(memory, WorldsCheck(present=("view",), absent=("idea",))) == (True, "view")
-    assert not judged(
-        memory, WorldsCheck(present=("idea",))
-    )[0] and not judged(memory, WorldsCheck(absent=("view",)))[0]
+    assert (
+        not judged(memory, WorldsCheck(present=("idea",)))[0] and not judged(memory, WorldsCheck(absent=("view",)))[0]
+    )

@@ -77,11 +77,8 @@ def test_a_mesh_of_a_box_looks_like_the_box() -> None:
     corners = np.array([[x, y, z] for x in (-0.02, 0.02) for y in (-0.02, 0.02) for z in (-0.02, 0.02)])
     sides = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     indices = np.array([corner for a, b, c, d in sides for corner in ((a, b, c), (a, c, d))])
-    mesh = Body("mesh", cube.solids._replace(
-        kinds=cube.solids.kinds[
-            :0
-        ], centre=cube.solids.centre[:0], rotation=cube.solids.rotation[:0], half=cube.solids.half[:0]
-    ), pose.apply(corners)[indices])  # fmt: skip
+    nothing = type(cube.solids)(*(values[:0] for values in cube.solids))
+    mesh = Body("mesh", nothing, pose.apply(corners)[indices])
     one, other = (Picture(VIEW, LENS, [TABLE, body], [body.name]) for body in (cube, mesh))
     assert other.visible("mesh")[:3] == one.visible("cube")[:3]
     assert np.allclose(one.inverse_depth, other.inverse_depth)
