@@ -10,7 +10,12 @@ import pytest
 from benchmarks.sample_words import LONGEST, long_sentences
 
 ROOT = Path(__file__).parents[1]
-PLAIN = ("README.md", "ARCHITECTURE.md", *sorted(f"docs/{file.name}" for file in ROOT.glob("docs/*.md")))
+PLAIN = (
+    "README.md",
+    "ARCHITECTURE.md",
+    "CHANGELOG.md",
+    *sorted(f"docs/{file.name}" for file in ROOT.glob("docs/*.md")),
+)
 """Documents without a sentence of more than `LONGEST` words."""
 MOST_TERMS = 50
 """Terms that a newcomer can read through."""
