@@ -11,8 +11,9 @@
 demo: setup
 	@.venv/bin/dsr demo $(ARGS)
 
+# three workers on two cores: many tests wait for processes, not for a processor
 test: lint
-	.venv/bin/python -m pytest -n 2
+	.venv/bin/python -m pytest -n 3
 
 lint: setup
 	.venv/bin/ruff check .

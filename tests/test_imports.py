@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -87,17 +87,21 @@ SEEDED_RANDOM = {"default_rng", "Generator", "SeedSequence", "BitGenerator", "PC
 """What may be used of `numpy.random`: all else has global state."""
 
 
+@cache
 def parse(file: Path) -> ast.Module:
     return ast.parse((ROOT / file).read_text(encoding="utf-8"))
 
 
-def imports(file: Path) -> Iterator[str]:
+@cache
+def imports(file: Path) -> tuple[str, ...]:
     """Full names of all that a file imports, at any depth: `from a.b import c` gives `a.b.c`."""
+    found: list[str] = []
     for node in ast.walk(parse(file)):
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+            found += [alias.name for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
-            yield from (f"{'.' * node.level}{node.module or ''}.{alias.name}" for alias in node.names)
+            found += [f"{'.' * node.level}{node.module or ''}.{alias.name}" for alias in node.names]
+    return tuple(found)
 
 
 def group(file: Path) -> str:

@@ -108,8 +108,7 @@ def test_what_does_not_stand_upright_is_unsure_or_not_found(scene: ColorScene, d
     assert min(sigmas, default=1.0) > 0.003
 
 
-@pytest.mark.parametrize("model", ["container_green", "cover_large", "cup"])
-@pytest.mark.parametrize("seed", [0, 1, 2])
+@pytest.mark.parametrize(("model", "seed"), [("container_green", 0), ("cover_large", 1), ("cup", 2)])
 def test_what_is_tilted_and_put_back_is_followed(scene: ColorScene, model: str, seed: int) -> None:
     rng, reader = np.random.default_rng(seed), ColorReader(NO_BIAS)
     camera, azimuth, yaw = looking_at((*PLACE, 0.25), 1.3, rng), rng.uniform(0.0, 2 * math.pi), rng.uniform(-0.1, 0.1)
