@@ -3,7 +3,7 @@
 Read in the order of the data: `reading` (graph to belief), `percepts`, `estimate` and `tracking` (percepts over
 time), `placement` and `supports` (onto contact), `correction` (into the simulation), `simulator`, `relations`,
 `writing` (belief to graph). What the cameras should see by the belief: `views` (graph to cameras and obstacles),
-`rays` (rays), `seeing` (to the graph).
+`visibility` (rays), `seeing` (to the graph).
 """
 
 from simulation_handler.agent import SimulationHandler
