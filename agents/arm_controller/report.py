@@ -49,7 +49,7 @@ class StallDetector:
         self._since = math.inf
 
     def reset(self) -> None:
-        """A new motion begins."""
+        """Forget the progress of the last motion, because a new one begins."""
         self._since = math.inf
 
     def is_stalled(self, moving: bool, now: float) -> bool:

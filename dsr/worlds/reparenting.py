@@ -73,7 +73,7 @@ class Reparenting:
                     self._orphans.add((dst, kind))
 
     def update(self) -> None:
-        """Bring these edges into step, if something may have moved."""
+        """Write the poses of the reparented edges anew, if something may have moved."""
         if not self._is_due:
             return
         self._is_due = False

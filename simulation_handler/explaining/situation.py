@@ -38,7 +38,7 @@ class Seen:
     covariance: Array
     """(3, 3) m^2 of its position"""
     turning: Array
-    """(3, 3) rad^2 of its rotation"""
+    """(3, 3) rad^2, covariance of the rotation in the percept"""
     count: int
     """Percepts that agree on it."""
     moving: bool

@@ -127,7 +127,7 @@ class Solid:
         return self.kind == "sphere"
 
     def signed_distance(self, point: Vector3) -> tuple[float, Vector3]:
-        """How far (m) a point in the world is outside, negative within, and the unit vector out of it there."""
+        """Distance (m) of a point in the world from the surface, negative inside, and the unit normal (world) there."""
         away = (point[0] - self.position[0], point[1] - self.position[1], point[2] - self.position[2])
         local = quaternions.rotate(quaternions.conjugate(self.rotation), away)
         distance, normal = min(part.signed_distance(local) for part in self.shape or box(self.size))
