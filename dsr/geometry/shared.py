@@ -32,7 +32,7 @@ class SharedPlace(msgspec.Struct, frozen=True, array_like=True):
 
 
 class SharedBytes:
-    """The bytes of a mesh in shared memory, at the process that offers them. Raises `OSError` where memory cannot be shared."""
+    """A mesh in shared memory, at the process that offers it. Raises `OSError` where memory cannot be shared."""
 
     def __init__(self, data: bytes | memoryview) -> None:
         if not hasattr(os, "memfd_create") or not _SEALS:
