@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from pathlib import Path
 from types import FrameType
 from typing import Any
 
 import pytest
 
+import dsr
 from dsr import Memory, Pose
 from dsr.crdt.store import dot_hash
 from dsr.graph.graph import Graph
@@ -16,6 +18,8 @@ from dsr.replication.replica import Replica
 from tests.dsr.conftest import Net
 
 Action = Callable[[Memory], object]
+PACKAGE = f"{Path(dsr.__file__).parent}/"
+"""Where lines count: a checkout that is called dsr has other packages' files in it too."""
 
 
 def interrupted_at(line: int, action: Callable[[], object]) -> bool:
@@ -24,7 +28,7 @@ def interrupted_at(line: int, action: Callable[[], object]) -> bool:
 
     def trace(frame: FrameType, event: str, _: Any) -> Any:
         nonlocal seen
-        if "/dsr/" not in frame.f_code.co_filename or "/tests/" in frame.f_code.co_filename:
+        if not frame.f_code.co_filename.startswith(PACKAGE):
             return None
         seen += event == "line"
         if event == "line" and seen == line:
