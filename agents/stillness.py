@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dsr.errors import NoPathError, TransformError
+from dsr.math3d.tolerance import PoseTolerance
 from dsr.memory import Memory
 
 _SPAN = 0.1
@@ -22,5 +23,4 @@ def stood_still(memory: Memory, camera: str, stamp: float, max_speed: float, max
         return True
     except TransformError:
         return False
-    metres, radians = world_from_camera.distance(world_from_camera_before)
-    return metres <= max_speed * _SPAN and radians <= max_turn * _SPAN
+    return PoseTolerance(max_speed * _SPAN, max_turn * _SPAN).covers(world_from_camera_before, world_from_camera)

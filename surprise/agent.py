@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from dsr.agent import Access, Agent
 from dsr.errors import DsrError
 from dsr.graph.elements import Node
+from dsr.math3d.tolerance import PoseTolerance
 from dsr.perception.percepts import Percept, PerceptReader
 from dsr.vocabulary.relations import THINGS, is_present, nodes_by_name
 from surprise.beliefs import Beliefs
@@ -57,7 +58,7 @@ class SurpriseDetector(Agent):
         """Forget all evidence, not the flags."""
         config = self.config
         self._percepts = PerceptReader(self.memory, oldest=_OLDEST)
-        self._beliefs = Beliefs(self.memory, config.jump, config.jump_turn)
+        self._beliefs = Beliefs(self.memory, PoseTolerance(config.jump, config.jump_turn))
         self._expectations = Expectations(self.memory, config)
         self._tracks: dict[tuple[str, str], EvidenceTrack] = {}
         self._held_until: dict[str, float] = {}

@@ -6,6 +6,7 @@ from collections import deque
 
 from dsr.frames.tree import WORLD
 from dsr.graph.elements import Node
+from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose, interpolate
 from dsr.memory import Memory
 
@@ -16,10 +17,9 @@ _SOON = 0.15  # s between two samples of a belief that is on its way; it rested 
 class Beliefs:
     """The believed poses of objects (Virtual_RT), with their recent past."""
 
-    def __init__(self, memory: Memory, jump: float, jump_turn: float) -> None:
+    def __init__(self, memory: Memory, calm: PoseTolerance) -> None:
         self._memory = memory
-        self._jump = jump
-        self._jump_turn = jump_turn
+        self._calm = calm
         self._samples: dict[str, deque[tuple[float, Pose]]] = {}
 
     def update(self, now: float, objects: list[Node], moving: set[str]) -> set[str]:
@@ -36,7 +36,7 @@ class Beliefs:
                 continue
             samples = self._samples.setdefault(node.name, deque(maxlen=_SAMPLES))
             if not samples or samples[-1][1] is not pose:
-                if samples and node.name not in moving and self._is_jump(samples[-1][1], pose):
+                if samples and node.name not in moving and not self._calm.covers(samples[-1][1], pose):
                     jumped.add(node.name)
                 samples.append((min(pose.stamp or now, now), pose))
         names = {node.name for node in objects}
@@ -56,10 +56,6 @@ class Beliefs:
                 return _between(sample, later, stamp)
             later = sample
         return later[1] if later else None
-
-    def _is_jump(self, old: Pose, new: Pose) -> bool:
-        metres, radians = old.distance(new)
-        return metres > self._jump or radians > self._jump_turn
 
 
 def _between(old: tuple[float, Pose], new: tuple[float, Pose] | None, stamp: float) -> Pose:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 from dsr.frames.tree import WORLD
 from dsr.graph.elements import Edge
+from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.perception.percepts import Percept
@@ -177,5 +178,5 @@ class Expectations:
         camera.pose = self._memory.get_transform(WORLD, name)
         if before is None or camera.pose is None or before is camera.pose:
             return before is None
-        metres, radians = before.distance(camera.pose)
-        return metres > self._config.camera_speed * elapsed or radians > self._config.camera_turn * elapsed
+        still = PoseTolerance(self._config.camera_speed, self._config.camera_turn).scaled(elapsed)
+        return not still.covers(before, camera.pose)

@@ -6,6 +6,7 @@ import math
 
 import msgspec
 
+from dsr.math3d.tolerance import PoseTolerance
 from dsr.vocabulary.calibration import DEFAULT_METHOD, checked_method
 
 
@@ -18,9 +19,9 @@ class CalibratorConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """s without anything to see after which a request is refused"""
     views_patience: float = 120.0
     """s that the arm may take to bring the camera to all the views wanted; then those there are must do"""
-    new_view: tuple[float, float] = (0.005, 0.02)
+    new_view: PoseTolerance = PoseTolerance(0.005, 0.02)
     """m, rad that the camera's parent moves between two views"""
-    belief_drift: tuple[float, float] = (0.002, 0.02)
+    belief_drift: PoseTolerance = PoseTolerance(0.002, 0.02)
     """m, rad that the belief of an object may change within a view; of more, it says nothing"""
     depth_bias: float = 0.01
     """m, systematic error along viewing rays in the percepts' covariances (`depth_bias_std` of the scene estimator)"""

@@ -10,12 +10,12 @@ from agents.calibrator.solve.reporting import make_report, refusal
 from agents.calibrator.watch.views import Views, only_camera
 from agents.replay.source import ReplayedGraph
 from dsr.errors import ConfigError
+from dsr.math3d.tolerance import SAME_POSE
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.vocabulary.calibration import Report
 
 _STEP = 0.05  # s between two looks at the recording
-_SAME = 1e-6  # m, rad
 
 
 def calibrate_recorded(
@@ -68,7 +68,7 @@ def calibrate_recorded(
 def _check_mount(memory: Memory, views: Views, before: Pose, time: float) -> None:
     """Raises `ConfigError` if the camera was given another pose until then."""
     edge = memory.get_edge(views.parent, views.camera, "RT")
-    if edge is not None and max(before.distance(edge["pose"])) > _SAME:
+    if edge is not None and not SAME_POSE.covers(before, edge["pose"]):
         raise ConfigError(
             f"{views.camera} was given another pose after {time:.1f} s: what was seen before and after that cannot be "
             f"used together; use --from {math.ceil(10.0 * time) / 10.0:.1f} or --until an earlier time"

@@ -11,6 +11,7 @@ import numpy as np
 from agents.drivers import PersonDriver, PersonReading, make_driver
 from dsr.agent import Access, Agent
 from dsr.errors import SchemaError
+from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose, interpolate
 from dsr.visibility import PERSON
 
@@ -89,11 +90,9 @@ class PersonTracker(Agent):
         deviations = max(reading.sigma_translation, _LEAST), max(reading.sigma_rotation, _LEAST)
         pose = Pose(reading.pose[:3], reading.pose[3:], stamp)
         edge = self.memory.get_edge(self.config.frame, reading.name, "RT")
-        if edge is not None:
-            distance, angle = edge.pose.distance(pose)
-            if distance < _MOVES * deviations[0] and angle < _MOVES * deviations[1]:
-                before = edge.pose.with_covariance(None).with_stamp(0.0)
-                pose = interpolate(before, pose.with_stamp(1.0), self.config.smoothing).with_stamp(stamp)
+        if edge is not None and PoseTolerance(*deviations).scaled(_MOVES).covers(edge.pose, pose):
+            before = edge.pose.with_covariance(None).with_stamp(0.0)
+            pose = interpolate(before, pose.with_stamp(1.0), self.config.smoothing).with_stamp(stamp)
         return pose.with_covariance(np.diag(np.square(np.repeat(deviations, 3))))
 
     def _skip(self, reason: str, detail: str) -> None:

@@ -10,6 +10,7 @@ from agents.perspectives.containment import carried, covers
 from agents.perspectives.falling import fallen
 from dsr.frames.tree import BELIEVED, WORLD
 from dsr.graph.elements import Node
+from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.visibility import (
@@ -28,8 +29,8 @@ LOOKS = ("size", "shape", "bounds", "mesh", "color", "marker_id", "model", "mass
 """Attributes that are taken over from visible things."""
 RELATIONS = ("on", "in")
 """Edges likewise."""
-_MOVED = 1e-3, 1e-2  # m, rad, from which a pose is another one
-_SWAYED = 5e-3, 2e-2  # likewise, of who looks: heads are never still
+_MOVED = PoseTolerance(1e-3, 1e-2)  # m, rad, from which a pose is another one
+_SWAYED = PoseTolerance(5e-3, 2e-2)  # likewise, of who looks: heads are never still
 _TELL_EVERY = 0.5  # s, between two writings of when something was last seen that is seen all the time
 
 
@@ -106,13 +107,11 @@ class PersonalView:
                 moved[name] = before, pose
         return moved
 
-    def _put(self, name: str, pose: Pose, least: tuple[float, float] = _MOVED) -> Pose | None:
+    def _put(self, name: str, pose: Pose, least: PoseTolerance = _MOVED) -> Pose | None:
         """Let something be somewhere; returns where it was before if that was somewhere else, by `least` m or rad."""
         edge = self.world.get_edge(WORLD, name, "RT")
-        if edge is not None:
-            distance, angle = edge.pose.distance(pose)
-            if distance < least[0] and angle < least[1]:
-                return None
+        if edge is not None and least.covers(edge.pose, pose):
+            return None
         before = None if edge is None else edge.pose
         self.world.add_edge(WORLD, name, "RT", pose=pose)
         return before

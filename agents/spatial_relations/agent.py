@@ -11,6 +11,7 @@ import msgspec
 from dsr.agent import Access, Agent
 from dsr.errors import ConfigError, DsrError, suggest
 from dsr.graph.elements import Node
+from dsr.math3d.tolerance import PoseTolerance
 from dsr.spatial import (
     EDGE_TYPES,
     EGOCENTRIC,
@@ -71,7 +72,7 @@ Seen = tuple[Fact, str]
 """A relation, and the viewpoint from which it is so; empty for none."""
 KEPT = "kept"
 """Status of an answered request; another status names a fault, or the things that are waited for."""
-_STILL = 5e-4, 2e-3  # m, rad: what moved by less is where it was
+_STILL = PoseTolerance(5e-4, 2e-3)  # m, rad: what moved by less is where it was
 
 
 class SpatialRelationsConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -153,7 +154,7 @@ class SpatialRelations(Agent):
         boxes, moved = dict(read_scene(self.memory).boxes), set()
         for name, box in boxes.items():
             before = self._boxes.get(name)
-            if before is not None and before.size == box.size and _is_still(before, box):
+            if before is not None and before.size == box.size and _STILL.covers(before.pose, box.pose):
                 boxes[name] = before
             else:
                 moved.add(name)
@@ -235,8 +236,3 @@ class SpatialRelations(Agent):
             if node.get("status") != status:
                 self.memory.update_node(node.name, status=status)
         self.degraded = problems.get("", "")
-
-
-def _is_still(before: Box, now: Box) -> bool:
-    distance, angle = before.pose.distance(now.pose)
-    return distance < _STILL[0] and angle < _STILL[1]

@@ -6,6 +6,7 @@ import msgspec
 
 from dsr import Memory, Node, Pose
 from dsr.frames.tree import BELIEVED, WORLD
+from dsr.math3d.tolerance import PoseTolerance
 from dsr.vocabulary.intrinsics import Intrinsics, read_intrinsics
 from dsr.vocabulary.relations import THINGS, nodes_by_name
 
@@ -13,8 +14,7 @@ OBJECT_TYPES = (*THINGS, "hand", "finger")
 _BODY_TYPES = ("robot", "arm", "body", "gripper")
 _FRAME_TYPES = (WORLD, "robot", "gripper", "camera", "table")
 _DEFAULT_SIZE = {"table": (1.0, 1.0, 0.02), "hand": (0.08, 0.08, 0.08), "finger": (0.016, 0.016, 0.016)}
-_APART = 0.002  # m from which percept and belief differ
-_TURNED = 0.05  # rad, likewise
+_ALIKE = PoseTolerance(0.002, 0.05)  # m, rad up to which percept and belief are drawn as one
 _OTHER_SIZE = (0.04, 0.04, 0.04)
 
 Vector = tuple[float, float, float]
@@ -123,8 +123,7 @@ def _differs(percept: DrawnSolid, known: DrawnSolid) -> bool:
     """Whether a percept is elsewhere than what is believed, or nothing is believed."""
     if known is percept:
         return True
-    apart, turn = _pose(percept.place).distance(_pose(known.place))
-    return apart > _APART or turn > _TURNED
+    return not _ALIKE.covers(_pose(percept.place), _pose(known.place))
 
 
 def _pose(place: DrawnPlace) -> Pose:

@@ -9,6 +9,7 @@ from dsr.errors import SchemaError
 from dsr.frames.tree import BELIEVED, WORLD
 from dsr.graph.elements import Node
 from dsr.math3d.shapes import from_numbers
+from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.vocabulary.relations import SURFACES, THINGS, is_present
@@ -19,7 +20,7 @@ IMAGINED = "imagination"
 IMPRECISE = (0.006, 0.004)
 """m, along x and y, by which things are first tried beside the middle: what only balances there falls, as it would."""
 NOTHING: Mapping[str, Pose] = MappingProxyType({})
-_SAME = 5e-4, 2e-3  # m, rad: what differs by less is where it is believed to be
+_SAME = PoseTolerance(5e-4, 2e-3)  # m, rad: what differs by less is where it is believed to be
 _MASS, _FRICTION = 0.1, 0.5  # kg; of what does not tell
 
 
@@ -56,7 +57,7 @@ def differences(
             changes += _added(world.node(name), now)
         elif name in held:
             changes.append(Supposed.hold(name, now))
-        elif name in elsewhere or _is_elsewhere(before, now):
+        elif name in elsewhere or not _SAME.covers(before, now):
             changes.append(Supposed.place(name, now))
     return tuple(changes)
 
@@ -69,7 +70,7 @@ def keep(world: Memory, answer: Answer) -> None:
                 continue
             pose = answer.pose(name)
             edge = world.get_edge(WORLD, name, "Virtual_RT")
-            if edge is None or _is_elsewhere(edge.pose, pose):
+            if edge is None or not _SAME.covers(edge.pose, pose):
                 world.add_edge(WORLD, name, "Virtual_RT", pose=pose)
             _rest(world, name, [support for support in answer.rests_on.get(name, ()) if support in world])
 
@@ -93,11 +94,6 @@ def _added(node: Node, pose: Pose) -> list[Supposed]:
         return []
     mass, friction = node.get("mass", _MASS), node.get("friction", _FRICTION)
     return [Supposed.add(node.name, pose, (size[0], size[1], size[2]), shape, mass, friction)]
-
-
-def _is_elsewhere(before: Pose, now: Pose) -> bool:
-    distance, angle = before.distance(now)
-    return distance > _SAME[0] or angle > _SAME[1]
 
 
 def surface_below(world: Memory, x: float, y: float) -> tuple[str, float] | None:

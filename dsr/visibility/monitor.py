@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dsr.math3d.tolerance import PoseTolerance
 from dsr.memory import Memory
 from dsr.visibility.bodies import Posed, read_posed
 from dsr.visibility.looking import BAND, LEAST_PIXELS, LEAST_SHARE, VisibleScene, is_enough
@@ -15,7 +16,7 @@ from dsr.visibility.picture import Picture, VisibleFraction
 
 _STILL = 3e-4  # m, and of the entries of rotation matrices: what moved by less is where it was
 _SWAYS = 5e-3  # likewise, of persons
-_STEADY = 5e-3, 1e-2  # m, rad: a perspective that moved by less shows the same
+_STEADY = PoseTolerance(5e-3, 1e-2)  # m, rad: a perspective that moved by less shows the same
 
 
 class SightChange(NamedTuple):
@@ -122,7 +123,7 @@ class VisibilityMonitor:
         drawn = {}
         for perspective in read_perspectives(self._memory, self._wanted(), self._width):
             known = self._drawn.get(perspective.name)
-            if known is None or known[0].intrinsics != perspective.intrinsics or not _is_still(known[0], perspective):
+            if known is None or not _is_still(known[0], perspective):
                 known = (perspective, self.scene.seen_from(perspective))
                 self.pictures += 1
             drawn[perspective.name] = known
@@ -144,5 +145,5 @@ def _is_same(posed: list[Posed], before: list[Posed]) -> bool:
 
 
 def _is_still(before: Perspective, now: Perspective) -> bool:
-    distance, angle = before.world_from_view.distance(now.world_from_view)
-    return distance < _STEADY[0] and angle < _STEADY[1]
+    same_lens = before.intrinsics == now.intrinsics
+    return same_lens and _STEADY.covers(before.world_from_view, now.world_from_view)

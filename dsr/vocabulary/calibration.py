@@ -16,6 +16,7 @@ import numpy as np
 from dsr.config.plugins import CALIBRATION_METHODS, checked_name, provided
 from dsr.errors import ConfigError
 from dsr.graph.elements import Node
+from dsr.math3d.tolerance import SAME_POSE
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.vocabulary.intentions import MIND
@@ -38,7 +39,6 @@ of its node tells the pose before and after."""
 SURPRISE = "surprise"
 """`source` of requests that nobody made: the calibrator began by itself."""
 
-_SAME = 1e-6  # m, rad, up to which two poses are the same
 
 
 class ObjectReport(msgspec.Struct, frozen=True):
@@ -168,7 +168,7 @@ def _holds(memory: Memory, report: Report) -> bool:
     """Whether a camera still is where a report says that it is."""
     edge = memory.get_edge(report.parent, report.camera, "RT")
     pose = None if edge is None else edge.get("pose")
-    return pose is not None and max(pose.distance(pose_of(report.after))) <= _SAME
+    return pose is not None and SAME_POSE.covers(pose, pose_of(report.after))
 
 
 def pose_of(numbers: Sequence[float], covariance: Sequence[float] = ()) -> Pose:

@@ -9,6 +9,7 @@ from dsr.crdt.delta import EdgeKey
 from dsr.errors import CycleError, NodeNotFoundError
 from dsr.frames.tree import BELIEVED
 from dsr.graph.elements import Edge, Node
+from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
 from dsr.worlds.registry import VIA
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 FRAMES = {"RT": ("RT",), "Virtual_RT": BELIEVED}
 """Edge types that place a node, each with those by which its chain goes on upwards."""
-_SAME = 1e-9  # m, rad
+_SAME = PoseTolerance(1e-9, 1e-9)  # m, rad: less is rounding
 
 
 class _Place(NamedTuple):
@@ -166,5 +167,4 @@ def _newest(edges: list[Edge]) -> Edge:
 
 
 def _is_same(a: Pose, b: Pose) -> bool:
-    distance, angle = a.distance(b)
-    return a.stamp == b.stamp and distance < _SAME and angle < _SAME
+    return a.stamp == b.stamp and _SAME.covers(a, b)

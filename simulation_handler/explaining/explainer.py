@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import replace
 
+from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
 from dsr.vocabulary.explained import CAMERA_MOVED, REMOVED, TAKEN_ALONG, ExplainedChange
 from simulation_handler.config import BeliefConfig
@@ -19,7 +20,6 @@ from simulation_handler.explaining.situation import (
     Properties,
     Situation,
     VisibilityQuery,
-    as_pose,
     seen_now,
 )
 from simulation_handler.explaining.wording import is_lasting, moved_together
@@ -259,9 +259,9 @@ class Explainer:
         config, believed = self._config, self._bodies.solid(item.name)
         bias_std = config.depth_bias if item.bias is None else config.learned_bias
         glimpse = glimpse_of(believed, item.track.trail, item.bias or 0.0, bias_std)
-        metres, radians = as_pose(glimpse.solid).distance(as_pose(believed))
-        is_off = metres > config.hover_tolerance or radians > config.tilt_tolerance
-        return glimpse if is_off or item.track.is_restless else None
+        expected = PoseTolerance(config.hover_tolerance, config.tilt_tolerance)
+        is_near = expected.covers(glimpse.solid.pose, believed.pose)
+        return glimpse if not is_near or item.track.is_restless else None
 
     def _remembered(self, now: float) -> dict[str, dict[str, Pose]]:
         """What was beneath each object until lately, and how."""

@@ -11,12 +11,13 @@ import math
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
+from dsr.math3d.tolerance import PoseTolerance
 from dsr.vocabulary import nats
 from simulation_handler.config import BeliefConfig
 from simulation_handler.explaining.camera import corrected
 from simulation_handler.explaining.drafting import Draft
 from simulation_handler.explaining.hypotheses import FROM_GLIMPSE, Hypothesis, Move
-from simulation_handler.explaining.situation import THIS_FRAME, Seen, Situation, as_pose
+from simulation_handler.explaining.situation import THIS_FRAME, Seen, Situation
 from simulation_handler.perception.visibility import ExpectedVisibility
 from simulation_handler.shapes.geometry import Solid
 
@@ -159,8 +160,8 @@ def _is_covered(visibilities: Collection[ExpectedVisibility], settled: Mapping[s
 
 def is_far(percept: Solid, solid: Solid, config: BeliefConfig) -> bool:
     """Whether a percept is off a pose by enough to need an explanation, noise or not."""
-    metres, radians = as_pose(solid).distance(as_pose(percept))
-    return metres > config.surprise_distance or radians > config.surprise_angle
+    expected = PoseTolerance(config.surprise_distance, config.surprise_angle)
+    return not expected.covers(solid.pose, percept.pose)
 
 
 def is_displaced(seen: Seen, solid: Solid, config: BeliefConfig) -> bool:

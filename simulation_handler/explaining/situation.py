@@ -209,14 +209,9 @@ class Situation:
         """The solid of an object that has moved rigidly with a seen one."""
         offset = self.former.get(name, {}).get(other)
         if offset is None:
-            offset = as_pose(self.believed[name]).inverse() @ as_pose(self.believed[other])
-        pose = as_pose(self.seen[name].percept) @ offset
+            offset = self.believed[name].pose.inverse() @ self.believed[other].pose
+        pose = self.seen[name].percept.pose @ offset
         return self.solid(other, pose.t, pose.q)
-
-
-def as_pose(solid: Solid) -> Pose:
-    """world_from_solid."""
-    return Pose.unchecked(solid.position, solid.rotation)
 
 
 def _squared(difference: Array, covariance: Array) -> float:

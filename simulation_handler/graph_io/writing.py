@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from dsr.errors import GraphError
 from dsr.frames.tree import WORLD
 from dsr.graph.elements import Edge
+from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from simulation_handler.contact.relations import CONTACT, Relation
@@ -19,10 +20,8 @@ from simulation_handler.hands.state import HandGrasp
 from simulation_handler.reasoner import Reasoner
 
 _REFRESH = 1.0  # s after which a pose is written again, unchanged
-_SHIFT = 5e-5  # m that a body must have moved since its pose was written
-_TURN = 5e-4  # rad, likewise
-_GRASP_SHIFT = 0.005  # m that an object must have moved in a hand since that was written
-_GRASP_TURN = 0.1  # rad, likewise
+_SAME = PoseTolerance(5e-5, 5e-4)  # m, rad that a body may move before its pose is written again
+_SAME_GRASP = PoseTolerance(0.005, 0.1)  # m, rad that an object may move in a hand before that is written again
 
 
 class Writing:
@@ -60,8 +59,7 @@ class Writing:
         written = self._written.get(name)
         if written is None or now - written.stamp >= _REFRESH:
             return True
-        metres, radians = written.distance(pose)
-        return metres > _SHIFT or radians > _TURN
+        return not _SAME.covers(written, pose)
 
     def _write_plausible(self, name: str) -> None:
         plausible = self._belief.plausible(name)
@@ -109,5 +107,4 @@ def _is_regrasped(written: Edge, grasp: HandGrasp) -> bool:
     before = written.get("held_at")
     if before is None:
         return True
-    metres, radians = before.distance(grasp.hand_from_object)
-    return bool(metres > _GRASP_SHIFT or radians > _GRASP_TURN)
+    return not _SAME_GRASP.covers(before, grasp.hand_from_object)

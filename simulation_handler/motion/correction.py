@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dsr.math3d.transforms import Pose
+from dsr.math3d.tolerance import PoseTolerance
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.containment import with_contents
 from simulation_handler.contact.placement import Placement, place, separate
@@ -171,13 +171,12 @@ class Correction:
         """Whether two poses differ by more than the dead band, or than the estimate's noise while that is more."""
         config, estimate = self._config, item.track.estimate
         assert estimate is not None
-        metres, radians = Pose.unchecked(old.position, old.rotation).distance(
-            Pose.unchecked(new.position, new.rotation)
-        )
         sideways, yaw = estimate.standard_deviations()
-        return metres > max(config.dead_band, config.dead_sigmas * sideways) or radians > max(
-            config.dead_band_angle, config.dead_sigmas * yaw
+        dead_band = PoseTolerance(
+            max(config.dead_band, config.dead_sigmas * sideways),
+            max(config.dead_band_angle, config.dead_sigmas * yaw),
         )
+        return not dead_band.covers(old.pose, new.pose)
 
     def _realise(self, moving: Iterable[BelievedObject], scene: Scene, now: float) -> None:
         """Put bodies where they are believed to be, and out of each other's way."""

@@ -10,6 +10,7 @@ import numpy as np
 from dsr.math3d import quaternions
 from dsr.math3d.quaternions import Quaternion, Vector3
 from dsr.math3d.shapes import Shape
+from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
 from simulation_handler.config import BeliefConfig
 from simulation_handler.contact.placement import Placement
@@ -201,8 +202,7 @@ class BelievedObject:
         """Whether the object's body, now at `pose`, has left the pose at which it was put."""
         if self.put is None or self.static:
             return False
-        metres, radians = self.put.distance(pose)
-        return metres > config.divergence or radians > config.divergence_angle
+        return not PoseTolerance(config.divergence, config.divergence_angle).covers(self.put, pose)
 
     def covariance(self, rotation: Quaternion) -> Array | None:
         """(6, 6) covariance of the believed pose in the object's frame (m, rad), once it was perceived."""

@@ -10,12 +10,11 @@ from agents.arm_controller.routes import JointGoal
 from agents.arm_controller.scene import Obstacle
 from agents.arm_controller.skills.manipulator import ImpossibleError, Manipulator, SkillError, Steps, first_free
 from agents.arm_controller.trajectory import Trajectory
+from dsr.math3d.tolerance import PoseTolerance
 from dsr.vocabulary.intentions import NOTHING_GRASPED
 
-MOVED = 0.005
-"""m by which a target must have moved to aim again"""
-TURNED = 0.1
-"""rad, likewise"""
+SAME_PLACE = PoseTolerance(0.005, 0.1)
+"""m, rad by which a target may move without aiming again"""
 
 _MOST_AIMS = 5
 _KNOWN_WITHIN = 0.5  # s after contact until the object between the pads must be known
@@ -62,8 +61,7 @@ def _approach(arm: Manipulator, target: Obstacle, trajectory: Trajectory) -> Ste
     arm.start(trajectory)
     while not arm.has_arrived():
         yield "approach"
-        metres, radians = arm.believed(target.name).pose.distance(target.pose)
-        if metres > MOVED or radians > TURNED:
+        if not SAME_PLACE.covers(arm.believed(target.name).pose, target.pose):
             arm.hold_still()
             yield "aim"
             return False

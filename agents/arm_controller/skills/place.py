@@ -9,16 +9,15 @@ from agents.arm_controller.routes import JointGoal
 from agents.arm_controller.scene import Obstacle
 from agents.arm_controller.skills.manipulator import Manipulator, SkillError, Steps, StuckError, first_free
 from agents.arm_controller.trajectory import Trajectory
+from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
 
 GAP = 0.001
 """m between the held object and its support when it is let go"""
 EARLY = 0.015
 """m above its place at which the held object may meet its support"""
-MOVED = 0.01
-"""m by which an object to stand on must have moved to aim again"""
-TURNED = 0.2
-"""rad, likewise"""
+SAME_PLACE = PoseTolerance(0.01, 0.2)
+"""m, rad by which an object to stand on may move without aiming again"""
 
 _MOST_AIMS = 5
 
@@ -71,8 +70,7 @@ def _has_moved(arm: Manipulator, destination: Obstacle) -> bool:
     now = arm.scene.object(destination.name)
     if now is None or not arm.scene.is_perceived(destination.name):
         return False
-    metres, radians = now.pose.distance(destination.pose)
-    return metres > MOVED or radians > TURNED
+    return not SAME_PLACE.covers(now.pose, destination.pose)
 
 
 def _resting(arm: Manipulator, held: str, destination: str, target_pose: Pose | None) -> list[Pose]:

@@ -11,14 +11,14 @@ from agents.calibrator.solve.reporting import make_report, tell
 from agents.calibrator.watch.doubt import ENOUGH, Doubt
 from agents.calibrator.watch.views import Views
 from dsr.frames.tree import WORLD
+from dsr.math3d.tolerance import SAME_POSE, PoseTolerance
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.timeline import Chronicle
 from dsr.vocabulary.relations import grasped_things
 
 _LASTS = 30.0  # s after the adoption
-_SAME = 1e-6  # m, rad
-_SMALL = (0.001, 0.002)  # m, rad that are not worth it
+_SMALL = PoseTolerance(0.001, 0.002)  # m, rad that are not worth it
 
 
 @dataclass
@@ -65,7 +65,7 @@ class Refining:
         held = grasped_things(self._memory)
         for camera, adopted in list(self._adopted.items()):
             edge = self._memory.get_edge(WORLD, camera, "RT")
-            if now > adopted.until or edge is None or max(edge["pose"].distance(adopted.pose)) > _SAME:
+            if now > adopted.until or edge is None or not SAME_POSE.covers(edge["pose"], adopted.pose):
                 del self._adopted[camera]
                 continue
             adopted.views.stop(held & adopted.told)
@@ -79,8 +79,7 @@ class Refining:
             return
         new, adopted.told = names - adopted.told, adopted.told | names
         solution = calibrate(sightings, adopted.pose, self._config.method)
-        metres, radians = solution.shift
-        is_small = metres < _SMALL[0] and radians < _SMALL[1]
+        is_small = _SMALL.covers(solution.before, solution.pose)
         if new & set(solution.outliers) or not solution.is_adoptable or is_small:
             return
         report = make_report(camera, WORLD, solution, adopted=True)

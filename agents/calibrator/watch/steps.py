@@ -10,6 +10,7 @@ import numpy as np
 
 from agents.calibrator.watch.decision import FEWEST
 from dsr.frames.tree import WORLD
+from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Array, Pose
 from dsr.memory import Memory
 from dsr.perception.percepts import PerceptReader
@@ -22,7 +23,7 @@ _APART = 1.5  # s between two averages
 _PERIOD = 0.3  # s between two comparisons
 _LEAST = 6  # percepts in each average
 _FLOOR = 0.0003  # m, standard deviation that averages have at least
-_STILL = (0.001, 0.002)  # m, rad that the camera's parent may move meanwhile
+_STILL = PoseTolerance(0.001, 0.002)  # m, rad that the camera's parent may move meanwhile
 _SHIFT = (0.003, 0.02)  # m, mean displacement that is worth looking into, and from which it is surprising anyway
 _LEAD = 40.0  # chi-squared that one motion of the camera must explain; of 6 numbers, noise makes 22.5 in a thousandth
 _MISFIT = 4.0  # chi-squared per degree of freedom that it may leave
@@ -72,10 +73,9 @@ class Steps:
         world_from_camera = self._memory.get_transform(WORLD, camera)
         if world_from_camera is None:
             return
-        metres, radians = world_from_camera.distance(self._parents.get(camera, world_from_camera))
-        if metres > _STILL[0] or radians > _STILL[1]:
+        before = self._parents.setdefault(camera, world_from_camera)
+        if not _STILL.covers(before, world_from_camera):
             self.forget(camera)
-        if metres > _STILL[0] or radians > _STILL[1] or camera not in self._parents:
             self._parents[camera] = world_from_camera
         held = grasped_things(self._memory)
         here = {node.name for node in present_things(self._memory)}

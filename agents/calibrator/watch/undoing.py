@@ -8,11 +8,10 @@ import msgspec
 
 from agents.calibrator.watch.views import parent_of
 from dsr.errors import ConfigError
+from dsr.math3d.tolerance import SAME_POSE
 from dsr.memory import Memory
 from dsr.timeline import Chronicle
 from dsr.vocabulary.calibration import CALIBRATED, ObjectReport, Report, pose_of, read_report
-
-_SAME = 1e-6  # m, rad
 
 
 def taken_back(memory: Memory, chronicle: Chronicle, camera: str) -> Report:
@@ -29,7 +28,7 @@ def taken_back(memory: Memory, chronicle: Chronicle, camera: str) -> Report:
     if report is None:
         raise ConfigError(f"the timeline tells of no calibration of {camera}")
     edge = memory.get_edge(parent, camera, "RT")
-    if edge is None or report.parent != parent or max(edge["pose"].distance(pose_of(report.after))) > _SAME:
+    if edge is None or report.parent != parent or not SAME_POSE.covers(edge["pose"], pose_of(report.after)):
         raise ConfigError(f"{camera} was given another pose since its last calibration")
     text = f"{camera} is believed where it was before its last calibration"
     return turned_round(report, text, reports)
@@ -38,7 +37,7 @@ def taken_back(memory: Memory, chronicle: Chronicle, camera: str) -> Report:
 def turned_round(report: Report, text: str, known: Iterable[Report] = ()) -> Report:
     """A report from after to before; the covariance of that is told by the report of `known` that led there, if any."""
     there = pose_of(report.before)
-    led = (one for one in known if one.parent == report.parent and max(pose_of(one.after).distance(there)) <= _SAME)
+    led = (one for one in known if one.parent == report.parent and SAME_POSE.covers(pose_of(one.after), there))
     covariance = next((one.covariance for one in led if one.covariance), ())
     objects = tuple(
         ObjectReport(one.name, one.after_m, one.after_rad, one.before_m, one.before_rad, is_outlier=one.is_outlier)

@@ -217,13 +217,13 @@ class Views:
             return
         view = self._view(world_from_parent, percept.stamp)
         seen = view.objects.setdefault(percept.name, _Seen(believed))
-        seen.steady = seen.steady and _within(seen.believed, believed, self._config.belief_drift)
+        seen.steady = seen.steady and self._config.belief_drift.covers(seen.believed, believed)
         known = self.depths.get(percept.name)
         seen.add(percept.seen if known is None else without_error(percept.seen, known.mean))
 
     def _view(self, world_from_parent: Pose, stamp: float) -> _View:
         """The present view, or a new one if the camera's parent is elsewhere now."""
-        if self._views and _within(self._views[-1].world_from_parent, world_from_parent, self._config.new_view):
+        if self._views and self._config.new_view.covers(self._views[-1].world_from_parent, world_from_parent):
             view = self._views[-1]
         else:
             if self._views and not self._keeps_brief and not self._is_complete(self._views[-1]):
@@ -232,8 +232,3 @@ class Views:
             self._views.append(view)
         view.latest = max(view.latest, stamp)
         return view
-
-
-def _within(before: Pose, now: Pose, limits: tuple[float, float]) -> bool:
-    metres, radians = before.distance(now)
-    return metres <= limits[0] and radians <= limits[1]

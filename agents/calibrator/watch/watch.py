@@ -21,6 +21,7 @@ from agents.calibrator.watch.surprises import CALM, Surprises
 from agents.calibrator.watch.undoing import turned_round
 from agents.calibrator.watch.views import Views
 from dsr.errors import ConfigError, DsrError
+from dsr.math3d.tolerance import SAME_POSE
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 from dsr.timeline import Chronicle, Entry
@@ -38,7 +39,6 @@ from dsr.vocabulary.calibration import (
 from dsr.vocabulary.explained import CAMERA_MOVED, changes_of
 
 _FRESH = 1.0  # s for which a camera sees what it saw
-_SAME = 1e-6  # m, rad
 _ASTRAY = 0.006  # m that a belief has moved, from which seeing it where it was will be surprising
 _BACK = 3.0  # s within which that is explained
 
@@ -264,7 +264,7 @@ class MountWatch:
         """Whether somebody else wrote the pose of the camera, such as a calibration on request."""
         edge, ours = self._memory.get_edge(doubt.parent, doubt.camera, "RT"), doubt.written or doubt.before
         pose = None if edge is None else edge.get("pose")
-        return edge is not None and (pose is None or max(pose.distance(ours)) > _SAME)
+        return edge is not None and (pose is None or not SAME_POSE.covers(pose, ours))
 
     def _may_look(self, doubt: Doubt) -> bool:
         return self._config.moves_arm and doubt.can_look_elsewhere and can_look(self._memory, doubt.parent)

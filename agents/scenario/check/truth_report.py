@@ -21,7 +21,7 @@ from agents.scenario.run.runner import true_course
 from agents.scenario.run.staging import make_run
 from agents.scenario.run.story import describe
 from agents.scenario.truth.history import History, Sample
-from agents.scenario.truth.phases import STEP_LENGTH, STEP_TURN, Phase, containers, phases, supports
+from agents.scenario.truth.phases import STEP, Phase, containers, phases, supports
 from dsr.cli.common import console
 from dsr.files.private_files import write_json
 from dsr.math3d.quaternions import rotate
@@ -132,14 +132,9 @@ def _track(name: str, samples: Iterable[Sample]) -> Iterable[tuple[float, Seven]
     noted: Pose | None = None
     for sample in samples:
         pose = sample.truth.get(name)
-        if pose is not None and (noted is None or _differ(noted, pose)):
+        if pose is not None and (noted is None or not STEP.covers(noted, pose)):
             yield sample.time, _seven(pose)
-        noted = pose if noted is None or pose is None or _differ(noted, pose) else noted
-
-
-def _differ(one: Pose, other: Pose) -> bool:
-    distance, angle = one.distance(other)
-    return distance > STEP_LENGTH or angle > STEP_TURN
+        noted = pose if noted is None or pose is None or not STEP.covers(noted, pose) else noted
 
 
 def _event_table(events: Iterable[EventReport]) -> Table:

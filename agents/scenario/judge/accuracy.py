@@ -14,6 +14,7 @@ from agents.scenario.truth.actions import compare
 from agents.scenario.truth.history import History, Sample
 from agents.scenario.truth.measures import pose_error
 from agents.scenario.truth.relations import true_contents, true_relations
+from dsr.math3d.tolerance import PoseTolerance
 from dsr.vocabulary.observed_actions import KINDS, UNKNOWN
 
 PERIOD = 0.1
@@ -21,7 +22,7 @@ PERIOD = 0.1
 LASTING = 0.5
 """s that a true relation must last for its delay to be measured"""
 
-_SAME = 1e-4  # m and rad, within which an object counts as unmoved
+_SAME = PoseTolerance(1e-4, 1e-4)  # m, rad within which an object counts as unmoved
 _Pairs = frozenset[tuple[str, str]]
 
 
@@ -104,7 +105,7 @@ class TrueRelations:
 def _is_same(a: Sample, b: Sample) -> bool:
     if a.truth.keys() != b.truth.keys() or a.held != b.held:
         return False
-    return all(max(pose.distance(b.truth[name])) < _SAME for name, pose in a.truth.items())
+    return all(_SAME.covers(pose, b.truth[name]) for name, pose in a.truth.items())
 
 
 def _grasping(sample: Sample) -> tuple[_Pairs, _Pairs]:

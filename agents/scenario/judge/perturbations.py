@@ -10,12 +10,11 @@ import msgspec
 
 from agents.scenario.truth.history import Explained, History, Sample
 from agents.scenario.truth.relations import true_relations
+from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
 
-DISTURBED = 0.002
-"""m that a true object must move to count as moved"""
-TURNED = 0.05
-"""rad that a true object must turn to count as moved"""
+UNDISTURBED = PoseTolerance(0.002, 0.05)
+"""m, rad that a true object may move without counting as moved"""
 WRONG = 0.020
 """m from the truth, from where on a belief is wrong rather than inexact"""
 AFTER_EXPLANATION = 0.3
@@ -174,8 +173,7 @@ def _errors(samples: Sequence[Sample], name: str) -> list[tuple[float, float]]:
 def _stays(start: Pose | None, now: Pose | None) -> bool:
     if start is None or now is None:
         return start is now
-    distance, angle = start.distance(now)
-    return distance < DISTURBED and angle < TURNED
+    return UNDISTURBED.covers(start, now)
 
 
 def wrong_explanations(history: History) -> list[Explained]:

@@ -12,12 +12,11 @@ from agents.scenario.format.model import Scenario
 from agents.scenario.truth.actions import FALLEN
 from agents.scenario.truth.history import History, Sample
 from agents.scenario.truth.relations import true_contents, true_relations
+from dsr.math3d.tolerance import PoseTolerance
 from dsr.math3d.transforms import Pose
 
-STEP_LENGTH = 0.0005
-"""m from one sample (1/20 s) to the next, up to which an object counts as still: 10 mm/s"""
-STEP_TURN = 0.005
-"""rad in one step, below which an object is still: 0.1 rad/s, as in the plant"""
+STEP = PoseTolerance(0.0005, 0.005)
+"""m, rad from one sample (1/20 s) to the next, up to which an object counts as still: 10 mm/s, 0.1 rad/s"""
 PAUSE = 0.25
 """s, the longest rest within one phase: what is taken, tilts or bounces stands still for moments"""
 
@@ -91,8 +90,7 @@ def _is_busy(name: str, before: Sample, sample: Sample) -> bool:
     start, end = before.truth.get(name), sample.truth.get(name)
     if start is None or end is None:
         return start is not end
-    distance, angle = start.distance(end)
-    return name in sample.moving or name in sample.grasped or distance > STEP_LENGTH or angle > STEP_TURN
+    return name in sample.moving or name in sample.grasped or not STEP.covers(start, end)
 
 
 def _phase(name: str, history: History, samples: Sequence[Sample], *, over: bool) -> Phase:
@@ -137,4 +135,4 @@ def _falls(name: str, scenario: Scenario, samples: Sequence[Sample]) -> Iterator
 
 
 def _drops_freely(name: str, scenario: Scenario, before: Sample, start: Pose, end: Pose) -> bool:
-    return start.t[2] - end.t[2] > STEP_LENGTH and name not in before.grasped and not supports(scenario, before, name)
+    return start.t[2] - end.t[2] > STEP.metres and name not in before.grasped and not supports(scenario, before, name)
