@@ -51,9 +51,10 @@ def _agreeing(percepts: Sequence[Pose]) -> tuple[int, Array]:
     """The index of the percept with most agreement, and the twists (k, 6) from it to those that agree with it."""
     matrices = np.array([percept.matrix for percept in percepts])
     information = np.linalg.inv(np.array([_regular(percept.covariance) for percept in percepts]))
-    between = [batches.logs(batches.inverses(matrices[index]) @ matrices) for index in range(len(percepts))]
-    squared = [np.einsum("ni,ij,nj->n", twists, 0.5 * information[i], twists) for i, twists in enumerate(between)]
-    middle = int(np.argmin([np.minimum(row, OUTLIER).sum() for row in squared]))
+    pairs = batches.inverses(matrices)[:, None] @ matrices
+    between = batches.logs(pairs.reshape(-1, 4, 4)).reshape(len(percepts), len(percepts), 6)
+    squared = np.einsum("mni,mij,mnj->mn", between, 0.5 * information, between)
+    middle = int(np.argmin(np.minimum(squared, OUTLIER).sum(axis=1)))
     return middle, between[middle][squared[middle] < OUTLIER]
 
 
