@@ -114,11 +114,19 @@ def _bend(lengths: tuple[float, float, float], distance: float) -> float:
     low, high = 0.0, _MOST_BENT
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        if _bent(lengths, middle)[-1, 0] > distance:
+        if _chord(lengths, middle) > distance:
             low = middle
         else:
             high = middle
     return low
+
+
+def _chord(lengths: tuple[float, float, float], bend: float) -> float:
+    """Distance between the ends of a bent finger, m."""
+    first, middle, last = lengths
+    further = bend * (1 + _LAST_SHARE)
+    along = first + middle * math.cos(bend) + last * math.cos(further)
+    return math.hypot(along, middle * math.sin(bend) + last * math.sin(further))
 
 
 def _bent(lengths: tuple[float, float, float], bend: float) -> Array:
