@@ -72,8 +72,9 @@ def mission(
 
     Relations: on(a,b), ontable(a), clear(a), holding(a), handempty.
 
-    What is nowhere is told, looked for if the arm carries a camera, and
-    given up after some seconds. Relations that conflict are named.
+    Things that are believed to be nowhere are named, and the arm looks
+    for them if it carries a camera. If they are not found within some
+    seconds, the goal is given up. Relations that conflict are named.
 
     The exit code is 0 only if the goal was reached.
     """

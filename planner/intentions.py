@@ -11,7 +11,7 @@ from dsr.memory import Memory
 from dsr.vocabulary.intentions import PREFIX, WANTED
 
 _AFTER_ALL = 1 << 31  # count, as which a name without a number counts
-_MOST_DIGITS = 10  # count, from which a name is no number of an intention
+_MOST_DIGITS = 10  # count of digits from which the number in an intention's name is not read as one
 
 
 @dataclass(frozen=True)

@@ -56,9 +56,11 @@ class ArmControllerConfig(msgspec.Struct, frozen=True):
     tool_link: str = "tool_link"
     """Name of the link whose frame goes to `target_pose`."""
     robot: str = "robot"
+    """Name of the robot's node."""
     arm: str = "arm"
+    """Name of the arm's node, from which the names of its links' nodes are made: `arm_link_1`, `arm_link_2`, ..."""
     gripper: str = "gripper"
-    """Names of nodes; those of the links are made from that of the arm."""
+    """Name of the gripper's node, whose frame is that of `end_effector_link`."""
     mount: Mount = Mount()
     """world_from_robot"""
     arm_mount: Mount = Mount()

@@ -43,7 +43,11 @@ def collision_shape(bullet: Bullet, size: Size, shape: Shape = ()) -> int:
 def visual_shape(
     bullet: Bullet, folder: Path, name: str, size: Size, color: Color, marker_id: int | None = None, shape: Shape = ()
 ) -> int:
-    """The physics engine's number of what it looks like; `folder` may be deleted once a body has it."""
+    """Make the appearance of a body from files written to `folder`; returns the physics engine's number of it.
+
+    It shows the parts of `shape`, or a box of `size` m without any. With a `marker_id` there is a tag on top (+z).
+    The folder may be deleted once a body has the appearance.
+    """
     if shape:
         file = write_shape(folder, name, size, shape, color, marker_id)
     else:
@@ -64,7 +68,7 @@ STILL_SPEED = 0.005
 STILL_SPIN = 0.1
 """rad/s, below which a body counts as still"""
 LEAST_HELD_MASS = 20.0
-"""kg, of what a hand holds: a light body gives way under its load for a step at a time, and that creeps off it"""
+"""kg, least mass of a body that a hand holds: a lighter one would yield to what lies on it, which would creep off."""
 
 _SETTLE_STEPS = 3 * RATE_HZ
 _STILL_STEPS = 12

@@ -18,7 +18,11 @@ _KERNEL = np.ones((3, 3), np.uint8)
 
 
 class ColorImage:
-    """An RGB image (h, w, 3) as directions in the space of colours."""
+    """An image in which `mask` finds the pixels of a colour, however bright the light on them is.
+
+    Args:
+        color: RGB image (h, w, 3), 0 to 255.
+    """
 
     def __init__(self, color: NDArray[np.uint8]) -> None:
         values = color.astype(np.float32)

@@ -119,7 +119,10 @@ class SpatialRelations(Agent):
     config: SpatialRelationsConfig
 
     def setup(self) -> None:
-        """Read the configuration, and what an earlier run left. Raises `ConfigError` for relations that are none."""
+        """Read the configuration, and what an earlier run left.
+
+        Raises `ConfigError` for names that are no relations.
+        """
         config = self.config
         self._own: dict[str, Wish] = {}
         if config.relations:

@@ -98,7 +98,7 @@ def _written(changes: Iterable[Change], memory: Memory) -> list[tuple[float, str
 
 
 def calibrations_page(memory: Memory, reports: list[Report]) -> str:
-    """Markdown: cameras that are in doubt, and the newest calibrations with their residuals."""
+    """Markdown: cameras that are in doubt, and the newest of the `reports` (oldest first) with their residuals."""
     cameras = nodes_by_name(memory, "camera")
     parts = [
         f"**{markdown(node.name)}: {markdown(node['mount'])}** {markdown(node.get('explanation', ''))}"

@@ -22,7 +22,7 @@ Links = dict[str, Link]
 Dependency = tuple[Links, str, Link | None]
 """A result holds while the table has this link at this frame."""
 Find = Callable[[str], Link | None]
-"""Tells the link upwards from a frame."""
+"""Tells the link upwards from a frame; None if there is none."""
 Path = dict[str, Link | None]
 """Frames from the bottom up, each with the link to the next."""
 

@@ -65,7 +65,7 @@ class Stamping(Sharing):
     # ---- stamps
 
     def newest_stamp(self, owner: Dot, attribute: str) -> int:
-        """The stamp of an attribute's value in one incarnation; 0 if it never was set."""
+        """The stamp (see `dsr.crdt.hlc`) of an attribute's value in one incarnation; 0 if it never was set."""
         entry = self.store.find(owner)
         write = entry.registers.get(attribute) if entry is not None else None
         return 0 if write is None else write.stamp

@@ -1,4 +1,4 @@
-"""When a newcomer has joined: what the graph held before it is here, and nobody is taken at its word who lacks it too.
+"""When a newcomer has joined: it holds all that the graph held before; who lacks that too cannot vouch for it alone.
 
 A replica has joined when
 

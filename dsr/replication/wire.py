@@ -286,7 +286,10 @@ def _to_delta(message: _KeptDelta) -> Delta:
 
 
 def to_adds(names: list[str], rows: list[AddRow]) -> list[Add]:
-    """Additions as they were received; raises `ValueError`, `IndexError`."""
+    """Additions from the `rows` of a message; `names` are its replica ids, to which the rows' indexes refer.
+
+    Raises `ValueError` or `IndexError` for a row that is not valid.
+    """
     adds = []
     for row in rows:
         ends = (tuple(to_dots(names, row.sources)), tuple(to_dots(names, row.destinations))) if row.sources else ()
@@ -295,7 +298,10 @@ def to_adds(names: list[str], rows: list[AddRow]) -> list[Add]:
 
 
 def to_writes(names: list[str], rows: list[ReadWriteRow]) -> list[Write]:
-    """Writes as they were received; raises `ValueError`, `IndexError`, and what msgspec raises for their values."""
+    """Writes from the `rows` of a message; `names` are its replica ids, to which the rows' indexes refer.
+
+    Raises `ValueError` or `IndexError` for a row that is not valid, and what msgspec raises for their values.
+    """
     return [_to_write(names, row) for row in rows]
 
 
@@ -379,7 +385,10 @@ def _positive(counter: int) -> int:
 
 
 def to_dots(names: list[str], flat: list[int]) -> list[Dot]:
-    """Dots as they were received; raises `ValueError`, `IndexError`."""
+    """Dots from the numbers of a message (`flat`); `names` are its replica ids, to which indexes refer.
+
+    Raises `ValueError` or `IndexError` for a number that is not valid.
+    """
     if len(flat) == 2:
         return [(names[flat[0]], _positive(flat[1]))]
     if len(flat) % 2:
@@ -390,7 +399,10 @@ def to_dots(names: list[str], flat: list[int]) -> list[Dot]:
 
 
 def to_ranges(names: list[str], flat: list[int]) -> list[DotRange]:
-    """Ranges as they were received; raises `ValueError`, `IndexError`."""
+    """Ranges from the numbers of a message (`flat`); `names` are its replica ids, to which indexes refer.
+
+    Raises `ValueError` or `IndexError` for a number that is not valid.
+    """
     if len(flat) % 3:
         raise ValueError("a context is triples of a replica's index, first and last counter")
     return [_checked_range(names[flat[i]], flat[i + 1], flat[i + 2]) for i in range(0, len(flat), 3)]

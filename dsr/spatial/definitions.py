@@ -51,22 +51,30 @@ class View(NamedTuple):
 
 
 def above(a: Box, b: Box) -> float:
-    """The bottom of `a` is not below the top of `b`, and the footprints overlap (Underworlds `isabove`)."""
+    """Margin (m), 0 or more if the bottom of `a` is not below the top of `b`, and their footprints overlap.
+
+    Underworlds `isabove`.
+    """
     return min(a.bottom - b.top + EPSILON, overlap(a, b))
 
 
 def below(a: Box, b: Box) -> float:
-    """`b` is above `a`. (Underworlds' `isbelow` has no tolerance and so is not the inverse of `isabove`.)"""
+    """Margin (m), 0 or more if `b` is above `a`.
+
+    (Underworlds' `isbelow` has no tolerance and so is not the inverse of `isabove`.)
+    """
     return above(b, a)
 
 
 def on_top(a: Box, b: Box) -> float:
-    """`a` is above `b`, its bottom close to the top of that (Underworlds `isontop`, Sallami's isOnTop)."""
+    """Margin (m), 0 or more if `a` is above `b` and close to its top (Underworlds `isontop`, Sallami's isOnTop)."""
     return min(above(a, b), EPSILON - (a.bottom - b.top))
 
 
 def in_(a: Box, b: Box) -> float:
-    """The footprint of `a` lies within that of `b`, its bottom between bottom and top (Underworlds `isin`, isIn).
+    """Margin (m), 0 or more if `a` is in `b`: its footprint within that of `b`, its bottom between bottom and top.
+
+    Underworlds `isin`, Sallami's isIn.
 
     Deeper than `EPSILON` below the top, unlike there, where what stands on a larger box also is in it.
     """
@@ -74,12 +82,17 @@ def in_(a: Box, b: Box) -> float:
 
 
 def close_to(a: Box, b: Box) -> float:
-    """The centre of `a` is within two diagonals of `b` of the centre of that (Underworlds `isclose`). Not symmetric."""
+    """Margin (m), 0 or more if the centre of `a` is within two diagonals of `b` of the centre of `b`.
+
+    Underworlds `isclose`. Not symmetric.
+    """
     return _CLOSE * b.diagonal - math.dist(a.pose.t, b.pose.t)
 
 
 def next_to(a: Box, b: Box) -> float:
-    """Side by side: at the same height, the footprints apart, with no room between them for the narrower one.
+    """Margin (m), 0 or more if `a` and `b` are side by side.
+
+    They are at the same height, their footprints apart, with no room between them for the narrower one.
 
     Named by SPARK (E. A. Sisbot et al., RO-MAN 2011) as isNextTo; this definition is our own. Symmetric.
     """
@@ -89,7 +102,7 @@ def next_to(a: Box, b: Box) -> float:
 
 
 def in_front_of(a: Box, b: Box, view: View) -> float:
-    """`a` is nearer to the viewer: all of it before all of `b`, along the view on the ground.
+    """Margin (m), 0 or more if `a` is nearer to the viewer: all of it before all of `b`, along the view on the ground.
 
     Underworlds' `issouth` with the viewer's axes for the world's, and `EPSILON` for things that touch.
     """
@@ -97,17 +110,17 @@ def in_front_of(a: Box, b: Box, view: View) -> float:
 
 
 def behind(a: Box, b: Box, view: View) -> float:
-    """`b` is in front of `a` (Underworlds `isnorth`)."""
+    """Margin (m), 0 or more if `b` is in front of `a` (Underworlds `isnorth`)."""
     return _precedes(b, a, view.away)
 
 
 def left_of(a: Box, b: Box, view: View) -> float:
-    """All of `a` is on the left of all of `b`, as the viewer sees it (Underworlds `iswest`)."""
+    """Margin (m), 0 or more if all of `a` is left of all of `b` as the viewer sees it (Underworlds `iswest`)."""
     return _precedes(b, a, view.left)
 
 
 def right_of(a: Box, b: Box, view: View) -> float:
-    """`b` is left of `a` (Underworlds `iseast`)."""
+    """Margin (m), 0 or more if `b` is left of `a` (Underworlds `iseast`)."""
     return _precedes(a, b, view.left)
 
 

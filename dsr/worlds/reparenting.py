@@ -66,7 +66,7 @@ class Reparenting:
         return self._written.get((key[1], key[2])) == key
 
     def note(self, keys: Iterable[EdgeKey]) -> None:
-        """Take down which edges of the sources have changed or gone, or what they join."""
+        """Take down the keys of edges of the sources that changed or went, or whose ends did; `update` acts on them."""
         for src, dst, kind in keys:
             if kind in FRAMES:
                 self._is_due = True

@@ -208,7 +208,13 @@ class Group(MutableMapping[K, V], Generic[K, V]):
 
 
 class Groups(MutableMapping[str, MutableMapping[K, V]], Generic[K, V]):
-    """Elements by a name that they share: a type, a source, a destination."""
+    """For each name that elements share (a type, a source, a destination), these elements by key.
+
+    Args:
+        taken: shared by all tables of the fork.
+        parent: tells the parent's groups.
+        elements: gives the fork's handles of members of the parent; None if these serve as they are.
+    """
 
     def __init__(
         self,

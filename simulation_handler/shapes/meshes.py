@@ -107,10 +107,13 @@ class _Piece(NamedTuple):
 
 
 def form_of(meshes: list[Mesh]) -> Form:
-    """The form of a body made of these meshes.
+    """The form of a body made of these meshes, from the convex hulls of their connected pieces.
 
-    Of more than 16 pieces, each mesh is one; of more than 16 meshes, all are one. Hollow pieces are divided, as finely
-    as 16 parts allow.
+    A mesh of more than 16 pieces counts as one piece. If there still are more than 16 in all, each mesh is one piece;
+    of more than 16 meshes, all are one piece together. Hollow pieces are divided, as finely as 16 parts allow.
+
+    Raises:
+        SchemaError: if there is no mesh.
     """
     bounds = joined_bounds(mesh.bounds for mesh in meshes)
     if bounds is None:
@@ -240,5 +243,5 @@ def _spread(count: int) -> Points:
     return np.concatenate([np.eye(3), -np.eye(3), spiral])
 
 
-# count 500: directions in which a hull is measured where more corners than that are left out
+# count 500: directions, beside the six axes; of too many points, those that are farthest in one of them are kept
 _DIRECTIONS, _MANY_DIRECTIONS = _spread(_MOST_CORNERS - 6), _spread(500)

@@ -26,7 +26,7 @@ from dsr.math3d.transforms import Pose
 
 T = TypeVar("T")
 Steps = Generator[str, None, T]
-"""Yields the name of the step under way at each tick."""
+"""Yields the name of the step under way at each tick, and returns a `T` at the end."""
 
 CLEARANCE = 0.06
 """m between a carried object on its way and everything below"""
@@ -154,7 +154,16 @@ class Manipulator:
         return sorted(found, key=lambda pair: self._router.effort(self._here, pair[1]))
 
     def trajectory_to(self, goal: JointGoal, opening: float, target: str = "") -> Trajectory:
-        """A free way to joint positions, around everything but what is held. Raises `BlockedError`."""
+        """A free way from here to `goal`, around everything but what is held.
+
+        Args:
+            goal: joint positions at the end.
+            opening: m between the fingers on the way.
+            target: name of the thing that the gripper may be around at the end; empty for none.
+
+        Raises:
+            BlockedError: if every way that was tried is blocked.
+        """
         held = self.held_box()
         things = self._things()
         lowest = (self.tool.t[2] - float(self.tool.apply(box.corners)[:, 2].min()) for box in held)

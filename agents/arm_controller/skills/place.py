@@ -23,7 +23,17 @@ _MOST_AIMS = 5
 
 
 def place(arm: Manipulator, name: str, destination: str, target_pose: Pose | None) -> Steps[None]:
-    """Put the held object `name` on `destination`: in the middle of an object, or on a table at `target_pose`."""
+    """Put the held object down on `destination`, and rise.
+
+    Args:
+        arm: holds the object.
+        name: of the held object; empty for whatever is held.
+        destination: name of an object, in whose middle it is put, or of a table.
+        target_pose: world_from_object, needed on a table only. Its x, y and yaw count; the height is the table's.
+
+    Raises:
+        SkillError: if it cannot be done.
+    """
     held = arm.holding.held
     if held is None or (name and held != name):
         raise SkillError(f"the gripper holds {held or 'nothing'}, not {name or 'an object'}")

@@ -44,8 +44,6 @@ def deepest(name: str, pose: Pose, others: dict[str, Pose], scenario: Scenario) 
 
     The body is another object or the table; ("", 0.0) for none.
 
-    ("", 0.0) for none.
-
     Args:
         name: of the object.
         pose: world_from_object.

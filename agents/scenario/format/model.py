@@ -169,7 +169,8 @@ class Scenario(Section, frozen=True, kw_only=True):
     settle: Seconds = 4.0
     """s after the start from when on the belief is judged: the default window of checks and metrics"""
     linger: Annotated[float, Meta(gt=0, le=3600)] | None = None
-    """s after all events are over and the mission, if any, is at rest, after which the run ends before `duration`"""
+    """s after all events are over and the mission, if any, is at rest, after which the run ends before `duration`;
+    None: the run always lasts `duration`"""
     camera: Literal["overhead", "wrist"] | CameraSpec = "overhead"
     """The camera that sees the objects; a table for one on a stand."""
     robot: RobotSpec = RobotSpec()
