@@ -11,9 +11,9 @@
 demo: setup
 	@.venv/bin/dsr demo $(ARGS)
 
-# three workers on two cores: many tests wait for processes, not for a processor
+# four workers on two cores: many tests wait for processes, not for a processor
 test: lint
-	.venv/bin/python -m pytest -n 3
+	.venv/bin/python -m pytest -n 4 --dist worksteal
 
 lint: setup
 	.venv/bin/ruff check .
