@@ -18,7 +18,7 @@ from benchmarks.links import Closable, DsrLink, Received, Sender
 from benchmarks.pairs import Latencies
 from benchmarks.timing import percentile
 from dsr.clock import WALL_CLOCK
-from dsr.connect import SECURITY
+from dsr.connecting import SECURITY
 from dsr.security.authority import SecurityFolder
 from dsr.security.policy import Grant, checked, write_policy
 

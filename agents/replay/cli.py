@@ -16,7 +16,7 @@ from agents.replay.player import Player
 from agents.replay.session import Session
 from agents.replay.source import ReplayedGraph
 from dsr.cli.common import JsonOption, RouterOption, SecurityOption, console, errors, print_json, reading, shown
-from dsr.connect import connect
+from dsr.connecting import connect
 from dsr.errors import ConfigError
 from dsr.network.keys import check_name
 from dsr.network.rendezvous import endpoints

@@ -20,7 +20,7 @@ from benchmarks.soak import races
 from benchmarks.soak.journal import JournalWriter
 from benchmarks.soak.workload import Workload
 from dsr.clock import WALL_CLOCK, WallClock
-from dsr.connect import connect
+from dsr.connecting import connect
 from dsr.errors import DsrError
 from dsr.graph.elements import Edge, Node
 from dsr.math3d.transforms import Pose

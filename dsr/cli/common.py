@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from dsr.clock import WALL_CLOCK
-from dsr.connect import SECURITY, connect
+from dsr.connecting import SECURITY, connect
 from dsr.errors import ConfigError, NodeNotFoundError, SchemaError, TransportError, WorldNotFoundError
 from dsr.files.private_files import FOLDER_MODE
 from dsr.graph.access import Access, WriteGuard

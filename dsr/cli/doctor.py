@@ -20,7 +20,7 @@ from rich.table import Table
 
 from dsr.cli.common import JsonOption, console, print_json
 from dsr.clock import WALL_CLOCK
-from dsr.connect import open_transport
+from dsr.connecting import open_transport
 from dsr.errors import DsrError
 from dsr.network.keys import Keys
 from dsr.network.rendezvous import runtime_dir

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from dsr.cli.common import SecurityOption, console, shown
-from dsr.connect import identity_of
+from dsr.connecting import identity_of
 from dsr.errors import ConfigError
 from dsr.network.zenoh_transport import ZenohTransport
 from dsr.security.renewal import watch_certificate

@@ -26,7 +26,7 @@ app = typer.Typer()
 
 
 @app.command("visibility")
-def show(
+def show_visibility(
     world: Annotated[str, typer.Argument(metavar="WORLD", help="Which world.")] = BASE,
     perspective: Annotated[
         list[str] | None, typer.Option("--from", metavar="NAME", help="Only this camera or person.")

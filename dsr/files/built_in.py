@@ -4,5 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-ETC = Path(__file__).resolve().parents[2] / "etc"
-"""Folder of all of them."""
+_PACKAGE = Path(__file__).resolve().parents[1]
+_INSTALLED, _CHECKOUT = _PACKAGE / "etc", _PACKAGE.parent / "etc"
+ETC = _INSTALLED if _INSTALLED.is_dir() else _CHECKOUT
+"""Folder of all of them: within the package where that is installed, beside it in a checkout."""

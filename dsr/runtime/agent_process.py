@@ -18,7 +18,7 @@ import msgspec
 from dsr.agent import Agent, make_agent
 from dsr.clock import WALL_CLOCK
 from dsr.config.toml import TomlFile
-from dsr.connect import connect, identity_of, open_transport
+from dsr.connecting import connect, identity_of, open_transport
 from dsr.errors import ConfigError, DsrError
 from dsr.files.data_files import read_text
 from dsr.graph.access import WriteGuard

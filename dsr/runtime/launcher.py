@@ -21,7 +21,7 @@ from types import TracebackType
 import msgspec
 
 from dsr.clock import WALL_CLOCK
-from dsr.connect import SECURITY, connect
+from dsr.connecting import SECURITY, connect
 from dsr.errors import AgentError, TransportError
 from dsr.files.private_files import FOLDER_MODE, lock_file
 from dsr.network.rendezvous import claim_file

@@ -17,7 +17,7 @@ import pytest
 
 import dsr
 from dsr.clock import WALL_CLOCK
-from dsr.connect import open_transport
+from dsr.connecting import open_transport
 from dsr.network import rendezvous
 from dsr.network.zenoh_transport import ZenohTransport
 

@@ -25,7 +25,7 @@ from dsr.agent import Agent
 from dsr.cli.common import console
 from dsr.cli.main import app
 from dsr.clock import WALL_CLOCK
-from dsr.connect import SECURITY
+from dsr.connecting import SECURITY
 from dsr.errors import ConfigError, TransportError
 from dsr.network.keys import Keys
 from dsr.runtime.launcher import Launcher

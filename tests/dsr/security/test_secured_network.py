@@ -14,7 +14,7 @@ import pytest
 import dsr
 from dsr import AgentError, ConfigError, Frame, Memory, Mesh, MeshNotFoundError, TransportError
 from dsr.clock import WALL_CLOCK
-from dsr.connect import open_transport
+from dsr.connecting import open_transport
 from dsr.crdt.context import CausalContext
 from dsr.crdt.pieces import START
 from dsr.graph.graph import Graph
@@ -391,7 +391,7 @@ def test_a_driver_without_a_memory_has_its_keys_too(join: Join, keys: SecurityFo
     launcher = join("launcher")
     heard: list[str] = []
     launcher.transport.subscribe(KEYS.device("**"), lambda key, _: heard.append(key))
-    from dsr.connect import identity_of
+    from dsr.connecting import identity_of
 
     transport, registration = open_transport("g", "arm-1", identity=identity_of("arm", keys.path))
     try:

@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 import dsr
 from dsr.cli.common import console
 from dsr.cli.main import app
-from dsr.connect import SECURITY
+from dsr.connecting import SECURITY
 from dsr.network import rendezvous
 from dsr.runtime.launcher import Launcher
 from dsr.runtime.system import load_system

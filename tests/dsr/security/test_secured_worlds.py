@@ -11,7 +11,7 @@ import pytest
 from agents.filters.by_type import ByType
 from dsr import Access, AgentError, Memory, Pose
 from dsr.clock import WALL_CLOCK
-from dsr.connect import connect
+from dsr.connecting import connect
 from dsr.graph.access import EVERYTHING
 from dsr.runtime.launcher import Launcher
 from dsr.runtime.system import load_system

@@ -171,7 +171,6 @@ def _open_at_free_port(
     graph: str, rid: str, connect: list[str], has_memory: bool, identity: Identity | None
 ) -> tuple[Transport, rendezvous.Registration]:
     from dsr.network.zenoh_transport import ZenohTransport
-    from dsr.security.renewal import watch_certificate
 
     protocol = "tls" if identity else "tcp"
     endpoint = f"{protocol}/127.0.0.1:{rendezvous.free_port()}"
@@ -181,6 +180,8 @@ def _open_at_free_port(
         _check_protocol(graph, protocol, endpoints)
         if identity is None:
             return ZenohTransport(endpoint, endpoints, routing=bool(connect)), registration
+        from dsr.security.renewal import watch_certificate  # needs `cryptography`, which is an extra
+
         transport = ZenohTransport(endpoint, endpoints, identity.zenoh, routing=bool(connect))
         watch_certificate(transport, identity)
         return identity.own_transport(transport, Keys(graph), rid), registration

@@ -1,0 +1,25 @@
+"""Tells which extra of the distribution brings a library that is not installed."""
+
+from __future__ import annotations
+
+DISTRIBUTION = "dsr-memory"
+"""Name on the package index."""
+EXTRAS = {
+    "cryptography": "cli", "mcap": "cli", "rich": "cli", "typer": "cli", "zstandard": "cli",
+    "collada": "sim", "cv2": "sim", "psutil": "sim", "pybullet": "sim", "pybullet_data": "sim", "scipy": "sim",
+    "trimesh": "sim",
+    "rerun": "view",
+    "up_fast_downward": "planning",
+    "mediapipe": "hands",
+}  # fmt: skip
+"""The extra that brings each optional module."""
+
+
+def missing_extra(error: BaseException) -> str | None:
+    """How to install the module whose absence is this `error`; None if the error is of another kind."""
+    if not isinstance(error, ModuleNotFoundError) or error.name is None:
+        return None
+    module = error.name.partition(".")[0]
+    if module not in EXTRAS:
+        return None
+    return f"the library {module!r} is not installed; run: pip install '{DISTRIBUTION}[{EXTRAS[module]}]'"
