@@ -19,6 +19,7 @@ import typer
 
 import dsr
 from dsr import Memory, Pose
+from dsr.cli import commands as commands_of_dsr
 from dsr.cli import main as command_line
 from dsr.runtime.launcher import Launcher
 from dsr.runtime.lockstep import Lockstep
@@ -60,12 +61,14 @@ def agents_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[P
 
 
 @pytest.fixture(scope="module")
-def group() -> Any:
+def group() -> Iterator[Any]:
     """The `dsr` command with all that pyproject.toml adds to it."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    for name, value in project["entry-points"]["dsr.commands"].items():
-        command_line.mount(EntryPoint(name, value, "dsr.commands"))
-    return typer.main.get_command(command_line.app)
+    added = project["entry-points"][commands_of_dsr.GROUP].items()
+    plugins = {name: EntryPoint(name, value, commands_of_dsr.GROUP) for name, value in added}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(commands_of_dsr, "plugins", lambda: plugins)
+        yield typer.main.get_command(command_line.app)
 
 
 def set_scene(memory: Memory) -> None:
