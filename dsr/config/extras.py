@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dsr.errors import ConfigError
+
 DISTRIBUTION = "dsr-memory"
 """Name on the package index."""
 EXTRAS = {
@@ -13,6 +15,10 @@ EXTRAS = {
     "mediapipe": "hands",
 }  # fmt: skip
 """The extra that brings each optional module."""
+
+
+class MissingExtraError(ConfigError):
+    """Something needs a library of an extra that is not installed."""
 
 
 def missing_extra(error: BaseException) -> str | None:

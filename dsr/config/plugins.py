@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from importlib.metadata import entry_points
 from typing import Any
 
+from dsr.config.extras import missing_extra
 from dsr.errors import ConfigError, suggest
 
 REASONERS = "dsr.reasoners"
@@ -41,4 +42,5 @@ def load(group: str, name: str) -> Any:
     try:
         return entry_point.load()
     except (ImportError, AttributeError) as error:
-        raise ConfigError(f"method {name!r} ({entry_point.value}) cannot be loaded: {error}") from error
+        reason = missing_extra(error) or error
+        raise ConfigError(f"method {name!r} ({entry_point.value}) cannot be loaded: {reason}") from error

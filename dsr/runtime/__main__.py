@@ -1,6 +1,7 @@
-"""Runs the agent class that is named as a process: `python -m dsr.runtime module:Class --graph ...`."""
+"""Runs an agent class as a process: `python -m dsr.runtime [--beside FOLDER] module:Class --graph ...`."""
 
 import sys
+from pathlib import Path
 
 from dsr.errors import ConfigError
 from dsr.runtime.agent_process import EXIT_USAGE, run_command_line
@@ -9,11 +10,14 @@ from dsr.runtime.system import load_class
 
 
 def main() -> int:
-    """Run it; returns the exit code."""
+    """Run it; returns the exit code. Modules in the folder are found after those that are installed."""
     exit_if_short()
-    name, *arguments = sys.argv[1:] or [""]
+    arguments, folder = sys.argv[1:], None
+    if arguments[:1] == ["--beside"]:
+        folder, arguments = Path(arguments[1]), arguments[2:]
+    name, *arguments = arguments or [""]
     try:
-        kind = load_class(name)
+        kind = load_class(name, folder)
     except ConfigError as error:
         sys.stderr.write(f"{error}\n")
         return EXIT_USAGE

@@ -145,15 +145,16 @@ class Launcher:
             process.start()
 
     def _command(self, spec: AgentSpec) -> list[str]:
-        command = [sys.executable, "-m", "dsr.runtime", spec.program, "--graph", self.graph, "--name", spec.name]
+        command = [sys.executable, "-P", "-m", "dsr.runtime"]  # -P: a folder called dsr where we are is not this one
+        command += ["--beside", str(self.system.folder)] if self.system.folder else []
+        command += [spec.program, "--graph", self.graph, "--name", spec.name]
         command += ["--config", msgspec.json.encode(spec.config).decode(), "--seed", str(self._seed)]
         command += ["--log-level", self._log_level]
         return command + (["--connect", self._router] if self._router else [])
 
     def _environment(self) -> dict[str, str]:
-        places = [str(self.system.folder) if self.system.folder else "", os.environ.get("PYTHONPATH", "")]
         secured = {SECURITY: str(self._security.resolve())} if self._security else {}
-        return {**os.environ, **secured, "PYTHONPATH": os.pathsep.join(place for place in places if place)}
+        return {**os.environ, **secured}
 
     def poll(self) -> None:
         """Notice what ended and start it again when due. Call it every `POLL_PERIOD` or so."""

@@ -6,6 +6,7 @@ import contextlib
 import dataclasses
 import importlib
 import importlib.util
+import logging
 import sys
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -15,6 +16,7 @@ from typing import Any
 import msgspec
 
 from dsr.agent import Agent
+from dsr.config.extras import MissingExtraError, missing_extra
 from dsr.config.toml import TomlFile, convert
 from dsr.errors import ConfigError, DsrError, suggest
 from dsr.files.built_in import ETC
@@ -24,6 +26,7 @@ from dsr.runtime.native_output import silenced
 
 RUN_FOLDER = "{run}"
 """Stands in a system file for the folder of the run."""
+_log = logging.getLogger("dsr.system")
 _OWN_PACKAGES = ("agents", "dsr", "planner", "simulation_handler", "surprise")
 
 
@@ -103,6 +106,8 @@ class _AgentTable(msgspec.Struct, frozen=True):
     config: dict[str, Any] = {}
     restart: bool = True
     ready_timeout: float = 30.0
+    optional: bool = False
+    """Whether the system runs without the agent where the libraries of its extra are not installed."""
 
 
 class _SystemFile(msgspec.Struct, frozen=True):
@@ -127,21 +132,28 @@ def load_system(name_or_path: str | Path, only: Collection[str] | None = None, *
     tables = source.convert(_SystemFile)
     folder = file.resolve().parent
     wanted = [(i, table) for i, table in enumerate(tables.agent) if only is None or table.name in only]
-    specs = [_read_agent(source, index, table, folder, beside) for index, table in wanted]
-    for index, spec in enumerate(specs):
-        if spec.name in {other.name for other in specs[:index]}:
-            raise source.error(f"two agents are called {spec.name!r}", ("agent", wanted[index][0], "name"))
+    read = [_read_agent(source, index, table, folder, beside) for index, table in wanted]
+    for count, (index, table) in enumerate(wanted):
+        if table.name in {other.name for _, other in wanted[:count]}:
+            raise source.error(f"two agents are called {table.name!r}", ("agent", index, "name"))
+    specs = [spec for spec in read if spec is not None]
     with _located(source, ()):
         return System(tables.graph, tuple(specs), folder)
 
 
-def _read_agent(source: TomlFile, index: int, table: _AgentTable, folder: Path, beside: bool) -> AgentSpec:
-    """The agent of one table, with its class loaded and its configuration checked."""
+def _read_agent(source: TomlFile, index: int, table: _AgentTable, folder: Path, beside: bool) -> AgentSpec | None:
+    """The agent of one table, with its class loaded and its configuration checked; None if it is left out."""
     path = ("agent", index)
     with _located(source, (*path, "name")):
         check_name("agent name", table.name)
     with _located(source, (*path, "class")):
-        kind = load_class(table.agent_class, folder, beside=beside)
+        try:
+            kind = load_class(table.agent_class, folder, beside=beside)
+        except MissingExtraError as error:
+            if not table.optional:
+                raise
+            _log.warning("%s is left out: %s", table.name, error)
+            return None
     if table.config:
         source.convert(kind.Config, (*path, "config"))
     return AgentSpec(table.name, kind, table.config, table.agent_class, table.restart, table.ready_timeout)
@@ -169,6 +181,8 @@ def load_class(name: str, folder: Path | None = None, *, beside: bool = True) ->
         with silenced():  # pybullet introduces itself
             kind = getattr(importlib.import_module(module), cls)
     except Exception as error:  # whatever the module does when it is imported
+        if absent := missing_extra(error):
+            raise MissingExtraError(f"class {name!r} cannot be loaded: {absent}") from error
         reason = f"{type(error).__name__}: {error}"
         raise ConfigError(f"class {name!r} cannot be loaded ({reason}); expected 'module:Class'") from error
     if not (isinstance(kind, type) and issubclass(kind, Agent)):
