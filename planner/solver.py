@@ -25,7 +25,7 @@ from dsr.clock import Clock, ManualClock
 from planner.errors import PlanningError, SolverFailed, SolverMissing, Unsolvable
 
 PACKAGE = "up_fast_downward"
-INSTALL = "pip install 'dsr[planning]'"
+INSTALL = "pip install 'dsr-memory[planning]'"
 UNSOLVABLE = (10, 11)
 """Exit codes: the translator, or the search, has proved that there is no plan."""
 _COMPLETE = "; cost ="

@@ -267,7 +267,7 @@ def test_a_missing_solver(monkeypatch: pytest.MonkeyPatch) -> None:
     with Run() as run:
         run.want()
         run.until("no_solver")
-        assert "pip install 'dsr[planning]'" in run.explanation
+        assert "pip install 'dsr-memory[planning]'" in run.explanation
 
 
 def test_a_goal_that_is_none() -> None:

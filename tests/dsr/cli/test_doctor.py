@@ -88,4 +88,4 @@ def test_a_missing_solver_is_a_limit_with_the_remedy(monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(doctor, "_SOLVER_PROBE", code)
     check = doctor.check_solver()
     assert check.state == "limited"
-    assert check.detail.startswith("the solver Fast Downward is not installed; run: pip install 'dsr[planning]'")
+    assert check.detail.startswith("the solver Fast Downward is not installed; run: pip install 'dsr-memory[planning]'")
