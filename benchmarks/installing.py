@@ -26,7 +26,11 @@ from benchmarks.timing import duration
 
 _ROOT = Path(__file__).parents[1]
 _BUILD = "import sys; from setuptools import build_meta; build_meta.build_wheel(sys.argv[1])"
-_ALONE = "import dsr\nwith dsr.connect('benchmark_installing', agent='me') as memory:\n    memory.add_node('cup_1', 'cup')"
+_ALONE = """
+import dsr
+with dsr.connect("benchmark_installing", agent="me") as memory:
+    memory.add_node("cup_1", "cup")
+"""
 _PLAY = ("dsr", "scenario", "run", "hovering_1", "--lockstep", "--sensor", "poses", "--no-viewer")
 _CHECKS = {
     "": (("python", "-c", _ALONE),),
@@ -88,14 +92,13 @@ def build(folder: Path) -> Path:
 def install(home: Path, wheel: Path, extras: str, python: str) -> Installed:
     """Make an environment with the wheel and these extras (comma-separated), and try it."""
     subprocess.run([python, "-m", "venv", str(home)], check=True)
-    pip = [str(home / "bin" / "pip"), "install", "--quiet", f"{wheel}[{extras}]" if extras else str(wheel)]
+    pip = [str(home / "bin" / "pip"), "install", "-qq", f"{wheel}[{extras}]" if extras else str(wheel)]
     seconds = duration(lambda: subprocess.run(pip, check=True))
     size = sum(file.lstat().st_size for file in home.rglob("*") if not file.is_dir())
     chosen = {"", *filter(None, extras.split(","))} | ({"cli"} if extras else set())
     failed = [" ".join(command) for extra in sorted(chosen) for command in _CHECKS[extra] if run(home, command) is None]
-    return Installed(
-        size, seconds, run(home, ("python", "-c", _ALONE)) or 0.0, run(home, ("dsr", "--help")) if extras else None, failed
-    )
+    start, shown = run(home, ("python", "-c", _ALONE)), run(home, ("dsr", "--help")) if extras else None
+    return Installed(size, seconds, start or 0.0, shown, failed)
 
 
 def run(home: Path, command: tuple[str, ...]) -> float | None:
