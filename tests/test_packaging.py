@@ -153,6 +153,24 @@ def test_installed_it_does_what_the_checkout_does(install: Callable[..., Run], t
     assert "viewer is left out" in result.stderr and "dsr-memory[view]" in result.stderr
 
 
+def test_another_package_of_the_same_name_is_told_apart(install: Callable[..., Run], tmp_path: Path) -> None:
+    run = install("sim")
+    (packages,) = (tmp_path / "environment").glob("lib/python*/site-packages")
+    (packages / "agents" / "__init__.py").write_text("import no_such_library\n")
+    info = packages / "other_agents-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: other-agents\nVersion: 1.0\n")
+    (info / "top_level.txt").write_text("agents\n")
+    said = "other-agents also installs a package 'agents': install it and dsr-memory into different environments"
+    for command in (("run", "tabletop"), ("record",)):
+        result = run("dsr", *command)
+        assert result.returncode == 2 and said in " ".join(result.stderr.split()), result.stderr
+    shutil.copytree(packages / "agents", tmp_path / "empty" / "agents")
+    shutil.rmtree(packages / "agents")
+    result = run("python", "-m", "dsr.cli.main", "run", "tabletop")
+    assert "the package 'agents' is the one in" in " ".join(result.stderr.split()), result.stderr
+
+
 def test_extras_are_those_of_the_project() -> None:
     declared = {
         canonicalize_name(Requirement(text).name): extra

@@ -14,6 +14,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from dsr.config.extras import missing_extra
+from dsr.config.own_packages import stranger
 from dsr.errors import ConfigError
 
 GROUP = "dsr.commands"
@@ -52,7 +53,7 @@ def load_command(name: str) -> Any:
     try:
         command = typer.main.get_group(plugin.load())
     except (ImportError, AttributeError) as error:
-        reason = missing_extra(error) or f"{plugin.value}: {error}"
+        reason = stranger(plugin.module) or missing_extra(error) or f"{plugin.value}: {error}"
         raise ConfigError(f"the command {name!r} cannot be loaded: {reason}") from error
     command.name = name
     return command

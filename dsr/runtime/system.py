@@ -17,6 +17,7 @@ import msgspec
 
 from dsr.agent import Agent
 from dsr.config.extras import MissingExtraError, missing_extra
+from dsr.config.own_packages import OWN_PACKAGES, stranger
 from dsr.config.toml import TomlFile, convert
 from dsr.errors import ConfigError, DsrError, suggest
 from dsr.files.built_in import ETC
@@ -27,7 +28,6 @@ from dsr.runtime.native_output import silenced
 RUN_FOLDER = "{run}"
 """Stands in a system file for the folder of the run."""
 _log = logging.getLogger("dsr.system")
-_OWN_PACKAGES = ("agents", "dsr", "planner", "simulation_handler", "surprise")
 
 
 @dataclass(frozen=True)
@@ -181,6 +181,8 @@ def load_class(name: str, folder: Path | None = None, *, beside: bool = True) ->
         with silenced():  # pybullet introduces itself
             kind = getattr(importlib.import_module(module), cls)
     except Exception as error:  # whatever the module does when it is imported
+        if other := stranger(module):
+            raise ConfigError(f"class {name!r} cannot be loaded: {other}") from error
         if absent := missing_extra(error):
             raise MissingExtraError(f"class {name!r} cannot be loaded: {absent}") from error
         reason = f"{type(error).__name__}: {error}"
@@ -192,7 +194,7 @@ def load_class(name: str, folder: Path | None = None, *, beside: bool = True) ->
 
 def _is_installed(package: str, folder: Path | None) -> bool:
     """Whether a package is found elsewhere than in `folder` or where this process runs; it is not imported."""
-    if package in _OWN_PACKAGES:
+    if package in OWN_PACKAGES:
         return True
     try:
         found = importlib.util.find_spec(package)
