@@ -97,11 +97,11 @@ def install(built: dict[str, Path], tmp_path: Path) -> Callable[..., Run]:
         empty = tmp_path / "empty"
         empty.mkdir()
 
-        def run(program: str, *arguments: str, seconds: float = 120.0) -> subprocess.CompletedProcess[str]:
+        def run(program: str, *arguments: str, inside: str = ".") -> subprocess.CompletedProcess[str]:
             environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
             command = [str(home / "bin" / program), *arguments]
             return subprocess.run(
-                command, cwd=empty, env=environment, capture_output=True, text=True, timeout=seconds, check=False
+                command, cwd=empty / inside, env=environment, capture_output=True, text=True, timeout=120.0, check=False
             )
 
         return run
@@ -151,6 +151,21 @@ def test_installed_it_does_what_the_checkout_does(install: Callable[..., Run], t
     result = run("dsr", "scenario", "run", "hovering_1", "--lockstep", "--sensor", "poses", "--no-viewer")
     assert result.returncode == 0, result.stdout + result.stderr
     assert "viewer is left out" in result.stderr and "dsr-memory[view]" in result.stderr
+
+
+def test_a_package_of_ones_own_adds_an_agent_an_object_a_scenario_and_a_command(
+    install: Callable[..., Run], tmp_path: Path
+) -> None:
+    run = install("sim")
+    assert "lab_bot/lab_bot/counter.py" in run("dsr", "new", "lab_bot").stdout
+    command = [sys.executable, "-c", BUILD.format(kind="wheel"), str(tmp_path)]
+    subprocess.run(command, cwd=tmp_path / "empty" / "lab_bot", capture_output=True, check=True)
+    pip = [sys.executable, "-m", "pip", "--python", str(tmp_path / "environment" / "bin" / "python"), "install"]
+    subprocess.run([*pip, "--no-deps", "--quiet", *map(str, tmp_path.glob("lab_bot*.whl"))], check=True)
+    assert "Say how many boxes are in view" in run("dsr", "--help").stdout
+    play = ("scenario", "run", "lab_bot", "--lockstep", "--sensor", "poses", "--no-viewer")
+    result = run("dsr", *play, inside="lab_bot")
+    assert result.returncode == 0, result.stdout + result.stderr
 
 
 def test_another_package_of_the_same_name_is_told_apart(install: Callable[..., Run], tmp_path: Path) -> None:

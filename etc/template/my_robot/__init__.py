@@ -1,0 +1,1 @@
+"""Agents of my_robot around the working memory."""
