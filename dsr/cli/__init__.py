@@ -8,7 +8,7 @@ from dsr.runtime.resources import exit_if_short
 exit_if_short()  # before any module of a command loads a library that would crash
 
 
-def main() -> None:
+def start() -> None:
     """Run the command line; if its own libraries are not installed, say how to install them."""
     try:
         from dsr.cli.main import main as run
