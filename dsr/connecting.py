@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import contextlib
+import logging
 import os
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 SECURITY = "DSR_SECURITY"
 """Environment variable: the security folder that everything uses which is told no other."""
 
+_log = logging.getLogger("dsr")
 _PORT_ATTEMPTS = 5
 """A free port may be taken by somebody else before it is ours."""
 
@@ -40,6 +42,7 @@ def connect(
     timeout: float = 5.0,
     security: str | Path | None = None,
     begin: bool = False,
+    must_exist: bool | None = None,
 ) -> Memory:
     """Join the working memory `graph` over Zenoh and wait until all of it is here.
 
@@ -59,9 +62,12 @@ def connect(
             variable DSR_SECURITY names, if anything. Then only others with a certificate are met, and a write that
             the policy does not grant raises `AgentError`.
         begin: begin with what is here by then if some who hold the graph do not answer; the rest comes when they do.
+        must_exist: whether somebody else must hold the graph. By default a warning says if nobody does; False
+            means that the graph may begin here, without a word.
 
     Raises:
-        ConfigError: for a name that cannot be used, or an agent without a valid certificate.
+        ConfigError: for a name that cannot be used, an agent without a valid certificate, or if the graph must exist
+            and nobody holds it.
         TransportError: if the network cannot be used, or some who hold the graph do not answer in time: says which.
     """
     rid = new_rid(agent)
@@ -84,8 +90,19 @@ def connect(
         memory.on_close(lambda: atexit.unregister(memory.close))
         resources.callback(memory.close)
         _wait_joined(memory, timeout, all_known=not routers, begin=begin, secured=identity is not None)
+        if must_exist is not False and not memory.peers:
+            _tell_alone(graph, must_exist=must_exist is True)
         resources.pop_all()
     return memory
+
+
+def _tell_alone(graph: str, *, must_exist: bool) -> None:
+    """Say that nobody else holds a graph. Raises `ConfigError` if somebody must."""
+    others = [name for name in rendezvous.graphs() if name != graph]
+    running = f"running on this machine: {', '.join(others) or 'none'}"
+    if must_exist:
+        raise ConfigError(f"nobody holds graph {graph!r}; {running}")
+    _log.warning("nobody else is in graph %r, which begins here, empty; %s", graph, running)
 
 
 def _wait_joined(memory: Memory, timeout: float, *, all_known: bool, begin: bool, secured: bool) -> None:

@@ -143,6 +143,10 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
         """The node `name`, or None."""
         return self._graph.nodes.get(name)
 
+    def __repr__(self) -> str:
+        nodes, edges, others = len(self._graph.nodes), len(self._graph.edges), len(self.peers)
+        return f"<Memory of graph {self.graph_name!r}: {nodes} nodes, {edges} edges, {others} other processes>"
+
     def nodes(self, type: str | Iterable[str] | None = None) -> list[Node]:
         """All nodes, or those of one type or several. Raises `SchemaError` for an unknown type."""
         if type is None:

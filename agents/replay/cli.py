@@ -180,7 +180,7 @@ def play(
         raise ConfigError(f"graph {name!r} runs already; give the replay another name: --name")
     stay = console.is_terminal if stay is None else stay
     routers = [router] if router else ()
-    with connect(name, agent="replay", connect=routers, security=security) as memory:
+    with connect(name, agent="replay", connect=routers, security=security, must_exist=False) as memory:
         player = Player(source, memory, begin=begin, until=until, speed=speed, pause_at=pause_at)
         _tell_missing(player)
         controls = Controls(memory.transport, memory.keys, player)

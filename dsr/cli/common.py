@@ -67,7 +67,7 @@ def reading(
     name = _running(graph, router)
     guard = WriteGuard("dsr", Access())
     routers = [router] if router else ()
-    with connect(name, agent="dsr", connect=routers, guard=guard, security=security) as memory:
+    with connect(name, agent="dsr", connect=routers, guard=guard, security=security, must_exist=False) as memory:
         _check_company(memory, router)
         with naming():
             opened = memory.world(world)
@@ -83,7 +83,7 @@ def writing(graph: str | None, router: str | None, security: Path | None, agent:
         TransportError: if somebody did not tell in time that he has it.
     """
     name = _running(graph, router)
-    with connect(name, agent=agent, connect=[router] if router else (), security=security) as memory:
+    with connect(name, agent=agent, connect=[router] if router else (), security=security, must_exist=False) as memory:
         _check_company(memory, router)
         yield memory
         sync = memory.replica.synchroniser

@@ -125,7 +125,7 @@ def _join(
 ) -> tuple[Memory | None, Transport, str]:
     """The memory if the agent uses it, its bus and the replica id; given back when `resources` are closed."""
     if kind.uses_memory:
-        memory = connect(graph, agent=name, connect=routers, guard=WriteGuard(name, kind.writes))
+        memory = connect(graph, agent=name, connect=routers, guard=WriteGuard(name, kind.writes), must_exist=False)
         resources.callback(memory.close)
         return memory, memory.transport, memory.rid
     rid = new_rid(name)

@@ -125,7 +125,7 @@ class Launcher:
         self.system = self._requested.on_graph(name).in_folder(self.folder)
         self.folder.mkdir(mode=FOLDER_MODE, parents=True, exist_ok=True)
         routers = [self._router] if self._router else ()
-        self.memory = connect(name, agent="launcher", connect=routers, security=self._security)
+        self.memory = connect(name, agent="launcher", connect=routers, security=self._security, must_exist=False)
         self._resources.callback(self.memory.close)
         if self._state is not None:
             self.restored = WorldKeeper(self.memory, self._state).restored
