@@ -36,7 +36,9 @@ app = typer.Typer(
 @app.callback()
 def replay(
     recording: Annotated[Path | None, typer.Argument(help="A recording.mcap, or the folder of a run.")] = None,
-    name: Annotated[str, typer.Option(help="Name of the graph that the replay runs as.")] = "replay",
+    name: Annotated[
+        str, typer.Option("--graph", "-g", help="Name of the graph that the replay runs as.")
+    ] = "replay",
     speed: Annotated[str, typer.Option(help="Recorded seconds a second, or max.")] = "1",
     begin: Annotated[float, typer.Option("--from", min=0.0, metavar="S", help="Where to start.")] = 0.0,
     until: Annotated[float | None, typer.Option(min=0.0, metavar="S", help="Where to end.")] = None,
@@ -177,7 +179,7 @@ def play(
 ) -> None:
     """Play in this terminal."""
     if endpoints(name):
-        raise ConfigError(f"graph {name!r} runs already; give the replay another name: --name")
+        raise ConfigError(f"graph {name!r} runs already; give the replay another name: --graph")
     stay = console.is_terminal if stay is None else stay
     routers = [router] if router else ()
     with connect(name, agent="replay", connect=routers, security=security, must_exist=False) as memory:

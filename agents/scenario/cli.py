@@ -25,7 +25,7 @@ from agents.scenario.run.report import ProgressBar, show_result
 from agents.scenario.run.runner import run_live, run_lockstep
 from agents.scenario.run.staging import make_run
 from agents.scenario.sweep_cli import sweep
-from dsr.cli.common import JsonOption, console, new_run_folder, print_json
+from dsr.cli.common import JsonOption, console, errors, new_run_folder, print_json, shown
 from dsr.errors import ConfigError
 
 DEMO = "towers"
@@ -59,7 +59,14 @@ demo = typer.Typer(name="demo", invoke_without_command=True, subcommand_metavar=
 @app.command("list")
 def list_scenarios(as_json: JsonOption = False) -> None:
     """List the built-in scenarios and those in ./etc/scenarios."""
-    scenarios = {name: load_scenario(file) for name, file in sorted(scenario_files().items())}
+    scenarios, wrong = {}, []
+    for name, file in sorted(scenario_files().items()):
+        try:
+            scenarios[name] = load_scenario(file)
+        except ConfigError as error:
+            wrong.append(f"{name}: {error}")
+    for message in wrong:
+        errors.print(f"[yellow]{shown(message)}[/]", soft_wrap=True)
     if as_json:
         rows = [{"name": name, "title": s.title, "duration_s": s.duration} for name, s in scenarios.items()]
         print_json(rows)

@@ -26,7 +26,10 @@ from dsr.network.rendezvous import endpoints, graphs, running_graph
 from dsr.runtime.logs import printable
 
 GraphOption = Annotated[
-    str | None, typer.Option("--graph", "-g", help="Which graph; default: the only one that runs on this machine.")
+    str | None,
+    typer.Option(
+        "--graph", "-g", envvar="DSR_GRAPH", help="Which graph; default: the only one that runs on this machine."
+    ),
 ]
 RouterOption = Annotated[
     str | None, typer.Option("--connect", metavar="ENDPOINT", help="Join the Zenoh router at tcp/HOST:7447 too.")

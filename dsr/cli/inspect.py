@@ -28,6 +28,7 @@ from dsr.graph.elements import Edge, Node
 from dsr.memory import Memory
 from dsr.network.keys import BASE
 from dsr.timeline import TIMELINE
+from dsr.vocabulary.relations import THINGS
 
 app = typer.Typer()
 
@@ -35,33 +36,44 @@ _STRUCTURE = ("RT", "has", "next")
 """Edge types along which `dsr tree` goes down."""
 _NOTES = {("perceived", False): "not seen", ("plausible", False): "implausible", ("surprising", True): "surprising"}
 """What `dsr ls` says about a node with this value of this attribute."""
+_PLACE_WIDTH = 23  # columns that three coordinates below 100 m take
 
 
 @app.command()
 def ls(
     kind: Annotated[str | None, typer.Option("--type", "-t", help="Only nodes of this type.")] = None,
+    everything: Annotated[bool, typer.Option("--all", "-a", help="All nodes, not only things.")] = False,
     graph: GraphOption = None,
     world: WorldOption = BASE,
     as_json: JsonOption = False,
     router: RouterOption = None,
     security: SecurityOption = None,
 ) -> None:
-    """List the nodes: where they were perceived and where they are believed to be, in the world frame (m)."""
+    """List the things: where they were perceived and where they are believed to be, in the world frame (m).
+
+    Things are cubes, boxes, containers, cups and balls. `--all` lists all nodes, `--type` those of one type.
+    """
     with reading(graph, router, security, world) as memory:
         with naming():
-            nodes = sorted(memory.nodes(kind), key=lambda node: (node.type, node.name))
-        rows = [_summary(memory, node) for node in nodes]
+            wanted = kind or (None if everything else THINGS)
+            nodes = sorted(memory.nodes(wanted), key=lambda node: (node.type, node.name))
+        rows, count = [_summary(memory, node) for node in nodes], len(memory.nodes())
     if as_json:
         print_json(rows)
         return
-    table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    for column in ("node", "type", "perceived at (m)", "believed at (m)"):
-        table.add_column(column, no_wrap=True)
+    table = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("node", overflow="fold")
+    table.add_column("type", overflow="fold")
+    for column in ("perceived at (m)", "believed at (m)"):
+        table.add_column(column, no_wrap=True, min_width=_PLACE_WIDTH)
     table.add_column("notes")
     for row in rows:
         places = [_place(row[key]) for key in ("perceived_at_m", "believed_at_m")]
         table.add_row(shown(row["name"]), shown(row["type"]), *places, ", ".join(row["notes"]))
     console.print(table)
+    hidden = 0 if wanted is None else count - len(rows)
+    if kind is None and hidden:
+        console.print(f"and {hidden} other nodes: --all", style="dim")
 
 
 def _summary(memory: Memory, node: Node) -> dict[str, Any]:

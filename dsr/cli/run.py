@@ -34,9 +34,11 @@ class LogLevel(enum.StrEnum):
 @app.command()
 def run(
     system: Annotated[str, typer.Argument(help="A TOML file, or the name of one in etc/systems.")],
-    name: Annotated[str | None, typer.Option("--name", "-n", help="Of the graph; default: the system's.")] = None,
     graph: Annotated[
-        Path | None, typer.Option("--graph", "-g", metavar="FILE", help="JSON file of what the graph holds at first.")
+        str | None, typer.Option("--graph", "-g", help="Name of the graph; default: the system's.")
+    ] = None,
+    load: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="JSON file of what the graph holds at first.")
     ] = None,
     state: Annotated[
         Path | None,
@@ -55,8 +57,8 @@ def run(
     dsr watch, dsr top. The exit code is 1 if the agents do not become ready, or all end by themselves.
     """
     chosen = load_system(system)
-    chosen = chosen.on_graph(name) if name else chosen
-    content = read_graph(graph) if graph else None
+    chosen = chosen.on_graph(graph) if graph else chosen
+    content = read_graph(load) if load else None
     if content is not None:
         warn(content)
     level = log_level.value
@@ -66,7 +68,7 @@ def run(
         message = f"graph [bold]{launcher.graph}[/], logs and recordings in [bold]{place}[/], Ctrl-C stops"
         console.print(message, soft_wrap=True)
         if launcher.restored:
-            instead = f"; [bold]{graph}[/] is not loaded" if graph else ""
+            instead = f"; [bold]{load}[/] is not loaded" if load else ""
             console.print(f"restored from [bold]{state}[/]{instead}", soft_wrap=True)
         view = _View(launcher)
         with view.live:

@@ -9,12 +9,14 @@ import pytest
 
 import dsr
 from dsr import ConfigError, Memory
+from dsr.cli import inspect
 
 
 def test_ls_tells_where_things_were_perceived_and_are_believed_to_be(
     memory: Memory, cli_json: Callable[..., Any]
 ) -> None:
-    rows = {row["name"]: row for row in cli_json("ls")}
+    assert [row["name"] for row in cli_json("ls")] == ["cube_3"]
+    rows = {row["name"]: row for row in cli_json("ls", "--all")}
     assert set(rows) == {"world", "table", "camera_overhead", "cube_3"}
     assert rows["cube_3"]["perceived_at_m"] == pytest.approx([0.4, 0.0, 0.03])
     assert rows["cube_3"]["believed_at_m"] == pytest.approx([0.4, 0.0, 0.02])
@@ -30,6 +32,31 @@ def test_ls_tells_where_things_were_perceived_and_are_believed_to_be(
 def test_ls_of_one_type_for_people(memory: Memory, cli: Callable[..., str]) -> None:
     text = cli("ls", "--type", "cube")
     assert "cube_3" in text and "0.0300" in text and "table" not in text
+
+
+@pytest.mark.parametrize("columns", [80, 120])
+def test_names_and_heights_are_whole_in_a_narrow_terminal(
+    memory: Memory, cli: Callable[..., str], columns: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    name = "container_of_many_colours_1"
+    memory.add_node(name, "container", perceived=False, surprising=True)
+    for edge_type, z in (("RT", -12.3456), ("Virtual_RT", -65.4321)):
+        memory.add_edge("world", name, edge_type, pose=dsr.Pose((-11.1111, -22.2222, z)))
+    monkeypatch.setattr(inspect.console, "_width", columns)
+    text = cli("ls")
+    assert all(len(line) <= columns for line in text.splitlines())
+    assert "-12.3456" in text and "-65.4321" in text and "3 other nodes: --all" in text
+    assert name in "".join(line[1:].split(" ")[0] for line in text.splitlines())
+
+
+def test_the_environment_may_name_the_graph(
+    memory: Memory, cli_json: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("DSR_GRAPH", "kitchen")
+    with pytest.raises(ConfigError, match="no graph 'kitchen' runs on this machine"):
+        cli_json("ls")
+    monkeypatch.setenv("DSR_GRAPH", memory.graph_name)
+    assert [row["name"] for row in cli_json("ls")] == ["cube_3"]
 
 
 def test_an_unknown_type_is_an_error_with_the_valid_ones(memory: Memory, cli: Callable[..., str]) -> None:

@@ -1,4 +1,4 @@
-"""`dsr save`, `dsr load`, `dsr convert` and `dsr run --graph` on running graphs."""
+"""`dsr save`, `dsr load`, `dsr convert` and `dsr run --load` on running graphs."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_files_are_converted_without_a_running_graph(cli: Callable[..., str], tm
 
 def test_a_system_starts_with_the_content_of_a_file(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "dsr.cli.main"]
-    options = ["--graph", str(BREAKFAST), "--name", "kitchen", "--folder", str(tmp_path / "run")]
+    options = ["--load", str(BREAKFAST), "--graph", "kitchen", "--folder", str(tmp_path / "run")]
     with subprocess.Popen(
         [*command, "run", str(SYSTEMS / "counters.toml"), *options], stdout=subprocess.PIPE, text=True
     ) as system:
@@ -105,7 +105,7 @@ def test_a_system_that_is_refused_leaves_no_run_folder(tmp_path: Path) -> None:
 
 def test_a_system_does_not_start_with_a_wrong_file(tmp_path: Path) -> None:
     (tmp_path / "wrong.json").write_text("{")
-    command = [sys.executable, "-m", "dsr.cli.main", "run", str(SYSTEMS / "counters.toml"), "--graph"]
+    command = [sys.executable, "-m", "dsr.cli.main", "run", str(SYSTEMS / "counters.toml"), "--load"]
     result = subprocess.run(
         [*command, str(tmp_path / "wrong.json")], capture_output=True, text=True, timeout=60, check=False, cwd=tmp_path
     )

@@ -48,7 +48,8 @@ def test_other_worlds_are_looked_into_with_an_option(
     idea = memory.fork("idea")
     idea.remove_node("cube_3")
     idea.add_node("ball", "ball", mass=0.5)
-    assert {row["name"] for row in cli_json("ls", "--world", "idea")} == {"world", "table", "camera_overhead", "ball"}
+    rows = cli_json("ls", "--all", "--world", "idea")
+    assert {row["name"] for row in rows} == {"world", "table", "camera_overhead", "ball"}
     assert "0.5" in cli("show", "ball", "--world", "idea")
     assert "ball" in cli("tree", "-w", "idea") and "world idea" in cli("tree", "-w", "idea")
     file = tmp_path / "idea.json"
