@@ -58,7 +58,8 @@ _debug = False
 def main() -> None:
     """Run the command line: exit code 0 if what was asked holds, 2 for wrong input, 1 for other failures."""
     for number in (signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, signal.default_int_handler)
+        if signal.getsignal(number) is not signal.SIG_IGN:  # as `nohup` has it
+            signal.signal(number, signal.default_int_handler)
     try:
         app()
     except DsrError as error:

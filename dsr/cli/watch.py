@@ -9,7 +9,17 @@ from typing import Annotated, Any
 import msgspec
 import typer
 
-from dsr.cli.common import GraphOption, RouterOption, SecurityOption, WorldOption, naming, plain, readable, reading
+from dsr.cli.common import (
+    GraphOption,
+    RouterOption,
+    SecurityOption,
+    WorldOption,
+    errors,
+    naming,
+    plain,
+    readable,
+    reading,
+)
 from dsr.clock import WALL_CLOCK
 from dsr.errors import WorldNotFoundError
 from dsr.graph.elements import Edge, Node
@@ -21,6 +31,8 @@ from dsr.runtime.logs import printable
 Names = list[str] | None
 
 app = typer.Typer()
+_LEFT = "nobody else is in the graph any more; waiting for somebody, Ctrl-C ends"
+_BACK = "somebody is in the graph again"
 
 
 @app.command()
@@ -45,8 +57,12 @@ def watch(
             changes = memory.watch(
                 node_type=node_type, edge_type=edge_type, attribute=attribute, existing=not changes_only
             )
+        alone = False
         try:
             while True:
+                if alone != (not memory.peers):
+                    alone = not alone
+                    errors.print(_LEFT if alone else _BACK, style="yellow")
                 for change in changes.poll():
                     typer.echo(_json_line(memory, change) if as_json else _text_line(memory, change))
                 if changes.closed:

@@ -135,3 +135,11 @@ def test_the_demo_runs_towers_live_from_pixels(recorded: Recorded):
 def test_wrong_options_are_refused(recorded: Recorded, arguments: tuple[str, ...]):
     assert invoke(*arguments)[0] == 2
     assert not recorded.runs
+
+
+def test_a_broken_file_hides_no_other_scenario(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "etc" / "scenarios").mkdir(parents=True)
+    (tmp_path / "etc" / "scenarios" / "broken.toml").write_text("name = ")
+    monkeypatch.chdir(tmp_path)
+    code, output = invoke("list")
+    assert code == 0 and "broken: " in output and "broken.toml:1" in output and "hovering_1" in output

@@ -59,6 +59,19 @@ def test_run_starts_a_system_and_stops_it_on_a_signal(
     assert {file.name for file in tmp_path.glob("*.log")} == {"first.log", "second.log"}
 
 
+def test_with_nohup_it_outlives_its_terminal(tmp_path: Path, private_runtime_dir: Path) -> None:
+    command = ["nohup", sys.executable, "-m", "dsr.cli.main", "run", str(SYSTEMS / "counters.toml")]
+    with subprocess.Popen([*command, "--folder", str(tmp_path)], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout
+        states = [next(iter(process.stdout.readline, "")) for _ in range(5)]
+        assert "second: ready" in " ".join(states)
+        process.send_signal(signal.SIGHUP)
+        process.send_signal(signal.SIGHUP)
+        assert dsr("ls", "--graph", "counters").returncode == 0
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(20) == 0
+
+
 def test_a_folder_that_cannot_be_made_is_told_in_one_line(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     result = dsr("run", str(SYSTEMS / "counters.toml"), "--folder", str(tmp_path / "file" / "run"))

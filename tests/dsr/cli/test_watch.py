@@ -9,6 +9,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+import dsr
 from dsr import Memory
 
 
@@ -54,3 +55,15 @@ def test_it_ends_when_the_world_is_deleted(memory: Memory) -> None:
         memory.delete_world("idea")
         assert process.wait(20) == 1
         assert "world 'idea' was deleted" in process.stderr.read()
+
+
+def test_it_says_when_the_last_one_has_left_and_when_somebody_comes(memory: Memory) -> None:
+    with watching("--node-type", "cube") as process:
+        assert process.stdout and process.stderr
+        assert "cube_3" in process.stdout.readline()
+        memory.close()
+        assert "nobody else is in the graph any more" in process.stderr.readline()
+        with dsr.connect(memory.graph_name, agent="later", must_exist=True):
+            assert "somebody is in the graph again" in process.stderr.readline()
+            process.send_signal(signal.SIGINT)
+            assert process.wait(20) == 0
