@@ -20,7 +20,8 @@ from dsr.errors import ConfigError
 GROUP = "dsr.commands"
 """Group of entry points: typer apps, each with the name of its command."""
 OWN = {
-    "new": "new", "run": "run", "ls": "inspect", "show": "inspect", "tree": "inspect", "relations": "relations",
+    "new": "new", "run": "run", "stop": "background", "logs": "background",
+    "ls": "inspect", "show": "inspect", "tree": "inspect", "relations": "relations",
     "visibility": "visibility", "worlds": "worlds", "watch": "watch", "top": "top", "topology": "topology",
     "diff": "diff", "what-if": "what_if", "save": "persist", "convert": "persist", "load": "load", "hub": "hub",
     "stamps": "stamps", "doctor": "doctor", "security": "security",

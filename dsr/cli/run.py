@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 from rich.live import Live
 
+from dsr.cli.background import ALL_READY, start_in_background
 from dsr.cli.common import RouterOption, SecurityOption, console, new_run_folder, shown
 from dsr.cli.persist import warn
 from dsr.cli.status_table import status_table
@@ -49,6 +50,9 @@ def run(
     router: RouterOption = None,
     security: SecurityOption = None,
     log_level: Annotated[LogLevel, typer.Option(help="Of the agents.")] = LogLevel.INFO,
+    detach: Annotated[
+        bool, typer.Option("--detach", "-d", help="Go on in the background; see `dsr logs` and `dsr stop`.")
+    ] = False,
 ) -> None:
     """Start the agents of a system as processes and supervise them until Ctrl-C.
 
@@ -56,6 +60,9 @@ def run(
     Agents that crash are started again. Look into the working memory from another terminal: dsr ls, dsr tree,
     dsr watch, dsr top. The exit code is 1 if the agents do not become ready, or all end by themselves.
     """
+    if detach:
+        start_in_background(folder or new_run_folder(find_system(system).stem))
+        return
     chosen = load_system(system)
     chosen = chosen.on_graph(graph) if graph else chosen
     content = read_graph(load) if load else None
@@ -74,6 +81,7 @@ def run(
         with view.live:
             try:
                 launcher.wait_ready(view.show)
+                view.say(ALL_READY)
                 launcher.run(threading.Event(), view.show)
             except KeyboardInterrupt:
                 view.live.update("")
@@ -100,6 +108,11 @@ class _View:
         self._title = f"graph {launcher.graph}"
         self._states: dict[str, str] = {}
         self.live = Live(console=console, refresh_per_second=4, transient=True)
+
+    def say(self, text: str) -> None:
+        """Print a line where there is no table."""
+        if not console.is_terminal:
+            console.print(text)
 
     def show(self, rows: list[AgentRow]) -> None:
         """Show the newest rows."""

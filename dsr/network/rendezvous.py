@@ -160,6 +160,25 @@ def claim_file(graph: str) -> Path:
     return runtime_dir() / f"{graph}.launcher"
 
 
+class Claim(NamedTuple):
+    """What the launcher of a graph wrote into its claim."""
+
+    pid: int
+    """Process id of the launcher."""
+    folder: Path
+    """Where the logs of its agents are."""
+
+
+def read_claim(graph: str) -> Claim | None:
+    """The claim of the launcher that runs `graph` on this machine; None if there is none."""
+    try:
+        with claim_file(check_name("graph name", graph)).open(encoding="utf-8") as file:
+            pid, _, folder = file.read().partition(" ")
+            return Claim(int(pid), Path(folder)) if _is_locked(file.fileno()) else None
+    except (OSError, ValueError):  # ValueError: it is being written
+        return None
+
+
 def remove_leftover_claim(graph: str) -> bool:
     """Remove the file of a launcher that is gone; whether there still is one, because somebody keeps it locked."""
     path = claim_file(graph)

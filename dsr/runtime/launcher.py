@@ -121,7 +121,7 @@ class Launcher:
 
     def start(self) -> None:
         """Claim the graph's name, join its network and start all agents."""
-        name = self._resources.enter_context(_claimed_name(self._requested.graph))
+        name = self._resources.enter_context(_claimed_name(self._requested.graph, self.folder))
         self.system = self._requested.on_graph(name).in_folder(self.folder)
         self.folder.mkdir(mode=FOLDER_MODE, parents=True, exist_ok=True)
         routers = [self._router] if self._router else ()
@@ -247,7 +247,7 @@ def _exit_text(code: int | None) -> str:
 
 
 @contextlib.contextmanager
-def _claimed_name(graph: str) -> Iterator[str]:
+def _claimed_name(graph: str, folder: Path) -> Iterator[str]:
     """`graph`, or `graph-2` and so on if other launchers hold that name; ours as long as the context is open."""
     names = [graph, *(f"{graph}-{number}" for number in range(2, _MOST_NAMES))]
     for name in names:
@@ -259,6 +259,9 @@ def _claimed_name(graph: str) -> Iterator[str]:
     if name != graph:
         _log.warning("a system %r is running already; this one is %r", graph, name)
     try:
+        lock.truncate(0)
+        lock.write(f"{os.getpid()} {folder.resolve()}")
+        lock.flush()
         yield name
     finally:
         path.unlink(missing_ok=True)
