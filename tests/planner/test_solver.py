@@ -72,7 +72,7 @@ def test_a_wrong_problem_shows_what_the_solver_said(domain: Path) -> None:
 
 def test_a_missing_solver_says_how_to_install_it(monkeypatch: pytest.MonkeyPatch, domain: Path) -> None:
     monkeypatch.setattr(solver, "PACKAGE", "no_such_package_at_all")
-    with pytest.raises(SolverMissing, match=r"pip install 'dsr\[planning\]'"):
+    with pytest.raises(SolverMissing, match=r"pip install 'dsr-memory\[planning\]'"):
         Solver(domain, "", WALL_CLOCK, limit=1.0)
 
 
