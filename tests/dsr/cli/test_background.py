@@ -43,8 +43,9 @@ def test_logs_are_shown_and_followed_to_the_end(detached: Path) -> None:
     assert {line.partition(":")[0] for line in dsr("logs", "--lines", "1").stdout.splitlines()} <= {
         "first", "second", "run"
     }  # fmt: skip
-    command = [sys.executable, "-m", "dsr.cli.main", "logs", "-n", "0", "--follow"]
+    command = [sys.executable, "-m", "dsr.cli.main", "logs", "run", "-n", "1", "--follow"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout and process.stdout.readline() == "run: all agents are ready\n"
         assert dsr("stop").returncode == 0
         assert process.wait(20) == 0
 

@@ -108,7 +108,7 @@ def test_a_system_that_is_stopped_loses_nothing_and_goes_on(net: Net, tmp_path: 
 def test_the_first_content_is_loaded_once(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "dsr.cli.main"]
     graph = ROOT / "etc" / "graphs" / "breakfast.json"
-    options = ["--graph", str(graph), "--state", str(tmp_path / "state"), "--folder", str(tmp_path / "run")]
+    options = ["--load", str(graph), "--state", str(tmp_path / "state"), "--folder", str(tmp_path / "run")]
 
     def run(*lines: str) -> None:
         with subprocess.Popen([*command, "run", str(WRITERS), *options], stdout=subprocess.PIPE, text=True) as system:
