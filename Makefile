@@ -12,7 +12,9 @@ demo: setup
 	@.venv/bin/dsr demo $(ARGS)
 
 # four workers on two cores: many tests wait for processes, not for a processor
+# (the first line compiles them once instead of in each worker)
 test: lint
+	@.venv/bin/python -m pytest --collect-only -qq > /dev/null
 	.venv/bin/python -m pytest -n 4 --dist worksteal
 
 lint: setup

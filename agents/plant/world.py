@@ -8,7 +8,6 @@ import tempfile
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 
-import numpy as np
 import pybullet
 
 from agents.colors import FLOOR, PALETTE, TABLE
@@ -184,7 +183,7 @@ class World:
     def is_still(self, name: str) -> bool:
         """Whether the object neither moves nor turns, at this instant."""
         velocity, spin = self.bullet.getBaseVelocity(self.body(name))
-        return bool(np.linalg.norm(velocity) < STILL_SPEED and np.linalg.norm(spin) < STILL_SPIN)
+        return math.hypot(*velocity) < STILL_SPEED and math.hypot(*spin) < STILL_SPIN
 
     def supports(self, name: str) -> set[int]:
         """Bodies that carry the object: those that push it upwards."""
