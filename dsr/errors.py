@@ -5,6 +5,7 @@
     ├── GraphError              the graph does not hold what was asked for
     │   ├── NoRoomError         no stamp is left above that of an attribute's value
     │   ├── NodeNotFoundError
+    │   ├── NodeTypeError       a node keeps the type under which it was made
     │   ├── EdgeNotFoundError
     │   └── WorldNotFoundError
     ├── WorldError              a world cannot be made, followed or deleted
@@ -45,6 +46,15 @@ class GraphError(DsrError):
 
 class NodeNotFoundError(GraphError):
     """No visible node has this name."""
+
+
+class NodeTypeError(GraphError):
+    """A node cannot be added under another type: it keeps the one under which it was made."""
+
+    def __init__(self, name: str, present: str, wanted: str) -> None:
+        super().__init__(
+            f"node {name!r} is a {present!r}, not a {wanted!r}; remove it first, or write attributes with update_node"
+        )
 
 
 class EdgeNotFoundError(GraphError):

@@ -17,15 +17,16 @@ from typing import Any
 
 from dsr.clock import WALL_CLOCK, Clock
 from dsr.crdt.delta import Delta, EdgeKey
-from dsr.errors import ClockDriftError, TransformError, TransportError
+from dsr.errors import AgentError, ClockDriftError, TransformError, TransportError
 from dsr.forking import leave_to_parent
 from dsr.frames.tree import Types
 from dsr.geometry.exchange import MeshExchange
 from dsr.graph.access import Guard, guard_in
 from dsr.graph.cycles import check_new_edge
 from dsr.graph.elements import Edge, Node
+from dsr.graph.extensions import Extensions
 from dsr.graph.graph import Graph
-from dsr.graph.schema import WORLD_RECORD, Schema, checked_names, with_pose
+from dsr.graph.schema import RECORDS, SCHEMA_RECORD, Schema, checked_names, with_pose
 from dsr.graph.watch import ChangeFilter, Watch
 from dsr.graph.watches import Watches
 from dsr.images.blob_access import BlobAccess
@@ -84,6 +85,7 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
         holders: Callable[[], Sequence[str]] = tuple,
         meshes: MeshExchange | None = None,
         _handle: WorldHandle | None = None,
+        _base: Memory | None = None,
     ) -> None:
         self.world_handle = _handle
         self.keys = _handle.keys(graph) if _handle else Keys(graph)
@@ -96,6 +98,9 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
         self._watches = _handle.watches() if _handle else Watches(self.schema.geometric)
         self._frames = self._watches.frames
         self._graph = _handle.graph(self._watches) if _handle else Graph(self.rid, self.schema, self._watches)
+        self._base_memory = _base or self
+        self.extensions: Extensions = _base.extensions if _base else Extensions(self.schema, self._graph)
+        self.extensions.serve(self._graph)
         self._guard = guard
         self._closing = contextlib.ExitStack()
         self._closed = False
@@ -119,7 +124,7 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
         return Memory(
             self.graph_name, self.agent, transport=self.transport, clock=self.clock, schema=self.schema,
             guard=guard_in(self._guard, handle.record.info.name), gate=self.replica.synchroniser.gate, rid=handle.rid,
-            threaded=handle.worlds.threaded, meshes=self.meshes, _handle=handle,
+            threaded=handle.worlds.threaded, meshes=self.meshes, _handle=handle, _base=self,
         )  # fmt: skip
 
     def __enter__(self) -> Memory:
@@ -148,11 +153,14 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
         return f"<Memory of graph {self.graph_name!r}: {nodes} nodes, {edges} edges, {others} other processes>"
 
     def nodes(self, type: str | Iterable[str] | None = None) -> list[Node]:
-        """All nodes, or those of one type or several. Raises `SchemaError` for an unknown type."""
+        """All nodes, or those of one type or several. Raises `SchemaError` for an unknown type.
+
+        Nodes about the graph itself (types `world_record`, `schema_record`) come only if asked for by their type.
+        """
         if type is None:
             nodes = list(self._graph.nodes.values())
-            if self._graph.nodes_by_type.get(WORLD_RECORD):  # the list of worlds is no part of them
-                return [node for node in nodes if node.type != WORLD_RECORD]
+            if any(self._graph.nodes_by_type.get(type) for type in RECORDS):
+                return [node for node in nodes if node.type not in RECORDS]
             return nodes
         nodes = []
         for one in (type,) if isinstance(type, str) else type:
@@ -164,7 +172,10 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
         return nodes
 
     def add_node(self, name: str, type: str, /, **attributes: Any) -> Node:
-        """Create a node; if it is there already, only write the attributes. Raises `SchemaError`."""
+        """Create a node; if it is there already, only write the attributes.
+
+        Raises `SchemaError`, and `NodeTypeError` if the node is there under another type.
+        """
         with self._replica.lock:
             self._check_write("node", type, attributes)
             self._put(lambda: self._graph.add_node(name, type, attributes, self.clock.now()))
@@ -422,6 +433,24 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
             raise TransportError(f"the memory of graph {self.graph_name!r} is closed")
         if self.clocks.is_ahead:
             raise ClockDriftError(f"graph {self.graph_name!r}: {self.clocks}; set it right")
+        if self.extensions.to_publish:
+            self._base_memory.publish_names()
+            if self._base_memory is not self:  # which sends what it has after its own writes
+                self._base_memory._replica.send_soon()
+
+    def publish_names(self) -> None:
+        """Tell the others of the names that were registered here; called, with the lock held, before each write."""
+        allowed = True
+        if self._guard is not None:
+            try:
+                self._guard("node", SCHEMA_RECORD, ("record",))
+            except AgentError as error:
+                _log.debug("registered names stay here: %s", error)
+                allowed = False
+        self.extensions.publish(self._write_record if allowed else _keep_to_oneself)
+
+    def _write_record(self, name: str, attributes: Mapping[str, Any]) -> None:
+        self._put(lambda: self._graph.add_node(name, SCHEMA_RECORD, attributes, self.clock.now()))
 
     def _remove(self, element: str, type: str, remove: Callable[[], Delta]) -> bool:
         with self._replica.lock:
@@ -433,3 +462,7 @@ class Memory(StampAccess, WorldAccess["Memory"], BlobAccess):
 
     def _check_type(self, type: str, valid: dict[str, str], what: str) -> None:
         checked_names(type, valid, f"{what} type")
+
+
+def _keep_to_oneself(name: str, attributes: Mapping[str, Any]) -> None:
+    """Write no record: the process may not."""

@@ -13,7 +13,7 @@ import numpy as np
 from benchmarks.soak.fleet import Fleet, Plan
 from benchmarks.soak.process import in_parallel
 from dsr.clock import WALL_CLOCK, Clock
-from dsr.errors import GraphError
+from dsr.errors import GraphError, NodeTypeError
 from dsr.math3d.transforms import Pose
 from dsr.memory import Memory
 
@@ -67,7 +67,11 @@ def _remove_or_write(memory: Memory, name: str, role: int) -> None:
 
 
 def _create(memory: Memory, name: str, role: int) -> None:
-    memory.add_node(name, "cup" if role else "ball", **({"mass": 1.5} if role else {"seen": 7}))
+    values = {"mass": 1.5} if role else {"seen": 7}
+    try:
+        memory.add_node(name, "cup" if role else "ball", **values)
+    except NodeTypeError:  # the other one was first
+        memory.update_node(name, **values)
 
 
 def _is_described(elements: Elements, name: str) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 
 from dsr.errors import AgentError, ConfigError, suggest
-from dsr.graph.schema import POSE_FIELDS, WORLD_RECORD, Schema
+from dsr.graph.schema import POSE_FIELDS, RECORDS, SCHEMA_RECORD, WORLD_RECORD, Schema
 from dsr.network.keys import BASE
 
 EVERYTHING = "*"
@@ -84,6 +84,13 @@ class WriteGuard:
         self._world = world
         self._types = {"node": frozenset(writes.nodes), "edge": frozenset(writes.edges)}
         self._attributes = frozenset(writes.attributes)
+        builtin = Schema()
+        self._describes = not (
+            self._types["node"] <= builtin.node_types.keys()
+            and self._types["edge"] <= builtin.edge_types.keys()
+            and self._attributes <= builtin.attributes.keys()
+        )
+        """Whether it may write names that are not built in, hence describe them."""
 
     def in_world(self, world: str) -> WriteGuard:
         """The guard of the same agent in another world."""
@@ -96,13 +103,15 @@ class WriteGuard:
                 f"agent {self._agent!r} writes into world {self._world!r}, which it does not declare; "
                 f"declared: {', '.join(self._writes.worlds or ()) or 'none'}"
             )
+        if kind == SCHEMA_RECORD and self._describes:
+            return
         types = self._types[element]
         if kind not in types and EVERYTHING not in types:
             raise AgentError(
                 f"agent {self._agent!r} writes {element}s of type {kind!r}, which it does not declare; "
                 f"declared: {', '.join(sorted(types)) or 'none'}"
             )
-        if EVERYTHING in self._attributes or kind == WORLD_RECORD:
+        if EVERYTHING in self._attributes or kind in RECORDS:
             return
         for name in attributes:
             if name not in self._attributes and not (element == "edge" and name in _POSE):

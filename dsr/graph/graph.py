@@ -13,10 +13,10 @@ from dsr.crdt.context import Dot
 from dsr.crdt.delta import TOMBSTONE, Add, Delta, EdgeKey, Key, Write
 from dsr.crdt.hlc import HybridClock
 from dsr.crdt.store import Incarnation, Store
-from dsr.errors import EdgeNotFoundError, NodeNotFoundError, suggest
+from dsr.errors import EdgeNotFoundError, NodeNotFoundError, NodeTypeError, suggest
 from dsr.graph.elements import Edge, Node, key_of, type_of
 from dsr.graph.far_stamps import FarStamps
-from dsr.graph.schema import WORLD_RECORD, Schema
+from dsr.graph.schema import RECORDS, Schema
 from dsr.graph.sharing import Groups
 from dsr.graph.stamping import Stamping
 from dsr.graph.watches import Watches
@@ -53,7 +53,7 @@ class Graph(Stamping):
         try:
             return self.nodes[name]
         except KeyError:
-            names = self.nodes.keys() - self.nodes_by_type.get(WORLD_RECORD, {}).keys()
+            names = [name for name, node in list(self.nodes.items()) if node.type not in RECORDS]
             raise NodeNotFoundError(f"no node {name!r}; {self.why_empty or suggest(name, names)}") from None
 
     def edge(self, src: str, dst: str, type: str) -> Edge:
@@ -69,9 +69,17 @@ class Graph(Stamping):
     # ---- local mutations
 
     def add_node(self, name: str, type: str, attributes: Mapping[str, Any], now: float) -> Delta:
-        """Create a node; if it is visible already, only write the attributes. Raises `SchemaError`."""
+        """Create a node; if it is visible already, only write the attributes.
+
+        Raises:
+            SchemaError: for unknown names or wrong values.
+            NodeTypeError: if the node is of another type.
+        """
         self.schema.check_node(name, type)
         values = self.schema.to_values(attributes)
+        there = self.nodes.get(name)
+        if there is not None and there.type != type:
+            raise NodeTypeError(name, there.type, type)
         add = None if name in self.nodes else Add(self.new_dot(), name, type)
         return self._commit(name, self._entries_of(name, add), add, values, now)
 

@@ -25,7 +25,11 @@ POSE_FIELDS = ("translation", "rotation", "stamp", "covariance")
 _POSE_FIELDS = frozenset(POSE_FIELDS)
 
 WORLD_RECORD = "world_record"
-"""Type of the nodes that list the worlds of a system (dsr/worlds/registry.py); never shown among its things."""
+"""Type of the nodes that list the worlds of a system (dsr/worlds/registry.py)."""
+SCHEMA_RECORD = "schema_record"
+"""Type of the nodes that describe registered names (dsr/graph/extensions.py)."""
+RECORDS = frozenset({WORLD_RECORD, SCHEMA_RECORD})
+"""Types of the nodes that are about the graph itself: they are never shown among its things."""
 
 
 class AttributeType(msgspec.Struct, frozen=True):
@@ -40,6 +44,16 @@ class AttributeType(msgspec.Struct, frozen=True):
     stream: bool = False
     """Written many times a second: samples may be dropped on the way, the last one never is."""
 
+    def agrees_with(self, other: AttributeType) -> bool:
+        """Whether a value means the same by both; `meaning` is only a text for people."""
+        return (self.kind, self.unit, self.length) == (other.kind, other.unit, other.length)
+
+    @property
+    def described(self) -> str:
+        """Kind, length and unit in words: `float in m`."""
+        length = "" if self.length is None else f" of {self.length}"
+        return f"{self.kind}{length}{f' in {self.unit}' if self.unit else ''}"
+
 
 class Schema:
     """The vocabulary of a graph: node types, edge types and attributes."""
@@ -49,23 +63,28 @@ class Schema:
         self.edge_types: dict[str, str] = dict(_EDGE_TYPES)
         self.geometric: set[str] = {"RT", "Virtual_RT"}
         self.attributes: dict[str, AttributeType] = dict(_ATTRIBUTES)
+        self.version = 0
+        """Grows with each name that is registered."""
 
     def register_node_type(self, name: str, meaning: str) -> None:
         """Allow nodes of type `name`."""
         self.node_types[_checked_name("node type", name)] = meaning
+        self.version += 1
 
     def register_edge_type(self, name: str, meaning: str, *, geometric: bool = False) -> None:
         """Allow edges of type `name`; a geometric edge carries a `pose` and takes part in frame chains."""
         self.edge_types[_checked_name("edge type", name)] = meaning
+        self.version += 1
         if geometric:
             self.geometric.add(name)
 
     def register_attribute(self, name: str, attribute: AttributeType) -> None:
-        """Allow attribute `name`; registering another kind under a known name is an error."""
+        """Allow attribute `name`. Raises `SchemaError` if the name is known with another kind, unit or length."""
         known = self.attributes.get(name)
-        if known is not None and known.kind != attribute.kind:
-            raise SchemaError(f"attribute {name!r} is already a {known.kind}, not a {attribute.kind}")
+        if known is not None and not known.agrees_with(attribute):
+            raise SchemaError(f"attribute {name!r} is already a {known.described}, not a {attribute.described}")
         self.attributes[_checked_name("attribute", name)] = attribute
+        self.version += 1
 
     def check_node(self, name: str, type: str) -> None:
         """Raise `SchemaError` unless a node `name` of `type` may exist."""
@@ -96,14 +115,9 @@ class Schema:
             attribute = self.attributes.get(name) or self.attribute(name)
             stored = _CONVERTERS[attribute.kind](value)
             if stored is None or (attribute.length is not None and len(stored) != attribute.length):
-                raise SchemaError(f"attribute {name!r}: expected a finite {_described(attribute)}, got {value!r:.200}")
+                raise SchemaError(f"attribute {name!r}: expected a finite {attribute.described}, got {value!r:.200}")
             values[name] = stored
         return values
-
-
-def _described(attribute: AttributeType) -> str:
-    length = "" if attribute.length is None else f" of {attribute.length}"
-    return f"{attribute.kind}{length}{f' in {attribute.unit}' if attribute.unit else ''}"
 
 
 def with_pose(attributes: dict[str, Any]) -> dict[str, Any]:
@@ -197,6 +211,7 @@ _CONVERTERS: dict[str, Any] = {
 _NODE_TYPES = {
     "world": "root of all frames",
     WORLD_RECORD: "an entry of the list of worlds, see dsr.worlds",
+    SCHEMA_RECORD: "a registered name, see dsr.graph.extensions",
     "robot": "the robot's base",
     "body": "a part of the robot's body",
     "mind": "where intentions hang",
@@ -316,6 +331,6 @@ _ATTRIBUTES: dict[str, AttributeType] = dict([
                              "report": "what came of a calibration, JSON, see dsr.vocabulary.calibration",
                              "mesh": "hashes of its meshes, comma-separated, see dsr.geometry",
                              "via": "worlds through which it came, comma-separated, see dsr.worlds",
-                             "record": "what is known of a world, JSON, see dsr.worlds",
+                             "record": "what is known of a world or a name, JSON, see dsr.worlds",
                              "note": "free text"}),
 ])  # fmt: skip

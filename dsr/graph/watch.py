@@ -14,7 +14,7 @@ import msgspec
 
 from dsr.crdt.delta import Key
 from dsr.graph.elements import Edge, Node
-from dsr.graph.schema import WORLD_RECORD
+from dsr.graph.schema import RECORDS
 
 ChangeKind = Literal["added", "updated", "removed"]
 
@@ -39,7 +39,7 @@ class Change(msgspec.Struct, frozen=True):
 class ChangeFilter(msgspec.Struct, frozen=True):
     """A filter of changes; None means any. Node and edge types alone exclude the other element.
 
-    The list of worlds is no part of a world: its nodes are reported only if asked for by their type.
+    Nodes about the graph itself (`RECORDS`) are reported only if asked for by their type.
     """
 
     node_types: frozenset[str] | None = None
@@ -51,7 +51,7 @@ class ChangeFilter(msgspec.Struct, frozen=True):
         wanted = self.node_types if isinstance(element, Node) else self.edge_types
         if wanted is None:
             everything = self.node_types is None and self.edge_types is None
-            return everything and not (isinstance(element, Node) and element.type == WORLD_RECORD)
+            return everything and not (isinstance(element, Node) and element.type in RECORDS)
         return element.type in wanted
 
     def accepts_attribute(self, attribute: str) -> bool:

@@ -76,7 +76,7 @@ class Watches:
     def added(self, element: Node | Edge) -> None:
         """`element` became visible, with the attributes that it has."""
         if isinstance(element, Edge):
-            self._note_pose(element)
+            self.note_pose(element)
         for overlay in self._told():
             overlay.below_came(element)
         for watch in self._watches:
@@ -94,7 +94,7 @@ class Watches:
     def updated(self, element: Node | Edge, attribute: str) -> None:
         """An attribute of `element` changed, appeared or went."""
         if attribute == "pose" and isinstance(element, Edge):
-            self._note_pose(element)
+            self.note_pose(element)
         for overlay in self._told():
             overlay.below_changed(element, attribute)
         for watch in self._watches:
@@ -108,7 +108,8 @@ class Watches:
     def _told(self) -> list[LooksThrough]:
         return self.overlays if self._overlays and not self._closed else []
 
-    def _note_pose(self, edge: Edge) -> None:
+    def note_pose(self, edge: Edge) -> None:
+        """Let the frames follow the pose of `edge`, if it is geometric. The graph must be locked."""
         type = edge.type_name
         if type in self._geometric:
             pose = edge.get("pose")

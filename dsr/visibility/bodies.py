@@ -14,7 +14,7 @@ from dsr.errors import DsrError, SchemaError
 from dsr.frames.tree import BELIEVED, WORLD
 from dsr.geometry import own_bounds
 from dsr.graph.elements import Node
-from dsr.graph.schema import WORLD_RECORD
+from dsr.graph.schema import RECORDS
 from dsr.math3d.quaternions import Vector3
 from dsr.math3d.shapes import Part, Shape, box, from_numbers
 from dsr.math3d.surfaces import Solids
@@ -59,7 +59,7 @@ def read_posed(memory: Memory) -> list[Posed]:
     formed = []
     now = memory.clock.now()
     for node in memory.nodes():
-        if node.type != WORLD_RECORD and (shape := _shape_of(memory, node, now)) is not None:
+        if node.type not in RECORDS and (shape := _shape_of(memory, node, now)) is not None:
             formed.append((node, shape))
     formed.sort(key=lambda pair: pair[0].name)
     if not formed:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 from dsr.crdt.delta import EdgeKey, Key, Write
 from dsr.errors import NodeNotFoundError
 from dsr.graph.elements import Edge, Node
-from dsr.graph.schema import WORLD_RECORD
+from dsr.graph.schema import RECORDS
 from dsr.graph.watch import Change
 from dsr.worlds.registry import ROOT, VIA
 from dsr.worlds.reparenting import Reparenting
@@ -128,7 +128,7 @@ class Mirror:
                 self._edges.update((edge.key, None) for edge in (*memory.edges(src=name), *memory.edges(dst=name)))
 
     def _may_pass(self, node: Node) -> bool:
-        return node.type != WORLD_RECORD and (node.name == ROOT or self._accepts(node))
+        return node.type not in RECORDS and (node.name == ROOT or self._accepts(node))
 
     def _bring_edge(self, key: EdgeKey) -> None:
         found = [self._found(world, edge) for world, memory in self._sources.items() if (edge := memory.get_edge(*key))]

@@ -37,7 +37,7 @@ def perform(memory: dsr.Memory, name: str, arguments: dict[str, object]) -> obje
     positional = arguments.pop("args")
     try:
         getattr(memory, name)(*positional, **arguments)  # type: ignore[misc]
-    except dsr.NodeNotFoundError as error:  # somebody else was faster
+    except (dsr.NodeNotFoundError, dsr.NodeTypeError) as error:  # somebody else was faster
         return {"error": str(error)}
     return None
 

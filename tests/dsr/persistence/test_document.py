@@ -208,7 +208,7 @@ def test_a_large_graph_reaches_a_peer_complete(net: Net) -> None:
         ('"kind": "float"', '"kind": "double"', "7:43: schema.attributes.fill_level.kind: invalid enum value 'double'"),
         ('"kind": "float",', '"kind": "bytes",', "nodes[3].attributes.fill_level: expected `object`, got `float`"),
         ('"fill_level": {"kind"', '"mass": {"kind": "str"}, "fill_level": {"kind"',
-         "schema.attributes.mass: attribute 'mass' is already a float, not a str"),
+         "schema.attributes.mass: attribute 'mass' is already a float in kg, not a str"),
         ('"dsr-graph"', '"dsr-grpah"', "2:13: format: format 'dsr-grpah': this program reads 'dsr-graph'"),
         ('"version": 1', '"version": 2', "3:14: version: version 2: this program reads 1"),
         ('"nodes": [', '"nodes": 3, "ndes": [', "unknown field 'ndes'; did you mean 'nodes'?"),

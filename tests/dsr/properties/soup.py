@@ -10,11 +10,13 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import pytest
+
 from dsr.crdt.context import CausalContext, Dot
 from dsr.crdt.delta import TOMBSTONE, Delta, EdgeKey, Key, Write
 from dsr.crdt.hlc import MAX_LEAD, stamp_at
 from dsr.crdt.pieces import reply_to
-from dsr.errors import NoRoomError
+from dsr.errors import NodeTypeError, NoRoomError
 from dsr.graph.elements import Edge, Node
 from dsr.graph.far_stamps import FAR
 from dsr.graph.graph import Graph
@@ -119,6 +121,11 @@ class Soup:
 
     def add_node(self, index: int, name: str, type: str, value: int) -> None:
         site, now = self._site(index)
+        there = site.graph.nodes.get(name)
+        if there is not None and there.type != type:
+            with pytest.raises(NodeTypeError):
+                site.graph.add_node(name, type, {"seen": value}, now)
+            type = there.type
         delta = self._written(index, lambda: site.graph.add_node(name, type, {"seen": value}, now))
         self._sent(site, delta, (name, type), site.known.incarnations(name), {"seen": value})
 

@@ -117,7 +117,7 @@ class World:
     # ---- what users do
 
     def add_node(self, index: int, name: str, type: str, value: int) -> None:
-        self._write(index, lambda memory: memory.add_node(name, type, seen=value))
+        self._write(index, lambda memory: memory.add_node(name, type_for(memory, name, type), seen=value))
 
     def update_node(self, index: int, name: str, value: int) -> None:
         self._write(index, lambda memory: memory.update_node(name, seen=value, mass=float(value)))
@@ -143,7 +143,7 @@ class World:
         def write(memory: Memory) -> None:
             with memory.batch():
                 for name in names:
-                    memory.add_node(name, "cube", seen=value)
+                    memory.add_node(name, type_for(memory, name, "cube"), seen=value)
                     memory.update_node(name, mass=float(value))
 
         self._write(index, write)
@@ -296,3 +296,9 @@ class Complaints(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         self.said.append(record.getMessage())
+
+
+def type_for(memory: Memory, name: str, wanted: str) -> str:
+    """The type under which a node can be added: the present one if it is there."""
+    there = memory.get_node(name)
+    return wanted if there is None else there.type

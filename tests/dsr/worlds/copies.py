@@ -181,6 +181,12 @@ def fill(world: World) -> None:
     world.remote.join(reply_to(world.it.graph.store, world.remote.store.context), 1.0)
 
 
+def type_for(graph: Graph, name: str, number: int) -> str:
+    """The type under which a node can be added: the present one if it is there."""
+    there = graph.nodes.get(name)
+    return NODE_TYPES[number % 2] if there is None else there.type
+
+
 def act(world: World, action: int, a: int, b: int, value: int) -> None:  # noqa: PLR0912
     """One of the things that happen to a graph."""
     graph, name, other = world.it.graph, NAMES[a % len(NAMES)], NAMES[b % len(NAMES)]
@@ -188,7 +194,7 @@ def act(world: World, action: int, a: int, b: int, value: int) -> None:  # noqa:
     pose = Pose((float(value), float(a), 0.0), stamp=float(value % 8))
     now = 1.0 + value
     if action == 0:
-        world.commit(graph.add_node(name, NODE_TYPES[b % 2], {"seen": value}, now))
+        world.commit(graph.add_node(name, type_for(graph, name, b), {"seen": value}, now))
     elif action == 1:
         world.commit(graph.remove_node(name))
     elif action == 2 and name in graph.nodes:
@@ -203,7 +209,7 @@ def act(world: World, action: int, a: int, b: int, value: int) -> None:  # noqa:
         world.commit(graph.write(graph.edges[key], {"pose": pose, "since": float(b)}, now))
     elif action == 7:  # elsewhere, unseen here for a while
         remote = world.remote
-        remote.add_node(name, NODE_TYPES[value % 2], {"mass": float(b)}, now)
+        remote.add_node(name, type_for(remote, name, value), {"mass": float(b)}, now)
         if other in remote.nodes:
             remote.add_edge(*key, {"pose": pose}, now)
     elif action == 8:

@@ -16,7 +16,7 @@ from dsr.graph.graph import Graph
 from dsr.graph.watches import Watches
 from dsr.worlds.overlay import Overlay
 from dsr.worlds.overlay_frames import OverlayFrames
-from tests.dsr.worlds.copies import EDGE_TYPES, NAMES, NODE_TYPES, SCHEMA, indexes, key_of, shown
+from tests.dsr.worlds.copies import EDGE_TYPES, NAMES, SCHEMA, indexes, key_of, shown, type_for
 
 
 class Mirror(Watches):
@@ -188,7 +188,7 @@ def change(graph: Graph, action: int, a: int, b: int, value: int) -> Delta | Non
     pose = Pose((float(value), float(a), 0.0), stamp=float(value % 8))
     now = 1.0 + value
     if action == 0:
-        return graph.add_node(name, NODE_TYPES[b % 2], {"seen": value}, now)
+        return graph.add_node(name, type_for(graph, name, b), {"seen": value}, now)
     if action == 1:
         return graph.remove_node(name)
     if action == 2 and name in graph.nodes:

@@ -1,0 +1,172 @@
+"""Lets the names that users register travel with the graph, so that every process knows their unit and meaning.
+
+Each registered name is a node of type `schema_record` in the base graph, with one attribute, JSON, so that a record
+changes as a whole. A process writes its records before its next write of anything. Whoever gets a record learns the
+name, unless the own schema knows it already: what was registered here is never replaced by what arrives.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import weakref
+from collections.abc import Container, Iterator, Mapping
+from typing import Any, Literal, Protocol
+
+import msgspec
+
+from dsr.errors import SchemaError
+from dsr.graph.graph import Graph
+from dsr.graph.schema import SCHEMA_RECORD, AttributeType, Schema
+from dsr.graph.watch import ChangeFilter, Watch
+
+_log = logging.getLogger("dsr.memory")
+_PREFIX = ".schema."
+_LONGEST = 128
+"""Characters that a node's name may have."""
+
+
+class ExtensionRecord(msgspec.Struct, frozen=True, omit_defaults=True):
+    """A registered name; the value of the attribute `record`."""
+
+    what: Literal["node", "edge", "attribute"]
+    name: str
+    meaning: str = ""
+    geometric: bool = False
+    """Whether edges of this type carry a pose."""
+    attribute: AttributeType | None = None
+    """Kind, unit, length and meaning, if it is an attribute."""
+
+    @property
+    def node_name(self) -> str:
+        """Name of the node that holds the record."""
+        name = f"{_PREFIX}{self.what}.{self.name}"
+        if len(name) <= _LONGEST:
+            return name
+        return f"{_PREFIX}{self.what}.{hashlib.sha256(self.name.encode()).hexdigest()}"
+
+
+_encoder = msgspec.json.Encoder()
+_decoder = msgspec.json.Decoder(ExtensionRecord)
+
+
+class WritesRecord(Protocol):
+    """Writes a node of type `schema_record`, with the graph locked."""
+
+    def __call__(self, name: str, attributes: Mapping[str, Any]) -> None:
+        """Create the node `name`, or write these attributes of it."""
+
+
+class Extensions:
+    """The names beyond the built-in ones that one process and its peers know of a graph.
+
+    Args:
+        schema: the process's vocabulary; it grows by what others registered.
+        graph: the base graph, which holds the records.
+    """
+
+    def __init__(self, schema: Schema, graph: Graph) -> None:
+        self._schema = schema
+        self._base = graph
+        self._graphs: weakref.WeakSet[Graph] = weakref.WeakSet()
+        self._published = 0
+        self._warned: set[str] = set()
+        self._learned: set[tuple[str, str]] = set()
+        self._watch = Watch(ChangeFilter(node_types=frozenset({SCHEMA_RECORD})), notify=self._learn)
+        graph.watches.follow(self._watch, ())
+
+    def serve(self, graph: Graph) -> None:
+        """Take `graph`, of any world, into account: its edges have poses once their type is known to be geometric."""
+        self._graphs.add(graph)
+
+    @property
+    def to_publish(self) -> bool:
+        """Whether names were registered here of which the others were not told yet."""
+        return self._schema.version != self._published
+
+    def publish(self, write: WritesRecord) -> None:
+        """Write the records that the graph lacks, with the graph locked."""
+        self._published = self._schema.version
+        for record in _registered(self._schema):
+            node = self._base.nodes.get(record.node_name)
+            if (record.what, record.name) not in self._learned and (node is None or node.type != SCHEMA_RECORD):
+                write(record.node_name, {"record": _encoder.encode(record).decode()})
+
+    def _learn(self) -> None:
+        """Take over what records say; called with the graph locked, while a message is joined."""
+        for change in self._watch.poll():
+            node = self._base.nodes.get(change.name)
+            text = None if node is None else node.get("record")
+            if text is None:
+                continue
+            try:
+                record = _decoder.decode(text)
+                conflict = self._take(record)
+            except (msgspec.MsgspecError, SchemaError, TypeError) as error:
+                self._warn(change.name, f"{change.name}: no valid record of a registered name: {error}")
+                continue
+            if conflict:
+                self._warn(change.name, conflict)
+
+    def _take(self, record: ExtensionRecord) -> str:
+        """Learn one name. Returns what contradicts the name's meaning here; empty if nothing does."""
+        schema = self._schema
+        known: dict[str, Container[str]] = {
+            "node": schema.node_types, "edge": schema.edge_types, "attribute": schema.attributes,
+        }  # fmt: skip
+        if record.name in known[record.what]:
+            return self._conflict(record)
+        version = schema.version
+        if record.what == "node":
+            schema.register_node_type(record.name, record.meaning)
+        elif record.what == "edge":
+            schema.register_edge_type(record.name, record.meaning, geometric=record.geometric)
+            if record.geometric:
+                self._note_poses(record.name)
+        else:
+            schema.register_attribute(record.name, record.attribute or AttributeType("str", meaning=record.meaning))
+        self._learned.add((record.what, record.name))
+        if self._published == version:  # nothing of our own waits
+            self._published = schema.version
+        return ""
+
+    def _conflict(self, record: ExtensionRecord) -> str:
+        schema = self._schema
+        if record.what == "edge" and (record.name in schema.geometric) != record.geometric:
+            return (
+                f"edge type {record.name!r} {_carries(record.name in schema.geometric)} here, "
+                f"but {_carries(record.geometric)} for another process"
+            )
+        if record.what == "attribute" and record.attribute is not None:
+            mine = schema.attributes[record.name]
+            if not mine.agrees_with(record.attribute):
+                return (
+                    f"attribute {record.name!r} is {mine.described} here, but {record.attribute.described} "
+                    "for another process: their values do not mean the same"
+                )
+        return ""
+
+    def _note_poses(self, type: str) -> None:
+        for graph in list(self._graphs):
+            for edge in list(graph.edges_by_type.get(type, {}).values()):
+                graph.watches.note_pose(edge)
+
+    def _warn(self, name: str, text: str) -> None:
+        if name not in self._warned:
+            self._warned.add(name)
+            _log.warning("%.500s", text)
+
+
+def _carries(geometric: bool) -> str:
+    return "carries a pose" if geometric else "carries no pose"
+
+
+def _registered(schema: Schema) -> Iterator[ExtensionRecord]:
+    """All names of `schema` that are not built in."""
+    builtin = Schema()
+    for name in schema.node_types.keys() - builtin.node_types.keys():
+        yield ExtensionRecord("node", name, schema.node_types[name])
+    for name in schema.edge_types.keys() - builtin.edge_types.keys():
+        yield ExtensionRecord("edge", name, schema.edge_types[name], geometric=name in schema.geometric)
+    for name in schema.attributes.keys() - builtin.attributes.keys():
+        yield ExtensionRecord("attribute", name, attribute=schema.attributes[name])

@@ -1,0 +1,169 @@
+"""Registered names travel: whoever joins knows their unit and meaning, and is told of contradictions."""
+
+from __future__ import annotations
+
+import logging
+
+import pytest
+
+from dsr import Access, AttributeType, Memory, NodeTypeError, Pose, Schema, SchemaError
+from dsr.graph.access import WriteGuard
+from dsr.graph.extensions import ExtensionRecord
+from dsr.graph.schema import SCHEMA_RECORD
+from dsr.persistence.content import GraphContent
+from tests.dsr.conftest import Net
+
+
+def drones() -> Schema:
+    schema = Schema()
+    schema.register_node_type("drone", "flies")
+    schema.register_edge_type("tether", "pose of what hangs on it", geometric=True)
+    schema.register_attribute("battery", AttributeType("float", "V", "at the poles"))
+    return schema
+
+
+def test_names_are_known_where_nobody_registered_them(net: Net) -> None:
+    pilot, reader = net.join("pilot", schema=drones()), net.join("reader")
+    pilot.add_node("d1", "drone", battery=11.1)
+    net.pump(0.5)
+    assert reader.schema.attribute("battery") == AttributeType("float", "V", "at the poles")
+    assert reader.schema.node_types["drone"] == "flies"
+    watch = reader.watch(node_type="drone", attribute="battery")
+    assert [change.name for change in watch.poll()] == ["d1"]
+    reader.update_node("d1", battery=10.9)
+    with pytest.raises(SchemaError, match="float in V"):
+        reader.update_node("d1", battery="low")
+
+
+def test_who_joins_later_knows_them_too(net: Net) -> None:
+    pilot = net.join("pilot", schema=drones())
+    pilot.add_node("d1", "drone", battery=11.1)
+    net.pump(0.5)
+    late = net.join("late")
+    net.pump(0.5)
+    assert late.schema.attribute("battery").unit == "V"
+    assert [node.name for node in late.nodes()] == ["d1"]
+
+
+def test_a_learned_edge_type_carries_frames(net: Net) -> None:
+    pilot, reader = net.join("pilot", schema=drones()), net.join("reader")
+    pilot.add_node("d1", "drone")
+    pilot.add_node("load", "cube")
+    pilot.add_edge("d1", "load", "tether", pose=Pose((0.0, 0.0, -1.0)))
+    net.pump(0.5)
+    assert reader.transform("d1", "load", types=("tether",)).t == (0.0, 0.0, -1.0)
+
+
+def test_a_name_that_is_registered_late_travels_with_the_next_write(net: Net) -> None:
+    pilot, reader = net.join("pilot"), net.join("reader")
+    pilot.add_node("d1", "cube")
+    pilot.schema.register_attribute("battery", AttributeType("float", "V"))
+    pilot.update_node("d1", battery=11.1)
+    net.pump(0.5)
+    assert reader.schema.attribute("battery").unit == "V"
+
+
+def test_names_that_only_another_world_uses_travel_too(net: Net) -> None:
+    pilot, reader = net.join("pilot", schema=drones()), net.join("reader")
+    world = pilot.fork("what_if")
+    world.add_node("d1", "drone", battery=11.1)
+    net.pump(0.5)
+    assert "drone" in reader.schema.node_types
+
+
+def test_records_are_not_among_the_things(net: Net) -> None:
+    pilot, reader = net.join("pilot", schema=drones()), net.join("reader")
+    everything = reader.watch()
+    pilot.add_node("d1", "drone", battery=11.1)
+    net.pump(0.5)
+    assert [node.name for node in reader.nodes()] == ["d1"]
+    assert {change.name for change in everything.poll()} == {"d1"}
+    assert len(reader.nodes(SCHEMA_RECORD)) == 3
+    assert set(GraphContent.of(reader).nodes) == {"d1"}
+    assert GraphContent.of(reader).schema.attribute("battery").meaning == "at the poles"
+
+
+def test_another_meaning_of_a_name_is_told_once(net: Net, caplog: pytest.LogCaptureFixture) -> None:
+    other = Schema()
+    other.register_attribute("battery", AttributeType("float", "%"))
+    pilot, reader = net.join("pilot", schema=drones()), net.join("reader", schema=other)
+    with caplog.at_level(logging.WARNING, "dsr.memory"):
+        pilot.add_node("d1", "drone", battery=11.1)
+        net.pump(0.5)
+        reader.update_node("d1", battery=90.0)
+        net.pump(0.5)
+    told = [record.getMessage() for record in caplog.records if "battery" in record.getMessage()]
+    assert told == [
+        "attribute 'battery' is float in % here, but float in V for another process: their values do not mean the same"
+    ]
+    assert reader.schema.attribute("battery").unit == "%"
+    assert pilot.schema.attribute("battery").unit == "V"
+
+
+def test_a_known_name_is_not_registered_with_another_unit(net: Net) -> None:
+    pilot, reader = net.join("pilot", schema=drones()), net.join("reader")
+    pilot.add_node("d1", "drone")
+    net.pump(0.5)
+    with pytest.raises(SchemaError, match="already a float in V, not a float in %"):
+        reader.schema.register_attribute("battery", AttributeType("float", "%"))
+    reader.schema.register_attribute("battery", AttributeType("float", "V", "in other words"))
+
+
+@pytest.mark.parametrize(
+    "record",
+    [
+        "",
+        "{",
+        "[]",
+        '{"what": "node"}',
+        '{"what": "planet", "name": "x"}',
+        '{"what": "node", "name": "a b"}',
+        '{"what": "attribute", "name": "battery", "attribute": {"kind": "matrix"}}',
+        '{"what": "attribute", "name": 3}',
+    ],
+)
+def test_a_senseless_record_changes_nothing(
+    net: Net, record: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    attacker, reader = net.join("attacker"), net.join("reader")
+    with caplog.at_level(logging.WARNING, "dsr.memory"):
+        attacker.add_node(".schema.x", SCHEMA_RECORD, record=record)
+        net.pump(0.5)
+    assert reader.schema.node_types == Schema().node_types
+    assert reader.schema.attributes == Schema().attributes
+    assert any(".schema.x" in entry.getMessage() for entry in caplog.records)
+
+
+def test_built_in_names_cannot_be_described_anew(net: Net) -> None:
+    attacker, reader = net.join("attacker"), net.join("reader")
+    text = '{"what": "attribute", "name": "mass", "attribute": {"kind": "str", "unit": "lb"}}'
+    attacker.add_node(".schema.attribute.mass", SCHEMA_RECORD, record=text)
+    net.pump(0.5)
+    assert reader.schema.attribute("mass") == Schema().attribute("mass")
+
+
+def test_whoever_may_not_write_a_name_does_not_describe_it(net: Net) -> None:
+    guard = WriteGuard("eye", Access(("cube",), ("RT",), ("mass",)))
+    eye, reader = net.join("eye", schema=drones(), guard=guard), net.join("reader")
+    eye.add_node("c", "cube", mass=0.1)
+    net.pump(0.5)
+    assert "drone" not in reader.schema.node_types
+    pilot = net.join("pilot", schema=drones(), guard=WriteGuard("pilot", Access(("drone",), (), ("battery",))))
+    pilot.add_node("d1", "drone", battery=11.1)
+    net.pump(0.5)
+    assert "drone" in reader.schema.node_types
+
+
+def test_names_of_every_length_have_a_record() -> None:
+    names = ["a", "b" * 120, "c" * 128]
+    assert all(len(ExtensionRecord("attribute", name).node_name) <= 128 for name in names)
+    assert len({ExtensionRecord("attribute", name).node_name for name in names}) == 3
+
+
+def test_a_node_keeps_its_type(net: Net) -> None:
+    memory: Memory = net.join("a")
+    memory.add_node("c", "cube", mass=0.1)
+    with pytest.raises(NodeTypeError, match=r"node 'c' is a 'cube', not a 'ball'.*update_node"):
+        memory.add_node("c", "ball")
+    memory.add_node("c", "cube", mass=0.2)
+    assert memory.node("c")["mass"] == 0.2
