@@ -26,7 +26,7 @@ from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec, load_system
 
 ROOT = Path(__file__).parents[1]
-DOCUMENTS = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])
+DOCUMENTS = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 NAMED_BLOCK = re.compile(r"^`([\w.]+)`:\n```\w+\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 
@@ -49,8 +49,8 @@ def commands() -> list[Any]:
 
 @pytest.fixture
 def agents_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """The files that docs/agents.md shows, importable during the test."""
-    for name, code in NAMED_BLOCK.findall((ROOT / "docs/agents.md").read_text(encoding="utf-8")):
+    """The files that docs/how-to/agents.md shows, importable during the test."""
+    for name, code in NAMED_BLOCK.findall((ROOT / "docs/how-to/agents.md").read_text(encoding="utf-8")):
         (tmp_path / name).write_text(code, encoding="utf-8")
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "runtime"))
     (tmp_path / "runtime").mkdir()
@@ -132,7 +132,7 @@ def test_the_system_runs(agents_folder: Path) -> None:
 def test_the_filter_has_ten_lines_and_leaves_out_what_is_small(
     agents_folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    document = (ROOT / "docs/filters.md").read_text(encoding="utf-8")
+    document = (ROOT / "docs/how-to/filters.md").read_text(encoding="utf-8")
     blocks = dict(NAMED_BLOCK.findall(document))
     lines = [line for line in blocks["small_objects.py"].splitlines() if line.strip() and not line.startswith('"""')]
     assert len(lines) <= 10
