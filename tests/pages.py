@@ -38,15 +38,17 @@ _BLOCK = re.compile(
     re.DOTALL | re.MULTILINE,
 )
 QUICK = re.compile(
-    r"ls( --all)?|show \w+|tree|top|topology|worlds|stamps( --clean)?|doctor|logs( --lines \d+)?|visibility"
+    r"ls( --all)?|show \w+|tree|top|worlds|stamps( --clean)?|logs( --lines \d+)?|visibility"
     r"|relations( cube_3)?( --from camera_overhead)?( -r \w+)*( --json)?"
     r"|timeline( (-k|-p|--kind|--since|--type|--relation|--of) [\w:-]+| --json| --open)*|timeline recording\.mcap .*"
     r"|what-if( (--place|--remove|--hold|--seconds) \S+)*( --json)?"
-    r"|save scene\.json|load scene\.json|mission --list|bench --list|new \w+|scenario (list|(check|truth) \S+)"
+    r"|save scene\.json|mission --list|bench --list|new \w+|scenario (list|(check|truth) \S+)"
     r"|security (init|add|show)(?!.*--renew) .*"
 )
 """Commands of `dsr` that end by themselves within about a second; all others are only parsed."""
-ALONE = re.compile(r"(new|scenario|security|bench|doctor)\b.*")
+LOOKS = {"ls", "show", "tree", "top", "worlds", "relations", "visibility", "timeline", "what-if", "stamps"}
+"""Quick commands that change nothing: running one of them once is enough."""
+ALONE = re.compile(r"(new|scenario|security|bench)\b.*")
 """Quick commands that need no running system."""
 _EXCERPT = 'name = "excerpt"\ntitle = "An excerpt"\nduration = 20.0\n'
 _CUP = '\n[[object]]\nname = "cup_1"\nmodel = "cup"\nknown = true\nposition = [0.30, 0.10, 0.045]\n'
@@ -122,18 +124,19 @@ def needs_system(blocks: list[Block]) -> bool:
 class Attempt:
     """Tries blocks of a page in order, in the current folder and one namespace.
 
-    Raises `AssertionError`, or what a block raises, with the place.
+    Args:
+        blocks: of the page.
+        known: commands of `dsr` that ran already and need not run again; those that run now are added.
     """
 
-    def __init__(self, blocks: list[Block]) -> None:
+    def __init__(self, blocks: list[Block], known: set[str] | None = None) -> None:
         self._blocks = blocks
+        self._known = set() if known is None else known
         self._names: dict[str, Any] = {"__name__": "page"}
         self._printed = ""
-        self.run: list[list[str]] = []
-        """Commands of `dsr` that were run."""
 
     def all(self) -> None:
-        """Try all blocks but those with an excuse."""
+        """Try all blocks but those with an excuse. Raises what a block raises, with the place of the block."""
         for block in self._blocks:
             if block.name:
                 Path(block.name).write_text(block.code, encoding="utf-8")
@@ -176,11 +179,12 @@ class Attempt:
             program = Path(words[0]).name
             assert program in PROGRAMS, f"no test knows the program {program!r}"
             PROGRAMS[program](words[1:])
-            if is_quick(words):
+            if is_quick(words) and shlex.join(words) not in self._known:
                 result = CliRunner().invoke(app, words[1:])
                 said = f"{result.output}\n{result.exception or ''}"
                 assert result.exit_code == 0, f"{shlex.join(words)}: exit code {result.exit_code}\n{said}"
-                self.run.append(words)
+                if words[1] in LOOKS:
+                    self._known.add(shlex.join(words))
 
     def toml(self, block: Block) -> None:
         """Read a system or a scenario, or an excerpt of one."""

@@ -16,8 +16,8 @@ STAGED = [page for page in PAGES if needs_system(blocks_of(page))]
 """Pages that take the running system `tabletop` for granted."""
 UNRUN = 1
 """Blocks that cannot be run. Each has a reason on its page."""
-FEWEST_COMMANDS = 40
-"""Commands of `dsr` that are run, not only parsed."""
+FEWEST_LOOKS = 20
+"""Different commands that look into the running system and are run, not only parsed."""
 LEFT_OUT = ("viewer", "action_inference", "mission", "calibrator")
 """Agents of the system that no block needs."""
 
@@ -58,14 +58,12 @@ def test_all_blocks_of_the_page_work(page: Path, folder: Path) -> None:
 
 
 def test_all_blocks_of_pages_about_a_running_system_work(stage: Path, subtests: pytest.Subtests) -> None:
-    commands = 0
+    known: set[str] = set()
     for page in STAGED:
         shutil.copy(stage / "recording.mcap", "recording.mcap")
         with subtests.test(page=page.stem):
-            attempt = Attempt(blocks_of(page))
-            attempt.all()
-            commands += len(attempt.run)
-    assert commands >= FEWEST_COMMANDS
+            Attempt(blocks_of(page), known).all()
+    assert len(known) >= FEWEST_LOOKS
 
 
 def test_few_blocks_have_an_excuse() -> None:

@@ -52,8 +52,8 @@ def _in_site(link: str, here: str) -> str:
 
 def commands() -> str:
     """Describe each command of `dsr` by what `--help` says."""
-    group = typer.main.get_command(app)
-    return "\n".join(part for name in group.commands for part in _command(("dsr", name), load_command(name)))  # type: ignore[attr-defined]
+    group: Any = typer.main.get_command(app)
+    return "\n".join(part for name in group.commands for part in _command(("dsr", name), load_command(name)))
 
 
 def _command(path: tuple[str, ...], command: Any) -> Iterator[str]:
