@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import os
 import re
 import subprocess
@@ -69,7 +70,9 @@ def test_all_public_names_are_described(site: Path) -> None:
 
 def test_all_commands_and_types_are_described(site: Path) -> None:
     commands = typer.main.get_command(command_line.app)
-    assert set(commands.commands) <= anchors(site / "reference/commands.html")  # type: ignore[attr-defined]
+    page = site / "reference/commands.html"
+    assert set(commands.commands) <= anchors(page)  # type: ignore[attr-defined]
+    assert "<debug|info|warning|error>" in html.unescape(page.read_text(encoding="utf-8"))
     text = (site / "reference/schema.html").read_text(encoding="utf-8")
     known = Schema()
     names = {*known.node_types, *known.edge_types, *known.attributes}

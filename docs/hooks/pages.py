@@ -6,6 +6,7 @@ A page says where such a part belongs: `<!-- generated: commands -->`, `<!-- gen
 
 from __future__ import annotations
 
+import html
 import posixpath
 import re
 from collections.abc import Iterable, Iterator, Mapping
@@ -63,7 +64,8 @@ def _command(path: tuple[str, ...], command: Any) -> Iterator[str]:
     yield f"`{command.get_usage(context).removeprefix('Usage: ')}`\n"
     yield "\n\n".join(_paragraphs(command.help or "")) + "\n"
     records = [record for parameter in command.params if (record := parameter.get_help_record(context))]
-    rows = [(f"`{names}`", text) for names, text in records if not names.startswith(("--help", "-h"))]
+    shown = [(names, text) for names, text in records if not names.startswith(("--help", "-h"))]
+    rows = [(f"<code>{html.escape(names)}</code>", text) for names, text in shown]
     if rows:
         yield table(("argument or option", "meaning"), rows)
     for name, below in getattr(command, "commands", {}).items():
@@ -100,7 +102,7 @@ def _named(meanings: Mapping[str, str]) -> list[tuple[str, str]]:
 def table(heads: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
     """Make a table in Markdown."""
     cells = [heads, tuple("---" for _ in heads), *rows]
-    lines = (" | ".join(" ".join(cell.split()).replace("|", "\\|") for cell in row) for row in cells)
+    lines = (" | ".join(" ".join(cell.split()).replace("|", "&#124;") for cell in row) for row in cells)
     return "\n".join(f"| {line} |" for line in lines) + "\n"
 
 
