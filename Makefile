@@ -1,12 +1,13 @@
 # make demo    show it: sets up .venv, starts everything, builds two towers, compares belief with truth
 # make test    ruff, mypy, all tests
 # make lint    ruff and mypy only
+# make docs    the documentation as a site in site/; broken links are errors
 # make bench   dsr bench with all peers and plots: make bench ARGS="--quick"
 # make clean   remove what these made, except the recordings in runs/
 #
 # PYTHON=/path/to/python3.11 chooses the interpreter; ARGS go to the demo: make demo ARGS="--seed 3"
 
-.PHONY: demo test lint bench setup clean
+.PHONY: demo test lint docs bench setup clean
 
 demo: setup
 	@.venv/bin/dsr demo $(ARGS)
@@ -20,6 +21,11 @@ test: lint
 lint: setup
 	.venv/bin/ruff check .
 	.venv/bin/mypy
+	.venv/bin/mypy --config-file pyproject.toml docs/hooks
+
+docs: setup
+	@NO_MKDOCS_2_WARNING=1 .venv/bin/mkdocs build --strict
+	@echo "Open site/index.html. The search needs a server: .venv/bin/python -m http.server --directory site"
 
 bench: setup
 	@.venv/bin/python -m pip install --quiet --no-deps -r requirements-bench.lock
@@ -29,5 +35,5 @@ setup:
 	@PYTHON="$(PYTHON)" .ci/setup
 
 clean:
-	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis build dist dsr.egg-info
+	rm -rf .venv site .mypy_cache .ruff_cache .pytest_cache .hypothesis build dist dsr.egg-info
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -6,8 +6,8 @@
 The write: two replicas in one process; an attribute of a node is written in one and watched in the other. The
 observations: a scenario from rendered images, in lockstep. Its first simulated seconds are traced: then the arm gets
 its first targets. The simulated reality, the judge and the recorder do not count. A file counts if any of its functions
-runs. No reader has to open more files to follow the way. `docs/follow.md` names those that he opens, in order: the
-column "read". The command checks that the code of each of them runs.
+runs. No reader has to open more files to follow the way. `docs/explanation/follow.md` names those that he opens, in
+order: the column "read". The command checks that the code of each of them runs.
 """
 
 from __future__ import annotations
@@ -34,14 +34,15 @@ _BESIDE = ("agents/plant/", "agents/scenario/", "agents/recorder/", "agents/view
 _ROOT = Path(__file__).parents[1]
 
 
+WALKS = "docs/explanation/follow.md"
 WRITE, OBSERVATION = "## One write", "## One observation"
-"""Sections of `docs/follow.md`."""
+"""Sections of the page `WALKS`."""
 _PATH = re.compile(r"`((?:dsr|agents|simulation_handler|surprise|planner)/[a-z0-9_/]+\.py)`")
 
 
 def documented(section: str) -> list[str]:
-    """Files that the section of `docs/follow.md` with this heading names, each once, in order."""
-    text = (_ROOT / "docs/follow.md").read_text(encoding="utf-8")
+    """Files that the section of `WALKS` with this heading names, each once, in order."""
+    text = (_ROOT / WALKS).read_text(encoding="utf-8")
     _, _, rest = text.partition(f"\n{section}")
     return list(dict.fromkeys(_PATH.findall(rest.partition("\n## ")[0])))
 
@@ -164,7 +165,7 @@ def main() -> None:
     console.print(table)
     for way, files in ways.items():
         if idle := [name for name in read[way] if name not in files]:
-            console.print(f"{way}: docs/follow.md names files that do not run: {', '.join(idle)}", style="red")
+            console.print(f"{way}: {WALKS} names files that do not run: {', '.join(idle)}", style="red")
     if options.list:
         for way, files in ways.items():
             console.print(f"{way}:", *files, sep="\n  ", highlight=False)

@@ -2,7 +2,7 @@
 
     python -m benchmarks.hand_set_numbers
     python -m benchmarks.hand_set_numbers surprise planner --unexplained
-    python -m benchmarks.hand_set_numbers --markdown > docs/numbers.md
+    python -m benchmarks.hand_set_numbers --markdown > docs/reference/numbers.md
 
 Such are named constants, defaults of configuration fields and of parameters, and numbers in expressions. Unit vectors
 and zeros do not count. In expressions and as defaults of parameters, nor do 0, 1, 2, their halves and opposites, and
@@ -100,7 +100,7 @@ def hand_set_numbers(packages: tuple[str, ...] = PACKAGES) -> list[Number]:
 
 
 def as_markdown(numbers: Iterable[Number]) -> str:
-    """A page with a table for each file, as in `docs/numbers.md`."""
+    """A page with a table for each file, as in `docs/reference/numbers.md`."""
     by_file: dict[str, list[Number]] = {}
     for number in numbers:
         by_file.setdefault(number.file, []).append(number)

@@ -51,8 +51,8 @@ class Docstring:
 
 
 def documents() -> list[Path]:
-    """Find README.md, ARCHITECTURE.md and docs/*.md, as absolute paths, in this order."""
-    return [_ROOT / "README.md", _ROOT / "ARCHITECTURE.md", *sorted(_ROOT.glob("docs/*.md"))]
+    """Find README.md, ARCHITECTURE.md and the pages below docs, as absolute paths, in this order."""
+    return [_ROOT / "README.md", _ROOT / "ARCHITECTURE.md", *sorted(_ROOT.glob("docs/**/*.md"))]
 
 
 def public_docstrings(packages: tuple[str, ...] = PACKAGES) -> list[Docstring]:

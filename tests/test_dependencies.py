@@ -28,7 +28,10 @@ DISTRIBUTIONS = {
 """What provides a module that has another name."""
 BROUGHT = {"flatbuffers": "mediapipe"}
 """Modules that tests use only beside a library that cannot be without them."""
-TOOLS = {"dsr-memory", "mypy", "pytest-timeout", "pytest-xdist", "ruff", "scipy-stubs", "up-fast-downward"}
+TOOLS = {
+    "dsr-memory", "mkdocs", "mkdocs-material", "mkdocstrings-python", "mypy", "pytest-timeout", "pytest-xdist", "ruff",
+    "scipy-stubs", "up-fast-downward",
+}  # fmt: skip
 """Programs, plugins, stubs, and this distribution with other extras: declared, never imported."""
 ONLY_READ = {"msgpack"}
 """Declared for users, who read messages and recordings with it; the system itself uses msgspec."""

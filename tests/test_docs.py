@@ -1,56 +1,31 @@
-"""What the documents show works as written."""
+"""What the programs of the documents do, beyond running (test_pages_run.py)."""
 
 from __future__ import annotations
 
 import importlib
 import os
 import re
-import shlex
 import subprocess
 import sys
-import tomllib
 from collections.abc import Iterator
-from importlib.metadata import EntryPoint
 from pathlib import Path
-from typing import Any
 
 import pytest
-import typer
 
 import dsr
 from dsr import Memory, Pose
-from dsr.cli import commands as commands_of_dsr
-from dsr.cli import main as command_line
 from dsr.runtime.launcher import Launcher
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.system import AgentSpec, load_system
 
 ROOT = Path(__file__).parents[1]
-DOCUMENTS = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/*.md")])
-BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 NAMED_BLOCK = re.compile(r"^`([\w.]+)`:\n```\w+\n(.*?)^```$", re.DOTALL | re.MULTILINE)
-
-
-def blocks(language: str) -> list[Any]:
-    """All blocks of code in a language, each with where it stands as its id."""
-    return [
-        pytest.param(code, id=f"{file.name}-{number}")
-        for file in DOCUMENTS
-        for number, (kind, code) in enumerate(BLOCK.findall(file.read_text(encoding="utf-8")))
-        if kind == language
-    ]
-
-
-def commands() -> list[Any]:
-    """All lines of shell blocks that call `dsr`."""
-    lines = {line for block in blocks("sh") for line in block.values[0].splitlines() if line.startswith("dsr ")}
-    return sorted(lines)
 
 
 @pytest.fixture
 def agents_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """The files that docs/agents.md shows, importable during the test."""
-    for name, code in NAMED_BLOCK.findall((ROOT / "docs/agents.md").read_text(encoding="utf-8")):
+    """The files that docs/how-to/agents.md shows, importable during the test."""
+    for name, code in NAMED_BLOCK.findall((ROOT / "docs/how-to/agents.md").read_text(encoding="utf-8")):
         (tmp_path / name).write_text(code, encoding="utf-8")
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "runtime"))
     (tmp_path / "runtime").mkdir()
@@ -60,35 +35,10 @@ def agents_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[P
         sys.modules.pop(file.stem, None)
 
 
-@pytest.fixture(scope="module")
-def group() -> Iterator[Any]:
-    """The `dsr` command with all that pyproject.toml adds to it."""
-    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    added = project["entry-points"][commands_of_dsr.GROUP].items()
-    plugins = {name: EntryPoint(name, value, commands_of_dsr.GROUP) for name, value in added}
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(commands_of_dsr, "plugins", lambda: plugins)
-        yield typer.main.get_command(command_line.app)
-
-
 def set_scene(memory: Memory) -> None:
     memory.add_node("table", "table")
     memory.add_node("cube_3", "cube", perceived=True, size=(0.04, 0.04, 0.04))
     memory.add_node("cube_4", "cube", perceived=True, size=(0.02, 0.02, 0.02))
-
-
-@pytest.mark.parametrize("code", blocks("python"))
-def test_python_is_valid(code: str) -> None:
-    compile(code, "document", "exec")
-
-
-@pytest.mark.parametrize("line", commands())
-def test_commands_exist_with_these_arguments(line: str, group: Any) -> None:
-    _, *words = shlex.split(line, comments=True)
-    while getattr(group, "commands", None):
-        context = group.make_context("dsr", [], resilient_parsing=True)
-        _, group, words = group.resolve_command(context, words)
-    group.make_context("dsr", words, resilient_parsing=False)  # raises for what it does not know
 
 
 def test_the_agent_has_twenty_lines(agents_folder: Path) -> None:
@@ -132,7 +82,7 @@ def test_the_system_runs(agents_folder: Path) -> None:
 def test_the_filter_has_ten_lines_and_leaves_out_what_is_small(
     agents_folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    document = (ROOT / "docs/filters.md").read_text(encoding="utf-8")
+    document = (ROOT / "docs/how-to/filters.md").read_text(encoding="utf-8")
     blocks = dict(NAMED_BLOCK.findall(document))
     lines = [line for line in blocks["small_objects.py"].splitlines() if line.strip() and not line.startswith('"""')]
     assert len(lines) <= 10

@@ -14,7 +14,7 @@ PLAIN = (
     "README.md",
     "ARCHITECTURE.md",
     "CHANGELOG.md",
-    *sorted(f"docs/{file.name}" for file in ROOT.glob("docs/*.md")),
+    *sorted(str(file.relative_to(ROOT)) for file in ROOT.glob("docs/**/*.md")),
 )
 """Documents without a sentence of more than `LONGEST` words."""
 MOST_TERMS = 50
@@ -29,7 +29,7 @@ def test_no_sentence_is_too_long(name: str) -> None:
 
 
 def test_the_glossary_is_short_sorted_and_names_places_that_exist() -> None:
-    text = (ROOT / "docs/glossary.md").read_text(encoding="utf-8")
+    text = (ROOT / "docs/reference/glossary.md").read_text(encoding="utf-8")
     terms = _TERM.findall(text)
     assert len(terms) == len(re.findall("^- ", text, re.MULTILINE)) <= MOST_TERMS
     names = [term.lower() for term, _, _ in terms]

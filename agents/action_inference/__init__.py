@@ -1,4 +1,4 @@
-"""Infers who has picked up, put down or let go of which object: docs/actions.md.
+"""Infers who has picked up, put down or let go of which object: docs/explanation/actions.md.
 
 In the order of the data: `reading` (graph to `observation`), the policy `attributed` or another one, `agent`.
 """

@@ -150,7 +150,7 @@ def load_landmarker(model: str) -> Callable[[], Landmarker]:
         from mediapipe.tasks.python import BaseOptions, vision
     except (ImportError, AttributeError, OSError) as error:
         raise ConfigError(
-            f"the package mediapipe cannot be imported ({error}); expected the extra `hands` (see docs/hands.md)"
+            f"the package mediapipe cannot be imported ({error}); expected the extra `hands` (see docs/how-to/hands.md)"
         ) from error
 
     def make() -> Landmarker:

@@ -13,7 +13,7 @@ class MissionConfig(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """The goal of the mission, and when it is written."""
 
     goal: str = ""
-    """Relations, as docs/planning.md describes them; nothing is wanted if empty."""
+    """Relations, as docs/how-to/planning.md describes them; nothing is wanted if empty."""
     maintain: bool = False
     """Whether the goal is watched after it was reached, and pursued again when it no longer holds."""
     priority: int = 0

@@ -49,7 +49,7 @@ app = typer.Typer(
     name="scenario",
     no_args_is_help=True,
     help="Play scenarios: a simulated world, an experimenter, and what must then hold in the working memory. "
-    "A scenario is a TOML file; docs/scenarios.md describes the format.",
+    "A scenario is a TOML file; docs/reference/scenarios.md describes the format.",
 )
 app.command()(sweep)
 app.command()(truth)

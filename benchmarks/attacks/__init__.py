@@ -1,1 +1,1 @@
-"""Attacks on a working memory by a peer that speaks its protocol, each with what must hold (docs/security.md)."""
+"""Attacks on a working memory by a peer that speaks its protocol; what must hold is in docs/how-to/security.md."""

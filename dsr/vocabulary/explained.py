@@ -26,7 +26,7 @@ class ExplainedChange(msgspec.Struct, frozen=True, array_like=True):
     """One thing that happened, such as `moved_with_supports(cube_3; cube_4)`."""
 
     kind: str
-    """A word; the table in docs/explanations.md lists all."""
+    """A word; the table in docs/explanation/explanations.md lists all."""
     groups: tuple[tuple[str, ...], ...] = ()
     """Names of objects, in groups whose meaning the kind tells. Most kinds have the object that was seen first."""
 

@@ -1,4 +1,4 @@
-"""Worlds: several graphs side by side in one system, forks of one another or made anew (docs/worlds.md)."""
+"""Worlds: several graphs side by side in one system, forks of one another or made anew (docs/how-to/worlds.md)."""
 
 from dsr.worlds.clients import Client, Monitor, Provider, Reader, WorldsConfig
 from dsr.worlds.comparison import Difference, Tolerance, difference

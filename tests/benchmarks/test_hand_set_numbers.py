@@ -61,9 +61,9 @@ def test_every_package_that_reasons_has_some() -> None:
 def test_each_has_a_meaning_and_the_page_shows_them_all() -> None:
     found = hand_set_numbers.hand_set_numbers()
     assert [number for number in found if not number.meaning] == []
-    page = Path(__file__).parents[2] / "docs/numbers.md"
+    page = Path(__file__).parents[2] / "docs/reference/numbers.md"
     assert page.read_text(encoding="utf-8") == hand_set_numbers.as_markdown(found), (
-        "run python -m benchmarks.hand_set_numbers --markdown > docs/numbers.md"
+        "run python -m benchmarks.hand_set_numbers --markdown > docs/reference/numbers.md"
     )
 
 

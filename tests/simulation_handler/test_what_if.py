@@ -50,7 +50,7 @@ from simulation_handler.physics.rollouts.scene import RolloutScene
 from tests.simulation_handler.rollouts.scenes import cube, scene_of
 
 STACK = scene_of(cube("cube_1", 0.3, 0.0), cube("cube_2", 0.3, 0.0, 0.06), cube("cube_3", 0.0, 0.2))
-DOCUMENT = Path(__file__).parents[2] / "docs/what_if.md"
+DOCUMENT = Path(__file__).parents[2] / "docs/how-to/what_if.md"
 ABOVE_3 = Pose((0.0, 0.2, 0.0601))
 
 

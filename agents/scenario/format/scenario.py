@@ -1,7 +1,7 @@
 """The scenario file format: read one with `load_scenario`; everything a reader needs is exported here.
 
 The struct of the file is `Scenario` (model.py), of the moves `Event` (events.py), of what must hold `Check`
-(expectations.py). docs/scenarios.md describes the format for users.
+(expectations.py). docs/reference/scenarios.md describes the format for users.
 
 Time: the plant simulates from the moment it runs, but the timeline starts when a `Start` arrives on
 `start_key(keys)`; until then nothing of `events` happens. The runner repeats it once a second, so a plant

@@ -1,4 +1,4 @@
-"""docs/scenarios.md describes the format as it is."""
+"""docs/reference/scenarios.md describes the format as it is."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from agents.scenario.format.model import (
 from agents.scenario.format.scenario import PREDICATES, parse_scenario
 
 ROOT = Path(__file__).parents[3]
-DOCUMENT = (ROOT / "docs/scenarios.md").read_text()
+DOCUMENT = (ROOT / "docs/reference/scenarios.md").read_text()
 EXAMPLES = re.findall(r"```toml\n(?!# excerpt)(.*?)```", DOCUMENT, re.DOTALL)
 
 

@@ -1,6 +1,6 @@
 """Real processes under each fault: nothing is lost, nothing is blocked, and all agree soon after it is healed.
 
-The limits are far beyond what is measured (docs/faults.md), because machines are shared.
+The limits are far beyond what is measured (docs/explanation/faults.md), because machines are shared.
 """
 
 from __future__ import annotations

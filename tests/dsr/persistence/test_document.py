@@ -80,7 +80,7 @@ def test_the_example_looks_as_it_is_written(tmp_path: Path) -> None:
 
 
 def test_the_file_that_the_documentation_shows_is_read(tmp_path: Path) -> None:
-    text = (Path(__file__).parents[3] / "docs" / "persistence.md").read_text()
+    text = (Path(__file__).parents[3] / "docs/how-to/persistence.md").read_text()
     (tmp_path / "shown.json").write_text(text.split("```json\n")[1].split("```")[0])
     assert read_graph(tmp_path / "shown.json").nodes["cup_1"].attributes["fill_level"] == 0.5
 
