@@ -23,12 +23,14 @@ from agents.viewer.model import read_scene
 from agents.viewer.scene import MeshView, PersonView, SceneView
 from agents.viewer.series import SeriesView
 from agents.viewer.topology_view import TopologyView
-from agents.viewer.window import ViewerWindow, WindowError
+from agents.viewer.window import LOOPBACK, ServedView, ViewerWindow, WindowError
 from dsr.agent import Access, Agent
+from dsr.files.private_files import FOLDER_MODE
 
 FILE_NAME = "recording.rrd"
 _APPLICATION = "dsr"
 _MOST_WAITING = 2_000
+_LAST_PORT = 65_535
 
 
 class ViewerConfig(msgspec.Struct, frozen=True):
@@ -36,8 +38,18 @@ class ViewerConfig(msgspec.Struct, frozen=True):
 
     folder: str = "runs/viewer"
     """Gets `recording.rrd`, or `recording-2.rrd` if that exists, and so on."""
+    record: bool = True
+    """Write the file; without it, nothing is left when the window or the server ends."""
     spawn: bool = False
     """Open the rerun window as well."""
+    serve: bool = False
+    """Serve the view to browsers and to rerun viewers elsewhere."""
+    bind: str = LOOPBACK
+    """Address of this machine at which the view is served; `0.0.0.0` for all, which others can reach, too."""
+    port: int = 9876
+    """TCP port of the served data: the one that rerun's viewers try by themselves."""
+    web_port: int = 9090
+    """TCP port of the served page: the one that rerun takes by itself."""
     images_hz: float = 5.0
     """Camera images a second and camera."""
     jpeg_quality: int = 80
@@ -50,6 +62,13 @@ class ViewerConfig(msgspec.Struct, frozen=True):
             raise ValueError(f"images_hz {self.images_hz}: expected a positive number")
         if not 1 <= self.jpeg_quality <= 100:
             raise ValueError(f"jpeg_quality {self.jpeg_quality}: expected 1 to 100")
+        for name in ("port", "web_port"):
+            if not 1 <= getattr(self, name) <= _LAST_PORT:
+                raise ValueError(f"{name} {getattr(self, name)}: expected 1 to {_LAST_PORT}")
+        if self.port == self.web_port:
+            raise ValueError(f"port {self.port}: expected another one than web_port")
+        if not (self.record or self.spawn or self.serve):
+            raise ValueError("record, spawn and serve are all false: nothing would be shown anywhere")
 
 
 class Viewer(Agent):
@@ -64,7 +83,7 @@ class Viewer(Agent):
     def setup(self) -> None:
         """Open the file, and the window if one is wanted, and begin to listen."""
         self._resources = contextlib.ExitStack()
-        self._window: ViewerWindow | None = None
+        self._window: ViewerWindow | ServedView | None = None
         recording = self._recording = self._open()
         self._graph = GraphView(recording)
         self._topology = TopologyView(recording)
@@ -109,23 +128,41 @@ class Viewer(Agent):
         self._resources.close()
 
     def _open(self) -> rr.RecordingStream:
-        """A recording that goes to the file, and to the window if one opens; a restart goes on under the same id."""
-        folder = Path(self.config.folder)
-        path = next_segment(folder, FILE_NAME)
+        """A recording that goes to the file, the window and the server, as wanted; a restart goes on under its id."""
+        config, folder = self.config, Path(self.config.folder)
+        folder.mkdir(mode=FOLDER_MODE, parents=True, exist_ok=True)
         recording = rr.RecordingStream(_APPLICATION, recording_id=f"{self.keys.graph} {folder.resolve().name}")
-        self._resources.callback(recording.disconnect)  # after the window is closed: one that hangs would hold it up
-        sinks: list[rr.FileSink | rr.GrpcSink] = [rr.FileSink(path)]
-        if self.config.spawn:
-            try:
-                self._window = self._resources.enter_context(
-                    ViewerWindow(folder / "window.log", self.config.memory_limit)
-                )
-                sinks.append(rr.GrpcSink(self._window.url))
-            except WindowError as error:
-                self.log.warning("no window (%s); recording to %s only", error, path)
+        sinks: list[rr.FileSink | rr.GrpcSink] = []
+        if config.record:
+            path = next_segment(folder, FILE_NAME)
+            sinks.append(rr.FileSink(path))
+            self.log.info("recording to %s", path)
+        # closed in reverse order; a window that hangs would hold up the end of the recording, a server would lose it
+        if not config.serve:
+            self._resources.callback(recording.disconnect)
+        try:
+            self._window = self._open_window(folder / "window.log")
+        except WindowError as error:
+            if not config.record:
+                raise
+            self.log.warning("no window (%s); recording to %s only", error, path)
+        if config.serve:
+            self._resources.callback(recording.disconnect)
+        if self._window is not None:
+            sinks.append(rr.GrpcSink(self._window.url))
         recording.set_sinks(*sinks)
-        self.log.info("recording to %s", path)
         return recording
+
+    def _open_window(self, log_file: Path) -> ViewerWindow | ServedView | None:
+        config = self.config
+        if config.serve:
+            served = ServedView(
+                log_file, config.memory_limit, bind=config.bind, port=config.port, web_port=config.web_port
+            )
+            return self._resources.enter_context(served)
+        if config.spawn:
+            return self._resources.enter_context(ViewerWindow(log_file, config.memory_limit))
+        return None
 
     def _arrange(self) -> None:
         """Send the blueprint: at first, and when there is more to arrange."""
@@ -145,5 +182,9 @@ class Viewer(Agent):
 
     def _check_window(self) -> None:
         if self._window is not None and self._window.exit_code is not None:
-            self.log.info("the window was closed (see %s); the file goes on", self._window.log_file)
-            self._window = None
+            log_file, self._window = self._window.log_file, None
+            self.window_closed(log_file)
+
+    def window_closed(self, log_file: Path) -> None:
+        """Say that the window or the server ended, whose output is in `log_file`; the recording goes on."""
+        self.log.info("the window was closed (see %s); the file goes on", log_file)

@@ -1,8 +1,9 @@
-"""The rerun window: the native viewer as a process of its own, reachable from this machine only."""
+"""The programs of rerun as processes: a window on this machine, or a server for browsers and viewers elsewhere."""
 
 from __future__ import annotations
 
 import contextlib
+import errno
 import importlib.util
 import os
 import socket
@@ -10,12 +11,17 @@ import subprocess
 import sys
 import tempfile
 import threading
-from collections.abc import Mapping
+import urllib.parse
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Self
 
 from dsr import DsrError
 from dsr.clock import WALL_CLOCK
+from dsr.runtime.lifeline import LAUNCHED
 
+LOOPBACK = "127.0.0.1"
+"""Address of a machine for itself."""
 _START_PATIENCE = 10.0  # s to take connections
 _PERIOD = 0.1  # s between two attempts
 _PATIENCE = 2.0  # s to close in an orderly way
@@ -25,25 +31,24 @@ class WindowError(DsrError):
     """The viewer's window cannot be opened."""
 
 
-class ViewerWindow:
-    """A running rerun viewer; a context manager that closes it.
+class _RerunProcess:
+    """A running program of rerun; a context manager that ends it.
+
+    A program that is started from a terminal gets a process group of its own, so that Ctrl-C there reaches only us. In
+    an agent that was launched, the program stays in the agent's group, which ends with the agent.
 
     Args:
-        log_file: gets its output; a folder beside it holds the viewer's own files as long as it runs.
-        memory_limit: what it may use until it forgets the oldest data, such as "1GB".
+        options: command line of rerun.
+        log_file: gets its output; a folder beside it holds rerun's own files as long as it runs.
+        listens: (address, port) pairs that take connections once it works.
 
     Raises:
-        WindowError: if there is no display or no viewer, or it cannot be started.
+        WindowError: if rerun is not installed or does not start.
     """
 
-    def __init__(self, log_file: Path, memory_limit: str) -> None:
-        if not has_display(os.environ, sys.platform):
-            raise WindowError("there is no display")
+    def __init__(self, options: Sequence[str], log_file: Path, listens: Sequence[tuple[str, int]]) -> None:
         self.log_file = log_file
-        port = free_port()
-        self.url = viewer_url(port)
-        command = [str(native_viewer()), "--bind", "127.0.0.1", "--port", str(port), "--memory-limit", memory_limit]
-        command += ["--expect-data-soon", "--hide-welcome-screen"]
+        command = [str(native_viewer()), *options]
         self._scratch = tempfile.TemporaryDirectory(prefix="window-", dir=log_file.parent, ignore_cleanup_errors=True)
         try:
             with log_file.open("ab") as log:
@@ -53,37 +58,43 @@ class ViewerWindow:
                     stdout=log,
                     stderr=subprocess.STDOUT,
                     env=private_environment(os.environ, Path(self._scratch.name)),
+                    process_group=None if LAUNCHED in os.environ else 0,
                 )
         except OSError as error:
             self._scratch.cleanup()
             raise WindowError(f"{command[0]} cannot be started ({error})") from error
-        if not self._wait_for_server(port):
+        try:
+            started = all(self._takes_connections(*place) for place in listens)
+        except BaseException:  # most often KeyboardInterrupt
+            self.close()
+            raise
+        if not started:
             self.close()
             raise WindowError(f"the viewer does not start, see {log_file}")
 
-    def __enter__(self) -> ViewerWindow:
+    def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _wait_for_server(self, port: int) -> bool:
-        """Whether the viewer takes connections in time; it does so before its window appears."""
+    def _takes_connections(self, address: str, port: int) -> bool:
+        """Whether the program takes connections in time; it does so before its window appears."""
         for _ in range(int(_START_PATIENCE / _PERIOD)):
             if self.exit_code is not None:
                 return False
-            with contextlib.suppress(OSError), socket.create_connection(("127.0.0.1", port), _PERIOD):
+            with contextlib.suppress(OSError), socket.create_connection((address, port), _PERIOD):
                 return True
             WALL_CLOCK.wait(threading.Event(), _PERIOD)
         return False
 
     @property
     def exit_code(self) -> int | None:
-        """Exit code of the viewer, None while it runs."""
+        """Exit code of the program, None while it runs."""
         return self._process.poll()
 
     def close(self) -> None:
-        """Close the window; harmless when repeated."""
+        """End the program; harmless when repeated."""
         self._process.terminate()
         try:
             self._process.wait(_PATIENCE)
@@ -91,6 +102,67 @@ class ViewerWindow:
             self._process.kill()
             self._process.wait()
         self._scratch.cleanup()
+
+
+class ViewerWindow(_RerunProcess):
+    """The window of a native viewer on this machine, which takes data from this machine only.
+
+    Args:
+        log_file: see `_RerunProcess`.
+        memory_limit: what it may use until it forgets the oldest data, such as "1GB".
+
+    Raises:
+        WindowError: if there is no display or no viewer, or it cannot be started.
+    """
+
+    def __init__(self, log_file: Path, memory_limit: str) -> None:
+        if not has_display(os.environ, sys.platform):
+            raise WindowError("there is no display")
+        port = free_port()
+        self.url = viewer_url(port)
+        options = ["--bind", LOOPBACK, "--port", str(port), "--memory-limit", memory_limit]
+        super().__init__([*options, "--expect-data-soon", "--hide-welcome-screen"], log_file, [(LOOPBACK, port)])
+
+
+class ServedView(_RerunProcess):
+    """A server of the view: browsers get a page from it, and rerun viewers the data.
+
+    Args:
+        log_file: see `_RerunProcess`.
+        memory_limit: of the data that is kept for those who come later, such as "1GB".
+        bind: address of this machine at which to be reached; `127.0.0.1` for this machine alone.
+        port: TCP port of the data.
+        web_port: TCP port of the page.
+
+    Raises:
+        WindowError: if a port is taken, the address is not ours, or the server does not start.
+    """
+
+    def __init__(self, log_file: Path, memory_limit: str, *, bind: str, port: int, web_port: int) -> None:
+        for wanted, option in ((port, "--port"), (web_port, "--web-port")):
+            _check_free(bind, wanted, option)
+        self.url = viewer_url(port, _reachable(bind))
+        options = ["--serve-web", "--bind", bind, "--port", str(port), "--web-viewer-port", str(web_port)]
+        options += ["--server-memory-limit", memory_limit]
+        super().__init__(options, log_file, [(_reachable(bind), wanted) for wanted in (port, web_port)])
+
+
+def _check_free(bind: str, port: int, option: str) -> None:
+    """Raise `WindowError` unless a server may listen there."""
+    try:
+        family = socket.getaddrinfo(bind, port, type=socket.SOCK_STREAM)[0][0]
+        with socket.socket(family) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # as servers do: one that ended takes no port
+            probe.bind((bind, port))
+    except OSError as error:
+        if error.errno == errno.EADDRINUSE:
+            raise WindowError(f"port {port} of {bind} is taken; choose another one with {option}") from error
+        raise WindowError(f"nobody can be served at {bind}, port {port}: {error.strerror or error}") from error
+
+
+def _reachable(bind: str) -> str:
+    """The address at which this machine reaches a server that was bound to `bind`."""
+    return {"0.0.0.0": LOOPBACK, "::": "::1"}.get(bind, bind)
 
 
 def has_display(environment: Mapping[str, str], platform: str) -> bool:
@@ -114,9 +186,18 @@ def private_environment(environment: Mapping[str, str], scratch: Path) -> dict[s
     return {**environment, "CI": "1", "TMPDIR": str(scratch.absolute())}
 
 
-def viewer_url(port: int) -> str:
-    """The address at which the viewer on this machine that listens on `port` takes data."""
-    return f"rerun+http://127.0.0.1:{port}/proxy"
+def viewer_url(port: int, host: str = LOOPBACK) -> str:
+    """The address at which the viewer or server on `host` that listens on `port` takes and gives data."""
+    return f"rerun+http://{_in_url(host)}:{port}/proxy"
+
+
+def page_url(port: int, web_port: int, host: str = LOOPBACK) -> str:
+    """The address of the page that shows in a browser what the server on `host` gives."""
+    return f"http://{_in_url(host)}:{web_port}/?url={urllib.parse.quote(viewer_url(port, host), safe='')}"
+
+
+def _in_url(host: str) -> str:
+    return f"[{host}]" if ":" in host else host
 
 
 def free_port() -> int:
