@@ -62,6 +62,15 @@ def test_the_root_s_files_are_pages_and_link_to_pages(site: Path) -> None:
     assert 'href="architecture.html"' in (site / "explanation/follow.html").read_text(encoding="utf-8")
 
 
+def test_lists_are_lists(site: Path) -> None:
+    for source in (ROOT / "ARCHITECTURE.md", *ROOT.glob("docs/how-to/*.md"), *ROOT.glob("docs/tutorials/*.md")):
+        page = source.relative_to(ROOT / "docs") if "docs" in source.parts else Path("explanation/architecture.md")
+        text = re.sub(r"^```.*?^```$", "", source.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
+        shown = (site / page.with_suffix(".html")).read_text(encoding="utf-8")
+        article = shown.partition("<article")[2].partition("</article>")[0]
+        assert article.count("<li>") == len(re.findall(r"^ *(?:[-*]|\d+\.) ", text, re.MULTILINE)), page
+
+
 def test_all_public_names_are_described(site: Path) -> None:
     described = {anchor.rpartition(".")[2] for anchor in anchors(site / "reference/api.html")}
     assert set(dsr.__all__) <= described

@@ -27,6 +27,7 @@ SHOWN = {"ARCHITECTURE.md": "explanation/architecture.md", "CHANGELOG.md": "refe
 """Files of the project's root that are pages of the site, with the page of each."""
 _GENERATED = re.compile(r"^<!-- generated: (\w+) -->$", re.MULTILINE)
 _FILE = re.compile(r"^<!-- the file (\S+) -->$", re.MULTILINE)
+_MARKER = re.compile(r"([-*]|\d+\.) +")
 _LINK = re.compile(r"(?<=\]\()(?!https?:|#)([^)#\s]+)")
 
 
@@ -35,7 +36,29 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     here = page.file.src_uri
     markdown = _FILE.sub(lambda found: file_as_page(found[1], here), markdown)
     markdown = _GENERATED.sub(lambda found: GENERATED[found[1]](), markdown)
+    markdown = "\n".join(lists_by_four(markdown.splitlines()))
     return _LINK.sub(lambda found: _in_site(found[1], here), markdown)
+
+
+def lists_by_four(lines: Iterable[str]) -> Iterator[str]:
+    """Indent lists within lists as the site's Markdown wants it: by four spaces, after an empty line if they begin."""
+    levels: list[int] = []  # columns at which the text of each list around begins
+    before, code = "", False
+    for line in lines:
+        text = line.lstrip()
+        indent = len(line) - len(text)
+        code ^= text.startswith("```")
+        marker = None if code else _MARKER.match(text)
+        if text and (marker or not before):
+            while levels and indent < levels[-1]:
+                levels.pop()
+        if marker and not levels and before:
+            yield ""
+        depth = "    " * len(levels)
+        yield depth + line[min(indent, levels[-1]) :] if levels and text else line
+        if marker:
+            levels.append(indent + marker.end())
+        before = "" if marker else text
 
 
 def file_as_page(name: str, here: str) -> str:
