@@ -13,7 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from agents.viewer.agent import Viewer, ViewerConfig
-from agents.viewer.window import LOOPBACK, WindowError, has_display, page_url, viewer_url
+from agents.viewer.window import LOOPBACK, WindowError, check_free, has_display, page_url, viewer_url
 from dsr.cli.common import GraphOption, RouterOption, SecurityOption, console, errors, shown
 from dsr.connecting import SECURITY
 from dsr.errors import ConfigError
@@ -26,6 +26,7 @@ _NAME = "view"
 _DEFAULTS = ViewerConfig()
 
 app = typer.Typer(name="view", invoke_without_command=True, subcommand_metavar="")
+Bind = Annotated[str, typer.Option(metavar="ADDRESS", help="Where to serve; 0.0.0.0 for all who reach us.")]
 Port = Annotated[int, typer.Option(min=1, max=65_535, metavar="PORT", help="TCP port of the data.")]
 WebPort = Annotated[int, typer.Option(min=1, max=65_535, metavar="PORT", help="TCP port of the page.")]
 
@@ -33,7 +34,7 @@ WebPort = Annotated[int, typer.Option(min=1, max=65_535, metavar="PORT", help="T
 @app.callback()
 def view(
     serve: Annotated[bool, typer.Option("--serve", help="Open no window: serve the view to browsers.")] = False,
-    bind: Annotated[str, typer.Option(metavar="ADDRESS", help="Where to serve; 0.0.0.0 for all who reach us.")] = LOOPBACK,
+    bind: Bind = LOOPBACK,
     port: Port = _DEFAULTS.port,
     web_port: WebPort = _DEFAULTS.web_port,
     graph: GraphOption = None,
@@ -54,9 +55,13 @@ def view(
         raise ConfigError("there is no display; serve the view to a browser elsewhere: dsr view --serve")
     if serve and port == web_port:
         raise ConfigError(f"--port and --web-port are both {port}: they must differ")
+    if serve:
+        check_free(bind, port, "--port")
+        check_free(bind, web_port, "--web-port")
     if security is not None:
         os.environ[SECURITY] = str(security.resolve())
     stop = StopSignal()
+    said: list[str] = []  # by a window or a server that ended
 
     class _View(Viewer):
         """The viewer of this command, which ends with its window."""
@@ -70,8 +75,7 @@ def view(
                 _tell_addresses(bind, port, web_port)
 
         def window_closed(self, log_file: Path) -> None:
-            if serve:
-                raise WindowError(f"the server ended: {log_file.read_text(errors='replace')[-500:].strip()}")
+            said.append(log_file.read_text(errors="replace").strip())
             stop.set()
 
     with tempfile.TemporaryDirectory(prefix="dsr-view-") as folder:
@@ -79,6 +83,8 @@ def view(
         config |= {"bind": bind, "port": port, "web_port": web_port}
         with set_on_signals(stop):
             run_process(_View, graph=name, name=_NAME, config=config, router=router, seed=0, stop=stop)
+    if serve and said:
+        raise WindowError(f"the server ended: {said[0].splitlines()[-1] if said[0] else 'it said nothing'}")
 
 
 def _tell_addresses(bind: str, port: int, web_port: int) -> None:
@@ -90,7 +96,7 @@ def _tell_addresses(bind: str, port: int, web_port: int) -> None:
         tunnel = f"ssh -N -L {web_port}:{bind}:{web_port} -L {port}:{bind}:{port} {socket.gethostname()}"
         console.print(f"from elsewhere {tunnel}, then the same addresses there", soft_wrap=True)
     else:
-        errors.print(f"everybody who can reach {shown(host)} can watch: the page asks nobody who they are", style="yellow")
+        errors.print(f"everybody who can reach {shown(host)} can watch: no password is asked for", style="yellow")
 
 
 def _is_any(bind: str) -> bool:

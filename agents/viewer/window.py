@@ -140,14 +140,14 @@ class ServedView(_RerunProcess):
 
     def __init__(self, log_file: Path, memory_limit: str, *, bind: str, port: int, web_port: int) -> None:
         for wanted, option in ((port, "--port"), (web_port, "--web-port")):
-            _check_free(bind, wanted, option)
+            check_free(bind, wanted, option)
         self.url = viewer_url(port, _reachable(bind))
         options = ["--serve-web", "--bind", bind, "--port", str(port), "--web-viewer-port", str(web_port)]
         options += ["--server-memory-limit", memory_limit]
         super().__init__(options, log_file, [(_reachable(bind), wanted) for wanted in (port, web_port)])
 
 
-def _check_free(bind: str, port: int, option: str) -> None:
+def check_free(bind: str, port: int, option: str) -> None:
     """Raise `WindowError` unless a server may listen there."""
     try:
         family = socket.getaddrinfo(bind, port, type=socket.SOCK_STREAM)[0][0]
@@ -192,8 +192,12 @@ def viewer_url(port: int, host: str = LOOPBACK) -> str:
 
 
 def page_url(port: int, web_port: int, host: str = LOOPBACK) -> str:
-    """The address of the page that shows in a browser what the server on `host` gives."""
-    return f"http://{_in_url(host)}:{web_port}/?url={urllib.parse.quote(viewer_url(port, host), safe='')}"
+    """The address of the page that shows in a browser what the server on `host` gives.
+
+    The page is dark whatever the browser prefers: the labels have light colours.
+    """
+    data = urllib.parse.quote(viewer_url(port, host), safe="")
+    return f"http://{_in_url(host)}:{web_port}/?url={data}&theme=dark"
 
 
 def _in_url(host: str) -> str:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import enum
+import os
+import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,11 +18,14 @@ from dsr.cli.background import ALL_READY, start_in_background
 from dsr.cli.common import RouterOption, SecurityOption, console, new_run_folder, shown
 from dsr.cli.persist import warn
 from dsr.cli.status_table import status_table
+from dsr.errors import ConfigError
 from dsr.persistence.files import read_graph
 from dsr.runtime.launcher import AgentRow, Launcher
-from dsr.runtime.system import find_system, load_system
+from dsr.runtime.system import System, find_system, load_system
 
 app = typer.Typer()
+_VIEWER = "viewer"
+"""Of the systems' agents, the one that opens a window."""
 
 
 class LogLevel(enum.StrEnum):
@@ -50,6 +55,9 @@ def run(
     router: RouterOption = None,
     security: SecurityOption = None,
     log_level: Annotated[LogLevel, typer.Option(help="Of the agents.")] = LogLevel.INFO,
+    view: Annotated[
+        bool, typer.Option("--view", help="Open the window of the system's viewer; see also `dsr view`.")
+    ] = False,
     detach: Annotated[
         bool, typer.Option("--detach", "-d", help="Go on in the background; see `dsr logs` and `dsr stop`.")
     ] = False,
@@ -65,6 +73,7 @@ def run(
         return
     chosen = load_system(system)
     chosen = chosen.on_graph(graph) if graph else chosen
+    chosen = _with_window(chosen) if view else chosen
     content = read_graph(load) if load else None
     if content is not None:
         warn(content)
@@ -77,16 +86,25 @@ def run(
         if launcher.restored:
             instead = f"; [bold]{load}[/] is not loaded" if load else ""
             console.print(f"restored from [bold]{state}[/]{instead}", soft_wrap=True)
-        view = _View(launcher)
-        with view.live:
+        table = _Table(launcher)
+        with table.live:
             try:
-                launcher.wait_ready(view.show)
-                view.say(ALL_READY)
-                launcher.run(threading.Event(), view.show)
+                launcher.wait_ready(table.show)
+                table.say(ALL_READY)
+                launcher.run(threading.Event(), table.show)
             except KeyboardInterrupt:
-                view.live.update("")
+                table.live.update("")
                 raise typer.Exit(0) from None
     raise typer.Exit(1)
+
+
+def _with_window(system: System) -> System:
+    """The system with a viewer that opens its window. Raises `ConfigError` if there is no viewer or no display."""
+    if not any(spec.name == _VIEWER for spec in system.agents):
+        raise ConfigError(f"the system has no agent {_VIEWER!r}; watch it from another terminal: dsr view")
+    if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise ConfigError("there is no display; serve the view to a browser, from another terminal: dsr view --serve")
+    return system.with_config(_VIEWER, spawn=True)
 
 
 @contextlib.contextmanager
@@ -101,7 +119,7 @@ def _run_folder(given: Path | None, stem: str) -> Iterator[Path]:
                 place.rmdir()
 
 
-class _View:
+class _Table:
     """Shows the agents' rows: a live table in a terminal, else a line for each change of state."""
 
     def __init__(self, launcher: Launcher) -> None:

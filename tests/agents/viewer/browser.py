@@ -1,0 +1,72 @@
+"""A headless browser that opens a page and tells what it looks like after a while."""
+
+from __future__ import annotations
+
+import base64
+import io
+import shutil
+import subprocess
+import threading
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import msgspec
+import numpy as np
+from PIL import Image
+from websockets.sync.client import connect
+
+from dsr.clock import WALL_CLOCK
+
+PROGRAM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+"""A browser that is installed; None if there is none."""
+_PORT_FILE = "DevToolsActivePort"
+_ROUNDS, _PERIOD = 600, 0.1
+
+
+class Browser:
+    """A page in a headless browser without a graphics card; a context manager that ends the browser."""
+
+    def __init__(self, page: str, folder: Path) -> None:
+        self._folder = folder / "profile"
+        command = [str(PROGRAM), "--headless=new", "--no-sandbox", "--window-size=1400,900", page]
+        command += ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+        command += [f"--user-data-dir={self._folder}", "--remote-debugging-port=0"]
+        self._process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+    def __enter__(self) -> Browser:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._process.kill()
+        self._process.wait()
+
+    def picture(self) -> Any:
+        """(h, w, 3) uint8, what the page looks like now."""
+        port, path = self._address()
+        with connect(f"ws://127.0.0.1:{port}{path}", max_size=None) as socket:
+            targets = _ask(socket, "Target.getTargets")["targetInfos"]
+            page = next(target["targetId"] for target in targets if target["type"] == "page")
+            session = _ask(socket, "Target.attachToTarget", targetId=page, flatten=True)["sessionId"]
+            answer = _ask(socket, "Page.captureScreenshot", session)
+        return np.asarray(Image.open(io.BytesIO(base64.b64decode(answer["data"]))).convert("RGB"))
+
+    def _address(self) -> tuple[str, str]:
+        file = self._folder / _PORT_FILE
+        for _ in range(_ROUNDS):
+            if file.exists() and len(lines := file.read_text().splitlines()) == 2:
+                return lines[0], lines[1]
+            WALL_CLOCK.wait(threading.Event(), _PERIOD)
+        raise AssertionError("the browser does not start")
+
+
+def _ask(socket: Any, method: str, session: str | None = None, **parameters: Any) -> Any:
+    """The answer to one command of the Chrome DevTools Protocol."""
+    command = {"id": 1, "method": method, "params": parameters, **({"sessionId": session} if session else {})}
+    socket.send(msgspec.json.encode(command).decode())
+    while True:
+        message = msgspec.json.decode(socket.recv(timeout=60))
+        if message.get("id") == 1:
+            return message["result"]
