@@ -69,6 +69,8 @@ class Runner:
         self._told = -math.inf
         self._namesakes: dict[str, float] = {}  # s, since when others of the agent's name are there
         self._namesake = ""
+        self._were_here: frozenset[str] | None = None
+        """Replica ids of the processes with this agent's name that were there when it began."""
         self._activity = Activity(agent)
 
     def setup(self) -> None:
@@ -141,18 +143,23 @@ class Runner:
         agent.bus.publish(agent.keys.status(agent.name), encode_status(self.status()), Qos.STREAM)
 
     def _look_for_namesakes(self) -> None:
-        """Say if another process goes by this agent's name: each takes for its own what the other one has made.
+        """Find other processes with this agent's name: each would take for its own what the other one has made.
 
-        One that was here before, and crashed, may take a moment to be gone.
+        Who was here first goes on and says so. Who came later gives up: raises `AgentError`. A process that was here
+        before, and crashed, may take a moment to be gone.
         """
         agent = self.agent
         if not agent.uses_memory or agent.memory.closed:
             return
         found = [rid for rid in agent.memory.peers if agent_of(rid) == agent.name]
+        if self._were_here is None:
+            self._were_here = frozenset(found)
         self._namesakes = {rid: self._namesakes.get(rid, self._told) for rid in found}
         rids = sorted(rid for rid, since in self._namesakes.items() if self._told - since >= _LINGERS)
         before = self._namesake
         self._namesake = f"another process has the name {agent.name!r}, too ({', '.join(rids)})" if rids else ""
+        if not self._were_here.isdisjoint(rids):
+            raise AgentError(f"{self._namesake}, and was here first; give this one another name with --name")
         if self._namesake and not before:
             agent.log.warning("%s; give one of them another with --name", self._namesake)
 

@@ -220,14 +220,14 @@ class Twin(Agent):
     name = "twin"
 
 
-def test_two_processes_of_one_name_say_so(caplog: pytest.LogCaptureFixture) -> None:
+def test_of_two_processes_of_one_name_the_later_gives_up(caplog: pytest.LogCaptureFixture) -> None:
     clock = ManualClock()
     network = LocalNetwork(clock)
-    runners = []
-    for process in ("one", "other"):
+
+    def twin(process: str) -> Runner:
         memory = Memory("test", "twin", transport=network.connect(process), clock=clock)
         agent = make_agent(Twin, name="twin", bus=memory.transport, keys=Keys("test"), clock=clock, memory=memory)
-        runners.append(Runner(agent, rid=memory.rid))
+        return Runner(agent, rid=memory.rid)
 
     def live(*alive: Runner, seconds: int = 3) -> None:
         for _ in range(10 * seconds):
@@ -237,13 +237,17 @@ def test_two_processes_of_one_name_say_so(caplog: pytest.LogCaptureFixture) -> N
                 runner.agent.memory.poll()
                 runner.tick(clock.now())
 
-    one, other = runners
+    one = twin("one")
+    live(one, seconds=1)
+    other = twin("other")
     live(one, other, seconds=1)
     assert one.state is other.state is State.READY
-    live(one, other)
-    assert one.state is other.state is State.DEGRADED
+    with pytest.raises(AgentError, match=rf"'twin', too \({one.agent.memory.rid}\), and was here first.*--name"):
+        live(one, other)
+    live(one, seconds=1)
+    assert one.state is State.DEGRADED
     assert f"another process has the name 'twin', too ({other.agent.memory.rid})" in one.status().last_error
-    assert len([record for record in caplog.records if "--name" in record.getMessage()]) == 2
+    assert len([record for record in caplog.records if "--name" in record.getMessage()]) == 1
     other.agent.memory.close()
     live(one)
     assert one.state is State.READY and one.status().last_error == ""
