@@ -86,10 +86,11 @@ def check(
         bool, typer.Option("--no-import", help="Import no modules beside the file of the system: for files of others.")
     ] = False,
 ) -> None:
-    """Check scenario files without running any agent; tells file, line and what was expected.
+    """Check scenario files and their systems without running any agent; tells file, line and what was expected.
 
-    Reads each file, then plays its true course with seed 0, in about a second, as `dsr scenario truth` does:
-    nothing may be put or driven into something else, and moves of one hand or one object must not overlap.
+    Reads each file and loads the agents of its system. Then plays its true course with seed 0, in about a second,
+    as `dsr scenario truth` does: nothing may be put or driven into something else, and moves of one hand or one
+    object must not overlap.
     Where a robot has a mission, nobody knows beforehand where things will be: there only hands are looked at.
 
     What may be meant, such as a thing that falls where it is put, is told with a `!`, and is no error.

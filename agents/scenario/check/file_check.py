@@ -15,7 +15,8 @@ from agents.scenario.format.explain import value_error
 from agents.scenario.format.model import Scenario
 from agents.scenario.format.naming import of_own_system
 from agents.scenario.run.runner import true_course
-from agents.scenario.run.staging import make_run
+from agents.scenario.run.staging import Run, make_run, staged_system
+from dsr.config.extras import MissingExtraError
 from dsr.config.toml_lines import Path
 from dsr.errors import ConfigError
 from dsr.runtime.system import agent_names, find_system
@@ -37,7 +38,7 @@ class Findings(msgspec.Struct, frozen=True):
 
 
 def look_through(name_or_path: str, *, play: bool = True, beside: bool = True) -> Findings:
-    """Check a scenario for faults and doubts.
+    """Check a scenario, and the system that plays it, for faults and doubts.
 
     Args:
         name_or_path: a built-in scenario or a file.
@@ -54,10 +55,26 @@ def look_through(name_or_path: str, *, play: bool = True, beside: bool = True) -
     def told(found: list[Fault]) -> list[ConfigError]:
         return [value_error(fault.text, fault.path, text, str(name_or_path)) for fault in found]
 
+    unequipped = _checked_system(run)
     unplayed = list(_unplayed_doubts(run.scenario, run.file.parent))
     if history is None:
-        return Findings(doubts=told(unplayed))
-    return Findings(told(faults(history)), told([*unplayed, *doubts(history)]))
+        return Findings(doubts=[*unequipped, *told(unplayed)])
+    return Findings(told(faults(history)), [*unequipped, *told([*unplayed, *doubts(history)])])
+
+
+def _checked_system(run: Run) -> list[ConfigError]:
+    """Load and configure every agent of the system. Returns what needs libraries that are not installed here.
+
+    Raises:
+        ConfigError: for a class that does not exist, or a configuration that its agent refuses.
+    """
+    try:
+        staged_system(run)
+    except ConfigError as error:
+        if isinstance(error.__cause__, MissingExtraError):
+            return [error]
+        raise
+    return []
 
 
 def show_all(name_or_path: str, console: Console) -> None:

@@ -12,6 +12,7 @@ from agents.scenario import cli
 from agents.scenario.check.faults import deepest
 from agents.scenario.check.file_check import Findings, look_through
 from agents.scenario.format.scenario import parse_scenario, scenario_files
+from dsr.files.built_in import ETC
 from dsr.math3d.shapes import Part
 from dsr.math3d.transforms import Pose
 from tests.agents.scenario.test_format import BASE
@@ -241,3 +242,21 @@ def test_a_goal_that_holds_in_no_world_is_doubted_unless_that_is_expected(tmp_pa
     assert "the goal never holds: on(a,b) and on(b,a) exclude each other: a would rest on itself" in output
     code, output = check(tmp_path, base=BASE + mission + '[[expect]]\ncheck = "mission"\nstatus = "unsolvable"\n')
     assert code == 0 and "never holds" not in output
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("agents.arm_controller:ArmController", "agents.arm_controller:ArmControler", "'ArmControler'"),
+        ("observe_joints", "observe_jionts", "observe_jionts"),
+    ],
+)
+def test_a_system_with_a_mistake_fails_the_check(tmp_path: Path, old: str, new: str, said: str) -> None:
+    system = (ETC / "systems/tabletop.toml").read_text()
+    assert old in system
+    (tmp_path / "mine.toml").write_text(system.replace(old, new, 1))
+    file = tmp_path / "s.toml"
+    file.write_text('system = "mine.toml"\n' + BASE)
+    outcome = CliRunner().invoke(cli.app, ["check", "--no-play", str(file)])
+    assert outcome.exit_code == 1
+    assert said in outcome.output and "mine.toml" in outcome.output
