@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import io
 import shutil
 import subprocess
 import threading
@@ -11,9 +10,9 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+import cv2
 import msgspec
 import numpy as np
-from PIL import Image
 from websockets.sync.client import connect
 
 from dsr.clock import WALL_CLOCK
@@ -51,7 +50,8 @@ class Browser:
             page = next(target["targetId"] for target in targets if target["type"] == "page")
             session = _ask(socket, "Target.attachToTarget", targetId=page, flatten=True)["sessionId"]
             answer = _ask(socket, "Page.captureScreenshot", session)
-        return np.asarray(Image.open(io.BytesIO(base64.b64decode(answer["data"]))).convert("RGB"))
+        encoded = np.frombuffer(base64.b64decode(answer["data"]), np.uint8)
+        return cv2.cvtColor(cv2.imdecode(encoded, cv2.IMREAD_COLOR), cv2.COLOR_BGR2RGB)
 
     def _address(self) -> tuple[str, str]:
         file = self._folder / _PORT_FILE
