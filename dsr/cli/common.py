@@ -13,6 +13,7 @@ import numpy as np
 import typer
 from rich.console import Console
 from rich.markup import escape
+from rich.table import Table
 
 from dsr.clock import WALL_CLOCK
 from dsr.connecting import SECURITY, connect
@@ -168,6 +169,12 @@ def _short(number: float) -> str:
 def shown(text: str) -> str:
     """`text` that comes from the graph or an error, for the console: no control characters, no markup."""
     return escape(printable(text))
+
+
+def add_names(table: Table, *columns: str) -> None:
+    """Add columns of names: where there is no room, a name goes on in the next line, and nothing of it is cut."""
+    for column in columns:
+        table.add_column(column, overflow="fold")
 
 
 def position_deviation(pose: Pose) -> float:

@@ -15,6 +15,7 @@ from dsr.cli.common import (
     RouterOption,
     SecurityOption,
     WorldOption,
+    add_names,
     console,
     naming,
     plain,
@@ -62,8 +63,7 @@ def ls(
         print_json(rows)
         return
     table = Table(box=SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
-    table.add_column("node", overflow="fold")
-    table.add_column("type", overflow="fold")
+    add_names(table, "node", "type")
     for column in ("perceived at (m)", "believed at (m)"):
         table.add_column(column, no_wrap=True, min_width=_PLACE_WIDTH)
     table.add_column("notes")

@@ -14,6 +14,7 @@ from dsr.cli.common import (
     RouterOption,
     SecurityOption,
     WorldOption,
+    add_names,
     console,
     errors,
     naming,
@@ -67,9 +68,8 @@ def relations(
         print_json([{**fact._asdict(), "margin_m": margin} for fact, margin in found.items()])
         return
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    for column in ("thing", "is", "of what"):
-        table.add_column(column, no_wrap=True)
-    table.add_column("margin (mm)", justify="right")
+    add_names(table, "thing", "is", "of what")
+    table.add_column("margin (mm)", justify="right", no_wrap=True)
     for fact, margin in found.items():
         table.add_row(shown(fact.source), fact.relation, shown(fact.destination), f"{1e3 * margin:.0f}")
     console.print(table)

@@ -9,7 +9,7 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from dsr.cli.common import shown
+from dsr.cli.common import add_names, shown
 from dsr.runtime.launcher import AgentRow
 
 _COLOURS = {
@@ -26,8 +26,8 @@ _COLOURS = {
 def status_table(rows: Iterable[AgentRow], title: str) -> Group:
     """The rows for people: the numbers in a table, the last errors below it."""
     table = Table(title=title, title_justify="left", box=None, pad_edge=False, collapse_padding=True)
-    for column in ("agent", "state"):
-        table.add_column(column, no_wrap=True)
+    add_names(table, "agent")
+    table.add_column("state", no_wrap=True)
     for column in ("Hz", "tick ms", "95 %", "lag ms", "behind s", "missed", "errors", "restarts"):
         table.add_column(column, justify="right", no_wrap=True)
     problems = []

@@ -11,7 +11,17 @@ from msgspec import to_builtins
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from dsr.cli.common import GraphOption, JsonOption, RouterOption, SecurityOption, console, print_json, reading, shown
+from dsr.cli.common import (
+    GraphOption,
+    JsonOption,
+    RouterOption,
+    SecurityOption,
+    add_names,
+    console,
+    print_json,
+    reading,
+    shown,
+)
 from dsr.clock import WALL_CLOCK
 from dsr.runtime.activity import WorldUse
 from dsr.runtime.status import PERIOD
@@ -49,8 +59,8 @@ def topology(
 
 def _table(found: Topology, graph: str, now: float) -> Table:
     table = Table(box=SIMPLE_HEAD, pad_edge=False, title=f"worlds of {graph}", title_justify="left")
-    for column in ("world", "made from", "agent", "state"):
-        table.add_column(column, no_wrap=True)
+    add_names(table, "world", "made from", "agent")
+    table.add_column("state", no_wrap=True)
     for column in ("reads /s", "last", "writes /s", "last"):
         table.add_column(column, no_wrap=True, justify="right")
     for world in found.worlds:

@@ -16,6 +16,7 @@ from dsr.cli.common import (
     JsonOption,
     RouterOption,
     SecurityOption,
+    add_names,
     console,
     naming,
     print_json,
@@ -67,8 +68,8 @@ def worlds(
         print_json(rows)
         return
     table = Table(box=SIMPLE_HEAD, pad_edge=False)
-    for column in ("world", "begun as", "made by", "at"):
-        table.add_column(column, no_wrap=True)
+    add_names(table, "world", "begun as", "made by")
+    table.add_column("at", no_wrap=True)
     for column in ("nodes", "edges", "held by"):
         table.add_column(column, justify="right", no_wrap=True)
     for row in rows:
