@@ -6,6 +6,7 @@ import configparser
 import contextlib
 import importlib.util
 import io
+import itertools
 import json
 import os
 import re
@@ -24,6 +25,7 @@ from typer.testing import CliRunner
 
 from agents.object_models import parse_model
 from agents.scenario.format.scenario import parse_scenario
+from agents.viewer import ViewerConfig
 from dsr import Memory, read_graph
 from dsr.cli.main import app
 from dsr.runtime.system import load_system
@@ -273,8 +275,16 @@ def check_make(words: list[str]) -> None:
     assert {word for word in words if "=" not in word} <= set(targets), words
 
 
+def check_ssh(words: list[str]) -> None:
+    """A tunnel to the served view: its ports are those that `dsr view --serve` takes."""
+    config = ViewerConfig()
+    ports = [forward.split(":") for option, forward in itertools.pairwise(words) if option == "-L"]
+    assert sorted(int(port) for _, _, port in ports) == sorted((config.port, config.web_port))
+    assert all(here == there and address == config.bind for here, address, there in ports)
+
+
 PROGRAMS: dict[str, Callable[[list[str]], None]] = {
     "dsr": check_dsr, "python": check_python, "pip": check_pip, "make": check_make,
-    "cd": lambda _: None, "export": lambda _: None,
+    "ssh": check_ssh, "cd": lambda _: None, "export": lambda _: None,
 }  # fmt: skip
 """How the words after the name of each program are checked."""
