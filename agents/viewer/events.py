@@ -16,6 +16,7 @@ from agents.viewer.texts import drawable
 from dsr import Change, Memory, Node, WireError
 from dsr.runtime.logs import decode_log
 from dsr.timeline import DERIVED, EVENT, EXPLAINED, RELATIONS, SITUATION, read_entry
+from dsr.vocabulary.sentences import explained_sentence, rejected_sentences
 
 ENTITY = "log"
 _JUDGEMENTS = ("perceived", "plausible", "surprising")
@@ -112,10 +113,10 @@ def _reason(node: Node | None, judgement: str) -> str:
 def _explanation(event: Node) -> str:
     """What was chosen, with its score, and the best of what was rejected."""
     score = f" ({event['score']:.1f})" if "score" in event else ""
-    rejected = event.get("alternatives", "").splitlines()
-    others = f"; rejected: {', '.join(rejected[:_MOST_REJECTED])}" if rejected else ""
-    more = f" and {len(rejected) - _MOST_REJECTED} more" if len(rejected) > _MOST_REJECTED else ""
-    return f"{event.get('explanation', '')}{score}{others}{more}"
+    rejected = rejected_sentences(event.attributes)
+    best = "; or ".join(f"{other.sentence} ({other.score})" for other in rejected[:_MOST_REJECTED])
+    more = f", and {len(rejected) - _MOST_REJECTED} more" if len(rejected) > _MOST_REJECTED else ""
+    return f"{explained_sentence(event.attributes)}{score}{f'. Rejected: {best}{more}' if rejected else ''}"
 
 
 def _sentence(names: list[str], predicate: str) -> str:

@@ -12,6 +12,7 @@ from dsr import Memory, Node
 from dsr.timeline import explanations
 from dsr.vocabulary.intentions import RUNNING, WANTED, describe_action
 from dsr.vocabulary.relations import nodes_by_name
+from dsr.vocabulary.sentences import explained_sentence, rejected_sentences
 
 PLAN = "mind/plan"
 EXPLANATIONS = "mind/explanations"
@@ -76,17 +77,15 @@ def explanations_page(memory: Memory) -> str:
     surprising = sorted((node for node in memory.nodes() if node.get("surprising", False)), key=lambda node: node.name)
     parts = [f"**Surprising: {markdown(node.name)}**, {markdown(node.get('surprise', ''))}" for node in surprising]
     parts += [_explained(node) for node in events[:_NEWEST]] or ["*Nothing had to be explained.*"]
-    parts += [f"{_time(node)} {markdown(node.get('explanation', ''))}" for node in events[_NEWEST:][:_EARLIER]]
+    parts += [f"{_time(node)} {markdown(explained_sentence(node.attributes))}" for node in events[_NEWEST:][:_EARLIER]]
     return "\n\n".join(parts)
 
 
 def _explained(event: Node) -> str:
     """A table: the explanation chosen first, then those rejected, each with its score."""
-    rejected = event.get("alternatives", "").splitlines()
-    rows = [("**chosen**", _score(event), f"**{markdown(event.get('explanation', ''))}**")]
-    for line in rejected[:_MOST_REJECTED]:
-        score, _, label = line.partition(" ")
-        rows.append(("rejected", markdown(score), markdown(label)))
+    rejected = rejected_sentences(event.attributes)
+    rows = [("**chosen**", _score(event), f"**{markdown(explained_sentence(event.attributes))}**")]
+    rows += [("rejected", markdown(other.score), markdown(other.sentence)) for other in rejected[:_MOST_REJECTED]]
     if len(rejected) > _MOST_REJECTED:
         rows.append(("", "", f"and {len(rejected) - _MOST_REJECTED} more"))
     title = f"{_time(event)} {markdown(event.get('target', ''))}, by {markdown(event.get('policy', ''))}"

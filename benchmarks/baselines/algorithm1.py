@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from dsr.vocabulary.explained import ExplainedChange
+from dsr.vocabulary.explained import MOVED, PLACED_UNDER, RELATION_ENDED, ExplainedChange
 from simulation_handler.explaining.drafting import draft
 from simulation_handler.explaining.hypotheses import Hypothesis, Move
 from simulation_handler.explaining.policy import Explanation
@@ -31,12 +31,12 @@ class Algorithm1:
             above = sorted(upper for upper, lower in situation.beneath.items() if name in lower)
             if below:
                 hypothesis = hypothesis.with_move(Move(name, beneath=(below[0],)))
-                changes.append(ExplainedChange("placed_under", ((below[0],), (name,))))
+                changes.append(ExplainedChange(PLACED_UNDER, ((below[0],), (name,))))
                 continue
             hypothesis = hypothesis.with_move(Move(name))
             ended += [(upper, name) for upper in above]
-            broken = [ExplainedChange("relation_ended", ((upper, name),)) for upper in above]
-            changes += broken or [ExplainedChange("moved_alone", ((name,),))]
+            broken = [ExplainedChange(RELATION_ENDED, ((upper, name),)) for upper in above]
+            changes += broken or [ExplainedChange(MOVED, ((name,),))]
         if not about:
             return None
         drafted = draft(replace(situation, confirmed={}), hypothesis)  # "under it": not where it was last seen

@@ -18,6 +18,7 @@ from dsr.timeline.entries import EVENT, EXPLAINED, SITUATION, kind_of, read_entr
 from dsr.timeline.kinds import DERIVED, OBJECTS, RELATIONS
 from dsr.timeline.telling import Event, tell
 from dsr.vocabulary.relations import is_present
+from dsr.vocabulary.sentences import explained_sentence
 
 EVENT_KINDS = ("explained", "surprised", "calmed", "began", "ended", "appeared", "gone", "intention", "action", "agent")
 """Kinds of the events that are read off changes; agents add their own, such as `Pick`, on the timeline in the graph."""
@@ -158,7 +159,8 @@ class Timeline:
         score = f", score {details['score']:.2f}" if isinstance(details.get("score"), float) else ""
         policy = f" ({details['policy']}{score})" if details.get("policy") else score
         subject = str(details.get("target", "")) or node.name
-        yield Event(_told_time(node, "time", now), "explained", subject, f"{explanation}{policy}", details)
+        text = f"{explained_sentence(node.attributes)}{policy}"
+        yield Event(_told_time(node, "time", now), "explained", subject, text, details)
 
 
 def _told_time(element: Node | Edge, attribute: str, now: float) -> float:

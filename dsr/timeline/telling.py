@@ -9,6 +9,8 @@ import msgspec
 
 from dsr.timeline.entries import EVENT, EXPLAINED, Entry
 from dsr.timeline.kinds import ACTION, AGENT, INTENTION, PRESENT, RELATIONS, SURPRISING
+from dsr.vocabulary.explained import changes_of
+from dsr.vocabulary.sentences import sentence_of
 
 
 class Event(msgspec.Struct, frozen=True):
@@ -44,7 +46,8 @@ def tell(entries: Iterable[Entry], *, fully: bool = False) -> list[Event]:
 def _told(entry: Entry, fully: bool) -> Iterator[Event]:
     subject, details = _subject(entry), _details(entry)
     if entry.type == EVENT:
-        text = entry.text or f"{entry.kind} {', '.join(entry.participants)}"
+        told = sentence_of(changes_of(entry.details, entry.text)) if entry.kind == EXPLAINED else ""
+        text = told or entry.text or f"{entry.kind} {', '.join(entry.participants)}"
         yield Event(entry.begin, entry.kind, subject, text, details)
     elif fully or entry.kind not in _TOLD_BY_EVENTS:
         began, ended = _WORDS.get(entry.kind, ("began", "ended"))

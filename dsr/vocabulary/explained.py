@@ -8,14 +8,43 @@ from typing import Any
 
 import msgspec
 
+# Kinds of changes. Programs tell changes by these words, and so do recordings: they never change.
 CAMERA_MOVED = "camera_moved"
-"""Kind of a change: not the objects but a camera moved. The calibrator looks into that."""
+"""Not the objects but a camera moved. The calibrator looks into that."""
+MOVED = "moved_alone"
+TURNED = "turned"
+WITH_SUPPORTS = "moved_with_supports"
+"""An object moved, and those of the second group beneath it moved along."""
+WITH_CONTENTS = "moved_with_contents"
+"""An object moved, and those of the second group in or on it moved along."""
+SWAPPED = "swapped"
+"""Each of a pair is where the other one was."""
+PUT_ON = "put_on"
+"""The first of the group stands on the others now."""
+RELATION_ENDED = "relation_ended"
+"""The first of the group does not stand on the others any more."""
+UNDER = "put_back_under"
+"""The unseen objects of the first group, the lowest first, are beneath the object of the second group."""
+PLACED_UNDER = "placed_under"
+"""The unseen object of the first group was brought beneath the object of the second group."""
+HELD = "held"
+"""Something unknown holds an object in the air."""
+HELD_TOO = "held_"
+"""Before the kind of a change of an object that something unknown holds as well."""
+FELL = "fell"
 REMOVED = "removed"
-"""Kind of a change: an object was taken away unseen."""
+"""An object was taken away unseen."""
 TAKEN_ALONG = "taken_along"
-"""Kind of a change: a hand took an object with it; the second group names the hand."""
+"""A hand took an object with it; the second group names the hand."""
+APPEARED = "appeared"
+"""An object is there that was believed to be gone, or nowhere."""
+FALSE_PERCEPT = "false_percept"
+"""What was seen of an object is false: the belief stays."""
 NOTHING_CHANGED = "nothing_changed"
-"""Kind of a change: the belief stays as it is, and the percepts are false."""
+"""The belief stays as it is, and the percepts are false."""
+KINDS = (CAMERA_MOVED, MOVED, TURNED, WITH_SUPPORTS, WITH_CONTENTS, SWAPPED, PUT_ON, RELATION_ENDED, UNDER,
+         PLACED_UNDER, HELD, FELL, REMOVED, TAKEN_ALONG, APPEARED, FALSE_PERCEPT, NOTHING_CHANGED)  # fmt: skip
+"""All kinds but those with `HELD_TOO` before them."""
 ATTRIBUTE = "changes"
 """Of the event: the changes as JSON, for `changes_of`."""
 
@@ -35,7 +64,7 @@ class ExplainedChange(msgspec.Struct, frozen=True, array_like=True):
 
 
 def text_of(changes: Iterable[ExplainedChange]) -> str:
-    """The changes in a line, joined by `&`, for people."""
+    """The changes in a line, joined by `&`, as events and recordings hold them."""
     return " & ".join(map(str, changes))
 
 

@@ -5,17 +5,32 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 
-from dsr.vocabulary.explained import CAMERA_MOVED, NOTHING_CHANGED, REMOVED, ExplainedChange
+from dsr.vocabulary.explained import (
+    APPEARED,
+    CAMERA_MOVED,
+    FALSE_PERCEPT,
+    FELL,
+    HELD,
+    HELD_TOO,
+    MOVED,
+    NOTHING_CHANGED,
+    PUT_ON,
+    RELATION_ENDED,
+    REMOVED,
+    SWAPPED,
+    TURNED,
+    UNDER,
+    WITH_CONTENTS,
+    WITH_SUPPORTS,
+    ExplainedChange,
+)
 from simulation_handler.explaining.camera import corrected
 from simulation_handler.explaining.hypotheses import Hypothesis, Move
 from simulation_handler.explaining.search import Candidate
 from simulation_handler.explaining.situation import Situation
 from simulation_handler.shapes.geometry import Solid
 
-_FALSE_PERCEPT = "false_percept"
-_LASTING = (_FALSE_PERCEPT, NOTHING_CHANGED)  # kinds that leave the belief as it is, so that their cause goes on
-_WITH_SUPPORTS, _WITH_CONTENTS, _UNDER = "moved_with_supports", "moved_with_contents", "put_back_under"
-_HELD = "held_"  # before the kind of a move, if something unknown holds the object
+_LASTING = (FALSE_PERCEPT, NOTHING_CHANGED)  # kinds that leave the belief as it is, so that their cause goes on
 _SWAPPED_PLACE = 0.015  # m
 _ASIDE = 0.010  # m by which something moved, rather than only turned
 
@@ -27,11 +42,11 @@ def describe(situation: Situation, candidate: Candidate) -> tuple[ExplainedChang
     swaps = _swaps(situation, hypothesis, candidate.settled)
     swapped = {name for pair in swaps for name in pair}
     changes = [ExplainedChange(CAMERA_MOVED)] if hypothesis.camera_moved else []
-    changes += [ExplainedChange("swapped", (pair,)) for pair in swaps]
+    changes += [ExplainedChange(SWAPPED, (pair,)) for pair in swaps]
     changes += [_move(situation, move, candidate) for move in hypothesis.moves if move.name not in swapped]
     changes += [ExplainedChange(REMOVED, ((name,),)) for name in sorted(hypothesis.removed)]
-    changes += [ExplainedChange("fell", ((name,),)) for name, _ in hypothesis.fallen]
-    changes += [ExplainedChange(_FALSE_PERCEPT, ((name,),)) for name in sorted(hypothesis.kept)]
+    changes += [ExplainedChange(FELL, ((name,),)) for name, _ in hypothesis.fallen]
+    changes += [ExplainedChange(FALSE_PERCEPT, ((name,),)) for name in sorted(hypothesis.kept)]
     return tuple(changes) or (ExplainedChange(NOTHING_CHANGED),)
 
 
@@ -44,26 +59,26 @@ def moved_together(changes: Iterable[ExplainedChange]) -> dict[str, frozenset[st
     """The objects that moved together with each seen object, by an explanation."""
     found = {}
     for change in changes:
-        kind = change.kind.removeprefix(_HELD)
-        if len(change.groups) == 2 and kind in (_WITH_SUPPORTS, _WITH_CONTENTS):
+        kind = change.kind.removeprefix(HELD_TOO)
+        if len(change.groups) == 2 and kind in (WITH_SUPPORTS, WITH_CONTENTS):
             found[change.groups[0][0]] = frozenset(change.groups[1])
-        elif len(change.groups) == 2 and kind == _UNDER:
+        elif len(change.groups) == 2 and kind == UNDER:
             found[change.groups[1][0]] = frozenset(change.groups[0])
     return found
 
 
 def _move(situation: Situation, move: Move, candidate: Candidate) -> ExplainedChange:
     name = move.name
-    hand = _HELD if move.held else ""
+    hand = HELD_TOO if move.held else ""
     if name not in situation.believed:
-        return ExplainedChange(f"{hand}appeared", ((name,),))
+        return ExplainedChange(f"{hand}{APPEARED}", ((name,),))
     if move.moved_along:
         above = set(situation.chain_above(name))
-        kind = _WITH_CONTENTS if set(move.moved_along) <= above else _WITH_SUPPORTS
+        kind = WITH_CONTENTS if set(move.moved_along) <= above else WITH_SUPPORTS
         return ExplainedChange(f"{hand}{kind}", ((name,), move.moved_along))
     if move.beneath:
-        return ExplainedChange(_UNDER, (tuple(reversed(move.beneath)), (name,)))
-    return ExplainedChange("held", ((name,),)) if move.held else _alone(situation, name, candidate)
+        return ExplainedChange(UNDER, (tuple(reversed(move.beneath)), (name,)))
+    return ExplainedChange(HELD, ((name,),)) if move.held else _alone(situation, name, candidate)
 
 
 def _alone(situation: Situation, name: str, candidate: Candidate) -> ExplainedChange:
@@ -71,11 +86,11 @@ def _alone(situation: Situation, name: str, candidate: Candidate) -> ExplainedCh
     placement = candidate.drafted.placements.get(name)
     after = set(placement.supports if placement else ()) - set(situation.fixtures)
     if after - before:
-        return ExplainedChange("put_on", ((name, *sorted(after)),))
+        return ExplainedChange(PUT_ON, ((name, *sorted(after)),))
     if before - after:
-        return ExplainedChange("relation_ended", ((name, *sorted(before - after)),))
+        return ExplainedChange(RELATION_ENDED, ((name, *sorted(before - after)),))
     moved = math.dist(situation.believed[name].position[:2], situation.seen[name].percept.position[:2])
-    return ExplainedChange("moved_alone" if moved > _ASIDE else "turned", ((name,),))
+    return ExplainedChange(MOVED if moved > _ASIDE else TURNED, ((name,),))
 
 
 def _swaps(situation: Situation, hypothesis: Hypothesis, settled: Mapping[str, Solid]) -> list[tuple[str, str]]:

@@ -29,6 +29,7 @@ from dsr.vocabulary.intentions import (
     nobody_pursues,
 )
 from dsr.vocabulary.relations import nodes_by_name
+from dsr.vocabulary.sentences import explained_sentence, rejected_sentences
 
 _TO_DO = (PLANNED, RUNNING)
 _NO_PLAN = ("", "observe", "look")
@@ -204,9 +205,10 @@ def _value(value: object) -> str:
 def _explanation(node: Node) -> str:
     """The explanation with its score, and the best of those that were rejected."""
     score = f" (score {node['score']:.1f})" if "score" in node else ""
-    rejected = node.get("alternatives", "").splitlines()
+    rejected = rejected_sentences(node.attributes)
     others = f", and {len(rejected) - 1} more" if len(rejected) > 1 else ""
-    return f"{node.get('explanation', '')}{score}{f'; rejected: {rejected[0]}{others}' if rejected else ''}"
+    best = f". Rejected: {rejected[0].sentence} ({rejected[0].score}){others}" if rejected else ""
+    return f"{explained_sentence(node.attributes)}{score}{best}"
 
 
 def _by_plan(actions: Iterable[Node]) -> dict[str, list[Node]]:

@@ -141,8 +141,8 @@ def test_surprises_and_explanations_are_told_once(memory: Memory) -> None:
     memory.update_node("cube_3", surprising=True, surprise="seen 38 mm beside its belief")
     assert texts(story) == [("surprise", "cube_3: seen 38 mm beside its belief")]
     rejected = "9.5 moved_alone(cube_3)\n12.0 false_percept(cube_3)"
-    memory.add_node("event_0", "event", time=1.0, explanation="a(cube_3)", score=8.51, alternatives=rejected)
-    told = "a(cube_3) (score 8.5); rejected: 9.5 moved_alone(cube_3), and 1 more"
+    memory.add_node("event_0", "event", time=1.0, explanation="turned(cube_3)", score=8.51, alternatives=rejected)
+    told = "cube_3 turned (score 8.5). Rejected: cube_3 moved (9.5), and 1 more"
     assert texts(story) == [("explanation", told)]
     memory.update_node("cube_3", surprising=False)
     assert texts(story) == []

@@ -75,9 +75,9 @@ def test_an_explanation_is_shown_with_what_was_rejected(stage: Any) -> None:
     page = explanations_page(stage.memory)
     assert r"01:00:03 cube\_3, cube\_4, by hypotheses" in page
     assert page.splitlines()[-3:] == [
-        r"| **chosen** | 4.0 | **moved\_with\_supports(cube\_3; cube\_4)** |",
-        r"| rejected | 5.0 | held(cube\_3) |",
-        r"| rejected | 16.9 | false\_percept(cube\_3) |",
+        r"| **chosen** | 4.0 | **cube\_3 moved, and cube\_4 beneath it moved along** |",
+        r"| rejected | 5.0 | something unknown holds cube\_3 |",
+        r"| rejected | 16.9 | what was seen of cube\_3 is false |",
     ]
 
 
@@ -85,9 +85,9 @@ def test_the_newest_explanation_comes_first_and_old_ones_are_short(stage: Any) -
     for number in range(12):
         explain(stage, number, "5.0 a", "6.0 b", "7.0 c", "8.0 d", "9.0 e", "10.0 f")
     page = explanations_page(stage.memory)
-    order = [page.find(f"(cube\\_{number};") for number in range(11, 3, -1)]
+    order = [page.find(f"cube\\_{number} moved") for number in range(11, 3, -1)]
     assert order == sorted(order) and order[0] > 0
-    assert page.count("chosen") == 3 and page.count("and 2 more") == 3 and r"(cube\_3;" not in page
+    assert page.count("chosen") == 3 and page.count("and 2 more") == 3 and r"cube\_3 moved" not in page
 
 
 def test_what_is_surprising_comes_first(stage: Any) -> None:
@@ -115,7 +115,7 @@ def test_pages_are_logged_when_they_change(stage: Any) -> None:
     pages = [value[0] for value in shown.values("/mind/plan", "TextDocument:text")]
     assert 2 <= len(pages) <= 3 and "**running**" in pages[-2] and "| done |" in pages[-1]
     assert shown.values("/mind/plan", "TextDocument:media_type")[-1] == ["text/markdown"]
-    assert r"cube\_3; cube\_4" in shown.values("/mind/explanations", "TextDocument:text")[-1][0]
+    assert r"cube\_4 beneath it moved along" in shown.values("/mind/explanations", "TextDocument:text")[-1][0]
 
 
 def test_surprises_and_explanations_stand_out_in_the_log(stage: Any) -> None:
@@ -131,8 +131,9 @@ def test_surprises_and_explanations_stand_out_in_the_log(stage: Any) -> None:
     assert "graph: cube_3 surprising: seen 38 mm beside its belief" in shown.texts()
     assert "graph: cube_3 not surprising" in shown.texts()
     assert not any("event_3" in text for text in shown.texts())
-    told = "moved_with_supports(cube_3; cube_4) (4.0); rejected: 5.0 label_0, 6.0 label_1, 7.0 label_2 and 2 more"
-    assert shown.texts("/log/explained") == [f"explained: {told}"]
+    told = "cube_3 moved, and cube_4 beneath it moved along (4.0)"
+    rejected = "label_0 (5.0); or label_1 (6.0); or label_2 (7.0), and 2 more"
+    assert shown.texts("/log/explained") == [f"explained: {told}. Rejected: {rejected}"]
     red, green, blue = palette.SURPRISE
     marked = red << 24 | green << 16 | blue << 8 | 255
     assert [color for [color] in shown.values("/log/graph", "TextLog:color")].count(marked) == 1

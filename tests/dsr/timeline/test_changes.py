@@ -91,7 +91,7 @@ def test_an_explanation_is_told_with_its_rivals(scene: Scene) -> None:
     )  # fmt: skip
     (event,) = scene.look()
     assert event.time == time and event.kind == "explained" and event.subject == "cube_3"
-    assert event.text == "fell(cube_3) (hypotheses, score 4.00)"
+    assert event.text == "cube_3 fell (hypotheses, score 4.00)"
     assert event.details["alternatives"] == "5.0 moved_alone(cube_3)"
     scene.memory.update_node("event_0", note="x")
     assert scene.look() == []
