@@ -26,11 +26,12 @@ from rich.console import Console
 from rich.table import Table
 
 from agents.scenario.judge.judge import Judge
-from agents.scenario.run.runner import LEAD, Conductor
+from agents.scenario.run.runner import Conductor
 from agents.scenario.run.staging import Run, make_run, staged_system, without
 from dsr.cli.common import new_run_folder
 from dsr.memory import Memory
 from dsr.runtime.launcher import POLL_PERIOD, Launcher
+from dsr.vocabulary.scenario_start import LEAD
 
 WARM_UP = 3.0
 """s after the start of the scenario that do not count"""

@@ -19,11 +19,12 @@ from agents.plant.messages import (
 )
 from agents.plant.reality import Reality
 from agents.plant.world import RATE_HZ, STEP
-from agents.scenario.format.scenario import decode_start, load_scenario, start_key
+from agents.scenario.format.scenario import load_scenario
 from dsr.agent import Agent
 from dsr.errors import WireError
 from dsr.images.blobs import frame_chunks
 from dsr.network.transport import Qos, Subscription
+from dsr.vocabulary.scenario_start import decode_start, start_key
 
 MOST_STEPS = RATE_HZ // 4
 """Steps in one tick; a plant that is later than that lets its world wait."""

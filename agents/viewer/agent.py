@@ -12,9 +12,10 @@ import rerun as rr
 
 from agents.inbox import Inbox
 from agents.segments import next_segment
-from agents.viewer.blueprint import TIMELINE, make_blueprint
+from agents.viewer.blueprint import make_blueprint
 from agents.viewer.calibrations import CalibrationView
 from agents.viewer.chronicle import ChronicleView
+from agents.viewer.elapsed import Elapsed
 from agents.viewer.events import EventView
 from agents.viewer.graph_view import GraphView
 from agents.viewer.images import ImageView
@@ -26,6 +27,7 @@ from agents.viewer.topology_view import TopologyView
 from agents.viewer.window import LOOPBACK, ServedView, ViewerWindow, WindowError
 from dsr.agent import Access, Agent
 from dsr.files.private_files import FOLDER_MODE
+from dsr.vocabulary.scenario_start import start_key
 
 FILE_NAME = "recording.rrd"
 _APPLICATION = "dsr"
@@ -50,6 +52,8 @@ class ViewerConfig(msgspec.Struct, frozen=True):
     """TCP port of the served data: the one that rerun's viewers try by themselves."""
     web_port: int = 9090
     """TCP port of the served page: the one that rerun takes by itself."""
+    awaits_start: bool = False
+    """A scenario will start, from which seconds count. Otherwise they count from the first look."""
     images_hz: float = 5.0
     """Camera images a second and camera."""
     jpeg_quality: int = 80
@@ -85,34 +89,37 @@ class Viewer(Agent):
         self._resources = contextlib.ExitStack()
         self._window: ViewerWindow | ServedView | None = None
         recording = self._recording = self._open()
+        self._elapsed = Elapsed(recording, self.config.awaits_start, self.log)
         self._graph = GraphView(recording)
         self._topology = TopologyView(recording)
         self._scene = SceneView(recording)
         self._meshes = MeshView(recording, self.memory)
         self._persons = PersonView(recording)
-        self._mind = MindView(recording)
-        self._chronicle = ChronicleView(recording, TIMELINE)
+        self._mind = MindView(recording, self._elapsed)
+        self._chronicle = ChronicleView(recording, self._elapsed)
         self._calibrations = CalibrationView(recording)
         self._images = ImageView(recording, self.memory, self.config.images_hz, self.config.jpeg_quality, self.log)
         self._series = SeriesView(recording, self.log)
-        self._events = EventView(recording, self.log)
+        self._events = EventView(recording, self._elapsed, self.log)
         self._arranged: tuple[list[str], bool] | None = None
         self._watch = self.memory.watch()
-        keys = (self.keys.log(), self.keys.status(), self.keys.truth())
-        self._logs, self._statuses, self._truths = (Inbox(self.bus, key, self.clock, _MOST_WAITING) for key in keys)
-        for part in (self._images, self._watch, self._logs, self._statuses, self._truths):
+        keys = (self.keys.log(), self.keys.status(), self.keys.truth(), start_key(self.keys))
+        inboxes = (Inbox(self.bus, key, self.clock, _MOST_WAITING) for key in keys)
+        self._logs, self._statuses, self._truths, self._starts = inboxes
+        for part in (self._images, self._watch, self._logs, self._statuses, self._truths, self._starts):
             self._resources.callback(part.close)
 
     def tick(self, now: float) -> None:
         """Show what is new."""
-        self._recording.set_time(TIMELINE, timestamp=now)
+        for message in self._starts.take():
+            self._elapsed.note_start(message)
+        self._elapsed.set(now)
         self._arrange()
         self._draw_messages()
         changes = self._watch.poll()
         self._chronicle.draw(changes, self.memory, now)
         self._events.draw_changes(changes, self.memory, now)
-        if any(change.kind != "updated" for change in changes):
-            self._graph.draw(self.memory)
+        self._graph.draw(self.memory, changes, now)
         self._topology.draw(self.memory)
         self._mind.draw(self.memory)
         scene = read_scene(self.memory)

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import rerun.blueprint as rrb
 
 from agents.viewer import calibrations, chronicle, events, graph_view, mind, scene, series, topology_view
+from agents.viewer.elapsed import ELAPSED
 
-TIMELINE = "stamp"
 _OVERVIEW = rrb.EyeControls3D(position=(1.35, -0.9, 0.85), look_target=(0.2, 0.03, 0.34), eye_up=(0.0, 0.0, 1.0))
 _CLOSE_UP = rrb.EyeControls3D(position=(0.69, -0.24, 0.22), look_target=(0.35, 0.0, 0.03), eye_up=(0.0, 0.0, 1.0))
 _BACKGROUND = (24, 27, 32)
@@ -30,19 +30,17 @@ def make_blueprint(cameras: Sequence[str], with_truth: bool) -> rrb.Blueprint:
         ),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="following"),
+        rrb.TimePanel(state="collapsed", timeline=ELAPSED, play_state="following"),
     )
 
 
 def _scenes() -> rrb.Container:
-    """All of it, and its objects from nearby."""
+    """All of it, and its objects from nearby. A click shows the graph instead, as large."""
     all_of_it = _scene("Scene", ["$origin/**"], _OVERVIEW)
     objects = [f"$origin/{part}" for part in ("table", "percepts", "beliefs", "surprising", "robot/grippers", "names")]
-    return rrb.Horizontal(
-        all_of_it,
-        _scene("Belief solid, held green; percepts orange; surprising red", objects, _CLOSE_UP),
-        column_shares=[2, 3],
-    )
+    close_up = _scene("Belief solid, held green; percepts orange; surprising red", objects, _CLOSE_UP)
+    scenes = rrb.Horizontal(all_of_it, close_up, column_shares=[2, 3], name="Scene and objects")
+    return rrb.Tabs(scenes, _memory("Working memory, large"), active_tab=0)
 
 
 def _scene(name: str, contents: list[str], eye: rrb.EyeControls3D) -> rrb.View:
@@ -61,8 +59,15 @@ def _thoughts() -> tuple[rrb.View, rrb.Container]:
 
 
 def _graph() -> rrb.Container:
-    memory = rrb.GraphView(origin=graph_view.ENTITY, name="Working memory")
-    return rrb.Tabs(memory, rrb.GraphView(origin=topology_view.ENTITY, name="Worlds"), active_tab=0)
+    return rrb.Tabs(_memory("Working memory"), _worlds(), active_tab=0)
+
+
+def _memory(name: str) -> rrb.View:
+    return rrb.Spatial2DView(origin=graph_view.ENTITY, name=name, background=graph_view.BACKGROUND)
+
+
+def _worlds() -> rrb.View:
+    return rrb.GraphView(origin=topology_view.ENTITY, name="Worlds")
 
 
 def _images(cameras: Sequence[str]) -> rrb.Container | rrb.View:
@@ -74,7 +79,7 @@ def _numbers(with_truth: bool) -> rrb.Container:
     errors = rrb.TimeSeriesView(
         origin=series.ERRORS,
         name="Error [mm]: percepts, beliefs",
-        plot_legend=rrb.PlotLegend(visible=False),
+        plot_legend=rrb.PlotLegend(visible=True, corner=rrb.Corner2D.LeftTop),
     )
     distances = rrb.TimeSeriesView(origin=series.DISTANCES, name="Percept to belief [mm]")
     rates = rrb.TimeSeriesView(origin=series.RATES, name="Agents [Hz]")
@@ -84,12 +89,13 @@ def _numbers(with_truth: bool) -> rrb.Container:
 
 def _happenings() -> rrb.Container:
     """What was said, and what lasted from when to when."""
-    return rrb.Tabs(_log(), rrb.StateTimelineView(origin=chronicle.ENTITY, name="Timeline"), active_tab=0)
+    lasting = rrb.StateTimelineView(origin=chronicle.ENTITY, name="Timeline")
+    return rrb.Tabs(_lines(events.ENTITY, "Events"), lasting, _lines(events.LOGS, "Logs of agents"), active_tab=0)
 
 
-def _log() -> rrb.View:
+def _lines(origin: str, name: str) -> rrb.View:
     """The lines say when and who, in less room than columns would take."""
     columns = rrb.TextLogColumns(
-        timeline_columns=[rrb.encodings.TimelineColumn(TIMELINE, visible=False)], text_log_columns=["Body"]
+        timeline_columns=[rrb.encodings.TimelineColumn(ELAPSED, visible=False)], text_log_columns=["Body"]
     )
-    return rrb.TextLogView(origin=events.ENTITY, name="Events", columns=columns)
+    return rrb.TextLogView(origin=origin, name=name, columns=columns)

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 import rerun as rr
 
+from agents.viewer.elapsed import Elapsed
 from agents.viewer.texts import drawable
 from dsr import Change, Memory
 from dsr.timeline import ACTION, AGENT, RELATIONS, SITUATION, Entry, read_entry
@@ -22,12 +23,12 @@ class ChronicleView:
 
     Args:
         recording: where to.
-        time: name of the time line of the recording.
+        elapsed: sets its time lines.
     """
 
-    def __init__(self, recording: rr.RecordingStream, time: str) -> None:
+    def __init__(self, recording: rr.RecordingStream, elapsed: Elapsed) -> None:
         self._recording = recording
-        self._time = time
+        self._elapsed = elapsed
         self._lanes: set[Lane] = set()
         self._shown: dict[str, tuple[Lane, str, float, float | None]] = {}
 
@@ -42,7 +43,7 @@ class ChronicleView:
             elif entry.kind != AGENT:  # the rates of agents are shown elsewhere
                 self._draw(entry)
         if names:
-            self._recording.set_time(self._time, timestamp=now)
+            self._elapsed.set(now)
 
     def _draw(self, entry: Entry) -> None:
         subject = "arm" if entry.kind == ACTION else "".join(entry.participants[:1])
@@ -70,7 +71,7 @@ class ChronicleView:
 
     def _log(self, lane: Lane, time: float, state: str) -> None:
         kind, subject = (rr.escape_entity_path_part(part or "?") for part in lane)
-        self._recording.set_time(self._time, timestamp=time)
+        self._elapsed.set(time)
         self._recording.log(f"{ENTITY}/{kind}/{subject}", rr.StateChange(state=state))
 
 

@@ -1,26 +1,31 @@
-"""The event log: logs of agents, changes of the graph, surprises, and their explanations."""
+"""Lines of text: events of the graph, with surprises, explanations and warnings, each told once; and logs of agents."""
 
 from __future__ import annotations
 
 import logging
 from collections import defaultdict
 from collections.abc import Iterable, Iterator
-from datetime import UTC, datetime
 
 import rerun as rr
 
 from agents.inbox import Message
 from agents.viewer import palette
+from agents.viewer.elapsed import Elapsed
 from agents.viewer.palette import Color
 from agents.viewer.texts import drawable
 from dsr import Change, Memory, Node, WireError
+from dsr.graph.schema import SCHEMA_RECORD
 from dsr.runtime.logs import decode_log
 from dsr.timeline import DERIVED, EVENT, EXPLAINED, RELATIONS, SITUATION, read_entry
 from dsr.vocabulary.sentences import explained_sentence, rejected_sentences
 
 ENTITY = "log"
-_JUDGEMENTS = ("perceived", "plausible", "surprising")
-_TOLD_ELSEWHERE = ("action", SITUATION)  # node types whose coming and going the plan or the timeline shows
+"""Of the events."""
+LOGS = "agents"
+"""Of all that agents say. Warnings and errors are events as well."""
+_SURPRISING = "surprising"
+_TOLD_ELSEWHERE = ("action", SITUATION, SCHEMA_RECORD)
+"""Node types whose coming and going the plan or the timeline shows, or that are no things."""
 _MOST_NAMES = 8
 _MOST_REJECTED = 3
 _LEVELS = {
@@ -36,31 +41,34 @@ _COLORS = {"WARNING": palette.PERCEPT, "ERROR": palette.SURPRISE, "CRITICAL": pa
 class EventView:
     """Logs lines of text; malformed messages are counted and left out."""
 
-    def __init__(self, recording: rr.RecordingStream, log: logging.Logger) -> None:
+    def __init__(self, recording: rr.RecordingStream, elapsed: Elapsed, log: logging.Logger) -> None:
         self.malformed = 0
         self._recording = recording
+        self._elapsed = elapsed
         self._log = log
-        self._judgements: dict[tuple[str, str], bool] = {}
+        self._surprising: set[str] = set()
 
     def draw_record(self, message: Message) -> None:
         """Log what an agent said."""
         try:
             record = decode_log(message.payload)
             level = _LEVELS.get(record.level, rr.TextLogLevel.INFO)
-            self._say(record.agent, record.text, record.stamp, level, _COLORS.get(record.level, palette.NAME))
-        except (WireError, ValueError, OverflowError) as error:  # the latter two for a stamp that is no time
+            color = _COLORS.get(record.level, palette.NAME)
+            for entity in (LOGS, ENTITY) if record.level in _COLORS else (LOGS,):
+                self._say(record.agent, record.text, record.stamp, level, color, entity)
+        except WireError as error:
             self.malformed += 1
             if self.malformed == 1:
                 self._log.warning("dropped a message on %s: %s (logged once)", message.key, error)
 
     def draw_changes(self, changes: Iterable[Change], memory: Memory, now: float) -> None:
-        """Log nodes that came or went, relations between objects, and judgements about them that changed."""
+        """Log nodes that came or went, relations between objects, and what became surprising or ceased to be."""
         subjects: dict[str, list[str]] = defaultdict(list)
         for change in changes:
             for predicate in self._predicates(change, memory):
                 subjects[predicate].append(change.src or change.name)
         for predicate, names in subjects.items():
-            color = palette.SURPRISE if predicate.startswith("surprising") else palette.NAME
+            color = palette.SURPRISE if predicate.startswith(_SURPRISING) else palette.NAME
             self._say("graph", _sentence(names, predicate), now, rr.TextLogLevel.INFO, color)
 
     def _predicates(self, change: Change, memory: Memory) -> Iterator[str]:
@@ -76,11 +84,11 @@ class EventView:
             return
         if change.kind != "updated" and change.type not in _TOLD_ELSEWHERE:
             yield "appeared" if change.kind == "added" else "gone"
-        for name in sorted(change.attributes.intersection(_JUDGEMENTS)):
-            value = node.get(name) if node is not None else None
-            if isinstance(value, bool) and self._judgements.get((change.name, name)) is not value:
-                self._judgements[change.name, name] = value
-                yield (name if value else f"not {name}") + _reason(node, name)
+        if _SURPRISING in change.attributes:
+            is_surprising = node is not None and node.get(_SURPRISING) is True
+            if is_surprising is not (change.name in self._surprising):
+                self._surprising ^= {change.name}
+                yield _SURPRISING + _reason(node) if is_surprising else f"not {_SURPRISING} any more"
 
     def _draw_event(self, node: Node) -> None:
         """Log an explanation, or what an agent tells; what follows from the graph is told above."""
@@ -94,20 +102,20 @@ class EventView:
             text = entry.text or f"{entry.kind} {', '.join(entry.participants)}"
             self._say(entry.source or "event", f"{text}{sure}", entry.begin, rr.TextLogLevel.INFO, palette.HELD)
 
-    def _say(self, who: str, text: str, stamp: float, level: rr.TextLogLevel, color: Color) -> None:
-        """Log a line that begins with the time of day (UTC, as rerun shows it) and who says it.
+    def _say(
+        self, who: str, text: str, stamp: float, level: rr.TextLogLevel, color: Color, entity: str = ENTITY
+    ) -> None:
+        """Log a line that begins with the seconds since time 0, as the story of a run does, and who says it.
 
         Always with a colour: rerun draws lines that have none in that of the line before.
         """
-        time = datetime.fromtimestamp(stamp, UTC).strftime("%H:%M:%S")
-        line = f"{time}  {drawable(who)}: {drawable(text)}"
-        self._recording.log([ENTITY, who], rr.TextLog(line, level=level, color=color))
+        line = f"{self._elapsed.text(stamp)}  {drawable(who)}: {drawable(text)}"
+        self._recording.log([entity, who], rr.TextLog(line, level=level, color=color))
 
 
-def _reason(node: Node | None, judgement: str) -> str:
-    """Why something is surprising, if it is."""
-    is_surprising = judgement == "surprising" and node is not None and node.get("surprising", False)
-    return f": {node['surprise']}" if is_surprising and node is not None and "surprise" in node else ""
+def _reason(node: Node | None) -> str:
+    """Why something is surprising."""
+    return f": {node['surprise']}" if node is not None and "surprise" in node else ""
 
 
 def _explanation(event: Node) -> str:

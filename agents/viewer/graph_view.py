@@ -1,41 +1,122 @@
-"""The graph view: nodes and edges of the working memory, logged only when one comes or goes."""
+"""The graph view: nodes and edges of the working memory, with the attributes of the node that is selected."""
 
 from __future__ import annotations
 
+from collections import defaultdict
+from collections.abc import Iterable
+from typing import Any
+
 import rerun as rr
 
-from agents.viewer.layout import arrange
-from dsr import Memory
-from dsr.timeline import EVENT, SITUATION
+from agents.viewer.folding import Folded, fold
+from agents.viewer.layout import DrawnEdge, DrawnNode, arrange
+from agents.viewer.palette import Color
+from agents.viewer.texts import drawable
+from dsr import Change, Memory, Pose
 
 ENTITY = "graph"
-_LEFT_OUT = (EVENT, SITUATION)  # too many, and shown over time
+BACKGROUND: Color = (14, 16, 20)
+"""Colour of the view, and so of the frame that keeps labels from being cut off."""
+_TOLD_EVERY = 1.0  # s; poses change at every frame, and nobody reads faster
+_POINT = rr.Radius.ui_points(5.0)
+_LINE = rr.Radius.ui_points(1.2)
+_MEASURED = ("RT", "Virtual_RT")
 
 
 class GraphView:
-    """Logs the graph as boxes and arrows."""
+    """Logs each node as an entity that carries its attributes, and the edges of each type as one."""
 
     def __init__(self, recording: rr.RecordingStream) -> None:
         self._recording = recording
-        self._shown: object = None
+        self._shown: Folded | None = None
+        self._types: set[str] = set()
+        self._told: dict[str, dict[str, str]] = {}
+        self._tell_at = 0.0
 
-    def draw(self, memory: Memory) -> None:
-        """Log the graph if nodes, their types or edges are others than before."""
-        nodes = {node.name: node.type for node in memory.nodes() if node.type not in _LEFT_OUT}
-        edges = [edge.key for edge in memory.edges() if edge.src in nodes and edge.dst in nodes]
-        content = (nodes, sorted(edges))
-        if content == self._shown:
-            return
-        self._shown = content
-        boxes, arrows = arrange(nodes, edges)
-        self._recording.log(
-            ENTITY,  # one entity for both, or rerun draws the edges between nodes of its own
-            rr.GraphNodes(
-                [box.id for box in boxes],
-                labels=[box.label for box in boxes],
-                colors=[box.color for box in boxes],
-                positions=[(box.x, box.y) for box in boxes],
-                show_labels=True,
-            ),
-            rr.GraphEdges(arrows, graph_type="directed"),
+    def draw(self, memory: Memory, changes: Iterable[Change], now: float) -> None:
+        """Log the graph if nodes or edges came or went, and attributes once a second at most."""
+        if self._shown is None or any(change.kind != "updated" or change.type == "action" for change in changes):
+            folded = fold(memory)
+            if folded != self._shown:
+                self._draw(folded)
+        if now >= self._tell_at:
+            self._tell_at = now + _TOLD_EVERY
+            self._tell(memory)
+
+    def _draw(self, folded: Folded) -> None:
+        before = self._shown.nodes if self._shown is not None else {}
+        for name in before.keys() - folded.nodes.keys():
+            self._told.pop(name, None)
+            self._recording.log(_node(name), rr.Clear(recursive=False))
+        self._shown = folded
+        drawing = arrange(folded.nodes, folded.edges, folded.labels)
+        (left, top), (right, bottom) = drawing.frame
+        corners = [(left, top), (right, top), (right, bottom), (left, bottom), (left, top)]
+        self._recording.log([ENTITY, "frame"], rr.LineStrips2D([corners], colors=[BACKGROUND], radii=_LINE))
+        for node in drawing.nodes:
+            self._draw_node(node)
+        self._draw_edges(drawing.edges)
+
+    def _draw_node(self, node: DrawnNode) -> None:
+        looks = rr.Points2D([node.at], radii=_POINT, colors=[node.color], labels=[node.label], show_labels=True)
+        self._recording.log(_node(node.name), looks)
+
+    def _draw_edges(self, edges: list[DrawnEdge]) -> None:
+        by_type: dict[str, list[DrawnEdge]] = defaultdict(list)
+        for edge in edges:
+            by_type[edge.key[2]].append(edge)
+        for type in self._types - by_type.keys():
+            self._recording.log([ENTITY, "edges", type], rr.Clear(recursive=True))
+        self._types = set(by_type)
+        for type, same in by_type.items():
+            self._log_arrows([ENTITY, "edges", type], [edge for edge in same if not edge.label])
+            # apart, because labels are shown for all arrows of an entity, also empty ones
+            self._log_arrows([ENTITY, "edges", type, "labelled"], [edge for edge in same if edge.label])
+
+    def _log_arrows(self, entity: list[object], edges: list[DrawnEdge]) -> None:
+        arrows = rr.Arrows2D(
+            origins=[edge.begin for edge in edges],
+            vectors=[(edge.end[0] - edge.begin[0], edge.end[1] - edge.begin[1]) for edge in edges],
+            colors=[edge.color for edge in edges],
+            labels=[drawable(edge.label) for edge in edges] if any(edge.label for edge in edges) else None,
+            radii=_LINE,
         )
+        self._recording.log(entity, arrows)
+
+    def _tell(self, memory: Memory) -> None:
+        """Log the attributes of each node, and where it is, for the panel that shows what is selected."""
+        places: dict[str, dict[str, str]] = defaultdict(dict)
+        for type in _MEASURED:
+            for edge in memory.edges(type):
+                pose = edge.get("pose")
+                if isinstance(pose, Pose):
+                    places[edge.dst][f"{type} in {edge.src}"] = _pose(pose)
+        for name in self._shown.nodes if self._shown is not None else ():
+            node = memory.get_node(name)
+            if node is None:
+                continue
+            told = {key: drawable(_value(value)) for key, value in sorted(node.attributes.items())}
+            told = {"type": node.type, **told, **places.get(name, {})}
+            before = self._told.get(name, {})
+            if told != before:
+                self._told[name] = told
+                gone = dict.fromkeys(before.keys() - told.keys(), "")
+                self._recording.log(_node(name), rr.DynamicArchetype("node", components={**told, **gone}))
+
+
+def _node(name: str) -> list[object]:
+    return [ENTITY, "nodes", name]
+
+
+def _pose(pose: Pose) -> str:
+    """Position in m and quaternion xyzw."""
+    position = ", ".join(f"{value:.4f}" for value in pose.translation)
+    return f"{position} m; xyzw {', '.join(f'{value:.4f}' for value in pose.rotation)}"
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, bytes):
+        return f"{len(value)} bytes"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    return ", ".join(map(_value, value)) if isinstance(value, list | tuple) else str(value)

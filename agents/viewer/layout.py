@@ -1,13 +1,12 @@
 """Where to draw nodes and edges: a tree from left to right, the same for the same graph.
 
-rerun draws all edges alike and without labels. So an edge whose type matters runs through a small box with
-its type's name and colour. Edges of one type at one node share the box, which keeps a graph with many
-objects readable: `camera -> [RT] -> cubes`, `cubes -> [on] -> table`. Edges of the kinematic chain, of parts and of
-plans are plain.
+A node stands right of what it rests on, is part of, or is measured from. So a tower of cubes is a row of them, behind
+the table. Labels are as large on the screen whatever the zoom, and stand below their nodes.
 """
 
 from __future__ import annotations
 
+import math
 import re
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
@@ -18,46 +17,61 @@ from agents.viewer.palette import Color
 
 EdgeKey = tuple[str, str, str]
 """(source, destination, type)"""
+Point = tuple[float, float]
+"""px to the right, px down"""
 
-_ROW = 52.0  # px, all lengths below as well
-_GAP = 24.0
-_LETTER = 7.0
-_MARGIN = 22.0
+_ROW = 48.0  # px from one row to the next: a node, and its label of 12 px below; all lengths below in px, too
+_LETTER = 7.5  # width of a letter of a label of 12 px
+_GAP = 36.0  # from the labels of one column to those of the next, for the arrows
+_MARGIN = 30.0  # around everything, for labels at the border
+_RADIUS = 9.0  # from the middle of a node to the ends of its arrows
+_BESIDE = 6.0  # between arrows that join the same two nodes
 _TALLEST = 6  # leaves below one another
-_LEFT_OUT = ("sees",)  # edges that images show better
-_PLAIN = ("has", "next")  # edges of parts and plans, without a box
+_STRUCTURE = ("has", "next")
+"""Types of edges of parts and plans. They have no label: where their nodes stand says enough."""
 _TOWARDS_DESTINATION = ("on", "in")
-_PARENTS = ("Virtual_RT", "RT", "has", "next", "in", "on")  # edge types by which a node is placed, best first
-_FIRST = {"robot": 0, "camera": 1, "": 2, "table": 4}  # "" is a box of edges
+_PARENTS = ("on", "in", "has", "next", "RT", "Virtual_RT")
+"""Types of edges by which a node is placed, the best first."""
+_FIRST = {"robot": 0, "camera": 1, "mind": 2, "table": 4}
+"""Order of the nodes below the same parent, by type; of all others, 3."""
 
 
-class LabelBox(NamedTuple):
-    """A labelled box."""
+class DrawnNode(NamedTuple):
+    """A node at its place."""
 
-    id: str
+    name: str
     label: str
     color: Color
-    x: float
-    y: float
+    at: Point
+
+
+class DrawnEdge(NamedTuple):
+    """An arrow from node to node."""
+
+    key: EdgeKey
+    label: str
+    """Type of the edge; empty if another edge beside it says it already."""
+    color: Color
+    begin: Point
+    end: Point
 
 
 class Drawing(NamedTuple):
     """The elements of a drawing."""
 
-    boxes: list[LabelBox]
-    arrows: list[tuple[str, str]]
-    """Arrows from box to box, by id."""
+    nodes: list[DrawnNode]
+    edges: list[DrawnEdge]
+    frame: tuple[Point, Point]
+    """Corners of the rectangle that holds everything, labels included: the upper left and the lower right one."""
 
 
 class _Item:
-    """A box while it is being placed."""
+    """A node while it is being placed."""
 
-    def __init__(self, id: str, label: str, type: str, color: Color) -> None:
-        self.id = id
+    def __init__(self, name: str, label: str, type: str) -> None:
+        self.name = name
         self.label = label
         self.type = type
-        """Node type; empty for a box of edges."""
-        self.color = color
         self.children: list[_Item] = []
         self.placed = False
         self.column = 0
@@ -65,38 +79,27 @@ class _Item:
 
     @property
     def order(self) -> tuple[int, list[str | int]]:
-        return _FIRST.get(self.type, 3), _natural(self.id)
-
-    @property
-    def width(self) -> float:
-        return len(self.label) * _LETTER + _MARGIN
+        return _FIRST.get(self.type, 3), _natural(self.name)
 
 
-def arrange(nodes: Mapping[str, str], edges: Iterable[EdgeKey]) -> Drawing:
-    """Draw `nodes` (type by name) and the edges between them."""
-    items = {name: _Item(name, _label(name, type), type, palette.of_node(type)) for name, type in nodes.items()}
-    arrows: dict[tuple[str, str], None] = {}
+def arrange(nodes: Mapping[str, str], edges: Iterable[EdgeKey], labels: Mapping[str, str] | None = None) -> Drawing:
+    """Draw a graph.
+
+    Args:
+        nodes: the type of each node, by name.
+        edges: between these nodes.
+        labels: of nodes that are called otherwise than by their names.
+    """
+    items = {name: _Item(name, (labels or {}).get(name, name), type) for name, type in nodes.items()}
+    keys = sorted(edges)
     parents: dict[str, list[tuple[int, str]]] = defaultdict(list)
-    for src, dst, type in sorted(edges):
-        rank = _PARENTS.index(type) if type in _PARENTS else len(_PARENTS)
-        if type in _LEFT_OUT:
-            continue
-        if type in _PLAIN or (type == "RT" and nodes[src] != "camera"):
-            arrows[src, dst] = None
-            parents[dst].append((-1, src))
-            continue
-        anchor, other = (dst, src) if type in _TOWARDS_DESTINATION else (src, dst)
-        box = f"{anchor} {type}"  # no node has a space in its name
-        if box not in items:
-            items[box] = _Item(box, type, "", palette.of_edge(type))
-            parents[box].append((-1, anchor))
-        arrows[src, box] = arrows[box, dst] = None
-        parents[other].append((rank, box))
+    for src, dst, type in keys:
+        child, parent = (src, dst) if type in _TOWARDS_DESTINATION else (dst, src)
+        parents[child].append((_PARENTS.index(type) if type in _PARENTS else len(_PARENTS), parent))
     _place(items, {name: [parent for _, parent in sorted(ranked)] for name, ranked in parents.items()})
-    for item in items.values():
-        if not item.type and item.label in _TOWARDS_DESTINATION:
-            item.column = 1 + max(items[end].column for arrow in arrows if item.id in arrow for end in arrow)
-    return Drawing(_boxes(list(items.values())), list(arrows))
+    places = _places(list(items.values()))
+    drawn = [DrawnNode(name, item.label, palette.of_node(item.type), places[name]) for name, item in items.items()]
+    return Drawing(drawn, _arrows(keys, places), _frame(drawn))
 
 
 def _place(items: Mapping[str, _Item], parents: Mapping[str, list[str]]) -> None:
@@ -114,7 +117,6 @@ def _place(items: Mapping[str, _Item], parents: Mapping[str, list[str]]) -> None
 def _descend(item: _Item, column: int, row: float) -> float:
     """Place a subtree whose first leaf is in `row`; returns the next free row."""
     item.placed, item.column, item.row = True, column, row
-    below = column + (3 if item.label == "Virtual_RT" and not item.type else 1)  # leaves room for the percepts' arrows
     children = sorted((child for child in item.children if not child.placed), key=lambda child: child.order)
     leaves = [child for child in children if not child.children]
     if len(leaves) <= _TALLEST:
@@ -122,8 +124,8 @@ def _descend(item: _Item, column: int, row: float) -> float:
     free = row
     for child in children:
         if child not in leaves and not child.placed:
-            free = _descend(child, below, free)
-    free = _place_grid(leaves, below, free)
+            free = _descend(child, column + 1, free)
+    free = _place_grid(leaves, column + 1, free)
     if children:
         rows = [child.row for child in children]
         item.row = (min(rows) + max(rows)) / 2
@@ -138,22 +140,57 @@ def _place_grid(leaves: list[_Item], column: int, row: float) -> float:
     return row + min(len(leaves), _TALLEST)
 
 
-def _boxes(items: list[_Item]) -> list[LabelBox]:
-    """The items with their places in px."""
+def _places(items: list[_Item]) -> dict[str, Point]:
+    """The middle of each node."""
     widths: dict[int, float] = defaultdict(float)
     for item in items:
-        widths[item.column] = max(widths[item.column], item.width)
+        widths[item.column] = max(widths[item.column], len(item.label) * _LETTER)
     centres, x = {}, 0.0
     for column in range(max(widths, default=0) + 1):
         centres[column] = x + widths[column] / 2
         x += widths[column] + _GAP
-    return [LabelBox(item.id, item.label, item.color, centres[item.column], item.row * _ROW) for item in items]
+    return {item.name: (centres[item.column], item.row * _ROW) for item in items}
 
 
-def _label(name: str, type: str) -> str:
-    """The name; for links of a robot only their number, since the chain says the rest."""
-    number = re.fullmatch(r".*_link_(\d+)", name) if type == "body" else None
-    return number[1] if number else name
+def _arrows(keys: list[EdgeKey], places: Mapping[str, Point]) -> list[DrawnEdge]:
+    """The arrows; of those of one type at one node, the one in the middle has the label."""
+    groups: dict[tuple[str, str], list[EdgeKey]] = defaultdict(list)
+    pairs: dict[tuple[str, ...], list[EdgeKey]] = defaultdict(list)
+    for key in keys:
+        src, dst, type = key
+        groups[dst if type in _TOWARDS_DESTINATION else src, type].append(key)
+        pairs[tuple(sorted((src, dst)))].append(key)
+    labelled = {same[len(same) // 2] for (_, type), same in groups.items() if type not in _STRUCTURE}
+    arrows = []
+    for src, dst, type in keys:
+        beside = pairs[tuple(sorted((src, dst)))]
+        shift = (beside.index((src, dst, type)) - (len(beside) - 1) / 2) * _BESIDE
+        begin, end = _ends(places[src], places[dst], shift if src <= dst else -shift)
+        label = type if (src, dst, type) in labelled else ""
+        arrows.append(DrawnEdge((src, dst, type), label, palette.of_edge(type), begin, end))
+    return arrows
+
+
+def _ends(a: Point, b: Point, shift: float) -> tuple[Point, Point]:
+    """Ends of an arrow outside of its nodes, moved sideways by `shift`; of an edge to itself, a short one below."""
+    length = math.dist(a, b)
+    if length <= 2 * _RADIUS:
+        return (a[0] - _RADIUS, a[1] + _RADIUS), (a[0] + _RADIUS, a[1] + _RADIUS)
+    along = (b[0] - a[0]) / length, (b[1] - a[1]) / length
+    dx, dy = -along[1] * shift, along[0] * shift
+    return (
+        (a[0] + along[0] * _RADIUS + dx, a[1] + along[1] * _RADIUS + dy),
+        (b[0] - along[0] * _RADIUS + dx, b[1] - along[1] * _RADIUS + dy),
+    )
+
+
+def _frame(nodes: list[DrawnNode]) -> tuple[Point, Point]:
+    halves = [len(node.label) * _LETTER / 2 for node in nodes]
+    left = min((node.at[0] - half for node, half in zip(nodes, halves, strict=True)), default=0.0)
+    right = max((node.at[0] + half for node, half in zip(nodes, halves, strict=True)), default=0.0)
+    top = min((node.at[1] for node in nodes), default=0.0)
+    bottom = max((node.at[1] for node in nodes), default=0.0)
+    return (left - _MARGIN, top - _MARGIN), (right + _MARGIN, bottom + 2 * _MARGIN)
 
 
 def _natural(name: str) -> list[str | int]:

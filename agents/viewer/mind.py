@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from datetime import UTC, datetime
 
 import rerun as rr
 
+from agents.viewer.elapsed import Elapsed
 from agents.viewer.texts import markdown
 from dsr import Memory, Node
 from dsr.timeline import explanations
@@ -25,14 +25,15 @@ _MOST_ACTIONS = 12
 class MindView:
     """Logs the pages, each only when it changed."""
 
-    def __init__(self, recording: rr.RecordingStream) -> None:
+    def __init__(self, recording: rr.RecordingStream, elapsed: Elapsed) -> None:
         self._recording = recording
+        self._elapsed = elapsed
         self._shown: dict[str, str] = {}
 
     def draw(self, memory: Memory) -> None:
         """Log what is not as it was before."""
         self._update(PLAN, plan_page(memory))
-        self._update(EXPLANATIONS, explanations_page(memory))
+        self._update(EXPLANATIONS, explanations_page(memory, self._elapsed))
 
     def _update(self, entity: str, page: str) -> None:
         if self._shown.get(entity) != page:
@@ -71,24 +72,25 @@ def _rows(actions: list[Node]) -> Iterable[str]:
         yield f"| {emphasis}{markdown(describe_action(node))}{emphasis} | {emphasis}{said}{emphasis} |"
 
 
-def explanations_page(memory: Memory) -> str:
+def explanations_page(memory: Memory, elapsed: Elapsed) -> str:
     """Markdown: what is surprising now, the newest explanations with what was rejected, and earlier ones."""
     events = explanations(memory)[::-1]
     surprising = sorted((node for node in memory.nodes() if node.get("surprising", False)), key=lambda node: node.name)
     parts = [f"**Surprising: {markdown(node.name)}**, {markdown(node.get('surprise', ''))}" for node in surprising]
-    parts += [_explained(node) for node in events[:_NEWEST]] or ["*Nothing had to be explained.*"]
-    parts += [f"{_time(node)} {markdown(explained_sentence(node.attributes))}" for node in events[_NEWEST:][:_EARLIER]]
+    parts += [_explained(node, elapsed) for node in events[:_NEWEST]] or ["*Nothing had to be explained.*"]
+    earlier = events[_NEWEST:][:_EARLIER]
+    parts += [f"{_time(node, elapsed)} {markdown(explained_sentence(node.attributes))}" for node in earlier]
     return "\n\n".join(parts)
 
 
-def _explained(event: Node) -> str:
+def _explained(event: Node, elapsed: Elapsed) -> str:
     """A table: the explanation chosen first, then those rejected, each with its score."""
     rejected = rejected_sentences(event.attributes)
     rows = [("**chosen**", _score(event), f"**{markdown(explained_sentence(event.attributes))}**")]
     rows += [("rejected", markdown(other.score), markdown(other.sentence)) for other in rejected[:_MOST_REJECTED]]
     if len(rejected) > _MOST_REJECTED:
         rows.append(("", "", f"and {len(rejected) - _MOST_REJECTED} more"))
-    title = f"{_time(event)} {markdown(event.get('target', ''))}, by {markdown(event.get('policy', ''))}"
+    title = f"{_time(event, elapsed)} {markdown(event.get('target', ''))}, by {markdown(event.get('policy', ''))}"
     table = "\n".join(f"| {' | '.join(row)} |" for row in rows)
     return f"{title}\n\n| | score | explanation |\n|---|---|---|\n{table}"
 
@@ -97,9 +99,7 @@ def _score(event: Node) -> str:
     return f"{event['score']:.1f}" if "score" in event else ""
 
 
-def _time(node: Node) -> str:
-    """Time of day (UTC, as rerun shows it)."""
-    try:
-        return datetime.fromtimestamp(node.get("time", 0.0), UTC).strftime("%H:%M:%S")
-    except (ValueError, OverflowError, OSError):
-        return "--:--:--"
+def _time(node: Node, elapsed: Elapsed) -> str:
+    """When, as the story of a run tells it."""
+    time = node.get("time")
+    return elapsed.text(time).strip() if isinstance(time, float) else "at no time"

@@ -22,7 +22,7 @@ import cv2
 import numpy as np
 from rerun.experimental import ViewerClient
 
-from agents.viewer.blueprint import TIMELINE
+from agents.viewer.elapsed import ELAPSED
 from agents.viewer.window import free_port, native_viewer, private_environment, viewer_url
 from dsr import DsrError
 from dsr.clock import WALL_CLOCK
@@ -45,7 +45,7 @@ def take_screenshot(recording: Path, picture: Path, size: str = "1600x1000", sec
         recording: an `.rrd` file.
         picture: a `.png` file.
         size: of the viewer in px; the picture lacks its top bar.
-        seconds: s from the beginning of the recording; None for its end.
+        seconds: as the story of the run counts them; None for the end of the recording.
 
     Raises:
         ScreenshotError: if the viewer cannot show the recording, or the picture cannot be written.
@@ -54,9 +54,9 @@ def take_screenshot(recording: Path, picture: Path, size: str = "1600x1000", sec
         raise ScreenshotError(f"{recording}: no such file")
     with tempfile.TemporaryDirectory() as folder, _HeadlessViewer(recording, size, Path(folder) / "log") as viewer:
         client = viewer.wait_for("it answers", lambda: _connect(viewer.url))
-        start = viewer.wait_for("the recording is loaded", lambda: _start(client))
+        viewer.wait_for("the recording is loaded", lambda: _is_loaded(client))
         if seconds is not None:
-            client.set_time(TIMELINE, timestamp=start + seconds, play_state="paused")
+            client.set_time(ELAPSED, duration=seconds, play_state="paused")
         pictures = [b"", b""]
 
         def still() -> bytes | None:
@@ -76,10 +76,10 @@ def _connect(url: str) -> ViewerClient | None:
         return None
 
 
-def _start(client: ViewerClient) -> float | None:
-    """When the recording begins, s; None while it is not loaded."""
+def _is_loaded(client: ViewerClient) -> bool | None:
+    """True once there is something; None before."""
     timelines = [line for recording in client.get_state().recordings for line in recording.timelines]
-    return next((line.start / 1e9 for line in timelines if line.name == TIMELINE and line.start is not None), None)
+    return any(line.name == ELAPSED and line.start is not None for line in timelines) or None
 
 
 class _HeadlessViewer:
@@ -124,7 +124,7 @@ def run(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("recording", type=Path, help="an .rrd file")
     parser.add_argument("picture", type=Path, help="the .png file to write")
     parser.add_argument("--size", default="1600x1000", help="of the viewer in px (default %(default)s)")
-    parser.add_argument("--at", type=float, help="seconds from the beginning (default: the end)")
+    parser.add_argument("--at", type=float, help="seconds, as the story of the run counts them (default: the end)")
     options = parser.parse_args(arguments)
     try:
         take_screenshot(options.recording, options.picture, options.size, options.at)

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from agents.drivers import ArmState, TagReading, TagReadings
 from agents.plant.messages import Follow, MoveGripper, MoveJoints, Stop, Truth
-from agents.scenario.format.scenario import Start
 from dsr import Pose
 from dsr.crdt.context import CausalContext
 from dsr.crdt.delta import Delta
@@ -27,6 +26,7 @@ from dsr.replication.wire import Digest, encode_delta, encode_digest
 from dsr.runtime.logs import LogRecord
 from dsr.runtime.status import State, Status, encode_status
 from dsr.vocabulary.intrinsics import Intrinsics
+from dsr.vocabulary.scenario_start import Start
 from dsr.vocabulary.what_if import Answer, Question, Supposed, encode_answer, encode_question
 
 NOW = 1_000_000_000.0

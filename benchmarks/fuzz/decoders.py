@@ -14,7 +14,6 @@ import msgpack
 
 from agents.plant.messages import decode_arm_state, decode_command, decode_tag_readings
 from agents.recorder.images import unpack
-from agents.scenario.format.scenario import decode_start
 from agents.scenario.judge.judge import decode_truth
 from benchmarks.fuzz import corpus
 from benchmarks.fuzz.mutations import Dump, Load, Mutator, dump_frame, dump_json, load_frame, load_messagepack
@@ -32,6 +31,7 @@ from dsr.replication.piece_wire import decode_piece, decode_request
 from dsr.replication.wire import decode_delta, decode_digest, encode_delta
 from dsr.runtime.logs import decode_log
 from dsr.runtime.status import decode_status
+from dsr.vocabulary.scenario_start import decode_start
 from dsr.vocabulary.what_if import decode_answer, decode_question
 
 _LOOK_EVERY = 500

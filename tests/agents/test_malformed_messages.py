@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from agents.plant.messages import arm_command_key, arm_state_key, decode_arm_state, decode_command, readings_key
 from agents.plant.messages import decode_tag_readings as decode_readings
-from agents.scenario.format.scenario import decode_start, start_key
 from agents.scenario.judge.judge import decode_truth
 from agents.scenario.run.staging import make_run, staged_system
 from benchmarks.fuzz import corpus
@@ -14,6 +13,7 @@ from dsr.replication.wire import decode_delta, decode_digest
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.logs import decode_log
 from dsr.runtime.status import decode_status
+from dsr.vocabulary.scenario_start import decode_start, start_key
 
 SECONDS = 4.0
 PER_STEP = 3

@@ -3,9 +3,9 @@
 The struct of the file is `Scenario` (model.py), of the moves `Event` (events.py), of what must hold `Check`
 (expectations.py). docs/reference/scenarios.md describes the format for users.
 
-Time: the plant simulates from the moment it runs, but the timeline starts when a `Start` arrives on
-`start_key(keys)`; until then nothing of `events` happens. The runner repeats it once a second, so a plant
-that was restarted carries on at the right time.
+Time: the plant simulates from the moment it runs, but the timeline starts when a `Start` arrives
+(dsr/vocabulary/scenario_start.py); until then nothing of `events` happens. The runner repeats the message once a
+second, so a plant that was restarted carries on at the right time.
 """
 
 from __future__ import annotations
@@ -71,8 +71,6 @@ from dsr.config.toml_lines import parse_toml
 from dsr.errors import ConfigError, suggest
 from dsr.files.built_in import ETC
 from dsr.files.data_files import read_text
-from dsr.network.decoding import decoded
-from dsr.network.keys import Keys
 
 __all__ = [
     "EVENTS",
@@ -111,7 +109,6 @@ __all__ = [
     "SensorSpec",
     "SetInMotion",
     "Slide",
-    "Start",
     "Swap",
     "TableSpec",
     "Term",
@@ -121,36 +118,8 @@ __all__ = [
     "load_scenario",
     "parse_scenario",
     "scenario_files",
-    "start_key",
     "start_poses",
 ]
-
-
-class Start(msgspec.Struct, frozen=True):
-    """The message that starts the timeline, MessagePack."""
-
-    stamp: float
-    """s, time 0 of the scenario"""
-
-
-_start_decoder = msgspec.msgpack.Decoder(Start)
-
-
-def decode_start(payload: bytes) -> Start:
-    """The start in a message; raises `WireError`."""
-    return decoded(payload, "start", _read_start)
-
-
-def _read_start(payload: bytes) -> Start:
-    start = _start_decoder.decode(payload)
-    if not math.isfinite(start.stamp):
-        raise ValueError(f"time {start.stamp}")
-    return start
-
-
-def start_key(keys: Keys) -> str:
-    """Key on which the runner sends `Start` to the plant."""
-    return keys.device("scenario/start")
 
 
 def load_scenario(name_or_path: str | Path) -> Scenario:

@@ -12,7 +12,6 @@ import msgspec
 
 from agents.scenario.format.events import Kill
 from agents.scenario.format.model import Scenario
-from agents.scenario.format.scenario import Start, start_key
 from agents.scenario.judge.judge import Judge
 from agents.scenario.judge.result import Result
 from agents.scenario.run.staging import Run, plant_alone, staged_system, without
@@ -26,9 +25,8 @@ from dsr.runtime.launcher import POLL_PERIOD, AgentRow, Launcher
 from dsr.runtime.lockstep import Lockstep
 from dsr.runtime.status import State
 from dsr.runtime.system import System
+from dsr.vocabulary.scenario_start import LEAD, Start, start_key
 
-LEAD = 0.5
-"""s between all agents being ready and the start"""
 RESTART_AFTER = 1.0
 """s that a killed agent stays away in lockstep, about as long as a process needs"""
 _READY_WITHIN = 10.0  # s of simulated time

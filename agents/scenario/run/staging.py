@@ -94,7 +94,7 @@ def _settings(run: Run) -> dict[str, dict[str, Any]]:
         "scene_setup": {"scenario": str(run.file)},
         "fixed_camera": {"scenario": str(run.file)},
         "recorder": {"folder": folder},
-        "viewer": {"folder": folder, "spawn": run.window},
+        "viewer": {"folder": folder, "spawn": run.window, "awaits_start": True},
     }
 
 

@@ -19,12 +19,12 @@ from agents.plant.driver import PlantArm, PlantCamera, PlantPoses
 from agents.plant.messages import Truth, arm_command_key, arm_state_key, frame_key, readings_key
 from agents.plant.plant import MOST_STEPS
 from agents.plant.world import STEP
-from agents.scenario.format.scenario import Start, start_key
 from dsr.agent import make_agent
 from dsr.clock import ManualClock
 from dsr.errors import ConfigError
 from dsr.network.keys import Keys
 from dsr.network.local_transport import LocalNetwork
+from dsr.vocabulary.scenario_start import Start, start_key
 
 SCENARIO = """
 name = "test"

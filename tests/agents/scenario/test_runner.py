@@ -9,7 +9,7 @@ import msgspec
 import numpy as np
 import pytest
 
-from agents.scenario.format.scenario import Start, parse_scenario, start_key
+from agents.scenario.format.scenario import parse_scenario
 from agents.scenario.judge.result import Result
 from agents.scenario.run import runner
 from agents.scenario.run.runner import run_lockstep
@@ -18,6 +18,7 @@ from dsr.agent import Access, Agent
 from dsr.errors import AgentError
 from dsr.math3d.transforms import Pose
 from dsr.runtime.system import AgentSpec, System
+from dsr.vocabulary.scenario_start import Start, start_key
 
 SCENARIO = """
 name = "short"

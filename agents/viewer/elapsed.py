@@ -1,0 +1,67 @@
+"""Counts seconds as the story of a run does: from the start of the scenario, else from the first look."""
+
+from __future__ import annotations
+
+import logging
+import math
+
+import rerun as rr
+
+from agents.inbox import Message
+from dsr import WireError
+from dsr.vocabulary.scenario_start import LEAD, decode_start
+
+ELAPSED = "elapsed"
+"""Time line of the recording: s since time 0."""
+TIME_OF_DAY = "stamp"
+"""Time line of the recording: time since 1970, as messages and poses are stamped."""
+_NEVER = 3.2e8  # s, ten years: what claims to be as far from time 0 has no time
+
+
+class Elapsed:
+    """Knows time 0, and sets both time lines of a recording.
+
+    Args:
+        recording: whose time lines are set.
+        awaits_start: a scenario is about to start, and its time 0 is told. All that is drawn before is at one moment.
+        log: is told about malformed messages.
+    """
+
+    def __init__(self, recording: rr.RecordingStream, awaits_start: bool, log: logging.Logger) -> None:
+        self.malformed = 0
+        self._recording = recording
+        self._awaits = awaits_start
+        self._log = log
+        self._zero: float | None = None
+
+    def note_start(self, message: Message) -> None:
+        """Count from the start in a message; malformed ones are counted and left out."""
+        try:
+            self._zero = decode_start(message.payload).stamp
+        except WireError as error:
+            self.malformed += 1
+            if self.malformed == 1:
+                self._log.warning("dropped a message on %s: %s (logged once)", message.key, error)
+        else:
+            self._awaits = False
+
+    def seconds(self, stamp: float) -> float:
+        """Time (s) since time 0 at `stamp` (s since 1970)."""
+        if self._awaits:
+            return -LEAD
+        if self._zero is None:
+            self._zero = stamp
+        since = stamp - self._zero
+        return since if abs(since) < _NEVER else math.copysign(_NEVER, since)
+
+    def text(self, stamp: float) -> str:
+        """The same for people, as wide as in the story of a run."""
+        seconds = self.seconds(stamp)
+        return f"{seconds:6.1f} s" if abs(seconds) < _NEVER else "at no time"
+
+    def set(self, stamp: float) -> None:
+        """Let all that is logged from now on be of the time `stamp` (s since 1970)."""
+        seconds = self.seconds(stamp)
+        if abs(seconds) < _NEVER:
+            self._recording.set_time(TIME_OF_DAY, timestamp=stamp)
+        self._recording.set_time(ELAPSED, duration=seconds)

@@ -1,0 +1,70 @@
+"""Which part of the working memory the graph view draws: links of arms and finished actions are folded."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from agents.viewer.layout import EdgeKey
+from agents.viewer.texts import drawable
+from dsr import Memory, Node
+from dsr.graph.schema import SCHEMA_RECORD
+from dsr.timeline import EVENT, SITUATION, TIMELINE
+from dsr.vocabulary.intentions import ENDED
+
+_LEFT_OUT = (EVENT, SITUATION, SCHEMA_RECORD)
+"""Types of nodes that are not drawn: too many, and shown elsewhere."""
+_IMAGES_SHOW = "sees"
+"""Type of edges that are not drawn: the images show the same."""
+_LONGEST = 28  # letters of a label: the longest names of parts and cameras of a robot have as many
+
+
+class Folded(NamedTuple):
+    """The part of the graph that is drawn."""
+
+    nodes: dict[str, str]
+    """Type, by name."""
+    edges: list[EdgeKey]
+    """Sorted; of folded nodes, the ends are where these were folded into."""
+    labels: dict[str, str]
+    """Of the nodes, also how much is folded into them."""
+
+
+def fold(memory: Memory) -> Folded:
+    """Fold the links of an arm into the arm, and actions that are over into their intention."""
+    nodes = {node.name: node for node in memory.nodes() if node.type not in _LEFT_OUT and node.name != TIMELINE}
+    edges = [edge.key for edge in memory.edges() if edge.src in nodes and edge.dst in nodes]
+    into = _folded_into(nodes, edges)
+    ends = {name: into.get(name, name) for name in nodes}
+    kept = {
+        (ends[src], ends[dst], type)
+        for src, dst, type in edges
+        if type != _IMAGES_SHOW and (ends[src] != ends[dst] or src == dst)
+    }
+    labels = {name: drawable(name, _LONGEST) for name in nodes if name not in into}
+    for name, count in Counter(into.values()).items():
+        labels[name] += f" ({count} done)" if nodes[name].type == "intention" else f" ({count} links)"
+    return Folded({name: nodes[name].type for name in labels}, sorted(kept), labels)
+
+
+def _folded_into(nodes: Mapping[str, Node], edges: list[EdgeKey]) -> dict[str, str]:
+    """What each folded node is folded into."""
+    above = {dst: src for src, dst, type in edges if type in ("has", "RT")}
+    into = {}
+    for name, node in nodes.items():
+        is_over = node.type == "action" and node.get("status") in ENDED
+        whole = "arm" if node.type == "body" else "intention" if is_over else ""
+        if whole and (found := _ancestor(name, above, nodes, whole)):
+            into[name] = found
+    return into
+
+
+def _ancestor(name: str, above: Mapping[str, str], nodes: Mapping[str, Node], type: str) -> str:
+    """The nearest node of a type above another one; empty if there is none."""
+    seen = {name}
+    while (name := above.get(name, "")) and name not in seen:
+        if nodes[name].type == type:
+            return name
+        seen.add(name)
+    return ""
