@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -20,7 +25,10 @@ from dsr.connecting import connect
 from dsr.errors import ConfigError
 from dsr.network.keys import check_name
 from dsr.network.rendezvous import endpoints
+from dsr.network.transport import Qos
+from dsr.runtime.display import has_display
 from dsr.runtime.native_output import silenced
+from dsr.vocabulary.replayed import Replayed, replayed_key
 
 Settings = dict[str, dict[str, object]]
 """Fields of configurations, by agent."""
@@ -66,6 +74,9 @@ def replay(
         list[str] | None,
         typer.Option("--set", metavar="AGENT.FIELD=VALUE", help="With --agents: configure one differently."),
     ] = None,
+    view: Annotated[
+        bool, typer.Option("--view", help="Open a window; without a display: dsr view --serve -g replay.")
+    ] = False,
     as_json: JsonOption = False,
     router: RouterOption = None,
     security: SecurityOption = None,
@@ -96,7 +107,7 @@ def replay(
     end = source.duration if until is None else min(until, source.duration)
     if begin > end:
         raise ConfigError(f"--from {begin:g}: expected at most {end:.1f} s, where the replay ends")
-    play(source, check_name("graph name", name), _speed(speed), begin, until, pause_at, stay, router, security)
+    play(source, check_name("graph name", name), _speed(speed), begin, until, pause_at, stay, view, router, security)
 
 
 def _run_anew(recording: Path, agents: str, grace: float, as_json: bool, **options: Any) -> bool:
@@ -174,12 +185,15 @@ def play(
     until: float | None,
     pause_at: float | None,
     stay: bool | None,
+    view: bool,
     router: str | None,
     security: Path | None,
 ) -> None:
     """Play in this terminal."""
     if endpoints(name):
         raise ConfigError(f"graph {name!r} runs already; give the replay another name: --graph")
+    if view and not has_display(os.environ, sys.platform):
+        raise ConfigError(f"there is no display; serve the view, from another terminal: dsr view --serve -g {name}")
     stay = console.is_terminal if stay is None else stay
     routers = [router] if router else ()
     with connect(name, agent="replay", connect=routers, security=security, must_exist=False) as memory:
@@ -187,14 +201,31 @@ def play(
         _tell_missing(player)
         controls = Controls(memory.transport, memory.keys, player)
         console.print(f"graph {name}: {source.duration:.1f} s from {shown(str(source.index.path))}", soft_wrap=True)
+
+        def tell(replayed: Replayed) -> None:
+            memory.transport.publish(replayed_key(memory.keys), msgspec.msgpack.encode(replayed), Qos.STREAM)
+
         try:
-            Session(source, player, controls, stay=stay, console=console).run()
+            with _window(name, router, security) if view else contextlib.nullcontext():
+                Session(source, player, controls, tell=tell, stay=stay, console=console).run()
         except KeyboardInterrupt:
             raise typer.Exit(_INTERRUPTED) from None
         finally:
             controls.close()
         _tell_missing(player)
     _report(source, player)
+
+
+@contextlib.contextmanager
+def _window(graph: str, router: str | None, security: Path | None) -> Iterator[None]:
+    """A window that shows a graph, as `dsr view` does; it is closed at the end."""
+    options = [*(["--connect", router] if router else []), *(["--security", str(security)] if security else [])]
+    command = [sys.executable, "-P", "-m", "dsr.cli.main", "view", "--graph", graph, *options]
+    with subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, start_new_session=True) as view:
+        try:
+            yield
+        finally:
+            view.terminate()
 
 
 def _speed(text: str) -> float:

@@ -23,6 +23,7 @@ from agents.replay.control import Command, Controls
 from agents.replay.player import STEP, Player
 from agents.replay.source import ReplayedGraph
 from dsr.clock import WALL_CLOCK
+from dsr.vocabulary.replayed import Replayed
 
 _SEQUENCES = {"\x1b[A": "up", "\x1b[B": "down", "\x1b[C": "right", "\x1b[D": "left", "\x1b[H": "home", " ": "space"}
 _MOST_BYTES = 1024
@@ -77,16 +78,25 @@ class Session:
         source: the recording.
         player: plays it.
         controls: of the player.
+        tell: is given the time in the recording after each step.
         stay: at the end, hold the last state until told to quit.
         console: for the status line.
     """
 
     def __init__(
-        self, source: ReplayedGraph, player: Player, controls: Controls, *, stay: bool, console: Console
+        self,
+        source: ReplayedGraph,
+        player: Player,
+        controls: Controls,
+        *,
+        tell: Callable[[Replayed], None],
+        stay: bool,
+        console: Console,
     ) -> None:
         self._source = source
         self._player = player
         self._controls = controls
+        self._tell = tell
         self._stay = stay
         self._console = console
         keys: dict[str, Callable[[], Command]] = {
@@ -110,6 +120,7 @@ class Session:
                         self._controls.obey(self._keys[key]())
                 self._controls.run()
                 player.step(clock.monotonic())
+                self._tell(Replayed(player.begin + player.time, player.begin))
                 if self._console.is_terminal:
                     live.update(self._line(keyboard.present), refresh=True)
                 fast = player.speed == math.inf and player.playing and not player.ended

@@ -27,6 +27,7 @@ from agents.scenario.run.staging import make_run
 from agents.scenario.sweep_cli import sweep
 from dsr.cli.common import JsonOption, console, errors, new_run_folder, print_json, shown
 from dsr.errors import ConfigError
+from dsr.runtime.display import has_display
 
 DEMO = "towers"
 """The scenario of `dsr demo`."""
@@ -43,7 +44,10 @@ class PolicyChoice(enum.StrEnum):
 
 Seed = Annotated[int, typer.Option(min=0, help="Varies where the objects start and the sensor's noise.")]
 JsonFile = Annotated[Path | None, typer.Option("--json", help="Also write the result to this file.")]
-NoViewer = Annotated[bool, typer.Option("--no-viewer", help="Do not open the rerun viewer.")]
+View = Annotated[
+    bool | None,
+    typer.Option("--view/--no-viewer", help="Open the rerun viewer; default: if there is a display, not in lockstep."),
+]
 
 app = typer.Typer(
     name="scenario",
@@ -127,7 +131,7 @@ def run(
         PolicyChoice | None, typer.Option(help="How surprises are explained, or `published`; default: the system's.")
     ] = None,
     json: JsonFile = None,
-    no_viewer: NoViewer = False,
+    view: View = None,
 ) -> None:
     """Run a scenario and judge it; the exit code is 0 only if all its expectations hold.
 
@@ -135,16 +139,17 @@ def run(
 
     Without --lockstep every agent is a process of its own, as on a robot:
     watch it with `dsr top` or `dsr watch` from another terminal.
+    With --lockstep --view, the viewer runs along: what it shows is faster than real time, and recorded.
 
     The run leaves a folder in runs/ with recording, logs and result.json.
     """
     show_all(scenario, console)
     options = {"seed": seed, "sensor": sensor.value, "policy": policy and policy.value}
-    _play(scenario, options, lockstep=lockstep, json=json, viewer=not no_viewer)
+    _play(scenario, options, lockstep=lockstep, json=json, view=view)
 
 
 @demo.callback()
-def run_demo(seed: Seed = 0, json: JsonFile = None, no_viewer: NoViewer = False) -> None:
+def run_demo(seed: Seed = 0, json: JsonFile = None, view: View = None) -> None:
     """Show what this is about: the robot builds two towers, one is moved as a whole, and the robot knows.
 
     Starts plant, arm controller, scene estimator, simulation handler, surprise
@@ -153,13 +158,14 @@ def run_demo(seed: Seed = 0, json: JsonFile = None, no_viewer: NoViewer = False)
 
     The exit code is 0 only if all expectations hold. Ctrl-C stops everything.
     """
-    _play(DEMO, {"seed": seed}, lockstep=False, json=json, viewer=not no_viewer)
+    _play(DEMO, {"seed": seed}, lockstep=False, json=json, view=view)
 
 
-def _play(scenario: str, options: Mapping[str, Any], *, lockstep: bool, json: Path | None, viewer: bool) -> None:
+def _play(scenario: str, options: Mapping[str, Any], *, lockstep: bool, json: Path | None, view: bool | None) -> None:
     """Run with these fields of `Run`, show and write the result; ends the program with its exit code."""
-    window = viewer and not lockstep and has_display(os.environ)
-    plan = make_run(scenario, window=window, **options)
+    viewer = view if view is not None else not lockstep
+    window = view is not False and viewer and has_display(os.environ, sys.platform)
+    plan = make_run(scenario, viewer=viewer or not lockstep, window=window, **options)
     if json:
         check_writable(json)
     folder = new_run_folder(plan.scenario.name)
@@ -175,11 +181,6 @@ def _play(scenario: str, options: Mapping[str, Any], *, lockstep: bool, json: Pa
     show_result(result, plan.scenario, console)
     _show_files(folder)
     raise typer.Exit(0 if result.passed else 1)
-
-
-def has_display(environment: Mapping[str, str]) -> bool:
-    """Whether a window can be opened."""
-    return bool(environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY"))
 
 
 def _show_files(folder: Path) -> None:

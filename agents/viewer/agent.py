@@ -12,7 +12,7 @@ import rerun as rr
 
 from agents.inbox import Inbox
 from agents.segments import next_segment
-from agents.viewer.blueprint import make_blueprint
+from agents.viewer.blueprint import APPLICATION, make_blueprint
 from agents.viewer.calibrations import CalibrationView
 from agents.viewer.chronicle import ChronicleView
 from agents.viewer.elapsed import Elapsed
@@ -27,10 +27,10 @@ from agents.viewer.topology_view import TopologyView
 from agents.viewer.window import LOOPBACK, ServedView, ViewerWindow, WindowError
 from dsr.agent import Access, Agent
 from dsr.files.private_files import FOLDER_MODE
+from dsr.vocabulary.replayed import replayed_key
 from dsr.vocabulary.scenario_start import start_key
 
 FILE_NAME = "recording.rrd"
-_APPLICATION = "dsr"
 _MOST_WAITING = 2_000
 _LAST_PORT = 65_535
 
@@ -103,16 +103,19 @@ class Viewer(Agent):
         self._events = EventView(recording, self._elapsed, self.log)
         self._arranged: tuple[list[str], bool] | None = None
         self._watch = self.memory.watch()
-        keys = (self.keys.log(), self.keys.status(), self.keys.truth(), start_key(self.keys))
-        inboxes = (Inbox(self.bus, key, self.clock, _MOST_WAITING) for key in keys)
-        self._logs, self._statuses, self._truths, self._starts = inboxes
-        for part in (self._images, self._watch, self._logs, self._statuses, self._truths, self._starts):
-            self._resources.callback(part.close)
+        keys = (self.keys.log(), self.keys.status(), self.keys.truth(), start_key(self.keys), replayed_key(self.keys))
+        self._inboxes = [Inbox(self.bus, key, self.clock, _MOST_WAITING) for key in keys]
+        self._logs, self._statuses, self._truths, self._starts, self._replayed = self._inboxes
+        for close in (self._images.close, self._watch.close, *(inbox.close for inbox in self._inboxes)):
+            self._resources.callback(close)
 
     def tick(self, now: float) -> None:
         """Show what is new."""
         for message in self._starts.take():
             self._elapsed.note_start(message)
+        for message in self._replayed.take()[-1:]:
+            self._elapsed.note_replayed(message)
+        now = self._elapsed.now(now)
         self._elapsed.set(now)
         self._arrange()
         self._draw_messages()
@@ -138,7 +141,7 @@ class Viewer(Agent):
         """A recording that goes to the file, the window and the server, as wanted; a restart goes on under its id."""
         config, folder = self.config, Path(self.config.folder)
         folder.mkdir(mode=FOLDER_MODE, parents=True, exist_ok=True)
-        recording = rr.RecordingStream(_APPLICATION, recording_id=f"{self.keys.graph} {folder.resolve().name}")
+        recording = rr.RecordingStream(APPLICATION, recording_id=f"{self.keys.graph} {folder.resolve().name}")
         sinks: list[rr.FileSink | rr.GrpcSink] = []
         if config.record:
             path = next_segment(folder, FILE_NAME)

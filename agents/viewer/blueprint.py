@@ -9,6 +9,8 @@ import rerun.blueprint as rrb
 from agents.viewer import calibrations, chronicle, events, graph_view, mind, scene, series, topology_view
 from agents.viewer.elapsed import ELAPSED
 
+APPLICATION = "dsr"
+"""Of the recordings, by which rerun knows what arrangement belongs to them."""
 _OVERVIEW = rrb.EyeControls3D(position=(1.35, -0.9, 0.85), look_target=(0.2, 0.03, 0.34), eye_up=(0.0, 0.0, 1.0))
 _CLOSE_UP = rrb.EyeControls3D(position=(0.69, -0.24, 0.22), look_target=(0.35, 0.0, 0.03), eye_up=(0.0, 0.0, 1.0))
 _BACKGROUND = (24, 27, 32)
@@ -30,6 +32,16 @@ def make_blueprint(cameras: Sequence[str], with_truth: bool) -> rrb.Blueprint:
         ),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline=ELAPSED, play_state="following"),
+    )
+
+
+def make_graph_blueprint() -> rrb.Blueprint:
+    """The arrangement with nothing but the graph, and beside it the attributes of the node that is selected."""
+    return rrb.Blueprint(
+        _memory("Working memory"),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="expanded"),
         rrb.TimePanel(state="collapsed", timeline=ELAPSED, play_state="following"),
     )
 

@@ -13,12 +13,13 @@ from typing import Annotated, Any
 import typer
 
 from agents.viewer.agent import Viewer, ViewerConfig
-from agents.viewer.window import LOOPBACK, WindowError, check_free, has_display, page_url, viewer_url
+from agents.viewer.window import LOOPBACK, WindowError, check_free, page_url, viewer_url
 from dsr.cli.common import GraphOption, RouterOption, SecurityOption, console, errors, shown
 from dsr.connecting import SECURITY
 from dsr.errors import ConfigError
 from dsr.network.rendezvous import endpoints, graphs, running_graph
 from dsr.runtime.agent_process import StopSignal, run_process
+from dsr.runtime.display import has_display
 from dsr.runtime.signals import set_on_signals
 
 _NAME = "view"

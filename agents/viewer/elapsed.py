@@ -1,4 +1,4 @@
-"""Counts seconds as the story of a run does: from the start of the scenario, else from the first look."""
+"""Counts seconds as the story of a run does: from the start of the scenario or recording, else from the first look."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import rerun as rr
 
 from agents.inbox import Message
 from dsr import WireError
+from dsr.vocabulary.replayed import decode_replayed
 from dsr.vocabulary.scenario_start import LEAD, decode_start
 
 ELAPSED = "elapsed"
@@ -33,17 +34,29 @@ class Elapsed:
         self._awaits = awaits_start
         self._log = log
         self._zero: float | None = None
+        self._replayed: float | None = None
 
     def note_start(self, message: Message) -> None:
         """Count from the start in a message; malformed ones are counted and left out."""
         try:
             self._zero = decode_start(message.payload).stamp
         except WireError as error:
-            self.malformed += 1
-            if self.malformed == 1:
-                self._log.warning("dropped a message on %s: %s (logged once)", message.key, error)
+            self._drop(message, error)
         else:
             self._awaits = False
+
+    def note_replayed(self, message: Message) -> None:
+        """Go by the time of the recording in a message; malformed ones are counted and left out."""
+        try:
+            replayed = decode_replayed(message.payload)
+        except WireError as error:
+            self._drop(message, error)
+        else:
+            self._awaits, self._zero, self._replayed = False, replayed.begin, replayed.stamp
+
+    def now(self, clock: float) -> float:
+        """Time (s) of what is shown: that of the recording while one is replayed, else that of the clock."""
+        return clock if self._replayed is None else self._replayed
 
     def seconds(self, stamp: float) -> float:
         """Time (s) since time 0 at `stamp` (s since 1970)."""
@@ -65,3 +78,8 @@ class Elapsed:
         if abs(seconds) < _NEVER:
             self._recording.set_time(TIME_OF_DAY, timestamp=stamp)
         self._recording.set_time(ELAPSED, duration=seconds)
+
+    def _drop(self, message: Message, error: Exception) -> None:
+        self.malformed += 1
+        if self.malformed == 1:
+            self._log.warning("dropped a message on %s: %s (logged once)", message.key, error)

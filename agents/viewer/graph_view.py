@@ -90,7 +90,8 @@ class GraphView:
             for edge in memory.edges(type):
                 pose = edge.get("pose")
                 if isinstance(pose, Pose):
-                    places[edge.dst][f"{type} in {edge.src}"] = _pose(pose)
+                    places[edge.dst][f"{type} in {edge.src} [m]"] = _numbers(pose.translation)
+                    places[edge.dst][f"{type} in {edge.src} [xyzw]"] = _numbers(pose.rotation)
         for name in self._shown.nodes if self._shown is not None else ():
             node = memory.get_node(name)
             if node is None:
@@ -108,10 +109,9 @@ def _node(name: str) -> list[object]:
     return [ENTITY, "nodes", name]
 
 
-def _pose(pose: Pose) -> str:
-    """Position in m and quaternion xyzw."""
-    position = ", ".join(f"{value:.4f}" for value in pose.translation)
-    return f"{position} m; xyzw {', '.join(f'{value:.4f}' for value in pose.rotation)}"
+def _numbers(values: Iterable[float]) -> str:
+    """As many digits as the panel has room for: 1 mm, or 0.1 degrees."""
+    return ", ".join(f"{value:.3f}" for value in values)
 
 
 def _value(value: Any) -> str:

@@ -84,15 +84,14 @@ def explanations_page(memory: Memory, elapsed: Elapsed) -> str:
 
 
 def _explained(event: Node, elapsed: Elapsed) -> str:
-    """A table: the explanation chosen first, then those rejected, each with its score."""
+    """A list: the explanation chosen first, then those rejected, each with its score. Unlike tables, lists wrap."""
     rejected = rejected_sentences(event.attributes)
-    rows = [("**chosen**", _score(event), f"**{markdown(explained_sentence(event.attributes))}**")]
-    rows += [("rejected", markdown(other.score), markdown(other.sentence)) for other in rejected[:_MOST_REJECTED]]
+    lines = [f"- **{_score(event)} {markdown(explained_sentence(event.attributes))}** (chosen)"]
+    lines += [f"- {markdown(other.score)} {markdown(other.sentence)}" for other in rejected[:_MOST_REJECTED]]
     if len(rejected) > _MOST_REJECTED:
-        rows.append(("", "", f"and {len(rejected) - _MOST_REJECTED} more"))
+        lines.append(f"- and {len(rejected) - _MOST_REJECTED} more")
     title = f"{_time(event, elapsed)} {markdown(event.get('target', ''))}, by {markdown(event.get('policy', ''))}"
-    table = "\n".join(f"| {' | '.join(row)} |" for row in rows)
-    return f"{title}\n\n| | score | explanation |\n|---|---|---|\n{table}"
+    return "\n".join([f"{title}; the smallest score is the best\n", *lines])
 
 
 def _score(event: Node) -> str:

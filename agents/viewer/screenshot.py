@@ -22,6 +22,7 @@ import cv2
 import numpy as np
 from rerun.experimental import ViewerClient
 
+from agents.viewer.blueprint import APPLICATION, make_graph_blueprint
 from agents.viewer.elapsed import ELAPSED
 from agents.viewer.window import free_port, native_viewer, private_environment, viewer_url
 from dsr import DsrError
@@ -38,7 +39,9 @@ class ScreenshotError(DsrError):
     """No picture could be taken."""
 
 
-def take_screenshot(recording: Path, picture: Path, size: str = "1600x1000", seconds: float | None = None) -> None:
+def take_screenshot(
+    recording: Path, picture: Path, size: str = "1600x1000", seconds: float | None = None, *, graph: bool = False
+) -> None:
     """Write what the viewer shows of `recording` to `picture`, once all of it is loaded and drawn.
 
     Args:
@@ -46,13 +49,28 @@ def take_screenshot(recording: Path, picture: Path, size: str = "1600x1000", sec
         picture: a `.png` file.
         size: of the viewer in px; the picture lacks its top bar.
         seconds: as the story of the run counts them; None for the end of the recording.
+        graph: show nothing but the graph.
 
     Raises:
         ScreenshotError: if the viewer cannot show the recording, or the picture cannot be written.
     """
     if not recording.is_file():
         raise ScreenshotError(f"{recording}: no such file")
-    with tempfile.TemporaryDirectory() as folder, _HeadlessViewer(recording, size, Path(folder) / "log") as viewer:
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        files = [recording]
+        if graph:
+            files.append(folder / "graph.rbl")
+            make_graph_blueprint().save(APPLICATION, files[-1])
+        png = _draw(files, folder / "log", size, seconds)
+    image = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
+    if image is None or not cv2.imwrite(str(picture), image[_TOP_BAR:]):
+        raise ScreenshotError(f"{picture}: cannot be written")
+
+
+def _draw(files: Sequence[Path], log_file: Path, size: str, seconds: float | None) -> bytes:
+    """The picture as PNG."""
+    with _HeadlessViewer(files, size, log_file) as viewer:
         client = viewer.wait_for("it answers", lambda: _connect(viewer.url))
         viewer.wait_for("the recording is loaded", lambda: _is_loaded(client))
         if seconds is not None:
@@ -63,10 +81,7 @@ def take_screenshot(recording: Path, picture: Path, size: str = "1600x1000", sec
             pictures[:] = pictures[1], client.take_screenshot()
             return pictures[1] if pictures[0] == pictures[1] else None
 
-        png = viewer.wait_for("the picture is still", still)
-    image = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_COLOR)
-    if image is None or not cv2.imwrite(str(picture), image[_TOP_BAR:]):
-        raise ScreenshotError(f"{picture}: cannot be written")
+        return viewer.wait_for("the picture is still", still)
 
 
 def _connect(url: str) -> ViewerClient | None:
@@ -83,16 +98,16 @@ def _is_loaded(client: ViewerClient) -> bool | None:
 
 
 class _HeadlessViewer:
-    """A viewer without a window that shows one recording; a context manager that ends it."""
+    """A viewer without a window that shows files; a context manager that ends it."""
 
-    def __init__(self, recording: Path, size: str, log_file: Path) -> None:
+    def __init__(self, files: Sequence[Path], size: str, log_file: Path) -> None:
         port = free_port()
         self.url = viewer_url(port)
         self._log_file = log_file
         where = ["--bind", "127.0.0.1", "--port", str(port)]
         with log_file.open("wb") as log:
             self._process = subprocess.Popen(
-                [native_viewer(), recording, "--headless", *where, "--window-size", size],
+                [native_viewer(), *files, "--headless", *where, "--window-size", size],
                 env={"WGPU_BACKEND": "vulkan", **private_environment(os.environ, log_file.parent)},
                 stdout=log,
                 stderr=subprocess.STDOUT,
@@ -125,9 +140,10 @@ def run(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("picture", type=Path, help="the .png file to write")
     parser.add_argument("--size", default="1600x1000", help="of the viewer in px (default %(default)s)")
     parser.add_argument("--at", type=float, help="seconds, as the story of the run counts them (default: the end)")
+    parser.add_argument("--graph", action="store_true", help="show nothing but the graph of the working memory")
     options = parser.parse_args(arguments)
     try:
-        take_screenshot(options.recording, options.picture, options.size, options.at)
+        take_screenshot(options.recording, options.picture, options.size, options.at, graph=options.graph)
     except DsrError as error:
         parser.exit(1, f"{error}\n")
     return 0

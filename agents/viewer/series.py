@@ -77,7 +77,7 @@ class SeriesView:
     def _draw_errors(self, what: str, solids: dict[str, DrawnSolid], color: Color) -> None:
         for name in sorted(solids.keys() & self._truth.keys()):
             error = math.dist(solids[name].place.translation, self._truth[name])
-            self._log_scalar(f"{ERRORS}/{what}/{name}", f"{name} {what}", error * 1e3, color)
+            self._log_scalar(f"{ERRORS}/{what}/{name}", what, error * 1e3, color)
 
     def _log_scalar(self, entity: str, name: str, value: float, color: Color | None = None) -> None:
         if entity not in self._named:

@@ -18,6 +18,7 @@ from typing import Self
 
 from dsr import DsrError
 from dsr.clock import WALL_CLOCK
+from dsr.runtime.display import has_display
 from dsr.runtime.lifeline import LAUNCHED
 
 LOOPBACK = "127.0.0.1"
@@ -163,11 +164,6 @@ def check_free(bind: str, port: int, option: str) -> None:
 def _reachable(bind: str) -> str:
     """The address at which this machine reaches a server that was bound to `bind`."""
     return {"0.0.0.0": LOOPBACK, "::": "::1"}.get(bind, bind)
-
-
-def has_display(environment: Mapping[str, str], platform: str) -> bool:
-    """Whether a window can be shown."""
-    return not platform.startswith("linux") or bool(environment.get("DISPLAY") or environment.get("WAYLAND_DISPLAY"))
 
 
 def native_viewer() -> Path:

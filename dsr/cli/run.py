@@ -20,6 +20,7 @@ from dsr.cli.persist import warn
 from dsr.cli.status_table import status_table
 from dsr.errors import ConfigError
 from dsr.persistence.files import read_graph
+from dsr.runtime.display import has_display
 from dsr.runtime.launcher import AgentRow, Launcher
 from dsr.runtime.system import System, find_system, load_system
 
@@ -102,7 +103,7 @@ def _with_window(system: System) -> System:
     """The system with a viewer that opens its window. Raises `ConfigError` if there is no viewer or no display."""
     if not any(spec.name == _VIEWER for spec in system.agents):
         raise ConfigError(f"the system has no agent {_VIEWER!r}; watch it from another terminal: dsr view")
-    if sys.platform.startswith("linux") and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+    if not has_display(os.environ, sys.platform):
         raise ConfigError("there is no display; serve the view to a browser, from another terminal: dsr view --serve")
     return system.with_config(_VIEWER, spawn=True)
 

@@ -14,14 +14,14 @@ _EACH = {
     explained.FELL: "{} fell",
     explained.REMOVED: "{} {was} taken away",
     explained.APPEARED: "{} appeared",
-    explained.HELD: "something unknown holds {}",
+    explained.HELD: "something holds {}",
     explained.FALSE_PERCEPT: "what was seen of {} is false",
 }
 """Kinds of changes of one object each. Several of one kind are told together."""
 _TOGETHER = {
     explained.WITH_SUPPORTS: "{0} moved, and {1} beneath it moved along",
     explained.WITH_CONTENTS: "{0} moved, and {1} in or on it moved along",
-    explained.UNDER: "{1} stands on {0}",
+    explained.UNDER: "{0} came beneath {1}",
     explained.PLACED_UNDER: "{0} came beneath {1}",
     explained.TAKEN_ALONG: "{1} took {0} along",
 }
@@ -102,5 +102,5 @@ def _told(same: Sequence[ExplainedChange]) -> str:
         return _FIRST_AND_OTHERS[kind].format(groups[0][0], listed(groups[0][1:]))
     if kind.startswith(HELD_TOO) and groups and groups[0]:
         alone = _told([ExplainedChange(kind.removeprefix(HELD_TOO), groups)])
-        return f"{alone}, and something unknown holds {groups[0][0]}"
+        return f"{alone}; something holds {groups[0][0]}"
     return str(same[0])

@@ -142,7 +142,8 @@ def run_lockstep(run: Run, observer: RunObserver | None = None) -> Result:
         ConfigError: if the scenario does not fit its system.
         AgentError: if an agent cannot be started.
     """
-    return run_system(run, without(staged_system(run), "viewer"), observer)
+    system = staged_system(run)
+    return run_system(run, system if run.viewer else without(system, "viewer"), observer)
 
 
 def run_system(run: Run, system: System, observer: RunObserver | None = None) -> Result:

@@ -37,6 +37,8 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
     """Name of the method that explains surprises; None for the simulation handler's own choice."""
     folder: Path | None = None
     """Gets recording, logs and result; None for nothing of that."""
+    viewer: bool = False
+    """Let the viewer run along in lockstep; in a live run it always does."""
     window: bool = False
     """Open the viewer's window."""
     beside: bool = True

@@ -30,6 +30,7 @@ from dsr.errors import ConfigError
 from dsr.network.keys import Keys
 from dsr.network.rendezvous import graphs
 from dsr.timeline import Chronicle
+from dsr.vocabulary.replayed import Replayed, decode_replayed, replayed_key
 from tests.agents.replay.conftest import state
 
 
@@ -63,6 +64,26 @@ def test_a_replay_is_followed_controlled_and_leaves_nothing_behind(counted: Path
         process.send_signal(signal.SIGINT)
         assert process.wait(10) == 130
     assert graphs() == []
+
+
+def test_a_replay_tells_the_time_in_the_recording(counted: Path) -> None:
+    told: list[Replayed] = []
+    with replaying(str(counted), "--from", "2.5", "--pause-at", "3.5", "--speed", "max", "--stay"), dsr.connect(
+        "replay", agent="audience"
+    ) as memory:
+        memory.transport.subscribe(
+            replayed_key(memory.keys), lambda _, payload: told.append(decode_replayed(payload))
+        )
+        wait_until(lambda: told and told[-1].stamp - told[-1].begin == pytest.approx(3.5))
+    assert told[-1].begin == ReplayedGraph(counted).index.begin
+
+
+def test_a_window_needs_a_display(counted: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("DISPLAY", "WAYLAND_DISPLAY"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr(sys, "platform", "linux")
+    outcome = CliRunner().invoke(app, [str(counted), "--view"])
+    assert isinstance(outcome.exception, ConfigError) and "dsr view --serve -g replay" in str(outcome.exception)
 
 
 def wait_until(condition: object) -> None:

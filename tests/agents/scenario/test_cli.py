@@ -117,6 +117,12 @@ def test_a_window_needs_a_display(
     assert [run.window for _, run in recorded.runs] == [False, window]
 
 
+@pytest.mark.parametrize(("arguments", "viewer"), [((), False), (("--view",), True), (("--no-viewer",), False)])
+def test_in_lockstep_the_viewer_runs_along_on_request(recorded: Recorded, arguments: tuple[str, ...], viewer: bool):
+    invoke("run", "hovering", "--lockstep", *arguments)
+    assert [(mode, run.viewer) for mode, run in recorded.runs] == [("lockstep", viewer)]
+
+
 def test_ctrl_c_is_no_error_message(recorded: Recorded):
     recorded.error = KeyboardInterrupt()
     code, output = invoke("run", "hovering")

@@ -14,6 +14,7 @@ from agents.scenario.judge.result import Result
 from agents.scenario.run import runner
 from agents.scenario.run.runner import run_lockstep
 from agents.scenario.run.staging import Run
+from agents.viewer.agent import Viewer
 from dsr.agent import Access, Agent
 from dsr.errors import AgentError
 from dsr.math3d.transforms import Pose
@@ -117,6 +118,13 @@ def test_a_run_is_judged_and_repeatable():
     assert first.metrics["percept_error_cube_1_m"] == pytest.approx(0.01, abs=0.001)
     assert first.metrics["belief_error_cube_1_m"] != other.metrics["belief_error_cube_1_m"]
     assert first.metrics["samples"] == 61
+
+
+def test_the_viewer_runs_along_and_changes_nothing(agents: list[AgentSpec], tmp_path: Path):
+    agents.append(AgentSpec("viewer", Viewer, config={"folder": str(tmp_path), "awaits_start": True}))
+    seen = run_lockstep(Run(scenario=parse_scenario(SCENARIO), file=Path("short.toml"), seed=1, viewer=True))
+    assert (tmp_path / "recording.rrd").stat().st_size > 10_000
+    assert seen == play(1)
 
 
 @pytest.mark.usefixtures("agents")

@@ -105,7 +105,7 @@ class Shown:
 
     def texts(self, entity: str = "/log/graph") -> list[str]:
         """Lines of the event log without their times."""
-        return [value[0].partition("  ")[2] for value in self.values(entity, "TextLog:text")]
+        return [value[0].strip().partition("  ")[2] for value in self.values(entity, "TextLog:text")]
 
 
 @pytest.fixture

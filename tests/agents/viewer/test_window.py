@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from agents.viewer import window
-from agents.viewer.window import ViewerWindow, WindowError, has_display
+from agents.viewer.window import ViewerWindow, WindowError
+from dsr.runtime.display import has_display
 
 
 @pytest.fixture

@@ -1,0 +1,69 @@
+"""What the graph view folds: links of arms and finished actions, and what it leaves out."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from agents.viewer.folding import fold
+
+
+def build_arm(memory: Any) -> None:
+    memory.add_node("world", "world")
+    memory.add_node("robot", "robot")
+    memory.add_node("arm", "arm")
+    memory.add_edge("world", "robot", "has")
+    memory.add_edge("robot", "arm", "has")
+    above = "arm"
+    for number in range(1, 4):
+        memory.add_node(f"arm_link_{number}", "body")
+        memory.add_edge(above, f"arm_link_{number}", "has")
+        above = f"arm_link_{number}"
+    memory.add_node("gripper", "gripper")
+    memory.add_edge(above, "gripper", "has")
+
+
+def test_links_are_folded_into_their_arm(stage: Any) -> None:
+    build_arm(stage.memory)
+    folded = fold(stage.memory)
+    assert set(folded.nodes) == {"world", "robot", "arm", "gripper"}
+    assert folded.labels["arm"] == "arm (3 links)"
+    assert ("arm", "gripper", "has") in folded.edges and len(folded.edges) == 3
+
+
+def test_a_body_without_an_arm_is_drawn(stage: Any) -> None:
+    stage.memory.add_node("robot", "robot")
+    stage.memory.add_node("body", "body")
+    stage.memory.add_edge("robot", "body", "has")
+    assert set(fold(stage.memory).nodes) == {"robot", "body"}
+
+
+def test_actions_are_folded_once_they_are_over(stage: Any) -> None:
+    memory = stage.memory
+    memory.add_node("intention_0", "intention", goal="on(a, b)")
+    for number, status in enumerate(("done", "failed", "running", "planned")):
+        memory.add_node(f"action_0_{number}", "action", status=status)
+        memory.add_edge("intention_0", f"action_0_{number}", "has")
+    folded = fold(memory)
+    assert set(folded.nodes) == {"intention_0", "action_0_2", "action_0_3"}
+    assert folded.labels["intention_0"] == "intention_0 (2 done)"
+    memory.update_node("action_0_2", status="done")
+    assert fold(memory).labels["intention_0"] == "intention_0 (3 done)"
+
+
+def test_events_and_edges_that_images_show_are_left_out(stage: Any) -> None:
+    memory = stage.memory
+    memory.add_node("camera", "camera")
+    memory.add_node("cube_3", "cube")
+    memory.add_node("event_0", "event", time=1.0)
+    memory.add_edge("camera", "cube_3", "sees")
+    folded = fold(memory)
+    assert set(folded.nodes) == {"camera", "cube_3"} and folded.edges == []
+
+
+def test_a_circle_of_links_is_drawn(stage: Any) -> None:
+    memory = stage.memory
+    for name in ("a", "b"):
+        memory.add_node(name, "body")
+    memory.add_edge("a", "b", "has")
+    memory.add_edge("b", "a", "has")
+    assert set(fold(memory).nodes) == {"a", "b"}
