@@ -17,6 +17,7 @@ from agents.viewer.calibrations import CalibrationView
 from agents.viewer.chronicle import ChronicleView
 from agents.viewer.elapsed import Elapsed
 from agents.viewer.events import EventView
+from agents.viewer.framing import Focus, Framing
 from agents.viewer.graph_view import GraphView
 from agents.viewer.images import ImageView
 from agents.viewer.mind import MindView
@@ -101,7 +102,9 @@ class Viewer(Agent):
         self._images = ImageView(recording, self.memory, self.config.images_hz, self.config.jpeg_quality, self.log)
         self._series = SeriesView(recording, self.log)
         self._events = EventView(recording, self._elapsed, self.log)
-        self._arranged: tuple[list[str], bool] | None = None
+        self._resources.callback(self._events.close)
+        self._framing = Framing()
+        self._arranged: tuple[list[str], bool, Focus] | None = None
         self._watch = self.memory.watch()
         keys = (self.keys.log(), self.keys.status(), self.keys.truth(), start_key(self.keys), replayed_key(self.keys))
         self._inboxes = [Inbox(self.bus, key, self.clock, _MOST_WAITING) for key in keys]
@@ -126,6 +129,7 @@ class Viewer(Agent):
         self._topology.draw(self.memory)
         self._mind.draw(self.memory)
         scene = read_scene(self.memory)
+        self._framing.note(scene.beliefs, scene.tables)
         self._scene.draw(scene, now, self._meshes.draw(changes))
         self._persons.draw(self.memory)
         self._calibrations.draw(changes, self.memory, scene.cameras, now)
@@ -176,7 +180,7 @@ class Viewer(Agent):
 
     def _arrange(self) -> None:
         """Send the blueprint: at first, and when there is more to arrange."""
-        content = (self._images.cameras, self._series.knows_truth)
+        content = (self._images.cameras, self._series.knows_truth, self._framing.focus)
         if content != self._arranged:
             self._arranged = content
             self._recording.send_blueprint(make_blueprint(*content))

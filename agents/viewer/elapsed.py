@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import math
 
 import rerun as rr
 
@@ -64,20 +63,19 @@ class Elapsed:
             return -LEAD
         if self._zero is None:
             self._zero = stamp
-        since = stamp - self._zero
-        return since if abs(since) < _NEVER else math.copysign(_NEVER, since)
+        return stamp - self._zero
 
     def text(self, stamp: float) -> str:
         """The same for people, as wide as in the story of a run."""
         seconds = self.seconds(stamp)
-        return f"{seconds:6.1f} s" if abs(seconds) < _NEVER else "at no time"
+        return f"{round(seconds, 1) + 0.0:6.1f} s" if abs(seconds) < _NEVER else "at no time"
 
     def set(self, stamp: float) -> None:
-        """Let all that is logged from now on be of the time `stamp` (s since 1970)."""
+        """Let all that is logged from now on be of the time `stamp` (s since 1970); what is no time changes nothing."""
         seconds = self.seconds(stamp)
         if abs(seconds) < _NEVER:
             self._recording.set_time(TIME_OF_DAY, timestamp=stamp)
-        self._recording.set_time(ELAPSED, duration=seconds)
+            self._recording.set_time(ELAPSED, duration=seconds)
 
     def _drop(self, message: Message, error: Exception) -> None:
         self.malformed += 1
