@@ -26,38 +26,34 @@ def make_blueprint(cameras: Sequence[str], with_truth: bool, focus: Focus = ANYW
         with_truth: errors against the truth are known.
         focus: of the close-up.
     """
-    below = rrb.Horizontal(_graph(), _images(cameras), column_shares=[2, 1])
-    return rrb.Blueprint(
-        rrb.Horizontal(
-            rrb.Vertical(_scenes(focus), below, row_shares=[5, 3]),
-            rrb.Vertical(*_thoughts(), _numbers(with_truth), _happenings(), row_shares=[8, 8, 5, 6]),
-            column_shares=[5, 3],
-        ),
-        rrb.BlueprintPanel(state="collapsed"),
-        rrb.SelectionPanel(state="collapsed"),
-        rrb.TimePanel(state="collapsed", timeline=ELAPSED, play_state="following"),
-    )
+    left = rrb.Vertical(_scenes(cameras, focus), _graph(), row_shares=[6, 5])
+    right = rrb.Vertical(*_thoughts(), _numbers(with_truth), _happenings(), row_shares=[8, 8, 5, 6])
+    overview = rrb.Horizontal(left, right, column_shares=[5, 3], name="Overview")
+    return _blueprint(rrb.Tabs(overview, _memory("Working memory, large"), active_tab=0))
 
 
 def make_graph_blueprint() -> rrb.Blueprint:
     """The arrangement with nothing but the graph."""
+    return _blueprint(_memory("Working memory"))
+
+
+def _blueprint(content: rrb.Container | rrb.View) -> rrb.Blueprint:
     return rrb.Blueprint(
-        _memory("Working memory"),
+        content,
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(state="collapsed", timeline=ELAPSED, play_state="following"),
     )
 
 
-def _scenes(focus: Focus) -> rrb.Container:
-    """All of it, and its objects from nearby. A click shows the graph instead, as large."""
+def _scenes(cameras: Sequence[str], focus: Focus) -> rrb.Container:
+    """All of it and what cameras see of it, and its objects from nearby."""
     all_of_it = _scene("Scene", ["$origin/**", f"- $origin/{scene.NAMES}"], _OVERVIEW)
     parts = ("table", "percepts", "beliefs", "surprising", "robot/grippers", scene.NAMES)
     close_up = _scene(
         "Belief solid, held green; percepts orange; surprising red", [f"$origin/{part}" for part in parts], _eye(focus)
     )
-    scenes = rrb.Horizontal(all_of_it, close_up, column_shares=[2, 3], name="Scene and objects")
-    return rrb.Tabs(scenes, _memory("Working memory, large"), active_tab=0)
+    return rrb.Horizontal(rrb.Vertical(all_of_it, _images(cameras)), close_up, column_shares=[2, 3])
 
 
 def _eye(focus: Focus) -> rrb.EyeControls3D:

@@ -9,9 +9,10 @@ from typing import NamedTuple
 from agents.viewer.model import DrawnSolid, Vector
 from dsr.vocabulary.relations import THINGS
 
-_STEP = 0.1  # m by which the part that is shown grows: the view stands still while things move a little
+_AROUND = 0.05  # m around the objects in the first view: beliefs of things at rest change a little, too
+_AHEAD = 0.15  # m by which the view grows beyond what left it: while things move on, the view stands still
 _NEAREST = 0.46  # m from the eye to the middle: for four cubes on a table
-_EYE = 2.4  # distance of the eye over the radius of what it sees, for rerun's angle of view and labels beside
+_EYE = 1.4  # distance of the eye over the radius of what it sees, for rerun's angle of view and labels beside
 
 
 class Focus(NamedTuple):
@@ -32,8 +33,8 @@ class Framing:
 
     def __init__(self) -> None:
         self.focus = ANYWHERE
-        self._lower = [math.inf] * 3
-        self._upper = [-math.inf] * 3
+        self._lower = [math.inf] * 2
+        self._upper = [-math.inf] * 2
 
     def note(self, beliefs: Iterable[DrawnSolid], tables: Iterable[DrawnSolid]) -> None:
         """Let the close-up show these objects, too.
@@ -45,15 +46,21 @@ class Framing:
         bases = list(tables)
         resting = [solid for solid in beliefs if solid.type in THINGS and not solid.held]
         on_tables = [solid for solid in resting if not bases or any(_is_above(solid, table) for table in bases)]
-        before = [*self._lower, *self._upper]
+        lower, upper = list(self._lower), list(self._upper)
         for solid in on_tables:
             half = math.hypot(*solid.size[:2]) / 2
-            for axis, value in enumerate(solid.place.translation):
-                self._lower[axis] = min(self._lower[axis], _STEP * math.floor((value - half) / _STEP))
-                self._upper[axis] = max(self._upper[axis], _STEP * math.ceil((value + half) / _STEP))
-        if [*self._lower, *self._upper] != before:
-            x, y, z = ((low + high) / 2 for low, high in zip(self._lower, self._upper, strict=True))
-            self.focus = Focus((x, y, z), max(_NEAREST, _EYE * math.dist(self._lower[:2], self._upper[:2]) / 2))
+            for axis, value in enumerate(solid.place.translation[:2]):
+                lower[axis] = min(lower[axis], value - half)
+                upper[axis] = max(upper[axis], value + half)
+        if lower != self._lower or upper != self._upper:
+            self._grow(lower, upper, min(solid.place.translation[2] - solid.size[2] / 2 for solid in on_tables))
+
+    def _grow(self, lower: list[float], upper: list[float], height: float) -> None:
+        ahead = _AROUND if self.focus is ANYWHERE else _AHEAD
+        self._lower = [new - ahead if new < old else old for new, old in zip(lower, self._lower, strict=True)]
+        self._upper = [new + ahead if new > old else old for new, old in zip(upper, self._upper, strict=True)]
+        x, y = ((low + high) / 2 for low, high in zip(self._lower, self._upper, strict=True))
+        self.focus = Focus((x, y, height), max(_NEAREST, _EYE * math.dist(self._lower, self._upper) / 2))
 
 
 def _is_above(solid: DrawnSolid, table: DrawnSolid) -> bool:

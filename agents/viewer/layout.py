@@ -28,6 +28,8 @@ from agents.viewer.routing import (
 
 _ROW = 52.0  # px from one row to the next: a node, its label of 12 px, and arrows that pass below; px all below, too
 _GAP = 44.0  # from the labels of one column to those of the next, for the arrows
+_ASPECT = 2.1  # width over height for which gaps are widened: about that of the views
+_WIDEST = 120.0  # by which a gap is widened at most
 _MARGIN = 30.0  # around everything, for labels at the border
 _TALLEST = 6  # leaves below one another
 _DEEPEST = 100  # columns; what stands deeper begins anew at the left
@@ -147,9 +149,13 @@ def _columns(items: Iterable[_Item], gaps: Mapping[int, float]) -> list[Column]:
     for item in items:
         widths[item.column] = max(widths[item.column], len(item.label) * LETTER)
         rows[item.column].append(item.row * _ROW)
+    numbers = range(max(widths, default=-1) + 1)
+    all_gaps = [max(_GAP, gaps.get(number, 0.0)) for number in numbers]
+    height = max((y for ys in rows.values() for y in ys), default=0.0) + _ROW
+    spare = (_ASPECT * height - sum(widths.values()) - sum(all_gaps)) / max(1, len(all_gaps))
     columns, left = [], 0.0
-    for number in range(max(widths, default=-1) + 1):
-        gap = max(_GAP, gaps.get(number, 0.0))
+    for number in numbers:
+        gap = all_gaps[number] + min(max(0.0, spare), _WIDEST)
         columns.append(Column(left, left + widths[number], gap, tuple(sorted(rows[number]))))
         left += widths[number] + gap
     return columns

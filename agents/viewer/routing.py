@@ -241,13 +241,15 @@ def _labels(
 ) -> list[EdgeLabel]:
     """One for each bundle in the gap beside its hub: below its lowest arrow there, or a free place near that."""
     columns_of = {name: place.column for name, place in places.items()}
-    told = [(bundle, same) for bundle, same in bundles.items() if bundle.type not in _STRUCTURE]
+    wanted: list[tuple[list[float], _Bundle, float]] = []
+    for bundle, same in bundles.items():
+        if bundle.type not in _STRUCTURE:
+            gap = _gap_of(bundle, columns_of)
+            x = columns[gap].right + columns[gap].gap / 2
+            wanted.append((sorted({_height(paths[key], x) for key in same}, reverse=True), bundle, x))
     labels: list[EdgeLabel] = []
-    for bundle, same in sorted(told, key=lambda pair: len(pair[1])):  # those with the least choice first
-        gap = _gap_of(bundle, columns_of)
-        x = columns[gap].right + columns[gap].gap / 2
-        heights = sorted((_height(paths[key], x) for key in same), reverse=True)
-        shifted = [heights[0] + sign * step * _LABEL_HEIGHT for step in range(1, len(told)) for sign in (1, -1)]
+    for heights, bundle, x in sorted(wanted, key=lambda one: len(one[0])):  # those with the least choice first
+        shifted = [heights[0] + sign * step * _LABEL_HEIGHT for step in range(1, len(wanted)) for sign in (1, -1)]
         taken = [label.at[1] for label in labels if label.at[0] == x]
         free = (y for y in [*heights, *shifted] if all(abs(other - y) >= _LABEL_HEIGHT for other in taken))
         labels.append(EdgeLabel(bundle.type, palette.of_edge(bundle.type), (x, next(free, heights[0]))))
