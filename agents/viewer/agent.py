@@ -55,6 +55,8 @@ class ViewerConfig(msgspec.Struct, frozen=True):
     """TCP port of the served page: the one that rerun takes by itself."""
     awaits_start: bool = False
     """A scenario will start, from which seconds count. Otherwise they count from the first look."""
+    listens: float = 0.0
+    """Seconds before the first look, if nobody tells a time 0: for a view of what may run already."""
     images_hz: float = 5.0
     """Camera images a second and camera."""
     jpeg_quality: int = 80
@@ -65,6 +67,8 @@ class ViewerConfig(msgspec.Struct, frozen=True):
     def __post_init__(self) -> None:
         if not (math.isfinite(self.images_hz) and self.images_hz > 0):
             raise ValueError(f"images_hz {self.images_hz}: expected a positive number")
+        if not (math.isfinite(self.listens) and self.listens >= 0):
+            raise ValueError(f"listens {self.listens}: expected a finite number of seconds, at least 0")
         if not 1 <= self.jpeg_quality <= 100:
             raise ValueError(f"jpeg_quality {self.jpeg_quality}: expected 1 to 100")
         for name in ("port", "web_port"):
@@ -104,6 +108,7 @@ class Viewer(Agent):
         self._events = EventView(recording, self._elapsed, self.log)
         self._resources.callback(self._events.close)
         self._framing = Framing()
+        self._looks_from: float | None = None
         self._arranged: tuple[list[str], bool, Focus] | None = None
         self._watch = self.memory.watch()
         keys = (self.keys.log(), self.keys.status(), self.keys.truth(), start_key(self.keys), replayed_key(self.keys))
@@ -118,6 +123,8 @@ class Viewer(Agent):
             self._elapsed.note_start(message)
         for message in self._replayed.take()[-1:]:
             self._elapsed.note_replayed(message)
+        if not self._looks(now):
+            return
         now = self._elapsed.now(now)
         self._elapsed.set(now)
         self._arrange()
@@ -136,6 +143,12 @@ class Viewer(Agent):
         self._images.draw(scene.cameras, now)
         self._series.draw_distances(scene)
         self._check_window()
+
+    def _looks(self, now: float) -> bool:
+        """Whether it is known what the seconds of the view count from, or was listened for long enough."""
+        if self._looks_from is None:
+            self._looks_from = now + self.config.listens
+        return self._elapsed.is_told or now >= self._looks_from
 
     def teardown(self) -> None:
         """Finish the file and close the window."""

@@ -90,7 +90,7 @@ def _worlds() -> rrb.View:
 
 def _images(cameras: Sequence[str]) -> rrb.Container | rrb.View:
     views = [rrb.Spatial2DView(origin=scene.camera_entity(camera), name=camera) for camera in cameras]
-    return rrb.Tabs(*views) if views else rrb.TextLogView(origin="none", name="no camera image yet")
+    return rrb.Tabs(*views) if views else rrb.TextDocumentView(origin="none", name="no camera image yet")
 
 
 def _numbers(with_truth: bool) -> rrb.Container:

@@ -34,6 +34,12 @@ class Elapsed:
         self._log = log
         self._zero: float | None = None
         self._replayed: float | None = None
+        self._is_told = False
+
+    @property
+    def is_told(self) -> bool:
+        """Whether a scenario or a replay has told its time 0."""
+        return self._is_told
 
     def note_start(self, message: Message) -> None:
         """Count from the start in a message; malformed ones are counted and left out."""
@@ -42,7 +48,7 @@ class Elapsed:
         except WireError as error:
             self._drop(message, error)
         else:
-            self._awaits = False
+            self._awaits, self._is_told = False, True
 
     def note_replayed(self, message: Message) -> None:
         """Go by the time of the recording in a message; malformed ones are counted and left out."""
@@ -51,7 +57,8 @@ class Elapsed:
         except WireError as error:
             self._drop(message, error)
         else:
-            self._awaits, self._zero, self._replayed = False, replayed.begin, replayed.stamp
+            self._awaits, self._is_told = False, True
+            self._zero, self._replayed = replayed.begin, replayed.stamp
 
     def now(self, clock: float) -> float:
         """Time (s) of what is shown: that of the recording while one is replayed, else that of the clock."""

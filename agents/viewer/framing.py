@@ -11,6 +11,7 @@ from dsr.vocabulary.relations import THINGS
 
 _AROUND = 0.05  # m around the objects in the first view: beliefs of things at rest change a little, too
 _AHEAD = 0.15  # m by which the view grows beyond what left it: while things move on, the view stands still
+_UP = 0.06  # m from what the lowest object rests on to the middle of the view: for towers and what is lifted
 _NEAREST = 0.46  # m from the eye to the middle: for four cubes on a table
 _EYE = 1.4  # distance of the eye over the radius of what it sees, for rerun's angle of view and labels beside
 
@@ -24,7 +25,7 @@ class Focus(NamedTuple):
     """m, from the eye to there"""
 
 
-ANYWHERE = Focus((0.35, 0.0, 0.0), _NEAREST)
+ANYWHERE = Focus((0.35, 0.0, _UP), _NEAREST)
 """Before any object is known: where an arm that stands at the origin works."""
 
 
@@ -60,7 +61,7 @@ class Framing:
         self._lower = [new - ahead if new < old else old for new, old in zip(lower, self._lower, strict=True)]
         self._upper = [new + ahead if new > old else old for new, old in zip(upper, self._upper, strict=True)]
         x, y = ((low + high) / 2 for low, high in zip(self._lower, self._upper, strict=True))
-        self.focus = Focus((x, y, height), max(_NEAREST, _EYE * math.dist(self._lower, self._upper) / 2))
+        self.focus = Focus((x, y, height + _UP), max(_NEAREST, _EYE * math.dist(self._lower, self._upper) / 2))
 
 
 def _is_above(solid: DrawnSolid, table: DrawnSolid) -> bool:

@@ -28,8 +28,8 @@ from agents.viewer.routing import (
 
 _ROW = 52.0  # px from one row to the next: a node, its label of 12 px, and arrows that pass below; px all below, too
 _GAP = 44.0  # from the labels of one column to those of the next, for the arrows
-_ASPECT = 2.1  # width over height for which gaps are widened: about that of the views
-_WIDEST = 120.0  # by which a gap is widened at most
+_ASPECT = 2.8  # width over height up to which gaps are widened: that of the view in a window of 1280 by 720 px
+_WIDEST = 160.0  # by which a gap is widened at most
 _MARGIN = 30.0  # around everything, for labels at the border
 _TALLEST = 6  # leaves below one another
 _DEEPEST = 100  # columns; what stands deeper begins anew at the left

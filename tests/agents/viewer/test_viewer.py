@@ -22,6 +22,7 @@ from dsr import Frame, Pose
 from dsr.runtime.logs import LogRecord
 from dsr.runtime.status import State, Status, encode_status
 from dsr.timeline import Chronicle
+from dsr.vocabulary.scenario_start import Start, start_key
 
 
 def rgba(color: palette.Color) -> int:
@@ -332,6 +333,25 @@ def test_what_flickers_is_not_told_and_what_just_came_is_told_at_the_end(stage: 
     texts = stage.finish().texts()
     assert not any(" on " in text or "finger" in text for text in texts)
     assert texts[-1] == "cube_4 appeared"
+
+
+def test_a_view_of_what_runs_already_listens_before_its_first_look(stage: Any) -> None:
+    """It counts from the start that is told, not from a look before."""
+    stage.build_table("cube_3")
+    stage.start_viewer(listens=1.5)
+    stage.run(1.0)
+    begun = stage.clock.now() - 40.0
+    stage.memory.transport.publish(start_key(stage.keys), msgspec.msgpack.encode(Start(begun)))
+    stage.run(2.0)
+    times = stage.finish().times("/log/graph")
+    assert times and min(times) >= 40.0
+
+
+def test_a_view_looks_if_nobody_tells_a_start(stage: Any) -> None:
+    stage.build_table("cube_3")
+    stage.start_viewer(listens=1.5)
+    stage.run(3.0)
+    assert min(stage.finish().times("/log/graph")) == 0.0
 
 
 def test_lines_stand_in_the_order_of_their_own_times(stage: Any) -> None:
