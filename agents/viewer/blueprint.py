@@ -12,7 +12,8 @@ from agents.viewer.framing import ANYWHERE, Focus
 
 APPLICATION = "dsr"
 """Of the recordings, by which rerun knows what arrangement belongs to them."""
-_OVERVIEW = rrb.EyeControls3D(position=(1.35, -0.9, 0.85), look_target=(0.2, 0.03, 0.34), eye_up=(0.0, 0.0, 1.0))
+_AFAR, _ALL = (1.35, -0.9, 0.85), (0.2, 0.03, 0.34)
+"""m, where the eye of the overview is and where it looks, if the objects are at the height of the world's origin."""
 _FROM = (0.74, -0.52, 0.42)
 """Direction from what the close-up shows to its eye: from the front, at the right, from above."""
 _BACKGROUND = (24, 27, 32)
@@ -48,15 +49,23 @@ def _blueprint(content: rrb.Container | rrb.View) -> rrb.Blueprint:
 
 def _scenes(cameras: Sequence[str], focus: Focus) -> rrb.Container:
     """All of it and what cameras see of it, and its objects from nearby."""
-    all_of_it = _scene("Scene", ["$origin/**", f"- $origin/{scene.NAMES}"], _OVERVIEW)
+    all_of_it = _scene("Scene", ["$origin/**", f"- $origin/{scene.NAMES}"], _afar(focus))
     parts = ("table", "percepts", "beliefs", "surprising", "robot/grippers", scene.NAMES)
     close_up = _scene(
-        "Belief solid, held green; percepts orange; surprising red", [f"$origin/{part}" for part in parts], _eye(focus)
+        "Belief solid, held green; percepts orange; surprising red",
+        [f"$origin/{part}" for part in parts],
+        _nearby(focus),
     )
     return rrb.Horizontal(rrb.Vertical(all_of_it, _images(cameras)), close_up, column_shares=[2, 3])
 
 
-def _eye(focus: Focus) -> rrb.EyeControls3D:
+def _afar(focus: Focus) -> rrb.EyeControls3D:
+    raised = focus.at[2] - ANYWHERE.at[2]
+    position, target = ((x, y, z + raised) for x, y, z in (_AFAR, _ALL))
+    return rrb.EyeControls3D(position=position, look_target=target, eye_up=(0.0, 0.0, 1.0))
+
+
+def _nearby(focus: Focus) -> rrb.EyeControls3D:
     position = [at + focus.distance * along for at, along in zip(focus.at, _FROM, strict=True)]
     return rrb.EyeControls3D(position=position, look_target=focus.at, eye_up=(0.0, 0.0, 1.0))
 

@@ -30,6 +30,7 @@ LOGS = "agents"
 _SURPRISING = "surprising"
 _NOT_TOLD = ("action", "body", "finger", SITUATION, SCHEMA_RECORD)
 """Types of nodes whose coming and going the plan or the timeline shows, or that are parts, or no things."""
+_SURPRISE_LATE = 1.0  # s after a percept, in which its surprise is told at the latest
 _MOST_NAMES = 8
 _LEVELS = {
     "DEBUG": rr.TextLogLevel.DEBUG,
@@ -50,6 +51,7 @@ class EventView:
         self._elapsed = elapsed
         self._log = log
         self._surprising: set[str] = set()
+        self._surprised_at = -math.inf
         self._settling = Settling()
 
     def draw_record(self, message: Message) -> None:
@@ -68,17 +70,22 @@ class EventView:
     def draw_changes(self, changes: Iterable[Change], memory: Memory, now: float) -> None:
         """Log nodes that came or went, relations between objects, and what became surprising or ceased to be."""
         told: dict[str, list[str]] = defaultdict(list)
+        events = []
         for change in changes:
             if change.type == EVENT and change.element == "node":
-                self._draw_event(change, memory, now)
+                events.append(change)
             elif (shift := _shift(change)) is not None:
                 self._settling.note(shift, now)
             for predicate in self._surprises(change, memory):
                 told[predicate].append(change.name)
         self._elapsed.set(now)
         for predicate, names in told.items():
-            color = palette.SURPRISE if predicate.startswith(_SURPRISING) else palette.NAME
+            is_surprise = predicate.startswith(_SURPRISING)
+            self._surprised_at = now if is_surprise else self._surprised_at
+            color = palette.SURPRISE if is_surprise else palette.NAME
             self._say(GRAPH, _sentence(names, predicate), now, rr.TextLogLevel.INFO, color)
+        for change in events:
+            self._draw_event(change, memory)
         self._draw_settled(now)
         self._elapsed.set(now)
 
@@ -105,14 +112,19 @@ class EventView:
                 self._surprising ^= {change.name}
                 yield _SURPRISING + _reason(node) if is_surprising else f"not {_SURPRISING} any more"
 
-    def _draw_event(self, change: Change, memory: Memory, now: float) -> None:
-        """Log an explanation, or what an agent tells, at its own time; what follows from the graph is told above."""
+    def _draw_event(self, change: Change, memory: Memory) -> None:
+        """Log an explanation, or what an agent tells, at its own time; what follows from the graph is told above.
+
+        An explanation has the time of the percept, at which its surprise was not told yet: the explanation comes after.
+        """
         node = memory.get_node(change.name) if change.kind == "added" else None
         entry = read_entry(node) if node is not None else None
         if node is None or entry is None:
             return
         self._elapsed.set(entry.begin)
         if entry.kind == EXPLAINED:
+            if entry.begin < self._surprised_at < entry.begin + _SURPRISE_LATE:
+                self._elapsed.set(self._surprised_at)
             self._say(EXPLAINED, _explanation(node), entry.begin, rr.TextLogLevel.INFO, palette.HELD)
         elif entry.kind not in DERIVED:
             sure = "" if entry.confidence == 1.0 else f" ({entry.confidence:.2f})"

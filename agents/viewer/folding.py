@@ -19,8 +19,8 @@ _IMAGES_SHOW = "sees"
 """Type of edges that are not drawn: the images show the same."""
 _WHOLES = {"body": "arm", "finger": "hand", "action": "intention"}
 """Type of the node into which nodes of a type are folded. Of the actions, those that are over."""
-_FOLDED = {"arm": "links", "hand": "fingers", "intention": "done"}
-"""What is said of the nodes that are folded into one of this type."""
+_FOLDED = {"arm": ("link", "links"), "hand": ("finger", "fingers"), "intention": ("done", "done")}
+"""What is said of the one node, or of the several, that are folded into one of this type."""
 _LONGEST = 28  # letters of a label: the longest names of parts and cameras of a robot have as many
 
 
@@ -48,7 +48,7 @@ def fold(memory: Memory) -> Folded:
     }
     labels = {name: drawable(name, _LONGEST) for name in nodes if name not in into}
     for name, count in Counter(into.values()).items():
-        labels[name] += f" ({count} {_FOLDED[nodes[name].type]})"
+        labels[name] += f" ({count} {_FOLDED[nodes[name].type][count > 1]})"
     return Folded({name: nodes[name].type for name in labels}, sorted(kept), labels)
 
 

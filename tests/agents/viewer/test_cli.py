@@ -94,16 +94,6 @@ def test_the_page_is_served_to_this_machine_only_until_ctrl_c(served: Served) ->
         socket.create_connection((LOOPBACK, served.web_port), 1.0)
 
 
-@pytest.mark.skipif(browser.PROGRAM is None, reason="no chromium or google-chrome on the path")
-@pytest.mark.timeout(400)  # a page without a graphics card, on a busy machine
-def test_a_browser_shows_the_view(served: Served, tmp_path: Path) -> None:
-    """The dark page draws the belief of the cube in blue; a click on the tab shows the graph as large as the page."""
-    with browser.Browser(page_url(served.port, served.web_port), tmp_path) as page:
-        wait_for(lambda: shows(page, BLUE, TABLE), "the page never showed the blue cube on its table")
-        page.click(*GRAPH_TAB)
-        wait_for(lambda: shows(page, AMBER) and not shows(page, TABLE), "the page never showed the graph alone")
-
-
 GRAPH_TAB = (180, 50)
 BLUE, AMBER, TABLE = "blue", "amber", "table"
 
@@ -125,6 +115,16 @@ def wait_for(condition: Callable[[], bool], otherwise: str) -> None:
         if condition():
             return
     pytest.fail(otherwise)
+
+
+@pytest.mark.skipif(browser.PROGRAM is None, reason="no chromium or google-chrome on the path")
+@pytest.mark.timeout(400)  # a page without a graphics card, on a busy machine
+def test_a_browser_shows_the_view(served: Served, tmp_path: Path) -> None:
+    """The dark page draws the belief of the cube in blue; a click on the tab shows the graph as large as the page."""
+    with browser.Browser(page_url(served.port, served.web_port), tmp_path) as page:
+        wait_for(lambda: shows(page, BLUE, TABLE), "the page never showed the blue cube on its table")
+        page.click(*GRAPH_TAB)
+        wait_for(lambda: shows(page, AMBER) and not shows(page, TABLE), "the page never showed the graph alone")
 
 
 @pytest.mark.parametrize(("place", "option"), [(0, "--port"), (1, "--web-port")])
