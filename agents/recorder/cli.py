@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,14 +10,19 @@ from typing import Annotated, Any
 import msgspec
 import typer
 from rich.box import SIMPLE_HEAD
+from rich.progress import Progress
 from rich.table import Table
 
 from agents.recorder.agent import Recorder
+from agents.recorder.config import MB, RecorderConfig
 from agents.recorder.contents import RecordingContents, contents_of
+from agents.recorder.export import TABLES, Exported, ExportSelection, export_csv
 from agents.recorder.reader import FILE_NAME, read_recording
 from agents.recorder.selection import PARTS
+from agents.replay.source import ReplayedGraph
 from agents.segments import segments
-from dsr.cli.common import GraphOption, JsonOption, RouterOption, console, new_run_folder, print_json, shown
+from dsr.cli.common import GraphOption, JsonOption, RouterOption, console, errors, new_run_folder, print_json, shown
+from dsr.config.toml import convert
 from dsr.errors import ConfigError
 from dsr.network.rendezvous import endpoints, graphs, running_graph
 from dsr.runtime.agent_process import StopSignal, run_process
@@ -24,7 +30,6 @@ from dsr.runtime.signals import set_on_signals
 
 _NAME = "record"
 """Of the agent; the system may have a recorder already."""
-_MB = 1e6  # bytes
 
 RecordingArgument = Annotated[Path, typer.Argument(help="A recording.mcap, or the folder of a run.")]
 
@@ -82,6 +87,7 @@ def record(
         "frames_hz": frames_hz, "still_hz": still_hz, "lossless": lossless,
         "rotate_mb": rotate_mb, "rotate_period": rotate_every, "keep_files": keep_files, "keep_mb": keep_mb,
     }  # fmt: skip
+    convert(config, RecorderConfig, "options")
     name = running_graph(graph) if router is None or graph is None else graph
     if router is None and not endpoints(name):
         raise ConfigError(f"no graph {name!r} runs on this machine; running: {', '.join(graphs()) or 'none'}")
@@ -123,7 +129,7 @@ def info(recording: RecordingArgument, as_json: JsonOption = False) -> None:
         return
     for report in contents.files:
         console.print(shown(str(report)), soft_wrap=True)
-    rate = f"{contents.size / _MB:.2f} MB in {contents.seconds:.1f} s, {contents.mb_per_minute:.2f} MB a minute"
+    rate = f"{contents.size / MB:.2f} MB in {contents.seconds:.1f} s, {contents.mb_per_minute:.2f} MB a minute"
     console.print(f"graph {shown(contents.metadata.get('graph', ''))}: {rate}", soft_wrap=True)
     console.print(_table(contents))
 
@@ -137,7 +143,58 @@ def _table(contents: RecordingContents) -> Table:
         rate, growth = "", ""
         if contents.seconds > 0.0:
             rate = f"{channel.messages / contents.seconds:.1f}"
-            growth = f"{channel.packed / _MB / (contents.seconds / 60.0):.3f}"
-        packed, whole = f"{channel.packed / _MB:.3f}", f"{channel.bytes / _MB:.3f}"
+            growth = f"{channel.packed / MB / (contents.seconds / 60.0):.3f}"
+        packed, whole = f"{channel.packed / MB:.3f}", f"{channel.bytes / MB:.3f}"
         table.add_row(shown(channel.channel), str(channel.messages), rate, packed, growth, whole)
     return table
+
+
+@app.command()
+def export(
+    recording: RecordingArgument,
+    csv: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Write tables as CSV files to this new folder.")
+    ] = None,
+    nodes: Annotated[
+        list[str] | None,
+        typer.Option("--node", "-n", metavar="NAME", help="Only what is about this node, or those like cube_*."),
+    ] = None,
+    tables: Annotated[
+        list[str] | None,
+        typer.Option("--table", "-t", metavar="TABLE", help=f"Only this table: {', '.join(it.name for it in TABLES)}."),
+    ] = None,
+    begin: Annotated[
+        float, typer.Option("--from", min=0.0, metavar="S", help="Since the first message; begins with what is known.")
+    ] = 0.0,
+    until: Annotated[float | None, typer.Option(min=0.0, metavar="S", help="Until then, likewise.")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Write a recording as tables for spreadsheets, pandas and the like: a row for each sample, a header, units.
+
+    README.txt in the folder tells what each table and column is. Units are in the columns' names (SI). Options --node
+    and --table may be repeated. A truncated recording is exported up to the cut. Images are not exported.
+
+    Example: dsr record export recording.mcap --csv tables --node "cube_*" --table poses --from 10 --until 20
+    """
+    if csv is None:
+        raise ConfigError("to what? Give a folder: --csv FOLDER")
+    wanted = ExportSelection(nodes or (), tables or (), begin, math.inf if until is None else until)
+    source = ReplayedGraph(recording)
+    for problem in source.problems:
+        errors.print(f"[yellow]{shown(problem)}; exported until there: {source.duration:.1f} s[/]", soft_wrap=True)
+    with Progress(console=errors, transient=True, disable=not errors.is_terminal) as progress:
+        task = progress.add_task("exporting", total=None)
+        exported = export_csv(
+            source, csv, wanted, lambda time, end: progress.update(task, completed=time - begin, total=end - begin)
+        )
+    _tell_exported(exported, csv, as_json)
+
+
+def _tell_exported(exported: Exported, folder: Path, as_json: bool) -> None:
+    if as_json:
+        print_json(exported._asdict() | {"folder": str(folder)})
+        return
+    for name, rows in exported.rows.items():
+        console.print(shown(f"{folder}/{name}.csv  {rows} rows"), soft_wrap=True)
+    if exported.malformed:
+        errors.print(f"[yellow]{exported.malformed} messages that make no sense were left out[/]")

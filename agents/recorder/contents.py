@@ -8,6 +8,7 @@ from pathlib import Path
 import msgspec
 import zstandard
 
+from agents.recorder.config import MB
 from agents.recorder.mcap_file import RecordingError, RecordingFile
 from agents.recorder.reader import SegmentReport, read_recording
 from dsr.network.keys import agent_of
@@ -41,7 +42,7 @@ class RecordingContents(msgspec.Struct, frozen=True):
     @property
     def mb_per_minute(self) -> float:
         """How fast its files grew, MB a minute; 0 for a recording of one instant."""
-        return self.size / 1e6 / (self.seconds / 60.0) if self.seconds > 0.0 else 0.0
+        return self.size / MB / (self.seconds / 60.0) if self.seconds > 0.0 else 0.0
 
 
 def contents_of(path: Path | str) -> RecordingContents:
