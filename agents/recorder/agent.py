@@ -78,13 +78,17 @@ class Recorder(Agent):
 
     def tick(self, now: float) -> None:
         """Write what arrived since the last tick, in the order of arrival; a disk that is full is waited for."""
+        self._record(now, ends=False)
+
+    def _record(self, now: float, *, ends: bool) -> None:
+        """The same; a recording that ends begins no further file."""
         messages = [self._as_record(message) for message in self._take(now)]
         unwritten = deque(messages)
         try:
             writer = self._writer
-            if writer is None and now >= self._retry_at:
+            if writer is None and not ends and now >= self._retry_at:
                 writer = self._begin_file(now)
-            elif writer is not None and self._files.is_full(now) and self._may_begin_anew:
+            elif writer is not None and not ends and self._files.is_full(now):
                 writer = self._rotate(writer, now)
             if writer is None:
                 self._unwritten += len(unwritten)
@@ -99,11 +103,6 @@ class Recorder(Agent):
 
     def _as_record(self, message: Message) -> RecordedMessage:
         return RecordedMessage(message.stamp, message.key.removeprefix(self.keys.root + "/"), message.payload)
-
-    @property
-    def _may_begin_anew(self) -> bool:
-        """Whether a file that begins now can hold the whole graph, if it is to."""
-        return self.memory.joined or not self._selection.may_include(GRAPH)
 
     def _rotate(self, writer: RecordingWriter, now: float) -> RecordingWriter:
         """End the file and begin the next one. Raises `OSError`."""
@@ -129,6 +128,8 @@ class Recorder(Agent):
         if now - self._last_flush >= self.config.flush_period:
             writer.flush()
             self._last_flush = now
+            if self._last_snapshot > -math.inf or not self._selection.may_include(GRAPH):
+                self._files.note_beginning()
             self._files.keep_limits()
         if self._waits:
             writer.flush()
@@ -158,7 +159,7 @@ class Recorder(Agent):
         """Write what is left and close the file, so that it has an index."""
         for inbox in self._inboxes:
             inbox.close()
-        self.tick(self.clock.now())
+        self._record(self.clock.now(), ends=True)
         for missing in self._selection.unheard:
             self.log.warning("%s", missing)
         if self._meshes is not None:

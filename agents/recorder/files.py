@@ -62,13 +62,14 @@ class RecordingFiles:
         self._about = dict(about) | ({} if limits.keeps_all else {LIMITED: str(limits)})
         self._writer: RecordingWriter | None = None
         self._begun = -math.inf
+        self._beginning = 0  # bytes
         self._removable = [] if limits.keeps_all else list(filter(_is_limited, segments(folder, FILE_NAME)))
 
     def begin(self, now: float) -> RecordingWriter:
         """Open the next file at `now` (s), after removing what is too much for it. Raises `OSError`."""
         path = next_segment(self._folder, FILE_NAME)
         self._writer = RecordingWriter(path, self._about | {"segment": path.name})
-        self._begun = now
+        self._begun, self._beginning = now, 0
         if not self._limits.keeps_all:
             self._removable.append(path)
         self.keep_limits()
@@ -77,13 +78,17 @@ class RecordingFiles:
     def is_full(self, now: float) -> bool:
         """Whether the present file is so large or old at `now` (s) that the next one shall begin.
 
-        However large the graph is, a file holds as much again as its first snapshot takes.
+        However large the graph is, a file holds as much again as its beginning; before that is written it is not full.
         """
-        writer = self._writer
-        if writer is None or not writer.first_size:
+        if self._writer is None or not self._beginning:
             return False
-        is_large = writer.size >= max(self._limits.bytes, 2 * writer.first_size)
+        is_large = self._writer.size >= max(self._limits.bytes, 2 * self._beginning)
         return is_large or now - self._begun >= self._limits.period
+
+    def note_beginning(self) -> None:
+        """The present file holds all that it has to begin with, and that is flushed."""
+        if self._writer is not None and not self._beginning:
+            self._beginning = self._writer.size
 
     def keep_limits(self) -> None:
         """Remove the oldest files, as far as they are too many or too large together; never the present one."""

@@ -65,8 +65,6 @@ class RecordingWriter:
         self._flushed = False
         self.unflushed = 0
         """Messages that a kill, or a disk without room, would still cost."""
-        self.first_size = 0
-        """Bytes at the first `flush`: what every file begins with; 0 before."""
         try:
             self._writer.start(profile=PROFILE, library="dsr")
             self._writer.add_metadata(_METADATA, dict(metadata))
@@ -91,7 +89,6 @@ class RecordingWriter:
         self._writer.flush()
         self._flushed = True
         self.unflushed = 0
-        self.first_size = self.first_size or self.size
 
     def abandon(self) -> None:
         """Close the file as far as it was written; one that was never flushed holds nothing and is removed."""
