@@ -54,7 +54,7 @@ class Recorder(Agent):
         self._recent: deque[RecordedMessage] = deque()
         self._repeated: list[RecordedMessage] = []
         self._last_flush = self._last_snapshot = -math.inf
-        self._repairs = self._unwritten = 0
+        self._repairs = self._unwritten = self._told_removed = 0
         self._retry_at = -math.inf
         about = {**config.about, "graph": keys.graph, "root": keys.root}
         self._files = RecordingFiles(Path(config.folder), FileLimits.of(config), about)
@@ -124,13 +124,13 @@ class Recorder(Agent):
             self._meshes.update(now)
         if now - self._last_snapshot >= self.config.snapshot_period or self._repairs != self.memory.statistics.repairs:
             self._write_snapshot(writer, now)
-            self._images.begin_again()
         if now - self._last_flush >= self.config.flush_period:
             writer.flush()
             self._last_flush = now
             if self._last_snapshot > -math.inf or not self._selection.may_include(GRAPH):
                 self._files.note_beginning()
             self._files.keep_limits()
+            self._tell_removed()
         if self._waits:
             writer.flush()
             self._waits = ""
@@ -176,6 +176,7 @@ class Recorder(Agent):
             self._repairs = self.memory.statistics.repairs
             writer.write(RecordedMessage(now, SNAPSHOT, self.memory.snapshot()))
             self._last_snapshot = now
+            self._images.begin_again()
 
     def _take(self, now: float) -> list[Message]:
         """What arrived and is to be recorded, oldest first."""
@@ -192,6 +193,13 @@ class Recorder(Agent):
             return False
         self._images.put(message)
         return True
+
+    def _tell_removed(self) -> None:
+        if self._files.removed > self._told_removed:
+            self._told_removed = self._files.removed
+            self.log.info(
+                "the oldest files were removed to keep %s: %d until now", self._files.limits, self._told_removed
+            )
 
     def _report_losses(self) -> None:
         dropped = sum(inbox.dropped for inbox in self._inboxes)

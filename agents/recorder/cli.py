@@ -53,7 +53,7 @@ def record(
     still_hz: Annotated[
         float, typer.Option(min=0.0, metavar="HZ", help="The same while nothing moves in the picture.")
     ] = 0.2,
-    lossless: Annotated[bool, typer.Option("--lossless", help="Keep every bit of images: twice as large.")] = False,
+    lossless: Annotated[bool, typer.Option("--lossless", help="Keep every bit of images: thrice as large.")] = False,
     rotate_mb: Annotated[
         float, typer.Option(min=0.0, metavar="MB", help="Begin the next file after so much; 0 for never.")
     ] = 0.0,

@@ -28,7 +28,7 @@ class RecorderConfig(msgspec.Struct, frozen=True):
     jpeg_quality: int = 90
     """JPEG quality of recorded colour images, 1 to 100."""
     lossless: bool = False
-    """Keep images as they are, in every bit: twice as large."""
+    """Keep images as they are, in every bit: three times as large."""
     flush_period: float = 1.0
     """s, at most so much is lost when the recorder is killed"""
     snapshot_period: float = 30.0

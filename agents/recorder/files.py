@@ -58,7 +58,7 @@ class RecordingFiles:
         self.removed = 0
         """Number of files that were removed."""
         self._folder = folder
-        self._limits = limits
+        self.limits = limits
         self._about = dict(about) | ({} if limits.keeps_all else {LIMITED: str(limits)})
         self._writer: RecordingWriter | None = None
         self._begun = -math.inf
@@ -70,7 +70,7 @@ class RecordingFiles:
         path = next_segment(self._folder, FILE_NAME)
         self._writer = RecordingWriter(path, self._about | {"segment": path.name})
         self._begun, self._beginning = now, 0
-        if not self._limits.keeps_all:
+        if not self.limits.keeps_all:
             self._removable.append(path)
         self.keep_limits()
         return self._writer
@@ -82,8 +82,8 @@ class RecordingFiles:
         """
         if self._writer is None or not self._beginning:
             return False
-        is_large = self._writer.size >= max(self._limits.bytes, 2 * self._beginning)
-        return is_large or now - self._begun >= self._limits.period
+        is_large = self._writer.size >= max(self.limits.bytes, 2 * self._beginning)
+        return is_large or now - self._begun >= self.limits.period
 
     def note_beginning(self) -> None:
         """The present file holds all that it has to begin with, and that is flushed."""
@@ -93,9 +93,9 @@ class RecordingFiles:
     def keep_limits(self) -> None:
         """Remove the oldest files, as far as they are too many or too large together; never the present one."""
         self._removable = [path for path in self._removable if path.exists()]
-        while len(self._removable) > self._limits.keep_files and self.drop_oldest():
+        while len(self._removable) > self.limits.keep_files and self.drop_oldest():
             pass
-        while _total(self._removable) > self._limits.keep_bytes and self.drop_oldest():
+        while _total(self._removable) > self.limits.keep_bytes and self.drop_oldest():
             pass
 
     def drop_oldest(self) -> bool:

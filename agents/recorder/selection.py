@@ -31,7 +31,7 @@ _DEVICES = ("*/state", "*/command", "*/*/poses", "*/*/hands")
 _MOST_TOLD = 20  # streams
 
 
-class Heard(NamedTuple):
+class MessagePart(NamedTuple):
     """A message by its part, and by what its topic says beyond that."""
 
     part: str
@@ -39,11 +39,11 @@ class Heard(NamedTuple):
     """Of the stream, device, agent or replica; empty for parts of one topic."""
 
 
-def heard(topic: str, size: int) -> Heard:
+def part_of(topic: str, size: int) -> MessagePart:
     """The part of a message of `size` bytes. Raises `ValueError` for a topic of none."""
     for part, (prefix, _) in PARTS.items():
         if topic.startswith(prefix) and (part != IMAGES or size >= IMAGE):
-            return Heard(part, topic.removeprefix(prefix))
+            return MessagePart(part, topic.removeprefix(prefix))
     raise ValueError(f"topic {topic!r}: expected one of {', '.join(PARTS)}")
 
 
@@ -69,11 +69,11 @@ class RecordSelection:
     def may_include(self, part: str) -> bool:
         """Whether anything of a part is wanted."""
         wanted = not self._only or any(it.part == part for it in self._only.values())
-        return wanted and Heard(part, "") not in self._without
+        return wanted and MessagePart(part, "") not in self._without
 
     def includes(self, topic: str, size: int) -> bool:
         """Whether a message of `size` bytes is wanted. Raises `ValueError` for a topic of no part."""
-        found = heard(topic, size)
+        found = part_of(topic, size)
         if found.part in (IMAGES, DATA) and len(self._streams) < _MOST_TOLD:
             self._streams.add(found.name)
         matching = [text for text, wanted in self._only.items() if _fits(wanted, found)]
@@ -100,14 +100,14 @@ class RecordSelection:
         return [key for part, found in patterns.items() if self.may_include(part) for key in found]
 
 
-def _parsed(text: str) -> Heard:
+def _parsed(text: str) -> MessagePart:
     part, _, pattern = text.partition("/")
     if part not in PARTS:
         raise ValueError(f"{text!r} is no part of a recording; {suggest(part, PARTS)}")
-    return Heard(part, pattern)
+    return MessagePart(part, pattern)
 
 
-def _fits(wanted: Heard, found: Heard) -> bool:
+def _fits(wanted: MessagePart, found: MessagePart) -> bool:
     return wanted.part == found.part and (not wanted.name or _matches(wanted.name, found.name))
 
 

@@ -63,6 +63,13 @@ def test_what_moves_all_the_time_is_kept_at_the_full_rate(world: World) -> None:
     assert abs(len(stamps(world)) - 20) <= 1
 
 
+def test_still_scenes_are_seen_without_the_graph_too(world: World) -> None:
+    recorder = world.start_recorder(only=["images"], still_hz=0.2)
+    Scene(world).run(20.0, column=100)
+    recorder.teardown()
+    assert 3 <= len(stamps(world)) <= 6
+
+
 @pytest.mark.parametrize("still_hz", [2.0, 30.0])
 def test_nothing_is_thinned_out_if_both_rates_are_one(world: World, still_hz: float) -> None:
     recorder = world.start_recorder(frames_hz=2.0, still_hz=still_hz)
