@@ -58,10 +58,12 @@ class Recorder(Agent):
         self._retry_at = -math.inf
         about = {**config.about, "graph": keys.graph, "root": keys.root}
         self._files = RecordingFiles(Path(config.folder), FileLimits.of(config), about)
-        try:
-            self._begin_file(self.clock.now())
-        except OSError as error:
-            raise ConfigError(f"nothing can be recorded in {config.folder}: {error.strerror}") from error
+        while self._writer is None:
+            try:
+                self._begin_file(self.clock.now())
+            except OSError as error:
+                if error.errno not in _NO_ROOM or not self._files.drop_oldest():
+                    raise ConfigError(f"nothing can be recorded in {config.folder}: {error.strerror}") from error
         blobs = [keys.blob("**")] if any(map(self._selection.may_include, (IMAGES, DATA))) else []
         images = Inbox(self.bus, blobs, self.clock, _MOST_IMAGES_WAITING)
         self._inboxes = (images, Inbox(self.bus, self._selection.keys(keys), self.clock, _MOST_WAITING))

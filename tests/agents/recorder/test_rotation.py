@@ -212,6 +212,18 @@ def test_a_full_disk_costs_the_oldest_file_if_there_are_limits(
     assert lost, "what was lost is told"
 
 
+def test_a_recorder_that_starts_on_a_full_disk_makes_room_within_limits(world: World, disk: type[FullDisk]) -> None:
+    recorder = world.start_recorder(rotate_period=1.0, keep_files=100)
+    write_much(world, 5.0)
+    recorder.teardown()
+    before = files(world.folder)
+    disk.free = 0
+    recorder = world.start_recorder(rotate_period=1.0, keep_files=100)
+    write_much(world, 0.5)
+    recorder.teardown()
+    assert before[0] not in files(world.folder) and files(world.folder)[-1] not in before
+
+
 def test_another_fault_of_the_disk_costs_no_file(world: World, disk: type[FullDisk]) -> None:
     recorder = world.start_recorder(rotate_period=1.0, keep_files=100)
     write_much(world, 5.0)
