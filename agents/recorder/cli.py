@@ -14,7 +14,7 @@ from agents.segments import segments
 from dsr.cli.common import GraphOption, RouterOption, console, new_run_folder, shown
 from dsr.errors import ConfigError
 from dsr.network.rendezvous import endpoints, graphs, running_graph
-from dsr.runtime.agent_process import StopSignal, run_process
+from dsr.runtime.agent_process import StopSignal, run_agent
 from dsr.runtime.signals import set_on_signals
 
 _NAME = "record"
@@ -55,7 +55,7 @@ def record(
         if timer:
             timer.start()
         with set_on_signals(stop):
-            run_process(Recorder, graph=name, name=_NAME, config=config, router=router, seed=0, stop=stop)
+            run_agent(Recorder, graph=name, name=_NAME, config=config, router=router, seed=0, stop=stop)
     finally:
         if timer:
             timer.cancel()

@@ -18,6 +18,7 @@ from dsr.network.askers import newest_of_each
 from dsr.network.bulk import BulkReader, BulkWriter, Handler
 from dsr.network.keys import descriptor_key
 from dsr.network.transport import MAX_ASKERS, Chunks, MessageHandler, PresenceHandler, Qos, RequestHandler, Subscription
+from dsr.threads import new_thread
 
 _log = logging.getLogger("dsr.zenoh")
 
@@ -317,7 +318,7 @@ class ZenohTransport:
             raise TransportError(f"{key}: {_reason(error)}") from error
 
     def _run(self, name: str, target: Callable[[], None]) -> None:
-        thread = threading.Thread(target=target, name=name, daemon=True)
+        thread = new_thread(target, name)
         with self._lock:
             thread.start()
             self._threads = [*(other for other in self._threads if other.is_alive()), thread]
