@@ -352,6 +352,8 @@ def _settings(listen: str, connect: list[str], routing: bool) -> dict[str, Any]:
         "connect/timeout_ms": -1,
         "connect/exit_on_failure": False,
         "connect/retry": {"period_init_ms": 100, "period_max_ms": 500, "period_increase_factor": 2},
+        # ms that opening waits for connections; every third session waits so long although all are there already
+        "scouting/delay": 100,
         "scouting/multicast/enabled": False,
         "scouting/gossip/enabled": True,
         "scouting/gossip/autoconnect": {"router": [], "peer": []},
