@@ -25,7 +25,7 @@ from dsr.cli.common import GraphOption, JsonOption, RouterOption, console, error
 from dsr.config.toml import convert
 from dsr.errors import ConfigError
 from dsr.network.rendezvous import endpoints, graphs, running_graph
-from dsr.runtime.agent_process import StopSignal, run_process
+from dsr.runtime.agent_process import StopSignal, run_agent
 from dsr.runtime.signals import set_on_signals
 
 _NAME = "record"
@@ -101,7 +101,7 @@ def record(
         if timer:
             timer.start()
         with set_on_signals(stop):
-            run_process(Recorder, graph=name, name=_NAME, config=config, router=router, seed=0, stop=stop)
+            run_agent(Recorder, graph=name, name=_NAME, config=config, router=router, seed=0, stop=stop)
     finally:
         if timer:
             timer.cancel()
