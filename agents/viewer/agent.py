@@ -36,16 +36,16 @@ class Viewer(Agent):
         """Open the file, and the window if one is wanted, and begin to listen."""
         self._resources = contextlib.ExitStack()
         self._window: ViewerWindow | ServedView | None = None
-        from agents.viewer.drawing import Drawing  # takes half a second, for which a launcher need not wait
+        from agents.viewer.views import AllViews  # takes half a second, for which a launcher need not wait
 
-        self._drawing = Drawing(self._open(), self.memory, self.config, self.log)
-        self._elapsed = self._drawing.elapsed
+        self._views = AllViews(self._open(), self.memory, self.config, self.log)
+        self._elapsed = self._views.elapsed
         self._looks_from: float | None = None
         self._watch = self.memory.watch()
         keys = (self.keys.log(), self.keys.status(), self.keys.truth(), start_key(self.keys), replayed_key(self.keys))
         self._inboxes = [Inbox(self.bus, key, self.clock, _MOST_WAITING) for key in keys]
         self._logs, self._statuses, self._truths, self._starts, self._replayed = self._inboxes
-        for close in (self._drawing.close, self._watch.close, *(inbox.close for inbox in self._inboxes)):
+        for close in (self._views.close, self._watch.close, *(inbox.close for inbox in self._inboxes)):
             self._resources.callback(close)
 
     def tick(self, now: float) -> None:
@@ -58,9 +58,9 @@ class Viewer(Agent):
             return
         now = self._elapsed.now(now)
         self._elapsed.set(now)
-        self._drawing.arrange()
-        self._drawing.draw_messages(self._truths.take(), self._statuses.take(), self._logs.take())
-        self._drawing.draw(self._watch.poll(), now)
+        self._views.arrange()
+        self._views.draw_messages(self._truths.take(), self._statuses.take(), self._logs.take())
+        self._views.draw(self._watch.poll(), now)
         self._check_window()
 
     def _looks(self, now: float) -> bool:

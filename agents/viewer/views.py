@@ -26,7 +26,7 @@ from dsr.graph.watch import Change
 from dsr.memory import Memory
 
 
-class Drawing:
+class AllViews:
     """Draws a working memory, and what agents say beside it.
 
     Args:
