@@ -9,7 +9,7 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from dsr.cli.common import add_names, shown
+from dsr.cli.common import add_names, add_numbers, shown
 from dsr.runtime.launcher import AgentRow
 
 _COLOURS = {
@@ -28,8 +28,7 @@ def status_table(rows: Iterable[AgentRow], title: str) -> Group:
     table = Table(title=title, title_justify="left", box=None, pad_edge=False, collapse_padding=True)
     add_names(table, "agent")
     table.add_column("state", no_wrap=True)
-    for column in ("Hz", "tick ms", "95 %", "lag ms", "behind s", "missed", "errors", "restarts"):
-        table.add_column(column, justify="right", no_wrap=True)
+    add_numbers(table, "Hz", "tick ms", "95 %", "lag ms", "behind s", "missed", "errors", "restarts")
     problems = []
     for row in rows:
         colour = _COLOURS.get(row.state, "white")
