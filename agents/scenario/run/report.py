@@ -92,14 +92,22 @@ def story_line(elapsed: float, line: Line) -> Text:
 
 
 def show_result(result: Result, scenario: Scenario, console: Console) -> None:
-    """Print the table of objects, the expectations and the notes."""
-    console.print(_object_table(result, scenario))
+    """Print the table of objects, the expectations and the notes.
+
+    Of a run that failed on an overloaded machine, distances say nothing about the agents: they are left out.
+    """
+    blamed = result.overload is not None and not result.passed
+    if not blamed:
+        console.print(_object_table(result, scenario))
     console.print(_expectation_table(result))
     for note in result.notes:
         console.print(f"[yellow]note[/] {shown(note)}")
     held = sum(verdict.passed for verdict in result.expectations)
     color, word = ("green", "passed") if result.passed else ("red", "FAILED")
     console.print(f"[bold {color}]{word}[/]: {held} of {len(result.expectations)} expectations hold")
+    if result.overload is not None:
+        why = ". This may be why: run it again when the machine is less busy" if blamed else ""
+        console.print(f"[yellow]{shown(result.overload.text)}{why}[/]", soft_wrap=True)
 
 
 def _object_table(result: Result, scenario: Scenario) -> Table:
