@@ -31,7 +31,7 @@ _EDGE = (
 _POSITION = tuple(TableColumn(f"{axis}_m", "translation") for axis in "xyz")
 _ROTATION = tuple(TableColumn(f"q{axis}", "unit quaternion") for axis in "xyzw")
 _VARIANCES = (
-    *(TableColumn(f"var_{axis}_m2", "variance of the translation, in the frame of dst; empty if unknown") for axis in "xyz"),
+    *(TableColumn(f"var_{axis}_m2", "variance of the translation, in dst; empty if unknown") for axis in "xyz"),
     *(TableColumn(f"var_r{axis}_rad2", "variance of the rotation about that axis, likewise") for axis in "xyz"),
 )
 _VALUE = (
@@ -105,7 +105,13 @@ TABLES = (
     Table(
         "logs",
         "Log records of agents.",
-        (_TIME, _STAMP, TableColumn("agent", "name"), TableColumn("level", "INFO, WARNING, ..."), TableColumn("text", "one line")),
+        (
+            _TIME,
+            _STAMP,
+            TableColumn("agent", "name"),
+            TableColumn("level", "INFO, WARNING, ..."),
+            TableColumn("text", "one line"),
+        ),
     ),
 )
 """All tables, in the order in which they are told."""
