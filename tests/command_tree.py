@@ -15,7 +15,7 @@ def leaves() -> dict[str, Any]:
 
 def _below(path: str, command: Any) -> Iterator[tuple[str, Any]]:
     commands = getattr(command, "commands", {})
-    if not commands:
+    if not commands or command.invoke_without_command:
         yield path, command
     for name, sub in commands.items():
         yield from _below(f"{path} {name}", sub)

@@ -204,7 +204,9 @@ def _play(
     """Run with these fields of `Run`, show and write the result; ends the program with its exit code."""
     said = for_people(as_json)
     viewer = view if view is not None else not lockstep
-    window = view is not False and viewer and has_display(os.environ, sys.platform)
+    window = viewer and has_display(os.environ, sys.platform)
+    if view and not window:
+        errors.print("there is no display: the view is only recorded; to watch the run elsewhere: dsr view --serve")
     plan = make_run(scenario, viewer=viewer or not lockstep, window=window, **options)
     check_writable(json_file)
     folder = new_run_folder(plan.scenario.name)

@@ -13,6 +13,8 @@ import pytest
 
 import benchmarks.soak.cli as soak
 from agents.calibrator.cli import _show as show_calibration
+from agents.recorder.cli import _table as recordings_table
+from agents.recorder.contents import ChannelContents, RecordingContents
 from agents.replay.compare import Disagreement, PoseDifference, ReplayOutcome, Stretch
 from agents.replay.compare import show as show_comparison
 from agents.scenario.format.scenario import load_scenario
@@ -155,6 +157,11 @@ def _replay(place: Place) -> None:
     show_comparison(outcome, outcome.differences(0.25), console)
 
 
+def _record_info(place: Place) -> None:
+    channels = [ChannelContents(f"dsr/v1/{CUBE}/blob/{CAMERA}", 12_345_678, 9_876_543_210, 8_765_432_109)]
+    console.print(recordings_table(RecordingContents([], channels, 9_876_543_210, 1234.5, {"graph": CUBE})))
+
+
 def _scenario_run(place: Place) -> None:
     names = ("percept_error", "belief_error", "belief_gap", "belief_drift")
     result = Result(
@@ -230,6 +237,7 @@ PRINTED: dict[str, Callable[[Place], Any]] = {
     "security show": _security,
     "timeline": _timeline,
     "replay": _replay,
+    "record info": _record_info,
     "scenario list": lambda place: (place.scenario(), place.cli("scenario", "list")),
     "scenario check": lambda place: place.cli("scenario", "check", place.scenario(), "nothing_of_that_name"),
     "scenario truth": lambda place: place.cli("scenario", "truth", place.scenario()),
@@ -244,6 +252,6 @@ PRINTED: dict[str, Callable[[Place], Any]] = {
 
 SENTENCES = {
     "new", "run", "stop", "logs", "watch", "save", "convert", "load", "hub", "record", "view", "demo",
-    "security init", "security add",
+    "record export", "security init", "security add",
 }  # fmt: skip
 """Commands that print lines only, which the terminal breaks, or what one of `PRINTED` prints: `run`, `demo`."""
