@@ -12,13 +12,14 @@ from typing import Annotated, Any
 
 import typer
 
-from agents.viewer.agent import Viewer, ViewerConfig
+from agents.viewer.agent import Viewer
+from agents.viewer.config import ViewerConfig
 from agents.viewer.window import LOOPBACK, WindowError, check_free, page_url, viewer_url
 from dsr.cli.common import GraphOption, RouterOption, SecurityOption, console, errors, shown
 from dsr.connecting import SECURITY
 from dsr.errors import ConfigError
 from dsr.network.rendezvous import endpoints, graphs, running_graph
-from dsr.runtime.agent_process import StopSignal, run_process
+from dsr.runtime.agent_process import StopSignal, run_agent
 from dsr.runtime.display import has_display
 from dsr.runtime.signals import set_on_signals
 
@@ -84,7 +85,7 @@ def view(
         config: dict[str, Any] = {"folder": folder, "record": False, "spawn": not serve, "serve": serve}
         config |= {"bind": bind, "port": port, "web_port": web_port, "listens": _LISTENS}
         with set_on_signals(stop):
-            run_process(_View, graph=name, name=_NAME, config=config, router=router, seed=0, stop=stop)
+            run_agent(_View, graph=name, name=_NAME, config=config, router=router, seed=0, stop=stop)
     if serve and said:
         raise WindowError(f"the server ended: {said[0].splitlines()[-1] if said[0] else 'it said nothing'}")
 

@@ -65,6 +65,10 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
     """Fault of the agent's clock, or of another one, in words; empty if all agree."""
     worlds: list[WorldUse] = []
     """The agent's use of each world."""
+    waiting: float = 0.0
+    """Share of the last second in which the agent was ready to go on and its machine had no processor free."""
+    overloaded: bool = False
+    """Whether the agent left out ticks while it waited so: the machine has more to do than it can."""
 
 
 _encoder = msgspec.msgpack.Encoder()

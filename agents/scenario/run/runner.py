@@ -210,7 +210,7 @@ def _get_ready(lockstep: Lockstep, agents: list[str]) -> None:
 
 
 def run_live(run: Run, observer: RunObserver | None = None) -> Result:
-    """Run with every agent a process of its own, on the wall clock. Ctrl-C stops them all.
+    """Run with the agents in processes, on the wall clock. Ctrl-C stops them all.
 
     Raises:
         ConfigError: if the scenario does not fit its system.
@@ -221,7 +221,7 @@ def run_live(run: Run, observer: RunObserver | None = None) -> Result:
     observer = observer or Silent()
     with Launcher(staged_system(run), run.folder, seed=run.seed) as launcher:
         memory = launcher.memory
-        judge = Judge(run.scenario, memory, memory.transport, memory.keys)
+        judge = Judge(run.scenario, memory, memory.transport, memory.keys, live=True)
         launcher.wait_ready(observer.starting)
         start = launcher.clock.now() + LEAD
         conductor = Conductor(
