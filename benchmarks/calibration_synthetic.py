@@ -52,7 +52,7 @@ def main() -> None:
 
             draw(result, options.plots, prefix="synthetic")
         else:
-            Console(stderr=True).print("matplotlib is not installed, so nothing was drawn: pip install 'dsr\\[bench]'")
+            Console(stderr=True).print("nothing was drawn without matplotlib: pip install 'dsr-memory\\[bench]'")
     raise SystemExit(0 if holds(result) else 1)
 
 

@@ -145,7 +145,7 @@ def draw(rows: Sequence[Row], folder: Path) -> None:
     figures = _figures(rows)
     _write_csv(rows, figures, folder)
     if not find_spec("matplotlib"):
-        Console(stderr=True).print("matplotlib is not installed, so nothing was drawn: pip install 'dsr\\[bench]'")
+        Console(stderr=True).print("nothing was drawn without matplotlib: pip install 'dsr-memory\\[bench]'")
         return
     from benchmarks.calibration_plots import draw as draw_figures
 

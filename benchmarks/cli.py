@@ -47,7 +47,7 @@ def bench(
     A row's ratio is our value by that of its first peer, measured in the same run:
     below 1 is better for times and factors, above 1 for rates (units "per s").
 
-    Peers are optional: pip install 'dsr\\[bench]'. Without one, rows are measured without it.
+    Peers are optional: pip install 'dsr-memory\\[bench]'. Without one, rows are measured without it.
     Quit other programs first; `dsr bench --list` tells how each row is measured.
 
     The exit code is 0 if all that was asked for was measured, also if targets are missed (see --check).
@@ -90,7 +90,7 @@ def _finish(findings: Findings, console: Console, plots: Path | None) -> None:
     met = [row.meets for row in findings.rows if row.meets is not None]
     console.print(f"{sum(met)} of {len(met)} targets met")
     for module in sorted(findings.missing):
-        errors.print(f"[yellow]{escape(module)} is not installed and was not measured: pip install 'dsr\\[bench]'[/]")
+        errors.print(f"[yellow]{escape(module)} is not installed, so not measured: pip install 'dsr-memory\\[bench]'[/]")
     if plots:
         _draw(findings, console, plots)
 
@@ -100,7 +100,7 @@ def _draw(findings: Findings, console: Console, folder: Path) -> None:
     for file in curves.write(findings.curves, folder):
         console.print(f"curve      {file}", soft_wrap=True)
     if not find_spec("matplotlib"):
-        errors.print("[yellow]matplotlib is not installed, so nothing was drawn: pip install 'dsr\\[bench]'[/]")
+        errors.print("[yellow]matplotlib is not installed, so nothing was drawn: pip install 'dsr-memory\\[bench]'[/]")
         return
     from benchmarks.plots import draw
 

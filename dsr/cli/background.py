@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -15,7 +16,7 @@ from typing import Annotated
 import msgspec
 import typer
 
-from dsr.cli.common import GraphOption, JsonOption, console, shown
+from dsr.cli.common import GraphOption, JsonOption, console, errors, shown
 from dsr.clock import WALL_CLOCK
 from dsr.errors import AgentError, ConfigError, TransportError, suggest
 from dsr.network.rendezvous import Claim, read_claim, running_graph
@@ -31,6 +32,8 @@ RUN_LOG = "run.log"
 """File in the folder of a run in the background: what `dsr run` says."""
 _DETACHED = "DSR_DETACHED"
 """Environment variable of the run that goes on in the background: its folder."""
+_HEADLINE = re.compile(r"^graph (?P<graph>\S+), logs and recordings in (?P<folder>.+), Ctrl-C stops$", re.MULTILINE)
+"""Line in which `dsr run` says which graph it works on, and where its files are. Warnings stand before it."""
 _PERIOD = 0.1  # s between two looks
 _PATIENCE = 30.0  # s in which a system ends; agents have 5 s to stop before they are killed
 
@@ -38,7 +41,7 @@ _PATIENCE = 30.0  # s in which a system ends; agents have 5 s to stop before the
 def start_in_background(folder: Path) -> None:
     """Run this command again in a session of its own, where it does not detach, and wait until its agents are ready.
 
-    Raises `AgentError` if they do not become ready, with what was said.
+    Ctrl-C until then ends what was started. Raises `AgentError` if the agents do not become ready, with what was said.
     """
     folder.mkdir(parents=True, exist_ok=True)
     log = folder / RUN_LOG
@@ -48,11 +51,22 @@ def start_in_background(folder: Path) -> None:
             command, stdin=subprocess.DEVNULL, stdout=output, stderr=subprocess.STDOUT, start_new_session=True,
             env={**os.environ, _DETACHED: str(folder)},
         )  # fmt: skip
-    while ALL_READY not in (said := log.read_text(encoding="utf-8", errors="replace")):
-        if process.poll() is not None:
-            raise AgentError(f"the system did not start:\n{printable(said.strip())}")
-        _wait()
-    console.print(f"{shown(said.splitlines()[0].partition(', Ctrl-C')[0])}; dsr logs, dsr stop", soft_wrap=True)
+    try:
+        while ALL_READY not in (said := log.read_text(encoding="utf-8", errors="replace")):
+            if process.poll() is not None:
+                raise AgentError(f"the system did not start:\n{printable(said.strip())}")
+            _wait()
+    except KeyboardInterrupt:
+        process.terminate()
+        process.wait(_PATIENCE)
+        raise
+    headline = _HEADLINE.search(said)
+    assert headline is not None, "a run says it before its agents are ready"
+    if warnings := said[: headline.start()].rstrip():
+        errors.print(shown(warnings), soft_wrap=True)
+    graph = headline["graph"]
+    place = f"graph {graph}, logs and recordings in {headline['folder']}"
+    console.print(shown(f"{place}; dsr logs -g {graph}, dsr stop -g {graph}"), soft_wrap=True)
 
 
 def folder_in_background() -> Path | None:

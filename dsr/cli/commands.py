@@ -13,7 +13,7 @@ from typing import Any
 import typer
 from typer.core import TyperCommand, TyperGroup
 
-from dsr.config.extras import missing_extra
+from dsr.config.extras import DISTRIBUTION, missing_extra
 from dsr.config.own_packages import stranger
 from dsr.errors import ConfigError
 
@@ -62,8 +62,13 @@ def load_command(name: str) -> Any:
 
 @cache
 def plugins() -> dict[str, EntryPoint]:
-    """The commands that packages add, by name."""
-    return {found.name: found for found in sorted(entry_points(group=GROUP)) if found.name not in OWN}
+    """The commands that packages add, by name. Of several of one name, that of this distribution counts."""
+    added = {plugin.name: plugin for plugin in sorted(entry_points(group=GROUP), key=_is_ours)}
+    return {name: added[name] for name in sorted(added) if name not in OWN}
+
+
+def _is_ours(plugin: EntryPoint) -> bool:
+    return plugin.dist is not None and plugin.dist.name == DISTRIBUTION
 
 
 def help_in(file: Path, name: str) -> str:

@@ -11,6 +11,7 @@ from typing import Annotated
 
 import typer
 
+from dsr.cli.commands import OWN, plugins
 from dsr.cli.common import console, shown
 from dsr.errors import ConfigError
 from dsr.files.built_in import ETC
@@ -40,12 +41,16 @@ def new(
 
 
 def check_package_name(name: str) -> None:
-    """Raise `ConfigError` for a name that a package cannot have, or that hides one that can be imported here."""
+    """Raise `ConfigError` for a name that a package cannot have, or that hides a package, command or system."""
     if not _NAME.fullmatch(name) or keyword.iskeyword(name):
         raise ConfigError(f"{name!r} cannot be the name of a package; expected lower-case letters, digits and _")
-    taken = name in sys.stdlib_module_names or importlib.util.find_spec(name) is not None
-    if taken:
+    if name in sys.stdlib_module_names or importlib.util.find_spec(name) is not None:
         raise ConfigError(f"there is a package {name!r} already; choose another name")
+    if name in OWN or name in plugins():
+        raise ConfigError(f"there is a command `dsr {name}` already; choose another name")
+    for kind in ("systems", "scenarios"):
+        if (ETC / kind / f"{name}.toml").exists():
+            raise ConfigError(f"{name!r} is one of the {kind} of dsr already; choose another name")
 
 
 def make_package(name: str, place: Path) -> list[Path]:

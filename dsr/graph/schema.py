@@ -6,7 +6,7 @@ import contextlib
 import math
 import re
 from collections.abc import Iterable, Mapping
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import msgspec
 import numpy as np
@@ -15,6 +15,8 @@ from dsr.errors import SchemaError, suggest
 from dsr.math3d.transforms import Pose
 
 Kind = Literal["bool", "int", "float", "str", "bytes", "vector", "pose"]
+KINDS: tuple[Kind, ...] = get_args(Kind)
+"""The kinds of values that attributes have."""
 Value = bool | int | float | str | bytes | tuple[float, ...] | Pose
 
 _NAME = re.compile(r"[A-Za-z0-9_.\-]{1,128}")
@@ -36,6 +38,7 @@ class AttributeType(msgspec.Struct, frozen=True):
     """The meaning of an attribute, and the values that it takes."""
 
     kind: Kind
+    """One of `KINDS`: bool, int, float, str, bytes, vector (of floats), pose."""
     unit: str = ""
     """SI unit of a number or of each component of a vector."""
     meaning: str = ""
@@ -79,7 +82,12 @@ class Schema:
             self.geometric.add(name)
 
     def register_attribute(self, name: str, attribute: AttributeType) -> None:
-        """Allow attribute `name`. Raises `SchemaError` if the name is known with another kind, unit or length."""
+        """Allow attribute `name`.
+
+        Raises `SchemaError` if its kind is unknown, or if the name is known with another kind, unit or length.
+        """
+        if attribute.kind not in KINDS:
+            raise SchemaError(f"attribute {name!r}: unknown kind {attribute.kind!r}; {suggest(attribute.kind, KINDS)}")
         known = self.attributes.get(name)
         if known is not None and not known.agrees_with(attribute):
             raise SchemaError(f"attribute {name!r} is already a {known.described}, not a {attribute.described}")

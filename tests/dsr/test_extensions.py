@@ -167,3 +167,8 @@ def test_a_node_keeps_its_type(net: Net) -> None:
         memory.add_node("c", "ball")
     memory.add_node("c", "cube", mass=0.2)
     assert memory.node("c")["mass"] == 0.2
+
+
+def test_an_attribute_of_an_unknown_kind_is_refused_at_once() -> None:
+    with pytest.raises(SchemaError, match="attribute 'mass': unknown kind 'flaot'; did you mean 'float'"):
+        Schema().register_attribute("mass", AttributeType("flaot"))  # type: ignore[arg-type]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -24,7 +25,8 @@ def detached(tmp_path: Path, private_runtime_dir: Path) -> Path:
     folder = tmp_path / "run"
     result = dsr("run", str(SYSTEMS / "counters.toml"), "--detach", "--folder", str(folder))
     assert result.returncode == 0, result.stderr
-    assert result.stdout.startswith("graph counters, logs and recordings in ") and "dsr stop" in result.stdout
+    said = f"graph counters, logs and recordings in {folder}; dsr logs -g counters, dsr stop -g counters\n"
+    assert result.stdout == said
     return folder
 
 
@@ -59,6 +61,27 @@ def test_a_system_that_does_not_start_says_why(tmp_path: Path, private_runtime_d
     result = dsr("run", str(file), "-dg", "kitchen", "--folder", str(tmp_path / "run"))
     assert result.returncode == 1
     assert "the system did not start" in result.stderr and "class 'nowhere' cannot be loaded" in result.stderr
+
+
+def test_warnings_are_told_whole_before_where_it_runs(detached: Path, tmp_path: Path) -> None:
+    result = dsr("run", str(SYSTEMS / "counters.toml"), "--detach", "--folder", str(tmp_path / "second"))
+    assert "a system 'counters' is running already; this one is 'counters-2'" in " ".join(result.stderr.split())
+    assert result.stdout.startswith("graph counters-2, logs and recordings in ")
+    assert result.stdout.endswith("; dsr logs -g counters-2, dsr stop -g counters-2\n")
+    assert dsr("stop", "-g", "counters-2").returncode == 0
+
+
+def test_interrupted_before_it_is_ready_it_leaves_nothing_behind(tmp_path: Path, private_runtime_dir: Path) -> None:
+    folder = tmp_path / "run"
+    log = folder / "run.log"
+    system = str(SYSTEMS / "counters.toml")
+    command = [sys.executable, "-m", "dsr.cli.main", "run", system, "-d", "--folder", str(folder)]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        while not log.exists():
+            assert process.poll() is None
+        process.send_signal(signal.SIGINT)
+        assert process.wait(40) == 130
+    assert read_claim("counters") is None and graphs() == []
 
 
 def test_what_no_launcher_started_is_not_stopped(memory: object) -> None:

@@ -57,6 +57,12 @@ def test_names_that_no_package_can_have_are_refused(name: str) -> None:
         check_package_name(name)
 
 
+@pytest.mark.parametrize("name", ["demo", "ls", "tabletop", "hovering"])
+def test_names_of_commands_systems_and_scenarios_are_refused(name: str) -> None:
+    with pytest.raises(ConfigError, match="already; choose another name"):
+        check_package_name(name)
+
+
 def test_nothing_is_overwritten(made: Path) -> None:
     result = CliRunner().invoke(app, ["other_bot", "--folder", str(made)])
     assert isinstance(result.exception, ConfigError) and "not empty" in str(result.exception)
