@@ -90,7 +90,7 @@ def _finish(findings: Findings, console: Console, plots: Path | None) -> None:
     met = [row.meets for row in findings.rows if row.meets is not None]
     console.print(f"{sum(met)} of {len(met)} targets met")
     for module in sorted(findings.missing):
-        errors.print(f"[yellow]{escape(module)} is not installed, so not measured: pip install 'dsr-memory\\[bench]'[/]")
+        errors.print(f"[yellow]{escape(module)} is not installed, not measured: pip install 'dsr-memory\\[bench]'[/]")
     if plots:
         _draw(findings, console, plots)
 
