@@ -64,6 +64,11 @@ class RosTypes:
         """The names of all message types."""
         return iter(self._store.types)
 
+    def fields(self, type: str) -> Fields:
+        """Names and kinds of the fields of a message type, in order, as `rosbags` describes them."""
+        self._class(type)
+        return list(self._store.fielddefs[type][1])
+
     def hash(self, type: str) -> str:
         """`RIHS01_...` of a message, service or action type; `NO_HASH` for a release that has none."""
         if type not in self:
