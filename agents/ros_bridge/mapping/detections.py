@@ -72,7 +72,9 @@ def _read(detection: Any, header: Any) -> DetectedObject:
 
 def _moved(pose: Pose, centre: Pose) -> Pose:
     """The centre of the box with the covariance of the pose, carried along as of one rigid body."""
-    return centre if pose.cov is None else (pose @ (pose.with_covariance(None).inverse() @ centre)).with_stamp(pose.stamp)
+    return (
+        centre if pose.cov is None else (pose @ (pose.with_covariance(None).inverse() @ centre)).with_stamp(pose.stamp)
+    )
 
 
 class Believed(NamedTuple):

@@ -1,4 +1,4 @@
-"""Events and situations of the timeline as JSON in a `std_msgs/String`: any node of ROS reads it without our messages."""
+"""Events and situations of the timeline as JSON in a `std_msgs/String`, which any node of ROS can read."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ EVENT = "std_msgs/msg/String"
 
 
 def to_event(types: RosTypes, entry: Entry) -> Any:
-    """A String of one JSON object: name, type, kind, participants, begin and end (s), text, outcome, source, confidence."""
+    """A String of one JSON object with the fields of the entry; `begin` and `end` in s, of the memory's time."""
     values = {
         "name": entry.name,
         "type": entry.type,

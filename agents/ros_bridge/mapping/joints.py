@@ -75,7 +75,7 @@ class JointTable:
 
     @property
     def positions(self) -> tuple[float, ...]:
-        """rad or m, in the order of `names`"""
+        """Rad or m, in the order of `names`"""
         return tuple(position for position, _, _ in self._values.values())
 
     @property

@@ -1,4 +1,4 @@
-"""`visualization_msgs/MarkerArray`: beliefs as RViz and Foxglove draw them, each with the ellipsoid of its covariance."""
+"""`visualization_msgs/MarkerArray`: beliefs as RViz and Foxglove draw them, with the ellipsoids of covariances."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """Names of frames in ROS and of nodes in the graph: each belongs to exactly one of the other.
 
-A frame is the node of the same name, and `robot1/base_link` is the node `robot1.base_link`. A name of a node has letters,
-digits, `_`, `.` and `-` only. So a frame with other characters is escaped: `/` becomes `.`, any other one becomes
-`-HEX-` by its code point. A frame that looks like an escaped one is escaped, too; so nothing is lost either way.
+A frame is the node of the same name, and `robot1/base_link` is the node `robot1.base_link`. A name of a node has
+letters, digits, `_`, `.` and `-` only. So a frame with other characters is escaped: `/` becomes `.`, any other one
+becomes `-HEX-` by its code point. A frame that looks like an escaped one is escaped, too; so nothing is lost.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ class FrameNames:
 
 
 _MOST_KEPT = 10_000
-"""Names that are remembered: more than the frames of any robot, and less than who invents them could fill memory with."""
+"""Names that are remembered: more than any robot has, and few enough for memory if somebody makes them up"""
 
 
 def _kept(names: dict[str, str], name: str, other: str) -> str:

@@ -1,4 +1,4 @@
-"""Times of ROS (seconds and nanoseconds) and stamps of the graph (seconds as a float, exact to less than a microsecond)."""
+"""Times of ROS (seconds and nanoseconds) and stamps of the graph (seconds as a float, exact to a microsecond)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _LATEST = 2**31 - 1  # s, in 2038: the field has 32 bits
 
 def to_seconds(time: Any) -> float:
     """The stamp of a message's Time or Duration, s."""
-    return float(time.sec) + time.nanosec * 1e-9
+    return float(time.sec) + 1e-9 * float(time.nanosec)
 
 
 def split(stamp: float) -> tuple[int, int]:

@@ -1,8 +1,8 @@
 """Poses of the graph and of `geometry_msgs`, with covariance.
 
-ROS states a covariance along the axes of the parent: position, then rotation about the fixed axes. The graph states that
-of a perturbation in the child frame (`dsr.math3d.transforms`). To first order the one is the other turned by the rotation
-of the pose: neither moves the other's origin.
+ROS states a covariance along the axes of the parent: position, then rotation about the fixed axes. The graph states
+that of a perturbation in the child frame (`dsr.math3d.transforms`). To first order the one is the other turned by the
+rotation of the pose: neither moves the other's origin.
 """
 
 from __future__ import annotations
@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 
 from agents.ros_bridge.errors import RosMessageError
+from agents.ros_bridge.mapping.stamps import split
+from agents.ros_bridge.messages.transforms import StampedTransform
 from agents.ros_bridge.messages.types import RosTypes
 from dsr.math3d.transforms import Array, Pose
 
@@ -40,6 +42,30 @@ def read_pose_with_covariance(message: Any, stamp: float) -> Pose:
     covariance = np.asarray(message.covariance, dtype=np.float64).reshape(6, 6)
     known = np.isfinite(covariance).all() and covariance.any() and (covariance.diagonal() >= 0.0).all()
     return read_pose(message.pose, stamp, 0.5 * (covariance + covariance.T) if known else None)
+
+
+def read_transform(transform: StampedTransform, stamp: float) -> Pose:
+    """parent_from_child of one transform of tf, at a stamp (s) of the graph. Raises `RosMessageError` for none."""
+    x, y, z, qx, qy, qz, qw = transform.pose
+    try:
+        return Pose((x, y, z), (qx, qy, qz, qw), stamp)
+    except ValueError as error:
+        raise RosMessageError(f"transform {transform.parent!r} -> {transform.child!r}: {error}") from error
+
+
+def to_stamped(parent: str, child: str, stamp: float, pose: Pose) -> StampedTransform:
+    """One transform of tf, of frames by their names in ROS. Raises `RosMessageError` for a stamp beyond ROS."""
+    return StampedTransform(*split(stamp), parent, child, (*pose.t, *pose.q))
+
+
+def is_same(one: Pose, other: Pose) -> bool:
+    """Whether two transforms are the same but for rounding: one of them is the other, passed on by somebody."""
+    metres, radians = one.distance(other)
+    return metres <= _ROUNDING and radians <= _ROUNDING
+
+
+_ROUNDING = 1e-6
+"""m and rad by which a transform changes when somebody passes it on in numbers of single precision"""
 
 
 def to_pose(types: RosTypes, pose: Pose) -> Any:

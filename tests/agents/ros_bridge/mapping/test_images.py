@@ -84,7 +84,12 @@ def test_depth_is_in_metres_and_zero_where_unknown() -> None:
 
 @pytest.mark.parametrize(
     "array",
-    [COLOR, COLOR[:, :, 0].copy(), np.linspace(0, 4, 48, dtype=np.float32).reshape(6, 8), np.full((6, 8), 7, np.uint16)],
+    [
+        COLOR,
+        COLOR[:, :, 0].copy(),
+        np.linspace(0, 4, 48, dtype=np.float32).reshape(6, 8),
+        np.full((6, 8), 7, np.uint16),
+    ],
 )
 def test_what_goes_out_comes_back(array: NDArray[Any]) -> None:
     message = images.to_image(TYPES, 12.5, "camera", array)

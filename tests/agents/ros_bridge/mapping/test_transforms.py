@@ -1,4 +1,4 @@
-"""Poses, covariances and tf messages, against the definition and an independent decoder."""
+"""Poses, covariances, transforms and stamps, there and back, and against the definition of ROS."""
 
 from __future__ import annotations
 
@@ -11,16 +11,19 @@ from hypothesis import strategies as st
 
 from agents.ros_bridge.errors import RosMessageError
 from agents.ros_bridge.mapping.stamps import split, to_duration, to_seconds, to_time
-from agents.ros_bridge.mapping.tf import TF, encode_tf, read_tf, same
 from agents.ros_bridge.mapping.transforms import (
+    is_same,
     read_pose,
     read_pose_with_covariance,
+    read_transform,
     to_child,
     to_parent,
     to_pose,
     to_pose_with_covariance,
+    to_stamped,
     to_transform,
 )
+from agents.ros_bridge.messages.transforms import decode_transforms, encode_transforms
 from agents.ros_bridge.messages.types import types_of
 from dsr.math3d.transforms import Pose, exp, log
 
@@ -33,13 +36,14 @@ POSES = st.builds(
 SQUARES = st.lists(st.floats(-0.1, 0.1), min_size=36, max_size=36).map(
     lambda values: np.array(values).reshape(6, 6) @ np.array(values).reshape(6, 6).T
 )
-NAMES = st.text(st.characters(exclude_categories=("Cs",)), max_size=20)
 STAMPS = st.floats(0.0, 2.0e9)
 
 
 @given(POSES)
 def test_a_pose_comes_back(pose: Pose) -> None:
-    again = read_pose(TYPES.decode("geometry_msgs/msg/Pose", TYPES.encode("geometry_msgs/msg/Pose", to_pose(TYPES, pose))), 3.0)
+    again = read_pose(
+        TYPES.decode("geometry_msgs/msg/Pose", TYPES.encode("geometry_msgs/msg/Pose", to_pose(TYPES, pose))), 3.0
+    )
     assert pose.distance(again) == pytest.approx((0.0, 0.0), abs=1e-7) and again.stamp == 3.0
     message = to_transform(TYPES, pose)
     assert (message.translation.x, message.rotation.w) == (pose.t[0], pose.q[3])
@@ -88,62 +92,20 @@ def test_unknown_covariances_and_broken_poses() -> None:
         read_pose_with_covariance(zeros, 0.0)
 
 
-TRANSFORMS = st.lists(st.tuples(NAMES, NAMES, STAMPS, POSES), max_size=6)
+@given(POSES, STAMPS)
+def test_a_transform_of_tf_comes_back(pose: Pose, stamp: float) -> None:
+    (found,) = decode_transforms(encode_transforms([to_stamped("map", "base", stamp, pose)]))
+    assert (found.parent, found.child) == ("map", "base")
+    assert found.sec + found.nanosec * 1e-9 == pytest.approx(stamp, abs=5e-7)
+    again = read_transform(found, 5.0)
+    assert is_same(again, pose) and again.stamp == 5.0
+    assert not is_same(again, pose @ Pose((0.0, 0.0, 1e-3)))
 
 
-@given(TRANSFORMS)
-def test_tf_is_encoded_as_an_independent_encoder_does(transforms: list[tuple[str, str, float, Pose]]) -> None:
-    message = TYPES.new(
-        TF,
-        transforms=[
-            TYPES.new(
-                "geometry_msgs/msg/TransformStamped",
-                header=TYPES.new("std_msgs/msg/Header", stamp=to_time(TYPES, stamp), frame_id=parent),
-                child_frame_id=child,
-                transform=to_transform(TYPES, pose),
-            )
-            for parent, child, stamp, pose in transforms
-        ],
-    )
-    cdr = encode_tf(transforms)
-    assert cdr == TYPES.encode(TF, message)
-    found = read_tf(cdr)
-    assert [(t.parent, t.child) for t in found] == [(parent, child) for parent, child, _, _ in transforms]
-    for one, (_, _, stamp, pose) in zip(found, transforms, strict=True):
-        assert abs(one.stamp - stamp) < 1e-6
-        assert same(one.pose(stamp), pose) and one.pose(5.0).stamp == 5.0
-
-
-@given(TRANSFORMS)
-def test_tf_of_the_other_byte_order_is_read(transforms: list[tuple[str, str, float, Pose]]) -> None:
-    little = encode_tf(transforms)
-    message = TYPES.decode(TF, little)
-    big = bytes(TYPES._store.serialize_cdr(message, TF, little_endian=False))
-    assert read_tf(big) == read_tf(little)
-
-
-@settings(max_examples=300)
-@given(st.binary(max_size=300) | st.binary(max_size=300).map(lambda rest: b"\0\x01\0\0" + rest))
-def test_bytes_that_are_no_tf_are_refused(cdr: bytes) -> None:
-    try:
-        found = read_tf(cdr)
-    except RosMessageError:
-        return
-    assert len(found) * 76 <= len(cdr) + 76
-
-
-@given(TRANSFORMS, st.data())
-def test_tf_that_is_cut_off_is_refused(transforms: list[tuple[str, str, float, Pose]], data: st.DataObject) -> None:
-    cdr = encode_tf(transforms)
-    end = data.draw(st.integers(0, len(cdr) - 1))
-    with pytest.raises(RosMessageError):
-        read_tf(cdr[:end])
-
-
-def test_numbers_that_are_no_transform_are_refused_when_a_pose_is_made() -> None:
-    (found,) = read_tf(encode_tf([("a", "b", 1.0, Pose.unchecked((math.nan, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)))]))
+def test_numbers_that_are_no_transform_are_refused() -> None:
+    broken = Pose.unchecked((math.nan, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
     with pytest.raises(RosMessageError, match="'a' -> 'b'"):
-        found.pose(1.0)
+        read_transform(to_stamped("a", "b", 1.0, broken), 1.0)
 
 
 @given(STAMPS)
