@@ -90,7 +90,7 @@ class RosBridge(Agent):
         self._tally = Tally(self.clock, self.log)
         self.counts = self._tally.counts
         self._ticked = self._looked = -math.inf
-        self._problem = ""
+        self._problem = self._hint = ""
         link = type(self).connect(config.link, config.node)
         self._closing.callback(link.close)
         self._times = TimeSource(self.clock, config.clock, self._tally)
@@ -161,8 +161,8 @@ class RosBridge(Agent):
         now = self.clock.monotonic()
         if now - self._looked >= _LOOK:
             self._looked = now
-            self._problem = "; ".join(self._core.link.problems()) or self._unattached()
-        self.degraded = self._problem or self._tally.trouble
+            self._problem, self._hint = "; ".join(self._core.link.problems()), self._unattached()
+        self.degraded = self._problem or self._tally.trouble or self._hint
 
     def _unattached(self) -> str:
         frame = self._tf_in.unattached if self._tf_in is not None else ""

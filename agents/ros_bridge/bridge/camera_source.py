@@ -69,7 +69,8 @@ class CameraSource:
         self._info = inboxes(topics.info_topic, CAMERA_INFO, 1, _SENSOR)
         self._colors: deque[_Image] = deque(maxlen=_KEPT)
         self._depths: deque[_Image] = deque(maxlen=_KEPT)
-        self._depth_heard: float | None = None
+        self._alone_since: float | None = None
+        """s, arrival of the first colour since the last depth"""
         self._camera_info: Any = None
         self.intrinsics: Intrinsics | None = None
         """Those of the newest CameraInfo; None before the first"""
@@ -132,14 +133,16 @@ class CameraSource:
             images.clear()
             return (None, newest) if self._color is None else (newest, None)
         if depths:
-            self._depth_heard = depths[-1].at
+            self._alone_since = None
+        elif colors and self._alone_since is None:
+            self._alone_since = colors[0].at
         for color in reversed(colors):
             depth = min(depths, key=lambda image: abs(image.stamp - color.stamp), default=None)
             if depth is not None and abs(depth.stamp - color.stamp) <= _APART:
                 _forget(colors, color.stamp)
                 _forget(depths, depth.stamp)
                 return color, depth
-        if colors and not depths and colors[-1].at - (self._depth_heard or colors[0].at) > _PATIENCE:
+        if colors and self._alone_since is not None and colors[-1].at - self._alone_since > _PATIENCE:
             self._tally.count(f"colour without depth on {self._topics.color}")
             newest = colors[-1]
             colors.clear()

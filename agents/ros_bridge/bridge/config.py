@@ -72,7 +72,7 @@ class Receive(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     tf: bool = True
     """`/tf` and `/tf_static`, as edges RT"""
-    joints: dict[str, str] = {"/joint_states": "robot"}
+    joints: dict[str, str] = msgspec.field(default_factory=lambda: {"/joint_states": "robot"})
     """Nodes whose joints they are, by topic; none if an arm controller writes joints"""
     cameras: dict[str, RosCameraTopics] = {}
     """Topics by the node of the camera"""
