@@ -59,6 +59,9 @@ class Endpoint(msgspec.Struct, frozen=True):
 class Subscription(Protocol):
     """A subscription that can be taken back."""
 
+    def publishers(self) -> int:
+        """How many publishers elsewhere it hears."""
+
     def close(self) -> None:
         """Take it back; harmless when repeated."""
 
@@ -87,7 +90,7 @@ class Publisher(Protocol):
 
 
 class RosLink(Protocol):
-    """A connection to ROS 2 as one node."""
+    """A connection to ROS 2 as one node. It hears nothing of what it sends itself."""
 
     def publisher(self, topic: Topic) -> Publisher:
         """Announce a publisher. Raises `RosMessageError` for a type that is not known."""

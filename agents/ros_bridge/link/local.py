@@ -82,6 +82,10 @@ class LocalSubscription:
                     for message in list(publisher.kept)[-topic.qos.depth :]:
                         receive(message)
 
+    def publishers(self) -> int:
+        """How many publishers elsewhere it hears."""
+        return sum(self._ros.matches(publisher, self) for publisher in self._ros.publishers)
+
     def close(self) -> None:
         """Take it back; harmless when repeated."""
         if self in self._ros.subscriptions:
