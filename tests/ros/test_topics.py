@@ -11,7 +11,8 @@ from agents.ros_bridge.link.dds.dds_link import DdsLink
 from agents.ros_bridge.link.link import Qos, Received, Topic
 from agents.ros_bridge.messages.transforms import StampedTransform, decode_transforms, encode_transforms
 from tests.agents.ros_bridge.samples import TYPES, image, joints, plain, tf
-from tests.ros.real_node import RealNode, eventually
+from tests.agents.ros_bridge.told import eventually
+from tests.ros.real_node import RealNode
 
 IMAGE, JOINTS, TF = "sensor_msgs/msg/Image", "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage"
 LATCHED = Qos(transient_local=True, depth=1)

@@ -54,6 +54,8 @@ class Endpoint(msgspec.Struct, frozen=True):
     """`RIHS01_...`; empty if it is not told"""
     mine: bool
     """Made by this link."""
+    gid: bytes = b""
+    """16 bytes, `Received.writer` of what a publisher sends; empty if the transport does not tell"""
 
 
 class Subscription(Protocol):

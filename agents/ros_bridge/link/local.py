@@ -138,13 +138,18 @@ class LocalLink:
 
     def endpoints(self) -> list[Endpoint]:
         """All that is visible, this link's own included."""
-        ros = self.ros
-        kinds = (("publisher", ros.publishers), ("subscriber", ros.subscriptions), ("service", ros.services))
-        return [
-            Endpoint(kind, one.link._node, one.topic, one.type_hash, one.link is self)  # type: ignore[arg-type]
-            for kind, found in kinds
-            for one in found
-        ]
+        ros, found = self.ros, []
+        for publisher in ros.publishers:
+            of = publisher.link
+            hash, mine = publisher.type_hash, of is self
+            found.append(Endpoint("publisher", of._node, publisher.topic, hash, mine, publisher.writer))
+        for subscription in ros.subscriptions:
+            of = subscription.link
+            found.append(Endpoint("subscriber", of._node, subscription.topic, subscription.type_hash, of is self))
+        for served in ros.services:
+            of = served.link
+            found.append(Endpoint("service", of._node, served.topic, served.type_hash, of is self))
+        return found
 
     def serve(self, name: str, type: str, answer: Callable[[bytes], bytes]) -> LocalServed:
         """Answer requests to a service."""

@@ -84,8 +84,12 @@ class RosTypes:
         return self._known_hashes[type]
 
     def definition(self, type: str) -> str:
-        """The definition of a message type and all types in it, as `ros2msg` schemas of MCAP files have it."""
-        if type not in self._store.types:
+        """The definition of a message type and all types in it, as `ros2msg` schemas of MCAP files have it.
+
+        Raises:
+            RosMessageError: for an unknown type, or a part of a service or action, which have no such definition.
+        """
+        if type not in self._store.types or "/msg/" not in type:
             raise self._unknown(type)
         return self._store.generate_msgdef(type, ros_version=2)[0]
 

@@ -16,7 +16,7 @@ WIDTH, HEIGHT = 640, 480
 def plain(message: Any) -> Any:
     """The fields of a message as lists, which can be compared."""
     if is_dataclass(message):
-        return [plain(getattr(message, field.name)) for field in fields(message) if field.init]
+        return [plain(getattr(message, field.name)) for field in fields(message) if not field.name.startswith("__")]
     if isinstance(message, np.ndarray):
         return message.tolist()
     return [plain(item) for item in message] if isinstance(message, list) else message

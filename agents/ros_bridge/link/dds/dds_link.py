@@ -171,7 +171,7 @@ class DdsLink:
     def endpoints(self) -> list[Endpoint]:
         """All that is visible, this link's own included."""
         discovery = self._discovery
-        return [] if discovery is None else [remote.endpoint for remote in discovery.endpoints()]
+        return [] if discovery is None else discovery.endpoints()
 
     def serve(self, name: str, type: str, answer: Callable[[bytes], bytes]) -> Served:
         """Not over DDS: raises `RosLinkError`."""

@@ -130,7 +130,8 @@ class ZenohSubscription:
 
     def _run(self) -> None:
         """Take all that waits at each turn: to wait for each message would cost a switch of threads each time."""
-        receive, take = self._subscriber.recv, self._subscriber.try_recv
+        waiting = self._subscriber.handler  # of its own: who waits on the subscriber itself could not take it back
+        receive, take = waiting.recv, waiting.try_recv
         with contextlib.suppress(zenoh.ZError):
             while not self.closed:
                 sample = receive()

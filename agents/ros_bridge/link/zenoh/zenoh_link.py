@@ -167,7 +167,7 @@ class ZenohLink:
         own = {(entity.topic, entity.kind): entity for entity in entities if self._discovery.is_mine(entity)}
         found = set()
         for entity in entities:
-            mine = own.get((entity.topic, _OPPOSITE.get(entity.kind, "node")))
+            mine = own.get((entity.topic, _OPPOSITE[entity.kind])) if entity.kind in _OPPOSITE else None
             if mine is None or self._discovery.is_mine(entity) or mine.key() == entity.key():
                 continue
             who = f"{entity.node} has {entity.topic} as {entity.type}"
