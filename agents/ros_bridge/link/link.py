@@ -54,10 +54,15 @@ class Endpoint(msgspec.Struct, frozen=True):
     """`RIHS01_...`; empty if it is not told"""
     mine: bool
     """Made by this link."""
+    gid: bytes = b""
+    """16 bytes, `Received.writer` of what a publisher sends; empty if the transport does not tell"""
 
 
 class Subscription(Protocol):
     """A subscription that can be taken back."""
+
+    def publishers(self) -> int:
+        """How many publishers elsewhere it hears."""
 
     def close(self) -> None:
         """Take it back; harmless when repeated."""
@@ -87,7 +92,7 @@ class Publisher(Protocol):
 
 
 class RosLink(Protocol):
-    """A connection to ROS 2 as one node."""
+    """A connection to ROS 2 as one node. It hears nothing of what it sends itself."""
 
     def publisher(self, topic: Topic) -> Publisher:
         """Announce a publisher. Raises `RosMessageError` for a type that is not known."""

@@ -82,6 +82,10 @@ class LocalSubscription:
                     for message in list(publisher.kept)[-topic.qos.depth :]:
                         receive(message)
 
+    def publishers(self) -> int:
+        """How many publishers elsewhere it hears."""
+        return sum(self._ros.matches(publisher, self) for publisher in self._ros.publishers)
+
     def close(self) -> None:
         """Take it back; harmless when repeated."""
         if self in self._ros.subscriptions:
@@ -134,13 +138,18 @@ class LocalLink:
 
     def endpoints(self) -> list[Endpoint]:
         """All that is visible, this link's own included."""
-        ros = self.ros
-        kinds = (("publisher", ros.publishers), ("subscriber", ros.subscriptions), ("service", ros.services))
-        return [
-            Endpoint(kind, one.link._node, one.topic, one.type_hash, one.link is self)  # type: ignore[arg-type]
-            for kind, found in kinds
-            for one in found
-        ]
+        ros, found = self.ros, []
+        for publisher in ros.publishers:
+            of = publisher.link
+            hash, mine = publisher.type_hash, of is self
+            found.append(Endpoint("publisher", of._node, publisher.topic, hash, mine, publisher.writer))
+        for subscription in ros.subscriptions:
+            of = subscription.link
+            found.append(Endpoint("subscriber", of._node, subscription.topic, subscription.type_hash, of is self))
+        for served in ros.services:
+            of = served.link
+            found.append(Endpoint("service", of._node, served.topic, served.type_hash, of is self))
+        return found
 
     def serve(self, name: str, type: str, answer: Callable[[bytes], bytes]) -> LocalServed:
         """Answer requests to a service."""

@@ -82,8 +82,6 @@ def decode_transforms(cdr: bytes | memoryview) -> list[StampedTransform]:
             place += 56
     except (struct.error, UnicodeDecodeError) as error:
         raise RosMessageError(f"{len(data)} bytes are no {TF_MESSAGE}: {error}") from error
-    if place + 3 < len(data):
-        raise RosMessageError(f"{len(data)} bytes are no {TF_MESSAGE}: {len(data) - place} are left over")
     return found
 
 

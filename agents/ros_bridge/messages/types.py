@@ -24,6 +24,10 @@ NO_HASH = "TypeHashNotSupported"
 """What stands for the hash of a type in Humble, which has none"""
 _WITHOUT_HASHES = ("humble",)
 
+_LITTLE, _BIG = b"\x00\x01", b"\x00\x00"
+"""Encapsulations that ROS uses: plain CDR of either byte order"""
+_HEADER = 4
+"""Bytes of the encapsulation, two of which are options without meaning here"""
 _EMPTY = [("structure_needs_at_least_one_member", (Nodetype.BASE, ("uint8", 0)))]
 """Fields of a message without fields"""
 _DATA_AT_END = {"sensor_msgs/msg/Image": 0, "sensor_msgs/msg/CompressedImage": 0, "sensor_msgs/msg/PointCloud2": 1}
@@ -80,8 +84,12 @@ class RosTypes:
         return self._known_hashes[type]
 
     def definition(self, type: str) -> str:
-        """The definition of a message type and all types in it, as `ros2msg` schemas of MCAP files have it."""
-        if type not in self._store.types:
+        """The definition of a message type and all types in it, as `ros2msg` schemas of MCAP files have it.
+
+        Raises:
+            RosMessageError: for an unknown type, or a part of a service or action, which have no such definition.
+        """
+        if type not in self._store.types or "/msg/" not in type:
             raise self._unknown(type)
         return self._store.generate_msgdef(type, ros_version=2)[0]
 
@@ -106,16 +114,22 @@ class RosTypes:
     def decode(self, type: str, cdr: bytes | memoryview) -> Any:
         """The message that CDR of either byte order holds; arrays of numbers are views into `cdr` where they can be.
 
-        No more is allocated than a small multiple of the length of `cdr`, whatever lengths it claims.
+        No more is allocated than a small multiple of the length of `cdr`, whatever lengths it claims. Bytes behind the
+        message are ignored, as ROS does: `rclpy.serialization.serialize_message` and DDS leave some there.
 
         Raises:
             RosMessageError: for bytes that are no such message.
         """
         self._class(type)
         try:
-            return self._store.deserialize_cdr(cdr, type)
+            definition = self._store.get_msgdef(type)
+            read = {_LITTLE: definition.deserialize_cdr_le, _BIG: definition.deserialize_cdr_be}[bytes(cdr[:2])]
+            message, end = read(cdr[_HEADER:], 0, definition.cls, self._store)
         except _REFUSALS as error:
-            raise RosMessageError(f"{len(cdr)} bytes are no {type}: {error}") from error
+            raise RosMessageError(f"{len(cdr)} bytes are no {type}: {_said(error)}") from error
+        if end > len(cdr) - _HEADER:
+            raise RosMessageError(f"{len(cdr)} bytes are no {type}: {end + _HEADER - len(cdr)} are missing")
+        return message
 
     def _encode_large(self, type: str, message: Any, after: int) -> bytes:
         """Copies the data once only, which takes a third of the time for a VGA image."""
@@ -153,6 +167,10 @@ class RosTypes:
     def _unknown(self, type: str) -> RosMessageError:
         known = [*self._store.types, *self._services, *self._actions]
         return RosMessageError(f"no type of ROS 2 {self.distro} is called {type!r}; {suggest(type, known, most=0)}")
+
+
+def _said(error: Exception) -> str:
+    return "no encapsulation that is known" if isinstance(error, KeyError) else str(error)
 
 
 @cache

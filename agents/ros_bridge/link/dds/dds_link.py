@@ -95,6 +95,10 @@ class DdsSubscription:
         """Whether it was taken back."""
         return self._reader is None
 
+    def publishers(self) -> int:
+        """How many publishers elsewhere it hears."""
+        return len(self._reader.get_matched_publications()) if self._reader is not None else 0
+
     def close(self) -> None:
         """Take it back; harmless when repeated. From another thread than that of `receive`, it waits for that one."""
         if self._reader is not None:
@@ -167,7 +171,7 @@ class DdsLink:
     def endpoints(self) -> list[Endpoint]:
         """All that is visible, this link's own included."""
         discovery = self._discovery
-        return [] if discovery is None else [remote.endpoint for remote in discovery.endpoints()]
+        return [] if discovery is None else discovery.endpoints()
 
     def serve(self, name: str, type: str, answer: Callable[[bytes], bytes]) -> Served:
         """Not over DDS: raises `RosLinkError`."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from typing import Any, Literal
 
-import msgspec
 import numpy as np
 from cyclonedds.builtin import BuiltinDataReader, BuiltinTopicDcpsPublication, BuiltinTopicDcpsSubscription
 from cyclonedds.core import InstanceState
@@ -52,13 +51,6 @@ def dds_qos(qos: Qos, type_hash: str) -> DdsQos:
     return DdsQos(*policies)
 
 
-class Remote(msgspec.Struct, frozen=True):
-    """An endpoint, and what DDS calls it."""
-
-    endpoint: Endpoint
-    gid: bytes
-
-
 class Discovery:
     """Reads what is visible, and tells others about our node."""
 
@@ -90,7 +82,7 @@ class Discovery:
         message = new(_INFO, gid=gid(self._gid), node_entities_info_seq=[info])
         self._own.write(self._own.topic.data_type(self._types.encode(_INFO, message)))
 
-    def endpoints(self) -> list[Remote]:
+    def endpoints(self) -> list[Endpoint]:
         """All endpoints of ROS that are visible, ours included."""
         self._read_nodes()
         found = []
@@ -100,7 +92,7 @@ class Discovery:
                     found.append(one)
         return found
 
-    def _endpoint(self, sample: Any, writes: bool) -> Remote | None:
+    def _endpoint(self, sample: Any, writes: bool) -> Endpoint | None:
         prefix, _, name = sample.topic_name.partition("/")
         kind = _KINDS.get((prefix, writes))
         if kind is None:
@@ -112,7 +104,7 @@ class Discovery:
         participant, gid = sample.participant_key.bytes, sample.key.bytes
         mine = participant == self._gid
         node = self._node if mine else self._nodes.get(participant, {}).get(gid, "")
-        return Remote(Endpoint(kind, node, topic, _hash(sample.qos), mine), gid)
+        return Endpoint(kind, node, topic, _hash(sample.qos), mine, gid)
 
     def _read_nodes(self) -> None:
         for sample in self._infos.take(N=_MOST):

@@ -50,16 +50,14 @@ class Discovery:
 
     def endpoints(self) -> list[Endpoint]:
         """All but the nodes, as the interface of links has them."""
+        with self._changed:
+            entities = list(self._entities.items())
         found = []
-        for entity in self.entities():
-            if entity.kind != "node":
-                topic = Topic(entity.topic, entity.type, entity.qos)
-                found.append(Endpoint(entity.kind, entity.node, topic, entity.hash, self.is_mine(entity)))
+        for token, one in entities:
+            if one.kind != "node" and one.domain == self._domain:
+                topic = Topic(one.topic, one.type, one.qos)
+                found.append(Endpoint(one.kind, one.node, topic, one.hash, self.is_mine(one), gid(token)))
         return found
-
-    def writers(self, topic: str) -> dict[bytes, str]:
-        """The node of each publisher of a topic, by the publisher's gid."""
-        return {gid(entity.token()): entity.node for entity in self.entities("publisher", topic)}
 
     def wait_for_service(self, key: str, timeout: float) -> bool:
         """Wait until somebody serves requests on `key`; false if nobody does after `timeout` s."""

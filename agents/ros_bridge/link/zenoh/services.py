@@ -52,9 +52,10 @@ class ZenohServed:
             self._thread.join(_PATIENCE)
 
     def _run(self) -> None:
+        waiting: Any = self._queryable.handler
         with contextlib.suppress(zenoh.ZError):
             while not self.closed:
-                with self._queryable.recv() as query:
+                with waiting.recv() as query:
                     self._reply(query)
 
     def _reply(self, query: zenoh.Query) -> None:

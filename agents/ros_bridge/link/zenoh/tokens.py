@@ -51,6 +51,7 @@ class Entity(msgspec.Struct, frozen=True):
     topic: str = ""
     """Of the topic or service; empty for a node, like the rest"""
     type: str = ""
+    """As ROS calls it; as DDS does, if it is none of ROS"""
     hash: str = ""
     qos: Qos = Qos()
 
@@ -62,12 +63,12 @@ class Entity(msgspec.Struct, frozen=True):
             "%", _mangled(namespace or "/"), name,
         ]  # fmt: skip
         if self.kind != "node":
-            parts += [_mangled(self.topic), dds_type(self.type), self.hash, qos_key(self.qos)]
+            parts += [_mangled(self.topic), _on_the_wire(self.type), self.hash, qos_key(self.qos)]
         return "/".join(parts)
 
     def key(self) -> str:
         """The key of its messages or requests."""
-        return f"{self.domain}/{self.topic.strip('/')}/{dds_type(self.type)}/{self.hash}"
+        return f"{self.domain}/{self.topic.strip('/')}/{_on_the_wire(self.type)}/{self.hash}"
 
 
 def read_token(key: str) -> Entity | None:
@@ -112,7 +113,7 @@ def read_qos(text: str) -> Qos:
 
 
 def gid(token: str) -> bytes:
-    """The 16 bytes by which an entity is named in attachments."""
+    """The 16 bytes by which the entity with this token is named in attachments."""
     return xxhash.xxh3_128_intdigest(token.encode()).to_bytes(GID_BYTES, "little")
 
 
@@ -127,6 +128,10 @@ def read_attachment(data: bytes) -> tuple[int, int, bytes]:
         raise RosMessageError(f"{len(data)} bytes are no attachment of rmw_zenoh")
     number, stamp, _, sender = _ATTACHMENT.unpack(data)
     return number, stamp, sender
+
+
+def _on_the_wire(type: str) -> str:
+    return dds_type(type) if "/" in type else type
 
 
 def _number(text: str) -> int:

@@ -82,8 +82,11 @@ class ZenohSubscription:
     The newest messages wait for this thread, as many as the depth of its QoS; older ones are dropped and counted.
     """
 
-    def __init__(self, session: zenoh.Session, entity: Entity, receive: Callable[[Received], None]) -> None:
+    def __init__(
+        self, session: zenoh.Session, entity: Entity, receive: Callable[[Received], None], publishers: Callable[[], int]
+    ) -> None:
         self.topic = entity.topic
+        self._publishers = publishers
         self.lost = 0
         """Messages that were sent and did not arrive, by the gaps in their numbers."""
         self.malformed = 0
@@ -98,6 +101,10 @@ class ZenohSubscription:
         self._token = session.liveliness().declare_token(entity.token())
         self._thread = threading.Thread(target=self._run, name=f"ros-sub-{entity.topic}", daemon=True)
         self._thread.start()
+
+    def publishers(self) -> int:
+        """How many publishers elsewhere it hears."""
+        return self._publishers()
 
     def close(self) -> None:
         """Take it back; harmless when repeated. From another thread than that of `receive`, it waits for that one."""
@@ -123,7 +130,8 @@ class ZenohSubscription:
 
     def _run(self) -> None:
         """Take all that waits at each turn: to wait for each message would cost a switch of threads each time."""
-        receive, take = self._subscriber.recv, self._subscriber.try_recv
+        waiting = self._subscriber.handler  # of its own: who waits on the subscriber itself could not take it back
+        receive, take = waiting.recv, waiting.try_recv
         with contextlib.suppress(zenoh.ZError):
             while not self.closed:
                 sample = receive()

@@ -54,12 +54,13 @@ class ZenohLink:
     def publisher(self, topic: Topic) -> ZenohPublisher:
         """Announce a publisher. Raises `RosMessageError` for a type that is not known."""
         entity = self._entity("publisher", topic)
-        publisher = ZenohPublisher(self._session, entity, lambda: self._subscribers(entity))
+        publisher = ZenohPublisher(self._session, entity, lambda: self._others(entity))
         return self._kept(publisher)
 
     def subscribe(self, topic: Topic, receive: Callable[[Received], None]) -> ZenohSubscription:
         """Call `receive` with each message, from a thread. Raises `RosMessageError` for a type that is not known."""
-        subscription = ZenohSubscription(self._session, self._entity("subscriber", topic), receive)
+        entity = self._entity("subscriber", topic)
+        subscription = ZenohSubscription(self._session, entity, receive, lambda: self._others(entity))
         return self._kept(subscription)
 
     def endpoints(self) -> list[Endpoint]:
@@ -133,8 +134,9 @@ class ZenohLink:
                 topic.name, topic.type, hash, topic.qos,
             )  # fmt: skip
 
-    def _subscribers(self, entity: Entity) -> int:
-        found = self._discovery.entities("subscriber", entity.topic)
+    def _others(self, entity: Entity) -> int:
+        """How many entities elsewhere send what this one receives, or receive what it sends."""
+        found = self._discovery.entities(_OPPOSITE[entity.kind], entity.topic)
         return sum(other.key() == entity.key() and not self._discovery.is_mine(other) for other in found)
 
     def _network_problems(self) -> list[str]:
@@ -165,7 +167,7 @@ class ZenohLink:
         own = {(entity.topic, entity.kind): entity for entity in entities if self._discovery.is_mine(entity)}
         found = set()
         for entity in entities:
-            mine = own.get((entity.topic, _OPPOSITE.get(entity.kind, "node")))
+            mine = own.get((entity.topic, _OPPOSITE[entity.kind])) if entity.kind in _OPPOSITE else None
             if mine is None or self._discovery.is_mine(entity) or mine.key() == entity.key():
                 continue
             who = f"{entity.node} has {entity.topic} as {entity.type}"
