@@ -52,7 +52,7 @@ class Robot:
     def listen(self, name: str, type: str, qos: Qos | None = None) -> None:
         """Hear a topic from now on."""
         found = self.heard.setdefault(name, [])
-        self.link.subscribe(Topic(name, type, qos or Qos()), lambda message: found.append(TYPES.decode(type, message.cdr)))
+        self.link.subscribe(Topic(name, type, qos or Qos()), lambda one: found.append(TYPES.decode(type, one.cdr)))
 
     def listen_tf(self) -> list[StampedTransform]:
         """Hear tf and static tf from now on; returns the list that grows."""

@@ -55,8 +55,9 @@ def test_beliefs_go_out_with_their_covariance() -> None:
         assert 4 <= len(messages) <= 6
         found = {one.id: one for one in read_detections(messages[-1])}
         assert found.keys() == {"cube_1", "cup_1"}
-        assert (found["cube_1"].frame, found["cube_1"].kind, found["cube_1"].size) == ("world", "cube", (0.04, 0.04, 0.04))
-        np.testing.assert_allclose(found["cube_1"].pose.covariance, CUBE.covariance, atol=1e-12)
+        cube = found["cube_1"]
+        assert (cube.frame, cube.kind, cube.size) == ("world", "cube", (0.04, 0.04, 0.04))
+        np.testing.assert_allclose(cube.pose.covariance, CUBE.covariance, atol=1e-12)
 
 
 def test_markers_show_shapes_colours_and_ellipsoids_and_are_deleted_with_their_things() -> None:
@@ -120,7 +121,8 @@ def test_events_and_situations_go_out_as_json() -> None:
         chronicle.end(serving)
         system.run()
         told = [json.loads(message.data) for message in system.robot.heard["/dsr/events"]]
-        assert [(one["kind"], one["end"] is None) for one in told] == [("serving", True), ("Spill", False), ("serving", False)]
+        ends = [(one["kind"], one["end"] is None) for one in told]
+        assert ends == [("serving", True), ("Spill", False), ("serving", False)]
         assert told[1]["participants"] == ["cup_1"] and told[1]["confidence"] == 0.8
 
 

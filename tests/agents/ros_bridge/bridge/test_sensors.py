@@ -41,9 +41,8 @@ def look(system: Bridged, *, depth: bool = True, stamp: float | None = None) -> 
 
 def tell_intrinsics(system: Bridged, intrinsics: Intrinsics = INTRINSICS) -> None:
     distortion = Distortion("plumb_bob", (0.1, 0.0, 0.0, 0.0, 0.0))
-    publish(
-        system.robot, "/cam/color/camera_info", INFO, to_camera_info(TYPES, system.now, "eye_optical", intrinsics, distortion)
-    )  # fmt: skip
+    message = to_camera_info(TYPES, system.now, "eye_optical", intrinsics, distortion)
+    publish(system.robot, "/cam/color/camera_info", INFO, message)
 
 
 def test_a_camera_of_ros_is_a_camera_of_the_memory() -> None:
@@ -120,7 +119,8 @@ def test_a_cloud_comes_into_the_stream_of_its_node() -> None:
     points = np.random.default_rng(1).normal(size=(10, 3)).astype(np.float32)
     with bridged({"receive": {"clouds": {"lidar": "/points"}}}) as system:
         frames = system.memory.frames("lidar")
-        publish(system.robot, "/points", CLOUD, to_cloud(TYPES, system.now, "lidar_link", points, COLOR.reshape(-1, 3)[:10]))
+        cloud = to_cloud(TYPES, system.now, "lidar_link", points, COLOR.reshape(-1, 3)[:10])
+        publish(system.robot, "/points", CLOUD, cloud)
         system.run()
         frame = frames.latest()
         assert frame is not None
@@ -132,8 +132,11 @@ def test_a_cloud_comes_into_the_stream_of_its_node() -> None:
 def test_joints_of_several_publishers_come_to_one_node() -> None:
     with bridged() as system:
         for i in range(3):
-            publish(system.robot, "/joint_states", JOINTS, to_joint_state(TYPES, system.now, ["a", "b"], [0.1 * i, 2.0]))
-            publish(system.robot, "/joint_states", JOINTS, to_joint_state(TYPES, system.now, ["grip"], [0.5], [0.25]))
+            for message in (
+                to_joint_state(TYPES, system.now, ["a", "b"], [0.1 * i, 2.0]),
+                to_joint_state(TYPES, system.now, ["grip"], [0.5], [0.25]),
+            ):
+                publish(system.robot, "/joint_states", JOINTS, message)
             system.run()
         node = system.memory.node("robot")
         assert node["joint_names"] == "a,b,grip"
@@ -162,7 +165,8 @@ def test_joints_of_the_memory_go_out_and_those_of_ros_do_not_come_back() -> None
         )
         system.run()
         (message,) = system.robot.heard["/dsr/joint_states"]
-        assert (message.name, message.position.tolist(), message.velocity.tolist()) == (["j1", "j2"], [0.1, 0.2], [0.0, 1.0])
+        assert message.name == ["j1", "j2"]
+        assert (message.position.tolist(), message.velocity.tolist()) == ([0.1, 0.2], [0.0, 1.0])
         assert to_seconds(message.header.stamp) == pytest.approx(system.now, abs=0.1)
 
 
@@ -210,7 +214,8 @@ def test_frames_of_the_memorys_cameras_go_out_while_somebody_listens() -> None:
         system.memory.put_frame(node, Frame(system.now, {"color": COLOR, "depth": DEPTH}, {}))
         began = system.now
         system.run()
-        (color,), (depth,), (info,) = (system.robot.heard[f"/dsr/camera_top/{t}"] for t in ("image_raw", "depth", "camera_info"))
+        heard = system.robot.heard
+        (color,), (depth,), (info,) = (heard[f"/dsr/camera_top/{t}"] for t in ("image_raw", "depth", "camera_info"))
         np.testing.assert_array_equal(pixels(color), COLOR)
         np.testing.assert_array_equal(pixels(depth), DEPTH)
         assert to_seconds(color.header.stamp) == pytest.approx(began) and color.header.frame_id == "camera/top"
