@@ -40,7 +40,7 @@ SHARED_BY_AGENTS = (
 )
 """Modules within `agents` that all its packages may import."""
 LAYERS = (
-    "dsr.errors dsr.clock dsr.forking",
+    "dsr.errors dsr.clock dsr.forking dsr.threads",
     "dsr.files dsr.math3d",
     "dsr.config dsr.crdt dsr.network",
     "dsr.frames.tree",
@@ -58,7 +58,7 @@ LAYERS = (
     "dsr.spatial dsr.visibility dsr.perception",
     "dsr.imagining dsr.security",
     "dsr.connecting",
-    "dsr.runtime.agent_process dsr.runtime.supervised dsr.runtime.launcher",
+    "dsr.runtime.agent_process dsr.runtime.supervised dsr.runtime.launcher dsr.runtime.shared_process",
     "dsr.cli dsr.runtime.__main__",
     "simulation_handler.config",
     "simulation_handler.shapes",
