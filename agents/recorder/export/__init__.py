@@ -2,6 +2,6 @@
 
 from agents.recorder.export.csv_folder import Exported, export_csv
 from agents.recorder.export.samples import ExportSelection
-from agents.recorder.export.tables import TABLES, Column, Table
+from agents.recorder.export.tables import TABLES, Table, TableColumn
 
-__all__ = ["TABLES", "Column", "ExportSelection", "Exported", "Table", "export_csv"]
+__all__ = ["TABLES", "ExportSelection", "Exported", "Table", "TableColumn", "export_csv"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 
-class Column(NamedTuple):
+class TableColumn(NamedTuple):
     """A column of a table; its name ends with the unit, if it has one."""
 
     name: str
@@ -17,29 +17,29 @@ class Table(NamedTuple):
 
     name: str
     meaning: str
-    columns: tuple[Column, ...]
+    columns: tuple[TableColumn, ...]
 
 
-_TIME = Column("time_s", "since the recording's first message: when the message arrived")
-_STAMP = Column("stamp_s", "since the Unix epoch, by the clock of who measured or wrote it")
-_WRITER = Column("writer", "agent that wrote it")
+_TIME = TableColumn("time_s", "since the recording's first message: when the message arrived")
+_STAMP = TableColumn("stamp_s", "since the Unix epoch, by the clock of who measured or wrote it")
+_WRITER = TableColumn("writer", "agent that wrote it")
 _EDGE = (
-    Column("type", "of the edge"),
-    Column("src", "node at which it begins"),
-    Column("dst", "node at which it ends"),
+    TableColumn("type", "of the edge"),
+    TableColumn("src", "node at which it begins"),
+    TableColumn("dst", "node at which it ends"),
 )
-_POSITION = tuple(Column(f"{axis}_m", "translation") for axis in "xyz")
-_ROTATION = tuple(Column(f"q{axis}", "unit quaternion") for axis in "xyzw")
+_POSITION = tuple(TableColumn(f"{axis}_m", "translation") for axis in "xyz")
+_ROTATION = tuple(TableColumn(f"q{axis}", "unit quaternion") for axis in "xyzw")
 _VARIANCES = (
-    *(Column(f"var_{axis}_m2", "variance of the translation, in the frame of dst; empty if unknown") for axis in "xyz"),
-    *(Column(f"var_r{axis}_rad2", "variance of the rotation about that axis, likewise") for axis in "xyz"),
+    *(TableColumn(f"var_{axis}_m2", "variance of the translation, in dst; empty if unknown") for axis in "xyz"),
+    *(TableColumn(f"var_r{axis}_rad2", "variance of the rotation about that axis, likewise") for axis in "xyz"),
 )
 _VALUE = (
-    Column("attribute", "name of an attribute; empty if this is about the element itself"),
-    Column("unit", "of the value, SI"),
-    Column("value", "text, number, true or false; several numbers as a JSON list; empty if it was taken away"),
+    TableColumn("attribute", "name of an attribute; empty if this is about the element itself"),
+    TableColumn("unit", "of the value, SI"),
+    TableColumn("value", "text, number, true or false; several numbers as a JSON list; empty if it was taken away"),
 )
-_CHANGE = Column("change", "added, updated, removed; at the beginning everything is added")
+_CHANGE = TableColumn("change", "added, updated, removed; at the beginning everything is added")
 
 TABLES = (
     Table(
@@ -53,17 +53,17 @@ TABLES = (
         (
             _TIME,
             _STAMP,
-            Column("node", "such as arm"),
-            Column("joint", "name, as in the URDF"),
-            Column("position_rad", "measured; m for a joint that slides"),
-            Column("velocity_rad_s", "measured; empty if unknown"),
+            TableColumn("node", "such as arm"),
+            TableColumn("joint", "name, as in the URDF"),
+            TableColumn("position_rad", "measured; m for a joint that slides"),
+            TableColumn("velocity_rad_s", "measured; empty if unknown"),
             _WRITER,
         ),
     ),
     Table(
         "nodes",
         "Comings, goings and attributes of nodes: a row for each attribute that changed. Joints have their own table.",
-        (_TIME, _STAMP, _CHANGE, Column("node", "name"), Column("type", "of the node"), *_VALUE, _WRITER),
+        (_TIME, _STAMP, _CHANGE, TableColumn("node", "name"), TableColumn("type", "of the node"), *_VALUE, _WRITER),
     ),
     Table(
         "edges",
@@ -75,16 +75,16 @@ TABLES = (
         "What happened, as `dsr timeline` tells it: surprises, explanations, relations, intentions, agents.",
         (
             _TIME,
-            Column("stamp_s", "since the Unix epoch: when it happened"),
-            Column("kind", "such as surprised, began, explained"),
-            Column("subject", "nodes, an edge, or an agent"),
-            Column("text", "one line for people"),
+            TableColumn("stamp_s", "since the Unix epoch: when it happened"),
+            TableColumn("kind", "such as surprised, began, explained"),
+            TableColumn("subject", "nodes, an edge, or an agent"),
+            TableColumn("text", "one line for people"),
         ),
     ),
     Table(
         "truth",
         "True poses of a simulated reality, in the world frame; no agent reads them.",
-        (_TIME, _STAMP, Column("object", "name"), *_POSITION, *_ROTATION),
+        (_TIME, _STAMP, TableColumn("object", "name"), *_POSITION, *_ROTATION),
     ),
     Table(
         "statuses",
@@ -92,20 +92,26 @@ TABLES = (
         (
             _TIME,
             _STAMP,
-            Column("agent", "name"),
-            Column("state", "such as ready, degraded"),
-            Column("rate_hz", "measured ticks a second"),
-            Column("tick_ms_p50", "median duration of ticks"),
-            Column("tick_ms_p95", "95th percentile of it"),
-            Column("missed", "ticks left out because one took too long"),
-            Column("errors", "failed ticks since the start"),
-            Column("last_error", "text"),
+            TableColumn("agent", "name"),
+            TableColumn("state", "such as ready, degraded"),
+            TableColumn("rate_hz", "measured ticks a second"),
+            TableColumn("tick_ms_p50", "median duration of ticks"),
+            TableColumn("tick_ms_p95", "95th percentile of it"),
+            TableColumn("missed", "ticks left out because one took too long"),
+            TableColumn("errors", "failed ticks since the start"),
+            TableColumn("last_error", "text"),
         ),
     ),
     Table(
         "logs",
         "Log records of agents.",
-        (_TIME, _STAMP, Column("agent", "name"), Column("level", "INFO, WARNING, ..."), Column("text", "one line")),
+        (
+            _TIME,
+            _STAMP,
+            TableColumn("agent", "name"),
+            TableColumn("level", "INFO, WARNING, ..."),
+            TableColumn("text", "one line"),
+        ),
     ),
 )
 """All tables, in the order in which they are told."""
