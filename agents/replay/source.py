@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
@@ -106,6 +107,11 @@ class ReplayedGraph:
                 on_record(record)
         self._time = max(self._time, min(time, self.duration))
         self._clock.advance_to(max(self._clock.now(), self.index.begin + self._time))
+
+    @property
+    def next_time(self) -> float:
+        """Time of the message that `next` gives, s; infinite at the end."""
+        return math.inf if self._following is None else self._following.time
 
     @property
     def ended(self) -> bool:

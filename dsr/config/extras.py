@@ -13,6 +13,7 @@ EXTRAS = {
     "rerun": "view",
     "up_fast_downward": "planning",
     "mediapipe": "hands",
+    "rosbags": "ros",
 }  # fmt: skip
 """The extra that brings each optional module."""
 
