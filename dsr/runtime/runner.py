@@ -199,6 +199,7 @@ class Runner:
             stamp=self.agent.clock.now(),
             clock=str(self.agent.memory.clocks) if self.agent.uses_memory else "",
             worlds=self._activity.uses(self.agent.clock.now()),
+            counts={name: count for name, count in self.agent.counts.items() if count},
         )
 
     def _behind(self) -> float:

@@ -50,6 +50,12 @@ SERVICES: dict[str, tuple[str, str]] = {
     "example_interfaces/srv/AddTwoInts": ("int64 a; int64 b", "int64 sum"),
     # tf2_msgs 0.25 to 0.36
     "tf2_msgs/srv/FrameGraph": ("", "string frame_yaml"),
+    # our own, etc/ros/dsr_msgs
+    "dsr_msgs/srv/Ask": ("string question", "bool success; string answer"),
+    "dsr_msgs/srv/Transform": (
+        "string target; string source; builtin_interfaces/Time stamp",
+        "bool success; string message; geometry_msgs/PoseWithCovarianceStamped pose",
+    ),
 }
 """Fields of request and response by service type"""
 

@@ -1,0 +1,1 @@
+"""The agent between ROS and the memory: a module for each concept and direction."""
