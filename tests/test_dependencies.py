@@ -106,7 +106,8 @@ def test_what_changes_results_has_an_upper_bound_below_the_next_minor_version(na
 
 def test_the_lock_is_within_the_bounds() -> None:
     lock = locked()
-    declared = [*PROJECT["dependencies"], *(text for extra in ("cli", "sim", "view", "ros", "ros-dds", "dev") for text in EXTRAS[extra])]
+    locked_extras = ("cli", "sim", "view", "ros", "ros-dds", "dev")
+    declared = [*PROJECT["dependencies"], *(text for extra in locked_extras for text in EXTRAS[extra])]
     for requirement in map(Requirement, declared):
         if requirement.name != PROJECT["name"]:
             version = lock[canonicalize_name(requirement.name)]

@@ -37,7 +37,7 @@ DomainOption = Annotated[
 DistroOption = Annotated[
     str, typer.Option(envvar="ROS_DISTRO", metavar="NAME", help="Release of ROS 2: humble, jazzy, kilted, ...")
 ]
-RosRouterOption = Annotated[str, typer.Option("--router", metavar="ENDPOINT", help="Zenoh router of the robot.")]
+RosRouterOption = Annotated[str, typer.Option("--ros-router", metavar="ENDPOINT", help="Zenoh router of the robot.")]
 TopicsArgument = Annotated[
     list[str] | None, typer.Argument(metavar="[TOPIC]...", help="Topics to listen to, such as /tf.")
 ]
@@ -50,13 +50,13 @@ def list_topics(
     transport: TransportOption = Transport.zenoh,
     domain: DomainOption = 0,
     distro: DistroOption = "jazzy",
-    router: RosRouterOption = _ROUTER,
+    ros_router: RosRouterOption = _ROUTER,
     beyond_loopback: BeyondOption = False,
     seconds: Annotated[float, typer.Option("--for", min=0.0, metavar="S", help="Listen so long; 0: no rates.")] = 2.0,
     as_json: JsonOption = False,
 ) -> None:
     """List the topics and services of a robot: types, rates, and the nodes that publish and subscribe."""
-    config = LinkConfig(transport.value, domain, distro, router, beyond_loopback)
+    config = LinkConfig(transport.value, domain, distro, ros_router, beyond_loopback)
     with closing(open_link(config, _NODE)) as link:
         found = look(link, types_of(distro), seconds)
         problems = [] if found else link.problems()
@@ -77,13 +77,13 @@ def check(
     transport: TransportOption = Transport.zenoh,
     domain: DomainOption = 0,
     distro: DistroOption = "jazzy",
-    router: RosRouterOption = _ROUTER,
+    ros_router: RosRouterOption = _ROUTER,
     beyond_loopback: BeyondOption = False,
     seconds: Annotated[float, typer.Option("--for", min=0.1, metavar="S", help="Listen so long.")] = 2.0,
     as_json: JsonOption = False,
 ) -> None:
     """Tell why nothing arrives: versions, router, domain, types, QoS. The exit code is 1 if there is a reason."""
-    config = LinkConfig(transport.value, domain, distro, router, beyond_loopback)
+    config = LinkConfig(transport.value, domain, distro, ros_router, beyond_loopback)
     with closing(open_link(config, _NODE)) as link:
         found = find_problems(link, config, types_of(distro), topics or [], seconds)
     if as_json:
