@@ -15,7 +15,9 @@ MEASURED = sorted(path.relative_to(ROOT) for path in (ROOT / "benchmarks").rglob
 """Not part of the system: these may import all of it, but keep its other rules."""
 
 ONE_PLACE = {
-    "zenoh": ("dsr/network/zenoh_transport.py", "benchmarks/peers/"),
+    "zenoh": ("dsr/network/zenoh_transport.py", "agents/ros_bridge/link/zenoh/", "benchmarks/peers/"),
+    "rosbags": ("agents/ros_bridge/",),
+    "cyclonedds": ("agents/ros_bridge/link/dds/",),
     "trimesh": ("dsr/geometry/files.py", "dsr/geometry/glb_file.py"),
     "collada": ("dsr/geometry/collada_file.py",),
     "cryptography": ("dsr/security/authority.py",),
