@@ -17,6 +17,8 @@ from dsr.vocabulary.intrinsics import read_distortion, read_intrinsics
 
 _LOOK = 0.5
 """s until it is looked again whether anybody wants the images of a camera"""
+_JOINTED = ("robot", "arm", "gripper", "hand", "body")
+"""Types of nodes that may have joints"""
 _UNSAFE = re.compile(r"[^A-Za-z0-9_]")
 
 
@@ -27,7 +29,7 @@ class JointsOut:
         self._core = core
         self._outlet = core.outlet(config.joints, JOINT_STATE) if config.joints else None
         if self._outlet is not None:
-            self._watch = core.memory.watch(attribute="joint_positions")
+            self._watch = core.memory.watch(node_type=_JOINTED, attribute="joint_positions")
             core.on_close(self._watch.close)
 
     def update(self) -> None:
